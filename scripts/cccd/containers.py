@@ -1,0 +1,220 @@
+"""The small dataclasses that pass between the stages.
+
+Points are voxel-index coordinates ``(i, j)`` of the source volume: the two axes that are not the
+slice axis, in ascending order. ``k`` is the index along the slice axis. Voxel centres have integer
+coordinates, so the voxel ``(i, j)`` covers ``[i - 0.5, i + 0.5] x [j - 0.5, j + 0.5]``.
+World coordinates are millimetres in RAS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+__all__ = ["Boundaries", "Curves", "Frame", "Patch", "Splines", "Structure", "concatenate_ragged"]
+
+
+def concatenate_ragged(parts: Sequence[np.ndarray], dim: int = 2) -> tuple[np.ndarray, np.ndarray]:
+    """Stack arrays of ``(n_c, dim)`` into ``(P, dim)`` and the offsets ``(C + 1,)`` that part them."""
+    offsets = np.zeros(len(parts) + 1, np.int64)
+    np.cumsum([len(part) for part in parts], out=offsets[1:])
+    points = np.concatenate(parts) if len(parts) else np.zeros((0, dim))
+    return np.ascontiguousarray(points), offsets
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The source volume's grid and how it lies in the world.
+
+    Attributes
+    ----------
+    affine : (4, 4) float64
+        ``world_mm (RAS) = affine @ (a, b, c, 1)`` for an index in the source volume's own axis order.
+    slice_axis : int
+        The axis along which slices run: 0, 1 or 2.
+    shape : (3,) tuple of int
+        Shape of the source volume.
+    """
+
+    affine: np.ndarray
+    slice_axis: int
+    shape: tuple[int, int, int]
+
+    @property
+    def in_plane_axes(self) -> tuple[int, int]:
+        """The two axes of ``(i, j)``."""
+        first, second = (axis for axis in range(3) if axis != self.slice_axis)
+        return first, second
+
+    @property
+    def spacing(self) -> np.ndarray:
+        """Voxel edge lengths (3,) in mm, in the source volume's axis order."""
+        return np.linalg.norm(self.affine[:3, :3], axis=0)
+
+    @property
+    def pixel_spacing(self) -> np.ndarray:
+        """Edge lengths (2,) of a pixel along i and j, in mm."""
+        return self.spacing[list(self.in_plane_axes)]
+
+    @property
+    def slice_spacing(self) -> float:
+        """Distance of neighbouring slices in mm."""
+        return float(self.spacing[self.slice_axis])
+
+    @property
+    def stack_affine(self) -> np.ndarray:
+        """The affine (4, 4) with columns reordered so that ``world = stack_affine @ (i, j, k, 1)``."""
+        return self.affine[:, [*self.in_plane_axes, self.slice_axis, 3]]
+
+    def to_world(self, points: np.ndarray, k: np.ndarray | float) -> np.ndarray:
+        """World coordinates (P, 3) in mm of in-plane points (P, 2) on slice(s) ``k``."""
+        points = np.asarray(points, float)
+        index = np.column_stack([points, np.broadcast_to(np.asarray(k, float), len(points))])
+        return index @ self.stack_affine[:3, :3].T + self.stack_affine[:3, 3]
+
+
+@dataclass
+class Structure:
+    """One organ of one case: what a row of the cohort sheet stands for.
+
+    Arrays are cropped to the organ (with a margin) and keep the source volume's axis order.
+
+    Attributes
+    ----------
+    case, organ : str
+        The wildcards.
+    frame : Frame
+        The grid of the *source* volume, not of the crop.
+    origin : (3,) int
+        Source index of the crop's first voxel.
+    image : (a, b, c) float32 or None
+        Grey values (HU for CT).
+    mask : (a, b, c) bool or None
+        Ground truth of a boundary-only structure, the organ itself otherwise.
+    boundary : (a, b, c) bool or None
+        Boundary maps that still need ordering; replaces the mask as the input.
+    contours : Curves or None
+        Curves that came ordered (RTSTRUCT); replaces the mask as the input.
+    truth : tuple of ((V, 3) float64 mm RAS, (F, 3) int64) or None
+        Analytic surface of a phantom as a fine closed triangle mesh.
+    provenance : dict
+        Source files with SHA-256, versions, settings: plain JSON values.
+    warnings : list of str
+        What the reader noticed and the report should show.
+    """
+
+    case: str
+    organ: str
+    frame: Frame
+    origin: np.ndarray
+    image: np.ndarray | None = None
+    mask: np.ndarray | None = None
+    boundary: np.ndarray | None = None
+    contours: Curves | None = None
+    truth: tuple[np.ndarray, np.ndarray] | None = None
+    provenance: dict = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    def stack(self, name: str) -> np.ndarray | None:
+        """``image``, ``mask`` or ``boundary`` as a contiguous stack (S, I, J) with slices first."""
+        array = getattr(self, name)
+        if array is None:
+            return None
+        return np.ascontiguousarray(np.moveaxis(array, self.frame.slice_axis, 0))
+
+    @property
+    def stack_origin(self) -> np.ndarray:
+        """Source index ``(k, i, j)`` of ``stack(...)[0, 0, 0]``."""
+        return np.asarray(self.origin)[[self.frame.slice_axis, *self.frame.in_plane_axes]]
+
+
+@dataclass
+class Boundaries:
+    """Boundary pixels per slice, unordered and ragged.
+
+    ``points[offsets[s]:offsets[s + 1]]`` are the integer pixels ``(i, j)`` of source slice
+    ``slice[s]``, in raster order. Slices without pixels are left out.
+    """
+
+    points: np.ndarray  # (P, 2) int32
+    offsets: np.ndarray  # (S + 1,) int64
+    slice: np.ndarray  # (S,) int32, ascending
+    frame: Frame
+
+    def __len__(self) -> int:
+        return len(self.slice)
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        return iter(np.split(self.points, self.offsets[1:-1]))
+
+
+@dataclass
+class Curves:
+    """Ordered closed simple curves, ragged; the first point is not repeated.
+
+    Outer curves and holes of a slice are separate curves. Orientation: outer curves counter-clockwise
+    in (i, j) (positive shoelace area), holes clockwise.
+    """
+
+    points: np.ndarray  # (P, 2) float64, source (i, j)
+    offsets: np.ndarray  # (C + 1,) int64
+    slice: np.ndarray  # (C,) int32, ascending
+    hole: np.ndarray  # (C,) bool
+    frame: Frame
+
+    def __len__(self) -> int:
+        return len(self.slice)
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        return iter(np.split(self.points, self.offsets[1:-1]))
+
+
+@dataclass
+class Splines:
+    """Closed B-splines, one per curve of a `Curves`, ragged.
+
+    A closed spline keeps its n control points unwrapped and ``n + 2 * degree + 1`` knots, so that
+    ``BSpline(knots, np.vstack([c, c[:degree]]), degree)`` evaluates it on
+    ``[knots[degree], knots[-degree - 1]]``.
+    """
+
+    control_points: np.ndarray  # (N, 2) float64, source (i, j)
+    offsets: np.ndarray  # (C + 1,) int64
+    knots: np.ndarray  # (M,) float64
+    knot_offsets: np.ndarray  # (C + 1,) int64
+    slice: np.ndarray  # (C,) int32
+    hole: np.ndarray  # (C,) bool
+    degree: int
+    frame: Frame
+
+    def __len__(self) -> int:
+        return len(self.slice)
+
+    def __iter__(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield (control points (n, 2), knots (n + 2 * degree + 1,)) of every curve."""
+        return zip(
+            np.split(self.control_points, self.offsets[1:-1]),
+            np.split(self.knots, self.knot_offsets[1:-1]),
+            strict=True,
+        )
+
+
+@dataclass
+class Patch:
+    """A tensor-product (rational) B-spline surface, eq. (10), in world mm RAS.
+
+    A closed direction keeps n control points unwrapped and ``n + 2 * degree + 1`` knots; an open one
+    has ``n + degree + 1``. ``sign`` is +1 for a solid and -1 for a cavity.
+    """
+
+    control_points: np.ndarray  # (nu, nv, 3) float64
+    weights: np.ndarray  # (nu, nv) float64
+    knots_u: np.ndarray
+    knots_v: np.ndarray
+    degree_u: int
+    degree_v: int
+    closed_u: bool
+    closed_v: bool
+    sign: int

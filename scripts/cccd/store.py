@@ -1,0 +1,311 @@
+"""The HDF5 layout of every stage's output: the only module that names a dataset path.
+
+Every writer writes to a temporary name beside the target and renames, so that a killed job leaves no
+half file under a final name. Times are not tracked, so that the same content gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from cccd.containers import Boundaries, Curves, Frame, Patch, Splines, Structure
+from cccd.errors import InputError
+
+__all__ = [
+    "atomic_path",
+    "read_boundaries",
+    "read_curves",
+    "read_patches",
+    "read_splines",
+    "read_structure",
+    "write_boundaries",
+    "write_curves",
+    "write_json",
+    "write_patches",
+    "write_structure",
+]
+
+
+@contextlib.contextmanager
+def atomic_path(path: str | Path) -> Iterator[Path]:
+    """Give a temporary path in the same folder; rename it to ``path`` when the block succeeds.
+
+    The temporary name keeps the suffix (writers choose their format by it) and is unique to the
+    process, so that an orphan of a killed run cannot touch what a rerun writes.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)  # mkstemp makes private files; colleagues must read ours
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _create(path: str | Path) -> Iterator[h5py.File]:
+    with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=False) as file:
+        yield file
+
+
+@contextlib.contextmanager
+def _open(path: str | Path) -> Iterator[h5py.File]:
+    try:
+        file = h5py.File(path, "r", locking=False)
+    except OSError as error:
+        raise InputError(
+            str(path), f"not a readable HDF5 file ({error})", "delete it and run snakemake again"
+        ) from None
+    with file:
+        try:
+            yield file
+        except (KeyError, OSError) as error:
+            raise InputError(
+                str(path), f"incomplete or older layout ({error})", "delete it and run snakemake again"
+            ) from None
+
+
+def _put(group: h5py.Group, name: str, array: np.ndarray, dtype=None) -> None:
+    array = np.ascontiguousarray(array, dtype)
+    packed = {"compression": "gzip", "compression_opts": 4, "shuffle": True} if array.size > 1024 else {}
+    group.create_dataset(name, data=array, track_times=False, **packed)
+
+
+def _put_frame(group: h5py.Group, frame: Frame) -> None:
+    group.attrs["affine"] = np.asarray(frame.affine, float)
+    group.attrs["slice_axis"] = int(frame.slice_axis)
+    group.attrs["shape"] = np.asarray(frame.shape, np.int64)
+    group.attrs["space"] = "RAS"
+    group.attrs["unit"] = "mm"
+
+
+def _get_frame(group: h5py.Group) -> Frame:
+    shape = tuple(int(n) for n in group.attrs["shape"])
+    return Frame(np.array(group.attrs["affine"]), int(group.attrs["slice_axis"]), shape)
+
+
+def write_json(path: str | Path, value: dict) -> None:
+    """Write ``value`` as sorted, indented JSON; NumPy scalars become numbers, NaN becomes null."""
+
+    def plain(item):
+        if isinstance(item, dict):
+            return {str(key): plain(part) for key, part in item.items()}
+        if isinstance(item, (list, tuple, np.ndarray)):
+            return [plain(part) for part in item]
+        if isinstance(item, np.generic):
+            item = item.item()
+        return None if isinstance(item, float) and not np.isfinite(item) else item
+
+    with atomic_path(path) as temporary:
+        text = json.dumps(plain(value), indent=2, sort_keys=True, allow_nan=False)
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+# structure.h5 ---------------------------------------------------------------------------------------
+
+
+def write_structure(path: str | Path, structure: Structure) -> None:
+    """Write ``structure.h5``."""
+    with _create(path) as file:
+        _put_frame(file, structure.frame)
+        file.attrs["case"] = structure.case
+        file.attrs["organ"] = structure.organ
+        file.attrs["origin"] = np.asarray(structure.origin, np.int64)
+        file.attrs["provenance"] = json.dumps(structure.provenance, sort_keys=True)
+        file.attrs["warnings"] = json.dumps(structure.warnings)
+        if structure.image is not None:
+            _put(file, "image", structure.image, np.float32)
+        for name in ("mask", "boundary"):
+            if getattr(structure, name) is not None:
+                _put(file, name, getattr(structure, name), np.uint8)
+        if structure.contours is not None:
+            _put_curves(file.create_group("contours"), structure.contours)
+        if structure.truth is not None:
+            _put(file, "truth/points", structure.truth[0], float)
+            _put(file, "truth/faces", structure.truth[1], np.int64)
+
+
+def read_structure(path: str | Path) -> Structure:
+    """Read ``structure.h5``."""
+    with _open(path) as file:
+        frame = _get_frame(file)
+        truth = (file["truth/points"][:], file["truth/faces"][:]) if "truth" in file else None
+        return Structure(
+            case=str(file.attrs["case"]),
+            organ=str(file.attrs["organ"]),
+            frame=frame,
+            origin=np.array(file.attrs["origin"]),
+            image=file["image"][:] if "image" in file else None,
+            mask=file["mask"][:].astype(bool) if "mask" in file else None,
+            boundary=file["boundary"][:].astype(bool) if "boundary" in file else None,
+            contours=_get_curves(file["contours"], frame) if "contours" in file else None,
+            truth=truth,
+            provenance=json.loads(file.attrs["provenance"]),
+            warnings=json.loads(file.attrs["warnings"]),
+        )
+
+
+# boundaries.h5 --------------------------------------------------------------------------------------
+
+
+def write_boundaries(path: str | Path, boundaries: Boundaries) -> None:
+    """Write ``boundaries.h5``."""
+    with _create(path) as file:
+        _put_frame(file, boundaries.frame)
+        _put(file, "pixels/points", boundaries.points, np.int32)
+        _put(file, "pixels/offsets", boundaries.offsets, np.int64)
+        _put(file, "pixels/slice", boundaries.slice, np.int32)
+
+
+def read_boundaries(path: str | Path) -> Boundaries:
+    """Read ``boundaries.h5``."""
+    with _open(path) as file:
+        pixels = file["pixels"]
+        return Boundaries(
+            pixels["points"][:], pixels["offsets"][:], pixels["slice"][:], _get_frame(file)
+        )
+
+
+# curves.h5 ------------------------------------------------------------------------------------------
+
+
+def _put_curves(group: h5py.Group, curves: Curves) -> None:
+    _put(group, "points", curves.points, np.float64)
+    _put(group, "offsets", curves.offsets, np.int64)
+    _put(group, "slice", curves.slice, np.int32)
+    _put(group, "hole", curves.hole, bool)
+
+
+def _get_curves(group: h5py.Group, frame: Frame) -> Curves:
+    return Curves(group["points"][:], group["offsets"][:], group["slice"][:], group["hole"][:], frame)
+
+
+def write_curves(
+    path: str | Path,
+    curves: Curves,
+    codes: np.ndarray,
+    code_offsets: np.ndarray,
+    corners: tuple[np.ndarray, np.ndarray],
+    splines: Splines,
+    report: dict,
+) -> None:
+    """Write ``curves.h5``.
+
+    Parameters
+    ----------
+    path : path
+        Where.
+    curves : Curves
+        The ordered curves.
+    codes : (Q,) uint8
+        Freeman codes 0..7. On 8-connected curves Q = P and ``code_offsets`` equals the curves' offsets.
+    code_offsets : (C + 1,) int64
+        Where each curve's codes begin.
+    corners : tuple of ((K, 2) float64, (C + 1,) int64)
+        Corner points and where each curve's begin.
+    splines : Splines
+        One closed spline per curve.
+    report : dict
+        Plain JSON: per-slice counts (junctions, isolated corners before and after), slices that have no
+        closed boundary, timings are left to the benchmark files.
+    """
+    with _create(path) as file:
+        _put_frame(file, curves.frame)
+        file.attrs["report"] = json.dumps(report, sort_keys=True)
+        _put_curves(file.create_group("ordered"), curves)
+        _put(file, "chain_codes/codes", codes, np.uint8)
+        _put(file, "chain_codes/offsets", code_offsets, np.int64)
+        _put(file, "corners/points", corners[0], np.float64)
+        _put(file, "corners/offsets", corners[1], np.int64)
+        group = file.create_group("splines")
+        group.attrs["degree"] = splines.degree
+        _put(group, "control_points", splines.control_points, np.float64)
+        _put(group, "offsets", splines.offsets, np.int64)
+        _put(group, "knots", splines.knots, np.float64)
+        _put(group, "knot_offsets", splines.knot_offsets, np.int64)
+
+
+def read_curves(path: str | Path) -> Curves:
+    """Read the ordered curves of ``curves.h5``."""
+    with _open(path) as file:
+        return _get_curves(file["ordered"], _get_frame(file))
+
+
+def read_curve_report(path: str | Path) -> dict:
+    """Read what the junction stage reported (see `write_curves`)."""
+    with _open(path) as file:
+        return json.loads(file.attrs["report"])
+
+
+def read_corners(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """Read the corner points (K, 2) of ``curves.h5`` and their offsets (C + 1,)."""
+    with _open(path) as file:
+        return file["corners/points"][:], file["corners/offsets"][:]
+
+
+def read_splines(path: str | Path) -> Splines:
+    """Read the closed splines of ``curves.h5``."""
+    with _open(path) as file:
+        group, ordered = file["splines"], file["ordered"]
+        return Splines(
+            group["control_points"][:],
+            group["offsets"][:],
+            group["knots"][:],
+            group["knot_offsets"][:],
+            ordered["slice"][:],
+            ordered["hole"][:],
+            int(group.attrs["degree"]),
+            _get_frame(file),
+        )
+
+
+# surface.h5 -----------------------------------------------------------------------------------------
+
+
+def write_patches(path: str | Path, patches: list[Patch], frame: Frame, report: dict) -> None:
+    """Write ``surface.h5``: control nets in mm RAS; ``report`` is plain JSON about the lofting."""
+    with _create(path) as file:
+        _put_frame(file, frame)
+        file.attrs["report"] = json.dumps(report, sort_keys=True)
+        root = file.create_group("patches")
+        for number, patch in enumerate(patches):
+            group = root.create_group(str(number))
+            _put(group, "control_points", patch.control_points, np.float64)
+            _put(group, "weights", patch.weights, np.float64)
+            _put(group, "knots_u", patch.knots_u, np.float64)
+            _put(group, "knots_v", patch.knots_v, np.float64)
+            for name in ("degree_u", "degree_v", "closed_u", "closed_v", "sign"):
+                group.attrs[name] = getattr(patch, name)
+
+
+def read_patches(path: str | Path) -> list[Patch]:
+    """Read the control nets of ``surface.h5``."""
+    with _open(path) as file:
+        patches = []
+        for name in sorted(file["patches"], key=int):
+            group = file["patches"][name]
+            arrays = (group[key][:] for key in ("control_points", "weights", "knots_u", "knots_v"))
+            degrees = (int(group.attrs[key]) for key in ("degree_u", "degree_v"))
+            closed = (bool(group.attrs[key]) for key in ("closed_u", "closed_v"))
+            patches.append(Patch(*arrays, *degrees, *closed, int(group.attrs["sign"])))
+        return patches
+
+
+def read_surface_report(path: str | Path) -> dict:
+    """Read what the lofting reported."""
+    with _open(path) as file:
+        return json.loads(file.attrs["report"])
