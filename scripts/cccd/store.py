@@ -198,7 +198,6 @@ def write_curves(
     path: str | Path,
     curves: Curves,
     codes: np.ndarray,
-    code_offsets: np.ndarray,
     corners: tuple[np.ndarray, np.ndarray],
     splines: Splines,
     report: dict,
@@ -211,10 +210,8 @@ def write_curves(
         Where.
     curves : Curves
         The ordered curves.
-    codes : (Q,) uint8
-        Freeman codes 0..7. On 8-connected curves Q = P and ``code_offsets`` equals the curves' offsets.
-    code_offsets : (C + 1,) int64
-        Where each curve's codes begin.
+    codes : (P,) uint8
+        Freeman codes 0..7 of the link from each point to its successor, with the curves' offsets.
     corners : tuple of ((K, 2) float64, (C + 1,) int64)
         Corner points and where each curve's begin.
     splines : Splines
@@ -228,7 +225,7 @@ def write_curves(
         file.attrs["report"] = json.dumps(report, sort_keys=True)
         _put_curves(file.create_group("ordered"), curves)
         _put(file, "chain_codes/codes", codes, np.uint8)
-        _put(file, "chain_codes/offsets", code_offsets, np.int64)
+        _put(file, "chain_codes/offsets", curves.offsets, np.int64)
         _put(file, "corners/points", corners[0], np.float64)
         _put(file, "corners/offsets", corners[1], np.int64)
         group = file.create_group("splines")
@@ -249,6 +246,12 @@ def read_curve_report(path: str | Path) -> dict:
     """Read what the junction stage reported (see `write_curves`)."""
     with _open(path) as file:
         return json.loads(file.attrs["report"])
+
+
+def read_chain_codes(path: str | Path) -> np.ndarray:
+    """Read the Freeman codes (P,) of ``curves.h5``; the offsets are the curves' own."""
+    with _open(path) as file:
+        return file["chain_codes/codes"][:]
 
 
 def read_corners(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
