@@ -31,6 +31,7 @@ __all__ = [
     "write_json",
     "write_patches",
     "write_structure",
+    "write_table",
 ]
 
 
@@ -113,6 +114,12 @@ def write_json(path: str | Path, value: dict) -> None:
     with atomic_path(path) as temporary:
         text = json.dumps(plain(value), indent=2, sort_keys=True, allow_nan=False)
         temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def write_table(path: str | Path, table) -> None:
+    """Write a pandas DataFrame as CSV without its index."""
+    with atomic_path(path) as temporary:
+        table.to_csv(temporary, index=False, float_format="%.6g", lineterminator="\n")
 
 
 # structure.h5 ---------------------------------------------------------------------------------------

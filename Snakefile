@@ -1,0 +1,48 @@
+"""Smooth B-spline surfaces of organs from stacks of slices: the whole pipeline on one page.
+
+snakemake --cores 2                              the default cohort: training, surfaces, tables, report
+snakemake --cores 2 --config cohort=sheet.tsv    your own structures
+snakemake --cores 2 results/CASE/ORGAN/surface.ply
+"""
+
+from snakemake.utils import min_version
+
+min_version("9.27")
+
+
+configfile: workflow.source_path("config/config.yaml")
+
+
+include: "workflow/rules/common.smk"
+
+
+wildcard_constraints:
+    case=one_of(row["case"] for row in COHORT),
+    organ=one_of(row["organ"] for row in COHORT),
+
+
+include: "workflow/rules/structures.smk"
+include: "workflow/rules/boundaries.smk"
+include: "workflow/rules/junctions.smk"
+include: "workflow/rules/curves.smk"
+include: "workflow/rules/surfaces.smk"
+include: "workflow/rules/comparisons.smk"
+include: "workflow/rules/report.smk"
+
+
+rule all:
+    """Everything: a surface per structure, every table, and the report."""
+    default_target: True
+    localrule: True
+    input:
+        "results/report.html",
+        for_structures("surface.ply"),
+        for_formats(),
+
+
+onsuccess:
+    tell_where_results_are()
+
+
+onerror:
+    list_failures()

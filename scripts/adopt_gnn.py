@@ -1,0 +1,12 @@
+"""Take a trained model that the configuration names, after checking that it loads."""
+
+import shutil
+
+from cccd.job import job
+from cccd.junctions import load_model
+from cccd.store import atomic_path
+
+with job(snakemake.log[0], "pretrained GNN"):
+    load_model(snakemake.input.model)
+    with atomic_path(snakemake.output.model) as path:
+        shutil.copyfile(snakemake.input.model, path)

@@ -1,0 +1,13 @@
+"""Score the GNN and the classical decoders on the same corrupted maps."""
+
+from cccd.job import job
+from cccd.junctions.evaluation import evaluate
+
+with job(snakemake.log[0], "GNN evaluation"):
+    evaluate(
+        {"trained here": snakemake.input.model, "shipped": snakemake.input.shipped},
+        snakemake.params.settings,
+        snakemake.params.seed,
+        snakemake.output.scores,
+        snakemake.output.worst,
+    )

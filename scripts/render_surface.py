@@ -1,0 +1,10 @@
+"""A picture of the surface."""
+
+import logging
+
+from cccd.job import job
+from cccd.report.render import render_surface
+
+with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
+    way = render_surface(snakemake.input.mesh, snakemake.output[0])
+    logging.info("drawn with %s", way)

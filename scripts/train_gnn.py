@@ -1,0 +1,17 @@
+"""Train the junction GNN, from its last checkpoint if there is one."""
+
+from pathlib import Path
+
+from cccd.job import job
+from cccd.junctions import train_model
+
+with job(snakemake.log[0], "GNN training"):
+    train_model(
+        snakemake.input.graphs,
+        snakemake.params.settings,
+        seed=snakemake.params.seed,
+        checkpoint_dir=Path(snakemake.output.model).parent / "checkpoints",
+        model_path=snakemake.output.model,
+        history_path=snakemake.output.history,
+        threads=snakemake.threads,
+    )

@@ -1,0 +1,126 @@
+"""Helpers only: the cohort and the configuration, and what several rule files share. No rules here."""
+
+import ast
+import functools
+import os
+import re
+import sys
+from pathlib import Path
+
+ROOT = Path(workflow.basedir)
+SCRIPTS = ROOT / "scripts"
+sys.path.insert(0, str(SCRIPTS))
+
+from cccd.cohort import read_cohort
+from cccd.errors import InputError
+from cccd.settings import validate_config
+
+
+def find_file(name):
+    """A file that the configuration names: absolute, or relative to here, to where the command was typed,
+    or to the project."""
+    folders = [Path.cwd(), Path(os.environ.get("PWD", ".")), ROOT]
+    found = [folder / name for folder in folders if (folder / name).is_file()]
+    return found[0] if found else ROOT / name
+
+
+def near(path):
+    """A path relative to here when it lies below, so that a moved project reruns nothing."""
+    path = Path(path).resolve()
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+
+
+try:
+    validate_config(config, ROOT / "workflow" / "schemas" / "config.schema.yaml")
+    SHEET = find_file(config["cohort"])
+    COHORT = read_cohort(SHEET)
+except InputError as error:
+    sys.exit(f"Error: {error}")
+
+ROW = {(row["case"], row["organ"]): row for row in COHORT}
+#: The structures that are reported on; the others only lend training contours.
+RECONSTRUCTED = [key for key, row in ROW.items() if row["role"] != "train"]
+TRAINING = [key for key, row in ROW.items() if row["role"] != "reconstruct"]
+
+
+def one_of(names):
+    """A wildcard constraint that allows just these names."""
+    return "|".join(sorted({re.escape(name) for name in names})) or "(?!)"
+
+
+def for_structures(name, keys=None):
+    """The file ``name`` of every structure that is reconstructed (or of ``keys``)."""
+    return [f"results/{case}/{organ}/{name}" for case, organ in (RECONSTRUCTED if keys is None else keys)]
+
+
+@functools.cache
+def imported_modules(path):
+    """Library files that the Python file ``path`` imports itself, packages' ``__init__`` included."""
+    package = path.relative_to(SCRIPTS).parts[:-1]
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
+            module = ".".join(part for part in (base, node.module) if part)
+            names.update([module, *(f"{module}.{alias.name}" for alias in node.names)])
+    files = set()
+    for name in names:
+        parts = name.split(".")
+        if parts[0] == "cccd":
+            for end in range(1, len(parts) + 1):
+                stem = SCRIPTS.joinpath(*parts[:end])
+                files.update(file for file in (stem.with_suffix(".py"), stem / "__init__.py") if file.is_file())
+    return frozenset(files)
+
+
+@functools.cache
+def library(script):
+    """All library files that ``scripts/<script>.py`` needs: the transitive closure of its imports.
+
+    Snakemake does not see an edit in an imported module; as inputs they make their stage run again.
+    """
+    found, pending = set(), {SCRIPTS / f"{script}.py"}
+    while pending:
+        found |= pending
+        pending = set().union(*(imported_modules(path) for path in pending)) - found
+    return sorted(near(path) for path in found - {SCRIPTS / f"{script}.py"})
+
+
+def memory(base_mb, per_input_mb=0):
+    """A ``mem_mb`` function: grows with the inputs' size and with every attempt."""
+
+    def mem_mb(wildcards, input, attempt):
+        return int((base_mb + per_input_mb * input.size_mb) * 1.5 ** (attempt - 1))
+
+    return mem_mb
+
+
+def minutes(base):
+    """A ``runtime`` function: every attempt gets the base time again."""
+    return lambda wildcards, attempt: base * attempt
+
+
+def failures():
+    """The one-line errors that failed jobs of this run left beside their logs, sorted."""
+    return sorted({line for file in Path("logs").rglob("*.failed") for line in file.read_text().splitlines()})
+
+
+def tell_where_results_are():
+    """End a good run by saying where to look."""
+    print(f"\nReport: {Path('results/report.html').resolve()}")
+    for surface in for_structures("surface.ply"):
+        print(f"Surface: {Path(surface).resolve()}")
+
+
+def list_failures():
+    """End a bad run by listing each failed structure once, in one line."""
+    lines = failures()
+    if lines:
+        print(f"\n{len(lines)} failed:", *lines, sep="\n  ", file=sys.stderr)
+    print(
+        "\nMend the input and run the same command again: finished files are kept "
+        "(add --rerun-incomplete after a kill, --keep-going to finish the other structures first).",
+        file=sys.stderr,
+    )

@@ -1,0 +1,51 @@
+"""Curves: boundary pixels -> ordered curves, chain codes, corners, closed splines."""
+
+
+rule trace_curves:
+    """Order the boundary pixels, find their corners, fit a closed spline to every curve."""
+    input:
+        library=library("trace_curves"),
+        structure="results/{case}/{organ}/structure.h5",
+        boundaries="results/{case}/{organ}/boundaries.h5",
+        model="results/gnn/model.pt",
+    output:
+        "results/{case}/{organ}/curves.h5",
+    log:
+        "logs/{case}/{organ}/trace_curves.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/trace_curves.tsv"
+    params:
+        settings=config["curves"],
+    threads: 1
+    resources:
+        mem_mb=memory(2500, 20),
+        runtime=minutes(15),
+    conda:
+        "../../envs/cccd.yaml"
+    script:
+        "../../scripts/trace_curves.py"
+
+
+rule sweep_corners:
+    """Sweep k over both criteria, and every chain-code corner detector beside it."""
+    input:
+        library=library("sweep_corners"),
+        structure="results/{case}/{organ}/structure.h5",
+        curves="results/{case}/{organ}/curves.h5",
+    output:
+        "results/{case}/{organ}/comparisons/k_sweep.csv",
+    log:
+        "logs/{case}/{organ}/sweep_corners.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/sweep_corners.tsv"
+    params:
+        settings=config["curves"],
+        seed=config["seed"],
+    threads: 1
+    resources:
+        mem_mb=memory(1500, 20),
+        runtime=minutes(15),
+    conda:
+        "../../envs/cccd.yaml"
+    script:
+        "../../scripts/sweep_corners.py"

@@ -1,0 +1,100 @@
+"""Junctions: synthetic training graphs -> the GNN that tells true links from false ones -> its scores."""
+
+
+rule generate_graphs:
+    """Draw the frozen training, validation and test graphs; never from a structure that is reconstructed."""
+    input:
+        library=library("generate_graphs"),
+        contours=for_structures("structure.h5", TRAINING),
+    output:
+        "results/gnn/graphs.h5",
+    log:
+        "logs/gnn/generate_graphs.log",
+    benchmark:
+        "benchmarks/gnn/generate_graphs.tsv"
+    params:
+        settings=config["gnn"],
+        seed=config["seed"],
+    threads: 1
+    resources:
+        mem_mb=memory(2000),
+        runtime=minutes(20),
+    conda:
+        "../../envs/cccd.yaml"
+    script:
+        "../../scripts/generate_graphs.py"
+
+
+if config["gnn"]["pretrained"]:
+
+    rule adopt_gnn:
+        """Take the trained model that the configuration names."""
+        input:
+            library=library("adopt_gnn"),
+            model=near(find_file(config["gnn"]["pretrained"])),
+        output:
+            model="results/gnn/model.pt",
+        log:
+            "logs/gnn/adopt_gnn.log",
+        benchmark:
+            "benchmarks/gnn/adopt_gnn.tsv"
+        threads: 1
+        resources:
+            mem_mb=memory(1000),
+            runtime=minutes(5),
+        conda:
+            "../../envs/cccd.yaml"
+        script:
+            "../../scripts/adopt_gnn.py"
+
+else:
+
+    rule train_gnn:
+        """Train link prediction (eq. 11); a checkpoint each epoch, so that a killed run goes on from there."""
+        input:
+            library=library("train_gnn"),
+            graphs="results/gnn/graphs.h5",
+        output:
+            model="results/gnn/model.pt",
+            history="results/gnn/history.csv",
+        log:
+            "logs/gnn/train_gnn.log",
+        benchmark:
+            "benchmarks/gnn/train_gnn.tsv"
+        params:
+            settings=config["gnn"],
+            seed=config["seed"],
+        threads: 2
+        resources:
+            mem_mb=memory(4000),
+            runtime=minutes(60),
+        conda:
+            "../../envs/cccd.yaml"
+        script:
+            "../../scripts/train_gnn.py"
+
+
+rule evaluate_gnn:
+    """Score the GNN and every classical decoder on the same corrupted maps, in one run."""
+    input:
+        library=library("evaluate_gnn"),
+        model="results/gnn/model.pt",
+        shipped=near(ROOT / "workflow" / "models" / "junctions.pt"),
+    output:
+        scores="results/tables/junctions.csv",
+        worst="results/gnn/worst.png",
+    log:
+        "logs/gnn/evaluate_gnn.log",
+    benchmark:
+        "benchmarks/gnn/evaluate_gnn.tsv"
+    params:
+        settings=config["gnn"],
+        seed=config["seed"],
+    threads: 1
+    resources:
+        mem_mb=memory(3000),
+        runtime=minutes(30),
+    conda:
+        "../../envs/cccd.yaml"
+    script:
+        "../../scripts/evaluate_gnn.py"

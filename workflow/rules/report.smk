@@ -1,0 +1,85 @@
+"""Tables over the whole cohort, and the report."""
+
+#: What each structure's comparisons leave, by the name of its rule's file.
+COMPARISONS = ["corners", "reconstruction", "active_contour", "isosurfaces", "thick_slices", "k_sweep"]
+TABLES = [
+    "table1_corners",
+    "table2_fuse",
+    "table3_segmentation",
+    "table4_reconstruction",
+    "table5_times",
+    "surfaces",
+    "thick_slices",
+    "k_sweep",
+    "structures",
+]
+
+
+rule build_tables:
+    """One CSV per table of the paper, ours beside theirs, and the tables that go past it."""
+    input:
+        library=library("build_tables"),
+        metrics=for_structures("metrics.json"),
+        comparisons=[file for name in COMPARISONS for file in for_structures(f"comparisons/{name}.csv")],
+    output:
+        [
+            report(
+                f"results/tables/{name}.csv",
+                caption="../report/table.rst",
+                category="Tables",
+                labels={"table": name},
+            )
+            for name in TABLES
+        ],
+        remarks="results/tables/remarks.json",
+    log:
+        "logs/build_tables.log",
+    benchmark:
+        "benchmarks/build_tables.tsv"
+    params:
+        structures=RECONSTRUCTED,
+    threads: 1
+    resources:
+        mem_mb=memory(1500, 20),
+        runtime=minutes(15),
+    conda:
+        "../../envs/cccd.yaml"
+    script:
+        "../../scripts/build_tables.py"
+
+
+rule build_report:
+    """The report: one self-contained page."""
+    input:
+        library=library("build_report"),
+        templates=sorted(near(path) for path in (ROOT / "workflow" / "report").glob("*.*")),
+        tables=rules.build_tables.output,
+        junctions="results/tables/junctions.csv",
+        model="results/gnn/model.pt",
+        files=[
+            file
+            for name in ("structure.h5", "boundaries.h5", "curves.h5", "surface.h5", "picture.png")
+            for file in for_structures(name)
+        ],
+    output:
+        report(
+            "results/report.html",
+            caption="../report/report.rst",
+            category="Report",
+            labels={"page": "the whole cohort"},
+        ),
+    log:
+        "logs/build_report.log",
+    benchmark:
+        "benchmarks/build_report.tsv"
+    params:
+        structures=RECONSTRUCTED,
+        config=config,
+    threads: 1
+    resources:
+        mem_mb=memory(2500, 10),
+        runtime=minutes(30),
+    conda:
+        "../../envs/cccd.yaml"
+    script:
+        "../../scripts/build_report.py"

@@ -1,0 +1,76 @@
+"""Surfaces: curves -> lofted B-spline surface -> meshes for viewers and CAD, and a picture."""
+
+wildcard_constraints:
+    format="stl|vtp|glb|step",
+
+
+def for_formats():
+    """The surfaces' further files that the configuration asks for; PLY is always written."""
+    return [file for name in config["surface"]["formats"] if name != "ply" for file in for_structures(f"surface.{name}")]
+
+
+rule loft_surface:
+    """Match the curves between slices, loft tubes, join branches, cap ends: one closed solid per body."""
+    input:
+        library=library("loft_surface"),
+        curves="results/{case}/{organ}/curves.h5",
+    output:
+        surface="results/{case}/{organ}/surface.h5",
+        mesh="results/{case}/{organ}/surface.ply",
+    log:
+        "logs/{case}/{organ}/loft_surface.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/loft_surface.tsv"
+    params:
+        settings=config["surface"],
+    threads: 1
+    resources:
+        mem_mb=memory(2500, 40),
+        runtime=minutes(20),
+    conda:
+        "../../envs/cccd.yaml"
+    script:
+        "../../scripts/loft_surface.py"
+
+
+rule export_surface:
+    """The surface for a viewer (STL, VTP, GLB) or as spline patches for CAD (STEP)."""
+    input:
+        library=library("export_surface"),
+        surface="results/{case}/{organ}/surface.h5",
+        mesh="results/{case}/{organ}/surface.ply",
+    output:
+        "results/{case}/{organ}/surface.{format}",
+    log:
+        "logs/{case}/{organ}/export_surface_{format}.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/export_surface_{format}.tsv"
+    threads: 1
+    resources:
+        mem_mb=memory(1500, 40),
+        runtime=minutes(10),
+    conda:
+        "../../envs/cccd.yaml"
+    script:
+        "../../scripts/export_surface.py"
+
+
+rule render_surface:
+    """A picture of the surface from three sides; drawn another way where OpenGL is missing."""
+    input:
+        library=library("render_surface"),
+        mesh="results/{case}/{organ}/surface.ply",
+    output:
+        "results/{case}/{organ}/picture.png",
+    log:
+        "logs/{case}/{organ}/render_surface.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/render_surface.tsv"
+    threads: 1
+    resources:
+        mem_mb=memory(1500, 20),
+        runtime=minutes(10),
+    conda:
+        "../../envs/cccd.yaml"
+    script:
+        "../../scripts/render_surface.py"
