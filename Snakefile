@@ -10,7 +10,7 @@ from snakemake.utils import min_version
 min_version("9.27")
 
 
-configfile: workflow.source_path("config/config.yaml")
+configfile: f"{workflow.basedir}/config/config.yaml"
 
 
 include: "workflow/rules/common.smk"
@@ -33,11 +33,11 @@ include: "workflow/rules/report.smk"
 rule all:
     """Everything: a surface per structure, every table, and the report."""
     default_target: True
-    localrule: True
     input:
         "results/report.html",
         for_structures("surface.ply"),
         for_formats(),
+    localrule: True
 
 
 onsuccess:

@@ -182,9 +182,7 @@ def read_boundaries(path: str | Path) -> Boundaries:
     """Read ``boundaries.h5``."""
     with _open(path) as file:
         pixels = file["pixels"]
-        return Boundaries(
-            pixels["points"][:], pixels["offsets"][:], pixels["slice"][:], _get_frame(file)
-        )
+        return Boundaries(pixels["points"][:], pixels["offsets"][:], pixels["slice"][:], _get_frame(file))
 
 
 # curves.h5 ------------------------------------------------------------------------------------------

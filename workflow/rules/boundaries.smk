@@ -12,13 +12,13 @@ rule extract_boundaries:
         "logs/{case}/{organ}/extract_boundaries.log",
     benchmark:
         "benchmarks/{case}/{organ}/extract_boundaries.tsv"
-    params:
-        settings=config["boundaries"],
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(1000, 40),
         runtime=minutes(10),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        settings=config["boundaries"],
     script:
         "../../scripts/extract_boundaries.py"

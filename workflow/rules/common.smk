@@ -1,6 +1,5 @@
 """Helpers only: the cohort and the configuration, and what several rule files share. No rules here."""
 
-import ast
 import functools
 import os
 import re
@@ -12,6 +11,7 @@ SCRIPTS = ROOT / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 
 from cccd.cohort import read_cohort
+from cccd.dependencies import imported_files
 from cccd.errors import InputError
 from cccd.settings import validate_config
 
@@ -27,7 +27,9 @@ def find_file(name):
 def near(path):
     """A path relative to here when it lies below, so that a moved project reruns nothing."""
     path = Path(path).resolve()
-    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+    return str(
+        path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    )
 
 
 try:
@@ -50,42 +52,43 @@ def one_of(names):
 
 def for_structures(name, keys=None):
     """The file ``name`` of every structure that is reconstructed (or of ``keys``)."""
-    return [f"results/{case}/{organ}/{name}" for case, organ in (RECONSTRUCTED if keys is None else keys)]
+    return [
+        f"results/{case}/{organ}/{name}"
+        for case, organ in (RECONSTRUCTED if keys is None else keys)
+    ]
 
 
-@functools.cache
-def imported_modules(path):
-    """Library files that the Python file ``path`` imports itself, packages' ``__init__`` included."""
-    package = path.relative_to(SCRIPTS).parts[:-1]
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            base = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
-            module = ".".join(part for part in (base, node.module) if part)
-            names.update([module, *(f"{module}.{alias.name}" for alias in node.names)])
-    files = set()
-    for name in names:
-        parts = name.split(".")
-        if parts[0] == "cccd":
-            for end in range(1, len(parts) + 1):
-                stem = SCRIPTS.joinpath(*parts[:end])
-                files.update(file for file in (stem.with_suffix(".py"), stem / "__init__.py") if file.is_file())
-    return frozenset(files)
+def for_formats():
+    """The surfaces' further files that the configuration asks for; PLY is always written."""
+    return [
+        file
+        for name in config["surface"]["formats"]
+        if name != "ply"
+        for file in for_structures(f"surface.{name}")
+    ]
+
+
+def source_files(wildcards):
+    """The row's own files, so that a changed scan comes in again. What is missing the job itself reports."""
+    row = ROW[wildcards.case, wildcards.organ]
+    paths = (
+        SHEET.parent / row[column]
+        for column in ("image", "mask", "boundary")
+        if row[column]
+    )
+    return sorted(near(path) for path in paths if path.exists())
+
+
+def sheet_row(wildcards):
+    """The row as plain values; its place in the sheet is left out so that moving a row reruns nothing."""
+    row = ROW[wildcards.case, wildcards.organ]
+    return {key: value for key, value in sorted(row.items()) if key != "place"}
 
 
 @functools.cache
 def library(script):
-    """All library files that ``scripts/<script>.py`` needs: the transitive closure of its imports.
-
-    Snakemake does not see an edit in an imported module; as inputs they make their stage run again.
-    """
-    found, pending = set(), {SCRIPTS / f"{script}.py"}
-    while pending:
-        found |= pending
-        pending = set().union(*(imported_modules(path) for path in pending)) - found
-    return sorted(near(path) for path in found - {SCRIPTS / f"{script}.py"})
+    """The library files that ``scripts/<script>.py`` imports, so that editing one runs its stage again."""
+    return [near(path) for path in imported_files(SCRIPTS / f"{script}.py", SCRIPTS)]
 
 
 def memory(base_mb, per_input_mb=0):
@@ -104,7 +107,13 @@ def minutes(base):
 
 def failures():
     """The one-line errors that failed jobs of this run left beside their logs, sorted."""
-    return sorted({line for file in Path("logs").rglob("*.failed") for line in file.read_text().splitlines()})
+    return sorted(
+        {
+            line
+            for file in Path("logs").rglob("*.failed")
+            for line in file.read_text().splitlines()
+        }
+    )
 
 
 def tell_where_results_are():

@@ -13,15 +13,15 @@ rule compare_corners:
         "logs/{case}/{organ}/compare_corners.log",
     benchmark:
         "benchmarks/{case}/{organ}/compare_corners.tsv"
-    params:
-        settings=config["comparisons"],
-        seed=config["seed"],
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(1500, 20),
         runtime=minutes(20),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        settings=config["comparisons"],
+        seed=config["seed"],
     script:
         "../../scripts/compare_corners.py"
 
@@ -39,15 +39,15 @@ rule compare_reconstruction:
         "logs/{case}/{organ}/compare_reconstruction.log",
     benchmark:
         "benchmarks/{case}/{organ}/compare_reconstruction.tsv"
-    params:
-        settings=config["comparisons"],
-        seed=config["seed"],
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(2500, 20),
         runtime=minutes(20),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        settings=config["comparisons"],
+        seed=config["seed"],
     script:
         "../../scripts/compare_reconstruction.py"
 
@@ -64,15 +64,15 @@ rule compare_active_contour:
         "logs/{case}/{organ}/compare_active_contour.log",
     benchmark:
         "benchmarks/{case}/{organ}/compare_active_contour.tsv"
-    params:
-        settings=config["comparisons"],
-        seed=config["seed"],
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(1500, 20),
         runtime=minutes(20),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        settings=config["comparisons"],
+        seed=config["seed"],
     script:
         "../../scripts/compare_active_contour.py"
 
@@ -91,15 +91,15 @@ rule compare_isosurfaces:
         "logs/{case}/{organ}/compare_isosurfaces.log",
     benchmark:
         "benchmarks/{case}/{organ}/compare_isosurfaces.tsv"
-    params:
-        settings=config["comparisons"],
-        seed=config["seed"],
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(3000, 60),
         runtime=minutes(30),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        settings=config["comparisons"],
+        seed=config["seed"],
     script:
         "../../scripts/compare_isosurfaces.py"
 
@@ -115,16 +115,16 @@ rule compare_thick_slices:
         "logs/{case}/{organ}/compare_thick_slices.log",
     benchmark:
         "benchmarks/{case}/{organ}/compare_thick_slices.tsv"
-    params:
-        surface=config["surface"],
-        settings=config["comparisons"],
-        seed=config["seed"],
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(3000, 60),
         runtime=minutes(30),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        surface=config["surface"],
+        settings=config["comparisons"],
+        seed=config["seed"],
     script:
         "../../scripts/compare_thick_slices.py"
 
@@ -143,11 +143,11 @@ rule measure_structure:
         "logs/{case}/{organ}/measure_structure.log",
     benchmark:
         "benchmarks/{case}/{organ}/measure_structure.tsv"
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(2500, 60),
         runtime=minutes(20),
-    conda:
-        "../../envs/cccd.yaml"
     script:
         "../../scripts/measure_structure.py"

@@ -14,14 +14,14 @@ rule trace_curves:
         "logs/{case}/{organ}/trace_curves.log",
     benchmark:
         "benchmarks/{case}/{organ}/trace_curves.tsv"
-    params:
-        settings=config["curves"],
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(2500, 20),
         runtime=minutes(15),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        settings=config["curves"],
     script:
         "../../scripts/trace_curves.py"
 
@@ -38,14 +38,14 @@ rule sweep_corners:
         "logs/{case}/{organ}/sweep_corners.log",
     benchmark:
         "benchmarks/{case}/{organ}/sweep_corners.tsv"
-    params:
-        settings=config["curves"],
-        seed=config["seed"],
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(1500, 20),
         runtime=minutes(15),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        settings=config["curves"],
+        seed=config["seed"],
     script:
         "../../scripts/sweep_corners.py"

@@ -12,15 +12,15 @@ rule generate_graphs:
         "logs/gnn/generate_graphs.log",
     benchmark:
         "benchmarks/gnn/generate_graphs.tsv"
-    params:
-        settings=config["gnn"],
-        seed=config["seed"],
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(2000),
         runtime=minutes(20),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        settings=config["gnn"],
+        seed=config["seed"],
     script:
         "../../scripts/generate_graphs.py"
 
@@ -38,12 +38,12 @@ if config["gnn"]["pretrained"]:
             "logs/gnn/adopt_gnn.log",
         benchmark:
             "benchmarks/gnn/adopt_gnn.tsv"
+        conda:
+            "../../envs/cccd.yaml"
         threads: 1
         resources:
             mem_mb=memory(1000),
             runtime=minutes(5),
-        conda:
-            "../../envs/cccd.yaml"
         script:
             "../../scripts/adopt_gnn.py"
 
@@ -61,15 +61,15 @@ else:
             "logs/gnn/train_gnn.log",
         benchmark:
             "benchmarks/gnn/train_gnn.tsv"
-        params:
-            settings=config["gnn"],
-            seed=config["seed"],
+        conda:
+            "../../envs/cccd.yaml"
         threads: 2
         resources:
             mem_mb=memory(4000),
             runtime=minutes(60),
-        conda:
-            "../../envs/cccd.yaml"
+        params:
+            settings=config["gnn"],
+            seed=config["seed"],
         script:
             "../../scripts/train_gnn.py"
 
@@ -87,14 +87,14 @@ rule evaluate_gnn:
         "logs/gnn/evaluate_gnn.log",
     benchmark:
         "benchmarks/gnn/evaluate_gnn.tsv"
-    params:
-        settings=config["gnn"],
-        seed=config["seed"],
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(3000),
         runtime=minutes(30),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        settings=config["gnn"],
+        seed=config["seed"],
     script:
         "../../scripts/evaluate_gnn.py"

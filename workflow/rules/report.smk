@@ -1,7 +1,14 @@
 """Tables over the whole cohort, and the report."""
 
 #: What each structure's comparisons leave, by the name of its rule's file.
-COMPARISONS = ["corners", "reconstruction", "active_contour", "isosurfaces", "thick_slices", "k_sweep"]
+COMPARISONS = [
+    "corners",
+    "reconstruction",
+    "active_contour",
+    "isosurfaces",
+    "thick_slices",
+    "k_sweep",
+]
 TABLES = [
     "table1_corners",
     "table2_fuse",
@@ -20,7 +27,11 @@ rule build_tables:
     input:
         library=library("build_tables"),
         metrics=for_structures("metrics.json"),
-        comparisons=[file for name in COMPARISONS for file in for_structures(f"comparisons/{name}.csv")],
+        comparisons=[
+            file
+            for name in COMPARISONS
+            for file in for_structures(f"comparisons/{name}.csv")
+        ],
     output:
         [
             report(
@@ -36,14 +47,14 @@ rule build_tables:
         "logs/build_tables.log",
     benchmark:
         "benchmarks/build_tables.tsv"
-    params:
-        structures=RECONSTRUCTED,
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(1500, 20),
         runtime=minutes(15),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        structures=RECONSTRUCTED,
     script:
         "../../scripts/build_tables.py"
 
@@ -52,13 +63,21 @@ rule build_report:
     """The report: one self-contained page."""
     input:
         library=library("build_report"),
-        templates=sorted(near(path) for path in (ROOT / "workflow" / "report").glob("*.*")),
+        templates=sorted(
+            near(path) for path in (ROOT / "workflow" / "report").glob("*.*")
+        ),
         tables=rules.build_tables.output,
         junctions="results/tables/junctions.csv",
         model="results/gnn/model.pt",
         files=[
             file
-            for name in ("structure.h5", "boundaries.h5", "curves.h5", "surface.h5", "picture.png")
+            for name in (
+                "structure.h5",
+                "boundaries.h5",
+                "curves.h5",
+                "surface.h5",
+                "picture.png",
+            )
             for file in for_structures(name)
         ],
     output:
@@ -72,14 +91,14 @@ rule build_report:
         "logs/build_report.log",
     benchmark:
         "benchmarks/build_report.tsv"
-    params:
-        structures=RECONSTRUCTED,
-        config=config,
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(2500, 10),
         runtime=minutes(30),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        structures=RECONSTRUCTED,
+        config=config,
     script:
         "../../scripts/build_report.py"

@@ -1,12 +1,8 @@
 """Surfaces: curves -> lofted B-spline surface -> meshes for viewers and CAD, and a picture."""
 
+
 wildcard_constraints:
     format="stl|vtp|glb|step",
-
-
-def for_formats():
-    """The surfaces' further files that the configuration asks for; PLY is always written."""
-    return [file for name in config["surface"]["formats"] if name != "ply" for file in for_structures(f"surface.{name}")]
 
 
 rule loft_surface:
@@ -21,14 +17,14 @@ rule loft_surface:
         "logs/{case}/{organ}/loft_surface.log",
     benchmark:
         "benchmarks/{case}/{organ}/loft_surface.tsv"
-    params:
-        settings=config["surface"],
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(2500, 40),
         runtime=minutes(20),
-    conda:
-        "../../envs/cccd.yaml"
+    params:
+        settings=config["surface"],
     script:
         "../../scripts/loft_surface.py"
 
@@ -45,12 +41,12 @@ rule export_surface:
         "logs/{case}/{organ}/export_surface_{format}.log",
     benchmark:
         "benchmarks/{case}/{organ}/export_surface_{format}.tsv"
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(1500, 40),
         runtime=minutes(10),
-    conda:
-        "../../envs/cccd.yaml"
     script:
         "../../scripts/export_surface.py"
 
@@ -66,11 +62,11 @@ rule render_surface:
         "logs/{case}/{organ}/render_surface.log",
     benchmark:
         "benchmarks/{case}/{organ}/render_surface.tsv"
+    conda:
+        "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(1500, 20),
         runtime=minutes(10),
-    conda:
-        "../../envs/cccd.yaml"
     script:
         "../../scripts/render_surface.py"

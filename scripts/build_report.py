@@ -1,0 +1,18 @@
+"""The report: one self-contained page."""
+
+from pathlib import Path
+
+from cccd.job import job
+from cccd.report import build_report
+
+with job(snakemake.log[0], "report"):
+    output = Path(snakemake.output[0])
+    build_report(
+        results=output.parent,
+        structures=[tuple(key) for key in snakemake.params.structures],
+        failures=[],
+        config=snakemake.params.config,
+        output=output,
+        benchmarks=Path("benchmarks"),
+        template_dir=Path(snakemake.input.templates[0]).parent,
+    )

@@ -1,0 +1,22 @@
+"""Everything measured on one structure."""
+
+from cccd.curves import measure_curves
+from cccd.job import job
+from cccd.store import read_curve_report, read_curves, read_splines, read_structure, write_json
+from cccd.surface import measure_surface
+from cccd.surface.export import read_surface
+
+with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
+    structure = read_structure(snakemake.input.structure)
+    curves, splines = read_curves(snakemake.input.curves), read_splines(snakemake.input.curves)
+    surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
+    ordering = read_curve_report(snakemake.input.curves)["ordering"]
+    metrics = {
+        "case": structure.case,
+        "organ": structure.organ,
+        "curves": measure_curves(curves, splines),
+        "surface": measure_surface(surface, structure),
+        "ordering": {key: value for key, value in ordering.items() if key != "slices"},
+        "warnings": [*structure.warnings, *surface.report["warnings"]],
+    }
+    write_json(snakemake.output[0], metrics)
