@@ -1,0 +1,71 @@
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+from cccd.dependencies import imported_files
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+
+
+@pytest.fixture
+def tree(tmp_path):
+    def write(name, text=""):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        return path
+
+    write("lib/__init__.py")
+    write("lib/a.py", "from . import b")
+    write("lib/b.py", "import numpy\ndef f():\n    from lib.sub.c import g")
+    write("lib/sub/__init__.py", "from ..d import x")
+    write("lib/sub/c.py", "import lib.a")
+    write("lib/d.py")
+    write("lib/stranger.py")
+    return write
+
+
+def test_closure_follows_relative_nested_circular_and_package_imports(tree, tmp_path):
+    script = tree("run.py", "from lib.a import thing\nimport os")
+    names = {path.relative_to(tmp_path).as_posix() for path in imported_files(script, tmp_path)}
+    assert names == {
+        "lib/__init__.py",
+        "lib/a.py",
+        "lib/b.py",
+        "lib/d.py",
+        "lib/sub/__init__.py",
+        "lib/sub/c.py",
+    }
+
+
+def test_submodule_taken_from_its_package_counts(tree, tmp_path):
+    script = tree("run.py", "from lib import stranger")
+    names = {path.name for path in imported_files(script, tmp_path)}
+    assert names == {"__init__.py", "stranger.py"}
+
+
+@pytest.mark.parametrize("upstream", ["import_structure", "extract_boundaries", "trace_curves", "train_gnn"])
+@pytest.mark.parametrize("module", ["surface/loft.py", "report/render.py"])
+def test_lofting_and_reporting_never_bring_back_what_stands_before_them(upstream, module):
+    files = imported_files(SCRIPTS / f"{upstream}.py", SCRIPTS)
+    assert SCRIPTS / "cccd" / module not in files
+
+
+@pytest.mark.parametrize("name", [path.stem for path in SCRIPTS.glob("*.py")])
+def test_the_closure_holds_every_module_that_a_script_really_loads(name):
+    script = SCRIPTS / f"{name}.py"
+    probe = """
+        import ast, pathlib, sys
+        tree = ast.parse(pathlib.Path(sys.argv[1]).read_text())
+        tree.body = [node for node in tree.body if isinstance(node, (ast.Import, ast.ImportFrom))]
+        exec(compile(tree, sys.argv[1], "exec"))
+        modules = [module for name, module in sys.modules.items() if name.split(".")[0] == "cccd"]
+        print(*(module.__file__ for module in modules), sep="\\n")
+    """
+    command = [sys.executable, "-c", textwrap.dedent(probe), str(script)]
+    run = subprocess.run(command, cwd=SCRIPTS, capture_output=True, text=True, check=True)
+    loaded = {Path(line) for line in run.stdout.split()}
+    assert loaded
+    assert loaded <= set(imported_files(script, SCRIPTS))

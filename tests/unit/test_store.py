@@ -1,0 +1,131 @@
+import hashlib
+import os
+
+import numpy as np
+import pytest
+from cccd import store
+from cccd.containers import Boundaries, Curves, Frame, Patch, Splines, Structure, concatenate_ragged
+from cccd.errors import InputError
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+FRAME = Frame(np.array([[0, 2.0, 0, 5], [1.5, 0, 0, -3], [0, 0, 3.0, 7], [0, 0, 0, 1]]), 2, (30, 40, 20))
+
+finite = st.floats(-1e6, 1e6, width=64)
+
+
+@st.composite
+def ragged(draw):
+    lengths = draw(st.lists(st.integers(0, 6), max_size=5))
+    parts = [draw(hnp.arrays(float, (n, 2), elements=finite)) for n in lengths]
+    points, offsets = concatenate_ragged(parts)
+    slices = np.sort(draw(hnp.arrays(np.int32, len(parts), elements=st.integers(0, 19))))
+    holes = draw(hnp.arrays(bool, len(parts)))
+    return Curves(points, offsets, slices, holes, FRAME)
+
+
+def assert_same(one, other):
+    for name, value in vars(one).items():
+        if isinstance(value, Frame):
+            assert_same(value, getattr(other, name))
+        elif isinstance(value, np.ndarray):
+            np.testing.assert_array_equal(value, getattr(other, name))
+        else:
+            assert value == getattr(other, name)
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(curves=ragged())
+def test_curves_come_back(tmp_path, curves):
+    codes = np.arange(len(curves.points), dtype=np.uint8) % 8
+    splines = Splines(
+        curves.points, curves.offsets, np.arange(5.0), np.zeros(len(curves) + 1, np.int64),
+        curves.slice, curves.hole, 3, FRAME,
+    )  # fmt: skip
+    path = tmp_path / "curves.h5"
+    store.write_curves(path, curves, codes, (curves.points, curves.offsets), splines, {"a": [1, None]})
+    assert_same(curves, store.read_curves(path))
+    assert_same(splines, store.read_splines(path))
+    np.testing.assert_array_equal(store.read_chain_codes(path), codes)
+    assert store.read_curve_report(path) == {"a": [1, None]}
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_structure_boundaries_and_patches_come_back(tmp_path):
+    rng = np.random.default_rng(0)
+    structure = Structure(
+        "c", "o", FRAME, np.array([1, 2, 3]),
+        image=rng.normal(size=(3, 4, 5)).astype(np.float32),
+        mask=rng.random((3, 4, 5)) > 0.5,
+        truth=(rng.normal(size=(4, 3)), np.array([[0, 1, 2], [0, 2, 3]])),
+        provenance={"files": {"ü.nii": "00"}}, warnings=["w"],
+    )  # fmt: skip
+    store.write_structure(tmp_path / "s.h5", structure)
+    back = store.read_structure(tmp_path / "s.h5")
+    np.testing.assert_array_equal(back.image, structure.image)
+    np.testing.assert_array_equal(back.mask, structure.mask)
+    np.testing.assert_array_equal(back.truth[1], structure.truth[1])
+    assert back.boundary is None
+    assert back.contours is None
+    assert (back.provenance, back.warnings) == (structure.provenance, structure.warnings)
+
+    boundaries = Boundaries(
+        np.array([[1, 2], [3, 4]], np.int32), np.array([0, 2]), np.array([7], np.int32), FRAME
+    )
+    store.write_boundaries(tmp_path / "b.h5", boundaries)
+    assert_same(boundaries, store.read_boundaries(tmp_path / "b.h5"))
+
+    patch = Patch(
+        rng.normal(size=(5, 4, 3)), np.ones((5, 4)), np.arange(12.0), np.arange(8.0), 3, 3, True, False, -1
+    )
+    store.write_patches(tmp_path / "p.h5", [patch] * 11, FRAME, {})
+    assert len(store.read_patches(tmp_path / "p.h5")) == 11
+    assert_same(patch, store.read_patches(tmp_path / "p.h5")[10])
+
+
+def test_same_content_gives_the_same_bytes(tmp_path):
+    digests = set()
+    for name in ("a.h5", "b.h5"):
+        structure = Structure("c", "o", FRAME, np.zeros(3), mask=np.ones((20, 20, 20), bool))
+        store.write_structure(tmp_path / name, structure)
+        digests.add(hashlib.sha256((tmp_path / name).read_bytes()).hexdigest())
+    assert len(digests) == 1
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "x.json"
+    store.write_json(path, {"n": np.int64(1), "nan": float("nan")})
+    before = path.read_bytes()
+    assert before == b'{\n  "n": 1,\n  "nan": null\n}\n'
+    with pytest.raises(TypeError):
+        store.write_json(path, {"n": object()})
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_files_are_readable_by_others(tmp_path):
+    old = os.umask(0o022)
+    try:
+        store.write_json(tmp_path / "x.json", {})
+    finally:
+        os.umask(old)
+    assert (tmp_path / "x.json").stat().st_mode & 0o777 == 0o644
+
+
+@pytest.mark.parametrize(
+    "reader", [store.read_structure, store.read_boundaries, store.read_curves, store.read_patches]
+)
+def test_a_truncated_file_is_named_with_its_cure(tmp_path, reader):
+    path = tmp_path / "structure.h5"
+    store.write_structure(path, Structure("c", "o", FRAME, np.zeros(3), mask=np.ones((9, 9, 9), bool)))
+    path.write_bytes(path.read_bytes()[:600])
+    with pytest.raises(InputError, match=r"structure\.h5.*delete it and run snakemake again"):
+        reader(path)
+
+
+def test_a_file_of_an_older_layout_is_named(tmp_path):
+    path = tmp_path / "structure.h5"
+    store.write_structure(path, Structure("c", "o", FRAME, np.zeros(3)))
+    with pytest.raises(InputError, match="older layout"):
+        store.read_curves(path)
