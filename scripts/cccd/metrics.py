@@ -124,9 +124,7 @@ def jaccard(truth: np.ndarray, predicted: np.ndarray, axis: int | tuple[int, ...
 # Polygons to pixels -----------------------------------------------------------------------------------
 
 
-def rasterise(
-    curves: Curves, origin: Sequence[int] | np.ndarray, shape: tuple[int, int, int]
-) -> np.ndarray:
+def rasterise(curves: Curves, origin: Sequence[int] | np.ndarray, shape: tuple[int, int, int]) -> np.ndarray:
     """Pixels whose centres lie in or on the curves of their slice (even-odd rule, so holes are holes).
 
     Parameters
