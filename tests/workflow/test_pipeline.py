@@ -1,0 +1,118 @@
+"""The whole pipeline on a tiny cohort: what it leaves, and what it does again after a change."""
+
+import json
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import trimesh
+
+from cccd import store
+
+STRUCTURES = [("tiny", "sphere"), ("tiny", "two_spheres")]
+LOFT = "scripts/cccd/surface/loft.py"
+AFTER_CURVES = {
+    "loft_surface",
+    "render_surface",
+    "compare_isosurfaces",
+    "compare_thick_slices",
+    "measure_structure",
+    "build_tables",
+    "build_report",
+}
+
+
+def test_everything_promised_is_there(tiny_run):
+    for case, organ in STRUCTURES:
+        folder = tiny_run.results / case / organ
+        for name in ("structure.h5", "boundaries.h5", "curves.h5", "surface.h5", "surface.ply", "metrics.json"):
+            assert (folder / name).stat().st_size > 0, name
+    for name in ("gnn/graphs.h5", "gnn/model.pt", "gnn/history.csv", "tables/junctions.csv", "report.html"):
+        assert (tiny_run.results / name).stat().st_size > 0, name
+
+
+def test_no_temporary_or_failed_file_stays(tiny_run):
+    assert not [path for path in tiny_run.results.rglob(".*") if path.is_file()]
+    assert not list((tiny_run.folder / "logs").rglob("*.failed"))
+
+
+@pytest.mark.parametrize("key", STRUCTURES)
+def test_the_contract_of_curves_h5(tiny_run, key):
+    with h5py.File(tiny_run.results / key[0] / key[1] / "curves.h5") as file:
+        offsets = file["ordered/offsets"][:]
+        assert file["ordered/points"].dtype == np.float64
+        assert offsets.dtype == np.int64
+        assert offsets[-1] == len(file["ordered/points"]) == len(file["chain_codes/codes"])
+        assert len(file["ordered/slice"]) == len(file["ordered/hole"]) == len(offsets) - 1
+        degree = file["splines"].attrs["degree"]
+        counts = np.diff(file["splines/offsets"][:])
+        np.testing.assert_array_equal(np.diff(file["splines/knot_offsets"][:]), counts + 2 * degree + 1)
+        assert file.attrs["affine"].shape == (4, 4)
+        assert file.attrs["slice_axis"] in (0, 1, 2)
+
+
+@pytest.mark.parametrize("key", STRUCTURES)
+def test_the_surface_is_closed_and_encloses_the_phantom(tiny_run, key):
+    folder = tiny_run.results / key[0] / key[1]
+    mesh = trimesh.load(folder / "surface.ply", process=False)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    points, faces = store.read_structure(folder / "structure.h5").truth
+    truth = trimesh.Trimesh(points, faces, process=False)
+    assert mesh.volume == pytest.approx(truth.volume, rel=0.03)
+    np.testing.assert_allclose(mesh.bounds, truth.bounds, atol=3)
+
+
+def test_the_patches_evaluate_as_the_contract_says(tiny_run):
+    patches = store.read_patches(tiny_run.results / "tiny" / "sphere" / "surface.h5")
+    for patch in patches:
+        nu, nv, _ = patch.control_points.shape
+        assert patch.weights.shape == (nu, nv)
+        assert len(patch.knots_u) == nu + (2 if patch.closed_u else 1) * patch.degree_u + 1
+        assert len(patch.knots_v) == nv + (2 if patch.closed_v else 1) * patch.degree_v + 1
+
+
+def test_metrics_are_plain_numbers(tiny_run):
+    metrics = json.loads((tiny_run.results / "tiny" / "sphere" / "metrics.json").read_text())
+    assert metrics["surface"]["dice"] > 0.95
+
+
+def test_tables_name_every_structure(tiny_run):
+    table = pd.read_csv(tiny_run.results / "tables" / "structures.csv")
+    assert list(zip(table["case"], table["organ"], strict=True)) == STRUCTURES
+
+
+def test_a_second_run_has_nothing_to_do(tiny_run):
+    assert tiny_run.planned() == {}
+
+
+def test_an_edited_comment_in_loft_brings_back_only_what_follows(tiny_copy):
+    module = tiny_copy.folder / LOFT
+    module.write_text(module.read_text() + "\n# a comment\n")
+    assert set(tiny_copy.planned()) - {"all"} == AFTER_CURVES
+
+
+def test_a_touched_module_brings_back_nothing(tiny_copy):
+    (tiny_copy.folder / LOFT).touch()
+    assert tiny_copy.planned() == {}
+
+
+def test_another_k_neither_retrains_nor_imports(tiny_copy):
+    planned = set(tiny_copy.planned("--config", "curves={k: 7}"))
+    assert "trace_curves" in planned
+    assert planned.isdisjoint({"train_gnn", "generate_graphs", "import_structure", "extract_boundaries"})
+
+
+def test_one_target_builds_just_that(fresh_project):
+    planned = fresh_project.planned("results/tiny/sphere/boundaries.h5")
+    assert planned == {"import_structure": 1, "extract_boundaries": 1}
+
+
+def test_another_directory_works(fresh_project, tmp_path):
+    elsewhere = tmp_path / "else where ü"
+    sheet, tiny = fresh_project.folder / "tiny.tsv", fresh_project.folder / "tiny.yaml"
+    arguments = ["--directory", elsewhere, "--configfile", tiny, "--config", f"cohort={sheet}"]
+    fresh_project.snakemake(*arguments, "--", "results/tiny/sphere/structure.h5")
+    assert (elsewhere / "results" / "tiny" / "sphere" / "structure.h5").exists()
+    assert not fresh_project.results.exists()
