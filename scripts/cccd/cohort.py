@@ -1,0 +1,155 @@
+"""Read the cohort sheet: one row is one structure.
+
+Imported at every parse of the workflow, so it imports nothing heavy and opens no scan: what the rows
+point at is checked by the job that reads it, and one bad scan does not keep the others from running.
+"""
+
+from __future__ import annotations
+
+import csv
+import functools
+import re
+from pathlib import Path
+
+from cccd.errors import InputError
+from cccd.settings import choices, load_schema, nearest
+
+__all__ = ["SCHEMA", "read_cohort"]
+
+#: The sheet's columns, their defaults and what they may hold.
+SCHEMA = Path(__file__).resolve().parents[2] / "workflow" / "schemas" / "cohort.schema.yaml"
+
+_FROM_FILES = ("files", "lits17", "rider_lung", "upenn_gbm")
+
+
+@functools.cache
+def _columns() -> dict[str, dict]:
+    return load_schema(SCHEMA)["properties"]
+
+
+def _read_records(path: Path) -> list[tuple[int, list[str]]]:
+    """Give the sheet's non-blank lines as (line number from 1, stripped fields)."""
+    place = path.name
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file, delimiter="\t", strict=True)
+            records = [(reader.line_num, [field.strip() for field in record]) for record in reader]
+    except FileNotFoundError:
+        raise InputError(
+            str(path), "no such cohort sheet", "set the config key cohort to your sheet"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            str(path),
+            f"the cohort sheet cannot be read ({error.strerror})",
+            "set the config key cohort to a file",
+        ) from None
+    except UnicodeDecodeError:
+        raise InputError(
+            place, "not UTF-8 text", "save the sheet as tab-separated UTF-8 text (.tsv)"
+        ) from None
+    except csv.Error as error:
+        row = reader.line_num
+        raise InputError(
+            f"{place} row {row}", f"malformed line ({error})", "check its quotes and tabs"
+        ) from None
+    for row, record in records:
+        if any(character in field for field in record for character in "\n\r\0"):
+            raise InputError(f"{place} row {row}", "a field holds a line break or NUL", "check its quotes")
+    return [(row, record) for row, record in records if any(record)]
+
+
+def _check_header(place: str, header: list[str]) -> None:
+    columns = _columns()
+    if len(header) == 1 and re.search("[,;]", header[0]):
+        raise InputError(place, "the columns are not parted by tabs", "save the sheet as tab-separated text")
+    for name in header:
+        if name not in columns:
+            raise InputError(place, f"unknown column {name!r}", nearest(name, columns))
+        if header.count(name) > 1:
+            raise InputError(place, f"column {name!r} stands there twice", "keep one")
+    for name in ("case", "organ"):
+        if name not in header:
+            raise InputError(
+                place, f"column {name!r} is missing", "begin the sheet with a line naming the columns"
+            )
+
+
+def _check_row(row: dict[str, str]) -> None:
+    for name, rules in _columns().items():
+        value, allowed = row[name], rules.get("enum")
+        if name in ("case", "organ") and not value:
+            raise InputError(row["place"], f"{name} is empty", "give every row a case and an organ")
+        if allowed and value not in allowed:
+            near = nearest(value, allowed)
+            cure = f"{near} {choices(allowed)}" if near.startswith("did") else near
+            raise InputError(row["place"], f"{name} {value!r} is not known", cure)
+        # fullmatch: `$` alone would let a trailing line break through
+        if "pattern" in rules and not re.fullmatch(
+            rules["pattern"].removeprefix("^").removesuffix("$"), value
+        ):
+            cure = rules["description"].rstrip(".")
+            raise InputError(row["place"], f"{name} {value!r} is not allowed", f"give this: {cure}")
+    if row["source"] == "files" and not (row["image"] or row["mask"] or row["boundary"]):
+        raise InputError(row["place"], "neither image nor mask nor boundary", "fill at least one of them")
+    if row["source"] in _FROM_FILES[1:] and not row["image"]:
+        raise InputError(row["place"], f"source {row['source']} needs an image", "give the path of the scan")
+    if row["source"] not in _FROM_FILES:
+        for name in ("image", "mask", "boundary", "label"):
+            if row[name]:
+                raise InputError(
+                    row["place"],
+                    f"{name} is given, but source {row['source']} brings its own",
+                    f"empty {name} or set source to files",
+                )
+
+
+def read_cohort(path: str | Path) -> list[dict[str, str]]:
+    """Read and check the cohort sheet.
+
+    Parameters
+    ----------
+    path : path
+        Tab-separated text with a header line; columns as in ``workflow/schemas/cohort.schema.yaml``.
+
+    Returns
+    -------
+    list of dict
+        One per row, in the sheet's order: every column of the schema (``''`` or the default when empty)
+        and ``place``, e.g. ``"cohort.tsv row 3"``, with the line number that an editor shows.
+
+    Raises
+    ------
+    InputError
+        Names file, row and cure.
+    """
+    path = Path(path)
+    records = _read_records(path)
+    if not records:
+        raise InputError(
+            path.name, "the sheet is empty", "begin it with a line naming the columns: case, organ, ..."
+        )
+    line, header = records[0]
+    while header and not header[-1]:  # spreadsheets leave tabs behind
+        header.pop()
+    _check_header(f"{path.name} row {line}", header)
+    if len(records) == 1:
+        raise InputError(path.name, "the sheet has no rows", "add one row per structure")
+    rows: list[dict[str, str]] = []
+    seen: dict[tuple[str, str], str] = {}
+    for line, record in records[1:]:
+        place = f"{path.name} row {line}"
+        if any(record[len(header) :]):
+            raise InputError(place, f"{len(record)} fields under {len(header)} columns", "check its tabs")
+        given = {name: value for name, value in zip(header, record, strict=False) if value}
+        row = {name: given.get(name, rules.get("default", "")) for name, rules in _columns().items()}
+        row["place"] = place
+        _check_row(row)
+        key = (row["case"], row["organ"])
+        if key in seen:
+            raise InputError(
+                place, f"{'/'.join(key)} stands in {seen[key]} already", "rename or delete one of them"
+            )
+        seen[key] = place
+        rows.append(row)
+    return rows
