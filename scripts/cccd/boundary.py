@@ -67,7 +67,7 @@ def extract_boundaries(structure: Structure, settings: Mapping[str, Any]) -> Bou
         if getattr(structure, source) is None:
             raise InputError(
                 place,
-                f"it has no {source}",
+                f"there is no {source}",
                 f"set boundaries.source to auto or name the {source} in the sheet",
             )
         mask = structure.stack("mask")
