@@ -122,13 +122,13 @@ def test_three_strands_meet_in_a_junction_and_slices_do_not_touch():
 
 
 def test_figure_4_a_wrong_turn_at_a_staircase_corner_isolates():
-    # path y takes the inner corner pixel last: it is left without a successor
-    corner = boundaries_of([".###.", "#...#", "#...#", "#..##", ".###."])
-    assert corner.points[chaincode.junction_pixels(corner)].tolist() == [[2, 4], [3, 3], [3, 4], [4, 2], [4, 3]]
-    stuck = chaincode.isolated_corners(corner)
-    assert corner.points[stuck].tolist() == [[3, 4]]
+    # path y goes straight on at the square corner and takes the corner pixel last: no successor is left
+    square = boundaries_of([".###.", "#...#", "#...#", "#...#", ".####"])
+    assert square.points[chaincode.junction_pixels(square)].tolist() == [[3, 4], [4, 3]]
+    stuck = chaincode.isolated_corners(square)
+    assert square.points[stuck].tolist() == [[4, 2], [4, 4]]  # and the rest ends in the open
     # without the superfluous pixel the same contour is walked in one go
-    clean = boundaries_of([".###.", "#...#", "#...#", "#..#.", ".##.."])
+    clean = boundaries_of([".###.", "#...#", "#...#", "#...#", ".###."])
     assert not chaincode.isolated_corners(clean).any()
 
 
