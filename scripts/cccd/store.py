@@ -166,6 +166,13 @@ def read_structure(path: str | Path) -> Structure:
         )
 
 
+def read_structure_facts(path: str | Path) -> tuple[Frame, dict, list[str]]:
+    """Read the frame, the provenance and the warnings of ``structure.h5``, and none of its arrays."""
+    with _open(path) as file:
+        provenance = json.loads(file.attrs["provenance"])
+        return _get_frame(file), provenance, json.loads(file.attrs["warnings"])
+
+
 # boundaries.h5 --------------------------------------------------------------------------------------
 
 
