@@ -324,3 +324,9 @@ def read_surface_report(path: str | Path) -> dict:
     """Read what the lofting reported."""
     with _open(path) as file:
         return json.loads(file.attrs["report"])
+
+
+def read_surface_frame(path: str | Path) -> Frame:
+    """Read the grid of the source volume that a surface was lofted in."""
+    with _open(path) as file:
+        return _get_frame(file)

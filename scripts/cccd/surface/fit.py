@@ -1,0 +1,245 @@
+"""Tensor-product fit of one tube: as few control points as a tolerance allows.
+
+The sections of a tube are sampled on a grid (levels x points around), so least squares separates into
+one small system per direction. Parameters around are corrected by moving every sample to the foot of
+the fitted point on its section; areas, which least squares shrinks, are restored section by section.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from cccd.surface.bsplines import DEGREE, basis, closed_knots, least_squares, open_knots
+from cccd.surface.tubes import Tube, outlines
+
+__all__ = ["Fit", "Samples", "coarsest", "fit_samples", "refinements", "sample_tube"]
+
+#: Weight of the penalty that settles control points no sample speaks for.
+ROUGHNESS = 1e-5
+#: Fewest control points around and along a tube.
+FEWEST = (6, 5)
+#: Rounds of parameter and area correction.
+CORRECTIONS = 3
+
+
+@dataclass(eq=False)
+class Samples:
+    """A tube as a grid of samples.
+
+    Attributes
+    ----------
+    outlines : (A, M, 2)
+        mm; sections at equal steps of arc length, starts aligned.
+    z, v, area : (A,)
+        Heights in mm, parameter along the tube (mm of surface), area that each section stands for.
+    slant : (A, M)
+        mm of distance between surfaces per mm in the plane (1 on a vertical wall).
+    pole : list of (3,) or None
+        Where the ends close.
+    """
+
+    outlines: np.ndarray
+    z: np.ndarray
+    v: np.ndarray
+    area: np.ndarray
+    slant: np.ndarray
+    pole: list[np.ndarray | None]
+
+
+@dataclass(eq=False)
+class Fit:
+    """Control net of one tube in the plane's mm: ``net`` (nu, nv, 2), heights (nv,), and its error."""
+
+    net: np.ndarray
+    heights: np.ndarray
+    knots_u: np.ndarray
+    knots_v: np.ndarray
+    error: float
+
+    @property
+    def count(self) -> int:
+        """Number of control points."""
+        return self.net.shape[0] * self.net.shape[1]
+
+
+def sample_tube(tube: Tube, count: int) -> Samples:
+    """Sample every section at ``count`` points and lay the parameter along the tube."""
+    rings = outlines(tube, count)
+    z = np.array([section.z for section in tube.sections])
+    area = np.array([section.area for section in tube.sections])
+    low, high = tube.pole
+    closed = [np.full((1, count, 2), low[:2])] if low is not None else []
+    closed += [rings]
+    closed += [np.full((1, count, 2), high[:2])] if high is not None else []
+    heights = np.concatenate([[] if low is None else low[2:], z, [] if high is None else high[2:]])
+    every = np.concatenate(closed)
+    step = np.diff(every, axis=0)
+    rise = np.diff(heights)
+    travelled = np.sqrt(rise**2 + np.mean(np.sum(step**2, axis=2), axis=1))
+    v = np.concatenate([[0.0], np.cumsum(np.maximum(travelled, 1e-6))])
+    inner = slice(low is not None, len(every) - (high is not None))
+    normal = _normals(every)
+    outward = np.gradient(every, axis=0)
+    run = np.sum(outward * normal, axis=2)
+    climb = np.gradient(heights)[:, None]
+    slant = np.abs(climb) / np.hypot(climb, run)
+    return Samples(rings, z, v, area, slant[inner], tube.pole)
+
+
+def _normals(rings: np.ndarray) -> np.ndarray:
+    """Outward unit normals (A, M, 2) of counter-clockwise rings; zero where a ring is a point."""
+    tangent = np.roll(rings, -2, axis=1) - np.roll(rings, 2, axis=1)
+    size = np.linalg.norm(tangent, axis=2, keepdims=True)
+    tangent = np.divide(tangent, size, out=np.zeros_like(tangent), where=size > 1e-9)
+    return np.stack([tangent[..., 1], -tangent[..., 0]], axis=2)
+
+
+def _areas(rings: np.ndarray) -> np.ndarray:
+    following = np.roll(rings, -1, axis=1)
+    return 0.5 * np.sum(rings[..., 0] * following[..., 1] - rings[..., 1] * following[..., 0], axis=1)
+
+
+def _lengths(rings: np.ndarray) -> np.ndarray:
+    return np.sum(np.linalg.norm(np.roll(rings, -1, axis=1) - rings, axis=2), axis=1)
+
+
+def coarsest() -> tuple[int, int]:
+    """Size of the smallest control net."""
+    return FEWEST
+
+
+def refinements(size: tuple[int, int], samples: Samples) -> list[tuple[int, int]]:
+    """List the next larger control nets worth a trial: more around, or more along."""
+    nu, nv = size
+    around = min(int(np.ceil(nu * 1.3)), samples.outlines.shape[1] // 2)
+    along = min(int(np.ceil(nv * 1.3)), len(samples.z) + 4)
+    return [trial for trial in ((around, nv), (nu, along)) if trial != size]
+
+
+def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORRECTIONS) -> Fit:
+    """Fit a control net of ``size`` (nu, nv) to the samples.
+
+    Returns
+    -------
+    Fit
+        Its error is the mean distance in mm between sections and surface, in direction of the
+        surface normal.
+    """
+    nu, nv = size
+    rings = samples.outlines
+    levels, around = rings.shape[:2]
+    length = _length(samples)
+    knots_u, knots_v = closed_knots(nu), open_knots(nv, length)
+    u = np.arange(around) / around
+    bu = basis(u, knots_u, DEGREE, True)
+    to_u = least_squares(bu, ROUGHNESS, True)
+    heights, v = _heights(samples, knots_v, length)
+    bv = basis(v, knots_v, DEGREE, False)
+    fixed = np.zeros(nv, bool)
+    known = np.zeros((nv, 2))
+    for row, pole in zip((0, nv - 1), samples.pole, strict=True):
+        if pole is not None:
+            fixed[row], known[row] = True, pole[:2]
+    base = (bv[:, fixed] @ known[fixed])[:, None]
+    to_v = least_squares(bv[:, ~fixed], ROUGHNESS, False)
+
+    position = np.broadcast_to(u, (levels, around))
+    swell = np.zeros(levels)
+    normals = _normals(rings)
+    for turn in range(corrections + 1):
+        target = _at(rings, position) + swell[:, None, None] * _at(normals, position)
+        free = np.einsum("va,amc,um->uvc", to_v, target - base, to_u, optimize=True)
+        net = np.empty((nu, nv, 2))
+        net[:, fixed] = known[fixed]
+        net[:, ~fixed] = free
+        fitted = np.einsum("av,uvc,mu->amc", bv, net, bu, optimize=True)
+        if turn < corrections:
+            position = _feet(rings, position, fitted)
+            swell = swell + _missing(samples, fitted)
+    error = _error(samples, rings, normals, position, fitted)
+    return Fit(net, heights, knots_u, knots_v, error)
+
+
+def _length(samples: Samples) -> float:
+    """Parameter length of the tube, poles included."""
+    return float(samples.v[-1])
+
+
+def _inner(samples: Samples) -> np.ndarray:
+    """Parameters of the sections, without the poles."""
+    low, high = (pole is not None for pole in samples.pole)
+    return samples.v[int(low) : len(samples.v) - int(high)]
+
+
+def _heights(samples: Samples, knots_v: np.ndarray, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Heights of the control rows, never falling, and where each section lies on them.
+
+    A row of control points has one height, so every iso-curve around the tube is plane. Next to a
+    pole two rows share the height: the tangent plane there is level and the end is round.
+    """
+    count = len(knots_v) - DEGREE - 1
+    low, high = samples.pole
+    z = np.concatenate([[] if low is None else low[2:], samples.z, [] if high is None else high[2:]])
+    bv = basis(samples.v, knots_v, DEGREE, False)
+    ends = [(0, z[0]), (count - 1, z[-1])]
+    ends += [] if low is None else [(1, z[0])]
+    ends += [] if high is None else [(count - 2, z[-1])]
+    known = np.zeros(count)
+    fixed = np.zeros(count, bool)
+    for row, value in ends:
+        known[row], fixed[row] = value, True
+    heights = known.copy()
+    if not fixed.all():
+        heights[~fixed] = least_squares(bv[:, ~fixed], ROUGHNESS, False) @ (z - bv @ known)
+    heights = np.clip(np.maximum.accumulate(heights), z[0], z[-1])
+    fine = np.linspace(0, length, 16 * count)
+    climbed = basis(fine, knots_v, DEGREE, False) @ heights
+    return heights, np.interp(samples.z, climbed + 1e-9 * fine, fine)
+
+
+def _at(rings: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Points at fractions (A, m) of the way around rings (A, M, 2) that are evenly sampled."""
+    count = rings.shape[1]
+    place = np.mod(position, 1.0) * count
+    index = np.floor(place).astype(np.int64)
+    share = (place - index)[..., None]
+    index %= count
+    row = np.arange(len(rings))[:, None]
+    return (1 - share) * rings[row, index] + share * rings[row, (index + 1) % count]
+
+
+def _feet(rings: np.ndarray, position: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+    """Move each sample along its section towards the foot of its fitted point.
+
+    One tangential Newton step, smoothed around the ring and kept short enough to preserve the order.
+    """
+    count = rings.shape[1]
+    ahead, behind = _at(rings, position + 1 / count), _at(rings, position - 1 / count)
+    tangent = (ahead - behind) * (count / 2)
+    lag = np.sum((fitted - _at(rings, position)) * tangent, axis=2)
+    move = lag / np.maximum(np.sum(tangent**2, axis=2), 1e-12)
+    move = uniform_filter1d(np.clip(move, -0.1, 0.1), max(3, count // 32), axis=1, mode="wrap")
+    gap = np.roll(position, -1, axis=1) - position
+    gap[:, -1] += 1.0
+    shrink = np.roll(move, -1, axis=1) - move
+    worst = np.max(-shrink / np.maximum(gap, 1e-9), axis=1, keepdims=True)
+    return position + move * np.minimum(1.0, 0.5 / np.maximum(worst, 1e-9))
+
+
+def _missing(samples: Samples, fitted: np.ndarray) -> np.ndarray:
+    """How far each section must move outwards in mm to regain the area it stands for."""
+    short = samples.area - _areas(fitted)
+    step = short / np.maximum(_lengths(fitted), 1e-9)
+    limit = 0.25 * np.sqrt(np.maximum(samples.area, 0.0))
+    return np.clip(step, -limit, limit)
+
+
+def _error(
+    samples: Samples, rings: np.ndarray, normals: np.ndarray, position: np.ndarray, fitted: np.ndarray
+) -> float:
+    away = np.sum((fitted - _at(rings, position)) * _at(normals, position), axis=2)
+    weight = _lengths(rings)[:, None] * np.ones_like(away)
+    return float(np.average(np.abs(away) * samples.slant, weights=weight / np.maximum(samples.slant, 0.2)))

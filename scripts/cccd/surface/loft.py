@@ -1,0 +1,221 @@
+"""Ordered curves -> tubes -> tensor-product B-spline patches, eq. (10) -> one closed mesh per body."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cccd.containers import Curves, Frame, Patch
+from cccd.errors import InputError
+from cccd.surface.bsplines import DEGREE
+from cccd.surface.evaluate import tessellate
+from cccd.surface.fields import distance_fields, interpolated_fields, through_pixel_centres
+from cccd.surface.fit import Fit, Samples, coarsest, fit_samples, refinements, sample_tube
+from cccd.surface.rings import rings_of
+from cccd.surface.solids import combine, solid, triangles
+from cccd.surface.tubes import Tube, build_tubes
+
+__all__ = ["Surface", "loft_surface"]
+
+#: Levels between slices lie about this many pixels apart.
+LEVEL_PIXELS = 1.5
+#: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
+CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
+
+
+@dataclass
+class Surface:
+    """The surface of one structure.
+
+    Attributes
+    ----------
+    patches : list of Patch
+        Control nets in mm RAS.
+    vertices : (V, 3) float64
+        mm RAS.
+    faces : (F, 3) int64
+        Counter-clockwise from outside.
+    frame : Frame
+        The grid of the source volume.
+    report : dict
+        Plain JSON: tubes, branches, caps, cut ends, control points, bytes, repairs, warnings.
+    """
+
+    patches: list[Patch]
+    vertices: np.ndarray
+    faces: np.ndarray
+    frame: Frame
+    report: dict = field(default_factory=dict)
+
+
+def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None = None) -> Surface:
+    """Loft a stack of ordered curves.
+
+    Parameters
+    ----------
+    curves : Curves
+        Closed simple curves, outlines and holes.
+    settings : mapping
+        Section ``surface`` of the configuration: ``tolerance_voxels``, ``compactness``,
+        ``bridge_slices``, ``edge_voxels``.
+    pixel_centres : bool, optional
+        Whether the curves run through pixel centres (the surface then encloses the pixels, half a
+        pixel further out) or are the outline itself; by default told by their coordinates.
+
+    Raises
+    ------
+    InputError
+        When there is no curve at all.
+    """
+    if len(curves) == 0:
+        raise InputError("curves", "there is not one closed curve", "check the mask or the boundary maps")
+    frame = curves.frame
+    if pixel_centres is None:
+        pixel_centres = through_pixel_centres(curves)
+    spacing = frame.pixel_spacing
+    pixel = float(np.sqrt(spacing.prod()))
+    tubes, origin, step, voxel_faces = _tubes(curves, settings, pixel_centres)
+
+    samples = [sample_tube(tube, _around(tube, pixel)) for tube in tubes]
+    budget = voxel_faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES) / CONTROL_BYTES / settings["compactness"]
+    tolerance = settings["tolerance_voxels"] * (spacing.prod() * step) ** (1 / 3)
+    fits = _fit_all(samples, tolerance, budget)
+    to_world = _to_world(frame, origin)
+    patches = [_patch(fit, tube, to_world) for fit, tube in zip(fits, tubes, strict=True)]
+    edge = settings["edge_voxels"] * pixel
+    bodies = [solid(*tessellate(patch, edge)) for patch in patches]
+    whole = combine(bodies, [tube.hole for tube in tubes], [tube.depth for tube in tubes])
+    vertices, faces = triangles(whole)
+    report = _report(tubes, fits, vertices, faces, voxel_faces)
+    return Surface(patches, vertices, faces, frame, report)
+
+
+def _tubes(
+    curves: Curves, settings: Mapping, pixel_centres: bool
+) -> tuple[list[Tube], np.ndarray, float, int]:
+    """Tubes of every stack of slices, the plane's origin, the slice step in mm, and the voxels' faces."""
+    frame = curves.frame
+    spacing = frame.pixel_spacing
+    pixel = float(np.sqrt(spacing.prod()))
+    slices, distance, origin = distance_fields(curves, pixel_centres)
+    gaps = np.diff(slices)
+    every = int(np.median(gaps)) if len(gaps) else 1
+    step = every * frame.slice_spacing
+    scan = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
+    tubes = []
+    breaks = np.flatnonzero(gaps > every * settings["bridge_slices"]) + 1
+    for part in np.split(np.arange(len(slices)), breaks):
+        rings, heights = [], []
+        stack = slice(part[0], part[-1] + 1)
+        fields = interpolated_fields(
+            slices[stack], distance[stack], frame.slice_spacing, LEVEL_PIXELS * pixel
+        )
+        for level, plane in enumerate(fields):
+            rings.append(rings_of(plane, level, spacing, pixel_centres))
+            heights.append(plane.z)
+        tubes += build_tubes(rings, np.array(heights), step / 2, pixel, scan)
+    return tubes, origin, step, _voxel_faces(distance < 0)
+
+
+def _voxel_faces(mask: np.ndarray) -> int:
+    """Faces between voxels inside and outside: the number of vertices of marching cubes on the stack."""
+    padded = np.pad(mask, 1)
+    return sum(int(np.count_nonzero(np.diff(padded, axis=axis))) for axis in range(3))
+
+
+def _around(tube: Tube, pixel: float) -> int:
+    """Count the samples around a tube: about one per pixel of its longest section, a multiple of 16."""
+    longest = max(
+        np.hypot(*(np.roll(section.points, -1, axis=0) - section.points).T).sum() for section in tube.sections
+    )
+    return int(np.clip(16 * np.ceil(longest / pixel / 16), 32, 512))
+
+
+def _fit_all(samples: list[Samples], tolerance: float, budget: float) -> list[Fit]:
+    """Refine every tube until its mean error is below the tolerance or the budget is used up.
+
+    The next control points always go where they remove most error, weighted by the tube's size.
+    """
+    sizes = [coarsest() for _ in samples]
+    fits = [fit_samples(sample, size, 1) for sample, size in zip(samples, sizes, strict=True)]
+    weight = [float(np.sum(sample.slant)) for sample in samples]
+    spent = sum(fit.count for fit in fits)
+    open_tubes = {n for n, fit in enumerate(fits) if fit.error > tolerance}
+    gains: dict[int, tuple[float, tuple[int, int], Fit]] = {}
+    while open_tubes:
+        for n in open_tubes - gains.keys():
+            best = None
+            for size in refinements(sizes[n], samples[n]):
+                trial = fit_samples(samples[n], size, 1)
+                gain = (fits[n].error - trial.error) * weight[n] / (trial.count - fits[n].count)
+                if best is None or gain > best[0]:
+                    best = (gain, size, trial)
+            if best is not None:
+                gains[n] = best
+        open_tubes &= gains.keys()
+        if not open_tubes:
+            break
+        n = max(open_tubes, key=lambda tube: gains[tube][0])
+        _, size, trial = gains.pop(n)
+        added = trial.count - fits[n].count
+        if spent + added > budget:
+            open_tubes.discard(n)
+            continue
+        spent += added
+        sizes[n], fits[n] = size, trial
+        if trial.error <= tolerance:
+            open_tubes.discard(n)
+    return [fit_samples(sample, size) for sample, size in zip(samples, sizes, strict=True)]
+
+
+def _to_world(frame: Frame, origin: np.ndarray) -> np.ndarray:
+    """Affine (4, 4) from the fields' plane mm and height mm to mm RAS."""
+    scale = np.diag([*(1 / frame.pixel_spacing), 1 / frame.slice_spacing, 1.0])
+    scale[:2, 3] = origin
+    return frame.stack_affine @ scale
+
+
+def _patch(fit: Fit, tube: Tube, to_world: np.ndarray) -> Patch:
+    nu, nv = fit.net.shape[:2]
+    local = np.dstack([fit.net, np.broadcast_to(fit.heights, (nu, nv))])
+    world = local @ to_world[:3, :3].T + to_world[:3, 3]
+    return Patch(
+        np.ascontiguousarray(world),
+        np.ones((nu, nv)),
+        fit.knots_u,
+        fit.knots_v,
+        DEGREE,
+        DEGREE,
+        True,
+        False,
+        -1 if tube.hole else 1,
+    )
+
+
+def _report(
+    tubes: list[Tube], fits: list[Fit], vertices: np.ndarray, faces: np.ndarray, voxel_faces: int
+) -> dict:
+    ends = [end for tube in tubes for end in tube.ends]
+    control_points = sum(fit.count for fit in fits)
+    control_bytes = CONTROL_BYTES * control_points
+    marching_bytes = voxel_faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES)
+    return {
+        "tubes": len(tubes),
+        "cavities": sum(tube.hole for tube in tubes),
+        "joined_ends": ends.count("joined"),
+        "caps": ends.count("cap"),
+        "steps": ends.count("step"),
+        "openings": ends.count("opens"),
+        "cut_ends": ends.count("cut"),
+        "control_points": control_points,
+        "control_bytes": control_bytes,
+        "marching_cubes_bytes": marching_bytes,
+        "compactness": marching_bytes / max(control_bytes, 1),
+        "vertices": len(vertices),
+        "triangles": len(faces),
+        "mean_error_mm": float(np.mean([fit.error for fit in fits])) if fits else 0.0,
+        "repairs": [],
+        "warnings": [],
+    }
