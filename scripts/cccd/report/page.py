@@ -1,0 +1,459 @@
+"""The pages: one self-contained HTML file, readable from disk, with no request to anywhere.
+
+`build_report` makes the cohort's page. Up to a number of structures everything is in it; above, it is an
+index, and each structure has a page of its own (`build_structure_page`). Whatever file of the run is absent
+costs one sentence on the page and nothing else.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import jinja2
+import pandas as pd
+import yaml
+from markupsafe import Markup
+
+from cccd.report import figures
+from cccd.report.facts import benchmark_table, duration, provenance
+from cccd.report.paper import EXHIBITS, Exhibit
+from cccd.report.render import VIEWS, VTK_PACKAGE, picture_renderer
+from cccd.report.scene import Scene, build_scene, colour_stops
+from cccd.report.tables import Table, number, read_csv, table, words
+from cccd.store import atomic_path, read_structure_facts
+
+__all__ = ["build_report", "build_structure_page"]
+
+#: The few numbers by which a surface is judged at a glance: (where in metrics.json, heading, unit, factor).
+HEADLINES = (
+    (("surface", "dice"), "3D Dice", "", 1.0),
+    (("surface", "assd_mm"), "ASSD", "mm", 1.0),
+    (("surface", "volume_bias"), "Volume bias", "%", 100.0),
+    (("surface", "control_points"), "Control points", "", 1),
+    (("surface", "control_net_bytes"), "Control net", "bytes", 1),
+    (("surface", "triangles"), "Triangles", "", 1),
+)
+
+#: Widths in pixels of a picture in a card and in the contact sheet of a cohort.
+_CARD_WIDTH, _THUMB_WIDTH = 900, 240
+
+#: Above this many structures the index leaves out the contact sheet (some 3 kB each).
+_THUMBS_BELOW = 1000
+
+
+@dataclass
+class StructureView:
+    """One structure as the templates see it."""
+
+    case: str
+    organ: str
+    id: str
+    metrics: dict[str, Any]
+    headlines: list[dict[str, str]]
+    warnings: list[str]
+    picture: str | None
+    renderer: str | None
+    link: str
+    sources: list[dict[str, Any]]
+    provenance: str | None
+    grid: str | None
+    scene: Scene | None = None
+
+    @property
+    def name(self) -> str:
+        """``case / organ`` for headings and alternative texts."""
+        return f"{self.case} / {self.organ}"
+
+    @property
+    def measured(self) -> list[tuple[str, str]]:
+        """Every number of metrics.json, in words."""
+        return [(key, number(value)) for key, value in _flat(self.metrics).items()]
+
+
+@dataclass
+class ExhibitView:
+    """One table or figure of the paper with ours beside it."""
+
+    paper: Exhibit
+    verdict: str | None
+    table: Table | None
+    figures: list[tuple[Markup, str]]
+    missing: str | None
+
+
+def build_report(
+    results: Path,
+    structures: Sequence[tuple[str, str]],
+    failures: Sequence[str],
+    config: Mapping[str, Any],
+    output: Path,
+    benchmarks: Path | None,
+    template_dir: Path,
+) -> None:
+    """Write the cohort's page.
+
+    Parameters
+    ----------
+    results : path
+        The folder that holds ``{case}/{organ}/``, ``tables/`` and ``gnn/``.
+    structures : sequence of (case, organ)
+        What was to be reconstructed, in the order of the sheet.
+    failures : sequence of str
+        One line per structure or stage that failed.
+    config : mapping
+        The configuration as merged; its section ``report`` holds ``pages_above`` and ``viewer_triangles``.
+    output : path
+        Where the page goes.
+    benchmarks : path or None
+        Folder of Snakemake's benchmark files.
+    template_dir : path
+        ``workflow/report``.
+    """
+    settings = config["report"]
+    index = len(structures) > settings["pages_above"]
+    width = _THUMB_WIDTH if index else _CARD_WIDTH
+    thumbs = len(structures) <= _THUMBS_BELOW
+    views = [
+        _structure_view(results, output.parent, case, organ, width if thumbs else None)
+        for case, organ in structures
+    ]
+    if not index:
+        for view in views:
+            view.scene = build_scene(results / view.case / view.organ, settings["viewer_triangles"])
+    times = benchmark_table(benchmarks)
+    history = read_csv(results / "gnn" / "history.csv")
+    remarks = _read_json(results / "tables" / "remarks.json")
+    _write(
+        output,
+        template_dir,
+        "report.html.j2",
+        {
+            "title": "CCCD report",
+            "index": index,
+            "structures": views,
+            "failures": list(failures),
+            "measured": _measured_table(results, views),
+            "cohort_plots": _cohort_plots(views) if index else [],
+            "exhibits": [_exhibit(results, exhibit, remarks) for exhibit in EXHIBITS],
+            "experiments": _experiments(results, remarks),
+            "history": table("history", history) if history is not None else None,
+            "learning": _markup(figures.learning_curve(history)) if history is not None else None,
+            "training": _training_facts(results, config),
+            "times": table("rule_times", times) if times is not None else None,
+            "times_plot": Markup(figures.rule_times(times)) if times is not None else None,
+            "total_time": duration(float(times["total_s"].sum())) if times is not None else None,
+            "sources": _source_table(views),
+            **_shared(config),
+        },
+    )
+
+
+def build_structure_page(
+    results: Path,
+    case: str,
+    organ: str,
+    config: Mapping[str, Any],
+    output: Path,
+    template_dir: Path,
+    index: Path | None = None,
+) -> None:
+    """Write the page of one structure.
+
+    Parameters
+    ----------
+    results, config, output, template_dir
+        As for `build_report`.
+    case, organ : str
+        Which structure.
+    index : path or None
+        The cohort's page, to lead back to.
+    """
+    view = _structure_view(results, output.parent, case, organ, _CARD_WIDTH)
+    view.scene = build_scene(results / case / organ, config["report"]["viewer_triangles"])
+    comparisons = []
+    for path in sorted((results / case / organ / "comparisons").glob("*.csv")):
+        frame = read_csv(path)
+        if frame is not None:
+            comparisons.append((words(path.stem)[0], table(path.stem, frame)))
+    _write(
+        output,
+        template_dir,
+        "structure.html.j2",
+        {
+            "title": f"{case} / {organ}",
+            "structure": view,
+            "back": _relative(index, output.parent) if index is not None else None,
+            "comparisons": comparisons,
+            **_shared(config),
+        },
+    )
+
+
+# The page as a whole ------------------------------------------------------------------------------------
+
+
+def _shared(config: Mapping[str, Any]) -> dict[str, Any]:
+    """What both kinds of page need."""
+    stops = colour_stops()
+    return {
+        "run": provenance(),
+        "config": yaml.safe_dump(_plain(config), sort_keys=False, allow_unicode=True, width=100),
+        "scales": Markup(json.dumps(stops)),
+        "ramps": {
+            name: "linear-gradient(to right, " + ", ".join(f"rgb({r} {g} {b})" for r, g, b in part[::8]) + ")"
+            for name, part in stops.items()
+        },
+        "vtk_package": VTK_PACKAGE,
+        "view_names": ", ".join(view.name for view in VIEWS),
+    }
+
+
+def _write(output: Path, template_dir: Path, name: str, context: Mapping[str, Any]) -> None:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(template_dir),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = number
+
+    def asset(file: str) -> Markup:
+        text = (Path(template_dir) / file).read_text(encoding="utf-8")
+        # Comments are for those who read the source, not for every page that is made from it.
+        lines = (line.rstrip() for line in text.splitlines() if not line.lstrip().startswith("// "))
+        return Markup("\n".join(lines))
+
+    environment.globals["asset"] = asset
+    text = environment.get_template(name).render(context)
+    with atomic_path(output) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _markup(svg: str | None) -> Markup | None:
+    return None if svg is None else Markup(svg)
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        return {}
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def _plain(value: Any) -> Any:
+    """JSON-like copy, so that YAML writes no Python tags."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
+
+
+def _relative(path: Path, folder: Path) -> str:
+    return Path(os.path.relpath(path, folder)).as_posix()
+
+
+# Structures ---------------------------------------------------------------------------------------------
+
+
+def _structure_view(results: Path, home: Path, case: str, organ: str, width: int | None) -> StructureView:
+    folder = results / case / organ
+    metrics = _read_json(folder / "metrics.json")
+    picture, renderer = None, None
+    if width is not None and (folder / "picture.png").is_file():
+        picture, renderer = _picture(folder / "picture.png", width), picture_renderer(folder / "picture.png")
+    facts: dict[str, Any] = {}
+    warnings = list(metrics.get("warnings", []))
+    grid = None
+    if (folder / "structure.h5").is_file():
+        frame, facts, noticed = read_structure_facts(folder / "structure.h5")
+        warnings = warnings or noticed
+        grid = (
+            " × ".join(str(n) for n in frame.shape)
+            + " voxels of "
+            + " × ".join(number(x, 3) for x in frame.spacing)
+            + " mm"
+        )
+    else:
+        warnings.append("No structure.h5: this structure was not imported.")
+    return StructureView(
+        case=case,
+        organ=organ,
+        id=re.sub(r"[^A-Za-z0-9_-]", "-", f"{case}--{organ}"),
+        metrics=metrics,
+        headlines=_headlines(metrics),
+        warnings=warnings,
+        picture=picture,
+        renderer=renderer,
+        link=f"{case}/{organ}/report.html",
+        sources=_sources(facts),
+        provenance=json.dumps(facts, indent=2, sort_keys=True, ensure_ascii=False) if facts else None,
+        grid=grid,
+    )
+
+
+def _lookup(metrics: Mapping[str, Any], path: Sequence[str]) -> Any:
+    value: Any = metrics
+    for key in path:
+        value = value.get(key) if isinstance(value, Mapping) else None
+    return value
+
+
+def _headlines(metrics: Mapping[str, Any]) -> list[dict[str, str]]:
+    found = []
+    for path, heading, unit, factor in HEADLINES:
+        value = _lookup(metrics, path)
+        if value is not None:
+            found.append({"heading": heading, "text": number(value * factor), "unit": unit})
+    return found
+
+
+def _picture(path: Path, width: int) -> str:
+    """A picture as base64 WebP at most ``width`` pixels wide, transparency kept."""
+    from PIL import Image
+
+    with Image.open(path) as opened:
+        picture = opened.convert("RGBA")
+    picture.thumbnail((width, width))
+    buffer = io.BytesIO()
+    picture.save(buffer, "WEBP", quality=80, method=4)
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def _sources(facts: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Every mapping anywhere in the provenance that names a file by its checksum."""
+    found = []
+    if isinstance(facts, Mapping):
+        if "sha256" in facts:
+            found.append({key: part for key, part in facts.items() if isinstance(part, (str, int, float))})
+        for part in facts.values():
+            found += _sources(part)
+    elif isinstance(facts, list):
+        for part in facts:
+            found += _sources(part)
+    return found
+
+
+def _source_table(views: Sequence[StructureView]) -> Table | None:
+    rows = [
+        {"structure": view.name, **source} for view in views for source in view.sources
+    ]
+    return table("inputs", pd.DataFrame(rows)) if rows else None
+
+
+def _flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Numbers of nested metrics under dotted names; lists and texts are left out."""
+    found: dict[str, Any] = {}
+    for key, value in metrics.items():
+        if isinstance(value, Mapping):
+            found |= _flat(value, f"{prefix}{key} ")
+        elif isinstance(value, (int, float)):
+            found[f"{prefix}{key}"] = value
+    return found
+
+
+def _measured_table(results: Path, views: Sequence[StructureView]) -> Table | None:
+    """``tables/structures.csv``, or the headlines of every structure while it is not there."""
+    frame = read_csv(results / "tables" / "structures.csv")
+    if frame is None:
+        rows = [
+            {"case": view.case, "organ": view.organ}
+            | {
+                f"{heading} ({unit})" if unit else heading: _scaled(_lookup(view.metrics, path), factor)
+                for path, heading, unit, factor in HEADLINES
+            }
+            | {"warnings": len(view.warnings)}
+            for view in views
+        ]
+        frame = pd.DataFrame(rows)
+    if frame.empty:
+        return None
+    links = None
+    if {"case", "organ"}.issubset(frame.columns):
+        paged = {(view.case, view.organ): view for view in views}
+        keys = zip(frame["case"].astype(str), frame["organ"].astype(str), strict=True)
+        links = [f"#{paged[key].id}" if key in paged else None for key in keys]
+    return table("structures", frame, links)
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
+
+
+def _cohort_plots(views: Sequence[StructureView]) -> list[Markup]:
+    labelled = [(heading, f"{heading} ({unit})" if unit else heading) for _, heading, unit, _ in HEADLINES]
+    frame = pd.DataFrame(
+        [
+            {"organ": view.organ}
+            | {heading: _scaled(_lookup(view.metrics, path), factor) for path, heading, _, factor in HEADLINES}
+            for view in views
+        ]
+    )
+    return [Markup(plot) for plot in figures.strips(frame, labelled, "organ")]
+
+
+# Tables and figures -------------------------------------------------------------------------------------
+
+
+def _exhibit(results: Path, exhibit: Exhibit, remarks: Mapping[str, Any]) -> ExhibitView:
+    shown: Table | None = None
+    missing = None
+    if exhibit.table is not None:
+        frame = read_csv(results / "tables" / f"{exhibit.table}.csv")
+        if frame is None:
+            missing = f"tables/{exhibit.table}.csv is not there: this run did not make it."
+        else:
+            shown = table(exhibit.table, frame)
+    return ExhibitView(exhibit, remarks.get(exhibit.key), shown, [], missing)
+
+
+def _experiments(results: Path, remarks: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Tables that go past the paper, each with its plot."""
+    found = []
+    for stem, title, text, plot in (
+        ("surfaces", "Against the surfaces people use today", "Every method on the same structures, measured alike.", None),
+        ("thick_slices", "Thick slices", "Every n-th slice is kept, the surface is rebuilt from those, and compared with the full resolution.", ("spacing_mm", "assd_mm", "method", "organ")),
+        ("junctions", "Junction repair", "Boundary maps with spurs, bridges, gaps and noise, put in order by the network and by the classical decoders.", None),
+        ("compactness", "Compactness", "Bytes per slice of the splines, the chain code, the PNG and the raw contour.", None),
+        ("k_sweep", "The whole sweep over k", "Every structure, both criteria.", None),
+    ):
+        frame = read_csv(results / "tables" / f"{stem}.csv")
+        figure = None
+        if frame is not None and plot is not None:
+            figure = _markup(figures.lines(stem, frame, *plot))
+        found.append(
+            {
+                "key": stem,
+                "title": title,
+                "text": text,
+                "figure": figure,
+                "table": table(stem, frame) if frame is not None else None,
+                "verdict": remarks.get(stem),
+            }
+        )
+    return found
+
+
+def _training_facts(results: Path, config: Mapping[str, Any]) -> dict[str, str]:
+    """Data counts, seed and device, as far as the training left them."""
+    found = {"seed": str(config.get("seed", "not set"))}
+    pretrained = (config.get("gnn") or {}).get("pretrained")
+    if pretrained:
+        found["weights"] = f"not trained here, taken from {pretrained}"
+    path = results / "gnn" / "graphs.h5"
+    if path.is_file():
+        with h5py.File(path, "r", locking=False) as file:
+            for key, value in file.attrs.items():
+                text = value.decode() if isinstance(value, bytes) else str(value)
+                if len(text) <= 200:
+                    found[words(str(key))[0]] = text
+    return found

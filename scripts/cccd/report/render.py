@@ -1,0 +1,197 @@
+"""Pictures of a surface from three sides, on any machine.
+
+VTK draws off screen with EGL or OSMesa. Where neither library is installed it does not raise: it ends
+the process with a segmentation fault. So it runs in a process of its own, and when that dies the
+picture is drawn by matplotlib instead, flat-shaded and painter-sorted. The PNG says in its text chunk
+``renderer`` how it was drawn.
+
+Run as a script, this file is that other process: ``python -P render.py SURFACE.ply OUT.png PIXELS``.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+__all__ = ["VIEWS", "VTK_PACKAGE", "Renderer", "View", "picture_renderer", "render_surface"]
+
+Renderer = Literal["vtk", "matplotlib"]
+
+#: The one Debian package that lets VTK draw without a display (Mesa's software rasteriser).
+VTK_PACKAGE = "libosmesa6"
+
+#: Seconds after which a hanging VTK is given up.
+TIME_LIMIT_S = 120
+
+_COLOUR = (0.80, 0.67, 0.56)
+_FALLBACK_TRIANGLES = 60_000
+
+
+class View(NamedTuple):
+    """A side from which a surface is looked at: ``towards`` points from the body to the eye (RAS)."""
+
+    name: str
+    towards: tuple[float, float, float]
+    up: tuple[float, float, float]
+
+
+#: The three sides of every picture, left to right, patient upright (RAS: x right, y anterior, z superior).
+VIEWS = (
+    View("anterior", (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    View("left", (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    View("superior", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+)
+
+
+def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420) -> Renderer:
+    """Draw a mesh from three sides into one transparent PNG of ``3 pixels x pixels``.
+
+    Parameters
+    ----------
+    ply_path : path
+        A triangle mesh in world mm (RAS).
+    png_path : path
+        Where the picture goes; written under a temporary name first.
+    pixels : int
+        Edge length of each of the three views.
+
+    Returns
+    -------
+    {"vtk", "matplotlib"}
+        What drew it.
+    """
+    from PIL import Image
+
+    from cccd.store import atomic_path
+
+    with atomic_path(png_path) as temporary:
+        drawn = _render_with_vtk(Path(ply_path), temporary, pixels)
+        renderer: Renderer = "vtk" if drawn else "matplotlib"
+        if drawn:
+            with Image.open(temporary) as opened:
+                picture = opened.convert("RGBA")
+        else:
+            picture = Image.fromarray(_draw_with_matplotlib(*_read_mesh(ply_path), pixels))
+        picture.save(temporary, pnginfo=_stamp(renderer), optimize=True)
+    return renderer
+
+
+def picture_renderer(png_path: str | Path) -> Renderer | None:
+    """What drew a picture made by `render_surface`; None when the file does not say."""
+    from PIL import Image
+
+    with Image.open(png_path) as picture:
+        stamp = picture.text.get("renderer") if hasattr(picture, "text") else None
+    return stamp if stamp in ("vtk", "matplotlib") else None
+
+
+def _stamp(renderer: Renderer):
+    from PIL.PngImagePlugin import PngInfo
+
+    stamp = PngInfo()
+    stamp.add_text("renderer", renderer)
+    return stamp
+
+
+def _read_mesh(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) and faces (F, 3) of a mesh file, as they stand in it."""
+    import trimesh
+
+    mesh = trimesh.load_mesh(path, process=False)
+    return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
+
+
+# VTK, in a process of its own ------------------------------------------------------------------------
+
+
+def _render_with_vtk(ply_path: Path, png_path: Path, pixels: int) -> bool:
+    """Whether the other process drew the picture; False when it crashed, failed or hung."""
+    command = [sys.executable, "-P", __file__, str(ply_path), str(png_path), str(pixels)]
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=TIME_LIMIT_S, check=False)
+    except subprocess.TimeoutExpired:
+        return False
+    return done.returncode == 0 and png_path.stat().st_size > 0
+
+
+def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
+    import pyvista as pv
+
+    mesh = pv.read(ply_path)
+    centre = np.array(mesh.center)
+    half_height = 0.54 * np.ptp(mesh.points, axis=0).max()
+    size = (len(VIEWS) * pixels, pixels)
+    plotter = pv.Plotter(off_screen=True, shape=(1, len(VIEWS)), window_size=size, border=False)
+    for column, view in enumerate(VIEWS):
+        plotter.subplot(0, column)
+        plotter.add_mesh(mesh, color=_COLOUR, smooth_shading=True, specular=0.25, specular_power=12)
+        plotter.enable_parallel_projection()
+        plotter.camera_position = (centre + 10 * half_height * np.array(view.towards), centre, view.up)
+        plotter.camera.parallel_scale = half_height
+        plotter.reset_camera_clipping_range()
+        plotter.enable_anti_aliasing("ssaa")
+    plotter.screenshot(png_path, transparent_background=True)
+
+
+# matplotlib, when VTK cannot -------------------------------------------------------------------------
+
+
+def _cluster_vertices(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Merge vertices on ever coarser grids until at most ``most`` faces are left (Rossignac and Borrel 1993)."""
+    extent = np.ptp(vertices, axis=0).max()
+    cells = int(np.sqrt(most))
+    while len(faces) > most:
+        grid = np.round((vertices - vertices.min(axis=0)) * (cells / extent)).astype(np.int64)
+        keys = (grid[:, 0] * (cells + 1) + grid[:, 1]) * (cells + 1) + grid[:, 2]
+        _, first, merged = np.unique(keys, return_index=True, return_inverse=True)
+        faces = merged[faces]
+        vertices = vertices[first]
+        a, b, c = faces.T
+        faces = faces[(a != b) & (b != c) & (c != a)]
+        cells = cells * 3 // 4
+    return vertices, faces
+
+
+def _draw_with_matplotlib(vertices: np.ndarray, faces: np.ndarray, pixels: int) -> np.ndarray:
+    """Flat-shaded orthographic views as RGBA (pixels, 3 pixels, 4) uint8, painted from back to front."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.collections import PolyCollection
+    from matplotlib.figure import Figure
+
+    vertices, faces = _cluster_vertices(vertices, faces, _FALLBACK_TRIANGLES)
+    a, b, c = (vertices[corner] for corner in faces.T)
+    normals = np.cross(b - a, c - a)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+    centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    half_height = 0.54 * np.ptp(vertices, axis=0).max()
+
+    figure = Figure(figsize=(len(VIEWS), 1), dpi=pixels)
+    canvas = FigureCanvasAgg(figure)
+    figure.patch.set_alpha(0)
+    for column, view in enumerate(VIEWS):
+        towards, up = np.array(view.towards), np.array(view.up)
+        right = np.cross(up, towards)
+        axes = figure.add_axes((column / len(VIEWS), 0, 1 / len(VIEWS), 1))
+        axes.set_axis_off()
+        axes.set(xlim=(-half_height, half_height), ylim=(-half_height, half_height))
+        front = normals @ towards > 0
+        corners = (vertices - centre)[faces[front]]
+        order = np.argsort((corners @ towards).mean(axis=1))
+        corners = corners[order]
+        light = towards + 0.5 * up - 0.4 * right
+        shade = np.clip(normals[front][order] @ (light / np.linalg.norm(light)), 0, 1)
+        colours = np.clip(np.outer(0.35 + 0.75 * shade, _COLOUR), 0, 1)
+        flat = np.stack([corners @ right, corners @ up], axis=2)
+        axes.add_collection(
+            PolyCollection(flat, facecolors=colours, edgecolors=colours, linewidths=0.15, antialiaseds=False)
+        )
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba()).copy()
+
+
+if __name__ == "__main__":
+    _draw_with_vtk(sys.argv[1], sys.argv[2], int(sys.argv[3]))

@@ -1,0 +1,113 @@
+"""Figures as inline SVG: real text, the page's fonts, colours that follow its light or dark scheme.
+
+matplotlib writes fixed colours. Figures are drawn with a few marker colours, which are then replaced by the
+page's CSS variables.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from collections.abc import Iterator
+
+import matplotlib
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+__all__ = ["DASHES", "INK", "MARKERS", "RULE", "SERIES", "SOFT", "axes", "style", "to_svg"]
+
+#: Marker colours and the variables that replace them.
+INK, SOFT, RULE = "#010203", "#010204", "#010205"
+
+#: Series colours: Okabe and Ito's, told apart with any colour vision; each also has its own mark and dash.
+SERIES = ["#010210", "#010211", "#010212", "#010213", "#010214", "#010215", "#010216", "#010217"]
+MARKERS = ["o", "s", "^", "D", "v", "P", "X", "*"]
+DASHES = ["-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)), (0, (7, 2))]
+
+_VARIABLES = {INK: "--ink", SOFT: "--soft", RULE: "--rule"} | {
+    colour: f"--series-{number}" for number, colour in enumerate(SERIES)
+}
+
+_SETTINGS = {
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "axes.edgecolor": RULE,
+    "axes.labelcolor": SOFT,
+    "axes.titlecolor": INK,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.linewidth": 0.8,
+    "grid.color": RULE,
+    "grid.linewidth": 0.6,
+    "xtick.color": RULE,
+    "ytick.color": RULE,
+    "xtick.labelcolor": SOFT,
+    "ytick.labelcolor": SOFT,
+    "text.color": INK,
+    "legend.frameon": False,
+    "legend.labelcolor": INK,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.5,
+    "lines.markersize": 4.5,
+    "figure.constrained_layout.use": True,
+    "axes.prop_cycle": matplotlib.cycler(color=SERIES),
+}
+
+
+@contextlib.contextmanager
+def style() -> Iterator[None]:
+    """Draw within this block to get the page's look."""
+    with matplotlib.rc_context(_SETTINGS):
+        yield
+
+
+def axes(width: float = 6.0, height: float = 3.2, rows: int = 1, columns: int = 1):
+    """A figure of the given size in inches and its axes, as `Figure.subplots` gives them; call within `style`."""
+    figure = Figure(figsize=(width, height))
+    figure.patch.set_alpha(0)
+    grid = figure.subplots(rows, columns)
+    for one in [grid] if rows * columns == 1 else grid.ravel():
+        one.patch.set_alpha(0)
+    return figure, grid
+
+
+def to_svg(figure: Figure, key: str, label: str) -> str:
+    """The figure as an ``<svg>`` element.
+
+    Parameters
+    ----------
+    figure : Figure
+    key : str
+        Keeps the ids of several figures of one page apart.
+    label : str
+        What the figure shows, for those who cannot see it.
+    """
+    with matplotlib.rc_context({**_SETTINGS, "svg.hashsalt": key}):
+        buffer = io.StringIO()
+        FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    for colour, variable in _VARIABLES.items():
+        text = text.replace(colour, f"var({variable})")
+    # Attributes cannot hold variables, style declarations can; fonts are the page's.
+    text = re.sub(r'(fill|stroke)="(var\([^)]*\))"', r'style="\1: \2"', text)
+    text = re.sub(r"font-family: [^;\"]*", "font-family: var(--sans)", text)
+    # A style sheet within an SVG would hold for the whole page, and groups of all figures share their ids.
+    text = re.sub(r"<style[^>]*>.*?</style>", "", text, flags=re.DOTALL)
+    text = re.sub(r'<g id="[^"]*"', "<g", text)
+    head, rest = text.split(">", 1)
+    view = re.search(r'viewBox="([^"]*)"', head)[1]
+    title = f"<title>{_escape(label)}</title>"
+    width = float(view.split()[2]) * 4 / 3  # points to CSS pixels
+    return f'<svg viewBox="{view}" role="img" class="plot" style="max-width: {width:.0f}px">{title}{rest}'
+
+
+def _escape(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")

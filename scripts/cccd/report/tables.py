@@ -1,0 +1,166 @@
+"""Data frames as tables of the page: headings a person reads, numbers that line up, values that sort."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+__all__ = ["Cell", "Column", "Table", "number", "read_csv", "table", "words"]
+
+#: Endings of column names that are units, and how they are written.
+UNITS = {
+    "_mm": "mm",
+    "_mm3": "mm³",
+    "_ml": "ml",
+    "_px": "px",
+    "_s": "s",
+    "_ms": "ms",
+    "_mb": "MB",
+    "_kb": "kB",
+    "_bytes": "bytes",
+    "_percent": "%",
+    "_per_mm": "per mm",
+    "_per_mm2": "per mm²",
+}
+
+#: Words that are written otherwise than in lower case.
+SPELLINGS = {
+    "assd": "ASSD",
+    "hd95": "95 % Hausdorff",
+    "hausdorff95": "95 % Hausdorff",
+    "dice": "Dice",
+    "jaccard": "Jaccard",
+    "cccd": "CCCD",
+    "gnn": "GNN",
+    "f1": "F1",
+    "png": "PNG",
+    "csv": "CSV",
+    "iou": "IoU",
+    "rss": "memory",
+    "cpu": "CPU",
+    "dsc": "DSC",
+    "hausdorff": "Hausdorff",
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """``text`` to read, ``value`` to sort and save; ``link`` is an address or None."""
+
+    text: str
+    value: str
+    numeric: bool = False
+    link: str | None = None
+
+
+@dataclass(frozen=True)
+class Column:
+    """``name`` as in the CSV; ``heading`` and ``unit`` to read."""
+
+    name: str
+    heading: str
+    unit: str
+    numeric: bool
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the page; ``key`` is its HTML id and its CSV's stem."""
+
+    key: str
+    columns: list[Column]
+    rows: list[list[Cell]]
+    file: str
+
+
+def read_csv(path: Path) -> pd.DataFrame | None:
+    """The table, or None when the file is not there or holds no rows."""
+    if not path.is_file() or path.stat().st_size == 0:
+        return None
+    frame = pd.read_csv(path)
+    return None if frame.empty else frame
+
+
+def words(name: str) -> tuple[str, str]:
+    """Heading and unit of a column name.
+
+    >>> words("assd_mm"), words("volume_bias_percent"), words("Paper Dice")
+    (('ASSD', 'mm'), ('Volume bias', '%'), ('Paper Dice', ''))
+    """
+    unit = ""
+    for ending in sorted(UNITS, key=len, reverse=True):
+        if name.endswith(ending) and len(name) > len(ending):
+            name, unit = name[: -len(ending)], UNITS[ending]
+            break
+    parts = [SPELLINGS.get(part.lower(), part) for part in re.split(r"[_\s]+", name.strip()) if part]
+    heading = " ".join(parts)
+    return (heading[:1].upper() + heading[1:] if heading.islower() or parts[0].islower() else heading), unit
+
+
+def number(value: Any, digits: int = 4) -> str:
+    """A number as text: ``digits`` significant digits, thousands parted by narrow spaces, a true minus sign.
+
+    >>> number(0.98491), number(12345), number(-0.00321), number(float("nan")), number(12345.6)
+    ('0.9849', '12\u202f345', '−0.00321', '–', '12\u202f346')
+    """
+    if value is None or (isinstance(value, Real) and not math.isfinite(value)):
+        return "–"
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    if isinstance(value, Integral):
+        return f"{int(value):,}".replace(",", "\u202f").replace("-", "−")
+    size = abs(float(value))
+    if size >= 10 ** (digits - 1):
+        text = f"{float(value):,.0f}"
+    elif 0 < size < 1e-4:
+        text = f"{float(value):.{max(digits - 3, 0)}e}"
+    else:
+        whole = 0 if size < 1 else int(math.log10(size)) + 1
+        leading = 0 if size >= 1 or size == 0 else -int(math.floor(math.log10(size))) - 1
+        text = f"{float(value):.{max(digits - whole + min(leading, 2 if leading else 0), 0)}f}"
+        text = text.rstrip("0").rstrip(".") if size < 1e-2 else text
+    return text.replace(",", "\u202f").replace("-", "−")
+
+
+def _cell(value: Any, link: str | None = None) -> Cell:
+    if value is None or value is pd.NA or (isinstance(value, Real) and not math.isfinite(value)):
+        return Cell("–", "", True)
+    if isinstance(value, (bool, np.bool_)):
+        return Cell("yes" if value else "no", str(bool(value)), False, link)
+    if isinstance(value, Real):
+        return Cell(number(value), repr(value.item() if isinstance(value, np.generic) else value), True, link)
+    return Cell(str(value), str(value), False, link)
+
+
+def table(key: str, frame: pd.DataFrame, links: Iterable[str | None] | None = None) -> Table:
+    """A data frame as a table of the page; columns without any value are left out.
+
+    Parameters
+    ----------
+    key : str
+        HTML id; also the stem of the CSV's name.
+    frame : pandas.DataFrame
+    links : iterable of str or None, optional
+        Where each row's first cell leads.
+    """
+    frame = frame.dropna(axis="columns", how="all")
+    columns = []
+    for name in frame.columns:
+        heading, unit = words(str(name))
+        series = frame[name]
+        numeric = pd.api.types.is_numeric_dtype(series) and not pd.api.types.is_bool_dtype(series)
+        columns.append(Column(str(name), heading, unit, numeric))
+    targets = list(links) if links is not None else [None] * len(frame)
+    rows = [
+        [_cell(value, link if place == 0 else None) for place, value in enumerate(row)]
+        for row, link in zip(frame.astype(object).itertuples(index=False, name=None), targets, strict=True)
+    ]
+    return Table(key, columns, rows, f"{key}.csv")

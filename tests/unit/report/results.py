@@ -1,0 +1,139 @@
+"""A small but real result folder: an organ with an analytic surface, written by the library's own writers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import trimesh
+
+from cccd.boundary import extract_boundaries
+from cccd.chaincode import chain_codes, trace_mask
+from cccd.containers import Frame, Patch, Splines, Structure
+from cccd.report.render import render_surface
+from cccd.store import write_boundaries, write_curves, write_json, write_patches, write_structure
+
+RADII = np.array([24.0, 30.0, 21.0])
+SPACING = np.array([1.0, 1.0, 2.0])
+BOUNDARIES = {"source": "mask", "blur_px": 1.5, "dilations": 3, "edge_quantile": 0.8}
+
+
+def radius(direction: np.ndarray) -> np.ndarray:
+    """Distance from the centre to the surface in unit directions (n, 3): an ellipsoid with two soft lobes."""
+    ellipsoid = 1 / np.linalg.norm(direction / RADII, axis=1)
+    return ellipsoid * (1 - 0.18 * np.exp(-((direction[:, 0] / 0.25) ** 2)) * (direction[:, 1] > 0) * direction[:, 1])
+
+
+def make_structure(case: str, organ: str, warnings: tuple[str, ...] = ()) -> tuple[Structure, np.ndarray]:
+    """The structure, and the world coordinates of its centre."""
+    shape = (64, 76, 28)
+    affine = np.diag([-1.0, -1.0, 2.0, 1.0])  # LPS voxels, as CT comes
+    affine[:3, 3] = (40.0, 30.0, -100.0)
+    centre = affine[:3, :3] @ (np.array(shape) / 2) + affine[:3, 3]
+    index = np.stack(np.indices(shape), -1).reshape(-1, 3)
+    offset = index @ affine[:3, :3].T + affine[:3, 3] - centre
+    distance = np.linalg.norm(offset, axis=1)
+    mask = distance <= radius(offset / np.maximum(distance, 1e-9)[:, None])
+    image = np.where(mask, 110.0, -60.0) + np.random.default_rng(1).normal(0, 12, len(mask))
+    frame = Frame(affine, 2, shape)
+    provenance = {"source": "phantom", "files": [{"path": f"{case}.nii.gz", "sha256": "ab" * 32}]}
+    structure = Structure(
+        case,
+        organ,
+        frame,
+        np.zeros(3, int),
+        image=image.reshape(shape).astype(np.float32),
+        mask=mask.reshape(shape),
+        provenance=provenance,
+        warnings=list(warnings),
+    )
+    return structure, centre
+
+
+def make_splines(curves, corners: list[np.ndarray]) -> Splines:
+    """Uniform cubic splines with the corners as control points (eq. 9)."""
+    degree = 3
+    knots = [np.arange(len(part) + 2 * degree + 1, dtype=float) for part in corners]
+    return Splines(
+        np.concatenate(corners),
+        np.cumsum([0, *map(len, corners)]),
+        np.concatenate(knots),
+        np.cumsum([0, *map(len, knots)]),
+        curves.slice,
+        curves.hole,
+        degree,
+        curves.frame,
+    )
+
+
+def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...] = ()) -> None:
+    """Everything that the stages leave for one structure."""
+    structure, centre = make_structure(case, organ, warnings)
+    write_structure(folder / "structure.h5", structure)
+    boundaries = extract_boundaries(structure, BOUNDARIES)
+    write_boundaries(folder / "boundaries.h5", boundaries)
+    curves = trace_mask(structure)
+    corners = [part[:: max(1, len(part) // 24)] for part in curves]
+    write_curves(
+        folder / "curves.h5",
+        curves,
+        chain_codes(curves.points, curves.offsets),
+        (np.concatenate(corners), np.cumsum([0, *map(len, corners)])),
+        make_splines(curves, corners),
+        {"ordering": {}},
+    )
+    mesh = trimesh.creation.icosphere(subdivisions=4)
+    vertices = centre + mesh.vertices * radius(np.asarray(mesh.vertices))[:, None]
+    trimesh.Trimesh(vertices, mesh.faces, process=False).export(folder / "surface.ply")
+    u = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    v = np.linspace(0, np.pi, 14)
+    sphere = np.stack(
+        [np.outer(np.cos(u), np.sin(v)), np.outer(np.sin(u), np.sin(v)), np.outer(np.ones(24), np.cos(v))], -1
+    )
+    net = centre + 1.03 * sphere * radius(sphere.reshape(-1, 3)).reshape(24, 14, 1)
+    patch = Patch(net, np.ones((24, 14)), np.arange(31.0), np.arange(18.0), 3, 3, True, False, 1)
+    write_patches(folder / "surface.h5", [patch], structure.frame, {"warnings": []})
+    write_json(folder / "metrics.json", make_metrics(case, organ, np.random.default_rng(len(case + organ)), warnings))
+
+
+def make_metrics(case: str, organ: str, rng: np.random.Generator, warnings: tuple[str, ...] = ()) -> dict:
+    """Metrics of the shape that the pipeline writes."""
+    return {
+        "case": case,
+        "organ": organ,
+        "surface": {
+            "dice": 1 - 0.01 * rng.random(),
+            "assd_mm": 0.2 + 0.3 * rng.random(),
+            "volume_bias": 0.003 * rng.standard_normal(),
+            "control_points": int(rng.integers(800, 3000)),
+            "control_net_bytes": int(rng.integers(10_000, 40_000)),
+            "triangles": int(rng.integers(50_000, 200_000)),
+        },
+        "warnings": list(warnings),
+    }
+
+
+def write_run(root: Path, structures: list[tuple[str, str]], picture: bool = True) -> Path:
+    """A whole run's results and benchmarks; the results' folder is returned."""
+    results = root / "results"
+    for case, organ in structures:
+        folder = results / case / organ
+        write_results(folder, case, organ, ("Cut by the field of view at the top.",) if organ == "liver" else ())
+        if picture:
+            render_surface(folder / "surface.ply", folder / "picture.png", pixels=200)
+    epochs = np.arange(1, 31)
+    history = pd.DataFrame({"epoch": epochs, "train_loss": 0.7 / epochs, "validation_loss": 0.8 / epochs + 0.05,
+                            "validation_f1": 1 - 0.4 / epochs})  # fmt: skip
+    (results / "gnn").mkdir(parents=True)
+    history.to_csv(results / "gnn" / "history.csv", index=False)
+    (results / "tables").mkdir()
+    pd.DataFrame({"method": ["Harris", "<b>CCCD</b>"], "corners": [716, 189], "false_share_percent": [67.5, 0.0]}).to_csv(
+        results / "tables" / "table1_corners.csv", index=False
+    )
+    write_json(results / "tables" / "remarks.json", {"table1": "Harris misses the boundary here, too."})
+    benchmarks = root / "benchmarks" / structures[0][0] / structures[0][1]
+    benchmarks.mkdir(parents=True)
+    line = "s\th:m:s\tmax_rss\tmax_vms\tmax_uss\tmax_pss\tio_in\tio_out\tmean_load\tcpu_time\n2.5\t0:00:02\t310.5\t1\t1\t1\t1\t1\t90\t2.4\n"
+    (benchmarks / "loft_surface.tsv").write_text(line)
+    return results
