@@ -16,3 +16,9 @@ EVEN_SPACING = 0.02
 
 #: Two grids are the same when their affines agree to this share of a voxel at every corner.
 SAME_GRID_VOXELS = 0.05
+
+#: Spacings that differ by less than this share count as equal when the slice axis is chosen.
+SAME_SPACING = 1e-3
+
+#: Vertices of a phantom's true surface lie this near to its zero set.
+PROJECTION_MM = 1e-4

@@ -1,0 +1,149 @@
+"""Grids: affines, axis orders, the slice axis, cropping.
+
+All affines are RAS millimetres of voxel centres: ``world = affine @ (a, b, c, 1)``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy import ndimage
+
+from cccd.containers import Frame
+from cccd.errors import InputError
+from cccd.tolerances import ORTHOGONALITY, SAME_GRID_VOXELS, SAME_SPACING
+
+__all__ = [
+    "Volume",
+    "bounding_box",
+    "check_affine",
+    "crop",
+    "find_slice_axis",
+    "on_grid",
+    "resample",
+    "same_grid",
+]
+
+#: LPS and RAS differ by the sign of the first two axes.
+LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
+
+
+@dataclass
+class Volume:
+    """A scan as it was read.
+
+    Attributes
+    ----------
+    data : (a, b, c) array
+        Grey values or labels in the file's own axis order.
+    affine : (4, 4) float64
+        Index to world mm (RAS).
+    place : str
+        What messages call it: file or folder name.
+    names : dict of int to str
+        Names of labels where the file tells them.
+    warnings : list of str
+        What the reader noticed.
+    """
+
+    data: np.ndarray
+    affine: np.ndarray
+    place: str
+    names: dict[int, str] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+
+def check_affine(affine: np.ndarray, place: str) -> np.ndarray:
+    """Refuse an affine that is no scanner grid: not finite, without extent, or sheared.
+
+    Raises
+    ------
+    InputError
+        Names ``place``.
+    """
+    affine = np.asarray(affine, float)
+    if affine.shape != (4, 4) or not np.isfinite(affine).all():
+        raise InputError(place, "its affine is not finite", "export the scan again")
+    spacing = np.linalg.norm(affine[:3, :3], axis=0)
+    if (spacing <= 0).any():
+        sizes = " x ".join(f"{size:g}" for size in spacing)
+        raise InputError(place, f"its voxels have no extent ({sizes} mm)", "mend the spacing in its header")
+    directions = affine[:3, :3] / spacing
+    cosines = np.abs(directions.T @ directions - np.eye(3))
+    if cosines.max() > ORTHOGONALITY:
+        raise InputError(
+            place,
+            f"its axes are not at right angles (cosine {cosines.max():.3f}: a tilted gantry or a sheared affine)",
+            "resample the scan to an orthogonal grid first",
+        )
+    return affine
+
+
+def find_slice_axis(affine: np.ndarray, choice: str | int = "auto") -> int:
+    """Choose the axis along which slices run.
+
+    The thickest spacing wins; among equals, the axis nearest to superior-inferior.
+    """
+    if choice != "auto":
+        return int(choice)
+    columns = np.asarray(affine)[:3, :3]
+    spacing = np.linalg.norm(columns, axis=0)
+    thickest = spacing >= spacing.max() * (1 - SAME_SPACING)
+    return int(np.argmax(np.where(thickest, np.abs(columns[2]) / spacing, -1.0)))
+
+
+def same_grid(first: np.ndarray, second: np.ndarray, shape: tuple[int, ...]) -> bool:
+    """Tell whether two affines agree at every corner of a grid to `SAME_GRID_VOXELS` of a voxel."""
+    corners = np.stack(np.meshgrid(*[(0, max(n - 1, 1)) for n in shape], indexing="ij"), -1).reshape(-1, 3)
+    shift = corners @ (first - second)[:3, :3].T + (first - second)[:3, 3]
+    size = np.linalg.norm(first[:3, :3], axis=0).min()
+    return bool(np.linalg.norm(shift, axis=1).max() <= SAME_GRID_VOXELS * size)
+
+
+def on_grid(volume: Volume, affine: np.ndarray, shape: tuple[int, ...]) -> Volume | None:
+    """Reorder and flip axes so that ``volume`` lies on the given grid; None where that takes resampling."""
+    relation = np.linalg.inv(affine) @ volume.affine  # index in volume -> index on the grid
+    order = np.abs(relation[:3, :3]).argmax(axis=0)  # grid axis of every axis of the volume
+    if sorted(order) != [0, 1, 2]:
+        return None
+    data = np.transpose(volume.data, np.argsort(order))
+    if data.shape != tuple(shape):
+        return None
+    moved = volume.affine[:, [*np.argsort(order), 3]].copy()
+    for axis in range(3):
+        if relation[axis, np.argsort(order)[axis]] < 0:
+            data = np.flip(data, axis)
+            moved[:3, 3] += moved[:3, axis] * (shape[axis] - 1)
+            moved[:3, axis] *= -1
+    return replace(volume, data=data, affine=affine) if same_grid(affine, moved, shape) else None
+
+
+def resample(volume: Volume, affine: np.ndarray, shape: tuple[int, ...], order: int) -> Volume:
+    """Interpolate ``volume`` on another grid: ``order`` 0 for labels, 1 for grey values."""
+    relation = np.linalg.inv(volume.affine) @ affine
+    data = ndimage.affine_transform(
+        volume.data, relation[:3, :3], relation[:3, 3], tuple(shape), order=order, mode="nearest"
+    )
+    return replace(volume, data=data, affine=affine)
+
+
+def bounding_box(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and last index (3,) of the voxels that are set."""
+    spans = [np.flatnonzero(mask.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
+    return np.array([span[0] for span in spans]), np.array([span[-1] for span in spans])
+
+
+def crop(array: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Cut out ``array[first:last + 1]``; beyond the array's faces a mask is False and grey values go on."""
+    first, last, shape = np.asarray(first), np.asarray(last), np.array(array.shape)
+    inside = tuple(slice(max(a, 0), b + 1) for a, b in zip(first, last, strict=True))
+    beyond = [(max(-a, 0), max(b + 1 - n, 0)) for a, b, n in zip(first, last, shape, strict=True)]
+    if array.dtype == bool:
+        return np.pad(array[inside], beyond)
+    return np.pad(array[inside], beyond, mode="edge")
+
+
+def frame_of(volume: Volume, slice_axis: str | int) -> Frame:
+    """Frame of a volume whose affine has been checked."""
+    return Frame(volume.affine, find_slice_axis(volume.affine, slice_axis), tuple(volume.data.shape))

@@ -1,0 +1,119 @@
+"""Read volumes from NIfTI, NRRD, MHA and whatever else SimpleITK reads.
+
+Every reader gives a `Volume` in the file's own axis order with its affine in RAS, and refuses what is no
+single three-dimensional scalar scan.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import nibabel as nib
+import numpy as np
+import SimpleITK as sitk  # noqa: N813
+
+from cccd.errors import InputError
+from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
+
+__all__ = ["NIFTI_SUFFIXES", "read_itk", "read_nifti"]
+
+NIFTI_SUFFIXES = (".nii", ".nii.gz", ".hdr", ".img", ".mgz", ".mgh")
+
+
+def _spatial(data: np.ndarray, place: str) -> np.ndarray:
+    """Drop trailing axes of length one; refuse what is still not three-dimensional."""
+    while data.ndim > 3 and data.shape[-1] == 1:
+        data = data[..., 0]
+    if data.ndim != 3:
+        size = " x ".join(str(n) for n in data.shape)
+        raise InputError(place, f"not a 3-D volume ({size})", "give one volume or one time point of it")
+    if data.dtype.names or not (np.issubdtype(data.dtype, np.number) or data.dtype == bool):
+        raise InputError(place, "its voxels are not single numbers (colour?)", "give a grey or label volume")
+    if np.iscomplexobj(data):
+        raise InputError(place, "its voxels are complex numbers", "give the magnitude")
+    if not data.size:
+        raise InputError(place, "it holds no voxels", "export the scan again")
+    return data
+
+
+def read_nifti(path: Path) -> Volume:
+    """Read NIfTI-1/2, Analyze or MGH with nibabel, scaled as its header says.
+
+    The affine is the sform where it is set, otherwise the qform.
+
+    Raises
+    ------
+    InputError
+        Not readable, truncated, not 3-D, or with an unusable affine.
+    """
+    place = path.name
+    try:
+        image = nib.load(path)
+        if not isinstance(image, nib.spatialimages.SpatialImage):
+            raise InputError(place, "not a volume", "give a 3-D volume")
+        affine = check_affine(image.affine, place)
+        data = np.asanyarray(image.dataobj)
+    except InputError:
+        raise
+    except (OSError, EOFError) as error:
+        raise InputError(
+            place, f"damaged or truncated ({_reason(error)})", "copy or download the file again"
+        ) from None
+    except Exception as error:
+        raise InputError(
+            place, f"not a readable NIfTI volume ({_reason(error)})", "convert it to NIfTI, NRRD or MHA"
+        ) from None
+    warnings = []
+    if isinstance(image, nib.Nifti1Image) and not (image.header["sform_code"] or image.header["qform_code"]):
+        warnings.append(f"{place}: no orientation in its header; left and right may be swapped")
+    return Volume(_spatial(data, place), affine, place, warnings=warnings)
+
+
+def read_itk(path: Path) -> Volume:
+    """Read NRRD, MHA/MHD or another format of SimpleITK.
+
+    Raises
+    ------
+    InputError
+        Not readable, not 3-D, or with an unusable grid.
+    """
+    place = path.name
+    reader = sitk.ImageFileReader()
+    reader.SetFileName(str(path))
+    try:
+        reader.ReadImageInformation()
+        image = reader.Execute()
+    except RuntimeError as error:
+        raise InputError(
+            place, f"not a readable volume ({_reason(error)})", "give NIfTI, NRRD, MHA or DICOM"
+        ) from None
+    if image.GetNumberOfComponentsPerPixel() > 1:
+        raise InputError(
+            place, "its voxels are not single numbers (colour or 4-D)", "give a grey or label volume"
+        )
+    data = sitk.GetArrayFromImage(image).T
+    if image.GetDimension() != 3:
+        return Volume(_spatial(data, place), np.eye(4), place)
+    affine = np.eye(4)
+    affine[:3, :3] = np.reshape(image.GetDirection(), (3, 3)) * image.GetSpacing()
+    affine[:3, 3] = image.GetOrigin()
+    keys = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys()}
+    return Volume(
+        _spatial(data, place), check_affine(LPS_TO_RAS @ affine, place), place, _segment_names(keys)
+    )
+
+
+def _segment_names(keys: dict[str, str]) -> dict[int, str]:
+    """Names of labels as 3D Slicer writes them into ``.seg.nrrd``."""
+    names = {}
+    for key, value in keys.items():
+        if match := re.fullmatch(r"(Segment\d+)_LabelValue", key):
+            names[int(value)] = keys.get(f"{match[1]}_Name", match[1])
+    return names
+
+
+def _reason(error: Exception) -> str:
+    """Give the telling line of an error."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return (lines[-1] if lines else type(error).__name__)[:160]
