@@ -1,0 +1,100 @@
+"""The B-spline snake from a circular seed on one structure: Figure 15."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from cccd.comparisons.parameters import PAPER_TABLE_2
+from cccd.comparisons.registry import CONTOURS, CORNER_DETECTORS
+from cccd.comparisons.samples import SliceSample, choose_slices
+from cccd.containers import Curves, Structure
+from cccd.metrics import dice, rasterise_slice
+
+__all__ = ["compare_active_contour", "equivalent_radius", "snake", "snake_corners"]
+
+
+def compare_active_contour(
+    structure: Structure, curves: Curves, settings: Mapping, seed: int
+) -> pd.DataFrame:
+    """Wrap each slice from seeds of many radii and positions.
+
+    Parameters
+    ----------
+    structure : Structure
+    curves : Curves
+        The ordered curves, taken as the truth.
+    settings : mapping
+        The configuration's ``comparisons``; ``active_contour`` is used.
+    seed : int
+        Of the direction in which seeds are moved off the organ's centroid, one for each slice.
+
+    Returns
+    -------
+    DataFrame
+        One row per slice, method (snake on corners, snake on the grey image) and seed: ``setting`` (a
+        letter of Figure 15, or ``grid``), ``radius`` and ``offset`` in equivalent radii of the organ
+        (that of a disc of its area), ``angle`` in degrees, ``corners``, ``dice``, ``ms``.
+    """
+    section = settings["active_contour"]
+    rng = np.random.default_rng(seed)
+    rows = []
+    for sample in choose_slices(structure, curves, section["n_slices"], section["min_contour_px"]):
+        angle = float(rng.uniform(0, 2 * np.pi))
+        seeds = [(name, *where) for name, where in section["figure_15"].items()]
+        seeds += [("grid", radius, offset) for radius in section["radii"] for offset in section["offsets"]]
+        corners = snake_corners(sample)
+        for name, method in CONTOURS.items():
+            if name not in {"corners", *sample.images}:
+                continue
+            for setting, radius, offset in seeds:
+                begin = time.process_time()
+                curve = snake(sample, name, radius, offset, angle)
+                ms = 1e3 * (time.process_time() - begin)
+                region = rasterise_slice([curve], sample.origin, sample.region.shape)
+                rows.append(
+                    {
+                        "case": structure.case,
+                        "organ": structure.organ,
+                        "slice": sample.k,
+                        "method": method.title,
+                        "setting": setting,
+                        "radius": radius,
+                        "offset": offset,
+                        "angle": np.degrees(angle),
+                        "corners": len(corners),
+                        "dice": float(dice(sample.region, region)),
+                        "ms": ms,
+                    }
+                )
+    return pd.DataFrame(rows)
+
+
+def equivalent_radius(sample: SliceSample) -> float:
+    """Radius in pixels of the disc that has the area of the slice's region."""
+    return float(np.sqrt(np.count_nonzero(sample.region) / np.pi))
+
+
+def snake_corners(sample: SliceSample) -> np.ndarray:
+    """Shi-Tomasi corners (K, 2) of the organ's mask in source (i, j), the snake's targets in the paper."""
+    parameters = PAPER_TABLE_2["shi_tomasi"]
+    return CORNER_DETECTORS["shi_tomasi"].run(sample.images["mask"], **parameters) + sample.origin
+
+
+def seed_of(sample: SliceSample, radius: float, offset: float, angle: float) -> tuple[np.ndarray, float]:
+    """Centre (2,) in source (i, j) and radius in pixels of a seed given in equivalent radii."""
+    unit = equivalent_radius(sample)
+    centre = np.argwhere(sample.region).mean(0) + sample.origin
+    return centre + offset * unit * np.array([np.sin(angle), np.cos(angle)]), radius * unit
+
+
+def snake(sample: SliceSample, name: str, radius: float, offset: float, angle: float) -> np.ndarray:
+    """Curve (n, 2) in source (i, j) of a registered contour from a seed given in equivalent radii."""
+    centre, size = seed_of(sample, radius, offset, angle)
+    run = CONTOURS[name].run
+    if name == "corners":
+        return run(snake_corners(sample), centre, size)
+    return run(sample.images[name], centre - sample.origin, size) + sample.origin

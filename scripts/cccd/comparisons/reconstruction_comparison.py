@@ -1,0 +1,135 @@
+"""Curve reconstruction from points on one structure: Tables 4 and 5, Figure 16."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from scipy.spatial import cKDTree
+
+from cccd.comparisons.links import count_links, enclosed_region, unique_links
+from cccd.comparisons.parameters import PAPER_TABLE_2
+from cccd.comparisons.registry import CORNER_DETECTORS, RECONSTRUCTIONS, reconstruct
+from cccd.comparisons.samples import SliceSample, choose_slices
+from cccd.containers import Boundaries, Curves, Frame, Structure
+from cccd.metrics import dice
+
+__all__ = ["DENSE", "HARRIS", "JITTERED", "compare_reconstruction", "link_along_chain", "point_sets"]
+
+#: The point sets by the names that tables and figures show.
+DENSE, HARRIS, JITTERED = "dense boundary", "Harris corners on the boundary", "every {every}th with jitter"
+
+CCCD = "Proposed CCCD"
+
+
+def compare_reconstruction(
+    structure: Structure, curves: Curves, settings: Mapping, seed: int, model=None
+) -> pd.DataFrame:
+    """Link three point sets per slice by every registered method, and by CCCD.
+
+    Parameters
+    ----------
+    structure : Structure
+    curves : Curves
+        The ordered curves, taken as the truth.
+    settings : mapping
+        The configuration's ``comparisons``; ``reconstruction`` is used.
+    seed : int
+        Of the jitter.
+    model : torch module, optional
+        From `cccd.junctions.load_model`. With it CCCD orders the bare boundary pixels itself; without
+        it, and for the two sparse sets in any case, it has the chain code of the boundary.
+
+    Returns
+    -------
+    DataFrame
+        One row per slice, point set and method: ``points``, ``n_points``, ``connected``,
+        ``disconnected``, ``open_ends``, ``junctions``, ``left_out``, ``closed`` (see
+        `cccd.comparisons.links.LinkCounts`), ``dice`` of what the links enclose, ``ms`` of processor
+        time (median of ``repeats``), and ``given``: what the method saw.
+
+    Notes
+    -----
+    CCCD never throws the boundary away: a corner carries its place in the chain code, so sparse points
+    are linked along it. The other methods see the points alone. The rows say so in ``given``.
+    """
+    section = settings["reconstruction"]
+    rng = np.random.default_rng(seed)
+    rows = []
+    for sample in choose_slices(structure, curves, section["n_slices"], section["min_contour_px"]):
+        labels = {"case": structure.case, "organ": structure.organ, "slice": sample.k}
+        for name, points in point_sets(sample, section["every"], section["jitter_px"], rng).items():
+            runs = {
+                method.title: (lambda key=key, points=points: (points, reconstruct(key, points)), "points")
+                for key, method in RECONSTRUCTIONS.items()
+            }
+            runs[CCCD] = _cccd_run(structure, sample, name, points, model, curves.frame)
+            for method, (run, given) in runs.items():
+                (linked, links), ms = _timed(run, section["repeats"])
+                counts = count_links(links, len(linked))
+                region = enclosed_region(linked, links, sample.origin, sample.region.shape)
+                score = float(dice(sample.region, region))
+                row = {"points": name, "n_points": len(points), "method": method, "given": given}
+                rows.append(labels | row | vars(counts) | {"dice": score, "ms": ms})
+    return pd.DataFrame(rows)
+
+
+def point_sets(
+    sample: SliceSample, every: int, jitter_px: float, rng: np.random.Generator
+) -> dict[str, np.ndarray]:
+    """Point sets (N, 2) of a slice's longest curve, unordered (raster order).
+
+    The dense boundary pixels; the Harris corners (the paper's Table 2 parameters, on the organ's mask)
+    that are boundary pixels; every ``every``-th pixel, moved by Gaussian noise of ``jitter_px``.
+    """
+    harris = CORNER_DETECTORS["harris"].run(sample.images["mask"], **PAPER_TABLE_2["harris"]) + sample.origin
+    on_curve = cKDTree(sample.curve).query(harris)[0] == 0 if len(harris) else np.zeros(0, bool)
+    sparse = sample.curve[::every]
+    sets = {
+        DENSE: sample.curve,
+        HARRIS: harris[on_curve].astype(float),
+        JITTERED.format(every=every): sparse + rng.normal(0, jitter_px, sparse.shape),
+    }
+    return {name: points[np.lexsort(points.T[::-1])] for name, points in sets.items() if len(points) >= 3}
+
+
+def link_along_chain(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
+    """Links (N, 2) that join points in the order of their places on an ordered closed ``curve`` (n, 2)."""
+    distance, place = cKDTree(curve).query(points)
+    order = np.lexsort((distance, place))
+    return unique_links(np.column_stack([order, np.roll(order, -1)]))
+
+
+def _cccd_run(structure: Structure, sample: SliceSample, name: str, points: np.ndarray, model, frame: Frame):
+    """CCCD's way of linking a point set, and what it is given."""
+    if name != DENSE or model is None:
+        return (lambda: (points, link_along_chain(points, sample.curve))), "points and chain code"
+
+    from cccd.junctions import order_boundaries  # torch takes seconds to import: only with a model
+
+    pixels = Boundaries(
+        points.astype(np.int32), np.array([0, len(points)]), np.array([sample.k], np.int32), frame
+    )
+
+    def run() -> tuple[np.ndarray, np.ndarray]:
+        ordered, _ = order_boundaries(pixels, model)
+        if not len(ordered):
+            return points, np.zeros((0, 2), np.int64)
+        following = np.arange(len(ordered.points)) + 1
+        filled = ordered.offsets[1:] > ordered.offsets[:-1]
+        following[ordered.offsets[1:][filled] - 1] = ordered.offsets[:-1][filled]
+        return ordered.points, unique_links(np.column_stack([np.arange(len(following)), following]))
+
+    return run, "points"
+
+
+def _timed(run, repeats: int):
+    """Result of ``run`` and the median of its processor times in ms, after one call to warm up."""
+    result, times = run(), []
+    for _ in range(repeats):
+        begin = time.process_time()
+        run()
+        times.append(1e3 * (time.process_time() - begin))
+    return result, float(np.median(times))

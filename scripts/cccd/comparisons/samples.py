@@ -1,0 +1,108 @@
+"""The slices a structure is compared on, and what every planar comparison needs of each.
+
+Every method is judged on the slice's longest outer curve: the paper's ground truth is one closed
+boundary. Slices are spread evenly over those whose longest curve is long enough to be worth a curve
+method; the choice depends on nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cccd.containers import Curves, Structure
+from cccd.metrics import rasterise_slice
+
+__all__ = ["SliceSample", "choose_slices", "to_bytes"]
+
+#: Pixels of background around the curve, so that what leaks out of it is seen.
+MARGIN = 8
+
+
+@dataclass(frozen=True)
+class SliceSample:
+    """One slice with its ground truth.
+
+    Attributes
+    ----------
+    k : int
+        Source index of the slice.
+    curve : (n, 2) float64
+        Longest outer curve, ordered, in source (i, j).
+    boundary : (p, 2) float64
+        Points of all curves of the slice.
+    origin : (2,) int64
+        Source index (i, j) of the window's first pixel.
+    region : (I, J) bool
+        Pixels within `curve`: what a method should enclose.
+    images : dict of str to (I, J) uint8
+        ``mask``: all curves of the slice filled, 0 or 255; ``grey``: the grey slice when there is one.
+    """
+
+    k: int
+    curve: np.ndarray
+    boundary: np.ndarray
+    origin: np.ndarray
+    region: np.ndarray
+    images: dict[str, np.ndarray]
+
+
+def choose_slices(
+    structure: Structure, curves: Curves, n_slices: int, min_contour_px: float
+) -> list[SliceSample]:
+    """Take ``n_slices`` slices, spread evenly over those with a curve of ``min_contour_px`` points or more.
+
+    A structure with fewer such slices gives them all; one with none gives its longest curve's slice.
+
+    Parameters
+    ----------
+    structure : Structure
+        Its grey image, if any, is scaled to 8 bit over the whole crop (see `to_bytes`).
+    curves : Curves
+        The ordered curves, taken as the truth.
+    """
+    length = np.where(curves.hole, 0, np.diff(curves.offsets))
+    slices, number = np.unique(curves.slice, return_inverse=True)
+    if not len(slices):
+        return []
+    longest = np.zeros(len(slices), np.int64)
+    np.maximum.at(longest, number, length)
+    fit = np.flatnonzero(longest >= min(min_contour_px, longest.max()))
+    places = np.unique(np.linspace(0, len(fit) - 1, min(n_slices, len(fit)) + 2).round().astype(int)[1:-1])
+    stack = structure.stack("image")
+    grey = None if stack is None else to_bytes(stack)
+    return [_sample(structure, curves, length, int(slices[place]), grey) for place in fit[places]]
+
+
+def _sample(
+    structure: Structure, curves: Curves, length: np.ndarray, k: int, grey: np.ndarray | None
+) -> SliceSample:
+    members = np.flatnonzero(curves.slice == k)
+    polygons = [curves.points[curves.offsets[c] : curves.offsets[c + 1]] for c in members]
+    main = polygons[int(np.argmax(length[members]))]
+    boundary = np.concatenate(polygons)
+    origin = np.floor(boundary.min(0)).astype(np.int64) - MARGIN
+    shape = tuple(np.ceil(boundary.max(0)).astype(np.int64) + MARGIN + 1 - origin)
+    images = {"mask": rasterise_slice(polygons, origin, shape).astype(np.uint8) * 255}
+    if grey is not None:
+        k0, *corner = structure.stack_origin
+        images["grey"] = _window(grey[k - k0], origin - corner, shape)
+    region = rasterise_slice([main], origin, shape)
+    return SliceSample(k, main, boundary, origin, region, images)
+
+
+def _window(image: np.ndarray, first: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Cut a window out of an image, its edge pixels repeated beyond the edge."""
+    rows, columns = (
+        np.clip(np.arange(start, start + size), 0, limit - 1)
+        for start, size, limit in zip(first, shape, image.shape, strict=True)
+    )
+    return np.ascontiguousarray(image[np.ix_(rows, columns)])
+
+
+def to_bytes(stack: np.ndarray) -> np.ndarray:
+    """Grey values as 8 bit: linear between the stack's 1st and 99th percentile, cut off beyond."""
+    low, high = np.percentile(stack[np.isfinite(stack)], (1, 99))
+    scaled = (np.nan_to_num(stack, nan=low) - low) * (255 / max(high - low, np.finfo(np.float32).tiny))
+    return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
