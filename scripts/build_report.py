@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from cccd.job import job
-from cccd.report import build_report
+from cccd.report.page import build_report
 
 with job(snakemake.log[0], "report"):
     output = Path(snakemake.output[0])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cccd.chaincode import trace_mask
+from cccd.chaincode import left_out, trace_mask
 from cccd.containers import Boundaries, Curves, Structure
 from cccd.errors import InputError
 from cccd.junctions import order_boundaries
@@ -53,8 +53,10 @@ def order_structure(
     )
     traced = ordering == "auto" and structure.mask is not None and structure.boundary is None
     if traced:
-        exact, tracing = trace_mask(structure)
-        report |= {"method": "traced mask", "tracing": tracing, "gnn_agreement": _agreement(exact, curves)}
+        exact = trace_mask(structure)
+        report["method"] = "traced mask"
+        report["left_out"] = left_out(structure.stack("mask"), structure.stack_origin, exact)
+        report["gnn_agreement"] = _agreement(exact, curves)
         curves = exact
     else:
         report["method"] = "GNN"
