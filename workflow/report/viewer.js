@@ -200,7 +200,7 @@ class SurfaceViewer {
   // Millimetres per CSS pixel.
   get resolution() {
     const side = Math.min(this.canvas.clientWidth, this.canvas.clientHeight) || 1;
-    return (2.1 * this.radius) / (side * this.zoom);
+    return (1.8 * this.radius) / (side * this.zoom);
   }
 
   show(part, on) { this.shown[part] = on; this.draw(); }

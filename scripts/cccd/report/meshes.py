@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cccd.containers import Structure
+from cccd.surface.measure import mask_surface
 
 __all__ = [
     "Mesh",
@@ -35,20 +36,10 @@ def _polydata(mesh: Mesh):
 
 
 def voxel_surface(structure: Structure) -> Mesh | None:
-    """Marching cubes (Lorensen and Cline 1987) of the mask at one half; None without a mask.
-
-    The mask is padded, so that an organ that touches the array's faces is closed there.
-    """
+    """Marching cubes of the mask, as the surface stage measures against; None without a mask."""
     if structure.mask is None or not structure.mask.any():
         return None
-    from skimage.measure import marching_cubes
-
-    padded = np.pad(structure.mask, 1).astype(np.float32)
-    index, faces, _, _ = marching_cubes(padded, 0.5, gradient_direction="ascent")
-    affine = structure.frame.affine
-    points = (index - 1.0 + np.asarray(structure.origin)) @ affine[:3, :3].T + affine[:3, 3]
-    faces = np.asarray(faces, np.int64)
-    return Mesh(points, outward(points, faces))
+    return Mesh(*mask_surface(structure))
 
 
 def outward(points: np.ndarray, faces: np.ndarray) -> np.ndarray:

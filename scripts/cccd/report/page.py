@@ -35,12 +35,12 @@ __all__ = ["build_report", "build_structure_page"]
 
 #: The few numbers by which a surface is judged at a glance: (where in metrics.json, heading, unit, factor).
 HEADLINES = (
-    (("surface", "dice"), "3D Dice", "", 1.0),
+    (("surface", "dice_3d"), "3D Dice", "", 1.0),
     (("surface", "assd_mm"), "ASSD", "mm", 1.0),
     (("surface", "volume_bias"), "Volume bias", "%", 100.0),
     (("surface", "control_points"), "Control points", "", 1),
-    (("surface", "control_net_bytes"), "Control net", "bytes", 1),
-    (("surface", "triangles"), "Triangles", "", 1),
+    (("surface", "control_bytes"), "Control net", "bytes", 1),
+    (("surface", "compactness"), "Marching cubes takes", "times as much", 1.0),
 )
 
 #: Widths in pixels of a picture in a card and in the contact sheet of a cohort.

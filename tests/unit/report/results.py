@@ -21,7 +21,7 @@ BOUNDARIES = {"source": "mask", "blur_px": 1.5, "dilations": 3, "edge_quantile":
 
 def radius(direction: np.ndarray) -> np.ndarray:
     """Distance from the centre to the surface in unit directions (n, 3): an ellipsoid with two soft lobes."""
-    ellipsoid = 1 / np.linalg.norm(direction / RADII, axis=1)
+    ellipsoid = 1 / np.maximum(np.linalg.norm(direction / RADII, axis=1), 1e-9)
     return ellipsoid * (1 - 0.18 * np.exp(-((direction[:, 0] / 0.25) ** 2)) * (direction[:, 1] > 0) * direction[:, 1])
 
 
@@ -103,12 +103,12 @@ def make_metrics(case: str, organ: str, rng: np.random.Generator, warnings: tupl
         "case": case,
         "organ": organ,
         "surface": {
-            "dice": 1 - 0.01 * rng.random(),
+            "dice_3d": 1 - 0.01 * rng.random(),
             "assd_mm": 0.2 + 0.3 * rng.random(),
             "volume_bias": 0.003 * rng.standard_normal(),
             "control_points": int(rng.integers(800, 3000)),
-            "control_net_bytes": int(rng.integers(10_000, 40_000)),
-            "triangles": int(rng.integers(50_000, 200_000)),
+            "control_bytes": int(rng.integers(10_000, 40_000)),
+            "compactness": float(rng.uniform(100, 300)),
         },
         "warnings": list(warnings),
     }
