@@ -1,6 +1,6 @@
 """A B-spline snake from a circular seed, on one structure."""
 
-from cccd.comparisons.tables import compare_active_contour
+from cccd.comparisons.active_contour_comparison import compare_active_contour
 from cccd.job import job
 from cccd.store import read_curves, read_structure, write_table
 

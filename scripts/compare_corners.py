@@ -1,6 +1,6 @@
 """Pixel corner detectors fused with splines, on one structure."""
 
-from cccd.comparisons.tables import compare_corners
+from cccd.comparisons.corner_comparison import compare_corners
 from cccd.job import job
 from cccd.store import read_curves, read_structure, write_table
 

@@ -1,6 +1,6 @@
 """Curve reconstruction from points, on one structure."""
 
-from cccd.comparisons.tables import compare_reconstruction
+from cccd.comparisons.reconstruction_comparison import compare_reconstruction
 from cccd.job import job
 from cccd.junctions import load_model
 from cccd.store import read_curves, read_structure, write_table

@@ -3,8 +3,8 @@
 from cccd.curves import measure_curves
 from cccd.job import job
 from cccd.store import read_curve_report, read_curves, read_splines, read_structure, write_json
-from cccd.surface import measure_surface
 from cccd.surface.export import read_surface
+from cccd.surface.measure import measure_surface
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
     structure = read_structure(snakemake.input.structure)
