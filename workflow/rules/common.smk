@@ -124,10 +124,26 @@ def tell_where_results_are():
 
 
 def list_failures():
-    """End a bad run by listing each failed structure once, in one line."""
+    """End a bad run: every failure in one line, and a report of the structures that are finished."""
     lines = failures()
     if lines:
         print(f"\n{len(lines)} failed:", *lines, sep="\n  ", file=sys.stderr)
+    if any(Path(file).exists() for file in for_structures("metrics.json")):
+        from cccd.report.page import build_report
+
+        build_report(
+            results=Path("results"),
+            structures=RECONSTRUCTED,
+            failures=lines,
+            config=config,
+            output=Path("results/report.html"),
+            benchmarks=Path("benchmarks"),
+            template_dir=ROOT / "workflow" / "report",
+        )
+        print(
+            f"\nReport of what is finished: {Path('results/report.html').resolve()}",
+            file=sys.stderr,
+        )
     print(
         "\nMend the input and run the same command again: finished files are kept "
         "(add --rerun-incomplete after a kill, --keep-going to finish the other structures first).",
