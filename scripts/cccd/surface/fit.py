@@ -15,10 +15,10 @@ from scipy.ndimage import uniform_filter1d
 from cccd.surface.bsplines import DEGREE, basis, closed_knots, least_squares, open_knots
 from cccd.surface.tubes import Tube, outlines
 
-__all__ = ["Fit", "Samples", "coarsest", "fit_samples", "refinements", "sample_tube"]
+__all__ = ["Fit", "Samples", "coarsest", "fit_samples", "refinements", "sample_tube", "sampled_area"]
 
 #: Weight of the penalty that settles control points no sample speaks for.
-ROUGHNESS = 1e-5
+ROUGHNESS = 1e-4
 #: Fewest control points around and along a tube.
 FEWEST = (6, 5)
 #: Rounds of parameter and area correction.
@@ -35,8 +35,8 @@ class Samples:
         mm; sections at equal steps of arc length, starts aligned.
     z, v, area : (A,)
         Heights in mm, parameter along the tube (mm of surface), area that each section stands for.
-    slant : (A, M)
-        mm of distance between surfaces per mm in the plane (1 on a vertical wall).
+    normal : (A, M, 2)
+        The surface's outward normal, split into its part in the plane (1 on a vertical wall) and along z.
     pole : list of (3,) or None
         Where the ends close.
     """
@@ -45,7 +45,7 @@ class Samples:
     z: np.ndarray
     v: np.ndarray
     area: np.ndarray
-    slant: np.ndarray
+    normal: np.ndarray
     pole: list[np.ndarray | None]
 
 
@@ -81,12 +81,10 @@ def sample_tube(tube: Tube, count: int) -> Samples:
     travelled = np.sqrt(rise**2 + np.mean(np.sum(step**2, axis=2), axis=1))
     v = np.concatenate([[0.0], np.cumsum(np.maximum(travelled, 1e-6))])
     inner = slice(low is not None, len(every) - (high is not None))
-    normal = _normals(every)
-    outward = np.gradient(every, axis=0)
-    run = np.sum(outward * normal, axis=2)
-    climb = np.gradient(heights)[:, None]
-    slant = np.abs(climb) / np.hypot(climb, run)
-    return Samples(rings, z, v, area, slant[inner], tube.pole)
+    run = np.sum(np.gradient(every, axis=0) * _normals(every), axis=2)
+    climb = np.broadcast_to(np.gradient(heights)[:, None], run.shape)
+    normal = np.stack([climb, -run], axis=2) / np.maximum(np.hypot(climb, run), 1e-9)[..., None]
+    return Samples(rings, z, v, area, normal[inner], tube.pole)
 
 
 def _normals(rings: np.ndarray) -> np.ndarray:
@@ -131,13 +129,13 @@ def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORR
     nu, nv = size
     rings = samples.outlines
     levels, around = rings.shape[:2]
-    length = _length(samples)
+    length = float(samples.v[-1])
     knots_u, knots_v = closed_knots(nu), open_knots(nv, length)
     u = np.arange(around) / around
     bu = basis(u, knots_u, DEGREE, True)
     to_u = least_squares(bu, ROUGHNESS, True)
-    heights, v = _heights(samples, knots_v, length)
-    bv = basis(v, knots_v, DEGREE, False)
+    heights = _heights(samples, knots_v)
+    bv = basis(_inner(samples), knots_v, DEGREE, False)
     fixed = np.zeros(nv, bool)
     known = np.zeros((nv, 2))
     for row, pole in zip((0, nv - 1), samples.pole, strict=True):
@@ -159,13 +157,8 @@ def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORR
         if turn < corrections:
             position = _feet(rings, position, fitted)
             swell = swell + _missing(samples, fitted)
-    error = _error(samples, rings, normals, position, fitted)
+    error = _error(samples, normals, position, fitted, bv @ heights)
     return Fit(net, heights, knots_u, knots_v, error)
-
-
-def _length(samples: Samples) -> float:
-    """Parameter length of the tube, poles included."""
-    return float(samples.v[-1])
 
 
 def _inner(samples: Samples) -> np.ndarray:
@@ -174,8 +167,8 @@ def _inner(samples: Samples) -> np.ndarray:
     return samples.v[int(low) : len(samples.v) - int(high)]
 
 
-def _heights(samples: Samples, knots_v: np.ndarray, length: float) -> tuple[np.ndarray, np.ndarray]:
-    """Heights of the control rows, never falling, and where each section lies on them.
+def _heights(samples: Samples, knots_v: np.ndarray) -> np.ndarray:
+    """Heights of the control rows, never falling.
 
     A row of control points has one height, so every iso-curve around the tube is plane. Next to a
     pole two rows share the height: the tangent plane there is level and the end is round.
@@ -194,10 +187,7 @@ def _heights(samples: Samples, knots_v: np.ndarray, length: float) -> tuple[np.n
     heights = known.copy()
     if not fixed.all():
         heights[~fixed] = least_squares(bv[:, ~fixed], ROUGHNESS, False) @ (z - bv @ known)
-    heights = np.clip(np.maximum.accumulate(heights), z[0], z[-1])
-    fine = np.linspace(0, length, 16 * count)
-    climbed = basis(fine, knots_v, DEGREE, False) @ heights
-    return heights, np.interp(samples.z, climbed + 1e-9 * fine, fine)
+    return np.clip(np.maximum.accumulate(heights), z[0], z[-1])
 
 
 def _at(rings: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -238,8 +228,23 @@ def _missing(samples: Samples, fitted: np.ndarray) -> np.ndarray:
 
 
 def _error(
-    samples: Samples, rings: np.ndarray, normals: np.ndarray, position: np.ndarray, fitted: np.ndarray
+    samples: Samples, normals: np.ndarray, position: np.ndarray, fitted: np.ndarray, heights: np.ndarray
 ) -> float:
+    """Mean distance in mm between sections and surface along the surface's normal, by area."""
+    rings = samples.outlines
     away = np.sum((fitted - _at(rings, position)) * _at(normals, position), axis=2)
-    weight = _lengths(rings)[:, None] * np.ones_like(away)
-    return float(np.average(np.abs(away) * samples.slant, weights=weight / np.maximum(samples.slant, 0.2)))
+    lifted = (heights - samples.z)[:, None]
+    distance = np.abs(away * samples.normal[..., 0] + lifted * samples.normal[..., 1])
+    return float(np.average(distance, weights=_strips(samples)))
+
+
+def _strips(samples: Samples) -> np.ndarray:
+    """Area in mm^2 of the surface that each sample (A, M) speaks for."""
+    along = np.gradient(_inner(samples)) if len(samples.z) > 1 else np.ones(1)
+    around = _lengths(samples.outlines) / samples.outlines.shape[1]
+    return np.repeat((along * around)[:, None], samples.outlines.shape[1], axis=1)
+
+
+def sampled_area(samples: Samples) -> float:
+    """Area in mm^2 of the tube's surface between its sections."""
+    return float(_strips(samples).sum())

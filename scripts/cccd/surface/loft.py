@@ -12,7 +12,7 @@ from cccd.errors import InputError
 from cccd.surface.bsplines import DEGREE
 from cccd.surface.evaluate import tessellate
 from cccd.surface.fields import distance_fields, interpolated_fields, through_pixel_centres
-from cccd.surface.fit import Fit, Samples, coarsest, fit_samples, refinements, sample_tube
+from cccd.surface.fit import Fit, Samples, coarsest, fit_samples, refinements, sample_tube, sampled_area
 from cccd.surface.rings import rings_of
 from cccd.surface.solids import combine, solid, triangles
 from cccd.surface.tubes import Tube, build_tubes
@@ -21,6 +21,12 @@ __all__ = ["Surface", "loft_surface"]
 
 #: Levels between slices lie about this many pixels apart.
 LEVEL_PIXELS = 1.5
+#: Parts of fewer voxels than this are noise of the mask.
+SMALLEST_PART_VOXELS = 6
+#: Pixels and slices above these sizes in mm (2 x 2 x 3 and some rounding) make a coarse scan.
+COARSE_MM = (2.05, 3.05)
+#: Six times volume by surface, the diameter of a ball, below this many voxels: a thin organ.
+THIN_VOXELS = 15
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
 CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
 
@@ -76,11 +82,15 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
         pixel_centres = through_pixel_centres(curves)
     spacing = frame.pixel_spacing
     pixel = float(np.sqrt(spacing.prod()))
-    tubes, origin, step, voxel_faces = _tubes(curves, settings, pixel_centres)
+    tubes, origin, step, voxels, voxel_faces = _tubes(curves, settings, pixel_centres)
 
     samples = [sample_tube(tube, _around(tube, pixel)) for tube in tubes]
-    budget = voxel_faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES) / CONTROL_BYTES / settings["compactness"]
-    tolerance = settings["tolerance_voxels"] * (spacing.prod() * step) ** (1 / 3)
+    voxel = float(spacing.prod() * step)
+    coarse = step > COARSE_MM[1] or spacing.max() > COARSE_MM[0]
+    thin = coarse or 6 * voxels / voxel_faces < THIN_VOXELS
+    compactness = settings["compactness_thin" if thin else "compactness"]
+    budget = voxel_faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES) / CONTROL_BYTES / compactness
+    tolerance = settings["tolerance_voxels"] * voxel ** (1 / 3)
     fits = _fit_all(samples, tolerance, budget)
     to_world = _to_world(frame, origin)
     patches = [_patch(fit, tube, to_world) for fit, tube in zip(fits, tubes, strict=True)]
@@ -94,8 +104,8 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
 
 def _tubes(
     curves: Curves, settings: Mapping, pixel_centres: bool
-) -> tuple[list[Tube], np.ndarray, float, int]:
-    """Tubes of every stack of slices, the plane's origin, the slice step in mm, and the voxels' faces."""
+) -> tuple[list[Tube], np.ndarray, float, int, int]:
+    """Tubes of every stack, the plane's origin, the slice step in mm, the number of voxels and of faces."""
     frame = curves.frame
     spacing = frame.pixel_spacing
     pixel = float(np.sqrt(spacing.prod()))
@@ -107,16 +117,20 @@ def _tubes(
     tubes = []
     breaks = np.flatnonzero(gaps > every * settings["bridge_slices"]) + 1
     for part in np.split(np.arange(len(slices)), breaks):
-        rings, heights = [], []
         stack = slice(part[0], part[-1] + 1)
-        fields = interpolated_fields(
-            slices[stack], distance[stack], frame.slice_spacing, LEVEL_PIXELS * pixel
+        fields = list(
+            interpolated_fields(slices[stack], distance[stack], frame.slice_spacing, LEVEL_PIXELS * pixel)
         )
-        for level, plane in enumerate(fields):
-            rings.append(rings_of(plane, level, spacing, pixel_centres))
-            heights.append(plane.z)
-        tubes += build_tubes(rings, np.array(heights), step / 2, pixel, scan)
-    return tubes, origin, step, _voxel_faces(distance < 0)
+        rings = [rings_of(plane, level, spacing, pixel_centres) for level, plane in enumerate(fields)]
+        tubes += build_tubes(fields, rings, spacing, step / 2, scan)
+    tubes = _worth_keeping(tubes, SMALLEST_PART_VOXELS * spacing.prod() * step)
+    return tubes, origin, step, int(np.count_nonzero(distance < 0)), _voxel_faces(distance < 0)
+
+
+def _worth_keeping(tubes: list[Tube], smallest: float) -> list[Tube]:
+    """Leave out parts below a volume in mm^3, unless they are all there is."""
+    kept = [tube for tube in tubes if tube.volume >= smallest]
+    return kept or sorted(tubes, key=lambda tube: -tube.volume)[:1]
 
 
 def _voxel_faces(mask: np.ndarray) -> int:
@@ -140,7 +154,7 @@ def _fit_all(samples: list[Samples], tolerance: float, budget: float) -> list[Fi
     """
     sizes = [coarsest() for _ in samples]
     fits = [fit_samples(sample, size, 1) for sample, size in zip(samples, sizes, strict=True)]
-    weight = [float(np.sum(sample.slant)) for sample in samples]
+    weight = [sampled_area(sample) for sample in samples]
     spent = sum(fit.count for fit in fits)
     open_tubes = {n for n, fit in enumerate(fits) if fit.error > tolerance}
     gains: dict[int, tuple[float, tuple[int, int], Fit]] = {}
@@ -206,7 +220,6 @@ def _report(
         "cavities": sum(tube.hole for tube in tubes),
         "joined_ends": ends.count("joined"),
         "caps": ends.count("cap"),
-        "steps": ends.count("step"),
         "openings": ends.count("opens"),
         "cut_ends": ends.count("cut"),
         "control_points": control_points,

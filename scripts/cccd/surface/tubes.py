@@ -1,8 +1,9 @@
 """From rings to tubes: matching between levels, branching, and how each tube ends.
 
-Rings of one kind that follow each other become a tube. Where shapes jump (an organ splits, merges or
-makes a step) tubes end, and the smaller partner reaches a little way into the larger one, so that the
-solids overlap and their union is connected.
+Rings of one kind that follow each other become a tube. Where tubes merge or split, the one that shares
+most with the common outline, the trunk, runs on; each other one is a branch. Over a junction of some
+depth the branch reaches into the trunk while the trunk lets go of the branch's part of the common
+outline step by step. So both run smoothly, their solids overlap, and their union is the organ.
 """
 
 from __future__ import annotations
@@ -11,21 +12,22 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import contourpy
+import cv2
 import numpy as np
 import shapely
 
+from cccd.surface.fields import Field
 from cccd.surface.rings import Ring, overlap, resample, signed_area
 
-__all__ = ["Section", "Tube", "build_tubes", "match_rings", "outlines"]
+__all__ = ["Section", "Tube", "build_tubes", "outlines"]
 
-#: A ring continues another when they share this part of their union, or
-CONTINUITY = 0.6
-#: when they only touch each other and the smaller has at least this part of the larger one's area.
-SIMILAR_AREA = 0.45
-#: Levels by which a branch reaches into its trunk, at most.
-REACH_LEVELS = 3
-#: How deep below the trunk's surface a branch runs, in pixels per level.
-REACH_DEPTH_PIXELS = 0.3
+#: A junction's trunk takes over this many mm of the branch's width per mm of depth.
+JUNCTION_SLOPE = 1.5
+#: Levels of a junction, at least and at most.
+JUNCTION_LEVELS = (2, 24)
+#: How far branch and trunk overlap, and how deep below the trunk's surface a branch ends, in pixels.
+OVERLAP_PIXELS, BURIED_PIXELS = 1.5, 1.0
 #: A dome over half a slice's thickness of cylinder has the same volume when it is half as high again.
 DOME_HEIGHT = 1.5
 #: Radii, as shares of the end ring's, at which a dome is sampled.
@@ -46,190 +48,227 @@ class Tube:
     """Sections from the lowest to the highest, and how the two ends close.
 
     ``pole`` holds, for the low and the high end, the point (3,) mm on which the tube closes smoothly, or
-    None where a flat lid closes it.
+    None where a flat lid closes it. ``ends`` says why it ends there: ``joined`` to a trunk, ``cap``,
+    ``cut`` by the scan, or a hole that ``opens``. ``volume`` is in mm^3, junctions left out.
     """
 
     sections: list[Section]
     pole: list[np.ndarray | None]
     hole: bool
     depth: int
-    ends: tuple[str, str] = ("", "")
-    slices: int = 0
+    ends: tuple[str, str]
+    volume: float
 
 
 @dataclass(eq=False)
 class _Node:
+    """A ring and its links; index 0 is downwards, 1 is upwards.
+
+    ``cuts`` are what junctions take from the ring's outline: each a field on the plane's pixels, positive
+    where the outline gives way to a branch.
+    """
+
     ring: Ring
-    up: _Node | None = None
-    down: _Node | None = None
-    touches_up: list[_Node] = field(default_factory=list)
-    touches_down: list[_Node] = field(default_factory=list)
-
-    def step(self, direction: int) -> _Node | None:
-        return self.up if direction > 0 else self.down
-
-    def touches(self, direction: int) -> list[_Node]:
-        return self.touches_up if direction > 0 else self.touches_down
+    follows: list[_Node | None] = field(default_factory=lambda: [None, None])
+    touches: tuple[list[_Node], list[_Node]] = field(default_factory=lambda: ([], []))
+    cuts: list[np.ndarray] = field(default_factory=list)
 
 
-def match_rings(lower: Sequence[_Node], upper: Sequence[_Node]) -> None:
-    """Link rings of two neighbouring levels that continue each other; note which others touch."""
-    pairs = []
-    touching: dict[_Node, int] = {}
-    for a in lower:
-        for b in upper:
-            if a.ring.hole != b.ring.hole:
-                continue
-            shared = overlap(a.ring, b.ring)
-            if shared:
-                pairs.append((shared, a, b))
-                touching[a] = touching.get(a, 0) + 1
-                touching[b] = touching.get(b, 0) + 1
-    pairs.sort(key=lambda pair: -pair[0])
-    for shared, a, b in pairs:
-        sizes = np.array([np.count_nonzero(a.ring.mask), np.count_nonzero(b.ring.mask)])
-        alike = shared / (sizes.sum() - shared) >= CONTINUITY
-        alone = touching[a] == touching[b] == 1 and sizes.min() >= SIMILAR_AREA * sizes.max()
-        if a.up is None and b.down is None and a.ring.depth == b.ring.depth and (alike or alone):
-            a.up, b.down = b, a
-        else:
-            a.touches_up.append(b)
-            b.touches_down.append(a)
+@dataclass
+class _Stack:
+    """What the functions below share about one stack of levels."""
+
+    fields: Sequence[Field]
+    nodes: list[list[_Node]]
+    spacing: np.ndarray
+    half_step: float
+    scan_range: tuple[float, float]
+
+    @property
+    def pixel(self) -> float:
+        return float(np.sqrt(self.spacing.prod()))
 
 
 def build_tubes(
-    levels: Sequence[Sequence[Ring]],
-    heights: np.ndarray,
+    fields: Sequence[Field],
+    rings: Sequence[Sequence[Ring]],
+    spacing: np.ndarray,
     half_step: float,
-    pixel: float,
     scan_range: tuple[float, float],
 ) -> list[Tube]:
     """Tubes of one stack of levels.
 
     Parameters
     ----------
-    levels : sequence of sequences of Ring
-        Rings of every level, from low to high.
-    heights : (L,) float64
-        Height of every level in mm.
+    fields, rings : sequences
+        Every level's field and its rings, from low to high.
+    spacing : (2,) float64
+        mm per pixel along i and j.
     half_step : float
         Half the distance between slices in mm: how far the organ reaches beyond its last slice.
-    pixel : float
-        Pixel size in mm.
     scan_range : (float, float)
         Heights of the volume's first and last slice: an organ that reaches them was cut by the scan.
     """
-    nodes = [[_Node(ring) for ring in rings] for rings in levels]
+    nodes = [[_Node(ring) for ring in level] for level in rings]
     for lower, upper in itertools.pairwise(nodes):
-        match_rings(lower, upper)
-    context = _Context(nodes, heights, half_step, pixel, scan_range)
-    tubes = []
-    for level in nodes:
-        for node in level:
-            if node.down is None:
-                tube = _tube_from(node, context)
-                if tube is not None:
-                    tubes.append(tube)
-    return tubes
+        _match(lower, upper)
+    stack = _Stack(fields, nodes, spacing, half_step, scan_range)
+    chains = [_chain(node, stack) for level in nodes for node in level if node.follows[0] is None]
+    chains = [chain for chain in chains if chain]
+    ends = [(_end(chain[0], 0, stack), _end(chain[-1], 1, stack)) for chain in chains]
+    return [_tube(chain, *both, stack) for chain, both in zip(chains, ends, strict=True)]
 
 
-@dataclass
-class _Context:
-    nodes: list[list[_Node]]
-    heights: np.ndarray
-    half_step: float
-    pixel: float
-    scan_range: tuple[float, float]
+def _match(lower: Sequence[_Node], upper: Sequence[_Node]) -> None:
+    """Link rings of two neighbouring levels that continue each other; note which others touch."""
+    pairs = [
+        (shared, a, b)
+        for a in lower
+        for b in upper
+        if a.ring.hole == b.ring.hole and (shared := overlap(a.ring, b.ring))
+    ]
+    pairs.sort(key=lambda pair: -pair[0])
+    for _, a, b in pairs:
+        if a.follows[1] is None and b.follows[0] is None and a.ring.depth == b.ring.depth:
+            a.follows[1], b.follows[0] = b, a
+        else:
+            a.touches[1].append(b)
+            b.touches[0].append(a)
 
 
-def _tube_from(first: _Node, context: _Context) -> Tube | None:
-    chain = [first]
-    while chain[-1].up is not None:
-        chain.append(chain[-1].up)
-    chain = _without_loose_ends(chain, context)
-    if not chain:
-        return None
-    low, low_pole, low_kind = _end(chain[0], -1, context)
-    high, high_pole, high_kind = _end(chain[-1], +1, context)
-    middle = [Section(node.ring.z, node.ring.points, node.ring.area) for node in chain]
-    ring = chain[0].ring
-    slices = sum(node.ring.source_slice is not None for node in chain)
-    sections = [*low[::-1], *middle, *high]
-    return Tube(sections, [low_pole, high_pole], ring.hole, ring.depth, (low_kind, high_kind), slices)
-
-
-def _without_loose_ends(chain: list[_Node], context: _Context) -> list[_Node]:
-    """Drop levels between slices where the shape fades out towards nothing.
+def _chain(first: _Node, stack: _Stack) -> list[_Node]:
+    """Follow a tube upwards, without levels between slices where the shape fades out towards nothing.
 
     What lies beyond a tube's last slice is decided by its cap, not by the distance to other parts.
     """
-    while chain and chain[-1].ring.source_slice is None and not _neighbour(chain[-1], +1, context):
+    chain = [first]
+    while chain[-1].follows[1] is not None:
+        chain.append(chain[-1].follows[1])
+    while chain and chain[-1].ring.source_slice is None and not _goes_on(chain[-1], 1, stack):
         chain = chain[:-1]
-    while chain and chain[0].ring.source_slice is None and not _neighbour(chain[0], -1, context):
+    while chain and chain[0].ring.source_slice is None and not _goes_on(chain[0], 0, stack):
         chain = chain[1:]
     return chain
 
 
-def _neighbour(node: _Node, direction: int, context: _Context) -> bool:
+def _goes_on(node: _Node, way: int, stack: _Stack) -> bool:
     """Whether anything of the same kind, or for a hole the open outside, follows the ring."""
-    if node.step(direction) or node.touches(direction):
+    if node.follows[way] or node.touches[way]:
         return True
-    return node.ring.hole and _opening(node, direction, context) is not None
+    return node.ring.hole and _opening(node, way, stack) is not None
 
 
-def _end(node: _Node, direction: int, context: _Context) -> tuple[list[Section], np.ndarray | None, str]:
+def _end(node: _Node, way: int, stack: _Stack) -> tuple[list[Section], np.ndarray | None, str]:
     """Sections that close a tube beyond ``node``, outwards, the pole if any, and what kind of end it is."""
     ring = node.ring
-    level = ring.level + direction
-    if touching := node.touches(direction):
-        partner = max(touching, key=lambda other: overlap(ring, other.ring))
-        if partner.ring.area >= ring.area:
-            reach = _reach(node, partner, direction, context)
-            if reach:
-                return reach, None, "joined"
-        half = abs(context.heights[level] - ring.z) / 2
-        return (*_round_cap(ring, direction, min(half, context.half_step), context.pixel), "step")
-    if ring.hole and (sections := _opening(node, direction, context)) is not None:
+    direction = 2 * way - 1
+    if node.touches[way] and (sections := _junction(node, way, stack)):
+        return sections, None, "joined"
+    if ring.hole and (sections := _opening(node, way, stack)) is not None:
         return sections, None, "opens"
-    half = context.half_step
-    limit = context.scan_range[0 if direction < 0 else 1]
-    if abs(ring.z - limit) < half:
-        return [Section(ring.z + direction * half, ring.points, ring.area)], None, "cut"
-    return (*_round_cap(ring, direction, half, context.pixel), "cap")
+    if abs(ring.z - stack.scan_range[way]) < stack.half_step:
+        z = ring.z + direction * stack.half_step
+        return [Section(z, ring.points, ring.area)], None, "cut"
+    return (*_round_cap(ring, direction, stack.half_step), "cap")
 
 
-def _reach(node: _Node, partner: _Node, direction: int, context: _Context) -> list[Section]:
-    """Sections of a branch inside its trunk, each a little further below the trunk's surface."""
-    sections: list[Section] = []
-    shape = shapely.Polygon(node.ring.points).buffer(0)
-    step = REACH_DEPTH_PIXELS * context.pixel
-    while partner is not None and len(sections) < REACH_LEVELS:
-        trunk = shapely.Polygon(partner.ring.points).buffer(0)
-        if not node.ring.hole:
-            trunk = trunk.buffer(-step)
-        shape = _largest(shape.intersection(trunk))
-        if shape is None or shape.area < max(2 * context.pixel**2, 0.1 * node.ring.area):
+def _junction(branch: _Node, way: int, stack: _Stack) -> list[Section]:
+    """Sections of a branch inside its trunk; notes on the trunk's nodes what the branch takes over.
+
+    The common outline is parted by the line midway between the branch and the other rings of the last
+    level on which they are apart: ``lead``, half the difference of the distances to them, is positive
+    on the branch's side. The trunk keeps what leads by no more than ``held``, which grows with depth.
+    """
+    trunk = max(branch.touches[way], key=lambda node: overlap(branch.ring, node.ring))
+    others = [
+        node.ring
+        for node in (*trunk.touches[1 - way], trunk.follows[1 - way])
+        if node is not None and node is not branch
+    ]
+    if not others:
+        return []
+    shape = stack.fields[0].distance.shape
+    to_branch = _distance_to([branch.ring], shape, stack.pixel)
+    lead = (_distance_to(others, shape, stack.pixel) - to_branch) / 2
+    part = _unpacked(trunk.ring, shape) & (lead > 0)
+    if not part.any():
+        return []
+    width = float(lead[part].max())
+    overlapping, buried = OVERLAP_PIXELS * stack.pixel, BURIED_PIXELS * stack.pixel
+    path = _path(trunk, way, width / JUNCTION_SLOPE)
+    depth = np.abs(np.array([node.ring.z for node in path]) - branch.ring.z)
+    sections = []
+    for node, share in zip(path, depth / max(depth[-1], 1e-9), strict=True):
+        held = share * width
+        inside = stack.fields[node.ring.level].distance * (-1 if node.ring.hole else 1)
+        covered = np.clip((held - lead) / overlapping, 0, 1)
+        outline = _outline(np.maximum(inside + buried * covered, -lead - overlapping), branch.ring, stack)
+        if outline is None or (sections and abs(signed_area(outline)) < 4 * stack.pixel**2):
             break
-        sections.append(_section(partner.ring.z, shape))
-        shape = shape.buffer(-step)
-        partner = partner.step(direction)
+        sections.append(Section(node.ring.z, outline, abs(signed_area(outline))))
+        node.cuts.append(lead - held)
     return sections
 
 
-def _opening(node: _Node, direction: int, context: _Context) -> list[Section] | None:
+def _path(trunk: _Node, way: int, depth: float) -> list[_Node]:
+    """Give the trunk's nodes from the junction inwards, down to ``depth`` in mm."""
+    path = [trunk]
+    fewest, most = JUNCTION_LEVELS
+    while path[-1].follows[way] is not None and len(path) < most:
+        if len(path) >= fewest and abs(path[-1].ring.z - trunk.ring.z) >= depth:
+            break
+        path.append(path[-1].follows[way])
+    return path
+
+
+def _unpacked(ring: Ring, shape: tuple[int, int]) -> np.ndarray:
+    """Pixels inside a ring on the whole plane."""
+    whole = np.zeros(shape, bool)
+    (i, j), (height, width) = ring.corner, ring.mask.shape
+    whole[i : i + height, j : j + width] = ring.mask.astype(bool)
+    return whole
+
+
+def _distance_to(rings: Sequence[Ring], shape: tuple[int, int], pixel: float) -> np.ndarray:
+    """Signed distance in mm to the nearest of some rings, negative inside."""
+    inside = np.zeros(shape, np.uint8)
+    for ring in rings:
+        inside |= _unpacked(ring, shape)
+    outwards = cv2.distanceTransform(1 - inside, cv2.DIST_L2, cv2.DIST_MASK_5)
+    inwards = cv2.distanceTransform(inside, cv2.DIST_L2, cv2.DIST_MASK_5)
+    return (outwards - inwards) * np.float32(pixel)
+
+
+def _outline(plane: np.ndarray, near: Ring, stack: _Stack) -> np.ndarray | None:
+    """Find the contour (n, 2) in mm of a field that encloses most of the pixels of the ring ``near``."""
+    lines = contourpy.contour_generator(z=plane).lines(0.0)
+    best, most = None, 0.0
+    for line in lines:
+        points = line[:-1, ::-1] * stack.spacing
+        if len(points) < 4 or signed_area(points) <= 0:
+            continue
+        if len(lines) == 1:
+            return points
+        shared = shapely.Polygon(points).buffer(0).intersection(shapely.Polygon(near.points).buffer(0)).area
+        if shared > most:
+            best, most = points, shared
+    return best
+
+
+def _opening(node: _Node, way: int, stack: _Stack) -> list[Section] | None:
     """Cut the section of a hole on the next level when the hole opens to the outside there."""
     ring = node.ring
-    level = ring.level + direction
-    if not 0 <= level < len(context.nodes):
+    level = ring.level + 2 * way - 1
+    if not 0 <= level < len(stack.nodes):
         return None
     outside = shapely.Polygon(ring.points).buffer(0)
-    for other in context.nodes[level]:
+    for other in stack.nodes[level]:
         if not other.ring.hole and overlap(ring, other.ring):
             outside = outside.difference(shapely.Polygon(other.ring.points).buffer(0))
     shape = _largest(outside)
-    if shape is None or shape.area < max(context.pixel**2, 0.25 * ring.area):
+    if shape is None or shape.area < max(stack.pixel**2, 0.25 * ring.area):
         return None
-    return [_section(float(context.heights[level]), shape)]
+    return [_section(stack.fields[level].z, shape)]
 
 
 def _largest(shape: shapely.Geometry) -> shapely.Polygon | None:
@@ -241,12 +280,31 @@ def _section(z: float, shape: shapely.Polygon) -> Section:
     points = np.array(shape.exterior.coords)[:-1]
     if signed_area(points) < 0:
         points = points[::-1]
-    return Section(z, points, float(shapely.Polygon(points).area))
+    return Section(z, points, abs(signed_area(points)))
 
 
-def _round_cap(
-    ring: Ring, direction: int, half: float, pixel: float
-) -> tuple[list[Section], np.ndarray | None]:
+def _tube(chain: list[_Node], low: tuple, high: tuple, stack: _Stack) -> Tube:
+    """Put a tube together once every junction has said what it takes from the chain's rings."""
+    middle = []
+    for node in chain:
+        ring = node.ring
+        points = None
+        if node.cuts:
+            inside = stack.fields[ring.level].distance * (-1 if ring.hole else 1)
+            points = _outline(np.maximum.reduce([inside, *node.cuts]), ring, stack)
+        if points is None:
+            middle.append(Section(ring.z, ring.points, ring.area))
+        else:
+            middle.append(Section(ring.z, points, abs(signed_area(points))))
+    (below, low_pole, low_kind), (above, high_pole, high_kind) = low, high
+    ring = chain[0].ring
+    rise = stack.half_step * 2 if len(chain) == 1 else chain[-1].ring.z - ring.z
+    volume = float(np.mean([node.ring.area for node in chain])) * max(rise, stack.half_step * 2)
+    sections = [*below[::-1], *middle, *above]
+    return Tube(sections, [low_pole, high_pole], ring.hole, ring.depth, (low_kind, high_kind), volume)
+
+
+def _round_cap(ring: Ring, direction: int, half: float) -> tuple[list[Section], np.ndarray | None]:
     """Round an end so that it holds the volume of half a slice.
 
     A ring that a point inside it sees as a whole closes on a pole; any other is rounded over its rim

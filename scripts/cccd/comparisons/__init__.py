@@ -1,0 +1,1 @@
+"""Everything CCCD is compared with, on the same structures in the same run."""
