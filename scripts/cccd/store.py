@@ -10,7 +10,7 @@ import contextlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import h5py
@@ -22,12 +22,14 @@ from cccd.errors import InputError
 __all__ = [
     "atomic_path",
     "read_boundaries",
+    "read_graphs",
     "read_curves",
     "read_patches",
     "read_splines",
     "read_structure",
     "write_boundaries",
     "write_curves",
+    "write_graphs",
     "write_json",
     "write_patches",
     "write_structure",
@@ -286,6 +288,39 @@ def read_splines(path: str | Path) -> Splines:
             int(group.attrs["degree"]),
             _get_frame(file),
         )
+
+
+# graphs.h5 ------------------------------------------------------------------------------------------
+
+
+def write_graphs(
+    path: str | Path, splits: Mapping[str, Mapping[str, np.ndarray]], attributes: Mapping[str, int | str]
+) -> None:
+    """Write ``graphs.h5``: one group of ragged columns per split (training, validation, test).
+
+    Columns are named by their path in the group, e.g. ``links/nodes (L, 2)`` with ``links/offsets
+    (G + 1,)`` and ``links/label (L,)``, +1 for true links and -1 for others (section 4.2).
+    """
+    with _create(path) as file:
+        for name, value in attributes.items():
+            file.attrs[name] = value
+        for split, columns in splits.items():
+            group = file.create_group(split)
+            for name, column in columns.items():
+                _put(group, name, column)
+
+
+def read_graphs(path: str | Path, split: str) -> dict[str, np.ndarray]:
+    """Read the ragged columns of one split of ``graphs.h5``."""
+    columns: dict[str, np.ndarray] = {}
+
+    def collect(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(item, h5py.Dataset):
+            columns[name] = item[:]
+
+    with _open(path) as file:
+        file[split].visititems(collect)
+    return columns
 
 
 # surface.h5 -----------------------------------------------------------------------------------------

@@ -1,0 +1,201 @@
+"""From boundary pixels to masks and closed curves, batched over slices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cccd.chaincode import isolated_corners, junction_pixels, signed_areas, trace_stack
+from cccd.containers import Boundaries, Curves, Frame, concatenate_ragged
+from cccd.junctions.complexes import Complex, build_complex, join_complexes
+from cccd.junctions.cut import minimum_cut
+from cccd.junctions.decoding import fill_inside
+from cccd.junctions.features import Features, measure, normalised_grey
+from cccd.junctions.network import JunctionNetwork, make_batch
+
+__all__ = [
+    "curves_from_masks",
+    "join_features",
+    "label_inside",
+    "order_boundaries",
+    "predict_masks",
+    "prior_logits",
+]
+
+#: Slices that are read by the network at once: enough to share overheads, few enough to stay in the cache.
+SLICES_PER_BATCH = 8
+
+#: A loop smaller than this many pixels, or than this share of its slice's largest, is debris.
+SMALLEST_LOOP_PX = 6.0
+SMALLEST_LOOP_SHARE = 0.005
+
+# Cost of a pixel of border along a link that the network thinks as likely true as false.
+_BORDER_COST = 0.5
+
+# Without a network: cells walled in by links up to this long are inside, and longer links cost more.
+_PLAIN_SCALE = 2
+
+
+def prior_logits(graph: Complex) -> tuple[np.ndarray, np.ndarray]:
+    """What the decoder assumes without a network.
+
+    Inside is what walls of 8-neighbours and gaps up to 6 pixels enclose; short links are likely true.
+    """
+    enclosed = graph.depths[:, _PLAIN_SCALE] > 0
+    return np.where(enclosed, 2.0, -2.0), 2.0 - graph.link_lengths
+
+
+def label_inside(graph: Complex, inside_logit: np.ndarray, link_logit: np.ndarray) -> np.ndarray:
+    """Inside triangles (T,) bool: the minimum cut of what the network says of triangles and links.
+
+    A triangle's say grows with its extent, a link's cost with its length; the ring is outside.
+    """
+    gain = inside_logit * np.sqrt(graph.areas)
+    gain[graph.outer] = -1e9
+    cost = _BORDER_COST * graph.link_lengths * np.logaddexp(0, -link_logit)
+    return minimum_cut(gain, cost, graph.neighbours, graph.side_links, graph.triangle_offsets)
+
+
+def join_features(parts: Sequence[Features]) -> Features:
+    """Features of a batch of slices."""
+    return Features(
+        *(np.concatenate([getattr(p, n) for p in parts]) for n in ("nodes", "links", "triangles"))
+    )
+
+
+def predict_masks(
+    pixels: Sequence[np.ndarray], model: JunctionNetwork | None, greys: Sequence[np.ndarray | None]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Label each slice's enclosed pixels.
+
+    Parameters
+    ----------
+    pixels : sequence of (N, 2) int arrays
+        Boundary pixels of each slice; none may be empty.
+    model : JunctionNetwork or None
+        ``None``: the decoder alone.
+    greys : sequence of (I, J) arrays or None
+        Grey slice of each, in the pixels' coordinates.
+
+    Returns
+    -------
+    masks : (S, I, J) bool array
+    origin : (2,) int64 array
+        Pixel of ``masks[:, 0, 0]``.
+    """
+    graphs, decided = [], []
+    for begin in range(0, len(pixels), SLICES_PER_BATCH):
+        part = slice(begin, begin + SLICES_PER_BATCH)
+        built = [build_complex(p) for p in pixels[part]]
+        graph = join_complexes(built)
+        if model is None:
+            logits = prior_logits(graph)
+        else:
+            shown = zip(built, pixels[part], greys[part], strict=True)
+            features = [measure(g, None if i is None else normalised_grey(i, p)) for g, p, i in shown]
+            logits = model.predict(make_batch(graph, join_features(features)))
+        graphs.append(graph)
+        decided.append(label_inside(graph, *logits))
+    return fill_inside(join_complexes(graphs), np.concatenate(decided))
+
+
+def curves_from_masks(masks: np.ndarray, origin: Sequence[int], frame: Frame) -> Curves:
+    """Strictly simple closed pixel chains around masks (S, I, J), without debris.
+
+    ``origin`` is the source index (k, i, j) of the stack's first voxel.
+    """
+    curves = trace_stack(masks, origin, frame)
+    if not len(curves):
+        return curves
+    area = np.abs(signed_areas(curves.points, curves.offsets))
+    slices, member = np.unique(curves.slice, return_inverse=True)
+    largest = np.zeros(len(slices))
+    np.maximum.at(largest, member, area)
+    kept = area >= np.maximum(SMALLEST_LOOP_PX, SMALLEST_LOOP_SHARE * largest[member])
+    loops = np.split(curves.points, curves.offsets[1:-1])
+    points, offsets = concatenate_ragged([loop for loop, keep in zip(loops, kept, strict=True) if keep])
+    return Curves(points, offsets, curves.slice[kept], curves.hole[kept], frame)
+
+
+def _as_boundaries(curves: Curves) -> Boundaries:
+    """The curves' pixels as an unordered map."""
+    slices, begin = np.unique(curves.slice, return_index=True)
+    offsets = np.append(curves.offsets[begin], curves.offsets[-1])
+    return Boundaries(curves.points.astype(np.int32), offsets, slices.astype(np.int32), curves.frame)
+
+
+def order_boundaries(
+    boundaries: Boundaries,
+    model: JunctionNetwork | None,
+    image: np.ndarray | None = None,
+    image_origin: Sequence[int] = (0, 0, 0),
+) -> tuple[Curves, dict]:
+    """Order every slice's boundary pixels into closed, strictly simple 8-connected pixel chains.
+
+    Parameters
+    ----------
+    boundaries : Boundaries
+    model : JunctionNetwork or None
+        From `load_model`; ``None`` lets the decoder decide by walls and gaps alone.
+    image : (S, I, J) array, optional
+        Grey slices, used where given.
+    image_origin : (3,) int
+        Source index (k, i, j) of the image's first voxel.
+
+    Returns
+    -------
+    curves : Curves
+    report : dict
+        Plain JSON. ``slices``: per slice its number ``k``, ``pixels``, ``junctions``, ``isolated_before``
+        and ``isolated_after`` (Figure 4, in the map and in the ordered chains), ``outer`` and ``holes``;
+        ``unclosed``: the numbers of slices that have no closed boundary; and the totals.
+    """
+    origin = np.asarray(image_origin)
+    counts = np.diff(boundaries.offsets)
+    filled = np.flatnonzero(counts > 0)
+    chains = list(boundaries)
+    pixels, greys = [], []
+    for s in filled:
+        pixels.append(chains[s] - origin[1:] if image is not None else chains[s])
+        layer = int(boundaries.slice[s] - origin[0])
+        seen = image is not None and 0 <= layer < len(image)
+        greys.append(image[layer] if seen else None)
+    if len(filled):
+        masks, corner = predict_masks(pixels, model, greys)
+        if image is not None:
+            corner = corner + origin[1:]
+        curves = curves_from_masks(masks, (0, *corner), boundaries.frame)
+        curves.slice[:] = boundaries.slice[filled[curves.slice]]
+    else:
+        points, offsets = concatenate_ragged([])
+        curves = Curves(points, offsets, np.zeros(0, np.int32), np.zeros(0, bool), boundaries.frame)
+    return curves, _report(boundaries, curves)
+
+
+def _report(boundaries: Boundaries, curves: Curves) -> dict:
+    after = _as_boundaries(curves)
+    begin = boundaries.offsets[:-1]
+    per_slice = {
+        "pixels": np.diff(boundaries.offsets),
+        "junctions": _per_slice(junction_pixels(boundaries), boundaries.offsets),
+        "isolated_before": _per_slice(isolated_corners(boundaries), boundaries.offsets),
+    }
+    at = np.searchsorted(boundaries.slice, after.slice)
+    per_slice["isolated_after"] = np.zeros(len(begin), np.int64)
+    per_slice["isolated_after"][at] = _per_slice(isolated_corners(after), after.offsets)
+    of = np.searchsorted(boundaries.slice, curves.slice)
+    per_slice["outer"] = np.bincount(of[~curves.hole], minlength=len(begin))
+    per_slice["holes"] = np.bincount(of[curves.hole], minlength=len(begin))
+    rows = [
+        {"k": int(k), **{name: int(values[n]) for name, values in per_slice.items()}}
+        for n, k in enumerate(boundaries.slice)
+    ]
+    unclosed = boundaries.slice[per_slice["outer"] == 0]
+    totals = {name: int(values.sum()) for name, values in per_slice.items()}
+    return {"slices": rows, "unclosed": [int(k) for k in unclosed], **totals}
+
+
+def _per_slice(flags: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    total = np.concatenate([[0], np.cumsum(flags)])
+    return total[offsets[1:]] - total[offsets[:-1]]

@@ -1,0 +1,153 @@
+"""Random organ-like masks: what training and test contours are drawn from.
+
+Every shape is the zero level set of a random field on a pixel grid, so that its border is a true pixel
+staircase: lobed and elongated bodies, unions of balls, wrinkled cortex, notches, deep narrow inlets
+with or without a bulb at their end, several components and holes.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+__all__ = ["draw_mask", "smooth_noise"]
+
+
+def smooth_noise(rng: np.random.Generator, shape: tuple[int, int], scale: float) -> np.ndarray:
+    """Gaussian random field of unit variance whose features are about ``scale`` pixels large."""
+    grid = [max(4, int(np.ceil(n / scale)) + 3) for n in shape]
+    coarse = rng.standard_normal(grid).astype(np.float32)
+    fine = cv2.resize(coarse, shape[::-1], interpolation=cv2.INTER_CUBIC)
+    return fine / max(float(fine.std()), 1e-6)
+
+
+def _polar_body(rng: np.random.Generator, y: np.ndarray, x: np.ndarray, radius: float) -> np.ndarray:
+    stretch = np.exp(rng.normal(0, 0.25))
+    turn = rng.uniform(0, np.pi)
+    u = (x * np.cos(turn) + y * np.sin(turn)) * stretch
+    v = (-x * np.sin(turn) + y * np.cos(turn)) / stretch
+    angle, distance = np.arctan2(v, u), np.hypot(u, v)
+    order = rng.integers(2, 9)
+    outline = np.zeros_like(angle)
+    power = rng.uniform(0.8, 2.0)
+    for k in range(2, order + 1):
+        outline += rng.normal(0, 0.35 / k**power) * np.cos(k * angle + rng.uniform(0, 2 * np.pi))
+    return radius * np.clip(1 + outline, 0.25, 1.8) - distance
+
+
+def _balls(rng: np.random.Generator, y: np.ndarray, x: np.ndarray, radius: float) -> np.ndarray:
+    field = np.zeros_like(x)
+    for _ in range(rng.integers(2, 7)):
+        size = radius * rng.uniform(0.3, 0.7)
+        ci, cj = rng.normal(0, 0.45 * radius, 2)
+        field += np.exp(-((y - ci) ** 2 + (x - cj) ** 2) / size**2)
+    return (field - rng.uniform(0.35, 0.6)) * radius
+
+
+def _cut_polygon(rng: np.random.Generator, y: np.ndarray, x: np.ndarray, radius: float) -> np.ndarray:
+    """Intersection of half planes and discs: flat sides and rounded corners (spleen, liver wedge)."""
+    field = radius - np.hypot(x, y)
+    for _ in range(rng.integers(1, 5)):
+        angle = rng.uniform(0, 2 * np.pi)
+        field = np.minimum(field, rng.uniform(0.2, 0.9) * radius - x * np.cos(angle) - y * np.sin(angle))
+    if rng.random() < 0.6:  # a round bite, like a hilum or the bed of a neighbour
+        angle, far = rng.uniform(0, 2 * np.pi), rng.uniform(0.8, 1.5)
+        bite = np.hypot(x - far * radius * np.cos(angle), y - far * radius * np.sin(angle))
+        field = np.minimum(field, bite - radius * rng.uniform(0.4, far - 0.25))
+    return field
+
+
+def _inlet(rng: np.random.Generator, mask: np.ndarray, radius: float) -> None:
+    """Carve a deep narrow bay from a border pixel inwards; sometimes it ends in a bulb or a fork."""
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    contour = max(contours, key=len, default=None)
+    if contour is None or len(contour) < 30:
+        return
+    at = rng.integers(len(contour))
+    here = contour[at, 0].astype(float)
+    tangent = contour[(at + 5) % len(contour), 0] - contour[at - 5, 0]
+    inwards = np.array([-tangent[1], tangent[0]], float)
+    inwards /= max(np.hypot(*inwards), 1.0)
+    probe = np.rint(here + 4 * inwards).astype(int)
+    inside = (probe >= 0).all() and (probe < mask.shape[::-1]).all() and mask[probe[1], probe[0]]
+    heading = np.arctan2(*(inwards if inside else -inwards)[::-1]) + rng.normal(0, 0.35)
+    width = int(rng.integers(1, 5))
+    length = radius * rng.uniform(0.15, 0.8)
+    bend, steps = rng.normal(0, 0.25), max(3, int(length / 3))
+    path = [here - 3 * np.array([np.cos(heading), np.sin(heading)])]
+    for _ in range(steps):
+        path.append(path[-1] + 3 * np.array([np.cos(heading), np.sin(heading)]))
+        heading += rng.normal(bend / 5, 0.12)
+    line = np.rint(path).astype(np.int32).reshape(-1, 1, 2)
+    cv2.polylines(mask, [line], False, 0, width)
+    if rng.random() < 0.4:
+        cv2.circle(
+            mask, tuple(int(c) for c in line[-1, 0]), int(rng.integers(2, 3 + max(1, radius // 12))), 0, -1
+        )
+    if rng.random() < 0.25:
+        side = path[-1] + rng.normal(0, 0.3 * length, 2)
+        cv2.line(mask, tuple(int(c) for c in line[-1, 0]), tuple(int(c) for c in np.rint(side)), 0, width)
+
+
+def _tidy(rng: np.random.Generator, mask: np.ndarray, holes: bool) -> np.ndarray:
+    """Open away what is one pixel thin, drop crumbs, close holes unless they are wanted."""
+    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    if count > 1:
+        areas = stats[1:, cv2.CC_STAT_AREA]
+        keep = np.concatenate([[False], areas >= max(25, 0.03 * areas.max())])
+        mask = keep[labels].astype(np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(1 - mask, connectivity=4)
+    hole = stats[:, cv2.CC_STAT_AREA] < (25 if holes else mask.size)
+    hole[[labels[0, 0], *np.unique(labels[mask > 0])]] = False
+    mask[hole[labels]] = 1
+    return mask
+
+
+def draw_mask(rng: np.random.Generator) -> np.ndarray:
+    """Draw one random organ-like mask.
+
+    Returns
+    -------
+    (I, J) uint8 array of 0 and 1
+        At least 25 pixels large, with 24 empty pixels around.
+    """
+    while True:
+        radius = float(
+            np.exp(rng.uniform(np.log(6), np.log(125))) if rng.random() < 0.5 else rng.uniform(20, 100)
+        )
+        half = int(1.75 * radius) + 14
+        y, x = np.mgrid[-half : half + 1, -half : half + 1].astype(np.float32)
+        kind = rng.random()
+        body = _polar_body if kind < 0.5 else _balls if kind < 0.75 else _cut_polygon
+        field = body(rng, y, x, radius)
+        if rng.random() < 0.2:  # a second body: another component, or a lobe when they meet
+            shift = rng.normal(0, 1, 2)
+            shift *= rng.uniform(0.6, 1.3) * radius / np.hypot(*shift)
+            second = _polar_body(rng, y - shift[0], x - shift[1], radius * rng.uniform(0.25, 0.8))
+            field = np.maximum(field, second)
+        rough = rng.random()
+        if rough < 0.35:  # wrinkles
+            field += (
+                rng.uniform(0.02, 0.12)
+                * radius
+                * smooth_noise(rng, field.shape, rng.uniform(4, 0.4 * radius + 5))
+            )
+        if rng.random() < 0.6:  # what voxel grids and hand drawing add
+            field += rng.uniform(0.2, 1.0) * smooth_noise(rng, field.shape, rng.uniform(2, 8))
+        mask = (field > 0).astype(np.uint8)
+        mask[:12], mask[-12:], mask[:, :12], mask[:, -12:] = 0, 0, 0, 0
+        if rng.random() < 0.45:
+            for _ in range(rng.integers(1, 5)):
+                _inlet(rng, mask, radius)
+        holes = rng.random() < 0.18
+        if holes:
+            for _ in range(rng.integers(1, 4)):
+                centre = rng.normal(0, 0.35 * radius, 2) + half
+                size = radius * rng.uniform(0.08, 0.35, 2)
+                turn = float(rng.uniform(0, 180))
+                axes = tuple(int(max(3, s)) for s in size)
+                cv2.ellipse(mask, tuple(int(c) for c in centre), axes, turn, 0, 360, 0, -1)
+        mask = _tidy(rng, mask, holes)
+        if mask.sum() >= 25:
+            return np.pad(mask, 12)
