@@ -17,7 +17,7 @@ from cccd.comparisons.fuse import (
     order_by_chain,
     order_by_links,
 )
-from cccd.comparisons.parameters import GRID, grid_points, parameter_sets
+from cccd.comparisons.parameters import GRID, LARGEST_SHARE, grid_points, parameter_sets
 from cccd.comparisons.registry import CORNER_DETECTORS, reconstruct
 from cccd.comparisons.samples import SliceSample, choose_slices
 from cccd.containers import Curves, Structure
@@ -52,7 +52,7 @@ def compare_corners(structure: Structure, curves: Curves, settings: Mapping, see
     for sample in choose_slices(structure, curves, section["n_slices"], section["min_contour_px"]):
         for image_name, image in sample.images.items():
             for name, method in CORNER_DETECTORS.items():
-                for set_name, parameters in parameter_sets(name).items():
+                for set_name, parameters in parameter_sets(name, image_name).items():
                     begin = time.process_time()
                     found = method.run(image, **parameters) + sample.origin
                     corner_ms = 1e3 * (time.process_time() - begin)
@@ -124,19 +124,24 @@ def search(samples: Iterable[SliceSample], distance_px: float) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``detector``, ``parameters`` (dict), mean ``DSC`` over slices and images with the corners in
-        their true order, mean ``control_points``; best first within each detector.
+        ``image``, ``detector``, ``parameters`` (dict), mean ``DSC`` over slices with the corners in their
+        true order, mean ``share`` of the boundary's pixels used, ``eligible`` (share small enough);
+        within each image and detector the best eligible first.
     """
     rows = []
     for sample in samples:
-        for image in sample.images.values():
+        for image_name, image in sample.images.items():
             for detector in GRID:
                 for number, parameters in enumerate(grid_points(detector)):
                     corners = CORNER_DETECTORS[detector].run(image, **parameters) + sample.origin
                     (row,) = _fuse_in_every_order(sample, corners, distance_px, ["chain"])
-                    rows.append({"detector": detector, "number": number, **row})
-    scores = pd.DataFrame(rows).groupby(["detector", "number"])[["DSC", "control_points"]].mean().reset_index()
+                    share = row["control_points"] / row["boundary_pixels"]
+                    rows.append((image_name, detector, number, row["DSC"], share))
+    scores = pd.DataFrame(rows, columns=["image", "detector", "number", "DSC", "share"])
+    scores = scores.groupby(["image", "detector", "number"]).mean().reset_index()
     grids = {detector: list(grid_points(detector)) for detector in GRID}
-    scores["parameters"] = [grids[d][n] for d, n in zip(scores["detector"], scores["number"], strict=True)]
-    best_first = scores.sort_values(["detector", "DSC", "control_points"], ascending=[True, False, True])
-    return best_first.drop(columns="number").reset_index(drop=True)
+    numbers = zip(scores["detector"], scores.pop("number"), strict=True)
+    scores["parameters"] = [grids[detector][number] for detector, number in numbers]
+    scores["eligible"] = scores["share"] <= LARGEST_SHARE
+    columns = ["image", "detector", "eligible", "DSC", "share"]
+    return scores.sort_values(columns, ascending=[True, True, False, False, True]).reset_index(drop=True)

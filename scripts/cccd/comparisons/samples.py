@@ -58,7 +58,7 @@ def choose_slices(
     Parameters
     ----------
     structure : Structure
-        Its grey image, if any, is scaled to 8 bit over the whole crop (see `to_bytes`).
+        Its grey image, if any, is windowed to 8 bit (see `to_bytes`).
     curves : Curves
         The ordered curves, taken as the truth.
     """
@@ -71,7 +71,7 @@ def choose_slices(
     fit = np.flatnonzero(longest >= min(min_contour_px, longest.max()))
     places = np.unique(np.linspace(0, len(fit) - 1, min(n_slices, len(fit)) + 2).round().astype(int)[1:-1])
     stack = structure.stack("image")
-    grey = None if stack is None else to_bytes(stack)
+    grey = None if stack is None else to_bytes(stack, structure.stack("mask"))
     return [_sample(structure, curves, length, int(slices[place]), grey) for place in fit[places]]
 
 
@@ -101,8 +101,26 @@ def _window(image: np.ndarray, first: np.ndarray, shape: tuple[int, int]) -> np.
     return np.ascontiguousarray(image[np.ix_(rows, columns)])
 
 
-def to_bytes(stack: np.ndarray) -> np.ndarray:
-    """Grey values as 8 bit: linear between the stack's 1st and 99th percentile, cut off beyond."""
-    low, high = np.percentile(stack[np.isfinite(stack)], (1, 99))
-    scaled = (np.nan_to_num(stack, nan=low) - low) * (255 / max(high - low, np.finfo(np.float32).tiny))
+def to_bytes(stack: np.ndarray, organ: np.ndarray | None = None) -> np.ndarray:
+    """Grey values as 8 bit, windowed as a reader would set it for the organ.
+
+    The window is the organ's median plus and minus twice the width of its middle nine tenths, so that its
+    edge is not lost between air and bone; without a mask it is the stack's 1st to 99th percentile.
+
+    Parameters
+    ----------
+    stack : (S, I, J)
+        Grey values; what is not finite becomes the window's lower end.
+    organ : (S, I, J) bool, optional
+    """
+    finite = np.isfinite(stack)
+    values = stack[finite & organ] if organ is not None else stack[finite]
+    if not values.size:
+        return np.zeros(stack.shape, np.uint8)
+    if organ is None:
+        low, high = np.percentile(values, (1, 99))
+    else:
+        few, middle, most = np.percentile(values, (5, 50, 95))
+        low, high = middle - 2 * (most - few), middle + 2 * (most - few)
+    scaled = np.where(finite, stack - low, 0) * (255 / max(high - low, np.finfo(np.float32).tiny))
     return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
