@@ -66,7 +66,7 @@ def provenance() -> Provenance:
 
 
 def _commit(folder: Path) -> str:
-    """The git commit of the code, with a word when files were edited since."""
+    """Name the git commit of the code, with a word when files were edited since."""
 
     def git(*arguments: str) -> str | None:
         try:

@@ -21,10 +21,12 @@ def _label(name: str) -> str:
 
 
 def learning_curve(history: pd.DataFrame) -> str | None:
-    """Loss and scores against the epoch; the epoch whose weights were kept is marked."""
+    """Draw loss and scores against the epoch."""
     if "epoch" not in history:
         return None
-    numeric = [name for name in history.select_dtypes("number") if name != "epoch" and history[name].nunique() > 1]
+    numeric = [
+        name for name in history.select_dtypes("number") if name != "epoch" and history[name].nunique() > 1
+    ]
     losses = [name for name in numeric if "loss" in name]
     timed = ("second", "time", "rate", "lr", "_s")
     scores = [name for name in numeric if name not in losses and not any(part in name for part in timed)]
@@ -59,7 +61,7 @@ def lines(
     panel: str | None = None,
     log_x: bool = False,
 ) -> str | None:
-    """The median of ``y`` against ``x``, one line per value of ``series``, one panel per value of ``panel``."""
+    """Draw medians of ``y`` against ``x``: a line per value of ``series``, a panel per value of ``panel``."""
     if not {x, y, series}.issubset(frame.columns) or (panel and panel not in frame):
         return None
     frame = frame.dropna(subset=[x, y])
@@ -97,21 +99,22 @@ def lines(
         return to_svg(figure, key, f"{_label(y)} against {_label(x)} by {series}")
 
 
-def strips(frame: pd.DataFrame, columns: list[tuple[str, str]], group: str) -> list[str]:
-    """One plot per measure: a dot per structure, a row per group, the median as a bar.
+def strips(frame: pd.DataFrame, columns: list[str], group: str) -> list[str]:
+    """Draw one plot per measure: a dot per structure, a row per group, the median as a bar.
 
     Parameters
     ----------
     frame : pandas.DataFrame
         One row per structure.
-    columns : list of (name, axis label)
+    columns : list of str
+        Measures; each name is its plot's title.
     group : str
         Column that names the rows of dots.
     """
     plots = []
     names = sorted(frame[group].astype(str).unique())
     shown = names if len(names) <= 12 else ["all"]
-    for name, label in columns:
+    for name in columns:
         if name not in frame or frame[name].notna().sum() == 0:
             continue
         with style():
@@ -121,19 +124,21 @@ def strips(frame: pd.DataFrame, columns: list[tuple[str, str]], group: str) -> l
                 values = part[name].dropna().to_numpy(float)
                 # a golden-ratio sequence spreads the dots evenly and is the same in every run
                 spread = (np.arange(len(values)) * 0.618034 % 1 - 0.5) * 0.55
-                axis.plot(values, row + spread, "o", color=SERIES[0], markersize=3, alpha=0.55, markeredgewidth=0)
+                axis.plot(
+                    values, row + spread, "o", color=SERIES[0], markersize=3, alpha=0.55, markeredgewidth=0
+                )
                 if len(values):
                     axis.plot([np.median(values)] * 2, [row - 0.38, row + 0.38], color=INK, linewidth=1.6)
             axis.set_yticks(range(len(shown)), shown)
             axis.set_ylim(len(shown) - 0.5, -0.5)
             axis.grid(axis="y", visible=False)
-            axis.set_title(label)
-            plots.append(to_svg(figure, f"strip-{name}", f"{label} of every structure"))
+            axis.set_title(name)
+            plots.append(to_svg(figure, f"strip-{name}", f"{name} of every structure"))
     return plots
 
 
 def rule_times(benchmarks: pd.DataFrame, most: int = 16) -> str:
-    """Total time per rule as bars, the slowest on top."""
+    """Draw total time per rule as bars, the slowest on top."""
     shown = benchmarks.head(most)
     with style():
         figure, axis = axes(5.6, 0.6 + 0.22 * len(shown))
@@ -141,7 +146,9 @@ def rule_times(benchmarks: pd.DataFrame, most: int = 16) -> str:
         axis.barh(place, shown["total_s"], height=0.62, color=SERIES[0])
         for at, seconds, memory in zip(place, shown["total_s"], shown["peak_memory_mb"], strict=True):
             text = f"{seconds:.1f} s" + ("" if pd.isna(memory) else f", {memory:.0f} MB")
-            axis.annotate(text, (seconds, at), (4, 0), textcoords="offset points", va="center", color=SOFT, size=8)
+            axis.annotate(
+                text, (seconds, at), (4, 0), textcoords="offset points", va="center", color=SOFT, size=8
+            )
         axis.set_yticks(place, shown["rule"].str.replace("_", " "))
         axis.set_ylim(len(shown) - 0.4, -0.6)
         axis.set_xlim(0, shown["total_s"].max() * 1.3)

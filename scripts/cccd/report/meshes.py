@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import fast_simplification
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -36,21 +37,21 @@ def _polydata(mesh: Mesh):
 
 
 def voxel_surface(structure: Structure) -> Mesh | None:
-    """Marching cubes of the mask, as the surface stage measures against; None without a mask."""
+    """Run marching cubes on the mask, as the surface stage measures against; None without a mask."""
     if structure.mask is None or not structure.mask.any():
         return None
     return Mesh(*mask_surface(structure))
 
 
 def outward(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The faces (F, 3), turned round when the volume that they enclose comes out negative."""
+    """Turn the faces (F, 3) round when the volume that they enclose comes out negative."""
     a, b, c = (points[corner] - points.mean(axis=0) for corner in faces.T)
     volume = np.einsum("ij,ij->", a, np.cross(b, c))
     return faces if volume >= 0 else faces[:, ::-1]
 
 
 def reference_surface(structure: Structure) -> tuple[Mesh, str] | None:
-    """What the surface is measured against and its name: the analytic truth, else the mask's voxel surface."""
+    """Find what the surface is measured against, and its name: analytic truth, else the mask's voxels."""
     if structure.truth is not None:
         points, faces = structure.truth
         return Mesh(points, outward(points, faces)), "the analytic surface"
@@ -59,11 +60,13 @@ def reference_surface(structure: Structure) -> tuple[Mesh, str] | None:
 
 
 def simplify(mesh: Mesh, most: int) -> Mesh:
-    """Collapse edges by their quadric error (Garland and Heckbert 1997) until at most ``most`` triangles are left."""
+    """Collapse edges by quadric error (Garland and Heckbert 1997) to at most ``most`` triangles."""
     if len(mesh.faces) <= most:
         return mesh
-    smaller = _polydata(mesh).decimate(1 - most / len(mesh.faces), volume_preservation=True)
-    return Mesh(np.asarray(smaller.points, float), np.asarray(smaller.regular_faces, np.int64))
+    points, faces = fast_simplification.simplify(
+        mesh.points.astype(np.float32), mesh.faces.astype(np.int32), target_count=most
+    )
+    return Mesh(np.asarray(points, float), np.asarray(faces, np.int64))
 
 
 def sort_spatially(mesh: Mesh) -> tuple[Mesh, np.ndarray]:
@@ -92,7 +95,7 @@ def sort_spatially(mesh: Mesh) -> tuple[Mesh, np.ndarray]:
 
 
 def signed_distance(points: np.ndarray, reference: Mesh) -> np.ndarray:
-    """Distance (P,) in mm of points to a closed mesh, positive outside."""
+    """Measure the distance (P,) in mm of points to a closed mesh, positive outside."""
     import pyvista as pv
 
     measured = pv.PolyData(points).compute_implicit_distance(_polydata(reference))
@@ -100,7 +103,7 @@ def signed_distance(points: np.ndarray, reference: Mesh) -> np.ndarray:
 
 
 def mean_curvature(mesh: Mesh, at: np.ndarray) -> np.ndarray:
-    """Mean curvature (P,) in 1/mm near the points ``at`` (P, 3), positive where the surface is convex.
+    """Estimate the mean curvature (P,) in 1/mm near the points ``at`` (P, 3); positive is convex.
 
     Discrete mean curvature at the vertices, the median of the twelve that lie nearest to each point: the
     second derivative of a triangulation is noisy at the scale of its triangles.

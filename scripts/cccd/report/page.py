@@ -15,7 +15,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import jinja2
@@ -28,19 +28,44 @@ from cccd.report.facts import benchmark_table, duration, provenance
 from cccd.report.paper import EXHIBITS, Exhibit
 from cccd.report.render import VIEWS, VTK_PACKAGE, picture_renderer
 from cccd.report.scene import Scene, build_scene, colour_stops
-from cccd.report.tables import Table, number, read_csv, table, words
+from cccd.report.tables import Table, number, read_csv, table, typeset, words
 from cccd.store import atomic_path, read_structure_facts
 
 __all__ = ["build_report", "build_structure_page"]
 
-#: The few numbers by which a surface is judged at a glance: (where in metrics.json, heading, unit, factor).
+
+class Headline(NamedTuple):
+    """A number by which a surface is judged at a glance.
+
+    ``path`` says where it stands in metrics.json, ``factor`` turns it into ``unit``, ``form`` is its format.
+    """
+
+    path: tuple[str, ...]
+    heading: str
+    unit: str
+    factor: float
+    form: str
+
+    @property
+    def label(self) -> str:
+        """Heading with its unit."""
+        return f"{self.heading} ({self.unit})" if self.unit else self.heading
+
+    def value(self, metrics: Mapping[str, Any]) -> float | None:
+        """Take the number in ``unit``; None where it was not measured."""
+        found: Any = metrics
+        for key in self.path:
+            found = found.get(key) if isinstance(found, Mapping) else None
+        return None if found is None else found * self.factor
+
+
 HEADLINES = (
-    (("surface", "dice_3d"), "3D Dice", "", 1.0),
-    (("surface", "assd_mm"), "ASSD", "mm", 1.0),
-    (("surface", "volume_bias"), "Volume bias", "%", 100.0),
-    (("surface", "control_points"), "Control points", "", 1),
-    (("surface", "control_bytes"), "Control net", "bytes", 1),
-    (("surface", "compactness"), "Marching cubes takes", "times as much", 1.0),
+    Headline(("surface", "dice_3d"), "3D Dice", "", 1, ".4f"),
+    Headline(("surface", "assd_mm"), "ASSD", "mm", 1, ".2f"),
+    Headline(("surface", "volume_bias"), "Volume bias", "%", 100, "+.2f"),
+    Headline(("surface", "control_points"), "Control points", "", 1, ",d"),
+    Headline(("surface", "control_bytes"), "Control net", "kB", 1e-3, ".1f"),
+    Headline(("surface", "compactness"), "Smaller than marching cubes", "×", 1, ".0f"),
 )
 
 #: Widths in pixels of a picture in a card and in the contact sheet of a cohort.
@@ -202,7 +227,7 @@ def build_structure_page(
 
 
 def _shared(config: Mapping[str, Any]) -> dict[str, Any]:
-    """What both kinds of page need."""
+    """Collect what both kinds of page need."""
     stops = colour_stops()
     return {
         "run": provenance(),
@@ -250,7 +275,7 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """JSON-like copy, so that YAML writes no Python tags."""
+    """Copy as plain values, so that YAML writes no Python tags."""
     if isinstance(value, Mapping):
         return {str(key): _plain(part) for key, part in value.items()}
     if isinstance(value, (list, tuple)):
@@ -301,24 +326,18 @@ def _structure_view(results: Path, home: Path, case: str, organ: str, width: int
     )
 
 
-def _lookup(metrics: Mapping[str, Any], path: Sequence[str]) -> Any:
-    value: Any = metrics
-    for key in path:
-        value = value.get(key) if isinstance(value, Mapping) else None
-    return value
-
-
 def _headlines(metrics: Mapping[str, Any]) -> list[dict[str, str]]:
     found = []
-    for path, heading, unit, factor in HEADLINES:
-        value = _lookup(metrics, path)
+    for headline in HEADLINES:
+        value = headline.value(metrics)
         if value is not None:
-            found.append({"heading": heading, "text": number(value * factor), "unit": unit})
+            text = typeset(format(int(value) if headline.form == ",d" else value, headline.form))
+            found.append({"heading": headline.heading, "text": text, "unit": headline.unit})
     return found
 
 
 def _picture(path: Path, width: int) -> str:
-    """A picture as base64 WebP at most ``width`` pixels wide, transparency kept."""
+    """Encode a picture as base64 WebP at most ``width`` pixels wide, transparency kept."""
     from PIL import Image
 
     with Image.open(path) as opened:
@@ -330,7 +349,7 @@ def _picture(path: Path, width: int) -> str:
 
 
 def _sources(facts: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Every mapping anywhere in the provenance that names a file by its checksum."""
+    """Find every mapping anywhere in the provenance that names a file by its checksum."""
     found = []
     if isinstance(facts, Mapping):
         if "sha256" in facts:
@@ -344,9 +363,7 @@ def _sources(facts: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _source_table(views: Sequence[StructureView]) -> Table | None:
-    rows = [
-        {"structure": view.name, **source} for view in views for source in view.sources
-    ]
+    rows = [{"structure": view.name, **source} for view in views for source in view.sources]
     return table("inputs", pd.DataFrame(rows)) if rows else None
 
 
@@ -367,10 +384,7 @@ def _measured_table(results: Path, views: Sequence[StructureView]) -> Table | No
     if frame is None:
         rows = [
             {"case": view.case, "organ": view.organ}
-            | {
-                f"{heading} ({unit})" if unit else heading: _scaled(_lookup(view.metrics, path), factor)
-                for path, heading, unit, factor in HEADLINES
-            }
+            | {headline.label: headline.value(view.metrics) for headline in HEADLINES}
             | {"warnings": len(view.warnings)}
             for view in views
         ]
@@ -385,20 +399,15 @@ def _measured_table(results: Path, views: Sequence[StructureView]) -> Table | No
     return table("structures", frame, links)
 
 
-def _scaled(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor
-
-
 def _cohort_plots(views: Sequence[StructureView]) -> list[Markup]:
-    labelled = [(heading, f"{heading} ({unit})" if unit else heading) for _, heading, unit, _ in HEADLINES]
     frame = pd.DataFrame(
         [
-            {"organ": view.organ}
-            | {heading: _scaled(_lookup(view.metrics, path), factor) for path, heading, _, factor in HEADLINES}
+            {"organ": view.organ} | {headline.label: headline.value(view.metrics) for headline in HEADLINES}
             for view in views
         ]
     )
-    return [Markup(plot) for plot in figures.strips(frame, labelled, "organ")]
+    labels = [headline.label for headline in HEADLINES]
+    return [Markup(plot) for plot in figures.strips(frame, labels, "organ")]
 
 
 # Tables and figures -------------------------------------------------------------------------------------
@@ -416,35 +425,64 @@ def _exhibit(results: Path, exhibit: Exhibit, remarks: Mapping[str, Any]) -> Exh
     return ExhibitView(exhibit, remarks.get(exhibit.key), shown, [], missing)
 
 
+class Experiment(NamedTuple):
+    """A table that goes past the paper; ``plot`` is (x, y, series, panel) of its figure."""
+
+    stem: str
+    title: str
+    text: str
+    plot: tuple[str, str, str, str] | None = None
+
+
+EXPERIMENTS = (
+    Experiment(
+        "surfaces",
+        "Against the surfaces people use today",
+        "Every method on the same structures, measured alike.",
+    ),
+    Experiment(
+        "thick_slices",
+        "Thick slices",
+        "Every n-th slice is kept, the surface is rebuilt from those and compared with the full resolution.",
+    ),
+    Experiment(
+        "junctions",
+        "Junction repair",
+        "Boundary maps with spurs, bridges, gaps and noise, ordered by the network and by the classical "
+        "decoders.",
+    ),
+    Experiment(
+        "compactness",
+        "Compactness",
+        "Bytes per slice of the splines, the chain code, the PNG and the raw contour.",
+    ),
+    Experiment("k_sweep", "The whole sweep over k", "Every structure, both criteria."),
+)
+
+
 def _experiments(results: Path, remarks: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Tables that go past the paper, each with its plot."""
+    """Read the tables that go past the paper, each with its plot."""
     found = []
-    for stem, title, text, plot in (
-        ("surfaces", "Against the surfaces people use today", "Every method on the same structures, measured alike.", None),
-        ("thick_slices", "Thick slices", "Every n-th slice is kept, the surface is rebuilt from those, and compared with the full resolution.", ("spacing_mm", "assd_mm", "method", "organ")),
-        ("junctions", "Junction repair", "Boundary maps with spurs, bridges, gaps and noise, put in order by the network and by the classical decoders.", None),
-        ("compactness", "Compactness", "Bytes per slice of the splines, the chain code, the PNG and the raw contour.", None),
-        ("k_sweep", "The whole sweep over k", "Every structure, both criteria.", None),
-    ):
-        frame = read_csv(results / "tables" / f"{stem}.csv")
+    for experiment in EXPERIMENTS:
+        frame = read_csv(results / "tables" / f"{experiment.stem}.csv")
         figure = None
-        if frame is not None and plot is not None:
-            figure = _markup(figures.lines(stem, frame, *plot))
+        if frame is not None and experiment.plot is not None:
+            figure = _markup(figures.lines(experiment.stem, frame, *experiment.plot))
         found.append(
             {
-                "key": stem,
-                "title": title,
-                "text": text,
+                "key": experiment.stem,
+                "title": experiment.title,
+                "text": experiment.text,
                 "figure": figure,
-                "table": table(stem, frame) if frame is not None else None,
-                "verdict": remarks.get(stem),
+                "table": table(experiment.stem, frame) if frame is not None else None,
+                "verdict": remarks.get(experiment.stem),
             }
         )
     return found
 
 
 def _training_facts(results: Path, config: Mapping[str, Any]) -> dict[str, str]:
-    """Data counts, seed and device, as far as the training left them."""
+    """Collect data counts, seed and device, as far as the training left them."""
     found = {"seed": str(config.get("seed", "not set"))}
     pretrained = (config.get("gnn") or {}).get("pretrained")
     if pretrained:

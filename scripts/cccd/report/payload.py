@@ -52,11 +52,11 @@ def pack(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> str:
     """
     header, chunks, offset = {}, [], 0
     for name, array in arrays.items():
-        table = array.reshape(len(array), -1)
+        columns = 1 if array.ndim == 1 else array.shape[1]
+        table = array.reshape(-1, columns)
         delta = table.copy()
         delta[1:] -= table[:-1]  # unsigned: wraps, and so does the sum that undoes it
         raw = np.ascontiguousarray(delta).reshape(-1).view(np.uint8).reshape(-1, array.dtype.itemsize)
-        columns = table.shape[1] if table.size else 1
         header[name] = {
             "type": _TYPES[array.dtype],
             "count": int(array.size),
@@ -66,5 +66,5 @@ def pack(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> str:
         chunks.append(raw.T.tobytes())
         offset += raw.size
     text = json.dumps({"meta": meta, "arrays": header}, sort_keys=True, allow_nan=False).encode()
-    packed = zlib.compress(b"".join([len(text).to_bytes(4, "little"), text, *chunks]), 9)
+    packed = zlib.compress(b"".join([len(text).to_bytes(4, "little"), text, *chunks]), 6)
     return base64.b64encode(packed).decode("ascii")

@@ -81,7 +81,7 @@ def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420
 
 
 def picture_renderer(png_path: str | Path) -> Renderer | None:
-    """What drew a picture made by `render_surface`; None when the file does not say."""
+    """Tell what drew a picture made by `render_surface`; None when the file does not say."""
     from PIL import Image
 
     with Image.open(png_path) as picture:
@@ -123,7 +123,7 @@ def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
 
     mesh = pv.read(ply_path)
     centre = np.array(mesh.center)
-    half_height = 0.54 * np.ptp(mesh.points, axis=0).max()
+    half_height = 0.57 * np.ptp(mesh.points, axis=0).max()
     size = (len(VIEWS) * pixels, pixels)
     plotter = pv.Plotter(off_screen=True, shape=(1, len(VIEWS)), window_size=size, border=False)
     for column, view in enumerate(VIEWS):
@@ -141,7 +141,7 @@ def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
 
 
 def _cluster_vertices(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Merge vertices on ever coarser grids until at most ``most`` faces are left (Rossignac and Borrel 1993)."""
+    """Merge vertices on ever coarser grids (Rossignac and Borrel 1993) down to ``most`` faces."""
     extent = np.ptp(vertices, axis=0).max()
     cells = int(np.sqrt(most))
     while len(faces) > most:
@@ -167,7 +167,7 @@ def _draw_with_matplotlib(vertices: np.ndarray, faces: np.ndarray, pixels: int) 
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    half_height = 0.54 * np.ptp(vertices, axis=0).max()
+    half_height = 0.57 * np.ptp(vertices, axis=0).max()
 
     figure = Figure(figsize=(len(VIEWS), 1), dpi=pixels)
     canvas = FigureCanvasAgg(figure)

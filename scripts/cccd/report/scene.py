@@ -1,4 +1,4 @@
-"""What one structure's interactive part holds: meshes, control net, curves and slices, packed for the page."""
+"""What the interactive part of a structure holds: meshes, control net, curves and slices, packed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BSpline
 
-from cccd.chaincode import isolated_corners, junction_pixels
+from cccd.chaincode import isolated_corners, junction_pixels, on_pixel_chain, successors
 from cccd.containers import Boundaries, Curves, Frame, Splines, Structure
 from cccd.report.meshes import (
     Mesh,
@@ -192,7 +192,7 @@ def _add_values(
 
 
 def _round_up(value: float) -> float:
-    """The next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
+    """Go up to the next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
     if not np.isfinite(value) or value <= 0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))
@@ -255,10 +255,10 @@ def _add_slices(
         ):
             add(name, boundaries.points[flags], owner[flags])
     if curves is not None and splines is not None and corners is not None:
-        chain = _chain_pixels(curves)
-        left = isolated_corners(chain)
-        owner = np.repeat(chain.slice, np.diff(chain.offsets))
-        add("isolated_after", chain.points[left], owner[left])
+        owner = np.repeat(curves.slice, np.diff(curves.offsets))
+        step = np.abs(curves.points[successors(curves.offsets)] - curves.points).max(axis=1)
+        if on_pixel_chain(curves.points, curves.offsets).any():  # contours as given have no chain code
+            add("isolated_after", curves.points[step > 1], owner[step > 1])
         add("corners", corners[0], np.repeat(curves.slice, np.diff(corners[1])))
         line, offsets = _evaluate(splines)
         arrays["curve_points"] = quantise(line, pixels)
@@ -283,15 +283,6 @@ def _window(structure: Structure, points: np.ndarray) -> tuple[np.ndarray, np.nd
             low = structure.stack_origin[1:]
             return low.astype(int), low + np.array(stack.shape[1:]) - 1
     return np.floor(points.min(axis=0)).astype(int) - 3, np.ceil(points.max(axis=0)).astype(int) + 3
-
-
-def _chain_pixels(curves: Curves) -> Boundaries:
-    """The pixels that the ordered curves run through, as unordered boundary pixels in raster order."""
-    k = np.repeat(curves.slice, np.diff(curves.offsets)).astype(np.int64)
-    unique = np.unique(np.column_stack([k, np.rint(curves.points).astype(np.int64)]), axis=0)
-    slices, counts = np.unique(unique[:, 0], return_counts=True)
-    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    return Boundaries(unique[:, 1:].astype(np.int32), offsets, slices.astype(np.int32), curves.frame)
 
 
 def _evaluate(splines: Splines) -> tuple[np.ndarray, np.ndarray]:
@@ -323,7 +314,9 @@ def _display(frame: Frame, low: np.ndarray, high: np.ndarray) -> tuple[dict, np.
     through = int(np.argmax(np.abs(along[:, 2])))
     right = np.array([0.0, -1.0, 0.0]) if through == 0 else np.array([-1.0, 0.0, 0.0])
     down = np.array([0.0, -1.0, 0.0]) if through == 2 else np.array([0.0, 0.0, -1.0])
-    swap = abs(along[:, 0] @ right) + abs(along[:, 1] @ down) < abs(along[:, 1] @ right) + abs(along[:, 0] @ down)
+    swap = abs(along[:, 0] @ right) + abs(along[:, 1] @ down) < abs(along[:, 1] @ right) + abs(
+        along[:, 0] @ down
+    )
     axes = (1, 0) if swap else (0, 1)
     matrix = np.zeros((2, 3))
     directions = []
@@ -355,7 +348,7 @@ def _letters(right: np.ndarray, down: np.ndarray) -> dict[str, str]:
 def _tiles(
     structure: Structure, k: np.ndarray, low: np.ndarray, high: np.ndarray, picture: Mapping[str, Any]
 ) -> tuple[np.ndarray | None, dict]:
-    """The slices as they lie on the screen, 8 bit, side by side in one image; and how they are arranged."""
+    """Lay the slices side by side in one 8-bit image, each as it lies on the screen; tell the arrangement."""
     stack = structure.stack("image")
     if stack is None:
         return None, {"columns": 1, "width": 1, "height": 1, "shrink": 1}
@@ -385,7 +378,7 @@ def _tiles(
 
 
 def _webp(grey: np.ndarray, quality: int = 70) -> str:
-    """A grey picture (h, w) uint8 as base64 WebP."""
+    """Encode a grey picture (h, w) uint8 as base64 WebP."""
     from PIL import Image
 
     buffer = io.BytesIO()

@@ -68,7 +68,7 @@ def style() -> Iterator[None]:
 
 
 def axes(width: float = 6.0, height: float = 3.2, rows: int = 1, columns: int = 1):
-    """A figure of the given size in inches and its axes, as `Figure.subplots` gives them; call within `style`."""
+    """Make a figure (inches) and its axes, as `Figure.subplots` gives them; call within `style`."""
     figure = Figure(figsize=(width, height))
     figure.patch.set_alpha(0)
     grid = figure.subplots(rows, columns)
@@ -78,7 +78,7 @@ def axes(width: float = 6.0, height: float = 3.2, rows: int = 1, columns: int = 
 
 
 def to_svg(figure: Figure, key: str, label: str) -> str:
-    """The figure as an ``<svg>`` element.
+    """Write the figure as an ``<svg>`` element.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-__all__ = ["Cell", "Column", "Table", "number", "read_csv", "table", "words"]
+__all__ = ["Cell", "Column", "Table", "number", "read_csv", "table", "typeset", "words"]
 
 #: Endings of column names that are units, and how they are written.
 UNITS = {
@@ -82,7 +82,7 @@ class Table:
 
 
 def read_csv(path: Path) -> pd.DataFrame | None:
-    """The table, or None when the file is not there or holds no rows."""
+    """Read the table; None when the file is not there or holds no rows."""
     if not path.is_file() or path.stat().st_size == 0:
         return None
     frame = pd.read_csv(path)
@@ -90,7 +90,7 @@ def read_csv(path: Path) -> pd.DataFrame | None:
 
 
 def words(name: str) -> tuple[str, str]:
-    """Heading and unit of a column name.
+    """Part a column name into heading and unit.
 
     >>> words("assd_mm"), words("volume_bias_percent"), words("Paper Dice")
     (('ASSD', 'mm'), ('Volume bias', '%'), ('Paper Dice', ''))
@@ -105,8 +105,13 @@ def words(name: str) -> tuple[str, str]:
     return (heading[:1].upper() + heading[1:] if heading.islower() or parts[0].islower() else heading), unit
 
 
+def typeset(text: str) -> str:
+    """Set a formatted number with narrow spaces between thousands and a true minus sign."""
+    return text.replace(",", "\u202f").replace("-", "−")
+
+
 def number(value: Any, digits: int = 4) -> str:
-    """A number as text: ``digits`` significant digits, thousands parted by narrow spaces, a true minus sign.
+    """Write a number: ``digits`` significant digits, thousands parted by narrow spaces, a true minus sign.
 
     >>> number(0.98491), number(12345), number(-0.00321), number(float("nan")), number(12345.6)
     ('0.9849', '12\u202f345', '−0.00321', '–', '12\u202f346')
@@ -116,7 +121,7 @@ def number(value: Any, digits: int = 4) -> str:
     if isinstance(value, (bool, np.bool_)):
         return "yes" if value else "no"
     if isinstance(value, Integral):
-        return f"{int(value):,}".replace(",", "\u202f").replace("-", "−")
+        return typeset(f"{int(value):,}")
     size = abs(float(value))
     if size >= 10 ** (digits - 1):
         text = f"{float(value):,.0f}"
@@ -124,10 +129,10 @@ def number(value: Any, digits: int = 4) -> str:
         text = f"{float(value):.{max(digits - 3, 0)}e}"
     else:
         whole = 0 if size < 1 else int(math.log10(size)) + 1
-        leading = 0 if size >= 1 or size == 0 else -int(math.floor(math.log10(size))) - 1
+        leading = 0 if size >= 1 or size == 0 else -math.floor(math.log10(size)) - 1
         text = f"{float(value):.{max(digits - whole + min(leading, 2 if leading else 0), 0)}f}"
         text = text.rstrip("0").rstrip(".") if size < 1e-2 else text
-    return text.replace(",", "\u202f").replace("-", "−")
+    return typeset(text)
 
 
 def _cell(value: Any, link: str | None = None) -> Cell:
@@ -141,7 +146,7 @@ def _cell(value: Any, link: str | None = None) -> Cell:
 
 
 def table(key: str, frame: pd.DataFrame, links: Iterable[str | None] | None = None) -> Table:
-    """A data frame as a table of the page; columns without any value are left out.
+    """Turn a data frame into a table of the page; columns without any value are left out.
 
     Parameters
     ----------
