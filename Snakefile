@@ -17,8 +17,8 @@ include: "workflow/rules/common.smk"
 
 
 wildcard_constraints:
-    case=one_of(row["case"] for row in COHORT),
-    organ=one_of(row["organ"] for row in COHORT),
+    case=NAME,
+    organ=NAME,
 
 
 include: "workflow/rules/structures.smk"

@@ -4,7 +4,6 @@
 rule extract_boundaries:
     """Gaussian blur, 5x5 dilation XOR, edges: the boundary pixels per slice, junctions included."""
     input:
-        library=library("extract_boundaries"),
         structure="results/{case}/{organ}/structure.h5",
     output:
         "results/{case}/{organ}/boundaries.h5",
@@ -12,6 +11,8 @@ rule extract_boundaries:
         "logs/{case}/{organ}/extract_boundaries.log",
     benchmark:
         "benchmarks/{case}/{organ}/extract_boundaries.tsv"
+    group:
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -19,6 +20,7 @@ rule extract_boundaries:
         mem_mb=memory(1000, 40),
         runtime=minutes(10),
     params:
+        library=library("extract_boundaries"),
         settings=config["boundaries"],
     script:
         "../../scripts/extract_boundaries.py"

@@ -1,10 +1,12 @@
 """Helpers only: the cohort and the configuration, and what several rule files share. No rules here."""
 
 import functools
+import hashlib
 import os
-import re
 import sys
 from pathlib import Path
+
+from snakemake.exceptions import WorkflowError
 
 ROOT = Path(workflow.basedir)
 SCRIPTS = ROOT / "scripts"
@@ -13,7 +15,7 @@ sys.path.insert(0, str(SCRIPTS))
 from cccd.cohort import read_cohort
 from cccd.dependencies import imported_files
 from cccd.errors import InputError
-from cccd.settings import validate_config
+from cccd.settings import nearest, validate_config
 
 
 def find_file(name):
@@ -45,9 +47,18 @@ RECONSTRUCTED = [key for key, row in ROW.items() if row["role"] != "train"]
 TRAINING = [key for key, row in ROW.items() if row["role"] != "reconstruct"]
 
 
-def one_of(names):
-    """A wildcard constraint that allows just these names."""
-    return "|".join(sorted({re.escape(name) for name in names})) or "(?!)"
+#: The wildcards case and organ. Not the sheet's own names: a pattern that lists a thousand of them is searched
+#: for every file of every job, and planning would take time that grows with the cohort squared.
+NAME = "[A-Za-z0-9_-]+"
+
+
+def row_of(wildcards):
+    """The sheet's row of a structure; for `snakemake results/CASE/ORGAN/...` with a name that is not there."""
+    key = wildcards.case, wildcards.organ
+    if key not in ROW:
+        known = nearest("/".join(key), ["/".join(other) for other in ROW])
+        raise WorkflowError(f"{SHEET.name} has no structure {'/'.join(key)}; {known}")
+    return ROW[key]
 
 
 def for_structures(name, keys=None):
@@ -70,7 +81,7 @@ def for_formats():
 
 def source_files(wildcards):
     """The row's own files, so that a changed scan comes in again. What is missing the job itself reports."""
-    row = ROW[wildcards.case, wildcards.organ]
+    row = row_of(wildcards)
     paths = (
         SHEET.parent / row[column]
         for column in ("image", "mask", "boundary")
@@ -81,14 +92,18 @@ def source_files(wildcards):
 
 def sheet_row(wildcards):
     """The row as plain values; its place in the sheet is left out so that moving a row reruns nothing."""
-    row = ROW[wildcards.case, wildcards.organ]
-    return {key: value for key, value in sorted(row.items()) if key != "place"}
+    return {
+        key: value for key, value in sorted(row_of(wildcards).items()) if key != "place"
+    }
 
 
 @functools.cache
 def library(script):
-    """The library files that ``scripts/<script>.py`` imports, so that editing one runs its stage again."""
-    return [near(path) for path in imported_files(SCRIPTS / f"{script}.py", SCRIPTS)]
+    """SHA-256 of the library files that ``scripts/<script>.py`` imports, so that editing one runs its stage
+    again. One parameter, because twenty files among the inputs of every job treble the time to plan.
+    """
+    files = imported_files(SCRIPTS / f"{script}.py", SCRIPTS)
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()
 
 
 def memory(base_mb, per_input_mb=0):

@@ -4,7 +4,6 @@
 rule compare_corners:
     """Harris, Shi-Tomasi, FAST and SUSAN corners, each fused with a B-spline (Tables 1 and 2)."""
     input:
-        library=library("compare_corners"),
         structure="results/{case}/{organ}/structure.h5",
         curves="results/{case}/{organ}/curves.h5",
     output:
@@ -13,6 +12,8 @@ rule compare_corners:
         "logs/{case}/{organ}/compare_corners.log",
     benchmark:
         "benchmarks/{case}/{organ}/compare_corners.tsv"
+    group:
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -20,6 +21,7 @@ rule compare_corners:
         mem_mb=memory(1500, 20),
         runtime=minutes(20),
     params:
+        library=library("compare_corners"),
         settings=config["comparisons"],
         seed=config["seed"],
     script:
@@ -29,7 +31,6 @@ rule compare_corners:
 rule compare_reconstruction:
     """Curve reconstruction from points: Crust and its kin, Connect2D, Crawl, a tour (Tables 4 and 5)."""
     input:
-        library=library("compare_reconstruction"),
         structure="results/{case}/{organ}/structure.h5",
         curves="results/{case}/{organ}/curves.h5",
         model="results/gnn/model.pt",
@@ -39,6 +40,8 @@ rule compare_reconstruction:
         "logs/{case}/{organ}/compare_reconstruction.log",
     benchmark:
         "benchmarks/{case}/{organ}/compare_reconstruction.tsv"
+    group:
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -46,6 +49,7 @@ rule compare_reconstruction:
         mem_mb=memory(2500, 20),
         runtime=minutes(20),
     params:
+        library=library("compare_reconstruction"),
         settings=config["comparisons"],
         seed=config["seed"],
     script:
@@ -55,7 +59,6 @@ rule compare_reconstruction:
 rule compare_active_contour:
     """A B-spline snake from a circular seed (Figure 15)."""
     input:
-        library=library("compare_active_contour"),
         structure="results/{case}/{organ}/structure.h5",
         curves="results/{case}/{organ}/curves.h5",
     output:
@@ -64,6 +67,8 @@ rule compare_active_contour:
         "logs/{case}/{organ}/compare_active_contour.log",
     benchmark:
         "benchmarks/{case}/{organ}/compare_active_contour.tsv"
+    group:
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -71,6 +76,7 @@ rule compare_active_contour:
         mem_mb=memory(1500, 20),
         runtime=minutes(20),
     params:
+        library=library("compare_active_contour"),
         settings=config["comparisons"],
         seed=config["seed"],
     script:
@@ -80,7 +86,6 @@ rule compare_active_contour:
 rule compare_isosurfaces:
     """Marching cubes, flying edges and the other surfaces people take today, measured alike."""
     input:
-        library=library("compare_isosurfaces"),
         structure="results/{case}/{organ}/structure.h5",
         curves="results/{case}/{organ}/curves.h5",
         surface="results/{case}/{organ}/surface.h5",
@@ -91,6 +96,8 @@ rule compare_isosurfaces:
         "logs/{case}/{organ}/compare_isosurfaces.log",
     benchmark:
         "benchmarks/{case}/{organ}/compare_isosurfaces.tsv"
+    group:
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -98,6 +105,7 @@ rule compare_isosurfaces:
         mem_mb=memory(3000, 60),
         runtime=minutes(30),
     params:
+        library=library("compare_isosurfaces"),
         settings=config["comparisons"],
         seed=config["seed"],
     script:
@@ -107,7 +115,6 @@ rule compare_isosurfaces:
 rule compare_thick_slices:
     """Keep every n-th slice, reconstruct, compare with the full resolution."""
     input:
-        library=library("compare_thick_slices"),
         structure="results/{case}/{organ}/structure.h5",
     output:
         "results/{case}/{organ}/comparisons/thick_slices.csv",
@@ -115,6 +122,8 @@ rule compare_thick_slices:
         "logs/{case}/{organ}/compare_thick_slices.log",
     benchmark:
         "benchmarks/{case}/{organ}/compare_thick_slices.tsv"
+    group:
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -122,6 +131,7 @@ rule compare_thick_slices:
         mem_mb=memory(3000, 60),
         runtime=minutes(30),
     params:
+        library=library("compare_thick_slices"),
         surface=config["surface"],
         settings=config["comparisons"],
         seed=config["seed"],
@@ -132,7 +142,6 @@ rule compare_thick_slices:
 rule measure_structure:
     """Everything measured on one structure, in one JSON."""
     input:
-        library=library("measure_structure"),
         structure="results/{case}/{organ}/structure.h5",
         curves="results/{case}/{organ}/curves.h5",
         surface="results/{case}/{organ}/surface.h5",
@@ -143,11 +152,15 @@ rule measure_structure:
         "logs/{case}/{organ}/measure_structure.log",
     benchmark:
         "benchmarks/{case}/{organ}/measure_structure.tsv"
+    group:
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(2500, 60),
         runtime=minutes(20),
+    params:
+        library=library("measure_structure"),
     script:
         "../../scripts/measure_structure.py"

@@ -4,7 +4,6 @@
 rule trace_curves:
     """Order the boundary pixels, find their corners, fit a closed spline to every curve."""
     input:
-        library=library("trace_curves"),
         structure="results/{case}/{organ}/structure.h5",
         boundaries="results/{case}/{organ}/boundaries.h5",
         model="results/gnn/model.pt",
@@ -14,6 +13,8 @@ rule trace_curves:
         "logs/{case}/{organ}/trace_curves.log",
     benchmark:
         "benchmarks/{case}/{organ}/trace_curves.tsv"
+    group:
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -21,6 +22,7 @@ rule trace_curves:
         mem_mb=memory(2500, 20),
         runtime=minutes(15),
     params:
+        library=library("trace_curves"),
         settings=config["curves"],
     script:
         "../../scripts/trace_curves.py"
@@ -29,7 +31,6 @@ rule trace_curves:
 rule sweep_corners:
     """Sweep k over both criteria, and every chain-code corner detector beside it."""
     input:
-        library=library("sweep_corners"),
         structure="results/{case}/{organ}/structure.h5",
         curves="results/{case}/{organ}/curves.h5",
     output:
@@ -38,6 +39,8 @@ rule sweep_corners:
         "logs/{case}/{organ}/sweep_corners.log",
     benchmark:
         "benchmarks/{case}/{organ}/sweep_corners.tsv"
+    group:
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -45,6 +48,7 @@ rule sweep_corners:
         mem_mb=memory(1500, 20),
         runtime=minutes(15),
     params:
+        library=library("sweep_corners"),
         settings=config["curves"],
         seed=config["seed"],
     script:

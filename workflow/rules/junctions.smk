@@ -4,7 +4,6 @@
 rule generate_graphs:
     """Draw the frozen training, validation and test graphs; never from a structure that is reconstructed."""
     input:
-        library=library("generate_graphs"),
         contours=for_structures("structure.h5", TRAINING),
     output:
         "results/gnn/graphs.h5",
@@ -19,6 +18,7 @@ rule generate_graphs:
         mem_mb=memory(2000),
         runtime=minutes(20),
     params:
+        library=library("generate_graphs"),
         settings=config["gnn"],
         seed=config["seed"],
     script:
@@ -30,7 +30,6 @@ if config["gnn"]["pretrained"]:
     rule adopt_gnn:
         """Take the trained model that the configuration names."""
         input:
-            library=library("adopt_gnn"),
             model=near(find_file(config["gnn"]["pretrained"])),
         output:
             model="results/gnn/model.pt",
@@ -44,6 +43,8 @@ if config["gnn"]["pretrained"]:
         resources:
             mem_mb=memory(1000),
             runtime=minutes(5),
+        params:
+            library=library("adopt_gnn"),
         script:
             "../../scripts/adopt_gnn.py"
 
@@ -52,7 +53,6 @@ else:
     rule train_gnn:
         """Train link prediction (eq. 11); a checkpoint each epoch, so that a killed run goes on from there."""
         input:
-            library=library("train_gnn"),
             graphs="results/gnn/graphs.h5",
         output:
             model="results/gnn/model.pt",
@@ -68,6 +68,7 @@ else:
             mem_mb=memory(4000),
             runtime=minutes(60),
         params:
+            library=library("train_gnn"),
             settings=config["gnn"],
             seed=config["seed"],
         script:
@@ -77,7 +78,6 @@ else:
 rule evaluate_gnn:
     """Score the GNN and every classical decoder on the same corrupted maps, in one run."""
     input:
-        library=library("evaluate_gnn"),
         model="results/gnn/model.pt",
         shipped=near(ROOT / "workflow" / "models" / "junctions.pt"),
     output:
@@ -94,6 +94,7 @@ rule evaluate_gnn:
         mem_mb=memory(3000),
         runtime=minutes(30),
     params:
+        library=library("evaluate_gnn"),
         settings=config["gnn"],
         seed=config["seed"],
     script:

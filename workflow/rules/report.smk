@@ -25,7 +25,6 @@ TABLES = [
 rule build_tables:
     """One CSV per table of the paper, ours beside theirs, and the tables that go past it."""
     input:
-        library=library("build_tables"),
         metrics=for_structures("metrics.json"),
         comparisons=[
             file
@@ -54,6 +53,7 @@ rule build_tables:
         mem_mb=memory(1500, 20),
         runtime=minutes(15),
     params:
+        library=library("build_tables"),
         structures=RECONSTRUCTED,
     script:
         "../../scripts/build_tables.py"
@@ -62,11 +62,11 @@ rule build_tables:
 rule build_report:
     """The report: one self-contained page."""
     input:
-        library=library("build_report"),
         templates=sorted(
             near(path) for path in (ROOT / "workflow" / "report").glob("*.*")
         ),
-        tables=rules.build_tables.output,
+        tables=[f"results/tables/{name}.csv" for name in TABLES],
+        remarks="results/tables/remarks.json",
         junctions="results/tables/junctions.csv",
         model="results/gnn/model.pt",
         files=[
@@ -98,6 +98,7 @@ rule build_report:
         mem_mb=memory(2500, 10),
         runtime=minutes(30),
     params:
+        library=library("build_report"),
         structures=RECONSTRUCTED,
         config=config,
     script:

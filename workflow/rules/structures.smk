@@ -4,7 +4,6 @@
 rule import_structure:
     """Read one structure from whatever the sheet names, crop it to the organ, keep where it came from."""
     input:
-        library=library("import_structure"),
         files=source_files,
     output:
         "results/{case}/{organ}/structure.h5",
@@ -12,6 +11,8 @@ rule import_structure:
         "logs/{case}/{organ}/import_structure.log",
     benchmark:
         "benchmarks/{case}/{organ}/import_structure.tsv"
+    group:
+        "import"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -19,6 +20,7 @@ rule import_structure:
         mem_mb=memory(1500, 20),
         runtime=minutes(15),
     params:
+        library=library("import_structure"),
         row=sheet_row,
         sheet_name=SHEET.name,
         sheet_folder=near(SHEET.parent),

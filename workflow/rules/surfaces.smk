@@ -8,7 +8,6 @@ wildcard_constraints:
 rule loft_surface:
     """Match the curves between slices, loft tubes, join branches, cap ends: one closed solid per body."""
     input:
-        library=library("loft_surface"),
         curves="results/{case}/{organ}/curves.h5",
     output:
         surface="results/{case}/{organ}/surface.h5",
@@ -17,6 +16,8 @@ rule loft_surface:
         "logs/{case}/{organ}/loft_surface.log",
     benchmark:
         "benchmarks/{case}/{organ}/loft_surface.tsv"
+    group:
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -24,6 +25,7 @@ rule loft_surface:
         mem_mb=memory(2500, 40),
         runtime=minutes(20),
     params:
+        library=library("loft_surface"),
         settings=config["surface"],
     script:
         "../../scripts/loft_surface.py"
@@ -32,7 +34,6 @@ rule loft_surface:
 rule export_surface:
     """The surface for a viewer (STL, VTP, GLB) or as spline patches for CAD (STEP)."""
     input:
-        library=library("export_surface"),
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",
     output:
@@ -41,12 +42,16 @@ rule export_surface:
         "logs/{case}/{organ}/export_surface_{format}.log",
     benchmark:
         "benchmarks/{case}/{organ}/export_surface_{format}.tsv"
+    group:
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(1500, 40),
         runtime=minutes(10),
+    params:
+        library=library("export_surface"),
     script:
         "../../scripts/export_surface.py"
 
@@ -54,7 +59,6 @@ rule export_surface:
 rule render_surface:
     """A picture of the surface from three sides; drawn another way where OpenGL is missing."""
     input:
-        library=library("render_surface"),
         mesh="results/{case}/{organ}/surface.ply",
     output:
         "results/{case}/{organ}/picture.png",
@@ -62,11 +66,15 @@ rule render_surface:
         "logs/{case}/{organ}/render_surface.log",
     benchmark:
         "benchmarks/{case}/{organ}/render_surface.tsv"
+    group:
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
     resources:
         mem_mb=memory(1500, 20),
         runtime=minutes(10),
+    params:
+        library=library("render_surface"),
     script:
         "../../scripts/render_surface.py"
