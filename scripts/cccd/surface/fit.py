@@ -10,12 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
+from cccd.surface.alignment import align, at_fractions, outward_normals
 from cccd.surface.bsplines import DEGREE, basis, closed_knots, least_squares, open_knots
-from cccd.surface.tubes import Tube, outlines
+from cccd.surface.tubes import Tube
 
-__all__ = ["Fit", "Samples", "coarsest", "fit_samples", "refinements", "sample_tube", "sampled_area"]
+__all__ = ["Fit", "Samples", "even_size", "fit_samples", "refinements", "sample_tube", "sampled_area"]
 
 #: Weight of the penalty that settles control points no sample speaks for.
 ROUGHNESS = 1e-4
@@ -32,7 +33,9 @@ class Samples:
     Attributes
     ----------
     outlines : (A, M, 2)
-        mm; sections at equal steps of arc length, starts aligned.
+        mm; sections at equal steps of arc length.
+    position : (A, M)
+        Fractions of the way around each section that correspond to each other.
     z, v, area : (A,)
         Heights in mm, parameter along the tube (mm of surface), area that each section stands for.
     normal : (A, M, 2)
@@ -42,6 +45,7 @@ class Samples:
     """
 
     outlines: np.ndarray
+    position: np.ndarray
     z: np.ndarray
     v: np.ndarray
     area: np.ndarray
@@ -67,32 +71,28 @@ class Fit:
 
 def sample_tube(tube: Tube, count: int) -> Samples:
     """Sample every section at ``count`` points and lay the parameter along the tube."""
-    rings = outlines(tube, count)
+    rings, position = align(tube, count)
+    matched = at_fractions(rings, position)
     z = np.array([section.z for section in tube.sections])
     area = np.array([section.area for section in tube.sections])
     low, high = tube.pole
     closed = [np.full((1, count, 2), low[:2])] if low is not None else []
-    closed += [rings]
+    closed += [matched]
     closed += [np.full((1, count, 2), high[:2])] if high is not None else []
     heights = np.concatenate([[] if low is None else low[2:], z, [] if high is None else high[2:]])
     every = np.concatenate(closed)
-    step = np.diff(every, axis=0)
-    rise = np.diff(heights)
-    travelled = np.sqrt(rise**2 + np.mean(np.sum(step**2, axis=2), axis=1))
+    outwards = outward_normals(every)
+    moved = np.abs(np.sum(np.diff(every, axis=0) * (outwards[1:] + outwards[:-1]) / 2, axis=2))
+    for row, cap in ((0, low), (-1, high)):
+        if cap is not None:  # a pole has no normal: its neighbours travel all the way to it
+            moved[row] = np.linalg.norm(every[row] - every[1 if row == 0 else -2], axis=1)
+    travelled = np.hypot(np.diff(heights), np.median(moved, axis=1))
     v = np.concatenate([[0.0], np.cumsum(np.maximum(travelled, 1e-6))])
     inner = slice(low is not None, len(every) - (high is not None))
-    run = np.sum(np.gradient(every, axis=0) * _normals(every), axis=2)
+    run = np.sum(np.gradient(every, axis=0) * outwards, axis=2)
     climb = np.broadcast_to(np.gradient(heights)[:, None], run.shape)
     normal = np.stack([climb, -run], axis=2) / np.maximum(np.hypot(climb, run), 1e-9)[..., None]
-    return Samples(rings, z, v, area, normal[inner], tube.pole)
-
-
-def _normals(rings: np.ndarray) -> np.ndarray:
-    """Outward unit normals (A, M, 2) of counter-clockwise rings; zero where a ring is a point."""
-    tangent = np.roll(rings, -2, axis=1) - np.roll(rings, 2, axis=1)
-    size = np.linalg.norm(tangent, axis=2, keepdims=True)
-    tangent = np.divide(tangent, size, out=np.zeros_like(tangent), where=size > 1e-9)
-    return np.stack([tangent[..., 1], -tangent[..., 0]], axis=2)
+    return Samples(rings, position, z, v, area, normal[inner], tube.pole)
 
 
 def _areas(rings: np.ndarray) -> np.ndarray:
@@ -104,16 +104,25 @@ def _lengths(rings: np.ndarray) -> np.ndarray:
     return np.sum(np.linalg.norm(np.roll(rings, -1, axis=1) - rings, axis=2), axis=1)
 
 
-def coarsest() -> tuple[int, int]:
-    """Size of the smallest control net."""
-    return FEWEST
+def even_size(samples: Samples, count: float) -> tuple[int, int]:
+    """Size of a control net of about ``count`` points with equal spacing in both directions."""
+    around = float(np.mean(_lengths(samples.outlines)))
+    spacing = np.sqrt(around * samples.v[-1] / max(count, 1.0))
+    sizes = np.array([around / spacing, samples.v[-1] / spacing + DEGREE])
+    return tuple(int(size) for size in np.clip(np.rint(sizes), FEWEST, _most(samples)))
+
+
+def _most(samples: Samples) -> tuple[int, int]:
+    """Size of the largest control net that the samples determine."""
+    return samples.outlines.shape[1] // 2, len(samples.z) + DEGREE
 
 
 def refinements(size: tuple[int, int], samples: Samples) -> list[tuple[int, int]]:
     """List the next larger control nets worth a trial: more around, or more along."""
     nu, nv = size
-    around = min(int(np.ceil(nu * 1.3)), samples.outlines.shape[1] // 2)
-    along = min(int(np.ceil(nv * 1.3)), len(samples.z) + 4)
+    most = _most(samples)
+    around, along = (min(int(np.ceil(n * 1.25)), most[axis]) for axis, n in enumerate(size))
+    around, along = max(nu, around), max(nv, along)
     return [trial for trial in ((around, nv), (nu, along)) if trial != size]
 
 
@@ -135,7 +144,7 @@ def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORR
     bu = basis(u, knots_u, DEGREE, True)
     to_u = least_squares(bu, ROUGHNESS, True)
     heights = _heights(samples, knots_v)
-    bv = basis(_inner(samples), knots_v, DEGREE, False)
+    bv = basis(_inner(samples) + _lateness(samples, heights, knots_v), knots_v, DEGREE, False)
     fixed = np.zeros(nv, bool)
     known = np.zeros((nv, 2))
     for row, pole in zip((0, nv - 1), samples.pole, strict=True):
@@ -144,11 +153,11 @@ def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORR
     base = (bv[:, fixed] @ known[fixed])[:, None]
     to_v = least_squares(bv[:, ~fixed], ROUGHNESS, False)
 
-    position = np.broadcast_to(u, (levels, around))
+    position = samples.position
     swell = np.zeros(levels)
-    normals = _normals(rings)
+    normals = outward_normals(rings)
     for turn in range(corrections + 1):
-        target = _at(rings, position) + swell[:, None, None] * _at(normals, position)
+        target = at_fractions(rings, position) + swell[:, None, None] * at_fractions(normals, position)
         free = np.einsum("va,amc,um->uvc", to_v, target - base, to_u, optimize=True)
         net = np.empty((nu, nv, 2))
         net[:, fixed] = known[fixed]
@@ -156,7 +165,7 @@ def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORR
         fitted = np.einsum("av,uvc,mu->amc", bv, net, bu, optimize=True)
         if turn < corrections:
             position = _feet(rings, position, fitted)
-            swell = swell + _missing(samples, fitted)
+            swell = swell + _missing(samples, fitted, nv)
     error = _error(samples, normals, position, fitted, bv @ heights)
     return Fit(net, heights, knots_u, knots_v, error)
 
@@ -190,15 +199,14 @@ def _heights(samples: Samples, knots_v: np.ndarray) -> np.ndarray:
     return np.clip(np.maximum.accumulate(heights), z[0], z[-1])
 
 
-def _at(rings: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Points at fractions (A, m) of the way around rings (A, M, 2) that are evenly sampled."""
-    count = rings.shape[1]
-    place = np.mod(position, 1.0) * count
-    index = np.floor(place).astype(np.int64)
-    share = (place - index)[..., None]
-    index %= count
-    row = np.arange(len(rings))[:, None]
-    return (1 - share) * rings[row, index] + share * rings[row, (index + 1) % count]
+def _lateness(samples: Samples, heights: np.ndarray, knots_v: np.ndarray) -> np.ndarray:
+    """How much later in v (A,) each section's height is reached; at most half a knot interval."""
+    length = knots_v[-1]
+    fine = np.linspace(0, length, 16 * len(heights))
+    climbed = basis(fine, knots_v, DEGREE, False) @ heights
+    reached = np.interp(samples.z, climbed + 1e-9 * fine, fine)
+    limit = length / (2 * (len(heights) - DEGREE))
+    return np.clip(reached - _inner(samples), -limit, limit)
 
 
 def _feet(rings: np.ndarray, position: np.ndarray, fitted: np.ndarray) -> np.ndarray:
@@ -207,9 +215,9 @@ def _feet(rings: np.ndarray, position: np.ndarray, fitted: np.ndarray) -> np.nda
     One tangential Newton step, smoothed around the ring and kept short enough to preserve the order.
     """
     count = rings.shape[1]
-    ahead, behind = _at(rings, position + 1 / count), _at(rings, position - 1 / count)
+    ahead, behind = at_fractions(rings, position + 1 / count), at_fractions(rings, position - 1 / count)
     tangent = (ahead - behind) * (count / 2)
-    lag = np.sum((fitted - _at(rings, position)) * tangent, axis=2)
+    lag = np.sum((fitted - at_fractions(rings, position)) * tangent, axis=2)
     move = lag / np.maximum(np.sum(tangent**2, axis=2), 1e-12)
     move = uniform_filter1d(np.clip(move, -0.1, 0.1), max(3, count // 32), axis=1, mode="wrap")
     gap = np.roll(position, -1, axis=1) - position
@@ -219,11 +227,21 @@ def _feet(rings: np.ndarray, position: np.ndarray, fitted: np.ndarray) -> np.nda
     return position + move * np.minimum(1.0, 0.5 / np.maximum(worst, 1e-9))
 
 
-def _missing(samples: Samples, fitted: np.ndarray) -> np.ndarray:
-    """How far each section must move outwards in mm to regain the area it stands for."""
-    short = samples.area - _areas(fitted)
-    step = short / np.maximum(_lengths(fitted), 1e-9)
-    limit = 0.25 * np.sqrt(np.maximum(samples.area, 0.0))
+def _missing(samples: Samples, fitted: np.ndarray, rows: int) -> np.ndarray:
+    """How far each section must move outwards in mm to regain the volume around it.
+
+    Volume is balanced over the reach of a control row, so that where the surface bridges a jump of the
+    outline no lip runs around it; and by a sample's spacing at most.
+    """
+    window = max(1, round(2 * len(samples.z) / rows))
+    thickness = np.gradient(samples.z) if len(samples.z) > 1 else np.ones(1)
+
+    def spread(value: np.ndarray) -> np.ndarray:
+        return gaussian_filter1d(value * thickness, window, mode="nearest")
+
+    lengths = _lengths(fitted)
+    step = spread(samples.area - _areas(fitted)) / np.maximum(spread(lengths), 1e-9)
+    limit = lengths / samples.outlines.shape[1]
     return np.clip(step, -limit, limit)
 
 
@@ -232,7 +250,7 @@ def _error(
 ) -> float:
     """Mean distance in mm between sections and surface along the surface's normal, by area."""
     rings = samples.outlines
-    away = np.sum((fitted - _at(rings, position)) * _at(normals, position), axis=2)
+    away = np.sum((fitted - at_fractions(rings, position)) * at_fractions(normals, position), axis=2)
     lifted = (heights - samples.z)[:, None]
     distance = np.abs(away * samples.normal[..., 0] + lifted * samples.normal[..., 1])
     return float(np.average(distance, weights=_strips(samples)))

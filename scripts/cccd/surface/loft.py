@@ -12,7 +12,7 @@ from cccd.errors import InputError
 from cccd.surface.bsplines import DEGREE
 from cccd.surface.evaluate import tessellate
 from cccd.surface.fields import distance_fields, interpolated_fields, through_pixel_centres
-from cccd.surface.fit import Fit, Samples, coarsest, fit_samples, refinements, sample_tube, sampled_area
+from cccd.surface.fit import Fit, Samples, even_size, fit_samples, refinements, sample_tube, sampled_area
 from cccd.surface.rings import rings_of
 from cccd.surface.solids import combine, solid, triangles
 from cccd.surface.tubes import Tube, build_tubes
@@ -27,6 +27,8 @@ SMALLEST_PART_VOXELS = 6
 COARSE_MM = (2.05, 3.05)
 #: Six times volume by surface, the diameter of a ball, below this many voxels: a thin organ.
 THIN_VOXELS = 15
+#: Share of the control points that are laid out evenly before errors say where more are needed.
+FIRST_SHARE = 0.25
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
 CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
 
@@ -152,7 +154,8 @@ def _fit_all(samples: list[Samples], tolerance: float, budget: float) -> list[Fi
 
     The next control points always go where they remove most error, weighted by the tube's size.
     """
-    sizes = [coarsest() for _ in samples]
+    whole = sum(sampled_area(sample) for sample in samples)
+    sizes = [even_size(sample, FIRST_SHARE * budget * sampled_area(sample) / whole) for sample in samples]
     fits = [fit_samples(sample, size, 1) for sample, size in zip(samples, sizes, strict=True)]
     weight = [sampled_area(sample) for sample in samples]
     spent = sum(fit.count for fit in fits)

@@ -20,12 +20,12 @@ import shapely
 from cccd.surface.fields import Field
 from cccd.surface.rings import Ring, overlap, resample, signed_area
 
-__all__ = ["Section", "Tube", "build_tubes", "outlines"]
+__all__ = ["Section", "Tube", "build_tubes"]
 
 #: A junction's trunk takes over this many mm of the branch's width per mm of depth.
 JUNCTION_SLOPE = 1.5
 #: Levels of a junction, at least and at most.
-JUNCTION_LEVELS = (2, 24)
+JUNCTION_LEVELS = (2, 40)
 #: How far branch and trunk overlap, and how deep below the trunk's surface a branch ends, in pixels.
 OVERLAP_PIXELS, BURIED_PIXELS = 1.5, 1.0
 #: A dome over half a slice's thickness of cylinder has the same volume when it is half as high again.
@@ -176,8 +176,8 @@ def _junction(branch: _Node, way: int, stack: _Stack) -> list[Section]:
     """Sections of a branch inside its trunk; notes on the trunk's nodes what the branch takes over.
 
     The common outline is parted by the line midway between the branch and the other rings of the last
-    level on which they are apart: ``lead``, half the difference of the distances to them, is positive
-    on the branch's side. The trunk keeps what leads by no more than ``held``, which grows with depth.
+    level on which they are apart; ``lead`` is the distance from that line, positive on the branch's
+    side. The trunk keeps what leads by no more than ``held``, which grows with depth.
     """
     trunk = max(branch.touches[way], key=lambda node: overlap(branch.ring, node.ring))
     others = [
@@ -189,7 +189,7 @@ def _junction(branch: _Node, way: int, stack: _Stack) -> list[Section]:
         return []
     shape = stack.fields[0].distance.shape
     to_branch = _distance_to([branch.ring], shape, stack.pixel)
-    lead = (_distance_to(others, shape, stack.pixel) - to_branch) / 2
+    lead = -_signed_distance(to_branch < _distance_to(others, shape, stack.pixel), stack.pixel)
     part = _unpacked(trunk.ring, shape) & (lead > 0)
     if not part.any():
         return []
@@ -234,6 +234,12 @@ def _distance_to(rings: Sequence[Ring], shape: tuple[int, int], pixel: float) ->
     inside = np.zeros(shape, np.uint8)
     for ring in rings:
         inside |= _unpacked(ring, shape)
+    return _signed_distance(inside, pixel)
+
+
+def _signed_distance(inside: np.ndarray, pixel: float) -> np.ndarray:
+    """Distance in mm to the border of a set of pixels, negative inside."""
+    inside = inside.astype(np.uint8)
     outwards = cv2.distanceTransform(1 - inside, cv2.DIST_L2, cv2.DIST_MASK_5)
     inwards = cv2.distanceTransform(inside, cv2.DIST_L2, cv2.DIST_MASK_5)
     return (outwards - inwards) * np.float32(pixel)
@@ -348,20 +354,3 @@ def _kernel_point(points: np.ndarray) -> np.ndarray | None:
         if np.all(turning > 0):
             return np.array([centre.x, centre.y])
     return None
-
-
-def outlines(tube: Tube, count: int) -> np.ndarray:
-    """Sections as (A, count, 2), each turned to start where its neighbour below starts.
-
-    The turn that brings two centred outlines closest is the peak of their circular correlation.
-    """
-    rings = np.stack([resample(section.points, count) for section in tube.sections])
-    plane = rings[..., 0] + 1j * rings[..., 1]
-    plane = plane - 0.7 * plane.mean(axis=1, keepdims=True)
-    spectra = np.fft.fft(plane, axis=1)
-    shift = 0
-    for n in range(1, len(rings)):
-        correlation = np.fft.ifft(spectra[n] * np.conj(spectra[n - 1])).real
-        shift += int(np.argmax(correlation))
-        rings[n] = np.roll(rings[n], -(shift % count), axis=0)
-    return rings

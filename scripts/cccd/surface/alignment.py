@@ -1,0 +1,115 @@
+"""Which points of neighbouring sections belong together, so that a tube neither twists nor shears."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from scipy.ndimage import uniform_filter1d
+
+from cccd.surface.rings import resample
+from cccd.surface.tubes import Tube
+
+__all__ = ["align", "at_fractions", "outward_normals"]
+
+#: Every how many-th sample is matched with the neighbouring section; the others lie evenly between.
+MATCH_EVERY = 4
+#: Two points' outlines may point this differently before that counts like a distance of one radius.
+FACING_WEIGHT = 1.0
+#: Share by which the matches' spacing relaxes towards that of their neighbours, and of all, per section.
+RELAXATION, EVENING = 0.3, 0.3
+
+
+def align(tube: Tube, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Sample a tube's sections and find corresponding points on them.
+
+    From the longest section, whose samples are evenly spread, matches run up and down the tube: each
+    point goes to the nearest point of the next section that faces the same way. The order around the
+    ring is kept, and the spacing relaxes, so that where a lobe grows the points spread into it while
+    those elsewhere stay where they are.
+
+    Returns
+    -------
+    rings : (A, count, 2) float64
+        Sections in mm at equal steps of arc length.
+    position : (A, count) float64
+        Fractions of the way around each section, ascending: column m is one line along the tube.
+    """
+    rings = np.stack([resample(section.points, count) for section in tube.sections])
+    normals = outward_normals(rings)
+    length = np.sum(np.linalg.norm(np.roll(rings, -1, axis=1) - rings, axis=2), axis=1)
+    start = int(np.argmax(length))
+    coarse = np.arange(0, count, MATCH_EVERY) / count
+    matches = np.empty((len(rings), len(coarse)))
+    matches[start] = coarse
+    for step, stop in ((1, len(rings)), (-1, -1)):
+        for n in range(start + step, stop, step):
+            here = np.array([n - step])
+            known = matches[n - step][None]
+            points = at_fractions(rings[here], known)[0]
+            facing = at_fractions(normals[here], known)[0]
+            radius = length[n] / (2 * np.pi)
+            found = _nearest(points, facing, rings[n], normals[n], FACING_WEIGHT * radius**2)
+            matches[n] = _ordered(found / count)
+    inner = np.arange(count) / count
+    position = np.stack(
+        [np.interp(inner, np.append(coarse, 1.0), np.append(row, row[0] + 1)) for row in matches]
+    )
+    return rings, position
+
+
+def at_fractions(rings: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Points at fractions (A, m) of the way around rings (A, M, 2) that are evenly sampled."""
+    count = rings.shape[1]
+    place = np.mod(position, 1.0) * count
+    index = np.floor(place).astype(np.int64)
+    share = (place - index)[..., None]
+    index %= count
+    row = np.arange(len(rings))[:, None]
+    return (1 - share) * rings[row, index] + share * rings[row, (index + 1) % count]
+
+
+def outward_normals(rings: np.ndarray) -> np.ndarray:
+    """Outward unit normals (A, M, 2) of counter-clockwise rings; zero where a ring is a point."""
+    tangent = np.roll(rings, -2, axis=1) - np.roll(rings, 2, axis=1)
+    size = np.linalg.norm(tangent, axis=2, keepdims=True)
+    tangent = np.divide(tangent, size, out=np.zeros_like(tangent), where=size > 1e-9)
+    return np.stack([tangent[..., 1], -tangent[..., 0]], axis=2)
+
+
+@njit(cache=True)
+def _nearest(points, facing, ring, normals, weight):
+    """For each point the sample (m,) of a ring that is nearest and faces the same way, with fraction."""
+    count = len(ring)
+    found = np.empty(len(points))
+    cost = np.empty(count)
+    for p in range(len(points)):
+        best = 0
+        for n in range(count):
+            dx, dy = ring[n, 0] - points[p, 0], ring[n, 1] - points[p, 1]
+            turn = 1.0 - normals[n, 0] * facing[p, 0] - normals[n, 1] * facing[p, 1]
+            cost[n] = dx * dx + dy * dy + weight * turn
+            if cost[n] < cost[best]:
+                best = n
+        before, after = cost[best - 1], cost[(best + 1) % count]
+        curve = before - 2 * cost[best] + after
+        found[p] = best + (0.5 * (before - after) / curve if curve > 0 else 0.0)
+    return found
+
+
+def _ordered(found: np.ndarray) -> np.ndarray:
+    """Turn fractions (m,) into ascending ones around the ring, near to them, with relaxed spacing."""
+    count = len(found)
+    even = np.arange(count) / count
+    shift = np.exp(2j * np.pi * (found - even)).mean()
+    turn = float(np.angle(shift)) / (2 * np.pi)
+    lead = np.mod(found - even - turn + 0.5, 1.0) - 0.5
+    line = even + turn + lead
+    round_trip = np.concatenate([line - 1, line, line + 1])
+    rising = np.maximum.accumulate(round_trip)
+    falling = np.minimum.accumulate(round_trip[::-1])[::-1]
+    line = ((rising + falling) / 2)[count : 2 * count]
+    gaps = np.diff(np.append(line, line[0] + 1))
+    relaxed = uniform_filter1d(gaps, 9, mode="wrap")
+    gaps = (1 - RELAXATION - EVENING) * gaps + RELAXATION * relaxed + EVENING / count
+    moved = np.concatenate([[0.0], np.cumsum(gaps)[:-1]]) / gaps.sum()
+    return moved + np.mean(line - moved)
