@@ -166,7 +166,7 @@ def build_report(
             "index": index,
             "structures": views,
             "failures": list(failures),
-            "measured": _measured_table(results, views),
+            "measured": _measured_table(results, views, index),
             "cohort_plots": _cohort_plots(views) if index else [],
             "exhibits": [_exhibit(results, exhibit, remarks) for exhibit in EXHIBITS],
             "experiments": _experiments(results, remarks),
@@ -378,7 +378,7 @@ def _flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def _measured_table(results: Path, views: Sequence[StructureView]) -> Table | None:
+def _measured_table(results: Path, views: Sequence[StructureView], index: bool) -> Table | None:
     """``tables/structures.csv``, or the headlines of every structure while it is not there."""
     frame = read_csv(results / "tables" / "structures.csv")
     if frame is None:
@@ -395,7 +395,8 @@ def _measured_table(results: Path, views: Sequence[StructureView]) -> Table | No
     if {"case", "organ"}.issubset(frame.columns):
         paged = {(view.case, view.organ): view for view in views}
         keys = zip(frame["case"].astype(str), frame["organ"].astype(str), strict=True)
-        links = [f"#{paged[key].id}" if key in paged else None for key in keys]
+        targets = {key: view.link if index else f"#{view.id}" for key, view in paged.items()}
+        links = [targets.get(key) for key in keys]
     return table("structures", frame, links)
 
 
