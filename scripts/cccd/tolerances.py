@@ -18,7 +18,34 @@ EVEN_SPACING = 0.02
 SAME_GRID_VOXELS = 0.05
 
 #: Spacings that differ by less than this share count as equal when the slice axis is chosen.
-SAME_SPACING = 1e-3
+SAME_SPACING = 0.05
 
 #: Vertices of a phantom's true surface lie this near to its zero set.
 PROJECTION_MM = 1e-4
+
+#: Contour planes may lie this share of the slice spacing away from a slice.
+CONTOUR_PLANE = 0.1
+
+#: Drawn contours may leave their plane by this share of their width; likewise 1 - cosine of directions.
+SLICE_DIRECTION = 1e-3
+
+#: Areas of drawn contours that agree to this share are equal.
+CONTOUR_AREA = 1e-3
+
+#: Contours nearer than this along the normal lie in one plane (coordinates are written with few digits).
+SAME_PLANE_MM = 0.01
+
+#: A pixel boundary's staircase is smoothed over this many fitting tolerances (and no more than the
+#: pixels below) to make the reference of the automatic fit.
+STAIRCASE_TOLERANCES = 3.0
+STAIRCASE_PX = 1.5
+
+#: A corner is sharp when straight arms of this length meet in it ...
+SHARP_ARM_PX = 6
+#: ... that deviate from straight by no more than the digitisation of a straight line ...
+SHARP_STRAIGHT_PX = 0.5
+#: ... and turn by at least this angle in degrees.
+SHARP_TURN_DEG = 60.0
+
+#: Values of a floating-point label map may differ by this from whole numbers.
+LABEL_VALUE = 1e-3

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import ndimage
 
-from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.tolerances import ORTHOGONALITY, SAME_GRID_VOXELS, SAME_SPACING
 
@@ -43,6 +42,10 @@ class Volume:
         What messages call it: file or folder name.
     names : dict of int to str
         Names of labels where the file tells them.
+    instances : tuple of str
+        SOP instance UIDs of a DICOM series.
+    frame_of_reference : str
+        DICOM frame of reference UID.
     warnings : list of str
         What the reader noticed.
     """
@@ -51,6 +54,8 @@ class Volume:
     affine: np.ndarray
     place: str
     names: dict[int, str] = field(default_factory=dict)
+    instances: tuple[str, ...] = ()
+    frame_of_reference: str = ""
     warnings: list[str] = field(default_factory=list)
 
 
@@ -74,7 +79,7 @@ def check_affine(affine: np.ndarray, place: str) -> np.ndarray:
     if cosines.max() > ORTHOGONALITY:
         raise InputError(
             place,
-            f"its axes are not at right angles (cosine {cosines.max():.3f}: a tilted gantry or a sheared affine)",
+            f"its axes are not at right angles (cosine {cosines.max():.3f}: tilted gantry or sheared affine)",
             "resample the scan to an orthogonal grid first",
         )
     return affine
@@ -101,22 +106,57 @@ def same_grid(first: np.ndarray, second: np.ndarray, shape: tuple[int, ...]) -> 
     return bool(np.linalg.norm(shift, axis=1).max() <= SAME_GRID_VOXELS * size)
 
 
-def on_grid(volume: Volume, affine: np.ndarray, shape: tuple[int, ...]) -> Volume | None:
-    """Reorder and flip axes so that ``volume`` lies on the given grid; None where that takes resampling."""
-    relation = np.linalg.inv(affine) @ volume.affine  # index in volume -> index on the grid
-    order = np.abs(relation[:3, :3]).argmax(axis=0)  # grid axis of every axis of the volume
+def on_grid(
+    volume: Volume, affine: np.ndarray, shape: tuple[int, ...], fill: float | None = None
+) -> Volume | None:
+    """Bring ``volume`` to another grid by reordering, flipping, cutting and padding alone.
+
+    Parameters
+    ----------
+    volume : Volume
+        What to move.
+    affine : (4, 4) float
+        The grid it shall lie on.
+    shape : (3,) int
+        That grid's shape.
+    fill : float, optional
+        Value of voxels that ``volume`` does not cover; without it the volume has to cover the grid. Voxels
+        beyond the grid must then equal it as well, so that nothing of a mask is cut off.
+
+    Returns
+    -------
+    Volume or None
+        None where the voxels of the two grids do not coincide.
+    """
+    linear = np.linalg.solve(affine[:3, :3], volume.affine[:3, :3])  # index in volume -> index on the grid
+    order = np.abs(linear).argmax(axis=0)  # the grid's axis along which each axis of the volume runs
     if sorted(order) != [0, 1, 2]:
         return None
-    data = np.transpose(volume.data, np.argsort(order))
-    if data.shape != tuple(shape):
-        return None
-    moved = volume.affine[:, [*np.argsort(order), 3]].copy()
+    turn = np.argsort(order)
+    data, moved = np.transpose(volume.data, turn), volume.affine[:, [*turn, 3]].copy()
     for axis in range(3):
-        if relation[axis, np.argsort(order)[axis]] < 0:
+        if linear[axis, turn[axis]] < 0:
             data = np.flip(data, axis)
-            moved[:3, 3] += moved[:3, axis] * (shape[axis] - 1)
+            moved[:3, 3] += moved[:3, axis] * (data.shape[axis] - 1)
             moved[:3, axis] *= -1
-    return replace(volume, data=data, affine=affine) if same_grid(affine, moved, shape) else None
+    start = np.rint(np.linalg.solve(affine[:3, :3], moved[:3, 3] - affine[:3, 3])).astype(int)
+    shifted = affine.copy()
+    shifted[:3, 3] += affine[:3, :3] @ start
+    if not same_grid(shifted, moved, data.shape):
+        return None
+    low, high = np.maximum(start, 0), np.minimum(start + data.shape, shape)
+    if (high <= low).any():
+        return None
+    here = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+    there = tuple(slice(a, b) for a, b in zip(low - start, high - start, strict=True))
+    if fill is None:
+        covers = (low == 0).all() and (high == shape).all()
+        return replace(volume, data=data[there], affine=affine) if covers else None
+    if np.count_nonzero(data != fill) != np.count_nonzero(data[there] != fill):
+        return None
+    placed = np.full(shape, fill, data.dtype)
+    placed[here] = data[there]
+    return replace(volume, data=placed, affine=affine)
 
 
 def resample(volume: Volume, affine: np.ndarray, shape: tuple[int, ...], order: int) -> Volume:
@@ -142,8 +182,3 @@ def crop(array: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
     if array.dtype == bool:
         return np.pad(array[inside], beyond)
     return np.pad(array[inside], beyond, mode="edge")
-
-
-def frame_of(volume: Volume, slice_axis: str | int) -> Frame:
-    """Frame of a volume whose affine has been checked."""
-    return Frame(volume.affine, find_slice_axis(volume.affine, slice_axis), tuple(volume.data.shape))

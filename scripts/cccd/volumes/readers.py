@@ -6,6 +6,7 @@ single three-dimensional scalar scan.
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -16,9 +17,17 @@ import SimpleITK as sitk  # noqa: N813
 from cccd.errors import InputError
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 
-__all__ = ["NIFTI_SUFFIXES", "read_itk", "read_nifti"]
+__all__ = ["SUFFIXES", "read_itk", "read_nifti", "read_volume"]
 
-NIFTI_SUFFIXES = (".nii", ".nii.gz", ".hdr", ".img", ".mgz", ".mgh")
+_NIFTI = (".nii.gz", ".nii", ".hdr", ".img", ".mgz", ".mgh")
+
+#: File endings of volumes, the most usual first.
+SUFFIXES = (*_NIFTI, ".seg.nrrd", ".nrrd", ".nhdr", ".mha", ".mhd")
+
+
+def read_volume(path: Path) -> Volume:
+    """Read a volume from one file, by its name: nibabel for NIfTI and MGH, SimpleITK for all else."""
+    return read_nifti(path) if path.name.lower().endswith(_NIFTI) else read_itk(path)
 
 
 def _spatial(data: np.ndarray, place: str) -> np.ndarray:
@@ -67,7 +76,8 @@ def read_nifti(path: Path) -> Volume:
     warnings = []
     if isinstance(image, nib.Nifti1Image) and not (image.header["sform_code"] or image.header["qform_code"]):
         warnings.append(f"{place}: no orientation in its header; left and right may be swapped")
-    return Volume(_spatial(data, place), affine, place, warnings=warnings)
+    names = _nifti_names(image) | _dataset_names(path)
+    return Volume(_spatial(data, place), affine, place, names, warnings=warnings)
 
 
 def read_itk(path: Path) -> Volume:
@@ -102,6 +112,33 @@ def read_itk(path: Path) -> Volume:
     return Volume(
         _spatial(data, place), check_affine(LPS_TO_RAS @ affine, place), place, _segment_names(keys)
     )
+
+
+def _nifti_names(image: nib.spatialimages.SpatialImage) -> dict[int, str]:
+    """Names of labels as TotalSegmentator writes them into the header's extension (Caret's XML)."""
+    pattern = re.compile(rb'<Label\s[^>]*Key="(\d+)"[^>]*>(?:<!\[CDATA\[)?([^<\]]+)')
+    found = {}
+    for extension in getattr(image.header, "extensions", ()):
+        content = extension.get_content()
+        content = content if isinstance(content, bytes) else str(content).encode()
+        found |= {int(key): name.decode(errors="replace").strip() for key, name in pattern.findall(content)}
+    return found
+
+
+def _dataset_names(path: Path) -> dict[int, str]:
+    """Names of labels from the ``dataset.json`` that nnU-Net keeps beside or above its label maps."""
+    for folder in (path.parent, path.parent.parent):
+        file = folder / "dataset.json"
+        if not file.is_file():
+            continue
+        try:
+            labels = json.loads(file.read_text(encoding="utf-8"))["labels"].items()
+        except (AttributeError, KeyError, OSError, ValueError):
+            continue
+        # nnU-Net maps names to values (or to lists of values, its regions); its first version did the reverse
+        pairs = [(key, value) if str(key).isdecimal() else (value, key) for key, value in labels]
+        return {int(value): str(name) for value, name in pairs if str(value).isdecimal() and int(value)}
+    return {}
 
 
 def _segment_names(keys: dict[str, str]) -> dict[int, str]:

@@ -1,0 +1,427 @@
+"""Read DICOM: image series, segmentations (SEG) and structure sets (RTSTRUCT).
+
+Coordinates in DICOM are LPS mm; everything that leaves this module is RAS.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from pathlib import Path
+
+import highdicom
+import numpy as np
+import pydicom
+from pydicom.errors import InvalidDicomError
+
+from cccd.errors import InputError
+from cccd.settings import choices
+from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY
+from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
+
+__all__ = ["Contour", "dicom_modality", "read_rtstruct", "read_seg", "read_series"]
+
+#: A planar contour in world mm (RAS), (n, 3), the first point not repeated.
+Contour = np.ndarray
+
+_HEADER = [
+    "SOPInstanceUID",
+    "SeriesInstanceUID",
+    "SeriesDescription",
+    "Modality",
+    "Rows",
+    "Columns",
+    "NumberOfFrames",
+    "ImagePositionPatient",
+    "ImageOrientationPatient",
+    "PixelSpacing",
+    "FrameOfReferenceUID",
+]
+
+
+def dicom_modality(path: Path) -> str | None:
+    """Give the modality of a DICOM file (``CT``, ``SEG``, ``RTSTRUCT``, ...), None for any other file."""
+    try:
+        return str(
+            pydicom.dcmread(path, stop_before_pixels=True, specific_tags=["Modality"]).get("Modality", "")
+        )
+    except (InvalidDicomError, OSError):
+        return None
+
+
+def _headers(folder: Path) -> dict[str, list[tuple[Path, pydicom.Dataset]]]:
+    """Headers of all images under a folder by series; other files and objects are passed over."""
+    series = defaultdict(list)
+    for path in sorted(file for file in folder.rglob("*") if file.is_file()):
+        try:
+            header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=_HEADER)
+        except (InvalidDicomError, OSError):
+            continue
+        if header.get("Rows") and header.get("Modality") not in ("SEG", "RTSTRUCT", "RTDOSE"):
+            series[str(header.get("SeriesInstanceUID", ""))].append((path, header))
+    return series
+
+
+def _choose_series(folder: Path, modality: str | None) -> list[tuple[Path, pydicom.Dataset]]:
+    place, series = folder.name, _headers(folder)
+    if modality:
+        series = {uid: files for uid, files in series.items() if files[0][1].get("Modality") == modality}
+    if not series:
+        kind = f"{modality} " if modality else ""
+        raise InputError(
+            place, f"no DICOM {kind}images in this folder", "give the folder of one DICOM series"
+        )
+    if len(series) > 1:
+        named = [
+            f"{files[0][0].parent.name} ({files[0][1].get('Modality', '?')}"
+            f" {str(files[0][1].get('SeriesDescription', '')).strip()}, {len(files)} images)"
+            for files in series.values()
+        ]
+        raise InputError(
+            place,
+            f"{len(series)} DICOM series in this folder: {', '.join(named[:8])}",
+            "give the folder of one",
+        )
+    (files,) = series.values()
+    return files
+
+
+def _geometry(
+    place: str, files: list[tuple[Path, pydicom.Dataset]]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Row and column steps as a matrix (3, 2), the unit normal (3,), and the positions (n, 3), LPS mm."""
+    for path, header in files:
+        for name in ("ImagePositionPatient", "ImageOrientationPatient", "PixelSpacing"):
+            if not header.get(name):
+                raise InputError(place, f"{path.name} has no {name}", "give a series of axial-like slices")
+    keys = ("Rows", "Columns", "ImageOrientationPatient", "PixelSpacing")
+    first = files[0][1]
+    for path, header in files[1:]:
+        for name in keys:
+            if not np.allclose(header[name].value, first[name].value, atol=1e-4):
+                raise InputError(
+                    place,
+                    f"{path.name} differs from {files[0][0].name} in {name}",
+                    "give the folder of one scan",
+                )
+    along_row, along_column = np.reshape([float(x) for x in first.ImageOrientationPatient], (2, 3))
+    between_rows, between_columns = (float(x) for x in first.PixelSpacing)
+    plane = np.column_stack([along_row * between_columns, along_column * between_rows])
+    positions = np.array([[float(x) for x in header.ImagePositionPatient] for _, header in files])
+    if not (np.isfinite(plane).all() and np.isfinite(positions).all()) or not plane.any(axis=0).all():
+        raise InputError(place, "its slices have no usable geometry", "export the series again")
+    return plane, np.cross(along_row, along_column), positions
+
+
+def _pixels(path: Path) -> np.ndarray:
+    """Pixels (columns, rows) of one slice in modality units (HU)."""
+    dataset = pydicom.dcmread(path)
+    try:
+        pixels = dataset.pixel_array
+    except Exception as error:  # decoders raise what they like
+        line = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            path.name, f"its pixels cannot be decoded ({line[:120]})", "export the slice again"
+        ) from None
+    if pixels.ndim != 2:
+        raise InputError(
+            path.name, "its pixels are not single numbers (colour?)", "give a CT, MR or PET series"
+        )
+    slope, intercept = (float(dataset.get(n, d)) for n, d in (("RescaleSlope", 1), ("RescaleIntercept", 0)))
+    return (pixels.astype(np.float32) * np.float32(slope) + np.float32(intercept)).T
+
+
+def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = None) -> Volume:
+    """Read the one image series in a folder (and the folders below).
+
+    Parameters
+    ----------
+    folder : path
+        A folder, or the one file of a single or multi-frame image.
+    fill_gaps : bool
+        Interpolate missing and unevenly spaced slices; otherwise they are an error.
+    modality : str, optional
+        Look at series of this modality only, e.g. ``"CT"``.
+
+    Returns
+    -------
+    Volume
+        Axes are column, row, slice. The slice spacing comes from the slices' positions; SliceThickness,
+        which lies where slices overlap or gap, is not looked at.
+
+    Raises
+    ------
+    InputError
+        No series or several, mixed or undecodable slices, slices missing or uneven.
+    """
+    if folder.is_file():
+        files = [(folder, pydicom.dcmread(folder, stop_before_pixels=True))]
+    else:
+        files = _choose_series(folder, modality)
+    place = folder.name
+    if len(files) == 1 and int(files[0][1].get("NumberOfFrames") or 1) > 1:
+        return _read_multiframe(files[0][0])
+    plane, normal, positions = _geometry(place, files)
+    order = np.argsort(positions @ normal, kind="stable")
+    files, positions = [files[n] for n in order], positions[order]
+    heights = positions @ normal
+    gaps = np.diff(heights)
+    size = np.linalg.norm(plane, axis=0).min()
+    if len(gaps) and gaps.min() < 1e-3 * size:
+        where = files[int(gaps.argmin())][0].name
+        raise InputError(
+            place, f"several images lie at the position of {where}", "give one time point or reconstruction"
+        )
+    spacing = float(np.median(gaps)) if len(gaps) else _lone_thickness(files[0][0])
+    step = (
+        (positions[-1] - positions[0]) / (heights[-1] - heights[0]) * spacing
+        if len(gaps)
+        else normal * spacing
+    )
+    affine = np.eye(4)
+    affine[:3, :3] = np.column_stack([plane, step])
+    affine[:3, 3] = positions[0]
+    affine = check_affine(LPS_TO_RAS @ affine, place)
+    strays = positions - positions[0] - np.outer((heights - heights[0]) / spacing, step)
+    if np.abs(strays).max(initial=0) > max(EVEN_SPACING * spacing, ORTHOGONALITY * size):
+        raise InputError(place, "its slices do not lie in one line", "give the folder of one scan")
+    data = np.stack([_pixels(path) for path, _ in files], axis=-1)
+    warnings = []
+    wanted = (heights - heights[0]) / spacing
+    if np.abs(wanted - np.arange(len(wanted))).max() > EVEN_SPACING * max(1, len(wanted) ** 0.5):
+        data, note = _fill(place, data, wanted, spacing, fill_gaps)
+        warnings.append(note)
+    return Volume(
+        data,
+        affine,
+        place,
+        warnings=warnings,
+        instances=tuple(str(header.SOPInstanceUID) for _, header in files),
+        frame_of_reference=str(files[0][1].get("FrameOfReferenceUID", "")),
+    )
+
+
+def _fill(
+    place: str, data: np.ndarray, wanted: np.ndarray, spacing: float, fill_gaps: bool
+) -> tuple[np.ndarray, str]:
+    """Interpolate slices at ``wanted`` (in slice spacings) onto whole numbers, if that is allowed."""
+    gaps = np.diff(wanted)
+    missing = int(np.rint(gaps[gaps > 1.5] - 1).sum())
+    worst = int(gaps.argmax())
+    problem = (
+        f"{missing} slices are missing (a gap of {gaps[worst] * spacing:g} mm after slice {worst + 1}, "
+        f"{spacing:g} mm elsewhere)"
+        if missing
+        else f"its slices are unevenly spaced ({gaps.min() * spacing:g} to {gaps.max() * spacing:g} mm)"
+    )
+    if not fill_gaps:
+        raise InputError(place, problem, "complete the series, or set import: fill_gaps: true to interpolate")
+    even = np.arange(int(np.rint(wanted[-1])) + 1)
+    low = np.clip(np.searchsorted(wanted, even, side="right") - 1, 0, len(wanted) - 2)
+    share = np.clip((even - wanted[low]) / (wanted[low + 1] - wanted[low]), 0, 1).astype(np.float32)
+    return data[..., low] * (1 - share) + data[..., low + 1] * share, f"{place}: {problem}; interpolated"
+
+
+def _lone_thickness(path: Path) -> float:
+    thickness = pydicom.dcmread(path, stop_before_pixels=True).get("SliceThickness")
+    return float(thickness or 1.0)
+
+
+def _read_multiframe(path: Path) -> Volume:
+    """Read an enhanced (multi-frame) CT or MR."""
+    try:
+        image = highdicom.imread(path)
+        volume = image.get_volume()
+    except Exception as error:
+        line = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            path.name, f"no volume can be made of its frames ({line[:120]})", "export it again"
+        ) from None
+    frame = str(volume.frame_of_reference_uid or "")
+    affine = check_affine(LPS_TO_RAS @ volume.affine, path.name)
+    return Volume(np.asarray(volume.array, np.float32), affine, path.name, frame_of_reference=frame)
+
+
+def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volume:
+    """Read segments of a DICOM SEG as one mask.
+
+    Parameters
+    ----------
+    path : path
+        The SEG object.
+    label : str
+        Segment numbers (``"1"``, ``"1,2"``) or a segment's label; empty when there is just one segment or
+        one that is called like the organ.
+    organ : str
+        The row's organ.
+    series : Volume, optional
+        The image series, to see that the segmentation refers to it.
+
+    Returns
+    -------
+    Volume
+        Boolean; slices without a frame are background.
+
+    Raises
+    ------
+    InputError
+        Not a SEG, no such segment, frames that form no volume, or slices that the series does not have.
+    """
+    place = path.name
+    try:
+        seg = highdicom.seg.segread(path)
+        names = {number: seg.get_segment_description(number).segment_label for number in seg.segment_numbers}
+    except Exception as error:
+        line = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            place, f"not a readable DICOM SEG ({line[:120]})", "export the segmentation again"
+        ) from None
+    chosen = pick(names, label, organ, place, "segment")
+    if series is not None and series.instances:
+        unknown = _referenced(seg) - set(series.instances)
+        if unknown:
+            raise InputError(
+                place,
+                f"it refers to {len(unknown)} slices that {series.place} does not have",
+                "give the series that was segmented",
+            )
+    try:
+        volume = seg.get_volume(segment_numbers=chosen, combine_segments=False)
+    except Exception as error:
+        line = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            place, f"its frames form no volume ({line[:120]})", "export it on evenly spaced slices"
+        ) from None
+    data = np.asarray(volume.array)
+    mask = (data.reshape(*data.shape[:3], -1) >= 0.5).any(axis=-1)
+    affine = check_affine(LPS_TO_RAS @ volume.affine, place)
+    return Volume(mask, affine, place, frame_of_reference=str(volume.frame_of_reference_uid or ""))
+
+
+def _referenced(seg: pydicom.Dataset) -> set[str]:
+    """SOP instance UIDs of the images whose pixels the frames mark."""
+    return {
+        str(source.ReferencedSOPInstanceUID)
+        for frame in seg.get("PerFrameFunctionalGroupsSequence", [])
+        for derivation in frame.get("DerivationImageSequence", [])
+        for source in derivation.get("SourceImageSequence", [])
+    }
+
+
+def pick(names: dict[int, str], label: str, organ: str, place: str, kind: str) -> list[int]:
+    """Choose labels by number or name.
+
+    Parameters
+    ----------
+    names : dict of int to str
+        What there is.
+    label : str
+        Numbers, one name, or several names parted by commas; empty takes the only one or the one
+        that is called like the organ.
+    organ : str
+        The row's organ.
+    place, kind : str
+        For the message: the file and what its labels are called.
+
+    Raises
+    ------
+    InputError
+        No such label; lists those there are.
+    """
+    there = choices(f"{number} ({name})" if name else number for number, name in sorted(names.items()))
+    if not label:
+        if len(names) == 1:
+            return list(names)
+        called = [number for number, name in names.items() if name.lower() == organ.lower()]
+        if len(called) == 1:
+            return called
+        raise InputError(place, f"it has {len(names)} {kind}s and the sheet's label is empty", there)
+    wanted = [part.strip() for part in label.split(",")]
+    for parts in ([label], wanted):
+        found = [_find(names, part) for part in parts]
+        if all(found):
+            return sorted({number for numbers in found for number in numbers})
+    absent = next(part for part, numbers in zip(wanted, found, strict=True) if not numbers)
+    raise InputError(place, f"it has no {kind} {absent!r}", there)
+
+
+def _find(names: dict[int, str], wanted: str) -> list[int]:
+    """Numbers that ``wanted`` means: an exact name, then a number, then a name in another case."""
+    exact = [number for number, name in names.items() if name == wanted]
+    if not exact and wanted.isdecimal():
+        exact = [number for number in names if number == int(wanted)]
+    if exact:
+        return exact
+    return [number for number, name in names.items() if name.strip().lower() == wanted.lower()]
+
+
+def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[Contour]], str]:
+    """Read the contours of regions of interest (ROIs).
+
+    Parameters
+    ----------
+    path : path
+        RTSTRUCT object.
+    label, organ : str
+        See `read_seg`; the labels here are ROI names or numbers.
+
+    Returns
+    -------
+    rois : list of list of (n, 3) float64
+        Contours of every chosen ROI in world mm (RAS).
+    frame_of_reference : str
+        UID of the frame of reference.
+
+    Raises
+    ------
+    InputError
+        Not an RTSTRUCT, no such ROI, an ROI without contours, an open contour, or damaged coordinates.
+    """
+    place = path.name
+    try:
+        dataset = pydicom.dcmread(path)
+        names = {
+            int(item.ROINumber): str(item.get("ROIName", "")) for item in dataset.StructureSetROISequence
+        }
+        items = {int(item.ReferencedROINumber): item for item in dataset.get("ROIContourSequence", [])}
+    except (AttributeError, EOFError, InvalidDicomError, OSError, TypeError, ValueError) as error:
+        raise InputError(
+            place, f"not a readable RTSTRUCT ({error})", "export the structure set again"
+        ) from None
+    if not names:
+        raise InputError(place, "it has no ROI", "export the structure set again")
+    doubles = {name for name, count in Counter(names.values()).items() if count > 1}
+    rois = []
+    for number in pick(names, label, organ, place, "ROI"):
+        if names[number] in doubles and not label.isdecimal():
+            raise InputError(
+                place, f"several ROIs are called {names[number]!r}", "give the ROI's number as label"
+            )
+        sequence = items[number].get("ContourSequence", []) if number in items else []
+        if not sequence:
+            filled = {n: names[n] for n, item in items.items() if item.get("ContourSequence") and n in names}
+            raise InputError(place, f"ROI {names[number]!r} has no contours", choices(filled.values()))
+        rois.append([_contour(place, names[number], item) for item in sequence])
+        rois[-1] = [contour for contour in rois[-1] if len(contour)]
+    frame = str(dataset.get("FrameOfReferenceUID") or "")
+    for item in dataset.get("ReferencedFrameOfReferenceSequence", []):
+        frame = str(item.get("FrameOfReferenceUID", "")) or frame
+    return rois, frame
+
+
+def _contour(place: str, roi: str, item: pydicom.Dataset) -> Contour:
+    kind = str(item.get("ContourGeometricType", "CLOSED_PLANAR"))
+    if kind == "POINT":  # marks, not outlines
+        return np.zeros((0, 3))
+    if not kind.replace("_", "").startswith("CLOSEDPLANAR"):
+        raise InputError(
+            place, f"ROI {roi!r} has an open contour ({kind})", "close its contours and export again"
+        )
+    try:
+        points = np.array([float(x) for x in item.get("ContourData") or []]).reshape(-1, 3)
+    except ValueError:
+        raise InputError(
+            place, f"ROI {roi!r} has a contour with damaged coordinates", "export it again"
+        ) from None
+    if not np.isfinite(points).all():
+        raise InputError(place, f"ROI {roi!r} has coordinates that are not finite", "export it again")
+    return points @ LPS_TO_RAS[:3, :3]

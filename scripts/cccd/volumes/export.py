@@ -1,0 +1,358 @@
+"""Back to the clinic's formats: the surface as a label map (NIfTI) and as contours (RTSTRUCT).
+
+NIfTI is written in RAS on the source volume's own grid, RTSTRUCT in LPS as DICOM demands, so that both lie
+on the scan in any viewer.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from pathlib import Path
+
+import nibabel as nib
+import numpy as np
+import pydicom
+from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
+from pydicom.sequence import Sequence
+from pydicom.uid import ExplicitVRLittleEndian, RTStructureSetStorage, generate_uid
+
+from cccd.containers import Frame
+from cccd.errors import InputError
+from cccd.store import atomic_path
+from cccd.tolerances import CONTOUR_PLANE
+from cccd.volumes.grid import LPS_TO_RAS
+
+__all__ = ["cut_mesh", "voxelise", "write_label_map", "write_rtstruct"]
+
+#: Voxel lines are shifted by this share of a voxel so that none passes through a vertex or an edge.
+_NUDGE = np.array([0.0, 1.234567e-7, 2.718281e-7])
+
+#: Candidate crossings of triangles and voxel lines handled at once.
+_BATCH = 4_000_000
+
+
+def voxelise(
+    vertices: np.ndarray, faces: np.ndarray, affine: np.ndarray, shape: tuple[int, ...]
+) -> np.ndarray:
+    """Find the voxels whose centres lie inside a closed mesh.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+        World mm (RAS).
+    faces : (F, 3) int64
+        Closed surface; cavities are inner surfaces.
+    affine : (4, 4) float64
+        Voxel index to world mm.
+    shape : (3,) int
+        Shape of the grid.
+
+    Returns
+    -------
+    (a, b, c) bool
+
+    Notes
+    -----
+    Parity along the lines of voxels in the first axis: every triangle that a line crosses flips all voxels
+    beyond it. Triangles outside the grid still count, as long as they lie beside or before it.
+    """
+    index = (vertices - affine[:3, 3]) @ np.linalg.inv(affine[:3, :3]).T - _NUDGE
+    corners = index[faces]
+    low = np.maximum(np.ceil(corners[..., 1:].min(axis=1)), 0).astype(np.int64)
+    high = np.minimum(np.floor(corners[..., 1:].max(axis=1)), np.array(shape[1:]) - 1).astype(np.int64)
+    spans = np.maximum(high - low + 1, 0)
+    counts = spans.prod(axis=1)
+    flips = np.zeros((shape[0] + 1, shape[1] * shape[2]), bool)
+    kept = np.flatnonzero(counts)
+    batches = np.cumsum(counts[kept]) // _BATCH
+    for batch in np.unique(batches):
+        triangles = kept[batches == batch]
+        owner = np.repeat(triangles, counts[triangles])
+        rank = np.arange(len(owner)) - np.repeat(
+            np.cumsum(counts[triangles]) - counts[triangles], counts[triangles]
+        )
+        lines = low[owner] + np.column_stack([rank // spans[owner, 1], rank % spans[owner, 1]])
+        a, b, c = (corners[owner, n] for n in range(3))
+        # edge functions in the plane across the lines
+        weights = np.stack([_cross(b, c, lines), _cross(c, a, lines), _cross(a, b, lines)], axis=-1)
+        hit = (weights > 0).all(axis=1) | (weights < 0).all(axis=1)
+        weights, owner, lines = weights[hit], owner[hit], lines[hit]
+        depth = (weights * corners[owner, :, 0]).sum(axis=1) / weights.sum(axis=1)
+        first = np.clip(np.ceil(depth), 0, shape[0]).astype(np.int64)
+        np.logical_xor.at(flips, (first, lines[:, 0] * shape[2] + lines[:, 1]), True)
+    return np.logical_xor.accumulate(flips[:-1], axis=0).reshape(shape)
+
+
+def _cross(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Twice the signed area of (start, end, point) in the last two coordinates."""
+    along, to = end[:, 1:] - start[:, 1:], points - start[:, 1:]
+    return along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0]
+
+
+def write_label_map(
+    path: str | Path, vertices: np.ndarray, faces: np.ndarray, frame: Frame, value: int = 1
+) -> None:
+    """Write the voxels inside a closed mesh as NIfTI label map on the source grid.
+
+    Parameters
+    ----------
+    path : path
+        ``.nii`` or ``.nii.gz``.
+    vertices, faces : (V, 3) float64 mm RAS, (F, 3) int64
+        Closed mesh.
+    frame : Frame
+        The source volume's grid.
+    value : int
+        Label of the voxels inside, 1 to 255.
+    """
+    mask = voxelise(vertices, faces, frame.affine, frame.shape)
+    image = nib.Nifti1Image(mask.astype(np.uint8) * np.uint8(value), frame.affine)
+    image.set_sform(frame.affine, code=1)
+    image.set_qform(frame.affine, code=1)
+    image.header.set_xyzt_units("mm")
+    path = Path(path)
+    suffix = ".nii.gz" if path.name.endswith(".gz") else ".nii"
+    with atomic_path(path) as temporary:
+        # the temporary name may end with .gz alone, by which nibabel would not know the format
+        content = image.to_bytes()
+        if suffix == ".nii.gz":
+            content = gzip.compress(content, compresslevel=6, mtime=0)
+        temporary.write_bytes(content)
+
+
+def cut_mesh(
+    vertices: np.ndarray, faces: np.ndarray, normal: np.ndarray, heights: np.ndarray
+) -> list[list[np.ndarray]]:
+    """Cut a closed mesh by parallel planes.
+
+    Parameters
+    ----------
+    vertices, faces : (V, 3) float64, (F, 3) int64
+        Closed mesh with consistent orientation.
+    normal : (3,) float64
+        Unit normal of the planes.
+    heights : (P,) float64
+        Planes ``x @ normal == height``.
+
+    Returns
+    -------
+    list of list of (n, 3) float64
+        For each plane its closed loops, the first point not repeated.
+    """
+    normal = np.asarray(normal, float)
+    level = vertices @ normal
+    lows, highs = level[faces].min(axis=1), level[faces].max(axis=1)
+    sections = []
+    for height in np.asarray(heights, float):
+        triangles = faces[(lows < height) & (highs >= height)]
+        above = level[triangles] >= height
+        # the edge along which an oriented triangle rises through the plane, and the one where it sinks;
+        # the neighbour across an edge goes along it the other way
+        ahead = np.roll(above, -1, axis=1)
+        rising, sinking = (~above & ahead).argmax(axis=1), (above & ~ahead).argmax(axis=1)
+        rows = np.arange(len(triangles))
+        rise = np.column_stack([triangles[rows, rising], triangles[rows, (rising + 1) % 3]])
+        sink = np.column_stack([triangles[rows, (sinking + 1) % 3], triangles[rows, sinking]])
+        edges, ids = np.unique(np.concatenate([rise, sink]), axis=0, return_inverse=True)
+        successor = np.empty(len(edges), np.int64)
+        ids = ids.reshape(2, -1)
+        successor[ids[0]] = ids[1]
+        below, over = level[edges[:, 0]], level[edges[:, 1]]
+        share = ((height - below) / (over - below))[:, None]
+        points = vertices[edges[:, 0]] * (1 - share) + vertices[edges[:, 1]] * share
+        sections.append([points[cycle] for cycle in _cycles(successor)])
+    return sections
+
+
+def _cycles(successor: np.ndarray) -> list[list[int]]:
+    """Cycles of a permutation."""
+    following, left, cycles = successor.tolist(), set(range(len(successor))), []
+    while left:
+        start = min(left) if len(left) < 2 else next(iter(left))
+        cycle, item = [], start
+        while item in left:
+            left.remove(item)
+            cycle.append(item)
+            item = following[item]
+        cycles.append(cycle)
+    return cycles
+
+
+def _thinned(loop: np.ndarray) -> np.ndarray:
+    """Drop points nearer to their predecessor than DICOM's written digits can tell apart."""
+    rounded = np.round(loop, 3)
+    return rounded[np.abs(np.diff(rounded, axis=0, prepend=rounded[-1:])).max(axis=1) > 0]
+
+
+def write_rtstruct(
+    path: str | Path,
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    frame: Frame,
+    *,
+    name: str,
+    spacing_mm: float | None = None,
+    reference: str | Path | None = None,
+) -> None:
+    """Write a closed mesh as one ROI of a DICOM RTSTRUCT.
+
+    Parameters
+    ----------
+    path : path
+        Where.
+    vertices, faces : (V, 3) float64 mm RAS, (F, 3) int64
+        Closed mesh with consistent orientation.
+    frame : Frame
+        The source volume's grid; planes are parallel to its slices.
+    name : str
+        The ROI's name.
+    spacing_mm : float, optional
+        Distance of the planes, counted from the first slice; the slice spacing by default.
+    reference : path, optional
+        Folder of the DICOM series that the surface came from. Patient, study, frame of reference and the
+        slices themselves are then referred to; otherwise the object stands alone.
+
+    Raises
+    ------
+    InputError
+        No DICOM images in ``reference``, or the planes miss the mesh.
+
+    Notes
+    -----
+    Every loop is a ``CLOSED_PLANAR`` contour; holes are told by nesting (even-odd).
+    """
+    step = frame.affine[:3, frame.slice_axis]
+    normal = step / np.linalg.norm(step)
+    spacing = frame.slice_spacing if spacing_mm is None else float(spacing_mm)
+    base = frame.affine[:3, 3] @ normal
+    level = vertices @ normal
+    first, last = np.floor((level.min() - base) / spacing), np.ceil((level.max() - base) / spacing)
+    heights = base + spacing * np.arange(first, last + 1)
+    sections = cut_mesh(vertices, faces, normal, heights)
+    loops = [
+        (height, _thinned(loop @ LPS_TO_RAS[:3, :3]))
+        for height, section in zip(heights, sections, strict=True)
+        for loop in section
+    ]
+    loops = [(height, loop) for height, loop in loops if len(loop) >= 3]
+    if not loops:
+        raise InputError(str(path), "no plane meets the surface", "choose a smaller spacing_mm")
+    slices = [] if reference is None else _reference_slices(Path(reference))
+    dataset = _structure_set(loops, name, slices, normal, spacing)
+    with atomic_path(path) as temporary:
+        dataset.save_as(temporary, enforce_file_format=True)
+
+
+def _reference_slices(folder: Path) -> list[Dataset]:
+    found = []
+    for file in sorted(item for item in folder.rglob("*") if item.is_file()):
+        try:
+            header = pydicom.dcmread(file, stop_before_pixels=True)
+        except (pydicom.errors.InvalidDicomError, OSError):
+            continue
+        if header.get("ImagePositionPatient"):
+            found.append(header)
+    if not found:
+        raise InputError(
+            folder.name, "no DICOM images in this folder", "give the folder of the source series"
+        )
+    return found
+
+
+def _item(**attributes) -> Dataset:
+    dataset = Dataset()
+    for keyword, value in attributes.items():
+        setattr(dataset, keyword, value)
+    return dataset
+
+
+def _structure_set(
+    loops: list[tuple[float, np.ndarray]],
+    name: str,
+    slices: list[Dataset],
+    normal: np.ndarray,
+    spacing: float,
+) -> FileDataset:
+    """Assemble the RTSTRUCT; UIDs follow from the content, so the same surface gives the same bytes."""
+    digest = hashlib.sha256(name.encode())
+    for _, loop in loops:
+        digest.update(loop.tobytes())
+    source = slices[0] if slices else Dataset()
+    digest.update(str(source.get("SeriesInstanceUID", "")).encode())
+    seed = digest.hexdigest()
+
+    def uid(part: str) -> str:
+        return generate_uid(entropy_srcs=[seed, part])
+
+    frame_uid = str(source.get("FrameOfReferenceUID") or uid("frame"))
+    meta = FileMetaDataset()
+    meta.MediaStorageSOPClassUID = RTStructureSetStorage
+    meta.MediaStorageSOPInstanceUID = uid("instance")
+    meta.TransferSyntaxUID = ExplicitVRLittleEndian
+    dataset = FileDataset(None, {}, file_meta=meta, preamble=b"\0" * 128)
+    dataset.SOPClassUID = RTStructureSetStorage
+    dataset.SOPInstanceUID = uid("instance")
+    dataset.Modality = "RTSTRUCT"
+    dataset.SeriesInstanceUID = uid("series")
+    dataset.StudyInstanceUID = str(source.get("StudyInstanceUID") or uid("study"))
+    if source.get("SpecificCharacterSet"):
+        dataset.SpecificCharacterSet = source.SpecificCharacterSet
+    for keyword in (
+        "PatientName",
+        "PatientID",
+        "PatientBirthDate",
+        "PatientSex",
+        "StudyDate",
+        "StudyTime",
+        "StudyID",
+        "AccessionNumber",
+        "ReferringPhysicianName",
+    ):
+        setattr(dataset, keyword, source.get(keyword, ""))
+    dataset.SeriesNumber = None
+    dataset.Manufacturer = "CCCD"
+    dataset.OperatorsName = ""
+    dataset.FrameOfReferenceUID = frame_uid
+    dataset.PositionReferenceIndicator = ""
+    dataset.StructureSetLabel = name[:16]
+    dataset.StructureSetDate = dataset.StructureSetTime = ""
+    dataset.ApprovalStatus = "UNAPPROVED"
+    dataset.ReferencedFrameOfReferenceSequence = Sequence([_item(FrameOfReferenceUID=frame_uid)])
+    references = [
+        _item(ReferencedSOPClassUID=item.SOPClassUID, ReferencedSOPInstanceUID=item.SOPInstanceUID)
+        for item in slices
+    ]
+    if slices:
+        series = _item(SeriesInstanceUID=source.SeriesInstanceUID, ContourImageSequence=Sequence(references))
+        study = _item(
+            ReferencedSOPClassUID="1.2.840.10008.3.1.2.3.1",
+            ReferencedSOPInstanceUID=dataset.StudyInstanceUID,
+            RTReferencedSeriesSequence=Sequence([series]),
+        )
+        dataset.ReferencedFrameOfReferenceSequence[0].RTReferencedStudySequence = Sequence([study])
+    roi = _item(
+        ROINumber=1, ReferencedFrameOfReferenceUID=frame_uid, ROIName=name, ROIGenerationAlgorithm="AUTOMATIC"
+    )
+    dataset.StructureSetROISequence = Sequence([roi])
+    positions = np.array([[float(x) for x in item.ImagePositionPatient] for item in slices]).reshape(-1, 3)
+    levels = positions @ LPS_TO_RAS[:3, :3] @ normal
+    contours = []
+    for height, loop in loops:
+        contour = _item(
+            ContourGeometricType="CLOSED_PLANAR",
+            NumberOfContourPoints=len(loop),
+            ContourData=[f"{x:.3f}" for x in loop.ravel()],
+        )
+        near = np.flatnonzero(np.abs(levels - height) <= CONTOUR_PLANE * spacing)
+        if len(near):
+            contour.ContourImageSequence = Sequence([references[near[0]]])
+        contours.append(contour)
+    dataset.ROIContourSequence = Sequence(
+        [_item(ReferencedROINumber=1, ROIDisplayColor=[220, 60, 50], ContourSequence=Sequence(contours))]
+    )
+    observation = _item(
+        ObservationNumber=1, ReferencedROINumber=1, RTROIInterpretedType="ORGAN", ROIInterpreter=""
+    )
+    dataset.RTROIObservationsSequence = Sequence([observation])
+    return dataset

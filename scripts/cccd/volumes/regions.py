@@ -1,0 +1,119 @@
+"""A region found in a grey image where nobody drew a mask: window or Otsu, largest components."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy import ndimage
+from skimage.filters import threshold_otsu
+
+from cccd.containers import Structure
+from cccd.errors import InputError
+
+__all__ = ["draw_region", "find_region"]
+
+
+def find_region(
+    image: np.ndarray,
+    place: str,
+    *,
+    window: str | Sequence[float | None],
+    components: int,
+    drop_border: bool,
+    fill_holes: bool,
+    slice_axis: int,
+) -> tuple[np.ndarray, tuple[float, float]]:
+    """Find an organ by its grey values.
+
+    Parameters
+    ----------
+    image : (a, b, c) float32
+        Grey values (HU for CT).
+    place : str
+        What a message names.
+    window : "otsu" or (low, high)
+        Grey values of the organ, either end None for no bound; ``"otsu"`` takes what lies above Otsu's
+        threshold (IEEE Trans. SMC 9:62, 1979).
+    components : int
+        Keep so many of the largest 6-connected components.
+    drop_border : bool
+        Leave out components that reach the sides of a slice (the air around a patient). An organ cut by the
+        scan's first or last slice stays.
+    fill_holes : bool
+        Fill cavities.
+    slice_axis : int
+        Axis along which slices run.
+
+    Returns
+    -------
+    mask : (a, b, c) bool
+    bounds : (float, float)
+        The window used.
+
+    Raises
+    ------
+    InputError
+        The window holds no voxel.
+    """
+    low, high = (float(threshold_otsu(image)), None) if window == "otsu" else window
+    low, high = (-np.inf if low is None else low), (np.inf if high is None else high)
+    labels, count = ndimage.label((image >= low) & (image <= high))
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    if drop_border:
+        sizes[_reaching_sides(labels, slice_axis)] = 0
+    chosen = np.argsort(-sizes, kind="stable")[:components]
+    mask = np.isin(labels, chosen[sizes[chosen] > 0])
+    if not mask.any():
+        span = f"{image.min():g} to {image.max():g}"
+        raise InputError(
+            place,
+            f"no region between {low:g} and {high:g} (grey values {span})",
+            "set import: region: window",
+        )
+    return (ndimage.binary_fill_holes(mask) if fill_holes else mask), (low, high)
+
+
+def _reaching_sides(labels: np.ndarray, slice_axis: int) -> np.ndarray:
+    """Labels on the four sides of the slices."""
+    sides = [labels.take(end, axis).ravel() for axis in range(3) if axis != slice_axis for end in (0, -1)]
+    return np.unique(np.concatenate(sides))
+
+
+def draw_region(structure: Structure, path: str | Path) -> None:
+    """Draw what was taken as the organ: three slices along each axis with the mask's outline, as PNG.
+
+    Parameters
+    ----------
+    structure : Structure
+        With image and mask.
+    path : path
+        Where the picture goes.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 9), layout="constrained")
+    axes = figure.subplots(3, 3)
+    image, mask, spacing = structure.image, structure.mask, structure.frame.spacing
+    low, high = np.percentile(image, (1, 99))
+    for axis in range(3):
+        filled = np.flatnonzero(mask.any(axis=tuple({0, 1, 2} - {axis})))
+        first, second = (other for other in range(3) if other != axis)
+        for panel, share in zip(axes[axis], (0.25, 0.5, 0.75), strict=True):
+            index = int(filled[int(share * (len(filled) - 1))])
+            panel.imshow(
+                image.take(index, axis).T,
+                cmap="gray",
+                vmin=low,
+                vmax=max(high, low + 1e-6),
+                aspect=spacing[second] / spacing[first],
+                origin="lower",
+                interpolation="nearest",
+            )
+            panel.contour(mask.take(index, axis).T, [0.5], colors="tab:red", linewidths=1)
+            panel.set_title(f"axis {axis}, index {index + int(structure.origin[axis])}", fontsize=8)
+            panel.set_axis_off()
+    figure.suptitle(f"{structure.case} / {structure.organ}: the region taken")
+    figure.savefig(path, dpi=100)
