@@ -1,6 +1,7 @@
 """Order boundary pixels into closed curves; chain codes, corners and splines of each."""
 
-from cccd.curves import describe_curves, order_structure
+from cccd.curves import describe_curves
+from cccd.curves.ordering import order_structure
 from cccd.job import job
 from cccd.junctions import load_model
 from cccd.store import read_boundaries, read_structure, write_curves

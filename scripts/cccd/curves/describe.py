@@ -1,0 +1,60 @@
+"""The curves stage: chain codes, corners and splines of ordered curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from cccd.chaincode import chain_codes, on_pixel_chain
+from cccd.containers import Curves, Splines
+from cccd.curves.corners import k_cosine_corners
+from cccd.curves.fitting import corner_splines, fit_curves
+
+__all__ = ["describe_curves"]
+
+
+def describe_curves(
+    curves: Curves, settings: Mapping[str, Any]
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], Splines, dict]:
+    """Chain codes, corners and splines of every curve.
+
+    Parameters
+    ----------
+    curves : Curves
+    settings : mapping
+        ``method``: ``"auto"`` fits splines within ``tolerance_px``, or with at most
+        ``max_control_points`` per curve (a share of its points below 1) when that is not None;
+        ``"corners"`` takes the corners as control points. ``k`` and ``criterion`` rule the corners.
+
+    Returns
+    -------
+    codes : (P,) uint8 array
+        Freeman codes on the curves' offsets; empty when the curves do not run from pixel to pixel
+        (drawn contours), for then there are none.
+    corners : ((K, 2) float64, (C + 1,) int64)
+        Corner points (Definition 3) and their offsets.
+    splines : Splines
+    report : dict
+        Plain numbers: ``curves``, ``points``, ``corners``, ``control_points``, ``chain_coded``,
+        ``too_few_corners`` (curves whose corners alone do not make a closed cubic).
+    """
+    chained = bool(on_pixel_chain(curves.points, curves.offsets).all())
+    codes = chain_codes(curves.points, curves.offsets) if chained else np.zeros(0, np.uint8)
+    corner = k_cosine_corners(curves.points, curves.offsets, settings["k"], settings["criterion"])
+    corner_offsets = np.concatenate([[0], np.cumsum(corner)])[curves.offsets].astype(np.int64)
+    if settings["method"] == "corners":
+        splines = corner_splines(curves, corner)
+    else:
+        splines = fit_curves(curves, settings["tolerance_px"], settings["max_control_points"])
+    report = {
+        "method": settings["method"],
+        "curves": len(curves),
+        "points": len(curves.points),
+        "corners": int(corner.sum()),
+        "control_points": len(splines.control_points),
+        "chain_coded": chained,
+        "too_few_corners": int((np.diff(corner_offsets) < 4).sum()),
+    }
+    return codes, (curves.points[corner], corner_offsets), splines, report

@@ -1,0 +1,205 @@
+"""From ordered curves to closed splines: by a tolerance, by a budget, or by the paper's corners.
+
+The reference is the pixel-centre polygon of a curve. A digitised smooth outline lies within half a pixel
+of it, in steps; these steps are noise. The automatic fit therefore measures its tolerance against the
+polygon with the steps filtered out (over three tolerances, at most 1.5 pixels, so that a small tolerance
+brings the pixels back), and looks for the fewest knots that stay within it. With a budget the splines
+are fitted to the polygon itself, every point counting alike.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from cccd.chaincode import is_simple, perimeters, resample
+from cccd.containers import Curves, Splines, concatenate_ragged
+from cccd.curves.corners import sharp_corners
+from cccd.curves.knots import FEWEST, fit_ragged
+from cccd.curves.periodic import DEGREE, sample_ragged
+from cccd.tolerances import STAIRCASE_PX, STAIRCASE_TOLERANCES
+
+__all__ = ["corner_splines", "fit_curves", "sample_splines", "uniform_knots"]
+
+#: Samples per pixel at which a spline is checked for crossings.
+_CHECKED_PER_PIXEL = 2.0
+
+#: How often a spline that crosses itself or its neighbour is refitted, each time twice as closely.
+_REPAIRS = 5
+
+
+def fit_curves(curves: Curves, tolerance_px: float = 0.5, budget: int | float | None = None) -> Splines:
+    """Fit a closed cubic spline to every curve.
+
+    Parameters
+    ----------
+    curves : Curves
+        Ordered closed curves; pixel chains or any polygons.
+    tolerance_px : float
+        Largest distance in pixels between the curve and the reference (see the module): the fewest
+        control points that keep it are sought. Ignored when a budget is given.
+    budget : int or float, optional
+        Most control points per curve; below 1, as a share of the curve's points. Then each curve is the
+        best for that many, and never has more than half as many as points (at least 4).
+
+    Returns
+    -------
+    Splines
+        One per curve, none of which crosses itself: where a fit does, it is repeated with twice as many
+        control points or half the tolerance, which a budget then yields to.
+
+    Raises
+    ------
+    ValueError
+        When the tolerance or the budget is not positive.
+    """
+    if not tolerance_px > 0 or (budget is not None and not budget > 0):
+        raise ValueError("tolerance and budget must be positive")
+    sizes = np.diff(curves.offsets)
+    sharp = sharp_corners(curves.points, curves.offsets)
+    if budget is None:
+        target = np.zeros(len(curves), np.int64)
+    else:
+        most = np.floor(budget * sizes) if budget < 1 else np.full(len(curves), budget)
+        target = np.clip(most, FEWEST, np.maximum(sizes // 2, FEWEST)).astype(np.int64)
+    tolerance = np.full(len(curves), float(tolerance_px))
+    apart = _pairs_apart(curves)
+    splines = _fit(curves, sharp, tolerance, target)
+    for _ in range(_REPAIRS):
+        wrong = _crossing(splines, apart)
+        if not wrong.any():
+            return splines
+        tolerance[wrong] /= 2
+        target[wrong] *= 2
+        again = _fit(_subset(curves, wrong), sharp[np.repeat(wrong, sizes)], tolerance[wrong], target[wrong])
+        splines = _replace(splines, wrong, again)
+    wrong = _crossing(splines, apart)
+    return _replace(splines, wrong, _polygon_splines(_subset(curves, wrong))) if wrong.any() else splines
+
+
+def _fit(curves: Curves, sharp: np.ndarray, tolerance: np.ndarray, target: np.ndarray) -> Splines:
+    length = perimeters(curves.points, curves.offsets)
+    # what is small keeps its shape: the filter must not reach round it
+    sigma = np.minimum(np.minimum(STAIRCASE_TOLERANCES * tolerance, STAIRCASE_PX), length / 24)
+    sigma = np.where(target > 0, 0.0, sigma)
+    control, offsets, knots = fit_ragged(
+        np.ascontiguousarray(curves.points, float), curves.offsets, sharp, tolerance, sigma, target
+    )
+    return _splines(control, offsets, knots, curves)
+
+
+def _splines(control: np.ndarray, offsets: np.ndarray, knots: np.ndarray, curves: Curves) -> Splines:
+    """Bundle ragged control points and knots (n + 7 per curve) with the slices of their curves."""
+    knot_offsets = offsets + (2 * DEGREE + 1) * np.arange(len(offsets))
+    return Splines(
+        control, offsets, knots, knot_offsets, curves.slice, curves.hole, degree=DEGREE, frame=curves.frame
+    )
+
+
+# The paper's splines ----------------------------------------------------------------------------------
+
+
+def corner_splines(curves: Curves, corners: np.ndarray) -> Splines:
+    """Uniform cubic B-splines whose control points are the corners (Definition 4, equations 6-9).
+
+    Parameters
+    ----------
+    curves : Curves
+    corners : (P,) bool array
+        Which points of the curves are corners.
+
+    Returns
+    -------
+    Splines
+        A closed cubic needs four control points; curves with fewer corners get evenly spaced points of
+        their own in place of them.
+
+    Notes
+    -----
+    Printed slips: eq. (7) means ``t_i <= t < t_{i+1}``; k in equations 6-8 is the order (4), one more
+    than the degree the text calls it. Eq. (9) is the uniform cubic basis as it should be.
+    """
+    count = np.diff(np.concatenate([[0], np.cumsum(corners)])[curves.offsets])
+    few = count < FEWEST
+    even = resample(curves.points, curves.offsets, np.where(few, FEWEST, 0))[0]
+    offsets = np.concatenate([[0], np.cumsum(np.where(few, FEWEST, count))]).astype(np.int64)
+    control = np.empty((offsets[-1], 2))
+    from_even = np.repeat(few, np.diff(offsets))
+    control[from_even] = even
+    control[~from_even] = curves.points[corners & ~np.repeat(few, np.diff(curves.offsets))]
+    return _splines(control, offsets, uniform_knots(np.diff(offsets)), curves)
+
+
+def uniform_knots(counts: np.ndarray) -> np.ndarray:
+    """Knots -3, -2, .. n + 3 of closed uniform cubics with n = ``counts[c]`` control points each."""
+    sizes = np.asarray(counts) + 2 * DEGREE + 1
+    begin = np.cumsum(sizes) - sizes
+    return np.arange(sizes.sum(), dtype=float) - np.repeat(begin, sizes) - DEGREE
+
+
+def _polygon_splines(curves: Curves) -> Splines:
+    """Uniform cubics through control points so dense on the polygon that they cross only where it does."""
+    counts = np.ceil(4 * perimeters(curves.points, curves.offsets)).astype(np.int64)
+    control, offsets = resample(curves.points, curves.offsets, np.maximum(counts, FEWEST))
+    return _splines(control, offsets, uniform_knots(np.diff(offsets)), curves)
+
+
+# Sampling and checking --------------------------------------------------------------------------------
+
+
+def sample_splines(splines: Splines, per_pixel: float = 2.0) -> Curves:
+    """Draw the splines as closed polygons with about ``per_pixel`` points per pixel of control polygon."""
+    length = perimeters(splines.control_points, splines.offsets)
+    counts = np.maximum(np.ceil(per_pixel * length), 4 * np.diff(splines.offsets)).astype(np.int64)
+    points = sample_ragged(splines.control_points, splines.offsets, splines.knots, counts)
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    return Curves(points, offsets, splines.slice, splines.hole, splines.frame)
+
+
+def _rings(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    return shapely.linearrings(points, indices=np.repeat(np.arange(len(offsets) - 1), np.diff(offsets)))
+
+
+def _pairs_apart(curves: Curves) -> np.ndarray:
+    """Pairs (N, 2) of curves of one slice that do not touch, though their boxes come within two pixels."""
+    size = np.unique(curves.slice, return_counts=True)[1]
+    first = np.cumsum(size) - size
+    several = [
+        begin + np.column_stack(np.triu_indices(n, 1)) for begin, n in zip(first, size, strict=True) if n > 1
+    ]
+    if not several:
+        return np.zeros((0, 2), np.int64)
+    pairs = np.concatenate(several)
+    low = np.minimum.reduceat(curves.points, curves.offsets[:-1]) - 1
+    high = np.maximum.reduceat(curves.points, curves.offsets[:-1]) + 1
+    a, b = pairs.T
+    pairs = pairs[((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)]
+    rings = _rings(curves.points, curves.offsets)
+    return pairs[~shapely.intersects(rings[pairs[:, 0]], rings[pairs[:, 1]])]
+
+
+def _crossing(splines: Splines, apart: np.ndarray) -> np.ndarray:
+    """Splines (C,) bool that cross themselves, or another one whose curve does not touch theirs."""
+    drawn = sample_splines(splines, _CHECKED_PER_PIXEL)
+    wrong = ~is_simple(drawn.points, drawn.offsets)
+    if len(apart):
+        rings = _rings(drawn.points, drawn.offsets)
+        wrong[apart[shapely.intersects(rings[apart[:, 0]], rings[apart[:, 1]])].ravel()] = True
+    return wrong
+
+
+def _subset(curves: Curves, chosen: np.ndarray) -> Curves:
+    parts = [points for points, wanted in zip(curves, chosen, strict=True) if wanted]
+    points, offsets = concatenate_ragged(parts)
+    return Curves(points, offsets, curves.slice[chosen], curves.hole[chosen], curves.frame)
+
+
+def _replace(splines: Splines, chosen: np.ndarray, others: Splines) -> Splines:
+    fresh = iter(others)
+    pairs = [next(fresh) if wanted else own for own, wanted in zip(splines, chosen, strict=True)]
+    control, offsets = concatenate_ragged([pair[0] for pair in pairs])
+    knots = np.concatenate([pair[1] for pair in pairs])
+    knot_offsets = offsets + (2 * DEGREE + 1) * np.arange(len(offsets))
+    return Splines(
+        control, offsets, knots, knot_offsets, splines.slice, splines.hole, splines.degree, splines.frame
+    )

@@ -1,0 +1,234 @@
+"""What closed splines are worth: agreement with the boundary, points and bytes spent on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import pandas as pd
+import shapely
+from scipy.spatial import cKDTree
+
+from cccd.chaincode import predecessors, signed_areas, successors
+from cccd.containers import Curves, Splines
+from cccd.curves.corners import CRITERIA, k_cosine_corners
+from cccd.curves.fitting import corner_splines, sample_splines
+from cccd.metrics import Confusion, confusion, rasterise
+
+__all__ = ["SWEEP", "area_dice", "bytes_per_slice", "distances", "measure_curves", "sweep_k"]
+
+#: The k of the paper's figures 10-13.
+SWEEP = (3, 5, 7, 12, 20)
+
+#: Parts the curves in the search for nearest points: far more than any distance between them.
+_APART = 1e6
+
+
+# Agreement --------------------------------------------------------------------------------------------
+
+
+def area_dice(curves: Curves, others: Curves) -> np.ndarray:
+    """Dice scores (S,) of the areas that two sets of curves enclose on each slice of the first (even-odd).
+
+    Areas are those of the polygons, not of pixels: a curve through the pixel centres runs half a pixel
+    inside the organ's own border, where counting centres would be a matter of rounding.
+    """
+    return _area_scores(curves, others)[0]
+
+
+def _area_scores(curves: Curves, others: Curves) -> tuple[np.ndarray, np.ndarray]:
+    """Dice score and share of the area kept, per slice of ``curves``."""
+    slices = np.unique(curves.slice)
+    truth, claim = _regions(curves, slices), _regions(others, slices)
+    own, other = shapely.area(truth), shapely.area(claim)
+    common = shapely.area(shapely.intersection(truth, claim))
+    return 2 * common / (own + other), other / own
+
+
+def _regions(curves: Curves, slices: np.ndarray) -> np.ndarray:
+    """Region (S,) enclosed on each of the slices by the even-odd rule."""
+    rings = shapely.linearrings(
+        curves.points, indices=np.repeat(np.arange(len(curves)), np.diff(curves.offsets))
+    )
+    polygons = shapely.polygons(rings)
+    invalid = ~shapely.is_valid(polygons)  # the paper's splines may cross themselves
+    polygons[invalid] = shapely.make_valid(polygons[invalid])
+    begin, end = np.searchsorted(curves.slice, slices), np.searchsorted(curves.slice, slices, side="right")
+    return np.array(
+        [shapely.symmetric_difference_all(polygons[a:b]) for a, b in zip(begin, end, strict=True)]
+    )
+
+
+def distances(points: np.ndarray, offsets: np.ndarray, curves: Curves) -> np.ndarray:
+    """Distance (P,) in pixels from ragged points to the closed polygon of the same number."""
+    owner = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    drawn = np.repeat(np.arange(len(curves)), np.diff(curves.offsets))
+    tree = cKDTree(np.column_stack([curves.points, drawn * _APART]))
+    nearest = tree.query(np.column_stack([points, owner * _APART]))[1]
+    near, least = curves.points[nearest], np.full(len(points), np.inf)
+    for neighbour in (successors(curves.offsets), predecessors(curves.offsets)):
+        along = curves.points[neighbour[nearest]] - near
+        offset = points - near
+        squared = np.maximum((along**2).sum(axis=1), 1e-300)
+        share = np.clip((offset * along).sum(axis=1) / squared, 0, 1)
+        least = np.minimum(least, np.linalg.norm(offset - share[:, None] * along, axis=1))
+    return least
+
+
+# Bytes ------------------------------------------------------------------------------------------------
+
+
+def bytes_per_slice(curves: Curves, splines: Splines) -> dict[str, np.ndarray]:
+    """Bytes (S,) that each slice takes in several forms.
+
+    Returns
+    -------
+    dict
+        ``spline``: control points as float32 pairs, one float32 knot per control point and the period
+        (the other knots repeat them), 4 bytes of header (count, hole) per curve, 4 per slice;
+        ``spline_16_bit``: the same in 16-bit fixed point;
+        ``chain_code``: 3 bits per link, 4 bytes of start and 4 of header per curve, 4 per slice;
+        ``raw``: a contour of 16-bit pixel indices, headers alike;
+        ``png``: the filled slice of the source volume as a 1-bit PNG file.
+    """
+    slices, owner = np.unique(curves.slice, return_inverse=True)
+
+    def per_slice(per_curve: np.ndarray) -> np.ndarray:
+        return 4 + np.bincount(owner, per_curve, len(slices)).astype(np.int64)
+
+    controls, links = np.diff(splines.offsets), np.diff(curves.offsets)
+    return {
+        "spline": per_slice(4 + 4 * (3 * controls + 1)),
+        "spline_16_bit": per_slice(4 + 2 * (3 * controls + 1)),
+        "chain_code": per_slice(8 + np.ceil(3 * links / 8)),
+        "raw": per_slice(4 + 4 * links),
+        "png": _png_bytes(curves, slices),
+    }
+
+
+def _png_bytes(curves: Curves, slices: np.ndarray) -> np.ndarray:
+    rows, columns = (curves.frame.shape[axis] for axis in curves.frame.in_plane_axes)
+    sizes = np.empty(len(slices), np.int64)
+    for n, k in enumerate(slices):
+        chosen = curves.slice == k
+        member = np.repeat(chosen, np.diff(curves.offsets))
+        offsets = np.concatenate([[0], np.cumsum(np.diff(curves.offsets)[chosen])])
+        one = Curves(curves.points[member], offsets, curves.slice[chosen], curves.hole[chosen], curves.frame)
+        filled = rasterise(one, (k, 0, 0), (1, rows, columns))[0]
+        encoded = cv2.imencode(".png", filled.astype(np.uint8) * 255, [cv2.IMWRITE_PNG_BILEVEL, 1])[1]
+        sizes[n] = len(encoded)
+    return sizes
+
+
+# Tables -----------------------------------------------------------------------------------------------
+
+
+def measure_curves(curves: Curves, splines: Splines) -> dict:
+    """Measure splines against the curves they describe.
+
+    Returns
+    -------
+    dict
+        Plain numbers for ``metrics.json``. Dice scores and areas compare the spline's area with the
+        pixel-centre polygon's; ``raster_dice`` counts pixel centres. Distances are from the boundary
+        pixels to the curve. Medians and percentiles run over slices.
+    """
+    if len(curves) == 0:
+        return {"slices": 0, "curves": 0, "boundary_points": 0, "control_points": 0}
+    drawn = sample_splines(splines, per_pixel=2.0)
+    scores, kept = _area_scores(curves, drawn)
+    origin, shape = _window(curves)
+    raster = confusion(rasterise(curves, origin, shape), rasterise(drawn, origin, shape), (1, 2))
+    raster_dice = raster.printed["DSC"][np.unique(curves.slice) - origin[0]]
+    away = distances(curves.points, curves.offsets, drawn)
+    total = (
+        signed_areas(drawn.points, drawn.offsets).sum() / signed_areas(curves.points, curves.offsets).sum()
+    )
+    sizes = bytes_per_slice(curves, splines)
+    return {
+        "slices": len(scores),
+        "curves": len(curves),
+        "boundary_points": len(curves.points),
+        "control_points": len(splines.control_points),
+        "control_point_share": len(splines.control_points) / len(curves.points),
+        "dice_median": float(np.median(scores)),
+        "dice_p5": float(np.percentile(scores, 5)),
+        "raster_dice_median": float(np.median(raster_dice)),
+        "raster_dice_p5": float(np.percentile(raster_dice, 5)),
+        "area_kept": float(total),
+        "area_kept_min": float(kept.min()),
+        "area_kept_max": float(kept.max()),
+        "distance_mean_px": float(away.mean()),
+        "distance_max_px": float(away.max()),
+        "bytes_per_slice": {name: float(np.median(size)) for name, size in sizes.items()},
+    }
+
+
+def _window(curves: Curves) -> tuple[np.ndarray, tuple[int, int, int]]:
+    """Origin (k, i, j) and shape of the smallest stack that holds the curves, with a margin."""
+    low = np.floor(curves.points.min(axis=0)).astype(int) - 2
+    high = np.ceil(curves.points.max(axis=0)).astype(int) + 3
+    first, last = int(curves.slice.min()), int(curves.slice.max())
+    return np.array([first, *low]), (last - first + 1, *(int(n) for n in high - low))
+
+
+def sweep_k(
+    curves: Curves,
+    truth: np.ndarray | None = None,
+    origin: Sequence[int] | np.ndarray | None = None,
+    ks: Sequence[int] = SWEEP,
+    criteria: Sequence[str] = CRITERIA,
+) -> pd.DataFrame:
+    """Measure the paper's own splines for each k and criterion (Tables 2-3, Figures 10-13).
+
+    Parameters
+    ----------
+    curves : Curves
+    truth : (S, I, J) bool array, optional
+        Ground truth; the filled curves themselves by default.
+    origin : (3,) int, optional
+        Source index (k, i, j) of the truth's first pixel.
+    ks, criteria : sequences
+        Settings of `k_cosine_corners`.
+
+    Returns
+    -------
+    DataFrame
+        One row per criterion and k: ``corners`` and their ``share`` of the boundary pixels,
+        ``corners_per_slice`` and ``bytes_per_slice`` (two 32-bit numbers per corner, as the paper
+        counts), both medians; equations 12-21 under their printed names as medians over slices and, with
+        ``(whole)``, over all pixels of the slices with organ; the standard definitions likewise.
+        Rates are shares of the source volume's whole slices.
+    """
+    if truth is None:
+        origin, shape = _window(curves)
+        truth = rasterise(curves, origin, shape)
+    slices, owner = np.unique(curves.slice, return_inverse=True)
+    rows, columns = (curves.frame.shape[axis] for axis in curves.frame.in_plane_axes)
+    beyond = rows * columns - truth.shape[1] * truth.shape[2]  # background outside the window
+    table = []
+    for criterion in criteria:
+        for k in ks:
+            corner = k_cosine_corners(curves.points, curves.offsets, k, criterion)
+            per_curve = np.diff(np.concatenate([[0], np.cumsum(corner)])[curves.offsets])
+            per_slice = np.bincount(owner, per_curve, len(slices))
+            drawn = sample_splines(corner_splines(curves, corner))
+            counts = confusion(truth, rasterise(drawn, origin, truth.shape), axis=(1, 2))
+            here = slices - int(origin[0])
+            each = Confusion(counts.tp[here], counts.fp[here], counts.tn[here] + beyond, counts.fn[here])
+            whole = Confusion(each.tp.sum(), each.fp.sum(), each.tn.sum(), each.fn.sum())
+            row = {
+                "criterion": criterion,
+                "k": k,
+                "corners": int(corner.sum()),
+                "share": corner.sum() / len(corner),
+                "corners_per_slice": float(np.median(per_slice)),
+                "bytes_per_slice": 8 * float(np.median(per_slice)),
+            }
+            for name, values in (each.printed | each.standard).items():
+                row[name] = float(np.nanmedian(values))
+            for name, value in (whole.printed | whole.standard).items():
+                row[f"{name} (whole)"] = float(value)
+            table.append(row)
+    return pd.DataFrame(table)
