@@ -2,7 +2,9 @@
 
 from cccd.curves import sweep_k
 from cccd.job import job
-from cccd.store import read_curves, write_table
+from cccd.store import read_curves, read_structure, write_table
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
-    write_table(snakemake.output[0], sweep_k(read_curves(snakemake.input.curves), **snakemake.params.sweep))
+    structure = read_structure(snakemake.input.structure)
+    curves = read_curves(snakemake.input.curves)
+    write_table(snakemake.output[0], sweep_k(curves, structure.stack("mask"), structure.stack_origin))

@@ -49,7 +49,5 @@ rule sweep_corners:
         runtime=minutes(15),
     params:
         library=library("sweep_corners"),
-        settings=config["curves"],
-        seed=config["seed"],
     script:
         "../../scripts/sweep_corners.py"
