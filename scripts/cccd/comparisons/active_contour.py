@@ -30,9 +30,10 @@ STEP_PX, STEPS, SETTLED_PX = 1.0, 300, 0.02
 TENSION = 0.1
 #: Samples per span, and the uniform cubic B-spline (eq. 9) of four control points at them.
 SAMPLES = 4
-_T = np.arange(SAMPLES) / SAMPLES
-BASIS = np.column_stack([(1 - _T) ** 3, 3 * _T**3 - 6 * _T**2 + 4, -3 * _T**3 + 3 * _T**2 + 3 * _T + 1, _T**3]) / 6
-SLOPES = np.column_stack([-((1 - _T) ** 2), 3 * _T**2 - 4 * _T, -3 * _T**2 + 2 * _T + 1, _T**2]) / 2
+_CUBIC = np.array([[1, 4, 1, 0], [-3, 0, 3, 0], [3, -6, 3, 0], [-1, 3, -3, 1]]) / 6
+_T = np.arange(SAMPLES)[:, None] / SAMPLES
+BASIS = _T ** np.arange(4) @ _CUBIC
+SLOPES = _T ** np.arange(3) * (1, 2, 3) @ _CUBIC[1:]
 
 
 def seed_circle(centre: np.ndarray, radius: float, count: int = SEED_NODES) -> np.ndarray:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 import pandas as pd
 
-from cccd.chaincode import is_simple
+from cccd.chaincode import chain_codes, is_simple
+from cccd.comparisons.active_contour import seed_circle
 from cccd.comparisons.fuse import (
     ORDERS,
     closed_spline,
@@ -20,14 +21,21 @@ from cccd.comparisons.fuse import (
 from cccd.comparisons.parameters import GRID, LARGEST_SHARE, grid_points, parameter_sets
 from cccd.comparisons.registry import CORNER_DETECTORS, reconstruct
 from cccd.comparisons.samples import SliceSample, choose_slices
-from cccd.containers import Curves, Structure
+from cccd.containers import Curves, Frame, Structure
+from cccd.curves import corner_splines, fit_curves, sample_splines
+from cccd.curves.corners import k_cosine_corners
 from cccd.metrics import confusion, rasterise_slice
 
-__all__ = ["compare_corners", "fused_spline", "order_corners", "search"]
+__all__ = ["CCCD", "compare_corners", "fused_spline", "order_corners", "search"]
+
+CCCD = "Proposed CCCD"
+
+#: Values of k in the paper's Figures 10-14 and Tables 2-3.
+PAPER_K = (3, 5, 7, 12, 20)
 
 
 def compare_corners(structure: Structure, curves: Curves, settings: Mapping, seed: int) -> pd.DataFrame:
-    """Run every detector with every parameter set, and fuse its corners with a spline in every order.
+    """Run every detector with every parameter set, fuse its corners with a spline in every order; and CCCD.
 
     Parameters
     ----------
@@ -42,57 +50,92 @@ def compare_corners(structure: Structure, curves: Curves, settings: Mapping, see
     Returns
     -------
     DataFrame
-        One row per slice, image (``mask``, ``grey``), detector, parameter set and order: ``corners``
-        found, those ``on_boundary``, their ``false_share``, ``boundary_pixels`` of the slice's longest
-        curve, ``control_points`` used on it, ``self_intersects``, equations 12-21 under their printed
-        abbreviations (``DSC`` is the Dice score), ``corner_ms`` and ``curve_ms`` of processor time.
+        One row per slice, image (``mask``, ``grey``; ``chain code`` for CCCD), detector, parameter set
+        and order: ``corners`` found, those ``on_boundary``, the ``false_share``, ``boundary_pixels`` of
+        the slice's longest curve, ``control_points`` used on it, whether the spline
+        ``self_intersects``, equations 12-21 under their printed abbreviations (``DSC`` is the Dice
+        score), ``corner_ms`` and ``curve_ms`` of processor time.
     """
     section = settings["corners"]
+    distance_px = section["on_boundary_px"]
     rows = []
+    fused_spline(seed_circle((0, 0), 10), "tour", np.zeros((1, 2)))  # compiled before anything is timed
     for sample in choose_slices(structure, curves, section["n_slices"], section["min_contour_px"]):
-        for image_name, image in sample.images.items():
-            for name, method in CORNER_DETECTORS.items():
-                for set_name, parameters in parameter_sets(name, image_name).items():
-                    begin = time.process_time()
-                    found = method.run(image, **parameters) + sample.origin
-                    corner_ms = 1e3 * (time.process_time() - begin)
-                    labels = {
-                        "case": structure.case,
-                        "organ": structure.organ,
-                        "slice": sample.k,
-                        "image": image_name,
-                        "detector": name,
-                        "method": method.title,
-                        "parameters": set_name,
-                        "values": ", ".join(f"{key} {value}" for key, value in parameters.items()),
-                    }
-                    for row in _fuse_in_every_order(sample, found, section["on_boundary_px"]):
-                        rows.append(labels | row | {"corner_ms": corner_ms})
+        labels = {"case": structure.case, "organ": structure.organ, "slice": sample.k}
+        rows += [labels | row for row in _detectors(sample, distance_px)]
+        rows += [labels | row for row in _cccd(sample, curves.frame, distance_px)]
     return pd.DataFrame(rows)
 
 
-def _fuse_in_every_order(
-    sample: SliceSample, corners: np.ndarray, distance_px: float, orders: Iterable[str] = ORDERS
-) -> Iterable[dict]:
-    true = near_boundary(corners, sample.boundary, distance_px)
-    used = corners[near_boundary(corners, sample.curve, distance_px)].astype(float)
-    for order in orders:
+def _detectors(sample: SliceSample, distance_px: float) -> Iterator[dict]:
+    for image_name, image in sample.images.items():
+        for name, method in CORNER_DETECTORS.items():
+            for set_name, parameters in parameter_sets(name, image_name).items():
+                begin = time.process_time()
+                found = method.run(image, **parameters) + sample.origin
+                labels = {
+                    "image": image_name,
+                    "detector": name,
+                    "method": method.title,
+                    "parameters": set_name,
+                    "values": ", ".join(f"{key} {value}" for key, value in parameters.items()),
+                    "corner_ms": 1e3 * (time.process_time() - begin),
+                }
+                used = found[near_boundary(found, sample.curve, distance_px)].astype(float)
+                for order in ORDERS:
+                    begin = time.process_time()
+                    spline = fused_spline(used, order, sample.curve)
+                    curve_ms = 1e3 * (time.process_time() - begin)
+                    scores = _scores(sample, found, used, spline, distance_px)
+                    yield labels | {"order": order} | scores | {"curve_ms": curve_ms}
+
+
+def _cccd(sample: SliceSample, frame: Frame, distance_px: float) -> Iterator[dict]:
+    """Give CCCD's rows for a slice: the k-cosine's corners as control points, and the automatic fit."""
+    offsets = np.array([0, len(sample.curve)])
+    curve = Curves(sample.curve, offsets, np.array([sample.k], np.int32), np.zeros(1, bool), frame)
+    for setting in (*PAPER_K, "automatic"):
         begin = time.process_time()
-        spline = fused_spline(used, order, sample.curve)
-        curve_ms = 1e3 * (time.process_time() - begin)
-        region = rasterise_slice([spline] if len(spline) else [], sample.origin, sample.region.shape)
-        simple = len(spline) > 0 and bool(is_simple(spline, np.array([0, len(spline)]))[0])
+        if setting == "automatic":
+            splines, middle = fit_curves(curve), time.process_time()
+            found = splines.control_points
+        else:
+            chain_codes(curve.points, offsets)
+            corners = k_cosine_corners(curve.points, offsets, setting, "max")
+            middle = time.process_time()
+            splines = corner_splines(curve, corners)
+            found = sample.curve[corners]
+        spline = sample_splines(splines).points
+        end = time.process_time()
         yield {
-            "corners": len(corners),
-            "on_boundary": int(true.sum()),
-            "false_share": 1 - float(true.mean()) if len(corners) else np.nan,
-            "boundary_pixels": len(sample.curve),
-            "order": order,
-            "control_points": len(used),
-            "self_intersects": len(spline) > 0 and not simple,
-            **{name: float(value) for name, value in confusion(sample.region, region).printed.items()},
-            "curve_ms": curve_ms,
+            "image": "chain code",
+            "detector": "cccd",
+            "method": CCCD,
+            "parameters": setting if setting == "automatic" else f"k = {setting}",
+            "values": "tolerance 0.5 px" if setting == "automatic" else f"k {setting}, criterion max",
+            "corner_ms": 1e3 * (middle - begin),
+            "order": "chain",
+            **_scores(sample, found, found, spline, distance_px),
+            "curve_ms": 1e3 * (end - middle),
         }
+
+
+def _scores(
+    sample: SliceSample, found: np.ndarray, used: np.ndarray, spline: np.ndarray, distance_px: float
+) -> dict:
+    true = near_boundary(found, sample.boundary, distance_px)
+    region = rasterise_slice([spline] if len(spline) else [], sample.origin, sample.region.shape)
+    simple = len(spline) > 0 and bool(is_simple(spline, np.array([0, len(spline)]))[0])
+    rates = confusion(sample.region, region).printed
+    return {
+        "corners": len(found),
+        "on_boundary": int(true.sum()),
+        "false_share": 1 - float(true.mean()) if len(found) else np.nan,
+        "boundary_pixels": len(sample.curve),
+        "control_points": len(used),
+        "self_intersects": len(spline) > 0 and not simple,
+        **{name: float(value) for name, value in rates.items()},
+    }
 
 
 def order_corners(corners: np.ndarray, order: str, curve: np.ndarray) -> np.ndarray:
@@ -105,7 +148,7 @@ def order_corners(corners: np.ndarray, order: str, curve: np.ndarray) -> np.ndar
 
 
 def fused_spline(corners: np.ndarray, order: str, curve: np.ndarray) -> np.ndarray:
-    """Closed B-spline (n, 2) with the corners as control points; empty for fewer than three corners."""
+    """Draw the closed B-spline (n, 2) of ordered corners; it is empty for fewer than three corners."""
     if len(corners) < 3:
         return np.zeros((0, 2))
     return closed_spline(order_corners(corners, order, curve))
@@ -133,10 +176,11 @@ def search(samples: Iterable[SliceSample], distance_px: float) -> pd.DataFrame:
         for image_name, image in sample.images.items():
             for detector in GRID:
                 for number, parameters in enumerate(grid_points(detector)):
-                    corners = CORNER_DETECTORS[detector].run(image, **parameters) + sample.origin
-                    (row,) = _fuse_in_every_order(sample, corners, distance_px, ["chain"])
-                    share = row["control_points"] / row["boundary_pixels"]
-                    rows.append((image_name, detector, number, row["DSC"], share))
+                    found = CORNER_DETECTORS[detector].run(image, **parameters) + sample.origin
+                    used = found[near_boundary(found, sample.curve, distance_px)].astype(float)
+                    spline = fused_spline(used, "chain", sample.curve)
+                    score = _scores(sample, found, used, spline, distance_px)["DSC"]
+                    rows.append((image_name, detector, number, score, len(used) / len(sample.curve)))
     scores = pd.DataFrame(rows, columns=["image", "detector", "number", "DSC", "share"])
     scores = scores.groupby(["image", "detector", "number"]).mean().reset_index()
     grids = {detector: list(grid_points(detector)) for detector in GRID}

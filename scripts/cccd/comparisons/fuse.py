@@ -5,13 +5,13 @@ corners that lie on the boundary become the control points of a closed uniform c
 Detectors leave corners unordered and the paper does not say how it ordered them. Three ways are kept:
 
 ``angle``
-    by the angle around the corners' centroid: needs nothing but the corners, is right for star-shaped
-    organs only, and makes the self-intersections that the paper's Figure 9 shows.
+    by the angle around the corners' centroid: needs nothing but the corners, and is right for star-shaped
+    organs only.
 ``tour``
     along a short closed tour: the best that corners alone allow.
 ``chain``
-    along the true boundary: the best order there is. It presumes the ordered boundary that the
-    corners were meant to give, so it flatters FUSE.
+    by the nearest place on the true boundary. It presumes the ordered boundary that the corners were
+    meant to give; where a detector marks pixels on both sides of the boundary it zigzags.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from cccd.comparisons.links import closed_order
 
 __all__ = ["ORDERS", "closed_spline", "near_boundary", "order_by_angle", "order_by_chain", "order_by_links"]
 
-#: The ways of ordering corners, from the least to the best informed.
+#: The ways of ordering corners, from the least to the most informed.
 ORDERS = ("angle", "tour", "chain")
 
 

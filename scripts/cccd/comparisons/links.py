@@ -48,7 +48,7 @@ def unique_links(links: np.ndarray) -> np.ndarray:
 
 
 def _pieces(links: np.ndarray, n_points: int) -> np.ndarray:
-    """Number of the connected piece of every point, (N,)."""
+    """Give the number of every point's connected piece, (N,)."""
     graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(n_points, n_points))
     return connected_components(graph, directed=False)[1]
 

@@ -13,7 +13,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-__all__ = ["BEST", "GRID", "LARGEST_SHARE", "PAPER_FIGURE_9", "PAPER_TABLE_2", "grid_points", "parameter_sets"]
+__all__ = [
+    "BEST",
+    "GRID",
+    "LARGEST_SHARE",
+    "PAPER_FIGURE_9",
+    "PAPER_TABLE_2",
+    "grid_points",
+    "parameter_sets",
+]
 
 PAPER_FIGURE_9: dict[str, dict] = {
     "harris": {"block": 3, "aperture": 7, "k": 0.04},
@@ -24,6 +32,7 @@ PAPER_FIGURE_9: dict[str, dict] = {
 PAPER_TABLE_2: dict[str, dict] = {
     "harris": {"block": 2, "aperture": 3, "k": 0.04},
     "shi_tomasi": {"max_corners": 400, "quality": 0.1, "distance": 5},
+    "fast": {},
 }
 
 GRID: dict[str, dict[str, tuple]] = {
@@ -71,7 +80,7 @@ def grid_points(detector: str) -> Iterator[dict]:
 
 
 def parameter_sets(detector: str, image: str) -> dict[str, dict]:
-    """The detector's parameter sets by name; SUSAN, which the paper never ran, has its publication's."""
+    """Give a detector's parameter sets by name; SUSAN, which the paper never ran, has its publication's."""
     sets = {"paper, Figure 9": PAPER_FIGURE_9, "paper, Table 2": PAPER_TABLE_2}
     named = {name: table[detector] for name, table in sets.items() if detector in table}
     return (named or {"publication": {}}) | {"best of grid": BEST[image][detector]}

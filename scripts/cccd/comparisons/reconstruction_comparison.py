@@ -14,6 +14,7 @@ from cccd.comparisons.parameters import PAPER_TABLE_2
 from cccd.comparisons.registry import CORNER_DETECTORS, RECONSTRUCTIONS, reconstruct
 from cccd.comparisons.samples import SliceSample, choose_slices
 from cccd.containers import Boundaries, Curves, Frame, Structure
+from cccd.junctions import order_boundaries
 from cccd.metrics import dice
 
 __all__ = ["DENSE", "HARRIS", "JITTERED", "compare_reconstruction", "link_along_chain", "point_sets"]
@@ -39,8 +40,7 @@ def compare_reconstruction(
     seed : int
         Of the jitter.
     model : torch module, optional
-        From `cccd.junctions.load_model`. With it CCCD orders the bare boundary pixels itself; without
-        it, and for the two sparse sets in any case, it has the chain code of the boundary.
+        From `cccd.junctions.load_model`; CCCD orders the dense boundary with it, or by its decoder alone.
 
     Returns
     -------
@@ -52,8 +52,9 @@ def compare_reconstruction(
 
     Notes
     -----
-    CCCD never throws the boundary away: a corner carries its place in the chain code, so sparse points
-    are linked along it. The other methods see the points alone. The rows say so in ``given``.
+    Bare boundary pixels CCCD orders itself (`cccd.junctions.order_boundaries`). It never throws the
+    boundary away, so a corner carries its place in the chain code, and sparse points are linked along
+    it. The other methods see the points alone. The rows say so in ``given``.
     """
     section = settings["reconstruction"]
     rng = np.random.default_rng(seed)
@@ -104,10 +105,8 @@ def link_along_chain(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
 
 def _cccd_run(structure: Structure, sample: SliceSample, name: str, points: np.ndarray, model, frame: Frame):
     """CCCD's way of linking a point set, and what it is given."""
-    if name != DENSE or model is None:
+    if name != DENSE:
         return (lambda: (points, link_along_chain(points, sample.curve))), "points and chain code"
-
-    from cccd.junctions import order_boundaries  # torch takes seconds to import: only with a model
 
     pixels = Boundaries(
         points.astype(np.int32), np.array([0, len(points)]), np.array([sample.k], np.int32), frame
@@ -126,7 +125,7 @@ def _cccd_run(structure: Structure, sample: SliceSample, name: str, points: np.n
 
 
 def _timed(run, repeats: int):
-    """Result of ``run`` and the median of its processor times in ms, after one call to warm up."""
+    """Give the result of ``run`` and the median of its processor times in ms, after a call to warm up."""
     result, times = run(), []
     for _ in range(repeats):
         begin = time.process_time()

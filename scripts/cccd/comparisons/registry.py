@@ -2,8 +2,8 @@
 
 A corner detector takes an 8-bit image (I, J) and gives corner pixels (K, 2). A reconstruction takes
 points (N, 2) and gives links (M, 2) between point numbers. A contour takes corner points (K, 2) or an
-image, and a seed circle, and gives an ordered closed curve (n, 2). To add a method, write its function in a file of
-its own and add one line here.
+image, and a seed circle, and gives an ordered closed curve (n, 2). To add a method, write its function
+in a file of its own and add one line here.
 """
 
 from __future__ import annotations

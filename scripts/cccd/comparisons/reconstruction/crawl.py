@@ -1,7 +1,4 @@
-"""Crawl: A. D. Parakkat, R. Muthuganapathy, Crawl through neighbors, Computer Graphics Forum 35 (2016) 177-186.
-
-A simple curve reconstruction algorithm.
-"""
+"""Crawl: A. D. Parakkat, R. Muthuganapathy, Crawl through neighbors, CGF 35 (2016) 177-186."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Crust: N. Amenta, M. Bern, D. Eppstein, The crust and the beta-skeleton, Graph. Models 60 (1998) 125-135."""
+"""Crust: N. Amenta, M. Bern, D. Eppstein, The crust and the beta-skeleton, 1998.
+
+Graphical Models and Image Processing 60, 125-135.
+"""
 
 from __future__ import annotations
 

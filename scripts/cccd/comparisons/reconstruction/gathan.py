@@ -60,7 +60,7 @@ def _circumcircles(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _normals(mesh, centre: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """Unit vectors (N, 2) from each point to its pole; out of the hull at the hull's points."""
+    """Point from each point to its pole, and out of the hull at the hull's points: unit vectors (N, 2)."""
     point, triangle = mesh.triangles.ravel(), np.repeat(np.arange(len(mesh.triangles)), 3)
     order = np.lexsort((-radius[triangle], point))
     point, triangle = point[order], triangle[order]

@@ -1,6 +1,6 @@
-"""Peel: A. D. Parakkat, S. Methirumangalath, R. Muthuganapathy, Peeling the longest, Comput. Graph. 74 (2018).
+"""Peel: A. D. Parakkat, S. Methirumangalath, R. Muthuganapathy, Peeling the longest.
 
-A simple generalized curve reconstruction algorithm, pages 191-201.
+Computers & Graphics 74 (2018) 191-201.
 """
 
 from __future__ import annotations
