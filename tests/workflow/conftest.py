@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PARTS = ("Snakefile", "workflow", "scripts", "config")
+PARTS = ("Snakefile", "workflow", "scripts", "config", "envs")
 
 
 @dataclass
