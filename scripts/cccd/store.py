@@ -7,6 +7,8 @@ half file under a final name. Times are not tracked, so that the same content gi
 from __future__ import annotations
 
 import contextlib
+import glob
+import io
 import json
 import os
 import tempfile
@@ -46,11 +48,17 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
+    for stale in path.parent.glob(f".{glob.escape(path.stem)}.????????{path.suffix}"):
+        stale.unlink(missing_ok=True)  # a killed job left it; an orphan that still writes it fails to rename
     handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
     os.close(handle)
     temporary = Path(name)
     try:
-        yield temporary
+        try:
+            yield temporary
+        except OSError as error:
+            error.filename = error.filename or str(path)  # a write that fails does not name its file
+            raise
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)  # mkstemp makes private files; colleagues must read ours
@@ -61,8 +69,12 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _create(path: str | Path) -> Iterator[h5py.File]:
-    with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=False) as file:
+    """Build the file in memory and write it at once: HDF5 crashes the process when the disk is full."""
+    content = io.BytesIO()
+    with h5py.File(content, "w", track_order=False) as file:
         yield file
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content.getbuffer())
 
 
 @contextlib.contextmanager

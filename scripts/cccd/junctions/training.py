@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import io
 import logging
 import os
 import time
@@ -245,9 +246,9 @@ def _validate(
         scores.append(score_slice(list(curves) if len(curves) else [], sample.contours))
     precision, recall = true_positive / max(positive, 1), true_positive / max(true, 1)
     return {
-        "link_precision": precision,
-        "link_recall": recall,
-        "link_f1": 2 * precision * recall / max(precision + recall, 1e-12),
+        "link_precision": float(precision),
+        "link_recall": float(recall),
+        "link_f1": float(2 * precision * recall / max(precision + recall, 1e-12)),
         "validation_correct": float(np.mean([score.correct for score in scores])),
         "validation_dice": float(np.mean([score.dice for score in scores])),
     }
@@ -270,8 +271,10 @@ def _checkpoints(folder: Path) -> list[Path]:
 
 
 def _save(path: Path, content: dict) -> None:
+    buffer = io.BytesIO()  # torch reports a full disk as an internal error
+    torch.save(content, buffer)
     with atomic_path(path) as temporary:
-        torch.save(content, temporary)
+        temporary.write_bytes(buffer.getbuffer())
 
 
 def _resume(folder: Path, fingerprint: str) -> dict | None:

@@ -98,11 +98,18 @@ def _write_stl(path: Path, surface: Surface) -> None:
 
 def _write_vtp(path: Path, surface: Surface) -> None:
     import pyvista  # VTK takes a second to load
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
     mesh = pyvista.PolyData.from_regular_faces(surface.vertices, surface.faces)
     mesh.field_data["SpaceUnit"] = ["mm"]
     mesh.field_data["Space"] = ["RAS"]
-    mesh.save(path, binary=True)
+    # to a string first: on a full disk VTK leaves an empty file and says nothing
+    writer = vtkXMLPolyDataWriter()
+    writer.SetInputData(mesh)
+    writer.SetDataModeToBinary()
+    writer.WriteToOutputStringOn()
+    writer.Write()
+    path.write_text(writer.GetOutputString(), encoding="ascii")
 
 
 def _write_glb(path: Path, surface: Surface) -> None:
