@@ -36,7 +36,7 @@ const VIEWER_LINE_VERTEX = `#version 300 es
 in vec2 corner; in vec3 from; in vec3 to;
 uniform mat3 turn; uniform vec3 centre; uniform vec3 view; uniform vec2 pan;
 uniform vec2 size; uniform float width; uniform float lift;
-out float across;
+out float across; out float far;
 void main() {
   vec3 a = turn * (from - centre), b = turn * (to - centre);
   vec2 p = (a.xy + pan) * view.xy * size, q = (b.xy + pan) * view.xy * size;
@@ -46,13 +46,14 @@ void main() {
   across = corner.y * (width + 1.0);
   vec2 at = mix(p, q, corner.x) + vec2(-along.y, along.x) * across;
   gl_Position = vec4(at / size, depth, 1.0);
+  far = 0.5 + depth;
 }`;
 
 const VIEWER_LINE_FRAGMENT = `#version 300 es
 precision highp float;
-in float across; uniform vec4 tint; uniform float width; out vec4 colour;
+in float across; in float far; uniform vec4 tint; uniform float width; out vec4 colour;
 void main() {
-  float alpha = tint.a * clamp(width + 0.5 - abs(across), 0.0, 1.0);
+  float alpha = tint.a * mix(1.0, 0.25, clamp(far, 0.0, 1.0)) * clamp(width + 0.5 - abs(across), 0.0, 1.0);
   colour = vec4(tint.rgb * alpha, alpha);
 }`;
 

@@ -5,6 +5,8 @@ A plot whose columns are not in its table gives None: the page then shows the ta
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
+
 import numpy as np
 import pandas as pd
 from matplotlib.ticker import MaxNLocator
@@ -12,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from cccd.report.svg import DASHES, INK, MARKERS, RULE, SERIES, SOFT, axes, style, to_svg
 from cccd.report.tables import words
 
-__all__ = ["learning_curve", "lines", "rule_times", "strips"]
+__all__ = ["learning_curve", "lines", "methods", "rule_times", "strips", "structure_names"]
 
 
 def _label(name: str) -> str:
@@ -52,51 +54,131 @@ def learning_curve(history: pd.DataFrame) -> str | None:
         return to_svg(figure, "learning", "Loss and scores of the training against the epoch")
 
 
+def structure_names(frame: pd.DataFrame) -> pd.Series:
+    """Name each row's structure ``case / organ``; the organ alone where it says enough."""
+    if not {"case", "organ"}.issubset(frame.columns):
+        return pd.Series("all", index=frame.index)
+    unique = frame.drop_duplicates(["case", "organ"])
+    if unique["organ"].is_unique:
+        return frame["organ"].astype(str)
+    return frame["case"].astype(str) + " / " + frame["organ"].astype(str)
+
+
 def lines(
     key: str,
     frame: pd.DataFrame,
     x: str,
-    y: str,
+    measures: Mapping[str, str],
     series: str,
-    panel: str | None = None,
-    log_x: bool = False,
+    dashed: str | None = None,
 ) -> str | None:
-    """Draw medians of ``y`` against ``x``: a line per value of ``series``, a panel per value of ``panel``."""
-    if not {x, y, series}.issubset(frame.columns) or (panel and panel not in frame):
-        return None
-    frame = frame.dropna(subset=[x, y])
-    if frame.empty:
+    """Draw medians of several measures against ``x``, one panel each.
+
+    Parameters
+    ----------
+    key : str
+        Id of the figure.
+    frame : pandas.DataFrame
+    x : str
+        Column of the abscissa.
+    measures : mapping of str to str
+        Column and title of each panel; columns that are not there are left out.
+    series : str
+        Column whose values part the lines by colour and mark; eight at most.
+    dashed : str, optional
+        Column whose values part them by dash.
+    """
+    shown = {name: title for name, title in measures.items() if name in frame and frame[name].notna().any()}
+    if not shown or not {x, series, *([dashed] if dashed else [])}.issubset(frame.columns):
         return None
     names = list(dict.fromkeys(frame[series].astype(str)))[: len(SERIES)]
-    groups = list(frame.groupby(panel, sort=True)) if panel else [("", frame)]
-    groups = groups[:6]
-    columns = min(len(groups), 3)
-    rows = -(-len(groups) // columns)
+    styles = list(dict.fromkeys(frame[dashed].astype(str))) if dashed else [""]
     with style():
-        figure, grid = axes(max(3.0 * columns, 5.0), 2.4 * rows + 0.5, rows=rows, columns=columns)
-        cells = np.atleast_1d(grid).ravel()
-        for axis, (title, part) in zip(cells, groups, strict=False):
+        figure, grid = axes(max(2.9 * len(shown), 4.6), 3.1, columns=len(shown))
+        panels = np.atleast_1d(grid)
+        for axis, (measure, title) in zip(panels, shown.items(), strict=True):
             for number, name in enumerate(names):
-                line = part[part[series].astype(str) == name].groupby(x)[y].median()
-                if len(line):
+                for pattern, kind in enumerate(styles):
+                    part = frame[frame[series].astype(str) == name]
+                    part = part[part[dashed].astype(str) == kind] if dashed else part
+                    line = part.groupby(x)[measure].median().dropna()
                     axis.plot(
                         line.index,
                         line.to_numpy(),
                         color=SERIES[number],
-                        linestyle=DASHES[number],
+                        linestyle=DASHES[pattern if dashed else number],
                         marker=MARKERS[number],
-                        label=name,
+                        label=f"{name}, {kind}" if kind else name,
                     )
-            axis.set_title(str(title))
+            axis.set_title(title)
             axis.set_xlabel(_label(x))
-            axis.set_ylabel(_label(y))
-            if log_x:
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), len(shown) + 1))
+        return to_svg(figure, key, f"{', '.join(shown.values())} against {_label(x)}")
+
+
+def methods(
+    key: str,
+    frame: pd.DataFrame,
+    method: str,
+    measures: Mapping[str, str],
+    logarithmic: Collection[str] = (),
+    group: str | None = None,
+    ours: str = "CCCD",
+) -> str | None:
+    """Draw a dot per method and structure (or ``group``), one panel per measure; our row is lettered in ink.
+
+    Parameters
+    ----------
+    key : str
+        Id of the figure.
+    frame : pandas.DataFrame
+        One row per method and structure.
+    method : str
+        Column that names the rows of dots.
+    measures : mapping of str to str
+        Column and title of each panel; columns that are not there are left out.
+    logarithmic : collection of str
+        Measures on a logarithmic axis.
+    group : str, optional
+        Column that colours the dots; the structure by default.
+    ours : str
+        What the name of our own method holds.
+    """
+    shown = {name: title for name, title in measures.items() if name in frame and frame[name].notna().any()}
+    if not shown or method not in frame:
+        return None
+    rows = list(dict.fromkeys(frame[method].astype(str)))
+    colours = structure_names(frame) if group is None else frame[group].astype(str)
+    names = list(dict.fromkeys(colours))[: len(SERIES)]
+    with style():
+        figure, grid = axes(2.1 + 1.7 * len(shown), 0.95 + 0.27 * len(rows), columns=len(shown))
+        panels = np.atleast_1d(grid)
+        for axis, (measure, title) in zip(panels, shown.items(), strict=True):
+            for number, name in enumerate(names):
+                part = frame[colours == name]
+                place = part[method].astype(str).map(rows.index)
+                axis.plot(
+                    part[measure],
+                    place + (number - (len(names) - 1) / 2) * 0.14,
+                    color=SERIES[number],
+                    marker=MARKERS[number],
+                    linestyle="none",
+                    label=name,
+                )
+            axis.set_title(title)
+            axis.set_ylim(len(rows) - 0.4, -0.6)
+            axis.set_yticks(range(len(rows)), rows if axis is panels[0] else [])
+            if measure in logarithmic and frame[measure].min() > 0:
                 axis.set_xscale("log")
-        for axis in cells[len(groups) :]:
-            axis.set_axis_off()
-        handles, labels = cells[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4))
-        return to_svg(figure, key, f"{_label(y)} against {_label(x)} by {series}")
+            else:
+                axis.xaxis.set_major_locator(MaxNLocator(4))
+        for tick, row in zip(panels[0].get_yticklabels(), rows, strict=True):
+            tick.set_color(INK if ours in row else SOFT)
+        if len(names) > 1:
+            handles, labels = panels[0].get_legend_handles_labels()
+            figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4))
+        return to_svg(figure, key, f"{', '.join(shown.values())} of {len(rows)} methods")
 
 
 def strips(frame: pd.DataFrame, columns: list[str], group: str) -> list[str]:

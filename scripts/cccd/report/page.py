@@ -12,7 +12,7 @@ import io
 import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,7 +23,8 @@ import pandas as pd
 import yaml
 from markupsafe import Markup
 
-from cccd.report import figures
+from cccd.report import exhibits, figures
+from cccd.report.exhibits import Evidence
 from cccd.report.facts import benchmark_table, duration, provenance
 from cccd.report.paper import EXHIBITS, Exhibit
 from cccd.report.render import VIEWS, VTK_PACKAGE, picture_renderer
@@ -156,7 +157,8 @@ def build_report(
             view.scene = build_scene(results / view.case / view.organ, settings["viewer_triangles"])
     times = benchmark_table(benchmarks)
     history = read_csv(results / "gnn" / "history.csv")
-    remarks = _read_json(results / "tables" / "remarks.json")
+    evidence = Evidence(results, structures)
+    remarks = exhibits.remarks(evidence) | _read_json(results / "tables" / "remarks.json")
     _write(
         output,
         template_dir,
@@ -168,8 +170,8 @@ def build_report(
             "failures": list(failures),
             "measured": _measured_table(results, views, index),
             "cohort_plots": _cohort_plots(views) if index else [],
-            "exhibits": [_exhibit(results, exhibit, remarks) for exhibit in EXHIBITS],
-            "experiments": _experiments(results, remarks),
+            "exhibits": [_exhibit(exhibit, evidence, remarks) for exhibit in EXHIBITS],
+            "experiments": _experiments(evidence, views, remarks),
             "history": table("history", history) if history is not None else None,
             "learning": _markup(figures.learning_curve(history)) if history is not None else None,
             "training": _training_facts(results, config),
@@ -250,7 +252,7 @@ def _write(output: Path, template_dir: Path, name: str, context: Mapping[str, An
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["number"] = number
+    environment.filters |= {"number": number, "bound": _bound}
 
     def asset(file: str) -> Markup:
         text = (Path(template_dir) / file).read_text(encoding="utf-8")
@@ -262,6 +264,12 @@ def _write(output: Path, template_dir: Path, name: str, context: Mapping[str, An
     text = environment.get_template(name).render(context)
     with atomic_path(output) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def _bound(text: str) -> str:
+    """Keep a number and its unit, and both sides of ``k = 3``, on one line."""
+    text = re.sub(r"(?<=\d) (?=(%|mm|ms|s|[kM]?B|KB|points)\b|%)", "\u00a0", text)
+    return re.sub(r"\b([kn]) = (?=\d)", "\\1\u00a0=\u00a0", text)
 
 
 def _markup(svg: str | None) -> Markup | None:
@@ -414,25 +422,30 @@ def _cohort_plots(views: Sequence[StructureView]) -> list[Markup]:
 # Tables and figures -------------------------------------------------------------------------------------
 
 
-def _exhibit(results: Path, exhibit: Exhibit, remarks: Mapping[str, Any]) -> ExhibitView:
-    shown: Table | None = None
+def _exhibit(exhibit: Exhibit, evidence: Evidence, remarks: Mapping[str, Any]) -> ExhibitView:
+    shown = evidence.table(exhibit.table) if exhibit.table is not None else None
+    drawn = exhibits.plots(exhibit.key, evidence)
     missing = None
-    if exhibit.table is not None:
-        frame = read_csv(results / "tables" / f"{exhibit.table}.csv")
-        if frame is None:
-            missing = f"tables/{exhibit.table}.csv is not there: this run did not make it."
-        else:
-            shown = table(exhibit.table, frame)
-    return ExhibitView(exhibit, remarks.get(exhibit.key), shown, [], missing)
+    if exhibit.table is not None and shown is None:
+        missing = f"tables/{exhibit.table}.csv is not there: this run did not make it."
+    elif shown is None and not drawn and exhibit.key not in remarks:
+        missing = "This run made no comparison for it."
+    return ExhibitView(
+        exhibit,
+        remarks.get(exhibit.key),
+        table(exhibit.table, shown) if shown is not None else None,
+        drawn,
+        missing,
+    )
 
 
 class Experiment(NamedTuple):
-    """A table that goes past the paper; ``plot`` is (x, y, series, panel) of its figure."""
+    """A table that goes past the paper and what draws it."""
 
     stem: str
     title: str
     text: str
-    plot: tuple[str, str, str, str] | None = None
+    draw: Callable[[Evidence], list[tuple[Markup, str]]] | None = None
 
 
 EXPERIMENTS = (
@@ -440,46 +453,68 @@ EXPERIMENTS = (
         "surfaces",
         "Against the surfaces people use today",
         "Every method on the same structures, measured alike.",
+        exhibits.surfaces,
     ),
     Experiment(
         "thick_slices",
         "Thick slices",
         "Every n-th slice is kept, the surface is rebuilt from those and compared with the full resolution.",
+        exhibits.thick_slices,
     ),
     Experiment(
         "junctions",
         "Junction repair",
         "Boundary maps with spurs, bridges, gaps and noise, ordered by the network and by the classical "
         "decoders.",
+        exhibits.junctions,
     ),
     Experiment(
         "compactness",
         "Compactness",
-        "Bytes per slice of the splines, the chain code, the PNG and the raw contour.",
+        "Bytes per slice of the splines (control points, knots, header), the chain code, the PNG and the raw "
+        "contour.",
     ),
     Experiment("k_sweep", "The whole sweep over k", "Every structure, both criteria."),
 )
 
 
-def _experiments(results: Path, remarks: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Read the tables that go past the paper, each with its plot."""
+def _experiments(
+    evidence: Evidence, views: Sequence[StructureView], remarks: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    """Collect the tables that go past the paper, each with its plots."""
     found = []
     for experiment in EXPERIMENTS:
-        frame = read_csv(results / "tables" / f"{experiment.stem}.csv")
-        figure = None
-        if frame is not None and experiment.plot is not None:
-            figure = _markup(figures.lines(experiment.stem, frame, *experiment.plot))
+        frame = evidence.everywhere(experiment.stem)
+        drawn = experiment.draw(evidence) if experiment.draw else []
+        if experiment.stem == "compactness":
+            frame = _sizes(views) if frame is None else frame
+            drawn = exhibits.compactness(frame) if frame is not None else []
         found.append(
             {
                 "key": experiment.stem,
                 "title": experiment.title,
                 "text": experiment.text,
-                "figure": figure,
+                "figures": drawn,
                 "table": table(experiment.stem, frame) if frame is not None else None,
                 "verdict": remarks.get(experiment.stem),
             }
         )
     return found
+
+
+def _sizes(views: Sequence[StructureView]) -> pd.DataFrame | None:
+    """Bytes per slice of every representation, out of the metrics of the curves."""
+    rows = [
+        {
+            "case": view.case,
+            "organ": view.organ,
+            "representation": name.replace("_", " "),
+            "bytes_per_slice": size,
+        }
+        for view in views
+        for name, size in view.metrics.get("curves", {}).get("bytes_per_slice", {}).items()
+    ]
+    return pd.DataFrame(rows) if rows else None
 
 
 def _training_facts(results: Path, config: Mapping[str, Any]) -> dict[str, str]:

@@ -51,6 +51,10 @@ SPELLINGS = {
 }
 
 
+#: Numbers that need more decimals are written with an exponent.
+_MOST_DECIMALS = 7
+
+
 @dataclass(frozen=True)
 class Cell:
     """``text`` to read, ``value`` to sort and save; ``link`` is an address or None."""
@@ -102,7 +106,8 @@ def words(name: str) -> tuple[str, str]:
             break
     parts = [SPELLINGS.get(part.lower(), part) for part in re.split(r"[_\s]+", name.strip()) if part]
     heading = " ".join(parts)
-    return (heading[:1].upper() + heading[1:] if heading.islower() or parts[0].islower() else heading), unit
+    # a lone letter is a symbol and keeps its case
+    return (heading if len(heading) == 1 else heading[:1].upper() + heading[1:]), unit
 
 
 def typeset(text: str) -> str:
@@ -110,11 +115,13 @@ def typeset(text: str) -> str:
     return text.replace(",", "\u202f").replace("-", "−")
 
 
-def number(value: Any, digits: int = 4) -> str:
-    """Write a number: ``digits`` significant digits, thousands parted by narrow spaces, a true minus sign.
+def number(value: Any, decimals: int | None = None) -> str:
+    r"""Write a number: thousands parted by narrow spaces, a true minus sign, a dash for what is missing.
 
-    >>> number(0.98491), number(12345), number(-0.00321), number(float("nan")), number(12345.6)
-    ('0.9849', '12\u202f345', '−0.00321', '–', '12\u202f346')
+    Without ``decimals`` a fraction is given with four significant digits.
+
+    >>> number(0.98491), number(12345), number(-0.5, 2), number(float("nan")), number(12345.6)
+    ('0.9849', '12\u202f345', '−0.50', '–', '12\u202f346')
     """
     if value is None or (isinstance(value, Real) and not math.isfinite(value)):
         return "–"
@@ -122,26 +129,33 @@ def number(value: Any, digits: int = 4) -> str:
         return "yes" if value else "no"
     if isinstance(value, Integral):
         return typeset(f"{int(value):,}")
-    size = abs(float(value))
-    if size >= 10 ** (digits - 1):
-        text = f"{float(value):,.0f}"
-    elif 0 < size < 1e-4:
-        text = f"{float(value):.{max(digits - 3, 0)}e}"
-    else:
-        whole = 0 if size < 1 else int(math.log10(size)) + 1
-        leading = 0 if size >= 1 or size == 0 else -math.floor(math.log10(size)) - 1
-        text = f"{float(value):.{max(digits - whole + min(leading, 2 if leading else 0), 0)}f}"
-        text = text.rstrip("0").rstrip(".") if size < 1e-2 else text
-    return typeset(text)
+    if decimals is None:
+        decimals = _decimals(np.array([value], float))
+    return typeset(f"{float(value):,.{decimals}f}" if decimals <= _MOST_DECIMALS else f"{float(value):.1e}")
 
 
-def _cell(value: Any, link: str | None = None) -> Cell:
+def _decimals(values: np.ndarray) -> int:
+    """Choose how many decimals a column needs: none for whole numbers, else four digits of the largest."""
+    values = np.abs(values[np.isfinite(values)])
+    for few in (0, 1):
+        if np.array_equal(np.round(values, few), values):
+            return few
+    largest = values.max(initial=0)
+    return int(np.clip(3 - np.floor(np.log10(largest)), 0, 12)) if largest > 0 else 0
+
+
+def _cell(value: Any, decimals: int | None, link: str | None) -> Cell:
     if value is None or value is pd.NA or (isinstance(value, Real) and not math.isfinite(value)):
         return Cell("–", "", True)
     if isinstance(value, (bool, np.bool_)):
         return Cell("yes" if value else "no", str(bool(value)), False, link)
     if isinstance(value, Real):
-        return Cell(number(value), repr(value.item() if isinstance(value, np.generic) else value), True, link)
+        return Cell(
+            number(value, decimals),
+            repr(value.item() if isinstance(value, np.generic) else value),
+            True,
+            link,
+        )
     return Cell(str(value), str(value), False, link)
 
 
@@ -157,15 +171,19 @@ def table(key: str, frame: pd.DataFrame, links: Iterable[str | None] | None = No
         Where each row's first cell leads.
     """
     frame = frame.dropna(axis="columns", how="all")
-    columns = []
+    columns, decimals = [], []
     for name in frame.columns:
         heading, unit = words(str(name))
         series = frame[name]
         numeric = pd.api.types.is_numeric_dtype(series) and not pd.api.types.is_bool_dtype(series)
         columns.append(Column(str(name), heading, unit, numeric))
+        decimals.append(_decimals(series.to_numpy(float)) if numeric else None)
     targets = list(links) if links is not None else [None] * len(frame)
     rows = [
-        [_cell(value, link if place == 0 else None) for place, value in enumerate(row)]
+        [
+            _cell(value, digits, None if place else link)
+            for place, (value, digits) in enumerate(zip(row, decimals, strict=True))
+        ]
         for row, link in zip(frame.astype(object).itertuples(index=False, name=None), targets, strict=True)
     ]
     return Table(key, columns, rows, f"{key}.csv")
