@@ -19,6 +19,7 @@ TABLES = [
     "thick_slices",
     "k_sweep",
     "structures",
+    "compactness",
 ]
 
 
