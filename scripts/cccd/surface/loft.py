@@ -116,6 +116,7 @@ def _tubes(
     every = int(np.median(gaps)) if len(gaps) else 1
     step = every * frame.slice_spacing
     scan = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
+    smallest = SMALLEST_PART_VOXELS * spacing.prod() * step
     tubes = []
     breaks = np.flatnonzero(gaps > every * settings["bridge_slices"]) + 1
     for part in np.split(np.arange(len(slices)), breaks):
@@ -124,15 +125,8 @@ def _tubes(
             interpolated_fields(slices[stack], distance[stack], frame.slice_spacing, LEVEL_PIXELS * pixel)
         )
         rings = [rings_of(plane, level, spacing, pixel_centres) for level, plane in enumerate(fields)]
-        tubes += build_tubes(fields, rings, spacing, step / 2, scan)
-    tubes = _worth_keeping(tubes, SMALLEST_PART_VOXELS * spacing.prod() * step)
+        tubes += build_tubes(fields, rings, spacing, step / 2, scan, smallest)
     return tubes, origin, step, int(np.count_nonzero(distance < 0)), _voxel_faces(distance < 0)
-
-
-def _worth_keeping(tubes: list[Tube], smallest: float) -> list[Tube]:
-    """Leave out parts below a volume in mm^3, unless they are all there is."""
-    kept = [tube for tube in tubes if tube.volume >= smallest]
-    return kept or sorted(tubes, key=lambda tube: -tube.volume)[:1]
 
 
 def _voxel_faces(mask: np.ndarray) -> int:

@@ -26,8 +26,11 @@ __all__ = ["Section", "Tube", "build_tubes"]
 JUNCTION_SLOPE = 1.5
 #: Levels of a junction, at least and at most.
 JUNCTION_LEVELS = (2, 40)
-#: How far branch and trunk overlap, and how deep below the trunk's surface a branch ends, in pixels.
-OVERLAP_PIXELS, BURIED_PIXELS = 1.5, 1.0
+#: How far branch and trunk overlap, how deep below the trunk's surface a branch ends, and over which
+#: width the trunk sinks below the branch's surface where it lets go of it, in pixels.
+OVERLAP_PIXELS, BURIED_PIXELS, FADE_PIXELS = 1.5, 3.0, 4.0
+#: How steeply a branch sinks below the trunk's surface.
+BURIAL_SLOPE = 0.3
 #: A dome over half a slice's thickness of cylinder has the same volume when it is half as high again.
 DOME_HEIGHT = 1.5
 #: Radii, as shares of the end ring's, at which a dome is sampled.
@@ -49,7 +52,7 @@ class Tube:
 
     ``pole`` holds, for the low and the high end, the point (3,) mm on which the tube closes smoothly, or
     None where a flat lid closes it. ``ends`` says why it ends there: ``joined`` to a trunk, ``cap``,
-    ``cut`` by the scan, or a hole that ``opens``. ``volume`` is in mm^3, junctions left out.
+    ``cut`` by the scan, or a hole that ``opens``.
     """
 
     sections: list[Section]
@@ -57,7 +60,6 @@ class Tube:
     hole: bool
     depth: int
     ends: tuple[str, str]
-    volume: float
 
 
 @dataclass(eq=False)
@@ -95,6 +97,7 @@ def build_tubes(
     spacing: np.ndarray,
     half_step: float,
     scan_range: tuple[float, float],
+    smallest: float,
 ) -> list[Tube]:
     """Tubes of one stack of levels.
 
@@ -108,6 +111,8 @@ def build_tubes(
         Half the distance between slices in mm: how far the organ reaches beyond its last slice.
     scan_range : (float, float)
         Heights of the volume's first and last slice: an organ that reaches them was cut by the scan.
+    smallest : float
+        Parts of less volume in mm^3 are left out, unless they are all there is.
     """
     nodes = [[_Node(ring) for ring in level] for level in rings]
     for lower, upper in itertools.pairwise(nodes):
@@ -115,6 +120,10 @@ def build_tubes(
     stack = _Stack(fields, nodes, spacing, half_step, scan_range)
     chains = [_chain(node, stack) for level in nodes for node in level if node.follows[0] is None]
     chains = [chain for chain in chains if chain]
+    if worthy := [chain for chain in chains if _volume(chain, half_step) >= smallest]:
+        chains = worthy
+    else:
+        chains = sorted(chains, key=lambda chain: -_volume(chain, half_step))[:1]
     ends = [(_end(chain[0], 0, stack), _end(chain[-1], 1, stack)) for chain in chains]
     return [_tube(chain, *both, stack) for chain, both in zip(chains, ends, strict=True)]
 
@@ -149,6 +158,12 @@ def _chain(first: _Node, stack: _Stack) -> list[_Node]:
     while chain and chain[0].ring.source_slice is None and not _goes_on(chain[0], 0, stack):
         chain = chain[1:]
     return chain
+
+
+def _volume(chain: Sequence[_Node], half_step: float) -> float:
+    """Volume in mm^3 that a chain stands for."""
+    rise = chain[-1].ring.z - chain[0].ring.z
+    return float(np.mean([node.ring.area for node in chain])) * max(rise, 2 * half_step)
 
 
 def _goes_on(node: _Node, way: int, stack: _Stack) -> bool:
@@ -188,26 +203,55 @@ def _junction(branch: _Node, way: int, stack: _Stack) -> list[Section]:
     if not others:
         return []
     shape = stack.fields[0].distance.shape
-    to_branch = _distance_to([branch.ring], shape, stack.pixel)
-    lead = -_signed_distance(to_branch < _distance_to(others, shape, stack.pixel), stack.pixel)
-    part = _unpacked(trunk.ring, shape) & (lead > 0)
-    if not part.any():
+    branch_pixels, other_pixels = _pixels([branch.ring], shape), _pixels(others, shape)
+    nearer = _signed_distance(branch_pixels, stack.pixel) < _signed_distance(other_pixels, stack.pixel)
+    lead = _lead(trunk.ring, nearer, branch_pixels, other_pixels, stack.pixel)
+    if lead is None:
         return []
-    width = float(lead[part].max())
-    overlapping, buried = OVERLAP_PIXELS * stack.pixel, BURIED_PIXELS * stack.pixel
+    width = float(lead[_pixels([trunk.ring], shape)].max())
+    overlapping, buried, fade = stack.pixel * np.array([OVERLAP_PIXELS, BURIED_PIXELS, FADE_PIXELS])
     path = _path(trunk, way, width / JUNCTION_SLOPE)
     depth = np.abs(np.array([node.ring.z for node in path]) - branch.ring.z)
     sections = []
     for node, share in zip(path, depth / max(depth[-1], 1e-9), strict=True):
         held = share * width
+        lead = _lead(node.ring, nearer, branch_pixels, other_pixels, stack.pixel)
+        if lead is None:
+            break
         inside = stack.fields[node.ring.level].distance * (-1 if node.ring.hole else 1)
-        covered = np.clip((held - lead) / overlapping, 0, 1)
-        outline = _outline(np.maximum(inside + buried * covered, -lead - overlapping), branch.ring, stack)
+        below = np.clip(BURIAL_SLOPE * (held - fade - lead), 0, buried)
+        outline = _outline(np.maximum(inside + below, -lead - overlapping), branch.ring, stack)
         if outline is None or (sections and abs(signed_area(outline)) < 4 * stack.pixel**2):
             break
         sections.append(Section(node.ring.z, outline, abs(signed_area(outline))))
         node.cuts.append(lead - held)
     return sections
+
+
+def _lead(
+    common: Ring, nearer: np.ndarray, branch: np.ndarray, others: np.ndarray, pixel: float
+) -> np.ndarray | None:
+    """Distance in mm into the branch's part of a common outline, negative in the trunk's part.
+
+    The branch's part is what lies ``nearer`` to the branch in one piece with it, and what the trunk
+    could only reach through that; None where either has no part.
+    """
+    whole = _pixels([common], branch.shape)
+    own = _piece(whole & nearer, branch)
+    if own is None:
+        return None
+    trunk = _piece(whole & ~own, others)
+    if trunk is None:
+        return None
+    own = whole & ~trunk
+    return -_signed_distance(_signed_distance(own, pixel) < _signed_distance(trunk, pixel), pixel)
+
+
+def _piece(pixels: np.ndarray, wanted: np.ndarray) -> np.ndarray | None:
+    """Pick the connected piece of some pixels that has most of the ``wanted`` ones."""
+    _, labels = cv2.connectedComponents(pixels.astype(np.uint8), connectivity=4)
+    counts = np.bincount(labels[wanted & pixels])
+    return labels == int(np.argmax(counts)) if len(counts) else None
 
 
 def _path(trunk: _Node, way: int, depth: float) -> list[_Node]:
@@ -221,20 +265,13 @@ def _path(trunk: _Node, way: int, depth: float) -> list[_Node]:
     return path
 
 
-def _unpacked(ring: Ring, shape: tuple[int, int]) -> np.ndarray:
-    """Pixels inside a ring on the whole plane."""
+def _pixels(rings: Sequence[Ring], shape: tuple[int, int]) -> np.ndarray:
+    """Pixels inside any of some rings on the whole plane."""
     whole = np.zeros(shape, bool)
-    (i, j), (height, width) = ring.corner, ring.mask.shape
-    whole[i : i + height, j : j + width] = ring.mask.astype(bool)
-    return whole
-
-
-def _distance_to(rings: Sequence[Ring], shape: tuple[int, int], pixel: float) -> np.ndarray:
-    """Signed distance in mm to the nearest of some rings, negative inside."""
-    inside = np.zeros(shape, np.uint8)
     for ring in rings:
-        inside |= _unpacked(ring, shape)
-    return _signed_distance(inside, pixel)
+        (i, j), (height, width) = ring.corner, ring.mask.shape
+        whole[i : i + height, j : j + width] |= ring.mask.astype(bool)
+    return whole
 
 
 def _signed_distance(inside: np.ndarray, pixel: float) -> np.ndarray:
@@ -297,17 +334,17 @@ def _tube(chain: list[_Node], low: tuple, high: tuple, stack: _Stack) -> Tube:
         points = None
         if node.cuts:
             inside = stack.fields[ring.level].distance * (-1 if ring.hole else 1)
-            points = _outline(np.maximum.reduce([inside, *node.cuts]), ring, stack)
+            fade = FADE_PIXELS * stack.pixel
+            sunk = sum(np.clip(1 + cut / fade, 0, 1) for cut in node.cuts) * stack.pixel
+            points = _outline(np.maximum.reduce([inside + sunk, *node.cuts]), ring, stack)
         if points is None:
             middle.append(Section(ring.z, ring.points, ring.area))
         else:
             middle.append(Section(ring.z, points, abs(signed_area(points))))
     (below, low_pole, low_kind), (above, high_pole, high_kind) = low, high
     ring = chain[0].ring
-    rise = stack.half_step * 2 if len(chain) == 1 else chain[-1].ring.z - ring.z
-    volume = float(np.mean([node.ring.area for node in chain])) * max(rise, stack.half_step * 2)
     sections = [*below[::-1], *middle, *above]
-    return Tube(sections, [low_pole, high_pole], ring.hole, ring.depth, (low_kind, high_kind), volume)
+    return Tube(sections, [low_pole, high_pole], ring.hole, ring.depth, (low_kind, high_kind))
 
 
 def _round_cap(ring: Ring, direction: int, half: float) -> tuple[list[Section], np.ndarray | None]:
