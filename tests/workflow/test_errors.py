@@ -1,0 +1,61 @@
+"""Bad input on the way through the workflow: one clear line, a non-zero exit, nothing lost."""
+
+import pytest
+
+SHEET = "case\torgan\tsource\tmask\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("case\torgan\tmsk\na\tb\tc.nii\n", ["unknown column 'msk'", "mask"]),
+        ("case\torgan\na\tb\na\tb\n", ["tiny.tsv row 3"]),
+        (SHEET + "$(touch x)\tliver\tphantom\t\n", ["tiny.tsv row 2"]),
+        (SHEET + "../../x\tliver\tphantom\t\n", ["tiny.tsv row 2"]),
+        ("", ["tiny.tsv"]),
+    ],
+)
+def test_a_bad_sheet_stops_before_any_job_in_one_line(fresh_project, text, words):
+    (fresh_project.folder / "tiny.tsv").write_text(text)
+    run = fresh_project.snakemake(check=False)
+    assert run.returncode != 0
+    (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
+    assert all(word in line for word in words)
+    assert "Traceback" not in run.stderr
+    assert not fresh_project.results.exists()
+    assert not (fresh_project.folder / "x").exists()
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("sead=3", ["sead", "seed"]),
+        ("seed=minus", ["seed"]),
+        ("curves={tolerance: 1}", ["curves.tolerance", "tolerance_px"]),
+        ("cohort=nowhere.tsv", ["nowhere.tsv"]),
+    ],
+)
+def test_a_bad_configuration_names_key_and_cure(fresh_project, setting, words):
+    run = fresh_project.snakemake("--dry-run", "--config", setting, check=False)
+    assert run.returncode != 0
+    (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
+    assert all(word in line for word in words)
+    assert "Traceback" not in run.stderr
+
+
+def test_one_bad_structure_keeps_no_other_from_its_surface(tiny_copy):
+    sheet = tiny_copy.folder / "tiny.tsv"
+    sheet.write_text(
+        "case\torgan\tsource\tmask\n"
+        "tiny\tsphere\tphantom\t\ntiny\ttwo_spheres\tphantom\t\ntiny\ttorus\tphantom\t\n"
+        "broken\tliver\tfiles\tnot_there.nii.gz\n"
+    )
+    run = tiny_copy.snakemake("--keep-going", check=False)
+    assert run.returncode != 0
+    (line,) = {line for line in run.stderr.splitlines() if line.startswith("Error: ")}
+    assert "broken/liver" in line
+    assert "not_there.nii.gz" in line
+    assert (tiny_copy.results / "tiny" / "torus" / "surface.ply").exists()
+    assert "1 failed:" in run.stderr
+    page = (tiny_copy.results / "report.html").read_text()
+    assert "not_there.nii.gz" in page
