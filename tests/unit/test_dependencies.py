@@ -53,7 +53,7 @@ def test_lofting_and_reporting_never_bring_back_what_stands_before_them(upstream
     assert SCRIPTS / "cccd" / module not in files
 
 
-@pytest.mark.parametrize("name", [path.stem for path in SCRIPTS.glob("*.py")])
+@pytest.mark.parametrize("name", ["import_structure", "loft_surface", "build_tables"])
 def test_the_closure_holds_every_module_that_a_script_really_loads(name):
     script = SCRIPTS / f"{name}.py"
     probe = """
