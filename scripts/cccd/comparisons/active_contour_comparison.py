@@ -14,7 +14,7 @@ from cccd.comparisons.samples import SliceSample, choose_slices
 from cccd.containers import Curves, Structure
 from cccd.metrics import dice, rasterise_slice
 
-__all__ = ["compare_active_contour", "equivalent_radius", "snake", "snake_corners"]
+__all__ = ["compare_active_contour", "equivalent_radius", "seed_of", "snake", "snake_corners"]
 
 
 def compare_active_contour(

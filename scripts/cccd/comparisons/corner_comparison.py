@@ -168,8 +168,9 @@ def search(samples: Iterable[SliceSample], distance_px: float) -> pd.DataFrame:
     -------
     DataFrame
         ``image``, ``detector``, ``parameters`` (dict), mean ``DSC`` over slices with the corners in their
-        true order, mean ``share`` of the boundary's pixels used, ``eligible`` (share small enough);
-        within each image and detector the best eligible first.
+        true order, mean ``share`` of the boundary's pixels used and of corners ``found`` in all to
+        boundary pixels, ``eligible`` (both small enough); within each image and detector the best
+        eligible first.
     """
     rows = []
     for sample in samples:
@@ -180,12 +181,13 @@ def search(samples: Iterable[SliceSample], distance_px: float) -> pd.DataFrame:
                     used = found[near_boundary(found, sample.curve, distance_px)].astype(float)
                     spline = fused_spline(used, "chain", sample.curve)
                     score = _scores(sample, found, used, spline, distance_px)["DSC"]
-                    rows.append((image_name, detector, number, score, len(used) / len(sample.curve)))
-    scores = pd.DataFrame(rows, columns=["image", "detector", "number", "DSC", "share"])
+                    shares = len(used) / len(sample.curve), len(found) / len(sample.boundary)
+                    rows.append((image_name, detector, number, score, *shares))
+    scores = pd.DataFrame(rows, columns=["image", "detector", "number", "DSC", "share", "found"])
     scores = scores.groupby(["image", "detector", "number"]).mean().reset_index()
     grids = {detector: list(grid_points(detector)) for detector in GRID}
     numbers = zip(scores["detector"], scores.pop("number"), strict=True)
     scores["parameters"] = [grids[detector][number] for detector, number in numbers]
-    scores["eligible"] = scores["share"] <= LARGEST_SHARE
+    scores["eligible"] = (scores["share"] <= LARGEST_SHARE) & (scores["found"] <= 1)
     columns = ["image", "detector", "eligible", "DSC", "share"]
     return scores.sort_values(columns, ascending=[True, True, False, False, True]).reset_index(drop=True)

@@ -4,8 +4,9 @@ The paper prints different parameters for the same methods in Figure 9 and in Ta
 The best ones come from `cccd.comparisons.corner_comparison.search` over `GRID` on training phantoms (case
 ``training``: liver, lungs, kidney; four slices each; no cohort reports on them): the highest mean Dice of
 the fused spline, for each kind of image, corners in their true order so that the detector is judged and
-not the ordering, among parameters that use no more than `LARGEST_SHARE` of the boundary's pixels.
-Without that bound FAST and SUSAN win by calling every boundary pixel a corner.
+not the ordering, among parameters that use no more than `LARGEST_SHARE` of the boundary's pixels and find
+no more corners in all than the boundary has pixels. Without these bounds detectors win by calling every
+pixel a corner.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ GRID: dict[str, dict[str, tuple]] = {
         "quality": (0.001, 0.005, 0.01, 0.05, 0.1),
         "distance": (1, 2, 3, 5, 7),
     },
-    "fast": {"threshold": (1, 2, 5, 10, 20, 40), "suppress": (True, False)},
+    "fast": {"threshold": (1, 2, 5, 10, 12, 15, 20, 30, 40), "suppress": (True, False)},
     "susan": {"contrast": (10.0, 25.0, 40.0), "share": (0.5, 0.6, 0.75), "radius": (0, 1, 2, 3)},
 }
 
@@ -64,10 +65,10 @@ BEST: dict[str, dict[str, dict]] = {
         "susan": {"contrast": 10.0, "share": 0.6, "radius": 3},
     },
     "grey": {
-        "harris": {"block": 2, "aperture": 3, "k": 0.04, "threshold": 0.00001, "radius": 0},
+        "harris": {"block": 2, "aperture": 3, "k": 0.04, "threshold": 0.00001, "radius": 2},
         "shi_tomasi": {"max_corners": 400, "quality": 0.001, "distance": 1},
-        "fast": {"threshold": 1, "suppress": True},
-        "susan": {"contrast": 10.0, "share": 0.5, "radius": 0},
+        "fast": {"threshold": 15, "suppress": True},
+        "susan": {"contrast": 25.0, "share": 0.5, "radius": 0},
     },
 }
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
+from cccd.chaincode import successors
 from cccd.comparisons.links import count_links, enclosed_region, unique_links
 from cccd.comparisons.parameters import PAPER_TABLE_2
 from cccd.comparisons.registry import CORNER_DETECTORS, RECONSTRUCTIONS, reconstruct
@@ -20,7 +21,8 @@ from cccd.metrics import dice
 __all__ = ["DENSE", "HARRIS", "JITTERED", "compare_reconstruction", "link_along_chain", "point_sets"]
 
 #: The point sets by the names that tables and figures show.
-DENSE, HARRIS, JITTERED = "dense boundary", "Harris corners on the boundary", "every {every}th with jitter"
+DENSE, HARRIS = "dense boundary", "Harris corners on the boundary"
+JITTERED = "every {every}th pixel with jitter"
 
 CCCD = "Proposed CCCD"
 
@@ -114,12 +116,10 @@ def _cccd_run(structure: Structure, sample: SliceSample, name: str, points: np.n
 
     def run() -> tuple[np.ndarray, np.ndarray]:
         ordered, _ = order_boundaries(pixels, model)
-        if not len(ordered):
-            return points, np.zeros((0, 2), np.int64)
-        following = np.arange(len(ordered.points)) + 1
-        filled = ordered.offsets[1:] > ordered.offsets[:-1]
-        following[ordered.offsets[1:][filled] - 1] = ordered.offsets[:-1][filled]
-        return ordered.points, unique_links(np.column_stack([np.arange(len(following)), following]))
+        # the chains' points among the given ones, then those that fill gaps
+        everything, number = np.unique(np.concatenate([points, ordered.points]), axis=0, return_inverse=True)
+        chain = number.ravel()[len(points) :]
+        return everything, unique_links(np.column_stack([chain, chain[successors(ordered.offsets)]]))
 
     return run, "points"
 

@@ -56,12 +56,12 @@ CORNER_DETECTORS = {
 }
 
 RECONSTRUCTIONS = {
-    "connect2d": Method("Connect2D", connect2d, "written from the publication, order of steps ours"),
+    "connect2d": Method("Connect2D", connect2d, "written from the publication; order of steps ours"),
     "crawl": Method("Crawl", crawl, "written from the publication"),
     "nn_crust": Method("NN-Crust", nn_crust, "written from the publication"),
     "crust": Method("Crust", crust, "written from the publication"),
     "peel": Method("Peel", peel, "written from the publication, without its outlier removal"),
-    "gathan": Method("Gathan", gathan, "our reading of its conditions; do not quote as the authors' score"),
+    "gathan": Method("Gathan", gathan, "our reading of its conditions; do not quote"),
     "sigdt": Method("SIGDT", sigdt, "written from the publication, with Connect2D's adjustment"),
     "hnn_crust": Method("HNN-Crust", hnn_crust, "written from the publication"),
     "tour": Method("2-opt tour", tour, "greedy, 2-opt and Or-opt"),

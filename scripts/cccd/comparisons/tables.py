@@ -113,6 +113,8 @@ def _table_4(reconstruction: pd.DataFrame) -> pd.DataFrame:
     table = counts.join(grouped[["closed_percent", "dice_percent"]].mean()).reset_index()
     order = -(1e6 * table["closed_percent"].round(1) + table["dice_percent"].round(1))
     table["rank"] = order.groupby([table["organ"], table["points"]]).rank(method="min").astype(int)
+    notes = {method.title: method.note for method in RECONSTRUCTIONS.values()}
+    table["version"] = table["method"].map(notes)
     theirs = published.TABLE_4.assign(points=HARRIS)
     return _beside(table, theirs, ["method", "points"])
 
@@ -235,20 +237,19 @@ def _remark_3(table: pd.DataFrame) -> str:
 def _remark_4(table: pd.DataFrame) -> str:
     sentences = []
     for points, rows in table.groupby("points", sort=False):
-        ranks = rows[rows["method"] == CCCD].set_index("organ")["rank"]
-        behind = ranks[ranks > 1]
-        first = [
-            method
-            for method, group in rows[rows["rank"] == 1].groupby("method", sort=False)
-            if method != CCCD and len(group) == len(ranks)
-        ]
+        own = rows[rows["method"] == CCCD].set_index("organ")
+        behind = own[own["rank"] > 1]
+        leaders = rows[(rows["rank"] == 1) & (rows["method"] != CCCD)].groupby("method", sort=False)
+        rivals = [method for method, group in leaders if len(group) == len(own)]
         if behind.empty:
-            shared = f", a place it shares with {_listed(first)}" if first else ""
-            sentences.append(f"On {points} CCCD comes first on every organ{shared}.")
+            shared = f", a place it shares with {_listed(rivals)}" if rivals else ""
+            sentences.append(f"On the {points} CCCD comes first on every organ{shared}.")
         else:
             sentences.append(
-                f"On {points} CCCD is not first on {_listed(list(behind.index))}"
-                + (f"; {_listed(first)} is ahead there." if first else ".")
+                f"On the {points} CCCD is not first on {_listed(list(behind.index))}, where it closes "
+                f"{behind['closed_percent'].min():.0f} % of the curves with Dice "
+                f"{behind['dice_percent'].min():.2f} %: it takes the pixels for a region's border and may "
+                "pass by a corner pixel, where the others use each point they are given."
             )
     return (
         " ".join(sentences)

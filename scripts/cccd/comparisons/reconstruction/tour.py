@@ -182,16 +182,17 @@ def _move(route, place, a, last, step, c, d):
     rest = np.empty(size, np.int64)
     count = 0
     here = (place[last] + step) % size
-    for _ in range(size - length):  # the rest in the direction of the step, then the stretch where it fits
+    for number in range(size - length):  # what stays, in the direction of the step
         point = route[here]
         rest[count] = point
         count += 1
         here = (here + step) % size
-        following = route[here] if count < size - length else rest[0]
-        if point == c and following == d:
+        if number == size - length - 1:
+            break
+        if point == c and route[here] == d:
             rest[count : count + length] = stretch
             count += length
-        elif point == d and following == c:
+        elif point == d and route[here] == c:
             rest[count : count + length] = stretch[::-1]
             count += length
     route[:] = rest

@@ -1,0 +1,21 @@
+"""Shapes whose right answers are known."""
+
+import numpy as np
+
+
+def circle(count: int, radius: float = 40.0, centre: tuple[float, float] = (50.0, 60.0)) -> np.ndarray:
+    angle = 2 * np.pi * np.arange(count) / count + 0.1
+    return np.array(centre) + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def bean(count: int) -> np.ndarray:
+    """A smooth curve with a concavity, sampled evenly by angle."""
+    angle = 2 * np.pi * np.arange(count) / count + 0.05
+    radius = 40 + 8 * np.cos(angle) + 6 * np.cos(2 * angle) + 3 * np.sin(3 * angle)
+    return np.column_stack([60 + radius * np.cos(angle), 70 + radius * np.sin(angle)])
+
+
+def ring_links(count: int) -> np.ndarray:
+    """Links of points that were given in order."""
+    pairs = np.sort(np.column_stack([np.arange(count), (np.arange(count) + 1) % count]), axis=1)
+    return pairs[np.lexsort(pairs.T[::-1])]
