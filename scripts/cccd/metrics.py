@@ -32,6 +32,7 @@ __all__ = [
     "rasterise",
     "rasterise_slice",
     "sample_mesh",
+    "self_intersections",
     "surface_distances",
     "voxelise",
 ]
@@ -423,11 +424,18 @@ def _toggle(index, faces, crossings):
 
 
 def count_self_intersections(vertices: np.ndarray, faces: np.ndarray) -> int:
-    """Count the triangle pairs of a mesh that pass through each other.
+    """Count the triangle pairs of a mesh that pass through each other; see `self_intersections`."""
+    return len(self_intersections(vertices, faces))
+
+
+def self_intersections(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Find the pairs (K, 2) of a mesh's triangles that pass through each other.
 
     Pairs that share an edge are not looked at; of pairs that share a vertex, the opposite edges are.
     Touching without passing through does not count.
     """
+    if len(faces) == 0:
+        return np.zeros((0, 2), np.int64)
     corners = np.ascontiguousarray(np.asarray(vertices, float)[faces])
     low, high = corners.min(axis=1), corners.max(axis=1)
     size = float(np.mean(high - low)) * 2 + 1e-12
@@ -439,9 +447,10 @@ def count_self_intersections(vertices: np.ndarray, faces: np.ndarray) -> int:
     order = np.argsort(cell, kind="stable")
     cell, member = cell[order], member[order]
     starts = np.concatenate([[0], np.flatnonzero(np.diff(cell)) + 1, [len(cell)]])
-    return int(
-        _count_pairs(corners, np.asarray(faces, np.int64), low, high, first, cells, cell, member, starts)
+    pairs = _passing_pairs(
+        corners, np.asarray(faces, np.int64), low, high, first, cells, cell, member, starts
     )
+    return np.array(pairs, np.int64).reshape(-1, 2)
 
 
 @njit(cache=True)
@@ -482,8 +491,8 @@ def _pierces(a, b, triangle, tiny):
 
 
 @njit(cache=True)
-def _count_pairs(corners, faces, low, high, first, cells, cell, member, starts):
-    found = 0
+def _passing_pairs(corners, faces, low, high, first, cells, cell, member, starts):
+    found = [(np.int64(0), np.int64(0)) for _ in range(0)]  # typed and empty
     for n in range(len(starts) - 1):
         for m in range(starts[n], starts[n + 1]):
             f = member[m]
@@ -518,5 +527,5 @@ def _count_pairs(corners, faces, low, high, first, cells, cell, member, starts):
                     if shared == 0 or x == (own_g + 1) % 3:
                         hit = hit or _pierces(corners[g, x], corners[g, (x + 1) % 3], corners[f], tiny)
                 if hit:
-                    found += 1
+                    found.append((f, g))
     return found

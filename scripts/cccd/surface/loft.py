@@ -14,7 +14,7 @@ from cccd.surface.evaluate import tessellate
 from cccd.surface.fields import distance_fields, interpolated_fields, through_pixel_centres
 from cccd.surface.fit import Fit, Samples, even_size, fit_samples, refinements, sample_tube, sampled_area
 from cccd.surface.rings import rings_of
-from cccd.surface.solids import combine, solid, triangles
+from cccd.surface.solids import SHORT_EDGE, combine, fair_seams, solid, triangles, untangle
 from cccd.surface.tubes import Tube, build_tubes
 
 __all__ = ["Surface", "loft_surface"]
@@ -99,8 +99,12 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     edge = settings["edge_voxels"] * pixel
     bodies = [solid(*tessellate(patch, edge)) for patch in patches]
     whole = combine(bodies, [tube.hole for tube in tubes], [tube.depth for tube in tubes])
-    vertices, faces = triangles(whole)
+    vertices, faces, origins = triangles(whole.simplify(SHORT_EDGE * edge))
+    vertices = fair_seams(vertices, faces, origins)
+    vertices, tangled, left = untangle(vertices, faces)
     report = _report(tubes, fits, vertices, faces, voxel_faces)
+    report["relaxed_intersections"] = tangled
+    report["intersections"] = left
     return Surface(patches, vertices, faces, frame, report)
 
 

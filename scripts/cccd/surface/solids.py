@@ -1,4 +1,8 @@
-"""Solids from tubes: union of what is solid, minus cavities, plus what floats inside them."""
+"""Solids from tubes: union of what is solid, minus cavities, plus what floats inside them.
+
+The booleans are manifold3d's. What they leave sharp, the lines along which tubes meet, is faired; where a
+surface passes through itself it is relaxed until it does not.
+"""
 
 from __future__ import annotations
 
@@ -7,20 +11,106 @@ from collections.abc import Sequence
 import manifold3d
 import numpy as np
 from manifold3d import Manifold, OpType
+from scipy.sparse import csr_array
 
-__all__ = ["combine", "solid", "triangles"]
+from cccd.metrics import self_intersections
+
+__all__ = ["combine", "fair_seams", "solid", "triangles", "untangle"]
+
+#: Rings of vertices to either side of a seam that are faired, and rounds of fairing.
+SEAM_RINGS, SEAM_ROUNDS = 3, 8
+#: Taubin's steps towards and away from the neighbours' mean.
+TAUBIN = (0.60, -0.62)
+#: Rounds of relaxing where the surface passes through itself; the patch grows by a ring every other round.
+UNTANGLE_ROUNDS = 12
+#: Boolean results are cleaned of edges shorter than this share of the mesh's edge length.
+SHORT_EDGE = 0.05
 
 
 def solid(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
-    """Turn a closed mesh (V, 3), (F, 3) into a solid."""
+    """Turn a closed mesh (V, 3), (F, 3) into a solid that remembers which faces are its own."""
     mesh = manifold3d.Mesh64(np.ascontiguousarray(vertices, float), np.ascontiguousarray(faces, np.uint64))
-    return Manifold(mesh)
+    return Manifold(mesh).as_original()
 
 
-def triangles(body: Manifold) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) float64 and faces (F, 3) int64 of a solid."""
+def triangles(body: Manifold) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices (V, 3) float64 and faces (F, 3) int64 of a solid, and which original each face is from."""
     mesh = body.to_mesh64()
-    return np.array(mesh.vert_properties[:, :3], float), np.array(mesh.tri_verts, np.int64)
+    faces = np.array(mesh.tri_verts, np.int64)
+    bounds = np.array(mesh.run_index, np.int64) // 3
+    origin = np.repeat(np.array(mesh.run_original_id, np.int64), np.diff(bounds))
+    return np.array(mesh.vert_properties[:, :3], float), faces, origin
+
+
+def fair_seams(vertices: np.ndarray, faces: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    """Round off the lines along which faces of different origin (F,) meet; gives the vertices (V, 3).
+
+    Vertices within a few rings of a seam are smoothed the more the nearer they are, by Taubin's pair of
+    steps (1995), which does not shrink.
+    """
+    low = np.full(len(vertices), origin.max() + 1)
+    high = np.full(len(vertices), origin.min() - 1)
+    for corner in range(3):
+        np.minimum.at(low, faces[:, corner], origin)
+        np.maximum.at(high, faces[:, corner], origin)
+    seam = low < high
+    if not seam.any():
+        return vertices
+    neighbours = _neighbours(faces, len(vertices))
+    weight = seam.astype(float)
+    reached = seam
+    for ring in range(1, SEAM_RINGS + 1):
+        wider = reached | (neighbours @ reached > 0)
+        weight[wider & ~reached] = 1 - ring / (SEAM_RINGS + 1)
+        reached = wider
+    for _ in range(SEAM_ROUNDS):
+        vertices = _relax(vertices, neighbours, weight, *TAUBIN)
+    return vertices
+
+
+def untangle(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, int, int]:
+    """Relax a mesh where it passes through itself.
+
+    Returns
+    -------
+    vertices : (V, 3) float64
+    before, after : int
+        Pairs of triangles that passed through each other.
+    """
+    pairs = self_intersections(vertices, faces)
+    before = len(pairs)
+    if before == 0:
+        return vertices, 0, 0
+    neighbours = _neighbours(faces, len(vertices))
+    for turn in range(UNTANGLE_ROUNDS):
+        moving = np.zeros(len(vertices), bool)
+        moving[faces[pairs].ravel()] = True
+        for _ in range(1 + turn // 2):
+            moving |= neighbours @ moving > 0
+        vertices = _relax(vertices, neighbours, moving.astype(float), *(4 * (0.5,)))
+        pairs = self_intersections(vertices, faces)
+        if len(pairs) == 0:
+            break
+    return vertices, before, len(pairs)
+
+
+def _neighbours(faces: np.ndarray, count: int) -> csr_array:
+    """Adjacency (V, V) of a closed mesh's vertices."""
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    ones = np.ones(len(start), np.float64)
+    return csr_array((ones, (start, end)), shape=(count, count))
+
+
+def _relax(vertices: np.ndarray, neighbours: csr_array, weight: np.ndarray, *steps: float) -> np.ndarray:
+    """Move vertices by shares ``steps`` of their weight (V,) towards the mean of their neighbours."""
+    moving = np.flatnonzero(weight)
+    rows = neighbours[moving]
+    degree = np.maximum(rows.sum(axis=1), 1)[:, None]
+    share = weight[moving][:, None]
+    vertices = vertices.copy()
+    for step in steps:
+        vertices[moving] += step * share * (rows @ vertices / degree - vertices[moving])
+    return vertices
 
 
 def combine(bodies: Sequence[Manifold], holes: Sequence[bool], depths: Sequence[int]) -> Manifold:

@@ -25,7 +25,9 @@ __all__ = ["Section", "Tube", "build_tubes"]
 #: A junction's trunk takes over this many mm of the branch's width per mm of depth.
 JUNCTION_SLOPE = 1.5
 #: Levels of a junction, at least and at most.
-JUNCTION_LEVELS = (2, 40)
+JUNCTION_LEVELS = (2, 80)
+#: A branch reaches this many times as deep as it takes the trunk to hold its whole width.
+EXTRA_DEPTH = 1.4
 #: How far branch and trunk overlap, how deep below the trunk's surface a branch ends, and over which
 #: width the trunk sinks below the branch's surface where it lets go of it, in pixels.
 OVERLAP_PIXELS, BURIED_PIXELS, FADE_PIXELS = 1.5, 3.0, 4.0
@@ -210,11 +212,11 @@ def _junction(branch: _Node, way: int, stack: _Stack) -> list[Section]:
         return []
     width = float(lead[_pixels([trunk.ring], shape)].max())
     overlapping, buried, fade = stack.pixel * np.array([OVERLAP_PIXELS, BURIED_PIXELS, FADE_PIXELS])
-    path = _path(trunk, way, width / JUNCTION_SLOPE)
+    path = _path(trunk, way, EXTRA_DEPTH * width / JUNCTION_SLOPE)
     depth = np.abs(np.array([node.ring.z for node in path]) - branch.ring.z)
+    slope = max(JUNCTION_SLOPE, EXTRA_DEPTH * width / max(depth[-1], 1e-9))
     sections = []
-    for node, share in zip(path, depth / max(depth[-1], 1e-9), strict=True):
-        held = share * width
+    for node, held in zip(path, slope * depth, strict=True):
         lead = _lead(node.ring, nearer, branch_pixels, other_pixels, stack.pixel)
         if lead is None:
             break
