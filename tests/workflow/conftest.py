@@ -31,7 +31,7 @@ class Project:
         return run
 
     def command(self, *arguments) -> list[str]:
-        base = [sys.executable, "-m", "snakemake", "--cores", "2", "--configfile", "tiny.yaml"]
+        base = [sys.executable, "-m", "snakemake", "--configfile", "tiny.yaml", "--cores", "2"]
         return [*base, *map(str, arguments)]
 
     def surroundings(self) -> dict:

@@ -4,6 +4,7 @@ import functools
 import hashlib
 import os
 import sys
+import time
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
@@ -80,14 +81,22 @@ def for_formats():
 
 
 def source_files(wildcards):
-    """The row's own files, so that a changed scan comes in again. What is missing the job itself reports."""
+    """The row's own files, so that a changed scan comes in again.
+
+    Left out are a missing file, which the job itself reports, and one dated in the future (a clock ran ahead
+    somewhere), than which every output would be older, which Snakemake takes for an error.
+    """
     row = row_of(wildcards)
     paths = (
         SHEET.parent / row[column]
         for column in ("image", "mask", "boundary")
         if row[column]
     )
-    return sorted(near(path) for path in paths if path.exists())
+    return sorted(
+        near(path)
+        for path in paths
+        if path.exists() and path.stat().st_mtime <= time.time()
+    )
 
 
 def sheet_row(wildcards):
