@@ -1,0 +1,295 @@
+"""What goes wrong around a run, row by row of docs/reliability.md: one clear line, no half file, no loss."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import nibabel
+import numpy as np
+import pytest
+
+from cccd import store
+from cccd.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+BOUNDARIES = [f"results/tiny/{organ}/boundaries.h5" for organ in ("sphere", "two_spheres")]
+
+#: Loaded by every Python: each rule's first job gets a signal just before its output gets its name.
+STRIKE_ONCE = """
+import os, pathlib, re, sys
+stage = re.search(r"[.]snakemake/scripts/tmp[^/]*[.](\\w+)[.]py$", " ".join(sys.orig_argv))
+if stage:
+    whole = pathlib.Path.replace
+    def replace(self, target):
+        try:
+            mark = os.open(os.path.join(os.environ["STRUCK"], stage[1]), os.O_CREAT | os.O_EXCL | os.O_WRONLY)
+        except FileExistsError:
+            return whole(self, target)
+        os.write(mark, b"%d" % os.getpid())
+        os.close(mark)
+        os.kill(os.getpid(), int(os.environ["SIGNAL"]))
+        return whole(self, target)
+    pathlib.Path.replace = replace
+"""
+
+#: What each file is written from, given the results of a finished structure as ``done``.
+WRITERS = {
+    "structure.h5": "store.write_structure(path, store.read_structure(done / 'structure.h5'))",
+    "boundaries.h5": "store.write_boundaries(path, store.read_boundaries(done / 'boundaries.h5'))",
+    "curves.h5": (
+        "curves = store.read_curves(done / 'curves.h5'); store.write_curves(path, curves, "
+        "store.read_chain_codes(done / 'curves.h5'), store.read_corners(done / 'curves.h5'), "
+        "store.read_splines(done / 'curves.h5'), {})"
+    ),
+    "surface.h5": (
+        "store.write_patches(path, store.read_patches(done / 'surface.h5'), "
+        "store.read_surface_frame(done / 'surface.h5'), {})"
+    ),
+    "metrics.json": "store.write_json(path, {'a': 1})",
+    "table.csv": "import pandas; store.write_table(path, pandas.DataFrame({'a': range(9999)}))",
+    **{
+        f"surface.{suffix}": (
+            "from cccd.surface import export; "
+            "export.write_surface(path, export.read_surface(done / 'surface.h5', done / 'surface.ply'))"
+        )
+        for suffix in ("ply", "stl", "vtp", "glb")
+    },
+    "picture.png": "from cccd.report import render; render.render_surface(done / 'surface.ply', path)",
+    "model.pt": "from cccd.junctions import training; training._save(path, {'a': 'x' * 9999})",
+}
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """Give a function that mounts a disk of so many kB on a folder."""
+    mounted = []
+
+    def mount(folder: Path, kilobytes: int) -> Path:
+        if os.getuid() != 0:
+            pytest.skip("needs root, to mount a small disk")
+        folder.mkdir(parents=True, exist_ok=True)
+        command = ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(folder)]
+        if subprocess.run(command, capture_output=True, check=False).returncode:
+            pytest.skip("a small disk cannot be mounted here")
+        mounted.append(folder)
+        return folder
+
+    def release(folder: Path) -> None:
+        subprocess.run(["umount", str(folder)], check=True)
+        mounted.remove(folder)
+
+    mount.release = release
+    yield mount
+    for folder in list(mounted):
+        release(folder)
+
+
+def failure_lines(run) -> list[str]:
+    """Give the lines of a run that tell the user what failed."""
+    return [line for line in (run.stdout + run.stderr).splitlines() if line.startswith("Error: ")]
+
+
+@pytest.fixture
+def strike_once(tmp_path):
+    """Give surroundings in which each rule's first job gets a signal; ``folder`` lists those struck."""
+    struck, site = tmp_path / "struck", tmp_path / "site"
+    struck.mkdir()
+    site.mkdir()
+    (site / "sitecustomize.py").write_text(STRIKE_ONCE)
+
+    def surroundings(project, number: int) -> dict:
+        own = {"PYTHONPATH": str(site), "STRUCK": str(struck), "SIGNAL": str(int(number))}
+        return project.surroundings()["env"] | own
+
+    surroundings.folder = struck
+    return surroundings
+
+
+def test_a_worker_killed_in_any_stage_is_run_again(tiny_run, fresh_project, strike_once):
+    fresh_project.snakemake("--retries", "1", env=strike_once(fresh_project, signal.SIGKILL))
+    stages = {path.stem for path in (ROOT / "scripts").glob("*.py")} - {"adopt_gnn", "export_surface"}
+    assert {path.name for path in strike_once.folder.iterdir()} == stages
+    assert not [path for path in fresh_project.results.rglob(".*") if path.is_file()]
+    # the same bits as the run that nothing disturbed: nothing is lost, and nothing is drawn anew
+    for organ in ("sphere", "two_spheres"):
+        for name in ("curves.h5", "surface.h5", "surface.ply"):
+            ours, theirs = (project.results / "tiny" / organ / name for project in (fresh_project, tiny_run))
+            assert ours.read_bytes() == theirs.read_bytes(), f"{organ}/{name}"
+
+
+def test_two_runs_in_one_folder_and_a_killed_snakemake(fresh_project, strike_once):
+    target = "results/tiny/sphere/structure.h5"
+    first = subprocess.Popen(
+        fresh_project.command(target),
+        cwd=fresh_project.folder,
+        env=strike_once(fresh_project, signal.SIGSTOP),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    mark = strike_once.folder / "import_structure"
+    deadline = time.monotonic() + 60
+    while not (mark.exists() and mark.read_text()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    worker = int(mark.read_text())
+
+    second = fresh_project.snakemake(target, check=False)
+    first.kill()
+    first.wait()
+    assert second.returncode
+    assert "cannot be locked" in second.stderr
+    assert "--unlock" in second.stderr
+
+    fresh_project.snakemake("--unlock")
+    fresh_project.snakemake("--rerun-incomplete", target)
+    finished = (fresh_project.folder / target).read_bytes()
+    # the worker outlived its snakemake; what it still writes must not replace what the next run wrote
+    os.kill(worker, signal.SIGCONT)
+    while Path(f"/proc/{worker}").exists() and time.monotonic() < deadline + 60:
+        time.sleep(0.05)
+    assert (fresh_project.folder / target).read_bytes() == finished
+    assert os.listdir((fresh_project.folder / target).parent) == ["structure.h5"]
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_full_disk_in_every_writer(name, tiny_run, small_disk, tmp_path):
+    disk = small_disk(tmp_path / "disk", 64)
+    with (disk / "filler").open("wb", buffering=0) as filler:
+        assert filler.write(b"0" * 100_000) < 100_000  # as much as there is room for
+    code = (
+        "import sys; from pathlib import Path; from cccd import store; from cccd.job import job\n"
+        "path, done, log = map(Path, sys.argv[1:])\n"
+        f"with job(log, 'tiny/sphere'):\n    {WRITERS[name]}"
+    )
+    arguments = [disk / name, tiny_run.results / "tiny" / "sphere", tmp_path / "log"]
+    env = tiny_run.surroundings()["env"] | {"PYTHONPATH": str(ROOT / "scripts")}
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    run = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
+    assert run.returncode == 1, run.stderr
+    [line] = failure_lines(run)
+    assert line.startswith(f"Error: tiny/sphere: no space left on the disk ({disk / name}")
+    assert os.listdir(disk) == ["filler"]
+
+
+def test_a_full_disk_in_a_run(fresh_project, small_disk):
+    disk = small_disk(fresh_project.results, 8)
+    run = fresh_project.snakemake(BOUNDARIES[0], check=False)
+    assert run.returncode
+    [line] = failure_lines(run)
+    assert "no space left on the disk" in line
+    small_disk.release(disk)
+    fresh_project.snakemake(BOUNDARIES[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("structure.h5", store.read_structure),
+        ("boundaries.h5", store.read_boundaries),
+        ("curves.h5", store.read_curves),
+        ("curves.h5", store.read_splines),
+        ("surface.h5", store.read_patches),
+    ],
+)
+def test_a_torn_file_of_an_older_run_is_named(name, read, tiny_run, tmp_path):
+    whole = (tiny_run.results / "tiny" / "sphere" / name).read_bytes()
+    torn = tmp_path / name
+    for length in (0, 8, 1000, len(whole) // 2, len(whole) - 1):
+        torn.write_bytes(whole[:length])
+        with pytest.raises(InputError, match="delete it and run snakemake again"):
+            read(torn)
+
+
+def test_a_torn_file_in_a_run_and_its_cure(tiny_copy):
+    torn = tiny_copy.results / "tiny" / "sphere" / "structure.h5"
+    torn.write_bytes(torn.read_bytes()[:5000])
+    run = tiny_copy.snakemake(BOUNDARIES[0], check=False)
+    [line] = failure_lines(run)
+    assert str(torn.relative_to(tiny_copy.folder)) in line
+    assert "delete it and run snakemake again" in line
+    torn.unlink()
+    tiny_copy.snakemake(BOUNDARIES[0])
+    store.read_structure(torn)
+
+
+def test_an_older_layout_is_named(tiny_run, tmp_path):
+    older = tmp_path / "curves.h5"
+    older.write_bytes((tiny_run.results / "tiny" / "sphere" / "curves.h5").read_bytes())
+    with h5py.File(older, "a") as file:
+        del file["splines/knots"]
+    with pytest.raises(InputError, match="older layout"):
+        store.read_splines(older)
+
+
+def test_a_corrupted_checkpoint_falls_back_to_the_one_before(tiny_copy):
+    gnn = tiny_copy.results / "gnn"
+    whole = (gnn / "model.pt").read_bytes()
+    newest = sorted((gnn / "checkpoints").glob("*.pt"))[-1]
+    newest.write_bytes(newest.read_bytes()[:2000])
+    (gnn / "model.pt").unlink()
+    tiny_copy.snakemake("results/gnn/model.pt")
+    log = (tiny_copy.folder / "logs" / "gnn" / "train_gnn.log").read_text()
+    assert f"{newest.name} cannot be read" in log
+    assert "resuming after" in log
+    assert (gnn / "model.pt").read_bytes() == whole
+
+
+def ball(path: Path, radius: float = 6) -> None:
+    grid = np.indices((20, 20, 12)) - np.array([10, 10, 6]).reshape(3, 1, 1, 1)
+    nibabel.save(nibabel.Nifti1Image((np.hypot.reduce(grid) < radius).astype(np.uint8), np.eye(4)), path)
+
+
+def use_masks(project, folder: Path, rows: list[tuple[str, str]]) -> None:
+    """Make the project's sheet name these masks: (case, file)."""
+    lines = ["case\torgan\tmask", *(f"{case}\tball\t{folder / file}" for case, file in rows)]
+    (project.folder / "tiny.tsv").write_text("\n".join(lines) + "\n")
+
+
+def test_inputs_are_only_read_and_may_have_any_name(fresh_project, tmp_path):
+    folder = tmp_path / "Möller & Søn (2)" / "データ $HOME"
+    folder.mkdir(parents=True)
+    ball(folder / "mask 'a'.nii.gz")
+    use_masks(fresh_project, folder, [("a", "mask 'a'.nii.gz")])
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    os.chmod(folder / "mask 'a'.nii.gz", 0o444)
+    os.chmod(folder, 0o555)
+    try:
+        fresh_project.snakemake("results/a/ball/boundaries.h5")
+    finally:
+        os.chmod(folder, 0o755)
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+
+
+def test_a_scan_from_the_future(fresh_project, tmp_path):
+    ball(tmp_path / "mask.nii.gz")
+    use_masks(fresh_project, tmp_path, [("a", "mask.nii.gz")])
+    tomorrow = time.time() + 86400
+    os.utime(tmp_path / "mask.nii.gz", (tomorrow, tomorrow))
+    fresh_project.snakemake("results/a/ball/boundaries.h5")
+    store.read_boundaries(fresh_project.results / "a" / "ball" / "boundaries.h5")
+
+
+def test_results_may_be_a_link(fresh_project, tmp_path):
+    (tmp_path / "big disk").mkdir()
+    fresh_project.results.symlink_to(tmp_path / "big disk")
+    fresh_project.snakemake(*BOUNDARIES)
+    assert (tmp_path / "big disk" / "tiny" / "sphere" / "boundaries.h5").exists()
+    assert fresh_project.results.is_symlink()
+    assert fresh_project.planned(*BOUNDARIES) == {}
+
+
+def test_one_bad_structure_and_fifty_others(fresh_project, tmp_path):
+    ball(tmp_path / "mask.nii.gz")
+    (tmp_path / "bad.nii.gz").write_bytes(b"no NIfTI at all")
+    cases = [f"c{number}" for number in range(50)]
+    use_masks(fresh_project, tmp_path, [("bad", "bad.nii.gz"), *((case, "mask.nii.gz") for case in cases)])
+    targets = [f"results/{case}/ball/structure.h5" for case in ["bad", *cases]]
+    run = fresh_project.snakemake("--keep-going", *targets, check=False)
+    assert run.returncode
+    assert all((fresh_project.results / case / "ball" / "structure.h5").exists() for case in cases)
+    [line] = set(failure_lines(run))
+    assert "bad/ball" in line
+    assert "1 failed:" in run.stderr
