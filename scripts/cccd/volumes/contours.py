@@ -220,8 +220,7 @@ def order_contours(rois: list[list[np.ndarray]], frame: Frame, place: str) -> tu
                 np.abs(np.diff(index[:, :2], axis=0, append=index[:1, :2])).max(axis=1) > 1e-6
             ]
             k = int(np.rint(index[:, 2].mean())) if len(index) else 0
-            x, y = points.T if len(points) else (np.zeros(0), np.zeros(0))
-            if len(points) < 3 or abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) < 1e-6:
+            if len(points) < 3 or shapely.MultiPoint(points).convex_hull.area < 1e-6:
                 flat += 1
                 continue
             rings = slices.setdefault(k, [[] for _ in rois])

@@ -17,6 +17,7 @@ from cccd.errors import InputError
 from cccd.settings import choices
 from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
+from cccd.volumes.readers import guarded
 
 __all__ = ["Contour", "dicom_modality", "read_rtstruct", "read_seg", "read_series"]
 
@@ -41,11 +42,12 @@ _HEADER = [
 def dicom_modality(path: Path) -> str | None:
     """Give the modality of a DICOM file (``CT``, ``SEG``, ``RTSTRUCT``, ...), None for any other file."""
     try:
-        return str(
-            pydicom.dcmread(path, stop_before_pixels=True, specific_tags=["Modality"]).get("Modality", "")
-        )
-    except (InvalidDicomError, OSError):
+        header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=["Modality"])
+        return str(header.get("Modality", ""))
+    except InvalidDicomError:
         return None
+    except Exception:  # a damaged header: the reader will say what is wrong with it
+        return ""
 
 
 def _headers(folder: Path) -> dict[str, list[tuple[Path, pydicom.Dataset]]]:
@@ -54,8 +56,12 @@ def _headers(folder: Path) -> dict[str, list[tuple[Path, pydicom.Dataset]]]:
     for path in sorted(file for file in folder.rglob("*") if file.is_file()):
         try:
             header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=_HEADER)
-        except (InvalidDicomError, OSError):
+        except InvalidDicomError:
             continue
+        except Exception as error:
+            raise InputError(
+                path.name, f"its header is damaged ({type(error).__name__})", "copy it again"
+            ) from None
         if header.get("Rows") and header.get("Modality") not in ("SEG", "RTSTRUCT", "RTDOSE"):
             series[str(header.get("SeriesInstanceUID", ""))].append((path, header))
     return series
@@ -114,19 +120,16 @@ def _geometry(
 
 def _pixels(path: Path) -> np.ndarray:
     """Pixels (columns, rows) of one slice in modality units (HU)."""
-    dataset = pydicom.dcmread(path)
-    try:
+    with guarded(path.name, "its pixels cannot be decoded", "export the slice again"):
+        dataset = pydicom.dcmread(path)
         pixels = dataset.pixel_array
-    except Exception as error:  # decoders raise what they like
-        line = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(
-            path.name, f"its pixels cannot be decoded ({line[:120]})", "export the slice again"
-        ) from None
     if pixels.ndim != 2:
         raise InputError(
             path.name, "its pixels are not single numbers (colour?)", "give a CT, MR or PET series"
         )
-    slope, intercept = (float(dataset.get(n, d)) for n, d in (("RescaleSlope", 1), ("RescaleIntercept", 0)))
+    with guarded(path.name, "its rescale slope is damaged", "export the slice again"):
+        slope = float(dataset.get("RescaleSlope", 1))
+        intercept = float(dataset.get("RescaleIntercept", 0))
     return (pixels.astype(np.float32) * np.float32(slope) + np.float32(intercept)).T
 
 
@@ -153,14 +156,15 @@ def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = No
     InputError
         No series or several, mixed or undecodable slices, slices missing or uneven.
     """
-    if folder.is_file():
-        files = [(folder, pydicom.dcmread(folder, stop_before_pixels=True))]
-    else:
-        files = _choose_series(folder, modality)
     place = folder.name
-    if len(files) == 1 and int(files[0][1].get("NumberOfFrames") or 1) > 1:
-        return _read_multiframe(files[0][0])
-    plane, normal, positions = _geometry(place, files)
+    with guarded(place, "its headers are damaged", "export the series again"):
+        if folder.is_file():
+            files = [(folder, pydicom.dcmread(folder, stop_before_pixels=True))]
+        else:
+            files = _choose_series(folder, modality)
+        if len(files) == 1 and int(files[0][1].get("NumberOfFrames") or 1) > 1:
+            return _read_multiframe(files[0][0])
+        plane, normal, positions = _geometry(place, files)
     order = np.argsort(positions @ normal, kind="stable")
     files, positions = [files[n] for n in order], positions[order]
     heights = positions @ normal
@@ -228,14 +232,8 @@ def _lone_thickness(path: Path) -> float:
 
 def _read_multiframe(path: Path) -> Volume:
     """Read an enhanced (multi-frame) CT or MR."""
-    try:
-        image = highdicom.imread(path)
-        volume = image.get_volume()
-    except Exception as error:
-        line = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(
-            path.name, f"no volume can be made of its frames ({line[:120]})", "export it again"
-        ) from None
+    with guarded(path.name, "no volume can be made of its frames", "export it again"):
+        volume = highdicom.imread(path).get_volume()
     frame = str(volume.frame_of_reference_uid or "")
     affine = check_affine(LPS_TO_RAS @ volume.affine, path.name)
     return Volume(np.asarray(volume.array, np.float32), affine, path.name, frame_of_reference=frame)
@@ -267,30 +265,21 @@ def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volum
         Not a SEG, no such segment, frames that form no volume, or slices that the series does not have.
     """
     place = path.name
-    try:
+    with guarded(place, "not a readable DICOM SEG", "export the segmentation again"):
         seg = highdicom.seg.segread(path)
         names = {number: seg.get_segment_description(number).segment_label for number in seg.segment_numbers}
-    except Exception as error:
-        line = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(
-            place, f"not a readable DICOM SEG ({line[:120]})", "export the segmentation again"
-        ) from None
+        referenced = _referenced(seg)
     chosen = pick(names, label, organ, place, "segment")
     if series is not None and series.instances:
-        unknown = _referenced(seg) - set(series.instances)
+        unknown = referenced - set(series.instances)
         if unknown:
             raise InputError(
                 place,
                 f"it refers to {len(unknown)} slices that {series.place} does not have",
                 "give the series that was segmented",
             )
-    try:
+    with guarded(place, "its frames form no volume", "export it on evenly spaced slices"):
         volume = seg.get_volume(segment_numbers=chosen, combine_segments=False)
-    except Exception as error:
-        line = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(
-            place, f"its frames form no volume ({line[:120]})", "export it on evenly spaced slices"
-        ) from None
     data = np.asarray(volume.array)
     mask = (data.reshape(*data.shape[:3], -1) >= 0.5).any(axis=-1)
     affine = check_affine(LPS_TO_RAS @ volume.affine, place)
@@ -377,16 +366,15 @@ def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[Contour
         Not an RTSTRUCT, no such ROI, an ROI without contours, an open contour, or damaged coordinates.
     """
     place = path.name
-    try:
+    with guarded(place, "not a readable RTSTRUCT", "export the structure set again"):
         dataset = pydicom.dcmread(path)
         names = {
             int(item.ROINumber): str(item.get("ROIName", "")) for item in dataset.StructureSetROISequence
         }
         items = {int(item.ReferencedROINumber): item for item in dataset.get("ROIContourSequence", [])}
-    except (AttributeError, EOFError, InvalidDicomError, OSError, TypeError, ValueError) as error:
-        raise InputError(
-            place, f"not a readable RTSTRUCT ({error})", "export the structure set again"
-        ) from None
+        frame = str(dataset.get("FrameOfReferenceUID") or "")
+        for item in dataset.get("ReferencedFrameOfReferenceSequence", []):
+            frame = str(item.get("FrameOfReferenceUID", "")) or frame
     if not names:
         raise InputError(place, "it has no ROI", "export the structure set again")
     doubles = {name for name, count in Counter(names.values()).items() if count > 1}
@@ -396,15 +384,13 @@ def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[Contour
             raise InputError(
                 place, f"several ROIs are called {names[number]!r}", "give the ROI's number as label"
             )
-        sequence = items[number].get("ContourSequence", []) if number in items else []
-        if not sequence:
+        with guarded(place, f"ROI {names[number]!r} is damaged", "export the structure set again"):
+            sequence = items[number].get("ContourSequence", []) if number in items else []
+            contours = [_contour(place, names[number], item) for item in sequence]
+        if not contours:
             filled = {n: names[n] for n, item in items.items() if item.get("ContourSequence") and n in names}
             raise InputError(place, f"ROI {names[number]!r} has no contours", choices(filled.values()))
-        rois.append([_contour(place, names[number], item) for item in sequence])
-        rois[-1] = [contour for contour in rois[-1] if len(contour)]
-    frame = str(dataset.get("FrameOfReferenceUID") or "")
-    for item in dataset.get("ReferencedFrameOfReferenceSequence", []):
-        frame = str(item.get("FrameOfReferenceUID", "")) or frame
+        rois.append([contour for contour in contours if len(contour)])
     return rois, frame
 
 
@@ -416,12 +402,7 @@ def _contour(place: str, roi: str, item: pydicom.Dataset) -> Contour:
         raise InputError(
             place, f"ROI {roi!r} has an open contour ({kind})", "close its contours and export again"
         )
-    try:
-        points = np.array([float(x) for x in item.get("ContourData") or []]).reshape(-1, 3)
-    except ValueError:
-        raise InputError(
-            place, f"ROI {roi!r} has a contour with damaged coordinates", "export it again"
-        ) from None
+    points = np.array([float(x) for x in item.get("ContourData") or []]).reshape(-1, 3)
     if not np.isfinite(points).all():
         raise InputError(place, f"ROI {roi!r} has coordinates that are not finite", "export it again")
     return points @ LPS_TO_RAS[:3, :3]

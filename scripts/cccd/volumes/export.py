@@ -25,8 +25,8 @@ from cccd.volumes.grid import LPS_TO_RAS
 
 __all__ = ["cut_mesh", "voxelise", "write_label_map", "write_rtstruct"]
 
-#: Voxel lines are shifted by this share of a voxel so that none passes through a vertex or an edge.
-_NUDGE = np.array([0.0, 1.234567e-7, 2.718281e-7])
+#: Voxels are shifted by this share of their size so that no centre lies on a face, an edge or a vertex.
+_NUDGE = np.array([3.141592e-7, 1.234567e-7, 2.718281e-7])
 
 #: Candidate crossings of triangles and voxel lines handled at once.
 _BATCH = 4_000_000

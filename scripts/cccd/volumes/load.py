@@ -100,7 +100,7 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: Mapping) -> _Sc
             mask.data,
             provenance={"source": row["source"], **facts},
         )
-    row = complete_row(row, folder)
+    row, implied = complete_row(row, folder)
     paths = {name: _existing(folder / row[name], name) for name in ("image", "mask", "boundary") if row[name]}
     image = _read_image(paths["image"], row["source"], settings) if "image" in paths else None
     if "mask" in paths:
@@ -112,7 +112,7 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: Mapping) -> _Sc
             )
         scan = _scan_of_contours(paths["mask"], row, image, settings)
     else:
-        scan = _scan_of_voxels(paths, row, image, settings)
+        scan = _scan_of_voxels(paths, row, implied, image, settings)
     if image is not None:
         scan.warnings = image.warnings + scan.warnings
     scan.provenance = {
@@ -154,12 +154,16 @@ def _scan_of_contours(path: Path, row: Mapping[str, str], image: Volume | None, 
 
 
 def _scan_of_voxels(
-    paths: Mapping[str, Path], row: Mapping[str, str], image: Volume | None, settings: Mapping
+    paths: Mapping[str, Path],
+    row: Mapping[str, str],
+    implied: tuple[int, ...],
+    image: Volume | None,
+    settings: Mapping,
 ) -> _Scan:
     mask = boundary = None
     provenance: dict = {}
     if "mask" in paths:
-        mask = _read_mask(paths["mask"], row, image)
+        mask = _read_mask(paths["mask"], row, implied, image)
     if "boundary" in paths:
         boundary = _read_boundary(paths["boundary"])
     if mask is None and boundary is None:
@@ -262,7 +266,7 @@ def _read_image(path: Path, source: str, settings: Mapping) -> Volume:
     return volume
 
 
-def _read_mask(path: Path, row: Mapping[str, str], image: Volume | None) -> Volume:
+def _read_mask(path: Path, row: Mapping[str, str], implied: tuple[int, ...], image: Volume | None) -> Volume:
     label, organ = row["label"], row["organ"]
     if path.is_dir():
         return _read_mask_folder(path, label or organ)
@@ -271,7 +275,7 @@ def _read_mask(path: Path, row: Mapping[str, str], image: Volume | None) -> Volu
         if modality != "SEG":
             raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
         return read_seg(path, label, organ, image)
-    return _choose_labels(read_volume(path), label, organ)
+    return _choose_labels(read_volume(path), label, organ, implied)
 
 
 def _read_mask_folder(folder: Path, label: str) -> Volume:
@@ -300,8 +304,8 @@ def _read_mask_folder(folder: Path, label: str) -> Volume:
     return united
 
 
-def _choose_labels(volume: Volume, label: str, organ: str) -> Volume:
-    """Make a label map, a binary mask or a probability map boolean."""
+def _choose_labels(volume: Volume, label: str, organ: str, implied: tuple[int, ...] = ()) -> Volume:
+    """Make a label map, a binary mask or a probability map boolean; of ``implied`` labels some may lack."""
     data, place = volume.data, volume.place
     if data.dtype == bool:
         data = data.astype(np.uint8)
@@ -322,7 +326,13 @@ def _choose_labels(volume: Volume, label: str, organ: str) -> Volume:
         raise InputError(place, "the mask is empty", "check that it belongs to this organ")
     names = {value: volume.names.get(value, "") for value in present}
     called = [value for value, name in names.items() if name.lower() == organ.lower()]
-    if label or len(called) == 1:
+    if implied:
+        chosen = [value for value in present if value in implied]
+        if not chosen:
+            raise InputError(
+                place, f"it has none of the labels {', '.join(map(str, implied))}", choices(present)
+            )
+    elif label or len(called) == 1:
         chosen = pick(names, label, organ, place, "label")
     else:
         chosen = present

@@ -75,7 +75,8 @@ def _ribs(cage: Field) -> Field:
     """Twelve oblique bars in the shell around ``cage``, 24 mm apart."""
 
     def field(points: np.ndarray) -> np.ndarray:
-        descent = points[..., 2] - 0.45 * points[..., 1] - 0.1 * np.abs(points[..., 0])
+        x, y, z = points
+        descent = z - 0.45 * y - 0.1 * np.abs(x)
         return np.hypot(cage(points) - 7, np.abs((descent % 24.0) - 12.0) * 0.7) - 4.0
 
     return field
@@ -205,12 +206,14 @@ def _lungs(rng: np.random.Generator) -> Anatomy:
         middle = hilum + np.array((0, 10, -12))
 
         def fissure(points, middle=middle, normal=normal):
-            return np.abs((points - middle) @ normal + 2.5 * np.sin(points[..., 0] / 18)) - 1.7
+            x, y, z = points
+            height = (y - middle[1]) * normal[1] + (z - middle[2]) * normal[2]
+            return np.abs(height + 2.5 * np.sin(x / 18)) - 1.9
 
         root = ellipsoid(hilum + np.array((sign * 6, 0, 0)), (52, 40, 36))
         body = subtraction(body, mediastinum, spine, heart, domes[side], radius=9)
         body = subtraction(body, ellipsoid(hilum - np.array((sign * 22, 0, 0)), (24, 20, 28)), radius=8)
-        sides.append(subtraction(body, subtraction(fissure, root, radius=4), radius=3))
+        sides.append(subtraction(body, subtraction(fissure, root, radius=1), radius=2))
     organ = warped(union(*sides), rng, 1.5, 100)
     vessels = []
     for sign in (1, -1):
@@ -237,7 +240,7 @@ def _lungs(rng: np.random.Generator) -> Anatomy:
         (ellipsoid((0, -108, 0), (9, 8, 900)), 20.0),
     ]
     within = [(vessel, 20.0) for vessel in vessels]
-    return Anatomy(organ, np.array((-150, -110, -160)), np.array((150, 110, 145)), 2.5, _LUNG, around, within)
+    return Anatomy(organ, np.array((-150, -110, -160)), np.array((150, 110, 145)), 2.0, _LUNG, around, within)
 
 
 def _kidney(rng: np.random.Generator) -> Anatomy:

@@ -6,8 +6,11 @@ single three-dimensional scalar scan.
 
 from __future__ import annotations
 
+import contextlib
 import json
+import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import nibabel as nib
@@ -17,12 +20,33 @@ import SimpleITK as sitk  # noqa: N813
 from cccd.errors import InputError
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 
-__all__ = ["SUFFIXES", "read_itk", "read_nifti", "read_volume"]
+__all__ = ["SUFFIXES", "guarded", "read_itk", "read_nifti", "read_volume"]
 
 _NIFTI = (".nii.gz", ".nii", ".hdr", ".img", ".mgz", ".mgh")
 
 #: File endings of volumes, the most usual first.
 SUFFIXES = (*_NIFTI, ".seg.nrrd", ".nrrd", ".nhdr", ".mha", ".mhd")
+
+
+#: Deflate packs at most this many bytes into one.
+_DEFLATE_RATIO = 1032
+
+
+@contextlib.contextmanager
+def guarded(place: str, problem: str, cure: str) -> Iterator[None]:
+    """Turn whatever a decoder raises over a damaged file into one line.
+
+    Decoders raise ``KeyError``, ``struct.error``, ``AssertionError`` and their own errors alike, so that only
+    the broadest net holds; an `InputError` passes through.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        reason = (lines[-1] if lines else type(error).__name__)[:160]
+        raise InputError(place, f"{problem} ({reason})", cure) from None
 
 
 def read_volume(path: Path) -> Volume:
@@ -57,22 +81,13 @@ def read_nifti(path: Path) -> Volume:
         Not readable, truncated, not 3-D, or with an unusable affine.
     """
     place = path.name
-    try:
+    with guarded(place, "not a readable NIfTI volume", "convert it to NIfTI, NRRD or MHA"):
         image = nib.load(path)
         if not isinstance(image, nib.spatialimages.SpatialImage):
             raise InputError(place, "not a volume", "give a 3-D volume")
         affine = check_affine(image.affine, place)
+    with guarded(place, "damaged or truncated", "copy or download the file again"):
         data = np.asanyarray(image.dataobj)
-    except InputError:
-        raise
-    except (OSError, EOFError) as error:
-        raise InputError(
-            place, f"damaged or truncated ({_reason(error)})", "copy or download the file again"
-        ) from None
-    except Exception as error:
-        raise InputError(
-            place, f"not a readable NIfTI volume ({_reason(error)})", "convert it to NIfTI, NRRD or MHA"
-        ) from None
     warnings = []
     if isinstance(image, nib.Nifti1Image) and not (image.header["sform_code"] or image.header["qform_code"]):
         warnings.append(f"{place}: no orientation in its header; left and right may be swapped")
@@ -91,13 +106,13 @@ def read_itk(path: Path) -> Volume:
     place = path.name
     reader = sitk.ImageFileReader()
     reader.SetFileName(str(path))
-    try:
+    with guarded(place, "not a readable volume", "give NIfTI, NRRD, MHA or DICOM"):
         reader.ReadImageInformation()
+        voxels = math.prod(int(n) for n in reader.GetSize())
+        # a header that lies would have ITK fill the memory; .mhd and .nhdr keep their voxels elsewhere
+        if not place.lower().endswith((".mhd", ".nhdr")) and voxels > _DEFLATE_RATIO * path.stat().st_size:
+            raise InputError(place, "its header promises more voxels than it holds", "copy the file again")
         image = reader.Execute()
-    except RuntimeError as error:
-        raise InputError(
-            place, f"not a readable volume ({_reason(error)})", "give NIfTI, NRRD, MHA or DICOM"
-        ) from None
     if image.GetNumberOfComponentsPerPixel() > 1:
         raise InputError(
             place, "its voxels are not single numbers (colour or 4-D)", "give a grey or label volume"
@@ -108,10 +123,9 @@ def read_itk(path: Path) -> Volume:
     affine = np.eye(4)
     affine[:3, :3] = np.reshape(image.GetDirection(), (3, 3)) * image.GetSpacing()
     affine[:3, 3] = image.GetOrigin()
-    keys = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys()}
-    return Volume(
-        _spatial(data, place), check_affine(LPS_TO_RAS @ affine, place), place, _segment_names(keys)
-    )
+    with guarded(place, "its header is damaged", "export it again"):
+        names = _segment_names({key: image.GetMetaData(key) for key in image.GetMetaDataKeys()})
+    return Volume(_spatial(data, place), check_affine(LPS_TO_RAS @ affine, place), place, names)
 
 
 def _nifti_names(image: nib.spatialimages.SpatialImage) -> dict[int, str]:
@@ -148,9 +162,3 @@ def _segment_names(keys: dict[str, str]) -> dict[int, str]:
         if match := re.fullmatch(r"(Segment\d+)_LabelValue", key):
             names[int(value)] = keys.get(f"{match[1]}_Name", match[1])
     return names
-
-
-def _reason(error: Exception) -> str:
-    """Give the telling line of an error."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return (lines[-1] if lines else type(error).__name__)[:160]

@@ -57,6 +57,8 @@ def find_region(
     InputError
         The window holds no voxel.
     """
+    if image.min() == image.max():
+        raise InputError(place, f"all its grey values are {image.min():g}", "give another scan, or a mask")
     low, high = (float(threshold_otsu(image)), None) if window == "otsu" else window
     low, high = (-np.inf if low is None else low), (np.inf if high is None else high)
     labels, count = ndimage.label((image >= low) & (image <= high))

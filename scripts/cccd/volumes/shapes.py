@@ -1,6 +1,8 @@
 """Implicit shapes: organs as zero sets of smooth functions of world mm (RAS).
 
-A field maps points (..., 3) to values (...): negative inside, near the signed distance in mm by the surface.
+A field maps points (3, ...) to values (...): negative inside, near the signed distance in mm by the surface.
+Coordinates come first so that each is contiguous, and fields keep the points' precision: float32 is plenty
+for a scan, float64 puts the vertices of a true surface onto it.
 """
 
 from __future__ import annotations
@@ -29,64 +31,85 @@ __all__ = [
 
 Field = Callable[[np.ndarray], np.ndarray]
 
+#: Newton steps that put vertices onto a zero set, and the half-width of their central differences.
+_NEWTON_STEPS, _SHIFT_MM = 8, 1e-3
+_SHIFTS = np.eye(3)[:, :, None] * _SHIFT_MM
+
+#: Points evaluated at once, few enough for the processor's cache.
+_CHUNK = 1 << 15
+
+
+def _column(values: Sequence[float], like: np.ndarray) -> np.ndarray:
+    """Three numbers as a column that broadcasts against points (3, ...), in their precision."""
+    return np.asarray(values, like.dtype).reshape(3, *[1] * (like.ndim - 1))
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    x, y, z = vectors
+    return np.sqrt(x * x + y * y + z * z)
+
 
 def ellipsoid(centre: Sequence[float], radii: Sequence[float], turn: np.ndarray | None = None) -> Field:
     """Ellipsoid with its axes turned by the rotation matrix ``turn``; a sphere is exact.
 
     Distance by the first-order bound of Quilez: ``k0 (k0 - 1) / k1``.
     """
-    centre, radii = np.asarray(centre, float), np.asarray(radii, float)
 
     def field(points: np.ndarray) -> np.ndarray:
-        local = points - centre if turn is None else (points - centre) @ turn
-        scaled = local / radii
-        k0 = np.sqrt(np.einsum("...i,...i", scaled, scaled))
-        scaled /= radii
-        k1 = np.sqrt(np.einsum("...i,...i", scaled, scaled))
-        return np.where(k0 > 1e-6, k0 * (k0 - 1) / np.maximum(k1, 1e-12), -radii.min())
+        local = points - _column(centre, points)
+        if turn is not None:
+            local = np.tensordot(turn.T.astype(points.dtype), local, 1)
+        local /= _column(radii, points)
+        k0 = _length(local)
+        local /= _column(radii, points)
+        k1 = _length(local)
+        return np.where(k0 > 1e-6, k0 * (k0 - 1) / np.maximum(k1, 1e-12), -points.dtype.type(min(radii)))
 
     return field
 
 
 def capsule(start: Sequence[float], end: Sequence[float], radius: float) -> Field:
     """All points within ``radius`` of a line segment; exact."""
-    start, along = np.asarray(start, float), np.subtract(end, start).astype(float)
+    along = np.subtract(end, start).astype(float)
+    unit = along / (along @ along)
 
     def field(points: np.ndarray) -> np.ndarray:
-        local = points - start
-        share = np.clip(local @ along / (along @ along), 0, 1)
-        local = local - share[..., None] * along
-        return np.sqrt(np.einsum("...i,...i", local, local)) - radius
+        local = points - _column(start, points)
+        share = np.clip(np.tensordot(unit.astype(points.dtype), local, 1), 0, 1)
+        return _length(local - _column(along, points) * share) - points.dtype.type(radius)
 
     return field
 
 
 def torus(centre: Sequence[float], radius: float, tube: float, axis: int) -> Field:
     """Torus around a coordinate axis; exact."""
-    centre = np.asarray(centre, float)
-    others = [other for other in range(3) if other != axis]
+    first, second = (other for other in range(3) if other != axis)
 
     def field(points: np.ndarray) -> np.ndarray:
-        local = points - centre
-        ring = np.hypot(local[..., others[0]], local[..., others[1]]) - radius
-        return np.hypot(ring, local[..., axis]) - tube
+        local = points - _column(centre, points)
+        ring = np.hypot(local[first], local[second]) - points.dtype.type(radius)
+        return np.hypot(ring, local[axis]) - points.dtype.type(tube)
 
     return field
 
 
 def half_space(point: Sequence[float], normal: Sequence[float]) -> Field:
     """Everything behind a plane; ``normal`` points outwards."""
-    point, normal = np.asarray(point, float), np.asarray(normal, float)
-    normal = normal / np.linalg.norm(normal)
-    return lambda points: (points - point) @ normal
+    unit = np.asarray(normal, float) / np.linalg.norm(normal)
+
+    def field(points: np.ndarray) -> np.ndarray:
+        return np.tensordot(unit.astype(points.dtype), points - _column(point, points), 1)
+
+    return field
 
 
 def _smooth_minimum(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
     """Polynomial smooth minimum (Quilez): C1, and min(a, b) where they differ by more than ``radius``."""
+    least = np.minimum(a, b)
     if radius <= 0:
-        return np.minimum(a, b)
-    overlap = np.maximum(radius - np.abs(a - b), 0) / radius
-    return np.minimum(a, b) - overlap**2 * radius / 4
+        return least
+    overlap = np.maximum(a.dtype.type(radius) - np.abs(a - b), 0)
+    return least - overlap * overlap * a.dtype.type(0.25 / radius)
 
 
 def union(*fields: Field, radius: float = 0.0) -> Field:
@@ -136,14 +159,21 @@ def warped(field: Field, rng: np.random.Generator, amplitude: float, wavelength:
     pushes = rng.normal(size=(6, 3)) * amplitude / np.sqrt(3)
 
     def bent(points: np.ndarray) -> np.ndarray:
-        return field(points + np.sin(points @ waves.T + phases) @ pushes)
+        flat = points.reshape(3, -1)
+        sines = np.sin(waves.astype(flat.dtype) @ flat + phases.astype(flat.dtype)[:, None])
+        return field((flat + pushes.T.astype(flat.dtype) @ sines).reshape(points.shape))
 
     return bent
 
 
-def _lattice(origin: np.ndarray, step: np.ndarray, shape: Sequence[int]) -> np.ndarray:
-    axes = [start + size * np.arange(count) for start, size, count in zip(origin, step, shape, strict=True)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+def _evaluate(field: Field, origin: np.ndarray, step: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Field values (N,) float32 at lattice points ``index`` (3, N)."""
+    values = np.empty(index.shape[1], np.float32)
+    for start in range(0, len(values), _CHUNK):
+        part = index[:, start : start + _CHUNK].astype(np.float32)
+        points = part * step.astype(np.float32)[:, None] + origin.astype(np.float32)[:, None]
+        values[start : start + _CHUNK] = field(points)
+    return values
 
 
 def enlarge(values: np.ndarray, factor: Sequence[int], shape: Sequence[int]) -> np.ndarray:
@@ -187,13 +217,12 @@ def sample_field(
     """
     origin, step, shape = np.asarray(origin, float), np.asarray(step, float), np.asarray(shape)
     factor = np.maximum(np.floor(coarse / np.abs(step)), 1).astype(int)
-    rough = _lattice(origin, step * factor, -(-(shape - 1) // factor) + 1)
-    if not exact:
-        return enlarge(field(rough.astype(np.float32)).astype(np.float32), factor, shape)
-    values = enlarge(field(rough).astype(np.float32), factor, shape)
-    if (factor > 1).any():
-        near = np.argwhere(np.abs(values) < 0.8 * coarse)
-        values[tuple(near.T)] = field(origin + step * near)
+    rough_shape = tuple(-(-(shape - 1) // factor) + 1)
+    rough = _evaluate(field, origin, step * factor, np.indices(rough_shape).reshape(3, -1))
+    values = enlarge(rough.reshape(rough_shape), factor, shape)
+    if exact and (factor > 1).any():
+        near = np.nonzero(np.abs(values) < 0.8 * coarse)
+        values[near] = _evaluate(field, origin, step, np.stack(near))
     return values
 
 
@@ -221,13 +250,19 @@ def mesh_field(field: Field, low: np.ndarray, high: np.ndarray, step: float) -> 
     values = sample_field(field, low, np.full(3, step), shape, coarse=2 * step)
     vertices, faces, _, _ = marching_cubes(values, 0.0, spacing=(step,) * 3, gradient_direction="descent")
     vertices = vertices.astype(float) + low
-    offsets = np.eye(3) * 1e-3
-    for _ in range(8):
-        value = field(vertices)
-        if np.abs(value).max() < PROJECTION_MM:
+    loose = np.arange(len(vertices))
+    for _ in range(_NEWTON_STEPS):
+        points = vertices[loose].T
+        value = field(points)
+        far = np.abs(value) > PROJECTION_MM
+        if not far.any():
             break
-        slope = np.stack([field(vertices + o) - field(vertices - o) for o in offsets], -1) / 2e-3
-        move = (value / np.maximum(np.einsum("ij,ij->i", slope, slope), 0.1))[:, None] * slope
-        length = np.linalg.norm(move, axis=1, keepdims=True)
-        vertices -= move * np.minimum(1, 0.3 * step / np.maximum(length, 1e-12))
+        loose, points, value = loose[far], points[:, far], value[far]
+        slope = np.stack([field(points + shift) - field(points - shift) for shift in _SHIFTS]) / (
+            2 * _SHIFT_MM
+        )
+        move = slope * (value / np.maximum((slope**2).sum(axis=0), 0.1))
+        # a vertex that strays farther than a part of its cube would fold the mesh
+        move *= np.minimum(1, 0.3 * step / np.maximum(_length(move), 1e-12))
+        vertices[loose] -= move.T
     return vertices, faces.astype(np.int64)

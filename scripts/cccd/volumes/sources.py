@@ -100,10 +100,11 @@ def _hold_checksum(file: Path, digest: str, place: str) -> None:
         return
 
 
-def complete_row(row: Mapping[str, str], folder: Path) -> dict[str, str]:
+def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], tuple[int, ...]]:
     """Fill in what the layout of a named cohort's download implies: mask and label.
 
-    What the sheet gives stays. LiTS17: ``segmentation-N.nii`` beside ``volume-N.nii``, 1 liver, 2 tumour
+    Gives the row and the implied label values, of which a scan need not hold all. What the sheet gives stays.
+    LiTS17: ``segmentation-N.nii`` beside ``volume-N.nii``, 1 liver, 2 tumour
     (which is part of the liver). UPENN-GBM: ``images_segm/ID_segm.nii.gz`` beside ``images_structural/ID/``,
     labels 1, 2, 4; the brain is what skull stripping left.
 
@@ -112,7 +113,7 @@ def complete_row(row: Mapping[str, str], folder: Path) -> dict[str, str]:
     InputError
         A name that does not follow the layout, or an organ that the cohort does not have.
     """
-    row = dict(row)
+    row, labels = dict(row), ()
     path, organ = folder / row["image"], row["organ"].lower()
     if row["source"] == "lits17" and not row["mask"]:
         match = re.fullmatch(r"volume-(\d+)(\.nii(?:\.gz)?)", path.name)
@@ -120,12 +121,12 @@ def complete_row(row: Mapping[str, str], folder: Path) -> dict[str, str]:
             raise InputError(row["place"], f"{path.name} is no LiTS17 volume", "give volume-N.nii")
         row["mask"] = str(Path(row["image"]).with_name(f"segmentation-{match[1]}{match[2]}"))
     if row["source"] == "lits17" and not row["label"]:
-        labels = {"liver": "1,2", **dict.fromkeys(_TUMOUR, "2")}
-        if organ not in labels:
+        implied = {"liver": (1, 2), **dict.fromkeys(_TUMOUR, (2,))}
+        if organ not in implied:
             raise InputError(
                 row["place"], f"LiTS17 has no organ {row['organ']!r}", choices(["liver", "tumour"])
             )
-        row["label"] = labels[organ]
+        labels = implied[organ]
     if row["source"] == "upenn_gbm" and not row["mask"] and organ != "brain":
         match = re.match(r"(UPENN-GBM-\d+_\d+)_", path.name)
         if organ not in _TUMOUR:
@@ -142,8 +143,8 @@ def complete_row(row: Mapping[str, str], folder: Path) -> dict[str, str]:
             top / "automated_segm" / f"{match[1]}_automated_approx_segm.nii.gz",
         ]
         row["mask"] = str(next((file for file in candidates if (folder / file).exists()), candidates[0]))
-        row["label"] = row["label"] or "1,2,4"
-    return row
+        labels = () if row["label"] else (1, 2, 4)
+    return row, labels
 
 
 def brain_of_stripped(image: Volume) -> Volume:

@@ -1,0 +1,508 @@
+"""Whatever is wrong with a scan, the user gets one line that names the row, the problem and the cure."""
+
+import gzip
+import shutil
+
+import numpy as np
+import pydicom
+import pytest
+from hypothesis import HealthCheck, given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+from scans import (
+    affine_of,
+    dicom_affine,
+    grey,
+    organ,
+    outlines,
+    row,
+    settings,
+    write_itk,
+    write_nifti,
+    write_seg,
+    write_series,
+    write_structure_set,
+)
+from scipy.spatial.transform import Rotation
+
+from cccd.errors import InputError
+from cccd.volumes import load_structure
+
+MASK = organ().astype(np.uint8)
+
+
+def circle(z, radius=10.0, centre=(0.0, 0.0)):
+    angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    x, y = centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles)
+    return np.column_stack([x, y, np.full(40, float(z))])
+
+
+def refused(folder, *parts, columns=None, **changes):
+    with pytest.raises(InputError) as caught:
+        load_structure(row(**(columns or {"mask": "mask.nii"})), folder, settings(**changes))
+    message = str(caught.value)
+    assert message.startswith("cohort.tsv row 2: ")
+    assert "\n" not in message
+    assert "; " in message
+    for part in parts:
+        assert part in message
+    return message
+
+
+# volumes --------------------------------------------------------------------------------------------
+
+
+def nothing_there(folder):
+    write_nifti(folder / "msak.nii", MASK, affine_of())
+
+
+def no_folder(folder):
+    folder.rmdir()
+
+
+def truncated_gz(folder):
+    write_nifti(folder / "full.nii.gz", MASK, affine_of())
+    content = (folder / "full.nii.gz").read_bytes()
+    (folder / "mask.nii.gz").write_bytes(content[: len(content) // 2])
+
+
+def truncated(folder):
+    write_nifti(folder / "full.nii", MASK, affine_of())
+    (folder / "mask.nii").write_bytes((folder / "full.nii").read_bytes()[:5000])
+
+
+def text_called_nii(folder):
+    (folder / "mask.nii").write_text("this is not a scan")
+
+
+def text_called_gz(folder):
+    (folder / "mask.nii.gz").write_text("this is not a scan")
+
+
+def empty_file(folder):
+    (folder / "mask.nii").write_bytes(b"")
+
+
+def not_an_image(folder):
+    (folder / "mask.nrrd").write_text("NRRD0004\ntype: banana\n")
+
+
+def a_picture(folder):
+    import matplotlib.image
+
+    matplotlib.image.imsave(folder / "mask.png", np.random.default_rng(0).random((9, 9, 3)))
+
+
+def a_spreadsheet(folder):
+    (folder / "mask.xlsx").write_bytes(b"PK\x03\x04 not a scan")
+
+
+def four_dimensions(folder):
+    write_nifti(folder / "mask.nii", np.stack([MASK, MASK], axis=-1), affine_of())
+
+
+def two_dimensions(folder):
+    write_nifti(folder / "mask.nii", MASK[:, :, 5], affine_of())
+
+
+def colours(folder):
+    pixels = np.zeros(MASK.shape, [("R", "u1"), ("G", "u1"), ("B", "u1")])
+    write_nifti(folder / "mask.nii", pixels, affine_of())
+
+
+def zero_spacing(folder):
+    write_nifti(folder / "mask.nii", MASK, affine_of())
+    header = bytearray((folder / "mask.nii").read_bytes())
+    for line in range(3):  # third column of the sform
+        header[280 + 16 * line + 8 : 280 + 16 * line + 12] = bytes(4)
+    (folder / "mask.nii").write_bytes(bytes(header))
+
+
+def not_a_number_in_the_affine(folder):
+    affine = affine_of()
+    affine[0, 3] = np.nan
+    write_nifti(folder / "mask.nii", MASK, affine)
+
+
+def sheared(folder):
+    affine = affine_of()
+    affine[0, 2] += 1.0
+    write_nifti(folder / "mask.nii", MASK, affine)
+
+
+def empty_mask(folder):
+    write_nifti(folder / "mask.nii", MASK * 0, affine_of())
+
+
+def not_a_number_in_the_mask(folder):
+    values = MASK.astype(np.float32)
+    values[3, 3, 3] = np.nan
+    write_nifti(folder / "mask.nii", values, affine_of())
+
+
+def a_scan_as_mask(folder):
+    write_nifti(folder / "mask.nii", grey(MASK > 0).astype(np.float32) + np.float32(0.25), affine_of())
+
+
+def negative_only(folder):
+    write_nifti(folder / "mask.nii", -MASK.astype(np.int16), affine_of())
+
+
+def one_slice(folder):
+    part = MASK.copy()
+    part[:, :, :6], part[:, :, 7:] = 0, 0
+    write_nifti(folder / "mask.nii", part, affine_of())
+
+
+def two_slices(folder):
+    part = MASK.copy()
+    part[:, :, :6], part[:, :, 8:] = 0, 0
+    write_nifti(folder / "mask.nii", part, affine_of())
+
+
+def a_folder_without_masks(folder):
+    (folder / "mask").mkdir()
+    (folder / "mask" / "readme.txt").write_text("nothing")
+
+
+VOLUMES = {
+    nothing_there: ("mask.nii", ["there is no mask.nii", "did you mean 'msak.nii'?"]),
+    no_folder: ("mask.nii", ["nor its folder"]),
+    truncated_gz: ("mask.nii.gz", ["damaged or truncated"]),
+    truncated: ("mask.nii", ["mask.nii: "]),
+    text_called_nii: ("mask.nii", ["not a readable NIfTI"]),
+    text_called_gz: ("mask.nii.gz", ["mask.nii.gz: "]),
+    empty_file: ("mask.nii", ["mask.nii: "]),
+    not_an_image: ("mask.nrrd", ["not a readable volume"]),
+    a_picture: ("mask.png", ["colour"]),
+    a_spreadsheet: ("mask.xlsx", ["not a readable volume"]),
+    four_dimensions: ("mask.nii", ["not a 3-D volume (44 x 38 x 14 x 2)"]),
+    two_dimensions: ("mask.nii", ["not a 3-D volume (44 x 38)"]),
+    colours: ("mask.nii", ["colour"]),
+    zero_spacing: ("mask.nii", ["no extent (1.5 x 1.2 x 0 mm)"]),
+    not_a_number_in_the_affine: ("mask.nii", ["affine is not finite"]),
+    sheared: ("mask.nii", ["not at right angles"]),
+    empty_mask: ("mask.nii", ["the mask is empty"]),
+    not_a_number_in_the_mask: ("mask.nii", ["not finite"]),
+    a_scan_as_mask: ("mask.nii", ["neither labels nor probabilities"]),
+    negative_only: ("mask.nii", ["the mask is empty"]),
+    one_slice: ("mask.nii", ["organ lies in 1 slice along axis 2"]),
+    two_slices: ("mask.nii", ["organ lies in 2 slices along axis 2"]),
+    a_folder_without_masks: ("mask", ["no masks in this folder"]),
+}
+
+
+@pytest.mark.parametrize("make", VOLUMES, ids=lambda make: make.__name__)
+def test_bad_mask(tmp_path, make):
+    name, parts = VOLUMES[make]
+    folder = tmp_path / "scans"
+    folder.mkdir()
+    make(folder)
+    refused(folder, *parts, columns={"mask": name})
+
+
+def test_absent_label_lists_those_present(tmp_path):
+    write_nifti(tmp_path / "mask.nii", MASK * 5 + (np.arange(14) == 6) * MASK, affine_of())
+    refused(tmp_path, "no label '7'", "choose one of 5, 6", columns={"mask": "mask.nii", "label": "7"})
+    refused(tmp_path, "no label '7'", columns={"mask": "mask.nii", "label": "5,7"})
+    refused(tmp_path, "no label 'liver'", columns={"mask": "mask.nii", "label": "liver"})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"shape": (40, 38, 14)},
+        {"spacing": (1.5, 1.2, 4.2)},
+        {"origin": (-30.5, 12.0, 7.0)},
+        {"turn": (3, 0, 0)},
+    ],
+)
+def test_different_grids(tmp_path, change):
+    shape = change.pop("shape", MASK.shape)
+    write_nifti(tmp_path / "mask.nii", MASK, affine_of())
+    write_nifti(tmp_path / "image.nii", np.zeros(shape, np.int16), affine_of(**change))
+    both = {"mask": "mask.nii", "image": "image.nii"}
+    refused(tmp_path, "image.nii: its grid", "mask.nii", "resample: true", columns=both)
+    load_structure(row(**both), tmp_path, settings(resample=True))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_image_that_is_not_finite(tmp_path, value):
+    write_nifti(tmp_path / "mask.nii", MASK, affine_of())
+    image = grey(MASK > 0).astype(np.float32)
+    image[20, 20, 5] = value
+    write_nifti(tmp_path / "image.nii", image, affine_of())
+    refused(tmp_path, "image.nii: 1 of its voxels", columns={"mask": "mask.nii", "image": "image.nii"})
+
+
+def test_boundary_that_is_no_boundary(tmp_path):
+    write_nifti(tmp_path / "edges.nii", MASK * 0, affine_of())
+    refused(tmp_path, "boundary maps are empty", columns={"boundary": "edges.nii"})
+    write_nifti(tmp_path / "edges.nii", grey(MASK > 0), affine_of())
+    refused(tmp_path, "different values", columns={"boundary": "edges.nii"})
+
+
+def test_scan_of_one_grey_value(tmp_path):
+    write_nifti(tmp_path / "image.nii", np.zeros(MASK.shape, np.int16), affine_of())
+    refused(tmp_path, "image.nii", columns={"image": "image.nii"})
+
+
+# DICOM ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def hospital(tmp_path_factory):
+    """A series, its SEG and its RTSTRUCT."""
+    folder = tmp_path_factory.mktemp("hospital")
+    series = write_series(folder / "dicom", grey(MASK > 0), dicom_affine())
+    write_seg(folder / "seg.dcm", {"organ": MASK > 0}, series, ["organ"])
+    write_structure_set(folder / "rt.dcm", {"organ": outlines(MASK > 0, dicom_affine())})
+    write_nifti(folder / "mask.nii", MASK, dicom_affine())
+    return folder
+
+
+@pytest.fixture
+def ward(hospital, tmp_path):
+    return shutil.copytree(hospital, tmp_path / "ward")
+
+
+IMAGE = {"image": "dicom", "mask": "mask.nii"}
+
+
+def test_missing_slices(ward):
+    for name in ("035.dcm", "042.dcm"):
+        (ward / "dicom" / name).unlink()
+    refused(ward, "2 slices are missing (a gap of 12 mm", "fill_gaps: true", columns=IMAGE)
+
+
+def test_uneven_slices(tmp_path):
+    heights = np.arange(14.0)
+    heights[5] += 0.3
+    write_series(tmp_path / "dicom", grey(MASK > 0), dicom_affine(), heights=heights)
+    write_nifti(tmp_path / "mask.nii", MASK, dicom_affine())
+    refused(tmp_path, "unevenly spaced", columns=IMAGE)
+
+
+def test_two_time_points(ward):
+    for path in sorted((ward / "dicom").iterdir()):
+        dataset = pydicom.dcmread(path)
+        dataset.SOPInstanceUID += ".1"
+        dataset.save_as(path.with_name(f"again{path.name}"))
+    refused(ward, "several images lie at the position", columns=IMAGE)
+
+
+def test_two_series_in_a_folder(ward):
+    write_series(ward / "dicom" / "b", grey(MASK > 0), dicom_affine(), uid="second")
+    refused(ward, "2 DICOM series", "second", columns=IMAGE)
+
+
+def test_mixed_geometry(ward):
+    path = sorted((ward / "dicom").iterdir())[3]
+    dataset = pydicom.dcmread(path)
+    dataset.PixelSpacing = ["1.0", "1.0"]
+    dataset.save_as(path)
+    refused(ward, "differs", "PixelSpacing", columns=IMAGE)
+
+
+def test_no_position(ward):
+    path = sorted((ward / "dicom").iterdir())[3]
+    dataset = pydicom.dcmread(path)
+    del dataset.ImagePositionPatient
+    dataset.save_as(path)
+    refused(ward, "no ImagePositionPatient", columns=IMAGE)
+
+
+def test_tilted_gantry(tmp_path):
+    affine = dicom_affine()
+    affine[1, 2] += 1.5
+    write_series(tmp_path / "dicom", grey(MASK > 0), affine)
+    write_nifti(tmp_path / "mask.nii", MASK, dicom_affine())
+    refused(tmp_path, "right angles", columns=IMAGE)
+
+
+def test_truncated_slice(ward):
+    path = sorted((ward / "dicom").iterdir())[3]
+    path.write_bytes(path.read_bytes()[:-500])
+    refused(ward, path.name, "cannot be decoded", columns=IMAGE)
+
+
+def test_folder_without_dicom(ward):
+    shutil.rmtree(ward / "dicom")
+    (ward / "dicom").mkdir()
+    (ward / "dicom" / "notes.txt").write_text("no scan")
+    refused(ward, "no DICOM images in this folder", columns=IMAGE)
+
+
+def test_ct_slice_as_mask(ward):
+    refused(ward, "DICOM CT, not a mask", columns={"image": "dicom", "mask": "dicom/007.dcm"})
+
+
+def test_seg_of_slices_that_are_not_there(ward):
+    for name in ("049.dcm", "056.dcm", "063.dcm", "070.dcm", "077.dcm", "084.dcm", "091.dcm"):
+        (ward / "dicom" / name).unlink()
+    refused(
+        ward,
+        "seg.dcm: it refers to",
+        "that dicom does not have",
+        columns={"image": "dicom", "mask": "seg.dcm"},
+    )
+
+
+def test_seg_without_that_segment(ward):
+    refused(ward, "no segment 'liver'", "1 (organ)", columns={"mask": "seg.dcm", "label": "liver"})
+
+
+def test_truncated_seg_and_rtstruct(ward):
+    for name in ("seg.dcm", "rt.dcm"):
+        content = (ward / name).read_bytes()
+        (ward / name).write_bytes(content[: len(content) // 3])
+        refused(ward, name, columns={"mask": name, "image": "dicom"})
+
+
+def test_rtstruct_without_that_roi(ward):
+    refused(ward, "no ROI 'liver'", "1 (organ)", columns={"mask": "rt.dcm", "label": "liver"})
+
+
+def drawn(folder, contours, *parts, kind="CLOSED_PLANAR", **columns):
+    write_structure_set(folder / "rt.dcm", {"organ": contours}, kind=kind)
+    refused(folder, "rt.dcm: ", *parts, columns={"mask": "rt.dcm", **columns})
+
+
+def test_open_contours(tmp_path):
+    drawn(tmp_path, [circle(z) for z in range(5)], "open contour", kind="OPEN_PLANAR")
+
+
+def test_self_crossing_contour(tmp_path):
+    eight = np.array([(0, 0), (10, 10), (10, 0), (0, 10)], float)
+    contours = [circle(z) for z in range(5)] + [np.column_stack([eight, np.full(4, 5.0)])]
+    drawn(tmp_path, contours, "crosses itself")
+
+
+def test_contours_crossing_each_other(tmp_path):
+    contours = [circle(z) for z in range(5)] + [circle(3, centre=(12.0, 0.0))]
+    drawn(tmp_path, contours, "cross each other")
+
+
+def test_contours_in_one_plane(tmp_path):
+    drawn(tmp_path, [circle(3), circle(3, centre=(50, 0))], "lie in one plane")
+
+
+def test_unevenly_spaced_contours(tmp_path):
+    drawn(tmp_path, [circle(z) for z in (0, 1, 2, 3.4, 4.4)], "unevenly spaced planes")
+
+
+def test_contours_in_many_directions(tmp_path):
+    drawn(tmp_path, [circle(0), circle(2), circle(4)[:, [2, 0, 1]]], "parallel planes")
+
+
+def test_contours_across_the_slices(ward):
+    tilt = Rotation.from_euler("x", 20, degrees=True).as_matrix()
+    contours = [circle(z) @ tilt.T for z in range(5)]
+    drawn(ward, contours, "not parallel to the image's slices", image="dicom")
+
+
+def test_contours_without_area(tmp_path):
+    drawn(tmp_path, [circle(z)[:2] for z in range(5)], "encloses an area")
+
+
+def test_points_only(tmp_path):
+    drawn(tmp_path, [circle(z)[:1] for z in range(5)], "points only", kind="POINT")
+
+
+def test_roi_without_contours(tmp_path):
+    write_structure_set(tmp_path / "rt.dcm", {"organ": [], "body": [circle(1)]})
+    columns = {"mask": "rt.dcm", "label": "organ"}
+    refused(tmp_path, "'organ' has no contours", "choose one of body", columns=columns)
+
+
+def test_contours_that_are_not_finite(tmp_path):
+    contours = [circle(z) for z in range(5)]
+    contours[2][3] = np.nan
+    drawn(tmp_path, contours, "not finite")
+
+
+def test_rtstruct_beside_boundary(ward):
+    write_nifti(ward / "edges.nii", MASK, dicom_affine())
+    refused(ward, "boundary", columns={"mask": "rt.dcm", "boundary": "edges.nii"})
+
+
+# anything -------------------------------------------------------------------------------------------
+
+
+def loads_or_refuses(folder, columns):
+    """Either a structure or one line; any other error fails the test."""
+    try:
+        structure = load_structure(row(**columns), folder, settings())
+    except InputError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+        assert str(error).startswith("cohort.tsv row 2: ")  # noqa: PT017
+    else:
+        assert structure.mask.any()
+
+
+# a broken file may make pydicom and nibabel warn before they give up
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+once = hypothesis_settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
+
+
+@pytest.mark.parametrize("suffix", ["nii", "nii.gz", "nrrd", "mha"])
+@once
+@given(data=st.data())
+def test_damaged_bytes(tmp_path_factory, suffix, data):
+    """Bytes changed, cut or added anywhere in a file."""
+    folder = tmp_path_factory.getbasetemp()
+    path = folder / f"mask.{suffix}"
+    small = MASK[10:24, 10:24, 3:9]
+    write = write_nifti if suffix.startswith("nii") else write_itk
+    write(path, np.ascontiguousarray(small), affine_of())
+    content = bytearray(gzip.decompress(path.read_bytes()) if suffix == "nii.gz" else path.read_bytes())
+    header = min(len(content), 352)
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(0, header - 1))] = data.draw(st.integers(0, 255))
+    content = content[: data.draw(st.integers(0, len(content)) | st.just(len(content)))]
+    path.write_bytes(gzip.compress(bytes(content)) if suffix == "nii.gz" else bytes(content))
+    loads_or_refuses(folder, {"mask": path.name})
+
+
+@once
+@given(st.binary(max_size=600), st.sampled_from(["nii", "nii.gz", "nrrd", "mha", "dcm", "png", "xyz"]))
+def test_any_bytes(tmp_path_factory, content, suffix):
+    folder = tmp_path_factory.getbasetemp()
+    (folder / f"any.{suffix}").write_bytes(content)
+    loads_or_refuses(folder, {"mask": f"any.{suffix}"})
+
+
+@once
+@given(st.integers(132, 3000), st.integers(0, 255), st.sampled_from(["seg.dcm", "rt.dcm", "dicom/049.dcm"]))
+def test_damaged_dicom(hospital, tmp_path_factory, where, value, name):
+    folder = tmp_path_factory.getbasetemp() / "damaged"
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(hospital, folder)
+    content = bytearray((folder / name).read_bytes())
+    content[where % len(content)] = value
+    (folder / name).write_bytes(bytes(content))
+    mask = name if "/" not in name else "mask.nii"
+    try:
+        load_structure(row(image="dicom", mask=mask), folder, settings())
+    except InputError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+
+
+@once
+@given(
+    st.lists(st.lists(st.tuples(*[st.floats(-20, 20)] * 2), min_size=1, max_size=7), min_size=1, max_size=5)
+)
+def test_any_contours_give_simple_curves_or_a_line(tmp_path_factory, shapes):
+    import shapely
+
+    folder = tmp_path_factory.getbasetemp()
+    contours = [circle(z) for z in range(5)]
+    contours += [np.column_stack([np.add(s, (40, 0)), np.full(len(s), 2.0)]) for s in shapes]
+    write_structure_set(folder / "any.dcm", {"organ": contours})
+    try:
+        curves = load_structure(row(mask="any.dcm"), folder, settings()).contours
+    except InputError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+    else:
+        assert all(shapely.LinearRing(points).is_simple for points in curves)

@@ -1,0 +1,150 @@
+import functools
+
+import numpy as np
+import pytest
+import trimesh
+from scans import row, settings
+
+from cccd.errors import InputError
+from cccd.tolerances import PROJECTION_MM
+from cccd.volumes import load_structure
+from cccd.volumes.export import voxelise
+from cccd.volumes.phantoms import ORGANS
+from cccd.volumes.shapes import (
+    capsule,
+    ellipsoid,
+    half_space,
+    intersection,
+    mesh_field,
+    sample_field,
+    subtraction,
+    torus,
+    union,
+)
+
+COARSE = {"spacing_mm": [2.0, 2.0, 6.0], "blur_mm": 0.7, "noise_hu": 12.0}
+
+
+@functools.cache
+def cached(organ):
+    return phantom(organ)
+
+
+def phantom(organ, case="a", seed=1, **scanner):
+    return load_structure(
+        row(source="phantom", case=case, organ=organ), ".", settings(seed=seed, phantom={**COARSE, **scanner})
+    )
+
+
+@pytest.mark.parametrize("organ", ORGANS)
+def test_mask_image_and_truth_agree(organ):
+    structure = cached(organ)
+    vertices, faces = structure.truth
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    voxels = structure.mask.sum() * abs(np.linalg.det(structure.frame.affine[:3, :3]))
+    assert mesh.body_count == {"lungs": 2, "two_spheres": 2, "shell": 2}.get(organ, 1)
+    assert mesh.euler_number == (0 if organ == "torus" else 2 * mesh.body_count)
+    assert voxels == pytest.approx(mesh.volume, rel=0.02)
+    # the mask is the voxels whose centres are inside
+    affine = structure.frame.affine
+    filled = voxelise(vertices - affine[:3, :3] @ structure.origin, faces, affine, structure.mask.shape)
+    assert np.count_nonzero(filled ^ structure.mask) <= 0.005 * filled.sum()
+    # a margin on all sides
+    assert not structure.mask[[0, -1]].any()
+    assert not structure.mask[:, :, [0, -1]].any()
+    assert np.isfinite(structure.image).all()
+
+
+def test_grey_values_are_hounsfield():
+    liver, lungs = cached("liver"), cached("lungs")
+    assert np.median(liver.image[liver.mask]) == pytest.approx(105, abs=15)
+    assert np.median(lungs.image[lungs.mask]) == pytest.approx(-850, abs=25)
+    assert liver.image.min() >= -1100
+    assert liver.image.max() <= 600
+
+
+def test_shapes_stand_for_what_they_are():
+    """Lungs are two bodies that split and merge along z; the torus goes from one contour to two; shell."""
+    from scipy import ndimage
+
+    def counts(structure):
+        return [ndimage.label(part, np.ones((3, 3)))[1] for part in structure.stack("mask") if part.any()]
+
+    lungs = counts(cached("lungs"))
+    assert max(lungs) >= 3
+    assert (np.diff(lungs) > 0).any()
+    assert (np.diff(lungs) < 0).any()
+    ring = counts(phantom("torus", spacing_mm=[1.0, 1.0, 3.0]))
+    assert ring[0] == 1
+    assert 2 in ring
+    assert ring[-1] == 1
+
+
+def test_seed_and_case_decide():
+    first, again = phantom("kidney"), phantom("kidney")
+    np.testing.assert_array_equal(first.image, again.image)
+    np.testing.assert_array_equal(first.truth[0], again.truth[0])
+    for other in (phantom("kidney", case="b"), phantom("kidney", seed=2)):
+        assert other.truth[0].shape != first.truth[0].shape or (other.truth[0] != first.truth[0]).any()
+
+
+def test_noise_and_spacing_are_as_asked():
+    quiet = phantom("sphere", noise_hu=0.0, blur_mm=0.0)
+    loud = phantom("sphere", noise_hu=40.0, blur_mm=0.0)
+    assert (loud.image - quiet.image).std() == pytest.approx(40, rel=0.05)
+    np.testing.assert_allclose(quiet.frame.spacing, (2, 2, 6))
+    # partial volume: between fat and organ there are values in between
+    edge = (quiet.image > -60) & (quiet.image < 30)
+    assert 0.01 < edge.mean() < 0.2
+
+
+def test_unknown_organ():
+    with pytest.raises(InputError, match="did you mean 'liver'"):
+        phantom("livr")
+
+
+POINTS = np.random.default_rng(3).uniform(-30, 30, (3, 2000))
+
+
+def test_exact_distances():
+    x, y, z = POINTS
+    np.testing.assert_allclose(
+        ellipsoid((1, 2, 3), (9, 9, 9))(POINTS), np.sqrt((x - 1) ** 2 + (y - 2) ** 2 + (z - 3) ** 2) - 9
+    )
+    bar = capsule((-10, 0, 0), (10, 0, 0), 3)(POINTS)
+    np.testing.assert_allclose(bar, np.sqrt((x - np.clip(x, -10, 10)) ** 2 + y**2 + z**2) - 3)
+    ring = torus((0, 0, 0), 12, 4, axis=2)(POINTS)
+    np.testing.assert_allclose(ring, np.hypot(np.hypot(x, y) - 12, z) - 4)
+    np.testing.assert_allclose(half_space((0, 0, 4), (0, 0, 2))(POINTS), z - 4)
+
+
+def test_boolean_operations_agree_with_logic():
+    a, b = ellipsoid((-6, 0, 0), (14, 10, 12)), ellipsoid((6, 2, 0), (9, 15, 8))
+    inside_a, inside_b = a(POINTS) < 0, b(POINTS) < 0
+    np.testing.assert_array_equal(union(a, b)(POINTS) < 0, inside_a | inside_b)
+    np.testing.assert_array_equal(intersection(a, b)(POINTS) < 0, inside_a & inside_b)
+    np.testing.assert_array_equal(subtraction(a, b)(POINTS) < 0, inside_a & ~inside_b)
+    # rounding a union only ever adds
+    assert (union(a, b, radius=6)(POINTS) <= union(a, b)(POINTS)).all()
+
+
+def test_sampling_is_exact_at_the_surface():
+    field = union(ellipsoid((0, 0, 0), (12, 9, 15)), ellipsoid((15, 0, 0), (8, 8, 8)), radius=5)
+    origin, step, shape = np.full(3, -25.0), np.array((0.7, 0.7, 1.1)), (70, 70, 50)
+    values = sample_field(field, origin, step, shape)
+    exact = field(origin.reshape(3, 1, 1, 1) + step.reshape(3, 1, 1, 1) * np.indices(shape))
+    clear = np.abs(exact) > 1e-4
+    np.testing.assert_array_equal((values < 0)[clear], (exact < 0)[clear])
+    near = np.abs(exact) < 0.5
+    np.testing.assert_allclose(values[near], exact[near], atol=1e-4)
+
+
+def test_mesh_lies_on_the_zero_set():
+    field = ellipsoid((1, -2, 3), (15, 15, 15))
+    vertices, faces = mesh_field(field, np.full(3, -20.0), np.full(3, 22.0), 2.0)
+    assert np.abs(field(vertices.T)).max() < PROJECTION_MM
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(4 / 3 * np.pi * 15**3, rel=0.01)

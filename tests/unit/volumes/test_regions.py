@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from scans import affine_of, chest, full, grey, organ, row, settings, write_nifti
+
+from cccd.errors import InputError
+from cccd.volumes import load_structure
+from cccd.volumes.regions import draw_region, find_region
+
+REGION = {"window": "otsu", "components": 1, "drop_border": False, "fill_holes": False}
+
+
+def load(folder, **region):
+    return load_structure(row(image="image.nii"), folder, settings(region={**REGION, **region}))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write_nifti(tmp_path / "image.nii", grey(organ()), affine_of())
+    return tmp_path
+
+
+def test_otsu_finds_the_organ(folder):
+    np.testing.assert_array_equal(full(load(folder, components=2)), organ())
+
+
+def test_largest_component_only(folder):
+    mask = organ()
+    mask[32:] = False
+    structure = load(folder)
+    np.testing.assert_array_equal(full(structure), mask)
+    low, high = structure.provenance["region"]["window"]
+    assert -50 < low < 100
+    assert high is None
+
+
+@pytest.mark.parametrize("window", [[20, None], [20, 200], [20.0, 1e6]])
+def test_window(folder, window):
+    np.testing.assert_array_equal(full(load(folder, components=2, window=window)), organ())
+
+
+def test_lungs_in_a_chest():
+    """Air around the patient is left out; lungs that are cut by the last slice stay; vessels are filled."""
+    image, lungs = chest()
+    image[:, :, :6][lungs[:, :, :6]] = 40
+    lungs[:, :, :6] = False
+    image[18:20, 24:26, 10:13] = 60
+    found, _ = find_region(
+        image, "x", window=(None, -400), components=2, drop_border=True, fill_holes=True, slice_axis=2
+    )
+    np.testing.assert_array_equal(found, lungs)
+
+
+def test_empty_window(folder):
+    with pytest.raises(InputError, match=r"cohort.tsv row 2: image.nii: no region between 5000 and inf"):
+        load(folder, window=[5000, None])
+
+
+def test_picture(folder, tmp_path):
+    draw_region(load(folder), tmp_path / "region.png")
+    picture = imread(tmp_path / "region.png")
+    red = (picture[..., 0] > 0.7) & (picture[..., 1] < 0.4) & (picture[..., 2] < 0.4)
+    assert red.sum() > 500  # the outline

@@ -1,0 +1,191 @@
+"""Packaged scans, and cohorts in the layout of their download."""
+
+import json
+
+import numpy as np
+import pytest
+import pyvista
+import yaml
+from scans import (
+    ROOT,
+    affine_of,
+    chest,
+    dicom_affine,
+    full,
+    grey,
+    organ,
+    row,
+    settings,
+    write_nifti,
+    write_series,
+)
+from scipy import ndimage
+
+from cccd.cohort import read_cohort
+from cccd.errors import InputError
+from cccd.settings import validate_config
+from cccd.volumes import load_structure
+
+
+def test_mni152_brain():
+    structure = load_structure(row(source="mni152", organ="brain"), ".", settings())
+    counts = structure.stack("mask").any(axis=(1, 2)).sum()
+    assert counts == 155
+    volume = structure.mask.sum() / 1000
+    assert 1500 < volume < 2100
+    assert structure.provenance["nilearn"]
+    with pytest.raises(InputError, match="no organ 'liver'"):
+        load_structure(row(source="mni152", organ="liver"), ".", settings())
+
+
+def lits(folder):
+    labels = organ().astype(np.uint8)
+    labels[12:20, 10:16, 4:9] *= 2
+    write_nifti(folder / "volume-3.nii", grey(labels > 0), affine_of())
+    write_nifti(folder / "segmentation-3.nii", labels, affine_of())
+    return labels
+
+
+def test_lits17(tmp_path):
+    labels = lits(tmp_path)
+    for name, wanted in (("liver", labels > 0), ("tumour", labels == 2)):
+        structure = load_structure(
+            row(source="lits17", organ=name, image="volume-3.nii"), tmp_path, settings()
+        )
+        np.testing.assert_array_equal(full(structure), wanted)
+        assert set(structure.provenance["files"]) == {"volume-3.nii", "segmentation-3.nii"}
+    with pytest.raises(InputError, match="LiTS17 has no organ 'spleen'"):
+        load_structure(row(source="lits17", organ="spleen", image="volume-3.nii"), tmp_path, settings())
+    with pytest.raises(InputError, match="is no LiTS17 volume"):
+        load_structure(row(source="lits17", organ="liver", image="ct.nii"), tmp_path, settings())
+
+
+def test_upenn_gbm(tmp_path):
+    name = "UPENN-GBM-00001_11"
+    scan = tmp_path / "images_structural" / name
+    scan.mkdir(parents=True)
+    (tmp_path / "images_segm").mkdir()
+    brain = ndimage.binary_fill_holes(organ())
+    brain[32:] = False
+    stripped = np.where(brain, grey(brain), 0).astype(np.int16)
+    stripped[18, 18, 6] = 0  # a dark voxel inside
+    write_nifti(scan / f"{name}_T1.nii.gz", stripped, affine_of())
+    tumour = np.zeros(brain.shape, np.uint8)
+    tumour[15:22, 20:25, 4:8] = 4
+    tumour[15:18, 20:25, 4:8] = 1
+    write_nifti(tmp_path / "images_segm" / f"{name}_segm.nii.gz", tumour, affine_of())
+    image = f"images_structural/{name}/{name}_T1.nii.gz"
+
+    def load(organ_name):
+        return load_structure(row(source="upenn_gbm", organ=organ_name, image=image), tmp_path, settings())
+
+    np.testing.assert_array_equal(full(load("brain")), brain)
+    np.testing.assert_array_equal(full(load("tumour")), tumour > 0)
+
+
+def test_rider_lung_takes_the_ct_and_leaves_the_pet(tmp_path):
+    image, lungs = chest((60, 50, 8))
+    patient = tmp_path / "RIDER-1129164940" / "09-20-2006-NA-NA-96508"
+    write_series(patient / "4.000000-24533", image, dicom_affine())
+    write_series(patient / "5.000000-PET", image, dicom_affine(), uid="pet", modality="PT")
+    config = yaml.safe_load((ROOT / "config" / "rider_lung.yaml").read_text())
+    region = {**settings()["region"], **config["import"]["region"]}
+    columns = row(source="rider_lung", organ="lungs", image="RIDER-1129164940")
+    structure = load_structure(columns, tmp_path, settings(region=region))
+    np.testing.assert_array_equal(full(structure), lungs)
+
+
+def test_totalsegmentator_folder_of_masks(tmp_path):
+    folder = tmp_path / "segmentations"
+    folder.mkdir()
+    mask = organ()
+    left, right = mask.copy(), mask.copy()
+    left[20:], right[:20] = False, False
+    for name, part in (("kidney_left", left), ("kidney_right", right), ("empty", left & right)):
+        write_nifti(folder / f"{name}.nii.gz", part.astype(np.uint8), affine_of())
+
+    def load(organ_name, label=""):
+        return load_structure(row(organ=organ_name, mask="segmentations", label=label), tmp_path, settings())
+
+    np.testing.assert_array_equal(full(load("kidney_left")), left)
+    np.testing.assert_array_equal(full(load("kidneys", "kidney_left,kidney_right")), mask)
+    with pytest.raises(InputError, match="did you mean 'kidney_left'"):
+        load("kidney_lef")
+    with pytest.raises(InputError, match="the mask is empty"):
+        load("empty")
+
+
+def test_totalsegmentator_label_map_with_names(tmp_path):
+    import nibabel as nib
+
+    mask = organ()
+    image = nib.Nifti1Image(np.where(mask, 5, 0).astype(np.uint8), affine_of())
+    xml = '<CaretExtension><Label Key="5" Red="0"><![CDATA[liver]]></Label></CaretExtension>'
+    image.header.extensions.append(nib.nifti1.Nifti1Extension(0, xml.encode()))
+    nib.save(image, tmp_path / "all.nii.gz")
+    for label in ("liver", "5", ""):
+        structure = load_structure(row(organ="liver", mask="all.nii.gz", label=label), tmp_path, settings())
+        np.testing.assert_array_equal(full(structure), mask)
+    with pytest.raises(InputError, match=r"no label 'spleen'; choose one of 5 \(liver\)"):
+        load_structure(row(organ="spleen", mask="all.nii.gz", label="spleen"), tmp_path, settings())
+
+
+@pytest.mark.parametrize(
+    "labels", [{"background": 0, "liver": 2, "spleen": 7}, {"0": "background", "2": "liver", "7": "spleen"}]
+)
+def test_nnunet_predictions(tmp_path, labels):
+    mask = organ()
+    stored = np.where(mask, 2, 0).astype(np.uint8)
+    stored[0, 0, :4] = 7
+    write_nifti(tmp_path / "case_001.nii.gz", stored, affine_of())
+    (tmp_path / "dataset.json").write_text(json.dumps({"labels": labels, "file_ending": ".nii.gz"}))
+    structure = load_structure(row(organ="liver", mask="case_001.nii.gz"), tmp_path, settings())
+    np.testing.assert_array_equal(full(structure), mask)
+
+
+def whole_body(monkeypatch, folder, value=100):
+    mask = organ()
+    scan = pyvista.ImageData(dimensions=mask.shape, spacing=(3, 3, 3.005), origin=(0.75, 0.75, 0.75))
+    scan["NIFTI"] = np.where(mask, value, -50).ravel(order="F").astype(np.int16)
+    liver = pyvista.ImageData(dimensions=mask.shape, spacing=(3, 3, 3.005), origin=(0.75, 0.75, 0.75))
+    liver["NIFTI"] = mask.ravel(order="F").astype(np.uint8)
+    blocks = pyvista.MultiBlock({"ct": scan, "segmentations": pyvista.MultiBlock({"liver": liver})})
+
+    def download(load=True):
+        return blocks if load else str(folder / "s1397.vtm")
+
+    monkeypatch.setattr(pyvista.examples, "download_whole_body_ct_male", download)
+    return mask
+
+
+def test_whole_body_ct(monkeypatch, tmp_path):
+    mask = whole_body(monkeypatch, tmp_path)
+    structure = load_structure(row(source="whole_body_ct", organ="liver"), ".", settings())
+    np.testing.assert_array_equal(full(structure), mask)
+    with pytest.raises(InputError, match="did you mean 'liver'"):
+        load_structure(row(source="whole_body_ct", organ="livr"), ".", settings())
+    whole_body(monkeypatch, tmp_path, value=101)
+    with pytest.raises(InputError, match="has changed since its first use"):
+        load_structure(row(source="whole_body_ct", organ="liver"), ".", settings())
+
+
+def test_whole_body_ct_without_network(monkeypatch):
+    def download(load=True):
+        raise ConnectionError("HTTPSConnectionPool: Max retries exceeded\nlong story")
+
+    monkeypatch.setattr(pyvista.examples, "download_whole_body_ct_male", download)
+    with pytest.raises(InputError, match="row 2: the whole-body CT cannot be downloaded"):
+        load_structure(row(source="whole_body_ct", organ="liver"), ".", settings())
+
+
+@pytest.mark.parametrize("name", ["lits17", "rider_lung", "upenn_gbm", "whole_body_ct", "totalsegmentator"])
+def test_named_configurations_are_sound(name):
+    """Each is a small file of differences laid over the default."""
+    default = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    config = yaml.safe_load((ROOT / "config" / f"{name}.yaml").read_text())
+
+    def overlay(base, top):
+        return {**base, **{k: overlay(base[k], v) if isinstance(v, dict) else v for k, v in top.items()}}
+
+    validate_config(overlay(default, config), ROOT / "workflow" / "schemas" / "config.schema.yaml")
+    assert read_cohort(ROOT / config["cohort"])

@@ -1,0 +1,159 @@
+"""What is written is read back in the same place."""
+
+import nibabel as nib
+import numpy as np
+import pydicom
+import pytest
+import trimesh
+from scans import affine_of, dicom_affine, full, grey, inside, row, settings, write_series
+
+from cccd.containers import Frame
+from cccd.errors import InputError
+from cccd.volumes import load_structure
+from cccd.volumes.export import cut_mesh, voxelise, write_label_map, write_rtstruct
+
+
+def ball_mesh(centre, radius=15.0):
+    mesh = trimesh.creation.icosphere(4, radius)
+    return mesh.vertices + centre, np.asarray(mesh.faces, np.int64)
+
+
+def frame_around(centre, spacing=(1.0, 1.3, 3.0), turn=(20, -30, 50), mirror=True, shape=(44, 36, 16)):
+    affine = affine_of(spacing=spacing, turn=turn, mirror=mirror)
+    affine[:3, 3] = centre - affine[:3, :3] @ ((np.array(shape) - 1) / 2)
+    return Frame(affine, 2, shape)
+
+
+CENTRE = np.array((4.0, -7.0, 11.0))
+
+
+def test_voxels_inside_a_ball():
+    frame = frame_around(CENTRE)
+    vertices, faces = ball_mesh(CENTRE)
+    mask = voxelise(vertices, faces, frame.affine, frame.shape)
+    world = np.stack(np.indices(frame.shape), -1) @ frame.affine[:3, :3].T + frame.affine[:3, 3]
+    distance = np.linalg.norm(world - CENTRE, axis=-1)
+    clear = np.abs(distance - 15) > 0.05  # the mesh is a polyhedron
+    np.testing.assert_array_equal(mask[clear], distance[clear] < 15)
+
+
+def test_vertices_on_voxel_centres():
+    """A box whose faces and edges pass exactly through voxel centres is still filled without streaks."""
+    box = trimesh.creation.box((8, 6, 4))
+    mask = voxelise(np.add(box.vertices, 10), np.asarray(box.faces), np.eye(4), (20, 20, 20))
+    assert mask[7:14, 8:13, 9:12].all()  # the inner voxels
+    outer = np.ones((20, 20, 20), bool)
+    outer[6:15, 7:14, 8:13] = False
+    assert not mask[outer].any()
+    filled = mask.any(axis=(1, 2)), mask.any(axis=(0, 2)), mask.any(axis=(0, 1))
+    assert mask.sum() == np.prod([line.sum() for line in filled])
+
+
+def test_cavity_and_mesh_beyond_the_grid():
+    outer, faces = ball_mesh(CENTRE)
+    inner, _ = ball_mesh(CENTRE, 7.0)
+    vertices = np.vstack([outer, inner])
+    both = np.vstack([faces, faces[:, ::-1] + len(outer)])
+    frame = frame_around(CENTRE + np.array((12, 0, 0)))
+    mask = voxelise(vertices, both, frame.affine, frame.shape)
+    world = np.stack(np.indices(frame.shape), -1) @ frame.affine[:3, :3].T + frame.affine[:3, 3]
+    distance = np.linalg.norm(world - CENTRE, axis=-1)
+    clear = (np.abs(distance - 15) > 0.05) & (np.abs(distance - 7) > 0.05)
+    np.testing.assert_array_equal(mask[clear], ((distance < 15) & (distance > 7))[clear])
+
+
+@pytest.mark.parametrize("name", ["out.nii", "out.nii.gz"])
+def test_label_map_is_read_back(tmp_path, name):
+    frame = frame_around(CENTRE)
+    vertices, faces = ball_mesh(CENTRE)
+    write_label_map(tmp_path / name, vertices, faces, frame, value=5)
+    image = nib.load(tmp_path / name)
+    np.testing.assert_allclose(image.affine, frame.affine, atol=1e-5)
+    structure = load_structure(row(mask=name, label="5"), tmp_path, settings())
+    np.testing.assert_array_equal(full(structure), voxelise(vertices, faces, frame.affine, frame.shape))
+    first = (tmp_path / name).read_bytes()
+    write_label_map(tmp_path / name, vertices, faces, frame, value=5)
+    assert (tmp_path / name).read_bytes() == first
+
+
+def test_cut_is_a_circle():
+    vertices, faces = ball_mesh(CENTRE)
+    normal = np.array((1.0, 2.0, -2.0)) / 3
+    heights = CENTRE @ normal + np.array((-30.0, -9.0, 0.0, 12.0))
+    sections = cut_mesh(vertices, faces, normal, heights)
+    assert [len(loops) for loops in sections] == [0, 1, 1, 1]
+    for offset, (loop,) in zip((-9, 0, 12), sections[1:], strict=True):
+        np.testing.assert_allclose(loop @ normal, CENTRE @ normal + offset, atol=1e-9)
+        radius = np.linalg.norm(loop - CENTRE - normal * offset, axis=1)
+        np.testing.assert_allclose(radius, np.sqrt(225 - offset**2), rtol=0.01)
+        steps = np.linalg.norm(np.diff(loop, axis=0, append=loop[:1]), axis=1)
+        assert steps.sum() == pytest.approx(2 * np.pi * np.sqrt(225 - offset**2), rel=0.01)
+
+
+def test_cut_through_vertices_gives_closed_loops():
+    box = trimesh.creation.box((8, 6, 4))
+    sections = cut_mesh(
+        box.vertices, np.asarray(box.faces), np.array((0, 0, 1.0)), np.array((-2.0, 0.0, 2.0))
+    )
+    lengths = [
+        [np.linalg.norm(np.diff(loop, axis=0, append=loop[:1]), axis=1).sum() for loop in loops]
+        for loops in sections
+    ]
+    assert lengths[1] == [pytest.approx(28)]
+
+
+def test_rtstruct_on_its_series(tmp_path):
+    affine = dicom_affine(spacing=(1.0, 1.0, 3.0), turn=(10, 5, -15))
+    shape = (44, 40, 14)
+    series = write_series(tmp_path / "dicom", grey(np.zeros(shape, bool)), affine)
+    frame = Frame(affine, 2, shape)
+    centre = affine[:3, :3] @ (np.array(shape) / 2) + affine[:3, 3]
+    vertices, faces = ball_mesh(centre)
+    write_rtstruct(tmp_path / "rt.dcm", vertices, faces, frame, name="ball", reference=tmp_path / "dicom")
+    written = pydicom.dcmread(tmp_path / "rt.dcm")
+    assert written.PatientName == series[0].PatientName
+    assert written.StudyInstanceUID == series[0].StudyInstanceUID
+    known = {item.SOPInstanceUID for item in series}
+    contours = written.ROIContourSequence[0].ContourSequence
+    assert {c.ContourImageSequence[0].ReferencedSOPInstanceUID for c in contours} <= known
+    structure = load_structure(row(image="dicom", mask="rt.dcm", label="ball"), tmp_path, settings())
+    assert not structure.warnings
+    filled = inside(structure.contours, shape)
+    expected = voxelise(vertices, faces, affine, shape)
+    assert np.count_nonzero(filled ^ expected) <= 0.002 * expected.sum()
+
+
+def test_rtstruct_on_any_spacing_with_holes(tmp_path):
+    frame = frame_around(CENTRE, mirror=False)
+    outer, faces = ball_mesh(CENTRE)
+    inner, _ = ball_mesh(CENTRE, 7.0)
+    vertices, both = np.vstack([outer, inner]), np.vstack([faces, faces[:, ::-1] + len(outer)])
+    write_rtstruct(tmp_path / "rt.dcm", vertices, both, frame, name="shell", spacing_mm=1.25)
+    structure = load_structure(row(mask="rt.dcm"), tmp_path, settings())
+    curves = structure.contours
+    assert structure.frame.slice_spacing == pytest.approx(1.25, abs=1e-3)
+    assert curves.hole.sum() in (10, 11, 12)
+    area = 0.0
+    for points, hole in zip(curves, curves.hole, strict=True):
+        x, y = points.T
+        signed = (x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+        assert (signed < 0) == hole
+        area += signed
+    volume = area * structure.frame.pixel_spacing.prod() * 1.25
+    assert volume == pytest.approx(4 / 3 * np.pi * (15**3 - 7**3), rel=0.01)
+
+
+def test_same_surface_same_bytes(tmp_path):
+    frame = frame_around(CENTRE)
+    for name in ("a.dcm", "b.dcm"):
+        write_rtstruct(tmp_path / name, *ball_mesh(CENTRE), frame, name="ball")
+    assert (tmp_path / "a.dcm").read_bytes() == (tmp_path / "b.dcm").read_bytes()
+
+
+def test_reference_without_dicom(tmp_path):
+    (tmp_path / "empty").mkdir()
+    mesh = ball_mesh(CENTRE)
+    with pytest.raises(InputError, match="no DICOM images"):
+        write_rtstruct(
+            tmp_path / "a.dcm", *mesh, frame_around(CENTRE), name="x", reference=tmp_path / "empty"
+        )
