@@ -115,6 +115,16 @@ def library(script):
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()
 
 
+def pick(section, *keys):
+    """Just these keys of a section of the configuration, so that a job depends on no other."""
+    return {key: config[section][key] for key in keys if key in config[section]}
+
+
+def leave(section, *keys):
+    """A section of the configuration without these keys."""
+    return pick(section, *(key for key in config[section] if key not in keys))
+
+
 def memory(base_mb, per_input_mb=0):
     """A ``mem_mb`` function: grows with the inputs' size and with every attempt."""
 

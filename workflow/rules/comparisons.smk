@@ -22,7 +22,7 @@ rule compare_corners:
         runtime=minutes(20),
     params:
         library=library("compare_corners"),
-        settings=config["comparisons"],
+        settings=pick("comparisons", "corners"),
         seed=config["seed"],
     script:
         "../../scripts/compare_corners.py"
@@ -50,7 +50,7 @@ rule compare_reconstruction:
         runtime=minutes(20),
     params:
         library=library("compare_reconstruction"),
-        settings=config["comparisons"],
+        settings=pick("comparisons", "reconstruction"),
         seed=config["seed"],
     script:
         "../../scripts/compare_reconstruction.py"
@@ -77,7 +77,7 @@ rule compare_active_contour:
         runtime=minutes(20),
     params:
         library=library("compare_active_contour"),
-        settings=config["comparisons"],
+        settings=pick("comparisons", "active_contour"),
         seed=config["seed"],
     script:
         "../../scripts/compare_active_contour.py"
@@ -106,7 +106,7 @@ rule compare_isosurfaces:
         runtime=minutes(30),
     params:
         library=library("compare_isosurfaces"),
-        settings=config["comparisons"],
+        settings=pick("comparisons", "isosurfaces"),
         seed=config["seed"],
     script:
         "../../scripts/compare_isosurfaces.py"
@@ -132,8 +132,8 @@ rule compare_thick_slices:
         runtime=minutes(30),
     params:
         library=library("compare_thick_slices"),
-        surface=config["surface"],
-        settings=config["comparisons"],
+        surface=leave("surface", "formats", "contour_spacing_mm"),
+        settings=pick("comparisons", "thick_slices"),
         seed=config["seed"],
     script:
         "../../scripts/compare_thick_slices.py"

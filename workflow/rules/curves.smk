@@ -23,7 +23,7 @@ rule trace_curves:
         runtime=minutes(15),
     params:
         library=library("trace_curves"),
-        settings=config["curves"],
+        settings=leave("curves", "sweep"),
     script:
         "../../scripts/trace_curves.py"
 
@@ -49,5 +49,6 @@ rule sweep_corners:
         runtime=minutes(15),
     params:
         library=library("sweep_corners"),
+        ks=config["curves"]["sweep"],
     script:
         "../../scripts/sweep_corners.py"

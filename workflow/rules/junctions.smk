@@ -19,7 +19,7 @@ rule generate_graphs:
         runtime=minutes(20),
     params:
         library=library("generate_graphs"),
-        settings=config["gnn"],
+        settings=pick("gnn", "graphs"),
         seed=config["seed"],
     script:
         "../../scripts/generate_graphs.py"
@@ -69,7 +69,7 @@ else:
             runtime=minutes(60),
         params:
             library=library("train_gnn"),
-            settings=config["gnn"],
+            settings=leave("gnn", "pretrained"),
             seed=config["seed"],
         script:
             "../../scripts/train_gnn.py"
@@ -95,7 +95,7 @@ rule evaluate_gnn:
         runtime=minutes(30),
     params:
         library=library("evaluate_gnn"),
-        settings=config["gnn"],
+        settings=leave("gnn", "pretrained"),
         seed=config["seed"],
     script:
         "../../scripts/evaluate_gnn.py"

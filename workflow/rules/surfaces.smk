@@ -3,6 +3,7 @@
 
 wildcard_constraints:
     format="stl|vtp|glb|step",
+    clinical="nii.gz|dcm",
 
 
 rule loft_surface:
@@ -26,7 +27,7 @@ rule loft_surface:
         runtime=minutes(20),
     params:
         library=library("loft_surface"),
-        settings=config["surface"],
+        settings=leave("surface", "formats", "contour_spacing_mm"),
     script:
         "../../scripts/loft_surface.py"
 
@@ -54,6 +55,33 @@ rule export_surface:
         library=library("export_surface"),
     script:
         "../../scripts/export_surface.py"
+
+
+rule export_to_scan:
+    """The surface back on the scan: a label map on its grid (NIfTI), or contours on slices (RTSTRUCT)."""
+    input:
+        surface="results/{case}/{organ}/surface.h5",
+        mesh="results/{case}/{organ}/surface.ply",
+        scan=source_files,
+    output:
+        "results/{case}/{organ}/surface.{clinical}",
+    log:
+        "logs/{case}/{organ}/export_to_scan_{clinical}.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/export_to_scan_{clinical}.tsv"
+    group:
+        "structure"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(1500, 40),
+        runtime=minutes(10),
+    params:
+        library=library("export_to_scan"),
+        spacing_mm=config["surface"]["contour_spacing_mm"],
+    script:
+        "../../scripts/export_to_scan.py"
 
 
 rule render_surface:
