@@ -57,15 +57,21 @@ def align(tube: Tube, count: int) -> tuple[np.ndarray, np.ndarray]:
     return rings, position
 
 
+@njit(cache=True)
 def at_fractions(rings: np.ndarray, position: np.ndarray) -> np.ndarray:
     """Points at fractions (A, m) of the way around rings (A, M, 2) that are evenly sampled."""
     count = rings.shape[1]
-    place = np.mod(position, 1.0) * count
-    index = np.floor(place).astype(np.int64)
-    share = (place - index)[..., None]
-    index %= count
-    row = np.arange(len(rings))[:, None]
-    return (1 - share) * rings[row, index] + share * rings[row, (index + 1) % count]
+    points = np.empty((*position.shape, 2))
+    for a in range(position.shape[0]):
+        for m in range(position.shape[1]):
+            place = (position[a, m] - np.floor(position[a, m])) * count
+            low = int(place)
+            share = place - low
+            low %= count
+            high = (low + 1) % count
+            for c in range(2):
+                points[a, m, c] = (1 - share) * rings[a, low, c] + share * rings[a, high, c]
+    return points
 
 
 def outward_normals(rings: np.ndarray) -> np.ndarray:

@@ -144,7 +144,7 @@ def _around(tube: Tube, pixel: float) -> int:
     longest = max(
         np.hypot(*(np.roll(section.points, -1, axis=0) - section.points).T).sum() for section in tube.sections
     )
-    return int(np.clip(16 * np.ceil(longest / pixel / 16), 32, 512))
+    return int(np.clip(16 * np.ceil(longest / pixel / 16), 32, 320))
 
 
 def _fit_all(samples: list[Samples], tolerance: float, budget: float) -> list[Fit]:

@@ -26,6 +26,8 @@ __all__ = ["Section", "Tube", "build_tubes"]
 JUNCTION_SLOPE = 1.5
 #: Levels of a junction, at least and at most.
 JUNCTION_LEVELS = (2, 80)
+#: A junction looks at least this many pixels beyond its outlines.
+WINDOW_PIXELS = 8
 #: A branch reaches this many times as deep as it takes the trunk to hold its whole width.
 EXTRA_DEPTH = 1.4
 #: How far branch and trunk overlap, how deep below the trunk's surface a branch ends, and over which
@@ -68,14 +70,14 @@ class Tube:
 class _Node:
     """A ring and its links; index 0 is downwards, 1 is upwards.
 
-    ``cuts`` are what junctions take from the ring's outline: each a field on the plane's pixels, positive
-    where the outline gives way to a branch.
+    ``cuts`` are what junctions take from the ring's outline: each a block of the plane's pixels and a
+    field on it, positive where the outline gives way to a branch.
     """
 
     ring: Ring
     follows: list[_Node | None] = field(default_factory=lambda: [None, None])
     touches: tuple[list[_Node], list[_Node]] = field(default_factory=lambda: ([], []))
-    cuts: list[np.ndarray] = field(default_factory=list)
+    cuts: list[tuple[tuple[slice, slice], np.ndarray]] = field(default_factory=list)
 
 
 @dataclass
@@ -204,41 +206,56 @@ def _junction(branch: _Node, way: int, stack: _Stack) -> list[Section]:
     ]
     if not others:
         return []
-    shape = stack.fields[0].distance.shape
-    branch_pixels, other_pixels = _pixels([branch.ring], shape), _pixels(others, shape)
+    window = _window([branch.ring, *others, trunk.ring], stack)
+    branch_pixels, other_pixels = _pixels([branch.ring], window), _pixels(others, window)
     nearer = _signed_distance(branch_pixels, stack.pixel) < _signed_distance(other_pixels, stack.pixel)
-    lead = _lead(trunk.ring, nearer, branch_pixels, other_pixels, stack.pixel)
+    lead = _lead(_pixels([trunk.ring], window), nearer, branch_pixels, other_pixels, stack.pixel)
     if lead is None:
         return []
-    width = float(lead[_pixels([trunk.ring], shape)].max())
+    width = float(lead[_pixels([trunk.ring], window)].max())
     overlapping, buried, fade = stack.pixel * np.array([OVERLAP_PIXELS, BURIED_PIXELS, FADE_PIXELS])
     path = _path(trunk, way, EXTRA_DEPTH * width / JUNCTION_SLOPE)
     depth = np.abs(np.array([node.ring.z for node in path]) - branch.ring.z)
     slope = max(JUNCTION_SLOPE, EXTRA_DEPTH * width / max(depth[-1], 1e-9))
     sections = []
     for node, held in zip(path, slope * depth, strict=True):
-        lead = _lead(node.ring, nearer, branch_pixels, other_pixels, stack.pixel)
+        lead = _lead(_pixels([node.ring], window), nearer, branch_pixels, other_pixels, stack.pixel)
         if lead is None:
             break
-        inside = stack.fields[node.ring.level].distance * (-1 if node.ring.hole else 1)
+        inside = _inside(node.ring, stack)[window]
         below = np.clip(BURIAL_SLOPE * (held - fade - lead), 0, buried)
-        outline = _outline(np.maximum(inside + below, -lead - overlapping), branch.ring, stack)
+        plane = np.maximum(inside + below, -lead - overlapping)
+        outline = _outline(plane, branch.ring, stack.spacing, (window[0].start, window[1].start))
         if outline is None or (sections and abs(signed_area(outline)) < 4 * stack.pixel**2):
             break
         sections.append(Section(node.ring.z, outline, abs(signed_area(outline))))
-        node.cuts.append(lead - held)
+        node.cuts.append((window, lead - held))
     return sections
 
 
+def _window(rings: Sequence[Ring], stack: _Stack) -> tuple[slice, slice]:
+    """Block of the plane's pixels around some rings, with room for what grows from them."""
+    low = np.min([ring.corner for ring in rings], axis=0)
+    high = np.max([ring.corner + ring.mask.shape for ring in rings], axis=0)
+    room = np.maximum(WINDOW_PIXELS, (high - low) // 4)
+    stop = np.minimum(high + room, stack.fields[0].distance.shape)
+    return tuple(slice(int(a), int(b)) for a, b in zip(np.maximum(low - room, 0), stop, strict=True))
+
+
+def _inside(ring: Ring, stack: _Stack) -> np.ndarray:
+    """Field of a ring's level, negative inside what the ring bounds."""
+    plane = stack.fields[ring.level].distance
+    return -plane if ring.hole else plane
+
+
 def _lead(
-    common: Ring, nearer: np.ndarray, branch: np.ndarray, others: np.ndarray, pixel: float
+    whole: np.ndarray, nearer: np.ndarray, branch: np.ndarray, others: np.ndarray, pixel: float
 ) -> np.ndarray | None:
-    """Distance in mm into the branch's part of a common outline, negative in the trunk's part.
+    """Distance in mm into the branch's part of a common outline's pixels, negative in the trunk's part.
 
     The branch's part is what lies ``nearer`` to the branch in one piece with it, and what the trunk
     could only reach through that; None where either has no part.
     """
-    whole = _pixels([common], branch.shape)
     own = _piece(whole & nearer, branch)
     if own is None:
         return None
@@ -267,13 +284,16 @@ def _path(trunk: _Node, way: int, depth: float) -> list[_Node]:
     return path
 
 
-def _pixels(rings: Sequence[Ring], shape: tuple[int, int]) -> np.ndarray:
-    """Pixels inside any of some rings on the whole plane."""
-    whole = np.zeros(shape, bool)
+def _pixels(rings: Sequence[Ring], window: tuple[slice, slice]) -> np.ndarray:
+    """Pixels of a block of the plane that lie inside any of some rings."""
+    block = np.zeros([side.stop - side.start for side in window], bool)
     for ring in rings:
-        (i, j), (height, width) = ring.corner, ring.mask.shape
-        whole[i : i + height, j : j + width] |= ring.mask.astype(bool)
-    return whole
+        low = ring.corner - [side.start for side in window]
+        first, last = np.maximum(low, 0), np.minimum(low + ring.mask.shape, block.shape)
+        if np.all(last > first):
+            part = ring.mask[tuple(map(slice, first - low, last - low))]
+            block[tuple(map(slice, first, last))] |= part.astype(bool)
+    return block
 
 
 def _signed_distance(inside: np.ndarray, pixel: float) -> np.ndarray:
@@ -284,12 +304,18 @@ def _signed_distance(inside: np.ndarray, pixel: float) -> np.ndarray:
     return (outwards - inwards) * np.float32(pixel)
 
 
-def _outline(plane: np.ndarray, near: Ring, stack: _Stack) -> np.ndarray | None:
-    """Find the contour (n, 2) in mm of a field that encloses most of the pixels of the ring ``near``."""
+def _outline(
+    plane: np.ndarray, near: Ring, spacing: np.ndarray, corner: tuple[int, int] = (0, 0)
+) -> np.ndarray | None:
+    """Find the contour (n, 2) in mm of a field that encloses most of the pixels of the ring ``near``.
+
+    Contours that leave the block of pixels, whose first pixel is ``corner``, are closed along its border.
+    """
+    plane = np.pad(plane, 1, constant_values=np.float32(max(1.0, np.abs(plane).max())))
     lines = contourpy.contour_generator(z=plane).lines(0.0)
     best, most = None, 0.0
     for line in lines:
-        points = line[:-1, ::-1] * stack.spacing
+        points = (line[:-1, ::-1] - 1 + corner) * spacing
         if len(points) < 4 or signed_area(points) <= 0:
             continue
         if len(lines) == 1:
@@ -335,10 +361,11 @@ def _tube(chain: list[_Node], low: tuple, high: tuple, stack: _Stack) -> Tube:
         ring = node.ring
         points = None
         if node.cuts:
-            inside = stack.fields[ring.level].distance * (-1 if ring.hole else 1)
-            fade = FADE_PIXELS * stack.pixel
-            sunk = sum(np.clip(1 + cut / fade, 0, 1) for cut in node.cuts) * stack.pixel
-            points = _outline(np.maximum.reduce([inside + sunk, *node.cuts]), ring, stack)
+            inside = _inside(ring, stack).copy()
+            for window, cut in node.cuts:
+                sunk = np.clip(1 + cut / (FADE_PIXELS * stack.pixel), 0, 1) * stack.pixel
+                inside[window] = np.maximum(inside[window] + sunk, cut)
+            points = _outline(inside, ring, stack.spacing)
         if points is None:
             middle.append(Section(ring.z, ring.points, ring.area))
         else:
