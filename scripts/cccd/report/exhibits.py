@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from markupsafe import Markup
 
+from cccd.comparisons import figures as comparison_figures
+from cccd.containers import Curves
 from cccd.report import figures
+from cccd.report.outlines import Outline, draw_outlines, middle_curve
+from cccd.report.svg import style, to_svg
 from cccd.report.tables import number, read_csv
+from cccd.store import read_curves, read_structure
 
 __all__ = ["Evidence", "plots", "remarks"]
 
 #: k at which the paper compares two organs (Figure 12).
 _COARSE_K = 20
-
-#: Parameter sets that stand for the methods as the paper ran them.
-_AS_PRINTED = ("paper, Table 2", "publication", "k = 3", "automatic")
 
 Plots = list[tuple[Markup, str]]
 
@@ -25,9 +28,12 @@ Plots = list[tuple[Markup, str]]
 class Evidence:
     """The tables of a run, read once; a table that is not there is None."""
 
-    def __init__(self, results: Path, structures: Sequence[tuple[str, str]]):
+    def __init__(
+        self, results: Path, structures: Sequence[tuple[str, str]], config: Mapping[str, Any] | None = None
+    ):
         self.results = results
         self.structures = structures
+        self.config = config or {}
         self._read: dict[str, pd.DataFrame | None] = {}
 
     def table(self, stem: str) -> pd.DataFrame | None:
@@ -48,6 +54,20 @@ class Evidence:
             self._read[key] = pd.concat(parts, ignore_index=True) if parts else None
         return self._read[key]
 
+    def contours(self, case: str, organ: str) -> Curves | None:
+        """Read the longest curve of a structure's middle slice."""
+        path = self.results / case / organ / "curves.h5"
+        return middle_curve(read_curves(path)) if path.is_file() else None
+
+    def shown(self) -> tuple[str, str] | None:
+        """Choose the structure that figures of one slice show: a liver, as in the paper, or the first."""
+        whole = [
+            (case, organ)
+            for case, organ in self.structures
+            if all((self.results / case / organ / name).is_file() for name in ("structure.h5", "curves.h5"))
+        ]
+        return next((key for key in whole if key[1] == "liver"), whole[0] if whole else None)
+
     def everywhere(self, stem: str) -> pd.DataFrame | None:
         """Take the cohort's table, or the structures' own while it is not there."""
         found = self.table(stem)
@@ -67,58 +87,107 @@ def _sweep(evidence: Evidence) -> pd.DataFrame | None:
     return sweep.assign(structure=figures.structure_names(sweep))
 
 
+def _on_a_slice(number: int, caption: str) -> Callable[[Evidence], list[tuple[str | None, str]]]:
+    """Draw a figure of the comparisons on one slice of the structure that is shown."""
+
+    def draw(evidence: Evidence) -> list[tuple[str | None, str]]:
+        chosen = evidence.shown()
+        if chosen is None or not evidence.config.get("comparisons"):
+            return []
+        folder = evidence.results.joinpath(*chosen)
+        make = getattr(comparison_figures, f"figure_{number}")
+        structure, curves = read_structure(folder / "structure.h5"), read_curves(folder / "curves.h5")
+        with style():
+            figure = make(structure, curves, evidence.config["comparisons"], evidence.config["seed"])
+            if figure is None:
+                return []
+            svg = to_svg(figure, f"figure{number}", caption)
+        return [(svg, f"{' / '.join(chosen)}, middle slice. {caption}")]
+
+    return draw
+
+
+_picture_15 = _on_a_slice(
+    15,
+    "Boundary (thin), seed (dashed), corners (dots) and the snake's end (thick), for the paper's five seeds.",
+)
+_picture_16 = _on_a_slice(16, "Harris corners on the boundary (dots) and the links that each method makes.")
+
+
+def _outlines(evidence: Evidence, key: str, ks: Sequence[int]) -> list[tuple[str | None, str]]:
+    chosen = evidence.shown()
+    curve = evidence.contours(*chosen) if chosen else None
+    if curve is None:
+        return []
+    drawn = draw_outlines(key, [Outline(f"k = {k}", curve, k) for k in ks], f"Outlines for k = {ks}")
+    return [
+        (
+            drawn,
+            f"{' / '.join(chosen)}, middle slice: boundary (band), corners (dots), spline (line); maxima of "
+            "curvature.",
+        )
+    ]
+
+
+def _figure_14(evidence: Evidence) -> list[tuple[str | None, str]]:
+    return _outlines(evidence, "figure14", (3, 7, 12))
+
+
 def _figure_10(evidence: Evidence) -> list[tuple[str | None, str]]:
+    drawn = _outlines(evidence, "figure10", (3, 5, 7, 20))
     sweep = _sweep(evidence)
     if sweep is None:
-        return []
+        return drawn
     maxima = sweep[sweep["criterion"].str.startswith("max")]
     shown = {"DSC": "Dice", "share": "Corners / boundary pixels"}
     return [
+        *drawn,
         (
             figures.lines("figure10", maxima, "k", shown, "structure"),
             "Dice of the paper's own splines and the share of boundary pixels they keep, against k; "
             "corners at maxima of curvature, medians over slices.",
-        )
+        ),
     ]
 
 
 def _figure_11(evidence: Evidence) -> list[tuple[str | None, str]]:
     rows = evidence.comparison("corners")
-    if rows is None or not {"parameters", "order", "method"}.issubset(rows.columns):
+    if rows is None or not {"parameters", "order", "image", "detector", "method"}.issubset(rows.columns):
         return []
-    rows = rows[rows["parameters"].isin(_AS_PRINTED) & (rows["order"] == "chain")]
-    rows = rows.assign(
-        method=rows["method"].where(rows["parameters"] != "automatic", rows["method"] + ", automatic")
-    )
-    rates = {
-        "TP rate": "TP rate",
-        "FP rate": "FP rate",
-        "FN rate": "FN rate",
-        "MC": "Misclassification",
-        "DSC": "Dice",
-    }
-    medians = rows.groupby(["case", "organ", "method"], sort=False)[list(rates)].median().reset_index()
+    with style():
+        svg = to_svg(
+            comparison_figures.figure_11(rows), "figure11", "Ten rates of the fused detectors and of CCCD"
+        )
     return [
         (
-            figures.methods("figure11", medians, "method", rates),
-            "Rates by equations 12-17 and 20, with the paper's parameters and corners in their true order; "
-            "medians over slices.",
+            svg,
+            "Equations 12-21, medians over slices and structures; detectors with the paper's parameters on "
+            "the organ's mask, their corners along a short tour.",
         )
     ]
 
 
 def _figure_12(evidence: Evidence) -> list[tuple[str | None, str]]:
+    curves = {key: evidence.contours(*key) for key in evidence.structures[:4]}
+    outlines = [
+        Outline(" / ".join(key), curve, _COARSE_K) for key, curve in curves.items() if curve is not None
+    ]
+    drawn: list[tuple[str | None, str]] = []
+    if outlines:
+        label = f"The middle slice of every structure at k = {_COARSE_K}"
+        drawn.append((draw_outlines("figure12", outlines, label), f"{label}, maxima of curvature."))
     sweep = _sweep(evidence)
     if sweep is None:
-        return []
+        return drawn
     coarse = sweep[sweep["k"] == _COARSE_K]
     return [
+        *drawn,
         (
             figures.methods(
                 "figure12", coarse, "structure", {"DSC": f"Dice at k = {_COARSE_K}"}, group="criterion"
             ),
             f"The same k = {_COARSE_K} on every structure, for both criteria.",
-        )
+        ),
     ]
 
 
@@ -136,38 +205,42 @@ def _figure_13(evidence: Evidence) -> list[tuple[str | None, str]]:
 
 
 def _figure_15(evidence: Evidence) -> list[tuple[str | None, str]]:
+    drawn = _picture_15(evidence)
     rows = evidence.comparison("active_contour")
     if rows is None or not {"setting", "radius", "offset", "method", "dice"}.issubset(rows.columns):
-        return []
+        return drawn
     grid = rows[rows["setting"] == "grid"]
     wide = grid.pivot_table(index=["radius", "offset"], columns="method", values="dice", aggfunc="median")
     wide = wide.reset_index().rename_axis(columns=None)
     wide["seed"] = wide["offset"].map(lambda offset: f"seed {offset:g} radii off centre")
     shown = {name: name for name in grid["method"].unique()}
     return [
+        *drawn,
         (
             figures.lines(
-                "figure15", wide.rename(columns={"radius": "seed radius"}), "seed radius", shown, "seed"
+                "figure15-lines", wide.rename(columns={"radius": "seed radius"}), "seed radius", shown, "seed"
             ),
             "Dice against the seed's radius and its distance from the centroid, both in radii of the disc "
             "that has the organ's area; medians over slices and structures.",
-        )
+        ),
     ]
 
 
 def _figure_16(evidence: Evidence) -> list[tuple[str | None, str]]:
+    drawn = _picture_16(evidence)
     rows = evidence.comparison("reconstruction")
     if rows is None or not {"points", "method", "closed", "dice"}.issubset(rows.columns):
-        return []
+        return drawn
     rows = rows.assign(closed=rows["closed"].astype(float))
     means = rows.groupby(["points", "method"], sort=False)[["closed", "dice"]].mean().reset_index()
     shown = {"closed": "Share of single closed curves", "dice": "Mean Dice"}
     return [
+        *drawn,
         (
-            figures.methods("figure16", means, "method", shown, group="points"),
+            figures.methods("figure16-dots", means, "method", shown, group="points"),
             "How often each method links the points of a slice into one closed curve, and the Dice of what "
             "its links enclose; all slices and structures together.",
-        )
+        ),
     ]
 
 
@@ -248,18 +321,26 @@ def junctions(evidence: Evidence) -> Plots:
 
 
 def compactness(sizes: pd.DataFrame) -> Plots:
-    """Draw bytes per slice; ``sizes`` has ``case``, ``organ``, ``representation``, ``bytes_per_slice``."""
-    shown = {"bytes_per_slice": "Bytes per slice (median)"}
-    svg = figures.methods("compactness", sizes, "representation", shown, logarithmic=shown, ours="spline")
+    """Draw bytes per slice; ``sizes`` has ``case``, ``organ`` and a column per way to keep the contours."""
+    long = sizes.melt(["case", "organ"], var_name="representation", value_name="bytes")
+    long["representation"] = long["representation"].str.replace("_", " ")
+    shown = {"bytes": "Bytes per slice (median)"}
+    svg = figures.methods("compactness", long, "representation", shown, logarithmic=shown, ours="spline")
     caption = "The paper counts 19.2 KB for an image and 1.03 KB for its corners."
     return [(Markup(svg), caption)] if svg else []
 
 
 _PLOTS = {
+    "figure9": _on_a_slice(
+        9,
+        "Boundary (thin), corners (dots) and fused splines (thick): above with the paper's parameters, "
+        "below with the best of the grid; corners ordered by a short tour.",
+    ),
     "figure10": _figure_10,
     "figure11": _figure_11,
     "figure12": _figure_12,
     "figure13": _figure_13,
+    "figure14": _figure_14,
     "figure15": _figure_15,
     "figure16": _figure_16,
     "table5": _table_5,
@@ -309,12 +390,8 @@ def _sweep_remarks(sweep: pd.DataFrame) -> dict[str, str]:
         drop = {name: start - end for name, (start, end) in ends.items()}
         holds = drop["minima"] > drop["maxima"] > 0
         found["figure13"] = (
-            (
-                "The minimum criterion collapses first, as in the paper: "
-                if holds
-                else "Not the paper's order: "
-            )
-            + f"from k = {first} to {last} Dice goes from {ends['maxima'][0]:.1f} to {ends['maxima'][1]:.1f} % "
+            f"The minimum criterion collapses {'first, as' if holds else 'no earlier, unlike'} in the paper: "
+            f"from k = {first} to {last} Dice goes from {ends['maxima'][0]:.1f} to {ends['maxima'][1]:.1f} % "
             f"with maxima and from {ends['minima'][0]:.1f} to {ends['minima'][1]:.1f} % with minima."
         )
     shown = maxima[maxima["k"].isin((3, 7, 12))].groupby("k")[["DSC", "share"]].median()

@@ -72,6 +72,9 @@ HEADLINES = (
 #: Widths in pixels of a picture in a card and in the contact sheet of a cohort.
 _CARD_WIDTH, _THUMB_WIDTH = 900, 240
 
+#: Plots wider than this many CSS pixels go below the paper's text instead of beside it.
+_COLUMN_PX = 780
+
 #: Above this many structures the index leaves out the contact sheet (some 3 kB each).
 _THUMBS_BELOW = 1000
 
@@ -107,12 +110,12 @@ class StructureView:
 
 @dataclass
 class ExhibitView:
-    """One table or figure of the paper with ours beside it."""
+    """One table or figure of the paper with ours beside it; a figure is (SVG, caption, is it wide)."""
 
     paper: Exhibit
     verdict: str | None
     table: Table | None
-    figures: list[tuple[Markup, str]]
+    figures: list[tuple[Markup, str, bool]]
     missing: str | None
 
 
@@ -157,7 +160,7 @@ def build_report(
             view.scene = build_scene(results / view.case / view.organ, settings["viewer_triangles"])
     times = benchmark_table(benchmarks)
     history = read_csv(results / "gnn" / "history.csv")
-    evidence = Evidence(results, structures)
+    evidence = Evidence(results, structures, config)
     remarks = exhibits.remarks(evidence) | _read_json(results / "tables" / "remarks.json")
     _write(
         output,
@@ -434,9 +437,14 @@ def _exhibit(exhibit: Exhibit, evidence: Evidence, remarks: Mapping[str, Any]) -
         exhibit,
         remarks.get(exhibit.key),
         table(exhibit.table, shown) if shown is not None else None,
-        drawn,
+        [(svg, caption, _width(svg) > _COLUMN_PX) for svg, caption in drawn],
         missing,
     )
+
+
+def _width(svg: str) -> float:
+    """Read the natural width of a plot in CSS pixels."""
+    return float(re.search(r"max-width: (\d+)px", svg)[1])
 
 
 class Experiment(NamedTuple):
@@ -503,18 +511,13 @@ def _experiments(
 
 
 def _sizes(views: Sequence[StructureView]) -> pd.DataFrame | None:
-    """Bytes per slice of every representation, out of the metrics of the curves."""
+    """Bytes per slice of every way to keep the contours, out of the metrics of the curves."""
     rows = [
-        {
-            "case": view.case,
-            "organ": view.organ,
-            "representation": name.replace("_", " "),
-            "bytes_per_slice": size,
-        }
+        {"case": view.case, "organ": view.organ, **view.metrics.get("curves", {}).get("bytes_per_slice", {})}
         for view in views
-        for name, size in view.metrics.get("curves", {}).get("bytes_per_slice", {}).items()
     ]
-    return pd.DataFrame(rows) if rows else None
+    frame = pd.DataFrame(rows)
+    return frame if frame.shape[1] > 2 else None
 
 
 def _training_facts(results: Path, config: Mapping[str, Any]) -> dict[str, str]:

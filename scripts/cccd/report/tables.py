@@ -137,10 +137,10 @@ def number(value: Any, decimals: int | None = None) -> str:
 def _decimals(values: np.ndarray) -> int:
     """Choose how many decimals a column needs: none for whole numbers, else four digits of the largest."""
     values = np.abs(values[np.isfinite(values)])
-    for few in (0, 1):
-        if np.array_equal(np.round(values, few), values):
-            return few
     largest = values.max(initial=0)
+    for few in (0, 1):
+        if largest < 10 ** (4 - few) and np.array_equal(np.round(values, few), values):
+            return few
     return int(np.clip(3 - np.floor(np.log10(largest)), 0, 12)) if largest > 0 else 0
 
 
