@@ -78,7 +78,7 @@ def _detectors(sample: SliceSample, distance_px: float) -> Iterator[dict]:
                     "detector": name,
                     "method": method.title,
                     "parameters": set_name,
-                    "values": ", ".join(f"{key} {value}" for key, value in parameters.items()),
+                    "values": ", ".join(f"{key} {value}" for key, value in parameters.items()) or "defaults",
                     "corner_ms": 1e3 * (time.process_time() - begin),
                 }
                 used = found[near_boundary(found, sample.curve, distance_px)].astype(float)

@@ -3,7 +3,8 @@
 A corner detector takes an 8-bit image (I, J) and gives corner pixels (K, 2). A reconstruction takes
 points (N, 2) and gives links (M, 2) between point numbers. A contour takes corner points (K, 2) or an
 image, and a seed circle, and gives an ordered closed curve (n, 2). To add a method, write its function
-in a file of its own and add one line here.
+in a file of its own and add one line here. Decoders of boundary maps (pixels and a seed in, ordered
+closed curve out) are listed by `DECODERS` in their own file.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cccd.comparisons.active_contour import b_spline_snake, image_snake
+from cccd.comparisons.decoders import DECODERS
 from cccd.comparisons.links import unique_links
 from cccd.comparisons.pixel_corners import fast, harris, shi_tomasi, susan
 from cccd.comparisons.reconstruction.connect2d import connect2d
@@ -26,7 +28,7 @@ from cccd.comparisons.reconstruction.peel import peel
 from cccd.comparisons.reconstruction.sigdt import sigdt
 from cccd.comparisons.reconstruction.tour import tour
 
-__all__ = ["CONTOURS", "CORNER_DETECTORS", "RECONSTRUCTIONS", "Method", "reconstruct"]
+__all__ = ["CONTOURS", "CORNER_DETECTORS", "DECODERS", "RECONSTRUCTIONS", "Method", "reconstruct"]
 
 
 @dataclass(frozen=True)

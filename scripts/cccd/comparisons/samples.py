@@ -69,7 +69,8 @@ def choose_slices(
     longest = np.zeros(len(slices), np.int64)
     np.maximum.at(longest, number, length)
     fit = np.flatnonzero(longest >= min(min_contour_px, longest.max()))
-    places = np.unique(np.linspace(0, len(fit) - 1, min(n_slices, len(fit)) + 2).round().astype(int)[1:-1])
+    count = min(n_slices, len(fit))
+    places = ((np.arange(count) + 0.5) * len(fit) / count).astype(np.int64)
     stack = structure.stack("image")
     grey = None if stack is None else to_bytes(stack, structure.stack("mask"))
     return [_sample(structure, curves, length, int(slices[place]), grey) for place in fit[places]]

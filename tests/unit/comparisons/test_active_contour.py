@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from shapes import bean, circle
+from known_curves import bean, circle
 
 from cccd.comparisons.active_contour import b_spline_snake, image_snake, seed_circle
 from cccd.metrics import dice, rasterise_slice

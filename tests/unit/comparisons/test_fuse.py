@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from shapes import bean, circle
+from known_curves import bean, circle
 
 from cccd.comparisons.fuse import closed_spline, near_boundary, order_by_angle, order_by_chain, order_by_links
 from cccd.comparisons.registry import reconstruct

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from shapes import circle, ring_links
+from known_curves import circle, ring_links
 
 from cccd.comparisons.links import closed_order, count_links, enclosed_region, unique_links
 

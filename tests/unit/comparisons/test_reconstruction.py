@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from known_curves import bean, circle, ring_links
 from scipy.spatial.distance import pdist
-from shapes import bean, circle, ring_links
 
 from cccd.comparisons.links import count_links
 from cccd.comparisons.reconstruction.delaunay import triangulate

@@ -1,0 +1,223 @@
+import io
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from known_curves import bean
+
+from cccd.chaincode import trace_mask
+from cccd.comparisons import published
+from cccd.comparisons.active_contour_comparison import compare_active_contour
+from cccd.comparisons.corner_comparison import CCCD, compare_corners, search
+from cccd.comparisons.figures import figure_9, figure_11, figure_15, figure_16
+from cccd.comparisons.parameters import GRID
+from cccd.comparisons.reconstruction_comparison import DENSE, HARRIS, compare_reconstruction
+from cccd.comparisons.registry import CORNER_DETECTORS, RECONSTRUCTIONS
+from cccd.comparisons.samples import choose_slices, to_bytes
+from cccd.comparisons.tables import build_tables, write_remarks
+from cccd.containers import Frame, Structure
+from cccd.metrics import rasterise_slice
+
+SETTINGS = {
+    "corners": {"n_slices": 2, "min_contour_px": 30, "on_boundary_px": 1.5},
+    "reconstruction": {"n_slices": 2, "min_contour_px": 30, "every": 4, "jitter_px": 0.3, "repeats": 1},
+    "active_contour": {
+        "n_slices": 1,
+        "min_contour_px": 30,
+        "figure_15": {"a": [1.4, 0.0], "e": [0.5, 0.0]},
+        "radii": [0.6],
+        "offsets": [0.0, 0.3],
+    },
+}
+
+
+def make_structure(with_image: bool) -> Structure:
+    """Seven slices of a bean that grows, stacked along the middle axis of a grid that is not cubic."""
+    growth = 0.55 + 0.08 * np.arange(7)
+    outlines = [scale * (bean(200) - (60, 70)) + (60, 70) for scale in growth]
+    mask = np.stack([rasterise_slice([outline], (0, 0), (125, 140)) for outline in outlines])
+    rng = np.random.default_rng(5)
+    image = np.where(mask, 100.0, 20.0) + rng.normal(0, 4, mask.shape)
+    return Structure(
+        case="made",
+        organ="bean",
+        frame=Frame(np.diag([1.0, 3.0, 1.0, 1.0]), 1, (140, 30, 160)),
+        origin=np.array([4, 11, 6]),
+        image=np.moveaxis(image, 0, 1).astype(np.float32) if with_image else None,
+        mask=np.moveaxis(mask, 0, 1),
+    )
+
+
+def as_read_back(table: pd.DataFrame) -> pd.DataFrame:
+    """What the table is after its way through a CSV file."""
+    return pd.read_csv(io.StringIO(table.to_csv(index=False, float_format="%.6g")))
+
+
+@pytest.fixture(scope="module")
+def structure():
+    return make_structure(with_image=True)
+
+
+@pytest.fixture(scope="module")
+def rows(structure):
+    curves = trace_mask(structure)
+    compare = (compare_corners, compare_reconstruction, compare_active_contour)
+    return [as_read_back(make(structure, curves, SETTINGS, 7)) for make in compare]
+
+
+@pytest.fixture(scope="module")
+def tables(rows):
+    return build_tables(rows[0], rows[1])
+
+
+def test_slices_are_spread_and_long_enough(structure):
+    curves = trace_mask(structure)
+    assert [sample.k for sample in choose_slices(structure, curves, 3, 30)] == [12, 14, 16]
+    assert [sample.k for sample in choose_slices(structure, curves, 99, 30)] == list(range(11, 18))
+    longest = np.diff(curves.offsets).max()
+    assert [sample.k for sample in choose_slices(structure, curves, 9, longest + 1)] == [17]
+
+
+def test_a_sample_shows_its_slice(structure):
+    sample = choose_slices(structure, trace_mask(structure), 1, 30)[0]
+    stack = structure.stack("mask")[sample.k - structure.stack_origin[0]]
+    low = sample.origin - structure.stack_origin[1:]
+    seen = np.argwhere(sample.region) + low
+    np.testing.assert_array_equal(seen, np.argwhere(stack))
+    np.testing.assert_array_equal(sample.images["mask"] > 0, sample.region)
+    grey = sample.images["grey"]
+    assert grey[sample.region].mean() > grey[~sample.region].mean() + 30
+
+
+def test_the_window_is_the_organs():
+    stack = np.full((2, 20, 20), -1000.0)
+    organ = np.zeros(stack.shape, bool)
+    organ[:, 5:15, 5:15] = True
+    stack[organ] = np.linspace(80, 120, organ.sum())
+    grey = to_bytes(stack, organ)
+    assert grey[~organ].max() == 0
+    assert np.median(grey[organ]) == pytest.approx(127.5, abs=1)
+    stack[0, 5, 5] = np.nan
+    assert to_bytes(stack, organ)[0, 5, 5] == 0
+
+
+def test_every_method_is_in_every_table(rows):
+    corners, reconstruction, _ = rows
+    assert set(corners["detector"]) == {*CORNER_DETECTORS, "cccd"}
+    assert set(corners["image"]) == {"mask", "grey", "chain code"}
+    titles = {method.title for method in RECONSTRUCTIONS.values()} | {CCCD}
+    for _, group in reconstruction.groupby(["slice", "points"]):
+        assert set(group["method"]) == titles
+
+
+def test_scores_are_consistent(rows):
+    corners, reconstruction, active = rows
+    whole = corners[["TP rate", "FP rate", "TN rate", "FN rate"]].sum(axis=1)
+    np.testing.assert_allclose(whole, 1, atol=1e-5)
+    assert (corners["on_boundary"] <= corners["corners"]).all()
+    assert reconstruction.loc[reconstruction["closed"], "disconnected"].eq(0).all()
+    assert active["dice"].between(0, 1).all()
+
+
+def test_cccd_closes_every_curve_near_the_truth(rows):
+    own = rows[1][rows[1]["method"] == CCCD]
+    assert own["closed"].all()
+    assert (own.loc[own["points"] == DENSE, "dice"] > 0.99).all()
+    assert set(own.loc[own["points"] == DENSE, "given"]) == {"points"}
+    assert set(own.loc[own["points"] == HARRIS, "given"]) == {"points and chain code"}
+
+
+def test_the_truth_encloses_itself(rows):
+    dense = rows[1][rows[1]["points"] == DENSE]
+    assert dense.loc[dense["method"] == RECONSTRUCTIONS["tour"].title, "dice"].eq(1).all()
+
+
+def test_ours_stand_beside_the_papers(tables):
+    first = tables["table1_corners"]
+    harris = first[first["method"] == CORNER_DETECTORS["harris"].title].set_index(["image", "parameters"])
+    assert harris.loc[("grey", "paper, Table 2"), "paper_corners"] == 716
+    second = tables["table2_fuse"].set_index(["method", "parameters"])
+    assert second.loc[(CCCD, "k = 3"), "paper_dice_percent"] == 98.49
+    assert (
+        second.loc[(CORNER_DETECTORS["fast"].title, "paper, Table 2"), "paper_dice_percent"] == 88.4
+    ).all()
+    third = tables["table3_segmentation"]
+    quoted = third["note"] == published.OTHER_DATA
+    assert set(third.loc[quoted, "method"]) == set(published.NETWORKS["method"])
+    assert third.loc[quoted, "dice_percent"].isna().all()
+    assert third.loc[~quoted, "dice_percent"].notna().all()
+    fourth = tables["table4_reconstruction"].set_index(["points", "method"])
+    assert fourth.loc[(HARRIS, "NN-Crust"), "paper_disconnected"] == 12
+    assert fourth.loc[(DENSE, CCCD), ["paper_connected"]].isna().all()
+    fifth = tables["table5_times"].set_index("method")
+    assert fifth.loc["Crawl", "paper_curve_s"] == 6.87
+    assert fifth["corner_ms"].fillna(fifth["curve_ms"]).notna().all()
+
+
+def test_false_shares_count_all_corners(tables, rows):
+    corners = rows[0]
+    chosen = corners[
+        (corners["detector"] == "harris") & (corners["image"] == "grey") & (corners["order"] == "chain")
+    ]
+    chosen = chosen[chosen["parameters"] == "paper, Table 2"]
+    expected = 100 * (1 - chosen["on_boundary"].sum() / chosen["corners"].sum())
+    table = tables["table1_corners"].set_index(["method", "image", "parameters"])
+    row = (CORNER_DETECTORS["harris"].title, "grey", "paper, Table 2")
+    assert table.loc[row, "false_percent"] == pytest.approx(expected)
+
+
+def test_the_first_rank_goes_to_the_best(tables):
+    for _, group in tables["table4_reconstruction"].groupby(["organ", "points"]):
+        leader = group[group["rank"] == 1].iloc[0]
+        assert leader["closed_percent"] == group["closed_percent"].max()
+
+
+def test_remarks_are_sentences_with_numbers(tables, rows):
+    remarks = write_remarks(tables, *rows)
+    assert {"table1", "table2", "table3", "table4", "table5", "figure9", "figure15", "figure16"} <= set(
+        remarks
+    )
+    for text in remarks.values():
+        assert text.endswith(".")
+        assert "nan" not in text
+    json.dumps(remarks)
+
+
+def test_a_mask_without_image_is_enough():
+    structure = make_structure(with_image=False)
+    curves = trace_mask(structure)
+    rows = [
+        as_read_back(make(structure, curves, SETTINGS, 7))
+        for make in (compare_corners, compare_reconstruction, compare_active_contour)
+    ]
+    assert set(rows[0]["image"]) == {"mask", "chain code"}
+    remarks = write_remarks(build_tables(rows[0], rows[1]), *rows)
+    assert all("nan" not in text for text in remarks.values())
+
+
+def test_the_same_seed_gives_the_same_rows(structure, rows):
+    again = as_read_back(compare_reconstruction(structure, trace_mask(structure), SETTINGS, 7))
+    pd.testing.assert_frame_equal(again.drop(columns="ms"), rows[1].drop(columns="ms"))
+
+
+def test_search_ranks_the_eligible_first(structure, monkeypatch):
+    monkeypatch.setitem(GRID, "harris", {"block": (2,), "aperture": (3,), "k": (0.04,), "threshold": (0.01,)})
+    monkeypatch.setitem(GRID, "susan", {"radius": (0, 2)})
+    scores = search(choose_slices(structure, trace_mask(structure), 1, 30), 1.5)
+    for _, group in scores.groupby(["image", "detector"]):
+        eligible = group["eligible"].to_numpy()
+        assert (np.diff(eligible.astype(int)) <= 0).all()
+        assert (np.diff(group.loc[group["eligible"], "DSC"]) <= 0).all()
+
+
+def test_figures_show_every_panel(structure, rows):
+    curves = trace_mask(structure)
+    titles = [axis.get_title() for axis in figure_16(structure, curves, SETTINGS, 7).axes]
+    assert [title.split("\n")[0] for title in titles] == [
+        "Ground truth", "Connect2D", "Crawl", "NN-Crust", "2-opt tour", CCCD,
+    ]  # fmt: skip
+    assert len(figure_9(structure, curves, SETTINGS, 7).axes) == 2 * len(CORNER_DETECTORS)
+    assert len(figure_15(structure, curves, SETTINGS, 7).axes) == 2 * 2
+    legend = figure_11(rows[0]).axes[0].get_legend()
+    assert len(legend.get_texts()) == 7
