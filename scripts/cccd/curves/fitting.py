@@ -15,7 +15,7 @@ import shapely
 from cccd.chaincode import is_simple, perimeters, resample
 from cccd.containers import Curves, Splines, concatenate_ragged
 from cccd.curves.corners import sharp_corners
-from cccd.curves.knots import FEWEST, fit_ragged
+from cccd.curves.knots import FEWEST, fit_closed_spline
 from cccd.curves.periodic import DEGREE, sample_ragged
 from cccd.tolerances import STAIRCASE_PX, STAIRCASE_TOLERANCES
 
@@ -82,10 +82,14 @@ def _fit(curves: Curves, sharp: np.ndarray, tolerance: np.ndarray, target: np.nd
     # what is small keeps its shape: the filter must not reach round it
     sigma = np.minimum(np.minimum(STAIRCASE_TOLERANCES * tolerance, STAIRCASE_PX), length / 24)
     sigma = np.where(target > 0, 0.0, sigma)
-    control, offsets, knots = fit_ragged(
-        np.ascontiguousarray(curves.points, float), curves.offsets, sharp, tolerance, sigma, target
-    )
-    return _splines(control, offsets, knots, curves)
+    fits = [
+        fit_closed_spline(polygon, sharp[begin:end], *wanted)
+        for polygon, begin, end, *wanted in zip(
+            curves, curves.offsets[:-1], curves.offsets[1:], tolerance, sigma, target, strict=True
+        )
+    ]
+    control, offsets = concatenate_ragged([fit[0] for fit in fits])
+    return _splines(control, offsets, np.concatenate([np.zeros(0), *(fit[1] for fit in fits)]), curves)
 
 
 def _splines(control: np.ndarray, offsets: np.ndarray, knots: np.ndarray, curves: Curves) -> Splines:

@@ -8,20 +8,26 @@ time where they are too far apart to matter to each other; the rest is refitted 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
+from scipy import ndimage
 
 from cccd.curves.periodic import (
     DEGREE,
     basis,
-    derivatives,
     extend_knots,
     least_squares,
+    pieces,
     project,
+    slope_at,
     span_of,
+    tangent_least_squares,
+    value_at,
 )
 
-__all__ = ["fit_ragged"]
+__all__ = ["FEWEST", "fit_closed_spline"]
 
 #: Control points a closed cubic spline needs.
 FEWEST = 4
@@ -37,6 +43,32 @@ _RUN_IN = 16
 
 #: Share of the removable knots that may go in one round.
 _SHARE = 0.35
+
+#: Weight of the tangential distance in the closer fits.
+_SLIDING = 0.03
+
+#: Closer fits once fewer than this many times the wanted number of knots are left ...
+_FINE = 1.3
+
+#: ... and at most so many rounds of them at the end.
+_LAST = 6
+
+#: A removal is tried when its predicted largest distance is at most so many tolerances: correcting the
+#: parameters brings a little back.
+_HOPE = 1.1
+
+#: Samples of the reference at least.
+_LEAST = 24
+
+
+class _Fit(NamedTuple):
+    """A closed spline through ``points`` (m, 2) and how it was found."""
+
+    breaks: np.ndarray  # (n,)
+    knots: np.ndarray  # (n + 7,)
+    control: np.ndarray  # (n, 2)
+    parameters: np.ndarray  # (m,) of the points' foot points
+    distance: np.ndarray  # (m,) from the points to the curve
 
 
 @numba.njit(cache=True)
@@ -63,8 +95,7 @@ def _removal_costs(knots, control, points, parameters, kept):
     Returns
     -------
     cost : (n,) float array
-        Growth of the sum of fourth powers of the distances (inf for knots that must stay): large
-        distances weigh more than in a sum of squares, small ones still count.
+        Growth of the sum of squared distances; inf for knots that must stay.
     peak : (n,) float array
         Largest distance near the knot afterwards.
     """
@@ -74,18 +105,19 @@ def _removal_costs(knots, control, points, parameters, kept):
     distance = np.empty(total)
     begin = np.full(count + 1, total, np.int64)  # first point of each span
     cyclic = np.zeros((count, 4))  # cyclic[a, d] = N[a, a - d]
-    local = np.empty((3, 2))
+    curve = pieces(knots, control)
     s = 0
     for m in range(total):
         s = span_of(knots, count, parameters[m], s)
         if begin[s] == total:
             begin[s] = m
         basis(knots, s, parameters[m], value[m])
-        derivatives(knots, control, s, parameters[m], local)
-        speed = max(np.sqrt(local[1, 0] ** 2 + local[1, 1] ** 2), 1e-12)
-        normal[m, 0], normal[m, 1] = -local[1, 1] / speed, local[1, 0] / speed
-        distance[m] = (points[m, 0] - local[0, 0]) * normal[m, 0]
-        distance[m] += (points[m, 1] - local[0, 1]) * normal[m, 1]
+        piece, h = curve[s], parameters[m] - knots[s + 3]
+        slope_x, slope_y = slope_at(piece, h, 0), slope_at(piece, h, 1)
+        speed = max(np.sqrt(slope_x * slope_x + slope_y * slope_y), 1e-12)
+        normal[m, 0], normal[m, 1] = -slope_y / speed, slope_x / speed
+        distance[m] = (points[m, 0] - value_at(piece, h, 0)) * normal[m, 0]
+        distance[m] += (points[m, 1] - value_at(piece, h, 1)) * normal[m, 1]
         for p in range(4):
             for q in range(p + 1):
                 cyclic[(s + p) % count, p - q] += value[m, p] * value[m, q]
@@ -135,7 +167,7 @@ def _removal_costs(knots, control, points, parameters, kept):
                         moved += value[m, q] * change[n]
                 new = distance[m] + moved * (jump_x * normal[m, 0] + jump_y * normal[m, 1])
                 new, old = new * new, distance[m] * distance[m]
-                cost[k] += new * new - old * old
+                cost[k] += new - old
                 peak[k] = max(peak[k], new)
         peak[k] = np.sqrt(peak[k])
     return cost, peak
@@ -160,51 +192,36 @@ def _unrolled_factor(cyclic, ridge):
     return factor
 
 
-@numba.njit(cache=True)
-def _fit(breaks, period, points, parameters, rounds):
-    """Least squares and parameter correction by turns; parameters change in place."""
-    knots = extend_knots(breaks, period)
-    weights = np.ones(len(points))
-    control = least_squares(knots, len(breaks), points, weights, parameters)
+def _fit(breaks: np.ndarray, period: float, points: np.ndarray, parameters: np.ndarray, rounds: int) -> _Fit:
+    """Least squares at the given parameters, then ``rounds`` of distance minimisation along normals."""
+    knots, parameters = extend_knots(breaks, period), parameters.copy()
+    control = least_squares(knots, len(breaks), points, parameters)
     distance = project(knots, control, points, parameters, 2)
-    for _ in range(rounds - 1):
-        control = least_squares(knots, len(breaks), points, weights, parameters)
-        distance = project(knots, control, points, parameters, 2)
-    return knots, control, distance
+    fit = _Fit(breaks, knots, control, parameters, distance)
+    for _ in range(rounds):
+        parameters = fit.parameters.copy()
+        control = tangent_least_squares(knots, fit.control, points, parameters, _SLIDING)
+        distance = project(knots, control, points, parameters, 3)
+        if not distance @ distance < fit.distance @ fit.distance:
+            break
+        fit = _Fit(breaks, knots, control, parameters, distance)
+    return fit
 
 
-@numba.njit(cache=True)
-def _insert(breaks, kept, period, parameters, distance, tolerance):
+def _insert(fit: _Fit, kept: np.ndarray, period: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Halve every span that holds a point farther away than the tolerance and at least three points."""
-    count = len(breaks)
-    held = np.zeros(count, np.int64)
-    bad = np.zeros(count, np.bool_)
-    s = 0
-    for m in range(len(parameters)):
-        while s < count - 1 and parameters[m] >= breaks[s + 1]:
-            s += 1
-        held[s] += 1
-        bad[s] |= distance[m] > tolerance
-    more = 0
-    for s in range(count):
-        bad[s] &= held[s] >= 3
-        more += bad[s]
-    new_breaks = np.empty(count + more)
-    new_kept = np.zeros(count + more, np.bool_)
-    n = 0
-    for s in range(count):
-        new_breaks[n], new_kept[n] = breaks[s], kept[s]
-        n += 1
-        if bad[s]:
-            stop = breaks[s + 1] if s < count - 1 else breaks[0] + period
-            new_breaks[n] = (breaks[s] + stop) / 2
-            n += 1
-    return new_breaks, new_kept
+    count = len(fit.breaks)
+    span = np.searchsorted(fit.breaks, fit.parameters, side="right") - 1
+    far = np.bincount(span, fit.distance > tolerance, count) > 0
+    split = np.flatnonzero(far & (np.bincount(span, minlength=count) >= 3))
+    ends = np.append(fit.breaks, fit.breaks[0] + period)
+    middle = (ends[split] + ends[split + 1]) / 2
+    return np.insert(fit.breaks, split + 1, middle), np.insert(kept, split + 1, False)
 
 
 @numba.njit(cache=True)
 def _choose(cost, peak, most, limit):
-    """Cheapest knots to remove, at most ``most``, four apart, none whose peak exceeds the limit."""
+    """Cheapest knots to remove (n,) bool: at most ``most``, four apart, none with a peak above the limit."""
     count = len(cost)
     gone = np.zeros(count, np.bool_)
     taken = 0
@@ -213,200 +230,156 @@ def _choose(cost, peak, most, limit):
             break
         free = peak[k] <= limit
         for shift in range(-3, 4):
-            free &= not gone[(k + shift) % count]
+            free = free and not gone[(k + shift) % count]
         if free:
             gone[k] = True
             taken += 1
-    return gone, taken
+    return gone
 
 
-@numba.njit(cache=True)
-def _spline(points, parameters, period, breaks, kept, tolerance, target):
-    """Fewest knots within the tolerance, or the given number of them when it is positive.
-
-    Returns
-    -------
-    knots, control points
-    """
-    by_count = target > 0
-    knots, control, distance = _fit(breaks, period, points, parameters, 2)
-    while not by_count and distance.max() > tolerance:
-        more, more_kept = _insert(breaks, kept, period, parameters, distance, tolerance)
-        if len(more) == len(breaks):
+def _within(fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, tolerance: float) -> _Fit:
+    """Fewest knots whose spline keeps the tolerance: inserted where it does not, removed while it does."""
+    while fit.distance.max() > tolerance:
+        breaks, more_kept = _insert(fit, kept, period, tolerance)
+        if len(breaks) == len(fit.breaks):
             break
-        breaks, kept = more, more_kept
-        knots, control, distance = _fit(breaks, period, points, parameters, 2)
-    goal = max(target, FEWEST)
-    limit = np.inf if by_count else 1.1 * tolerance  # the correction of parameters brings a little back
-    most = len(breaks)
-    while len(breaks) > goal:
-        count = len(breaks)
-        cost, peak = _removal_costs(knots, control, points, parameters, kept)
-        allowed = int(_SHARE * (count - goal)) if by_count else int(_SHARE * count / 2)
-        gone, taken = _choose(cost, peak, max(1, min(most, allowed)), limit)
-        if taken == 0:
-            break
-        trial = parameters.copy()
-        fewer = breaks[~gone]
-        result = _fit(fewer, period, points, trial, 1)
-        if not by_count:
-            tries = 0
-            while result[2].max() > tolerance and tries < 2:
-                result = _fit(fewer, period, points, trial, 1)
-                tries += 1
-            if result[2].max() > tolerance:
-                if taken == 1:
-                    kept = kept | gone
-                most = max(1, taken // 3)
+        kept = more_kept
+        fit = _fit(breaks, period, points, fit.parameters, 0)
+    rounds, most, locked = 0, len(fit.breaks), kept
+    while len(fit.breaks) > FEWEST:
+        count = len(fit.breaks)
+        cost, peak = _removal_costs(fit.knots, fit.control, points, fit.parameters, locked)
+        allowed = max(1, min(most, int(_SHARE * count / 2), count - FEWEST))
+        gone = _choose(cost, peak, allowed, _HOPE * tolerance)
+        taken = np.count_nonzero(gone)
+        if taken > 0:
+            trial = _fit(fit.breaks[~gone], period, points, fit.parameters, rounds)
+            if trial.distance.max() <= tolerance:
+                fit, kept, locked = trial, kept[~gone], locked[~gone]
                 continue
-        breaks, kept, parameters = fewer, kept[~gone], trial
-        knots, control, distance = result
-    if by_count:
-        knots, control, distance = _fit(breaks, period, points, parameters, 4)
-    return knots, control
+            if taken == 1:
+                locked = locked | gone
+            most = max(1, taken // 3)
+        elif rounds == 0:  # what plain least squares cannot do without, a closer fit may
+            rounds, most, locked = 2, max(1, count // 10), kept
+        else:
+            break
+    return fit
 
 
-@numba.njit(cache=True)
-def _reference(points, corners, spacing, sigma):
+def _with(fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, target: int) -> _Fit:
+    """Best spline with ``target`` knots: the cheapest go until so many are left."""
+    while len(fit.breaks) > target:
+        excess = len(fit.breaks) - target
+        cost, peak = _removal_costs(fit.knots, fit.control, points, fit.parameters, kept)
+        gone = _choose(cost, peak, max(1, int(_SHARE * excess)), np.inf)
+        if not gone.any():
+            break
+        kept = kept[~gone]
+        near = np.count_nonzero(~gone) <= _FINE * target
+        fit = _fit(fit.breaks[~gone], period, points, fit.parameters, int(near))
+    return _fit(fit.breaks, period, points, fit.parameters, _LAST)
+
+
+def reference(
+    polygon: np.ndarray, corners: np.ndarray, spacing: float, sigma: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Sample a closed polygon, its staircase smoothed away, and mark its corners.
 
-    The polygon is sampled evenly between corners (the first of which is the first sample) and filtered
-    along its length by ``2 g - g * g`` with a Gaussian g: that keeps area and curvature where a plain
-    Gaussian would shrink them. Towards a corner the filter fades out.
+    Parameters
+    ----------
+    polygon : (n, 2) float array
+    corners : (n,) bool array
+    spacing : float
+        Distance of the samples in pixels, about.
+    sigma : float
+        Standard deviation in pixels of the filter ``2 g - g * g`` with a Gaussian g: it keeps area and
+        curvature where a plain Gaussian would shrink them. Towards a corner it fades out.
 
     Returns
     -------
     samples : (m, 2) float array
+        The first is the polygon's first corner, or its first point.
     corner : (m,) bool array
     """
-    count = len(points)
     anchors = np.flatnonzero(corners)
-    if len(anchors) == 0:
+    if len(anchors):
+        polygon = np.roll(polygon, -anchors[0], axis=0)
+        anchors = anchors - anchors[0]
+    else:
         anchors = np.zeros(1, np.int64)
-    fine_x, fine_y = [0.0][:0], [0.0][:0]
-    fine_corner = [False][:0]
-    for a in range(len(anchors)):
-        begin = anchors[a]
-        links = (anchors[(a + 1) % len(anchors)] - begin - 1) % count + 1
-        length = 0.0
-        for n in range(links):
-            p, q = points[(begin + n) % count], points[(begin + n + 1) % count]
-            length += np.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2)
-        pieces = 2 * max(int(np.ceil(length / spacing)), 12 // len(anchors), 2)
-        n, walked, link = 0, 0.0, 0.0
-        p, q = points[begin], points[(begin + 1) % count]
-        link = np.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2)
-        for piece in range(pieces):
-            wanted = piece * length / pieces
-            while wanted > walked + link and n < links - 1:
-                walked += link
-                n += 1
-                p, q = points[(begin + n) % count], points[(begin + n + 1) % count]
-                link = np.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2)
-            share = (wanted - walked) / link if link > 0.0 else 0.0
-            fine_x.append(p[0] + share * (q[0] - p[0]))
-            fine_y.append(p[1] + share * (q[1] - p[1]))
-            fine_corner.append(piece == 0 and corners[begin])
-    x, y, corner = np.array(fine_x), np.array(fine_y), np.array(fine_corner)
-    size = len(x)
-    step = sigma / (spacing / 2)  # standard deviation in samples
-    taps = min(int(4 * 1.5 * step), size // 2 - 1)
-    samples = np.empty((size // 2, 2))
-    for m in range(size // 2):
-        samples[m, 0], samples[m, 1] = x[2 * m], y[2 * m]
-    if taps < 1:
-        return samples, corner[::2]
-    narrow = np.exp(-0.5 * (np.arange(taps + 1) / step) ** 2)
-    wide = np.exp(-0.25 * (np.arange(taps + 1) / step) ** 2)
-    narrow /= 2 * narrow.sum() - 1
-    wide /= 2 * wide.sum() - 1
-    kernel = 2 * narrow - wide
-    from_corner = np.full(size, np.inf)
-    for a in np.flatnonzero(corner):
-        for shift in range(-2 * taps, 2 * taps + 1):
-            m = (a + shift) % size
-            from_corner[m] = min(from_corner[m], abs(shift))
-    for m in range(size // 2):
-        at = 2 * m
-        smooth_x, smooth_y = kernel[0] * x[at], kernel[0] * y[at]
-        for tap in range(1, taps + 1):
-            ahead, behind = (at + tap) % size, (at - tap) % size
-            smooth_x += kernel[tap] * (x[ahead] + x[behind])
-            smooth_y += kernel[tap] * (y[ahead] + y[behind])
-        share = min(1.0, from_corner[at] / (2.0 * taps))
-        samples[m, 0] += share * (smooth_x - x[at])
-        samples[m, 1] += share * (smooth_y - y[at])
-    return samples, corner[::2]
+    link = np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1)
+    position = np.concatenate([[0.0], np.cumsum(link)])
+    at = np.append(position[anchors], position[-1])
+    pieces = np.maximum(np.ceil(np.diff(at) / spacing), max(2, _LEAST // len(anchors))).astype(int)
+    fine = np.concatenate(
+        [np.linspace(a, b, 2 * n, endpoint=False) for a, b, n in zip(at[:-1], at[1:], pieces, strict=True)]
+    )
+    ring = np.vstack([polygon, polygon[:1]])
+    line = np.column_stack([np.interp(fine, position, ring[:, axis]) for axis in (0, 1)])
+    samples = line[::2]
+    corner = np.zeros(len(samples), bool)
+    if corners.any():
+        corner[np.cumsum(pieces) - pieces] = True
+    step = sigma / (spacing / 2)
+    reach = min(int(6 * step), len(line) // 2 - 1)
+    if reach < 1:
+        return samples, corner
+    tap = np.arange(-reach, reach + 1)
+    narrow, wide = np.exp(-0.5 * (tap / step) ** 2), np.exp(-0.25 * (tap / step) ** 2)
+    smooth = ndimage.convolve1d(line, 2 * narrow / narrow.sum() - wide / wide.sum(), axis=0, mode="wrap")[::2]
+    if corner.any():
+        away = np.abs(fine[::2, None] - at[None, :]).min(axis=1)
+        smooth = samples + np.minimum(away / (4 * sigma), 1)[:, None] * (smooth - samples)
+    return smooth, corner
 
 
-@numba.njit(cache=True)
-def fit_ragged(points, offsets, corners, tolerance, sigma, target):
-    """Fit a closed cubic spline to each of many ragged closed polygons.
+def _first_breaks(
+    parameters: np.ndarray, period: float, corner: np.ndarray, number: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Even breaks, of which those at corners are threefold; they and the first one stay."""
+    anchors = np.flatnonzero(corner)
+    begin = parameters[anchors] if len(anchors) else np.zeros(1)
+    end = np.append(begin[1:], period)
+    times = DEGREE if len(anchors) else 1
+    breaks, kept = [], []
+    for a, b in zip(begin, end, strict=True):
+        pieces = max(int(np.rint(number * (b - a) / period)), 1)
+        breaks += [[a] * times, np.linspace(a, b, pieces, endpoint=False)[1:]]
+        kept += [[True] * times, [False] * (pieces - 1)]
+    return np.concatenate(breaks), np.concatenate(kept).astype(bool)
+
+
+def fit_closed_spline(
+    polygon: np.ndarray, corners: np.ndarray, tolerance: float, sigma: float, target: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fit a closed cubic spline to a closed polygon.
 
     Parameters
     ----------
-    points : (P, 2) float array
-    offsets : (C + 1,) int array
-    corners : (P,) bool array
+    polygon : (n, 2) float array
+    corners : (n,) bool array
         Sharp corners: a triple knot each, never removed.
-    tolerance : (C,) float array
-        Largest distance from the reference to the curve, in pixels.
-    sigma : (C,) float array
-        Standard deviation in pixels of the filter that makes the reference from the polygon.
-    target : (C,) int array
+    tolerance : float
+        Largest distance in pixels from the reference to the curve.
+    sigma : float
+        Width in pixels of the filter that makes the reference from the polygon.
+    target : int
         Control points wanted; 0 leaves the number to the tolerance.
 
     Returns
     -------
-    control : (N, 2) float array
-    control_offsets : (C + 1,) int64 array
-    knots : (M,) float array
+    control points (n, 2), knots (n + 7,)
     """
-    curves = len(offsets) - 1
-    control_offsets = np.zeros(curves + 1, np.int64)
-    room = 4 * len(points) + 64 * curves
-    control = np.empty((room, 2))
-    knots = np.empty(room + 7 * curves)
-    for c in range(curves):
-        outline = points[offsets[c] : offsets[c + 1]]
-        sharp = corners[offsets[c] : offsets[c + 1]]
-        spacing = 1.0 if target[c] > 0 else min(max(sigma[c], 0.75), 1.5)
-        samples, corner = _reference(outline, sharp, spacing, sigma[c])
-        count = len(samples)
-        parameters = np.zeros(count)
-        for m in range(1, count):
-            gap = samples[m] - samples[m - 1]
-            parameters[m] = parameters[m - 1] + np.sqrt(gap[0] ** 2 + gap[1] ** 2)
-        gap = samples[0] - samples[count - 1]
-        period = parameters[count - 1] + np.sqrt(gap[0] ** 2 + gap[1] ** 2)
-        number = int(0.16 * count) if target[c] == 0 else max(int(0.3 * count), target[c])
-        breaks, kept = _first_breaks(parameters, period, corner, max(number, FEWEST))
-        found = _spline(samples, parameters, period, breaks, kept, tolerance[c], target[c])
-        n = len(found[1])
-        control_offsets[c + 1] = control_offsets[c] + n
-        control[control_offsets[c] : control_offsets[c + 1]] = found[1]
-        at = control_offsets[c] + 7 * c
-        knots[at : at + n + 7] = found[0]
-    end = control_offsets[curves]
-    return control[:end], control_offsets, knots[: end + 7 * curves]
-
-
-@numba.njit(cache=True)
-def _first_breaks(parameters, period, corner, number):
-    """Even breaks, of which those at corners are threefold and stay."""
-    anchors = np.flatnonzero(corner)
-    plain = len(anchors) == 0
-    if plain:
-        anchors = np.zeros(1, np.int64)
-    breaks, kept = [0.0][:0], [True][:0]
-    for a in range(len(anchors)):
-        begin = parameters[anchors[a]]
-        end = parameters[anchors[a + 1]] if a + 1 < len(anchors) else period
-        for _ in range(1 if plain else DEGREE):
-            breaks.append(begin)
-            kept.append(True)
-        pieces = max(int(np.rint(number * (end - begin) / period)), 1)
-        for piece in range(1, pieces):
-            breaks.append(begin + piece * (end - begin) / pieces)
-            kept.append(False)
-    return np.array(breaks), np.array(kept)
+    spacing = 1.0 if target else min(max(sigma, 0.75), 1.5)
+    points, corner = reference(polygon, corners, spacing, sigma)
+    link = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    parameters, period = np.cumsum(link) - link, float(link.sum())
+    number = max(int(0.3 * len(points)), target) if target else int(0.16 * len(points))
+    breaks, kept = _first_breaks(parameters, period, corner, max(number, FEWEST))
+    fit = _fit(breaks, period, points, parameters, 0)
+    if target:
+        fit = _with(fit, points, period, kept, max(target, FEWEST))
+    else:
+        fit = _within(fit, points, period, kept, tolerance)
+    return fit.control, fit.knots

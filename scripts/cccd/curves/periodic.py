@@ -5,7 +5,7 @@ A closed spline with n control points has n spans. Span ``s`` lies between the k
 the design matrix of the unwrapped spline fall onto the first three. That keeps the normal equations
 banded but for their last three rows, which a Schur complement takes care of: the cost is linear in n.
 
-Everything here is compiled; the loops are over points and cost nanoseconds.
+The loops over points are compiled and cost nanoseconds.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ import numpy as np
 __all__ = [
     "DEGREE",
     "basis",
-    "derivatives",
     "evaluate",
     "extend_knots",
     "least_squares",
+    "pieces",
     "project",
     "sample_ragged",
+    "slope_at",
     "span_of",
+    "tangent_least_squares",
+    "value_at",
 ]
 
 #: Cubic throughout (equations 6-9).
@@ -32,15 +35,10 @@ DEGREE = 3
 _RIDGE = 1e-7
 
 
-@numba.njit(cache=True)
-def extend_knots(breaks, period):
+def extend_knots(breaks: np.ndarray, period: float) -> np.ndarray:
     """Knots (n + 7,) of a closed cubic spline from its n breaks, ascending in ``[0, period)``."""
-    count = len(breaks)
-    knots = np.empty(count + 2 * DEGREE + 1)
-    for m in range(len(knots)):
-        turn, index = divmod(m - DEGREE, count)
-        knots[m] = breaks[index] + turn * period
-    return knots
+    turn, index = np.divmod(np.arange(-DEGREE, len(breaks) + DEGREE + 1), len(breaks))
+    return breaks[index] + turn * period
 
 
 @numba.njit(cache=True)
@@ -71,58 +69,56 @@ def basis(knots, s, u, value):
 
 
 @numba.njit(cache=True)
-def derivatives(knots, control, s, u, out):
-    """Write position, first and second derivative (3, 2) at ``u`` of span ``s`` into ``out``."""
+def pieces(knots, control):
+    """Polynomials (n, 4, 2) of all spans: coefficients of the powers of ``u - knots[s + 3]``."""
     count = len(control)
-    x = np.empty((4, 2))
-    for r in range(4):
+    out = np.zeros((count, 4, 2))
+    x, first, second = np.empty(4), np.empty(3), np.empty(2)
+    for s in range(count):
+        u, reach = knots[s + 3], knots[s + 4] - knots[s + 3]
+        if reach <= 0.0:
+            continue
         for axis in range(2):
-            x[r, axis] = control[(s + r) % count, axis]
-    first = np.zeros((3, 2))
-    second = np.zeros((2, 2))
-    for r in range(3):
-        width = knots[s + r + 4] - knots[s + r + 1]
-        if width > 0.0:
-            for axis in range(2):
-                first[r, axis] = 3.0 * (x[r + 1, axis] - x[r, axis]) / width
-    for r in range(2):
-        width = knots[s + r + 4] - knots[s + r + 2]
-        if width > 0.0:
-            for axis in range(2):
-                second[r, axis] = 2.0 * (first[r + 1, axis] - first[r, axis]) / width
-    for axis in range(2):  # de Boor's algorithm on each derivative
-        for level in range(1, 4):
-            for r in range(3, level - 1, -1):
-                low, high = knots[s + r], knots[s + r + 4 - level]
-                share = (u - low) / (high - low) if high > low else 0.0
-                x[r, axis] += (share - 1.0) * (x[r, axis] - x[r - 1, axis])
-        for level in range(1, 3):
-            for r in range(2, level - 1, -1):
-                low, high = knots[s + r + 1], knots[s + r + 4 - level]
-                share = (u - low) / (high - low) if high > low else 0.0
-                first[r, axis] += (share - 1.0) * (first[r, axis] - first[r - 1, axis])
-        low, high = knots[s + 3], knots[s + 4]
-        share = (u - low) / (high - low) if high > low else 0.0
-        second[1, axis] += (share - 1.0) * (second[1, axis] - second[0, axis])
-        out[0, axis] = x[3, axis]
-        out[1, axis] = first[2, axis]
-        out[2, axis] = second[1, axis]
-
-
-@numba.njit(cache=True)
-def evaluate(knots, control, parameters):
-    """Position, first and second derivative (m, 3, 2) at ascending parameters of the base period."""
-    out = np.empty((len(parameters), 3, 2))
-    s = 0
-    for m in range(len(parameters)):
-        s = span_of(knots, len(control), parameters[m], s)
-        derivatives(knots, control, s, parameters[m], out[m])
+            for r in range(4):
+                x[r] = control[(s + r) % count, axis]
+            for r in range(3):
+                first[r] = 3.0 * (x[r + 1] - x[r]) / (knots[s + r + 4] - knots[s + r + 1])
+            for r in range(2):
+                second[r] = 2.0 * (first[r + 1] - first[r]) / (knots[s + r + 4] - knots[s + r + 2])
+            out[s, 3, axis] = (second[1] - second[0]) / reach / 6.0
+            for level in range(1, 4):  # de Boor's algorithm for the curve and its derivatives
+                for r in range(3, level - 1, -1):
+                    low, high = knots[s + r], knots[s + r + 4 - level]
+                    x[r] += ((u - low) / (high - low) - 1.0) * (x[r] - x[r - 1])
+            for level in range(1, 3):
+                for r in range(2, level - 1, -1):
+                    low, high = knots[s + r + 1], knots[s + r + 4 - level]
+                    first[r] += ((u - low) / (high - low) - 1.0) * (first[r] - first[r - 1])
+            out[s, 0, axis], out[s, 1, axis], out[s, 2, axis] = x[3], first[2], second[0] / 2.0
     return out
 
 
 @numba.njit(cache=True)
-def least_squares(knots, count, points, weights, parameters):
-    """Control points (n, 2) that minimise the weighted squared distance to ``points`` (m, 2).
+def value_at(piece, h, axis):
+    """One coordinate at distance ``h`` into a span."""
+    return piece[0, axis] + h * (piece[1, axis] + h * (piece[2, axis] + h * piece[3, axis]))
+
+
+@numba.njit(cache=True)
+def slope_at(piece, h, axis):
+    """Its first derivative."""
+    return piece[1, axis] + h * (2.0 * piece[2, axis] + h * 3.0 * piece[3, axis])
+
+
+@numba.njit(cache=True)
+def bend_at(piece, h, axis):
+    """Its second derivative."""
+    return 2.0 * piece[2, axis] + 6.0 * h * piece[3, axis]
+
+
+@numba.njit(cache=True)
+def least_squares(knots, count, points, parameters):
+    """Control points (n, 2) that minimise the squared distances to ``points`` (m, 2).
 
     Parameters
     ----------
@@ -130,7 +126,6 @@ def least_squares(knots, count, points, weights, parameters):
     count : int
         n, at least 4.
     points : (m, 2) float array
-    weights : (m,) float array
     parameters : (m,) float array
         Ascending within one period.
     """
@@ -139,91 +134,169 @@ def least_squares(knots, count, points, weights, parameters):
     border = np.zeros((3, count))  # last three rows of N
     right = np.zeros((count, 2))
     value = np.empty(4)
-    s, total = 0, 0.0
+    s = 0
     for m in range(len(points)):
         s = span_of(knots, count, parameters[m], s)
         basis(knots, s, parameters[m], value)
-        weight = weights[m]
-        total += weight
         for p in range(4):
             a = s + p
             a -= count if a >= count else 0
-            scaled = weight * value[p]
-            right[a, 0] += scaled * points[m, 0]
-            right[a, 1] += scaled * points[m, 1]
+            right[a, 0] += value[p] * points[m, 0]
+            right[a, 1] += value[p] * points[m, 1]
             for q in range(4):
                 b = s + q
                 b -= count if b >= count else 0
                 if a >= body:
-                    border[a - body, b] += scaled * value[q]
+                    border[a - body, b] += value[p] * value[q]
                 elif b <= a:
-                    band[a, a - b] += scaled * value[q]
-    bending = _RIDGE * total / count
-    for middle in range(count):
-        for p in range(3):
-            a = (middle + p - 1) % count
-            for q in range(3):
-                b = (middle + q - 1) % count
-                term = bending * (-2.0 if p == 1 else 1.0) * (-2.0 if q == 1 else 1.0)
-                if a >= body:
-                    border[a - body, b] += term
-                elif b <= a:
-                    band[a, a - b] += term
+                    band[a, a - b] += value[p] * value[q]
+    _add_bending(band, border, _RIDGE * len(points) / count, 1)
     return _solve(band, border, right)
 
 
 @numba.njit(cache=True)
+def tangent_least_squares(knots, control, points, parameters, sliding):
+    """Control points (n, 2) one Gauss-Newton step on: distances are measured along the curve's normals.
+
+    Where `least_squares` holds every point to its parameter, points may here slide along the tangent at
+    little cost, as the parameter correction that follows lets them anyway. The pair then converges in a
+    few rounds rather than hundreds (tangent distance minimisation, Wang, Pottmann and Liu 2006).
+
+    Parameters
+    ----------
+    knots, control : arrays
+        The closed spline to start from.
+    points : (m, 2) float array
+    parameters : (m,) float array
+        Ascending; foot points or near them.
+    sliding : float
+        Weight of the squared tangential distance against the normal one's, above 0.
+    """
+    count = len(control)
+    body = 2 * (count - DEGREE)
+    band = np.zeros((body, 8))
+    border = np.zeros((6, 2 * count))
+    right = np.zeros((2 * count, 1))
+    curve = pieces(knots, control)
+    value = np.empty(4)
+    weight = np.empty((2, 2))
+    s = 0
+    for m in range(len(points)):
+        s = span_of(knots, count, parameters[m], s)
+        basis(knots, s, parameters[m], value)
+        into = parameters[m] - knots[s + 3]
+        dx, dy = slope_at(curve[s], into, 0), slope_at(curve[s], into, 1)
+        squared = max(dx * dx + dy * dy, 1e-300)
+        slack = (1.0 - sliding) / squared
+        weight[0, 0], weight[1, 1] = sliding + slack * dy * dy, sliding + slack * dx * dx
+        weight[0, 1] = weight[1, 0] = -slack * dx * dy
+        for p in range(4):
+            a = s + p
+            a -= count if a >= count else 0
+            for i in range(2):
+                row = 2 * a + i
+                pull = weight[i, 0] * points[m, 0] + weight[i, 1] * points[m, 1]
+                right[row, 0] += value[p] * pull
+                for q in range(4):
+                    b = s + q
+                    b -= count if b >= count else 0
+                    shared = value[p] * value[q]
+                    for j in range(2):
+                        column = 2 * b + j
+                        if row >= body:
+                            border[row - body, column] += shared * weight[i, j]
+                        elif column <= row:
+                            band[row, row - column] += shared * weight[i, j]
+    _add_bending(band, border, _RIDGE * len(points) / count, 2)
+    return _solve(band, border, right).reshape((count, 2))
+
+
+@numba.njit(cache=True)
+def _add_bending(band, border, weight, stride):
+    """Add the control polygon's squared second differences to the normal equations.
+
+    ``stride`` coordinates of a control point stand side by side in the unknowns.
+    """
+    body = len(band)
+    count = border.shape[1] // stride
+    for middle in range(count):
+        for p in range(3):
+            for q in range(3):
+                term = weight * (-2.0 if p == 1 else 1.0) * (-2.0 if q == 1 else 1.0)
+                for axis in range(stride):
+                    a = (middle + p - 1) % count * stride + axis
+                    b = (middle + q - 1) % count * stride + axis
+                    if a >= body:
+                        border[a - body, b] += term
+                    elif b <= a:
+                        band[a, a - b] += term
+
+
+@numba.njit(cache=True)
 def _solve(band, border, right):
-    """Solve the symmetric system of a band and a border of three rows (Cholesky, Schur complement)."""
-    body, count = len(band), len(right)
+    """Solve a symmetric system of a band and a few last rows (Cholesky, Schur complement).
+
+    Parameters
+    ----------
+    band : (n - b, w + 1) float array
+        ``band[a, d] = N[a, a - d]``; overwritten.
+    border : (b, n) float array
+        The last b rows of N.
+    right : (n, c) float array
+    """
+    body, width = band.shape[0], band.shape[1] - 1
+    edge, count = border.shape
+    sides = right.shape[1]
     for a in range(body):
-        for d in range(min(a, 3), -1, -1):
-            b = a - d
+        for d in range(min(a, width), -1, -1):
             total = band[a, d]
-            for e in range(d + 1, min(a, 3) + 1):
-                if e - d <= 3:
-                    total -= band[a, e] * band[b, e - d]
-            if d == 0:
-                band[a, 0] = np.sqrt(max(total, 1e-300))
-            else:
-                band[a, d] = total / band[b, 0]
-    # columns: the two coordinates, then the three border columns
-    columns = np.empty((count, 5))
+            for e in range(d + 1, min(a, width) + 1):
+                total -= band[a, e] * band[a - d, e - d]
+            band[a, d] = np.sqrt(max(total, 1e-300)) if d == 0 else total / band[a - d, 0]
+    columns = np.empty((body, sides + edge))  # the right-hand sides, then the border's columns
     for a in range(body):
-        columns[a, 0], columns[a, 1] = right[a, 0], right[a, 1]
-        for r in range(3):
-            columns[a, 2 + r] = border[r, a]
-    for a in range(body):
-        for c in range(5):
-            total = columns[a, c]
-            for d in range(1, min(a, 3) + 1):
+        for c in range(sides + edge):
+            total = right[a, c] if c < sides else border[c - sides, a]
+            for d in range(1, min(a, width) + 1):
                 total -= band[a, d] * columns[a - d, c]
             columns[a, c] = total / band[a, 0]
-    schur = np.empty((3, 3))
-    rest = np.empty((3, 2))
-    for r in range(3):
-        for c in range(3):
-            total = border[r, body + c]
-            for a in range(body):
-                total -= columns[a, 2 + r] * columns[a, 2 + c]
-            schur[r, c] = total
-        for c in range(2):
-            total = right[body + r, c]
-            for a in range(body):
-                total -= columns[a, 2 + r] * columns[a, c]
-            rest[r, c] = total
-    closing = np.linalg.solve(schur, rest)
-    control = np.empty((count, 2))
-    control[body:] = closing
+    schur = np.empty((edge, edge))
+    rest = np.empty((edge, sides))
+    for r in range(edge):
+        for c in range(edge):
+            schur[r, c] = border[r, body + c]
+        for c in range(sides):
+            rest[r, c] = right[body + r, c]
+    for a in range(body):
+        for r in range(edge):
+            lever = columns[a, sides + r]
+            for c in range(edge):
+                schur[r, c] -= lever * columns[a, sides + c]
+            for c in range(sides):
+                rest[r, c] -= lever * columns[a, c]
+    solution = np.empty((count, sides))
+    for r in range(edge):  # the Schur complement is small and positive definite: plain elimination
+        for a in range(r + 1, edge):
+            lever = schur[a, r] / schur[r, r]
+            for c in range(r, edge):
+                schur[a, c] -= lever * schur[r, c]
+            for c in range(sides):
+                rest[a, c] -= lever * rest[r, c]
+    for r in range(edge - 1, -1, -1):
+        for c in range(sides):
+            total = rest[r, c]
+            for a in range(r + 1, edge):
+                total -= schur[r, a] * solution[body + a, c]
+            solution[body + r, c] = total / schur[r, r]
     for a in range(body - 1, -1, -1):
-        for c in range(2):
+        for c in range(sides):
             total = columns[a, c]
-            for r in range(3):
-                total -= columns[a, 2 + r] * closing[r, c]
-            for d in range(1, min(body - 1 - a, 3) + 1):
-                total -= band[a + d, d] * control[a + d, c]
-            control[a, c] = total / band[a, 0]
-    return control
+            for r in range(edge):
+                total -= columns[a, sides + r] * solution[body + r, c]
+            for d in range(1, min(body - 1 - a, width) + 1):
+                total -= band[a + d, d] * solution[a + d, c]
+            solution[a, c] = total / band[a, 0]
+    return solution
 
 
 @numba.njit(cache=True)
@@ -238,62 +311,64 @@ def project(knots, control, points, parameters, steps):
     parameters : (m,) float array
         Ascending; changed in place.
     steps : int
-        Newton steps; the distance at the start of the last one is given back.
+        One more than the Newton steps.
 
     Returns
     -------
     (m,) float array
-        Distances from the points to the curve at the parameters before the last step; each is an upper
-        bound of the true distance.
+        Distances from the points to the curve at their parameters: upper bounds of the true ones.
     """
     count = len(control)
     begin, end = knots[3], knots[count + 3]
+    last = np.nextafter(end, begin)
+    curve = pieces(knots, control)
     distance = np.empty(len(points))
-    local = np.empty((3, 2))
     for step in range(steps):
-        s = 0
-        before = begin
+        s, before = 0, begin
         for m in range(len(points)):
             u = parameters[m]
             s = span_of(knots, count, u, s)
-            derivatives(knots, control, s, u, local)
-            dx, dy = points[m, 0] - local[0, 0], points[m, 1] - local[0, 1]
-            distance[m] = np.sqrt(dx * dx + dy * dy)
+            piece, h = curve[s], u - knots[s + 3]
+            dx, dy = points[m, 0] - value_at(piece, h, 0), points[m, 1] - value_at(piece, h, 1)
             if step == steps - 1:
+                distance[m] = np.sqrt(dx * dx + dy * dy)
                 continue
-            along = dx * local[1, 0] + dy * local[1, 1]
-            speed = local[1, 0] ** 2 + local[1, 1] ** 2
-            slope = speed - dx * local[2, 0] - dy * local[2, 1]
-            slope = max(slope, 0.5 * speed)  # far from the foot point Newton may turn round
-            move = along / slope if slope > 0.0 else 0.0
+            slope_x, slope_y = slope_at(piece, h, 0), slope_at(piece, h, 1)
+            speed = slope_x * slope_x + slope_y * slope_y
+            newton = speed - dx * bend_at(piece, h, 0) - dy * bend_at(piece, h, 1)
+            newton = max(newton, 0.5 * speed)  # far from the foot point Newton may turn round
+            move = (dx * slope_x + dy * slope_y) / newton if newton > 0.0 else 0.0
             reach = knots[s + 4] - knots[s + 3]
-            u += min(max(move, -reach), reach)
-            u = min(max(u, before), np.nextafter(end, begin))
+            u = min(max(u + min(max(move, -reach), reach), before), last)
             parameters[m] = u
             before = u
     return distance
 
 
 @numba.njit(cache=True)
-def sample_ragged(control, offsets, knots, counts):
+def evaluate(knots, control, parameters):
+    """Points (m, 2) at ascending parameters within the base period."""
+    curve = pieces(knots, control)
+    out = np.empty((len(parameters), 2))
+    s = 0
+    for m in range(len(parameters)):
+        s = span_of(knots, len(control), parameters[m], s)
+        h = parameters[m] - knots[s + 3]
+        out[m, 0], out[m, 1] = value_at(curve[s], h, 0), value_at(curve[s], h, 1)
+    return out
+
+
+def sample_ragged(
+    control: np.ndarray, offsets: np.ndarray, knots: np.ndarray, counts: np.ndarray
+) -> np.ndarray:
     """Points (Q, 2) of ragged closed splines at ``counts[c]`` parameters each, evenly over the period.
 
     ``knots`` holds n + 7 knots per curve, one curve after the other.
     """
-    out = np.empty((counts.sum(), 2))
-    local = np.empty((3, 2))
-    at = 0
-    for c in range(len(counts)):
+    parts = [np.zeros((0, 2))]
+    for c, count in enumerate(counts):
         begin, end = offsets[c], offsets[c + 1]
         own = knots[begin + 7 * c : end + 7 * (c + 1)]
-        points = control[begin:end]
-        count = end - begin
-        low, high = own[3], own[count + 3]
-        s = 0
-        for m in range(counts[c]):
-            u = low + (high - low) * m / counts[c]
-            s = span_of(own, count, u, s)
-            derivatives(own, points, s, u, local)
-            out[at, 0], out[at, 1] = local[0, 0], local[0, 1]
-            at += 1
-    return out
+        low, high = own[DEGREE], own[-DEGREE - 1]
+        parts.append(evaluate(own, control[begin:end], low + (high - low) * np.arange(count) / count))
+    return np.concatenate(parts)
