@@ -96,7 +96,7 @@ def _pinch(sheet: _Sheet, severity: float) -> None:
     along = np.abs(place[tried, None] - place[None])
     along = np.minimum(along, sheet.sizes[which][None] - along)
     along = np.where(which[tried, None] == which[None], along, 10_000)
-    ratio = np.where((along > 12) & (apart > 1.5), apart / np.minimum(along, 100), np.inf)
+    ratio = np.where((along > 12) & (apart > 1.5), apart / np.clip(along, 1, 100), np.inf)
     best = ratio.min(axis=1)
     order = np.argsort(best + rng.uniform(0, 0.05, len(best)))
     for n in range(max(1, round(2 * severity))):

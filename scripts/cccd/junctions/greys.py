@@ -41,7 +41,7 @@ def draw_image(rng: np.random.Generator, mask: np.ndarray) -> np.ndarray:
         for _ in range(rng.integers(1, 4)):
             scale = rng.uniform(3, 0.4 * size + 5)
             inner = smooth_noise(rng, shape, scale) > rng.uniform(0.6, 1.6)
-            organ[inner] = organ_grey + rng.normal(0, 0.2)
+            organ[inner] = organ_grey + rng.normal(0, 0.25)
     if rng.random() < 0.35:  # a rim of another grey, inside or outside
         depth = cv2.distanceTransform((mask > 0).astype(np.uint8), cv2.DIST_L2, 3)
         rim = depth < rng.uniform(2, 7) + smooth_noise(rng, shape, 8)
@@ -59,14 +59,19 @@ def draw_image(rng: np.random.Generator, mask: np.ndarray) -> np.ndarray:
     if rng.random() < 0.4:  # a neighbour of nearly the same grey hides part of the border
         same = smooth_noise(rng, shape, 0.7 * size + 6) > rng.uniform(1.0, 1.8)
         around[same] = organ_grey + rng.normal(0, 0.06)
-    drawn = _warp(rng, mask, rng.uniform(0.1, 1.1))
+    bare = rng.random() < 0.3  # an extracted organ, or one in air: nothing around it, not even noise
+    if bare:
+        around[:] = 0.0
+    drawn = _warp(rng, mask, rng.uniform(0.0, 0.3) if bare else rng.uniform(0.1, 1.1))
     image = drawn * organ + (1 - drawn) * around
-    image = cv2.GaussianBlur(image, (0, 0), rng.uniform(0.4, 1.1))
+    image = cv2.GaussianBlur(image, (0, 0), rng.uniform(0.3, 1.1))
     image += rng.uniform(0, 0.06) * smooth_noise(rng, shape, rng.uniform(2, 12))
     image *= 1 + rng.uniform(0, 0.2) * smooth_noise(rng, shape, 2 * size + 20)
     noise = rng.standard_normal(shape).astype(np.float32)
     if rng.random() < 0.5:
         noise = cv2.GaussianBlur(noise, (0, 0), 0.8) * 2.3
+    if bare:
+        noise *= drawn
     return (image + rng.uniform(0.005, 0.09) * noise).astype(np.float32)
 
 

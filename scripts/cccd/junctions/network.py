@@ -138,25 +138,29 @@ class _Round(nn.Module):
         super().__init__()
         self.convolution = Convolution(width, width, dropout, heads)
         self.gate = nn.Linear(link_width, heads)
-        self.region = nn.ModuleList(nn.Linear(width, width) for _ in _POOLED)
-        self.wall = nn.ModuleList(nn.Linear(link_width, link_width) for _ in _POOLED)
         self.norm = nn.BatchNorm1d(width)
-        self.mix = nn.Linear(width, width)
-        self.to_link = nn.Linear(2 * width, link_width)
+        # what a triangle gives to itself and its regions, and to its links by sum and by difference
+        self.parts = [width] * (1 + len(_POOLED)) + [link_width] * 2
+        self.give = nn.Linear(width, sum(self.parts))
         self.link_norm = nn.BatchNorm1d(link_width)
+        self.wall = nn.Linear(link_width, link_width * len(_POOLED))
 
     def forward(self, t: Tensor, e: Tensor, batch: Batch) -> tuple[Tensor, Tensor]:
         gate = torch.cat([self.gate(e), e.new_zeros(1, self.convolution.heads)])
         t = t + self.convolution.over_sides(t, batch.neighbours, gate[batch.side_links])
-        sent = torch.relu(self.norm(t))
-        t = t + self.mix(sent)
-        for layer, group in zip(self.region, batch.regions, strict=True):
-            t = t + _pool(layer(sent), group)
-        left, right = t[batch.sides[0]], t[batch.sides[1]]
-        e = e + torch.relu(self.to_link(torch.cat([left + right, (left - right).abs()], dim=1)))
-        sent = torch.relu(self.link_norm(e))
-        for layer, group in zip(self.wall, batch.walls, strict=True):
-            e = e + _pool(layer(sent), group)
+        own, *regional, summed, compared = self.give(torch.relu(self.norm(t))).split(self.parts, dim=1)
+        t = t + own
+        for given, group in zip(regional, batch.regions, strict=True):
+            t = t + _pool(given, group)
+        first, second = batch.sides
+        e = e + torch.relu(
+            summed[first]
+            + summed[second]
+            + (compared[first] - compared[second]).abs()
+        )
+        walls = self.wall(torch.relu(self.link_norm(e))).chunk(len(_POOLED), dim=1)
+        for given, group in zip(walls, batch.walls, strict=True):
+            e = e + _pool(given, group)
         return t, e
 
 
@@ -230,7 +234,8 @@ class JunctionNetwork(nn.Module):
             x = x + layer.along_links(x, source, target, torch.cat([both + turned, both - turned]))
         t = self.triangle(batch.triangles)
         t = t + self.corner.over_sides(x, batch.corners, self.corner_gate(batch.corner_direction))
-        e = self.link[1](features) + self.link_ends(x[first] + x[second])
+        ends = self.link_ends(x)
+        e = self.link[1](features) + ends[first] + ends[second]
         for exchange in self.rounds:
             t, e = exchange(t, e, batch)
         return self.inside_head(t).squeeze(1), self.link_head(e).squeeze(1)

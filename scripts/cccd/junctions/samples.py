@@ -19,7 +19,7 @@ __all__ = ["ALL_KINDS", "Sample", "draw_sample", "inside_shares", "link_labels",
 ALL_KINDS = (*KINDS, "canny", "canny_whole")
 
 # Larger maps (edge maps of noise, mostly) teach nothing and cost much.
-_MOST_PIXELS = 4500
+_MOST_PIXELS = 2500
 
 # A sub-pixel raster this fine tells inside from outside in the half-pixel triangles between neighbours.
 _SUBPIXELS = 4
@@ -57,7 +57,7 @@ def draw_sample(rng: np.random.Generator, kind: str, severity: float | None = No
     """
     while True:
         mask = draw_mask(rng)
-        drawn = severity if severity is not None else float(rng.uniform(0.3, 1.8))
+        drawn = severity if severity is not None else float(rng.uniform(0.3, 1.5))
         image = None
         if kind.startswith("canny"):
             image = draw_image(rng, mask)

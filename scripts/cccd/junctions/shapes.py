@@ -113,9 +113,8 @@ def draw_mask(rng: np.random.Generator) -> np.ndarray:
         At least 25 pixels large, with 24 empty pixels around.
     """
     while True:
-        radius = float(
-            np.exp(rng.uniform(np.log(6), np.log(125))) if rng.random() < 0.5 else rng.uniform(20, 100)
-        )
+        smallest, largest = (8, 60) if rng.random() < 0.7 else (40, 120)
+        radius = float(np.exp(rng.uniform(np.log(smallest), np.log(largest))))
         half = int(1.75 * radius) + 14
         y, x = np.mgrid[-half : half + 1, -half : half + 1].astype(np.float32)
         kind = rng.random()

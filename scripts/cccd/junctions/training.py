@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import io
+import json
 import logging
 import os
 import time
@@ -36,8 +36,8 @@ logger = logging.getLogger(__name__)
 
 #: How often each kind is drawn for training; the ones that are hard count more.
 KIND_WEIGHTS = {
-    "clean": 1, "spurs": 1, "bridges": 3, "pinch": 2, "blocks": 1, "gaps": 2, "noise": 2, "double": 3,
-    "thick": 2, "mixed": 5, "everything": 4, "canny": 6, "canny_whole": 1,
+    "clean": 1, "spurs": 1, "bridges": 2, "pinch": 1, "blocks": 1, "gaps": 3, "noise": 2, "double": 3,
+    "thick": 3, "mixed": 6, "everything": 2, "canny": 7, "canny_whole": 0.5,
 }  # fmt: skip
 
 # Random streams that must not overlap: frozen splits, fresh maps, order of the maps, what is hidden.
@@ -331,6 +331,8 @@ def train_model(
         raise InputError("config gnn.graphs", "training or validation is empty", "draw at least one of each")
     prepared = [_examples([sample], [False]) for sample in validation]
     model = JunctionNetwork(**{key: settings[key] for key in _NETWORK_KEYS}).to(device)
+    if settings["start"]:
+        model.load_state_dict(load_model(settings["start"]).state_dict())
     optimiser = torch.optim.AdamW(model.parameters(), lr=settings["learning_rate"], weight_decay=1e-4)
     steps = settings["epochs"] * len(_Stream(frozen, settings, seed, 0))
     schedule = torch.optim.lr_scheduler.OneCycleLR(
