@@ -24,8 +24,17 @@ __all__ = ["corner_splines", "fit_curves", "sample_splines", "uniform_knots"]
 #: Samples per pixel at which a spline is checked for crossings.
 _CHECKED_PER_PIXEL = 2.0
 
-#: How often a spline that crosses itself or its neighbour is refitted, each time twice as closely.
-_REPAIRS = 5
+#: How a curve is fitted, and fitted again while it crosses itself or its neighbour: weight of the
+#: tangential distance (at 1 a fit folds less easily), share of the tolerance, multiple of the budget.
+_ATTEMPTS = (
+    (0.03, 1.0, 1.0),
+    (0.3, 1.0, 1.0),
+    (1.0, 1.0, 1.0),
+    (1.0, 0.7, 1.25),
+    (1.0, 0.5, 1.5),
+    (1.0, 0.25, 2.0),
+    (1.0, 0.1, 4.0),
+)
 
 
 def fit_curves(curves: Curves, tolerance_px: float = 0.5, budget: int | float | None = None) -> Splines:
@@ -45,8 +54,8 @@ def fit_curves(curves: Curves, tolerance_px: float = 0.5, budget: int | float | 
     Returns
     -------
     Splines
-        One per curve, none of which crosses itself: where a fit does, it is repeated with twice as many
-        control points or half the tolerance, which a budget then yields to.
+        One per curve, none of which crosses itself, or another curve that its own does not touch. A fit
+        that does is repeated more stiffly, then with more control points, to which a budget yields.
 
     Raises
     ------
@@ -62,32 +71,30 @@ def fit_curves(curves: Curves, tolerance_px: float = 0.5, budget: int | float | 
     else:
         most = np.floor(budget * sizes) if budget < 1 else np.full(len(curves), budget)
         target = np.clip(most, FEWEST, np.maximum(sizes // 2, FEWEST)).astype(np.int64)
-    tolerance = np.full(len(curves), float(tolerance_px))
     apart = _pairs_apart(curves)
-    splines = _fit(curves, sharp, tolerance, target)
-    for _ in range(_REPAIRS):
+    wrong = np.ones(len(curves), bool)
+    splines = None
+    for sliding, share, multiple in _ATTEMPTS:
+        wanted = np.floor(multiple * target[wrong]).astype(np.int64)
+        own = sharp[np.repeat(wrong, sizes)]
+        fresh = _fit(_subset(curves, wrong), own, share * tolerance_px, wanted, sliding)
+        splines = fresh if splines is None else _replace(splines, wrong, fresh)
         wrong = _crossing(splines, apart)
         if not wrong.any():
             return splines
-        tolerance[wrong] /= 2
-        target[wrong] *= 2
-        again = _fit(_subset(curves, wrong), sharp[np.repeat(wrong, sizes)], tolerance[wrong], target[wrong])
-        splines = _replace(splines, wrong, again)
-    wrong = _crossing(splines, apart)
-    return _replace(splines, wrong, _polygon_splines(_subset(curves, wrong))) if wrong.any() else splines
+    return _replace(splines, wrong, _polygon_splines(_subset(curves, wrong)))
 
 
-def _fit(curves: Curves, sharp: np.ndarray, tolerance: np.ndarray, target: np.ndarray) -> Splines:
+def _fit(curves: Curves, sharp: np.ndarray, tolerance: float, target: np.ndarray, sliding: float) -> Splines:
     length = perimeters(curves.points, curves.offsets)
     # what is small keeps its shape: the filter must not reach round it
-    sigma = np.minimum(np.minimum(STAIRCASE_TOLERANCES * tolerance, STAIRCASE_PX), length / 24)
-    sigma = np.where(target > 0, 0.0, sigma)
-    fits = [
-        fit_closed_spline(polygon, sharp[begin:end], *wanted)
-        for polygon, begin, end, *wanted in zip(
-            curves, curves.offsets[:-1], curves.offsets[1:], tolerance, sigma, target, strict=True
-        )
-    ]
+    sigma = np.minimum(min(STAIRCASE_TOLERANCES * tolerance, STAIRCASE_PX), length / 24)
+    fits = []
+    for polygon, begin, width, count in zip(curves, curves.offsets, sigma, target, strict=False):
+        corners = sharp[begin : begin + len(polygon)]
+        if 0 < count < 2 * DEGREE * np.count_nonzero(corners):  # corners would take most of the budget
+            corners = np.zeros(len(polygon), bool)
+        fits.append(fit_closed_spline(polygon, corners, tolerance, 0.0 if count else width, count, sliding))
     control, offsets = concatenate_ragged([fit[0] for fit in fits])
     return _splines(control, offsets, np.concatenate([np.zeros(0), *(fit[1] for fit in fits)]), curves)
 
@@ -193,6 +200,8 @@ def _crossing(splines: Splines, apart: np.ndarray) -> np.ndarray:
 
 
 def _subset(curves: Curves, chosen: np.ndarray) -> Curves:
+    if chosen.all():
+        return curves
     parts = [points for points, wanted in zip(curves, chosen, strict=True) if wanted]
     points, offsets = concatenate_ragged(parts)
     return Curves(points, offsets, curves.slice[chosen], curves.hole[chosen], curves.frame)

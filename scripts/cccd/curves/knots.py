@@ -44,9 +44,6 @@ _RUN_IN = 16
 #: Share of the removable knots that may go in one round.
 _SHARE = 0.35
 
-#: Weight of the tangential distance in the closer fits.
-_SLIDING = 0.03
-
 #: Closer fits once fewer than this many times the wanted number of knots are left ...
 _FINE = 1.3
 
@@ -192,7 +189,14 @@ def _unrolled_factor(cyclic, ridge):
     return factor
 
 
-def _fit(breaks: np.ndarray, period: float, points: np.ndarray, parameters: np.ndarray, rounds: int) -> _Fit:
+def _fit(
+    breaks: np.ndarray,
+    period: float,
+    points: np.ndarray,
+    parameters: np.ndarray,
+    rounds: int,
+    sliding: float,
+) -> _Fit:
     """Least squares at the given parameters, then ``rounds`` of distance minimisation along normals."""
     knots, parameters = extend_knots(breaks, period), parameters.copy()
     control = least_squares(knots, len(breaks), points, parameters)
@@ -200,7 +204,7 @@ def _fit(breaks: np.ndarray, period: float, points: np.ndarray, parameters: np.n
     fit = _Fit(breaks, knots, control, parameters, distance)
     for _ in range(rounds):
         parameters = fit.parameters.copy()
-        control = tangent_least_squares(knots, fit.control, points, parameters, _SLIDING)
+        control = tangent_least_squares(knots, fit.control, points, parameters, sliding)
         distance = project(knots, control, points, parameters, 3)
         if not distance @ distance < fit.distance @ fit.distance:
             break
@@ -237,14 +241,16 @@ def _choose(cost, peak, most, limit):
     return gone
 
 
-def _within(fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, tolerance: float) -> _Fit:
+def _within(
+    fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, tolerance: float, sliding: float
+) -> _Fit:
     """Fewest knots whose spline keeps the tolerance: inserted where it does not, removed while it does."""
     while fit.distance.max() > tolerance:
         breaks, more_kept = _insert(fit, kept, period, tolerance)
         if len(breaks) == len(fit.breaks):
             break
         kept = more_kept
-        fit = _fit(breaks, period, points, fit.parameters, 0)
+        fit = _fit(breaks, period, points, fit.parameters, 0, sliding)
     rounds, most, locked = 0, len(fit.breaks), kept
     while len(fit.breaks) > FEWEST:
         count = len(fit.breaks)
@@ -253,7 +259,7 @@ def _within(fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, tole
         gone = _choose(cost, peak, allowed, _HOPE * tolerance)
         taken = np.count_nonzero(gone)
         if taken > 0:
-            trial = _fit(fit.breaks[~gone], period, points, fit.parameters, rounds)
+            trial = _fit(fit.breaks[~gone], period, points, fit.parameters, rounds, sliding)
             if trial.distance.max() <= tolerance:
                 fit, kept, locked = trial, kept[~gone], locked[~gone]
                 continue
@@ -267,7 +273,9 @@ def _within(fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, tole
     return fit
 
 
-def _with(fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, target: int) -> _Fit:
+def _with(
+    fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, target: int, sliding: float
+) -> _Fit:
     """Best spline with ``target`` knots: the cheapest go until so many are left."""
     while len(fit.breaks) > target:
         excess = len(fit.breaks) - target
@@ -277,8 +285,8 @@ def _with(fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, target
             break
         kept = kept[~gone]
         near = np.count_nonzero(~gone) <= _FINE * target
-        fit = _fit(fit.breaks[~gone], period, points, fit.parameters, int(near))
-    return _fit(fit.breaks, period, points, fit.parameters, _LAST)
+        fit = _fit(fit.breaks[~gone], period, points, fit.parameters, int(near), sliding)
+    return _fit(fit.breaks, period, points, fit.parameters, _LAST, sliding)
 
 
 def reference(
@@ -351,7 +359,7 @@ def _first_breaks(
 
 
 def fit_closed_spline(
-    polygon: np.ndarray, corners: np.ndarray, tolerance: float, sigma: float, target: int
+    polygon: np.ndarray, corners: np.ndarray, tolerance: float, sigma: float, target: int, sliding: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fit a closed cubic spline to a closed polygon.
 
@@ -366,6 +374,9 @@ def fit_closed_spline(
         Width in pixels of the filter that makes the reference from the polygon.
     target : int
         Control points wanted; 0 leaves the number to the tolerance.
+    sliding : float
+        Weight of the tangential distance in the closer fits: near 0 the fit is closest, at 1 it is plain
+        least squares, which folds less easily.
 
     Returns
     -------
@@ -377,9 +388,9 @@ def fit_closed_spline(
     parameters, period = np.cumsum(link) - link, float(link.sum())
     number = max(int(0.3 * len(points)), target) if target else int(0.16 * len(points))
     breaks, kept = _first_breaks(parameters, period, corner, max(number, FEWEST))
-    fit = _fit(breaks, period, points, parameters, 0)
+    fit = _fit(breaks, period, points, parameters, 0, sliding)
     if target:
-        fit = _with(fit, points, period, kept, max(target, FEWEST))
+        fit = _with(fit, points, period, kept, max(target, FEWEST), sliding)
     else:
-        fit = _within(fit, points, period, kept, tolerance)
+        fit = _within(fit, points, period, kept, tolerance, sliding)
     return fit.control, fit.knots
