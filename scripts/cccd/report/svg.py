@@ -14,6 +14,7 @@ from collections.abc import Iterator
 
 import matplotlib
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
@@ -32,7 +33,7 @@ DASHES = ["-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)), (0,
 _READABLE_PX = 560
 
 #: More marks than this are drawn as pixels: each mark of an SVG is an element that the browser keeps.
-_MOST_MARKS = 1500
+_MOST_MARKS = 400
 
 #: Resolution of what is drawn as pixels.
 _PIXELS_PER_INCH = 160
@@ -109,11 +110,12 @@ def to_svg(figure: Figure, key: str, label: str) -> str:
     label : str
         What the figure shows, for those who cannot see it.
     """
-    for line in figure.findobj(Line2D):
-        if line.get_marker() not in (None, "None", "none", "") and len(line.get_xdata()) > _MOST_MARKS:
-            colour = _PIXEL_COLOURS.get(line.get_color(), line.get_color())
-            line.set(rasterized=True, color=colour, markerfacecolor=colour)
     with matplotlib.rc_context({**_SETTINGS, "svg.hashsalt": key}):
+        for line in figure.findobj(Line2D):
+            if line.get_marker() not in (None, "None", "none", "") and len(line.get_xdata()) > _MOST_MARKS:
+                marker = to_hex(line.get_color())
+                colour = _PIXEL_COLOURS.get(marker, marker)
+                line.set(rasterized=True, color=colour, markerfacecolor=colour)
         buffer = io.StringIO()
         figure.set_dpi(_PIXELS_PER_INCH)
         FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import trimesh
+
 from cccd.boundary import extract_boundaries
 from cccd.chaincode import chain_codes, trace_mask
 from cccd.containers import Frame, Patch, Splines, Structure

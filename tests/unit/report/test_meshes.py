@@ -1,0 +1,78 @@
+"""Meshes of the page against spheres, of which everything is known."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from cccd.containers import Frame, Structure
+from cccd.report.meshes import (
+    Mesh,
+    mean_curvature,
+    outward,
+    reference_surface,
+    signed_distance,
+    simplify,
+    sort_spatially,
+)
+
+
+def sphere(radius, subdivisions=5):
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
+    return Mesh(np.array(mesh.vertices), np.array(mesh.faces, np.int64))
+
+
+def volume(mesh):
+    return trimesh.Trimesh(mesh.points, mesh.faces, process=False).volume
+
+
+@pytest.mark.parametrize("radius", [5.0, 40.0])
+def test_mean_curvature_of_a_sphere_is_one_over_its_radius(radius):
+    mesh = sphere(radius)
+    np.testing.assert_allclose(mean_curvature(mesh, mesh.points[::50]), 1 / radius, rtol=0.08)
+
+
+def test_distance_is_positive_outside_and_negative_inside():
+    offsets = np.array([-3.0, -0.5, 0.5, 8.0])
+    direction = np.array([0.48, 0.6, 0.64])
+    measured = signed_distance(direction * (20 + offsets)[:, None], sphere(20.0))
+    np.testing.assert_allclose(measured, offsets, atol=0.05)
+
+
+def test_outward_turns_an_inside_out_mesh_and_no_other():
+    mesh = sphere(3.0, 2)
+    moved = mesh.points + 100
+    np.testing.assert_array_equal(outward(moved, mesh.faces), mesh.faces)
+    assert volume(Mesh(moved, outward(moved, mesh.faces[:, ::-1]))) > 0
+
+
+def test_simplify_keeps_the_volume():
+    mesh = sphere(30.0)
+    small = simplify(mesh, 2000)
+    assert len(small.faces) <= 2000
+    assert volume(small) == pytest.approx(volume(mesh), rel=0.01)
+    assert simplify(mesh, len(mesh.faces)) is mesh
+
+
+def test_sorting_changes_the_order_and_nothing_else():
+    mesh = sphere(10.0, 3)
+    spare = Mesh(np.vstack([[[99.0, 99, 99]], mesh.points]), mesh.faces + 1)  # an unused vertex
+    ordered, order = sort_spatially(spare)
+    np.testing.assert_array_equal(spare.points[order], ordered.points)
+    assert len(ordered.points) == len(mesh.points)
+    corners = {tuple(map(tuple, face)) for face in mesh.points[mesh.faces]}
+    assert {tuple(map(tuple, face)) for face in ordered.points[ordered.faces]} == corners
+    first_use = np.sort(np.unique(ordered.faces.ravel(), return_index=True)[1])
+    np.testing.assert_array_equal(ordered.faces.ravel()[first_use], np.arange(len(ordered.points)))
+
+
+def test_reference_is_the_truth_where_there_is_one():
+    frame = Frame(np.eye(4), 2, (9, 9, 9))
+    mask = np.zeros((9, 9, 9), bool)
+    mask[2:7, 2:7, 2:7] = True
+    voxels, name = reference_surface(Structure("a", "b", frame, np.zeros(3, int), mask=mask))
+    assert "mask" in name
+    assert volume(voxels) == pytest.approx(125, rel=0.1)
+    truth = sphere(3.0, 2)
+    known = Structure("a", "b", frame, np.zeros(3, int), mask=mask, truth=(truth.points, truth.faces))
+    assert reference_surface(known)[1] == "the analytic surface"
+    assert reference_surface(Structure("a", "b", frame, np.zeros(3, int))) is None

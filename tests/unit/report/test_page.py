@@ -1,0 +1,235 @@
+"""Pages from whole, partial and hostile result folders."""
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from sample_results import make_metrics, write_run
+
+from cccd.report import svg
+from cccd.report.facts import benchmark_table
+from cccd.report.page import build_report, build_structure_page
+from cccd.report.paper import EXHIBITS
+from cccd.report.tables import number, table
+from cccd.store import write_json
+
+TEMPLATES = Path(__file__).parents[3] / "workflow" / "report"
+CONFIG = {"seed": 152, "cohort": "cohort.tsv", "report": {"pages_above": 12, "viewer_triangles": 8000}}
+STRUCTURES = [("phantom", "liver")]
+
+
+class Reader(HTMLParser):
+    """Tags with their attributes, texts, and whether every element that was opened was closed."""
+
+    VOID = frozenset({"meta", "link", "img", "input", "br", "use", "path"})
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.texts, self.stack = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag not in self.VOID:
+            self.stack.append(tag)
+
+    def handle_startendtag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+
+    def handle_endtag(self, tag):
+        if tag not in self.VOID:
+            assert self.stack.pop() == tag
+
+    def handle_data(self, data):
+        if data.strip():
+            self.texts.append(data.strip())
+
+    def all(self, tag):
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+def build(results, structures, output=None, failures=(), benchmarks=None, config=CONFIG):
+    output = output or results / "report.html"
+    build_report(results, structures, list(failures), config, output, benchmarks, TEMPLATES)
+    return output.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    return write_run(tmp_path_factory.mktemp("run"), STRUCTURES)
+
+
+@pytest.fixture(scope="module")
+def text(results):
+    failures = ["other/lungs: mask.nii.gz is empty"]
+    return build(results, STRUCTURES, failures=failures, benchmarks=results.parent / "benchmarks")
+
+
+def test_page_is_well_formed_and_refers_to_nothing_outside(text):
+    page = Reader(text)
+    assert page.stack == []
+    for tag, attributes in page.tags:
+        for key in ("src", "href", "xlink:href", "action", "poster", "srcset"):
+            target = attributes.get(key, "#")
+            assert target.startswith(("#", "data:", "phantom/")), (tag, key, target)
+    assert not re.search(r"url\((?!#|var)|@import|https?://(?!www\.w3\.org)", text)
+    ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    figure_ids = re.compile(r"^[mpc][0-9a-f]{10}$")  # clip paths and marks of the plots, salted per plot
+    assert len({one for one in ids if not figure_ids.match(one)}) == len(
+        [one for one in ids if not figure_ids.match(one)]
+    )
+
+
+def test_every_exhibit_of_the_paper_is_there(text):
+    page = Reader(text)
+    anchors = {attributes.get("id") for attributes in page.all("article")}
+    assert {exhibit.key for exhibit in EXHIBITS} <= anchors
+    assert [exhibit.name for exhibit in EXHIBITS if exhibit.name.startswith("Table")] == [
+        "Table 1", "Table 2", "Table 3", "Table 4", "Table 5",
+    ]  # fmt: skip
+    assert {exhibit.name for exhibit in EXHIBITS if exhibit.name.startswith("Figure")} == {
+        f"Figure {n}" for n in range(9, 18)
+    }
+
+
+def test_what_is_absent_is_said_in_one_line(text):
+    page = Reader(text)
+    assert "tables/table2_fuse.csv is not there: this run did not make it." in page.texts
+    assert "tables/surfaces.csv is not there: this run did not make it." in page.texts
+
+
+def test_failures_warnings_and_numbers_are_on_the_first_screen(text, results):
+    page = Reader(text)
+    assert "other/lungs: mask.nii.gz is empty" in page.texts
+    assert "Cut by the field of view at the top." in page.texts
+    metrics = json.loads((results / "phantom" / "liver" / "metrics.json").read_text())
+    assert f"{metrics['surface']['dice_3d']:.4f}" in page.texts
+
+
+def test_provenance_names_config_checksum_and_time(text):
+    page = Reader(text)
+    assert "ab" * 32 in page.texts
+    assert any("viewer_triangles: 8000" in part for part in page.texts)
+    assert "loft_surface" in page.texts
+    assert "numpy" in page.texts
+
+
+def test_nothing_at_all_still_makes_a_page(tmp_path):
+    text = build(tmp_path / "results", [("a", "b")])
+    assert Reader(text).stack == []
+    assert "gnn/history.csv is not there" in text
+
+
+@pytest.mark.parametrize("name", ["structure.h5", "boundaries.h5", "curves.h5", "surface.h5", "surface.ply",
+                                  "metrics.json", "picture.png"])  # fmt: skip
+def test_each_file_may_be_absent(tmp_path, results, name):
+    import shutil
+
+    partial = tmp_path / "results"
+    shutil.copytree(results, partial)
+    (partial / "phantom" / "liver" / name).unlink()
+    assert Reader(build(partial, STRUCTURES)).stack == []
+
+
+def test_names_and_texts_are_escaped(tmp_path):
+    results = tmp_path / "results"
+    evil = "<script>alert(1)</script>"
+    metrics = make_metrics("a", "b", np.random.default_rng(0), (evil,))
+    write_json(results / "a" / "b" / "metrics.json", metrics)
+    (results / "tables").mkdir()
+    pd.DataFrame({evil: [evil, '"><img src=x>'], "n": [1, 2]}).to_csv(
+        results / "tables" / "surfaces.csv", index=False
+    )
+    write_json(results / "tables" / "remarks.json", {"table1": evil})
+    text = build(results, [("a", "b")], failures=[evil], config=CONFIG | {"cohort": evil})
+    assert evil not in text
+    assert "<img src=x" not in text
+    assert Reader(text).stack == []
+
+
+def test_same_inputs_same_bytes(tmp_path, results):
+    first, second = (tmp_path / name / "report.html" for name in ("a", "b"))
+    assert build(results, STRUCTURES, first) == build(results, STRUCTURES, second)
+
+
+def test_a_structure_takes_less_than_3_mb(tmp_path, results):
+    config = CONFIG | {"report": {"pages_above": 12, "viewer_triangles": 80_000}}
+    output = tmp_path / "page.html"
+    build_structure_page(results, "phantom", "liver", config, output, TEMPLATES)
+    assert Reader(output.read_text(encoding="utf-8")).stack == []
+    assert output.stat().st_size < 3e6
+
+
+def test_picture_without_opengl_names_the_package(tmp_path, results):
+    import shutil
+
+    from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
+
+    partial = tmp_path / "results"
+    shutil.copytree(results, partial)
+    stamp = PngInfo()
+    stamp.add_text("renderer", "matplotlib")
+    picture = partial / "phantom" / "liver" / "picture.png"
+    Image.new("RGBA", (30, 10)).save(picture, pnginfo=stamp)
+    assert "apt install libosmesa6" in build(partial, STRUCTURES)
+
+
+def test_many_structures_make_an_index_without_their_data(tmp_path):
+    results = tmp_path / "results"
+    rng = np.random.default_rng(3)
+    structures = [(f"c{n}", "liver") for n in range(13)]
+    for case, organ in structures:
+        write_json(results / case / organ / "metrics.json", make_metrics(case, organ, rng))
+    page = Reader(build(results, structures))
+    assert [link["href"] for link in page.all("a") if link.get("href", "").endswith("report.html")] == [
+        f"{case}/{organ}/report.html" for case, organ in structures
+    ]
+    assert page.all("canvas") == []
+    assert len([one for one in page.all("svg") if one.get("class") == "plot"]) >= 5
+
+
+def test_benchmarks_are_summed_per_rule(tmp_path):
+    for case, seconds, memory in (("a", 2.0, 100.0), ("b", 5.0, 300.0)):
+        folder = tmp_path / case
+        folder.mkdir()
+        row = {"s": seconds, "h:m:s": "0:00:02", "max_rss": memory, "cpu_time": seconds}
+        pd.DataFrame([row]).to_csv(folder / "loft_surface.tsv", sep="\t", index=False)
+    (tmp_path / "quick.tsv").write_text("s\th:m:s\tmax_rss\tcpu_time\n0.02\t0:00:00\t-\t-\n")
+    (tmp_path / "broken.tsv").write_text("")
+    times = benchmark_table(tmp_path)
+    assert list(times["rule"]) == ["loft_surface", "quick"]
+    loft = times.iloc[0]
+    assert (loft["jobs"], loft["total_s"], loft["longest_s"], loft["peak_memory_mb"]) == (2, 7.0, 5.0, 300.0)
+    assert np.isnan(times.iloc[1]["peak_memory_mb"])
+    assert benchmark_table(tmp_path / "nowhere") is None
+
+
+def test_table_numbers_line_up_and_keep_their_exact_value():
+    shown = table("t", pd.DataFrame({"name": ["a", "b"], "assd_mm": [0.123456, 12.5], "n": [3, 12000]}))
+    assert [row[1].text for row in shown.rows] == ["0.12", "12.50"]
+    assert [row[1].value for row in shown.rows] == ["0.123456", "12.5"]
+    assert [row[2].text for row in shown.rows] == ["3", "12\u202f000"]
+    assert (shown.columns[1].heading, shown.columns[1].unit) == ("ASSD", "mm")
+    assert number(-3) == "−3"
+
+
+def test_figures_have_text_and_follow_the_scheme():
+    with svg.style():
+        figure, axis = svg.axes(4, 3)
+        axis.plot([1, 2], [3, 4], marker="o", label="<i>ours</i>")
+        axis.plot(np.arange(900), np.arange(900), ".")
+        axis.set_xlabel("readable label")
+        axis.legend()
+        text = svg.to_svg(figure, "key", 'a "title" & more')
+    page = Reader(text)
+    assert "readable label" in page.texts
+    assert "<i>ours" not in text
+    assert "#0102" not in text
+    assert "var(--series-0)" in text
+    assert len(page.all("use")) < 100  # nine hundred marks became a picture
+    assert "data:image/webp" in text
