@@ -298,7 +298,8 @@ def bending_per_area(vertices: np.ndarray, faces: np.ndarray) -> float:
     if len(edge) == 0:
         return 0.0
     area = np.maximum(area, 0.1 * length**2)
-    return float(np.sum(3 * theta**2 * length**2 / area) / mesh_area(vertices, faces))
+    energy = np.divide(3 * theta**2 * length**2, area, out=np.zeros_like(area), where=area > 0)
+    return float(energy.sum() / mesh_area(vertices, faces))
 
 
 def curvature_per_area(vertices: np.ndarray, faces: np.ndarray) -> float:

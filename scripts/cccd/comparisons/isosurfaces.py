@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 
 import pandas as pd
 
+from cccd.comparisons.point_meshes import alpha_shape, ball_pivoting, poisson
 from cccd.comparisons.volume_meshes import (
     Mesh,
     distance_isosurface,
@@ -36,7 +37,7 @@ def compare_isosurfaces(
     surface : Surface
         Ours.
     settings : mapping
-        Section ``comparisons`` of the configuration.
+        Section ``comparisons`` of the configuration: ``isosurfaces.methods`` names those to run.
 
     Returns
     -------
@@ -46,17 +47,20 @@ def compare_isosurfaces(
     """
     ours = measure_mesh(surface.vertices, surface.faces, structure)
     rows = [{"method": "CCCD", **ours, "bytes": surface.report["control_bytes"], "seconds": None}]
-    makers: dict[str, Callable[[], Mesh]] = {}
-    if structure.mask is not None:
-        makers = {
-            "marching cubes": lambda: marching_cubes(structure),
-            "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(structure)),
-            "surface nets": lambda: surface_nets(structure),
-            "signed distance + isosurface": lambda: distance_isosurface(structure),
-            "signed distance + isosurface + windowed sinc": lambda: windowed_sinc(
-                distance_isosurface(structure)
-            ),
-        }
+    makers: dict[str, Callable[[], Mesh]] = {
+        "marching cubes": lambda: marching_cubes(structure),
+        "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(structure)),
+        "surface nets": lambda: surface_nets(structure),
+        "signed distance + isosurface": lambda: distance_isosurface(structure),
+        "signed distance + isosurface + windowed sinc": lambda: windowed_sinc(distance_isosurface(structure)),
+        "ball pivoting": lambda: ball_pivoting(curves),
+        "Poisson": lambda: poisson(curves),
+        "alpha shape": lambda: alpha_shape(curves),
+    }
+    if structure.mask is None:
+        makers = {}
+    wanted = settings["isosurfaces"]["methods"]
+    makers = {method: make for method, make in makers.items() if method in wanted}
     for method, make in makers.items():
         start = time.perf_counter()
         mesh = make()

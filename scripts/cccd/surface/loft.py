@@ -14,7 +14,7 @@ from cccd.surface.evaluate import tessellate
 from cccd.surface.fields import distance_fields, interpolated_fields, through_pixel_centres
 from cccd.surface.fit import Fit, Samples, even_size, fit_samples, refinements, sample_tube, sampled_area
 from cccd.surface.rings import rings_of
-from cccd.surface.solids import SHORT_EDGE, combine, fair_seams, solid, triangles, untangle
+from cccd.surface.solids import SHORT_EDGE, combine, fair_seams, remesh, solid, triangles, untangle
 from cccd.surface.tubes import Tube, build_tubes
 
 __all__ = ["Surface", "loft_surface"]
@@ -92,7 +92,7 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     thin = coarse or 6 * voxels / voxel_faces < THIN_VOXELS
     compactness = settings["compactness_thin" if thin else "compactness"]
     budget = voxel_faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES) / CONTROL_BYTES / compactness
-    tolerance = settings["tolerance_voxels"] * voxel ** (1 / 3)
+    tolerance = settings["tolerance_voxels"] * min(pixel, voxel ** (1 / 3))
     fits = _fit_all(samples, tolerance, budget)
     to_world = _to_world(frame, origin)
     patches = [_patch(fit, tube, to_world) for fit, tube in zip(fits, tubes, strict=True)]
@@ -102,9 +102,12 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     vertices, faces, origins = triangles(whole.simplify(SHORT_EDGE * edge))
     vertices = fair_seams(vertices, faces, origins)
     vertices, tangled, left = untangle(vertices, faces)
+    repairs = [f"relaxed {tangled} pairs of triangles that passed through each other"] if tangled else []
+    if left:
+        vertices, faces = remesh(vertices, faces, edge / 2)
+        repairs.append(f"meshed anew on a grid of {edge / 2:.2f} mm: {left} pairs still did")
     report = _report(tubes, fits, vertices, faces, voxel_faces)
-    report["relaxed_intersections"] = tangled
-    report["intersections"] = left
+    report["repairs"] = repairs
     return Surface(patches, vertices, faces, frame, report)
 
 
@@ -230,6 +233,5 @@ def _report(
         "vertices": len(vertices),
         "triangles": len(faces),
         "mean_error_mm": float(np.mean([fit.error for fit in fits])) if fits else 0.0,
-        "repairs": [],
         "warnings": [],
     }

@@ -11,11 +11,14 @@ from collections.abc import Sequence
 import manifold3d
 import numpy as np
 from manifold3d import Manifold, OpType
+from scipy.ndimage import gaussian_filter
 from scipy.sparse import csr_array
+from skimage.measure import marching_cubes
 
-from cccd.metrics import self_intersections
+from cccd.containers import Frame
+from cccd.metrics import self_intersections, voxelise
 
-__all__ = ["combine", "fair_seams", "solid", "triangles", "untangle"]
+__all__ = ["combine", "fair_seams", "remesh", "solid", "triangles", "untangle"]
 
 #: Rings of vertices to either side of a seam that are faired, and rounds of fairing.
 SEAM_RINGS, SEAM_ROUNDS = 3, 8
@@ -96,6 +99,22 @@ def untangle(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, int, 
         if len(pairs) == 0:
             break
     return vertices, before, len(pairs)
+
+
+def remesh(vertices: np.ndarray, faces: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mesh the solid anew on a grid of ``cell`` mm: closed and free of self-intersections by construction.
+
+    What lies inside by the even-odd rule is smoothed over a cell and cut at one half by marching cubes
+    (Lewiner et al. 2003): the last resort for surfaces that could not be untangled.
+    """
+    low, high = vertices.min(axis=0) - 4 * cell, vertices.max(axis=0) + 4 * cell
+    shape = tuple(int(size) for size in np.ceil((high - low) / cell))
+    affine = np.diag([cell, cell, cell, 1.0])
+    affine[:3, 3] = low
+    inside = voxelise(vertices, faces, Frame(affine, 2, shape), np.zeros(3), shape)
+    field = gaussian_filter(inside.astype(np.float32), 1.2)
+    index, faces, _, _ = marching_cubes(field, 0.5 + 1e-4)
+    return low + cell * index.astype(float), np.ascontiguousarray(faces[:, ::-1].astype(np.int64))
 
 
 def _neighbours(faces: np.ndarray, count: int) -> csr_array:
