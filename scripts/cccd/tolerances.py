@@ -49,3 +49,6 @@ SHARP_TURN_DEG = 60.0
 
 #: Values of a floating-point label map may differ by this from whole numbers.
 LABEL_VALUE = 1e-3
+
+#: Neighbouring points of a drawn contour nearer than this, in pixels, are one point.
+SAME_POINT_VOXELS = 1e-6

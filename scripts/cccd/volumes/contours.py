@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from cccd.containers import Curves, Frame, concatenate_ragged
 from cccd.errors import InputError
-from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SLICE_DIRECTION
+from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SAME_POINT_VOXELS, SLICE_DIRECTION
 from cccd.volumes.grid import Volume
 
 __all__ = ["UNREFERENCED_PIXEL_MM", "contour_frame", "order_contours", "plane_normal"]
@@ -178,11 +178,11 @@ def _nest(rings: list[np.ndarray], place: str, where: str) -> tuple[list[np.ndar
             raise InputError(place, f"contours on {where} cross each other", "mend them and export again")
     kept = [n for n in range(len(rings)) if n not in doubles]
     inner = [polygons[n].representative_point() for n in kept]
-    holes = [
-        sum(polygons[m].contains(point) for m in kept if m != n and polygons[m].area > polygons[n].area) % 2
-        == 1
+    around = [
+        sum(polygons[m].contains(point) for m in kept if polygons[m].area > polygons[n].area)
         for n, point in zip(kept, inner, strict=True)
     ]
+    holes = [count % 2 == 1 for count in around]
     return [rings[n] for n in kept], holes, len(doubles)
 
 
@@ -203,7 +203,7 @@ def order_contours(rois: list[list[np.ndarray]], frame: Frame, place: str) -> tu
     Curves
         Simple closed curves, holes by nesting (even-odd), oriented as `Curves` asks.
     warnings : list of str
-        Contours without area and doubled ones that were dropped.
+        Contours without area and doubled ones that were dropped; slices without contours in between.
 
     Raises
     ------
@@ -216,11 +216,10 @@ def order_contours(rois: list[list[np.ndarray]], frame: Frame, place: str) -> tu
     for number, contours in enumerate(rois):
         for contour in contours:
             index = contour @ inverse[:3, :3].T + inverse[:3, 3]
-            points = index[:, :2][
-                np.abs(np.diff(index[:, :2], axis=0, append=index[:1, :2])).max(axis=1) > 1e-6
-            ]
+            steps = np.diff(index[:, :2], axis=0, append=index[:1, :2])
+            points = index[:, :2][np.abs(steps).max(axis=1) > SAME_POINT_VOXELS]
             k = int(np.rint(index[:, 2].mean())) if len(index) else 0
-            if len(points) < 3 or shapely.MultiPoint(points).convex_hull.area < 1e-6:
+            if len(points) < 3 or shapely.MultiPoint(points).convex_hull.area < SAME_POINT_VOXELS:
                 flat += 1
                 continue
             rings = slices.setdefault(k, [[] for _ in rois])
@@ -239,8 +238,10 @@ def order_contours(rois: list[list[np.ndarray]], frame: Frame, place: str) -> tu
     if not curves:
         raise InputError(place, "none of its contours encloses an area", "choose another ROI")
     points, offsets = concatenate_ragged(curves)
+    empty = ks[-1] - ks[0] + 1 - len(set(ks))
     warnings = [f"{place}: {flat} contours without area left out"] if flat else []
     warnings += [f"{place}: {doubled} contours drawn twice taken once"] if doubled else []
+    warnings += [f"{place}: no contour on {empty} slices between the first and the last"] if empty else []
     return Curves(points, offsets, np.array(ks, np.int32), np.array(holes, bool), frame), warnings
 
 

@@ -44,8 +44,9 @@ def guarded(place: str, problem: str, cure: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        reason = (lines[-1] if lines else type(error).__name__)[:160]
+        # ITK ends with a "Reason" that is whatever the system's last error happened to be
+        lines = [line.strip() for line in str(error).splitlines() if not re.match(r"\s*(Reason:|$)", line)]
+        reason = re.sub(r"\(0x[0-9a-f]+\)", "", lines[-1] if lines else type(error).__name__)[:160]
         raise InputError(place, f"{problem} ({reason})", cure) from None
 
 
@@ -89,7 +90,8 @@ def read_nifti(path: Path) -> Volume:
     with guarded(place, "damaged or truncated", "copy or download the file again"):
         data = np.asanyarray(image.dataobj)
     warnings = []
-    if isinstance(image, nib.Nifti1Image) and not (image.header["sform_code"] or image.header["qform_code"]):
+    codes = [int(image.header[code]) for code in ("sform_code", "qform_code") if code in image.header]
+    if isinstance(image, nib.analyze.AnalyzeImage) and not any(codes):
         warnings.append(f"{place}: no orientation in its header; left and right may be swapped")
     names = _nifti_names(image) | _dataset_names(path)
     return Volume(_spatial(data, place), affine, place, names, warnings=warnings)
@@ -113,11 +115,10 @@ def read_itk(path: Path) -> Volume:
         if not place.lower().endswith((".mhd", ".nhdr")) and voxels > _DEFLATE_RATIO * path.stat().st_size:
             raise InputError(place, "its header promises more voxels than it holds", "copy the file again")
         image = reader.Execute()
-    if image.GetNumberOfComponentsPerPixel() > 1:
-        raise InputError(
-            place, "its voxels are not single numbers (colour or 4-D)", "give a grey or label volume"
-        )
-    data = sitk.GetArrayFromImage(image).T
+        if image.GetNumberOfComponentsPerPixel() > 1:
+            problem = "its voxels are not single numbers (colour or 4-D)"
+            raise InputError(place, problem, "give a grey or label volume")
+        data = sitk.GetArrayFromImage(image).T
     if image.GetDimension() != 3:
         return Volume(_spatial(data, place), np.eye(4), place)
     affine = np.eye(4)

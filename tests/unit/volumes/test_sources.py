@@ -178,7 +178,9 @@ def test_whole_body_ct_without_network(monkeypatch):
         load_structure(row(source="whole_body_ct", organ="liver"), ".", settings())
 
 
-@pytest.mark.parametrize("name", ["lits17", "rider_lung", "upenn_gbm", "whole_body_ct", "totalsegmentator"])
+@pytest.mark.parametrize(
+    "name", ["lits17", "rider_lung", "upenn_gbm", "whole_body_ct", "totalsegmentator", "paper"]
+)
 def test_named_configurations_are_sound(name):
     """Each is a small file of differences laid over the default."""
     default = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())

@@ -1,0 +1,77 @@
+"""The real scans beside the project; they are not part of it, so each test skips where they are absent."""
+
+import nibabel as nib
+import numpy as np
+import pytest
+import shapely
+from scans import DATA, full, row, settings
+
+from cccd.errors import InputError
+from cccd.volumes import load_structure
+
+if not DATA.is_dir():
+    pytest.skip("the real scans are not at ../shared/data", allow_module_level=True)
+
+
+def load(**columns):
+    for name in ("image", "mask"):
+        if columns.get(name) and not (DATA / columns[name]).exists():
+            pytest.skip(f"{columns[name]} is not at ../shared/data")
+    return load_structure(row(**columns), DATA, settings())
+
+
+#: Image, mask, label, slice axis, slice spacing in mm, slices with organ.
+MASKS = [
+    ("liver_totalseg_ct3mm/image.nii.gz", "liver_totalseg_ct3mm/labels.nii.gz", "5", 2, 3.0, 43),
+    ("liver_totalseg_ct3mm/image.nii.gz", "liver_totalseg_ct3mm/labels.nii.gz", "2,3", 2, 3.0, 39),
+    ("liver_totalseg_ct3mm/image.nii.gz", "liver_totalseg_ct3mm/labels.nii.gz", "20", 2, 3.0, 109),
+    ("lung_cip64/image.nrrd", "lung_cip64/mask_lungs.nrrd", "", 2, 3.99, 69),
+    ("brain_tcga_du7294/t1.nii.gz", "brain_tcga_du7294/mask_brain.nii.gz", "", 2, 1.0, 131),
+    ("", "airway_lidc_1mm/mask_airway.nii.gz", "", 2, 1.0, 141),
+    ("", "airway_lidc_1mm/mask_lungs.nii.gz", "", 2, 1.0, 236),
+    # SliceThickness says 3 mm, the positions say 2
+    ("dicom_totalseg_liver20/dicom", "dicom_totalseg_liver20/labels.nii.gz", "5", 2, 2.0, 20),
+]
+
+
+@pytest.mark.parametrize(("image", "mask", "label", "axis", "spacing", "slices"), MASKS)
+def test_masks(image, mask, label, axis, spacing, slices):
+    structure = load(image=image, mask=mask, label=label)
+    assert structure.frame.slice_axis == axis
+    assert structure.frame.slice_spacing == pytest.approx(spacing, abs=0.01)
+    assert structure.stack("mask").any(axis=(1, 2)).sum() == slices
+    assert (structure.image is None) == (not image)
+
+
+def test_dicom_and_nifti_masks_are_the_same_voxels():
+    """The NIfTI was made from the series by another program, which turned its rows over."""
+    structure = load(image="dicom_totalseg_liver20/dicom", mask="dicom_totalseg_liver20/mask_liver.nii.gz")
+    source = nib.load(DATA / "dicom_totalseg_liver20/mask_liver.nii.gz")
+    there = np.argwhere(np.asarray(source.dataobj) > 0) @ source.affine[:3, :3].T + source.affine[:3, 3]
+    frame = structure.frame
+    here = np.argwhere(full(structure)) @ frame.affine[:3, :3].T + frame.affine[:3, 3]
+    assert len(here) == len(there)
+    np.testing.assert_allclose(here.mean(axis=0), there.mean(axis=0), atol=1e-3)
+    np.testing.assert_allclose(here.std(axis=0), there.std(axis=0), atol=1e-3)
+    # liver enhances: its median lies well above water
+    assert 40 < np.median(structure.image[structure.mask]) < 200
+
+
+#: ROI, contours that enclose an area, slices.
+ROIS = [("Lt Lung", 165, 80), ("Heart", 33, 33), ("BODY", 141, 98), ("Breast", 48, 47)]
+
+
+@pytest.mark.parametrize(("roi", "contours", "slices"), ROIS)
+def test_structure_set(roi, contours, slices):
+    folder = "dicom_rtstruct_dicompyler"
+    structure = load(image=f"{folder}/dicom", mask=f"{folder}/rtstruct.dcm", label=roi)
+    curves = structure.contours
+    assert len(curves) == contours
+    assert len(np.unique(curves.slice)) == slices
+    assert structure.frame.slice_spacing == pytest.approx(3.0, abs=1e-3)
+    assert all(shapely.LinearRing(points).is_simple for points in curves)
+
+
+def test_structure_set_lists_its_rois():
+    with pytest.raises(InputError, match=r"no ROI 'Liver'; choose one of 1 \(BODY\).*6 \(Lt Lung\)"):
+        load(mask="dicom_rtstruct_dicompyler/rtstruct.dcm", label="Liver")
