@@ -14,7 +14,7 @@ from cccd.surface.evaluate import tessellate
 from cccd.surface.fields import distance_fields, interpolated_fields, through_pixel_centres
 from cccd.surface.fit import Fit, Samples, even_size, fit_samples, refinements, sample_tube, sampled_area
 from cccd.surface.rings import rings_of
-from cccd.surface.solids import SHORT_EDGE, combine, fair_seams, remesh, solid, triangles, untangle
+from cccd.surface.solids import combine, fair_seams, remesh, solid, triangles, untangle
 from cccd.surface.tubes import Tube, build_tubes
 
 __all__ = ["Surface", "loft_surface"]
@@ -99,7 +99,7 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     edge = settings["edge_voxels"] * pixel
     bodies = [solid(*tessellate(patch, edge)) for patch in patches]
     whole = combine(bodies, [tube.hole for tube in tubes], [tube.depth for tube in tubes])
-    vertices, faces, origins = triangles(whole.simplify(SHORT_EDGE * edge))
+    vertices, faces, origins = triangles(whole)
     vertices = fair_seams(vertices, faces, origins)
     vertices, tangled, left = untangle(vertices, faces)
     repairs = [f"relaxed {tangled} pairs of triangles that passed through each other"] if tangled else []
@@ -108,6 +108,7 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
         repairs.append(f"meshed anew on a grid of {edge / 2:.2f} mm: {left} pairs still did")
     report = _report(tubes, fits, vertices, faces, voxel_faces)
     report["repairs"] = repairs
+    report["bodies"] = len(whole.decompose())
     return Surface(patches, vertices, faces, frame, report)
 
 

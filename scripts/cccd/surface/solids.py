@@ -26,14 +26,17 @@ SEAM_RINGS, SEAM_ROUNDS = 3, 8
 TAUBIN = (0.60, -0.62)
 #: Rounds of relaxing where the surface passes through itself; the patch grows by a ring every other round.
 UNTANGLE_ROUNDS = 12
-#: Boolean results are cleaned of edges shorter than this share of the mesh's edge length.
-SHORT_EDGE = 0.05
 
 
 def solid(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
     """Turn a closed mesh (V, 3), (F, 3) into a solid that remembers which faces are its own."""
-    mesh = manifold3d.Mesh64(np.ascontiguousarray(vertices, float), np.ascontiguousarray(faces, np.uint64))
-    return Manifold(mesh).as_original()
+    mesh = manifold3d.Mesh64(
+        np.ascontiguousarray(vertices, float),
+        np.ascontiguousarray(faces, np.uint64),
+        run_index=np.array([0, faces.size], np.uint64),
+        run_original_id=np.array([Manifold.reserve_ids(1)], np.uint32),
+    )
+    return Manifold(mesh)
 
 
 def triangles(body: Manifold) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

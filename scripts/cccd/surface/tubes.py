@@ -327,15 +327,19 @@ def _outline(
 
 
 def _opening(node: _Node, way: int, stack: _Stack) -> list[Section] | None:
-    """Cut the section of a hole on the next level when the hole opens to the outside there."""
+    """Cut the section of a hole on the next level when the hole opens to the outside there.
+
+    A hole in the organ's last slice runs on straight through the cap.
+    """
     ring = node.ring
     level = ring.level + 2 * way - 1
-    if not 0 <= level < len(stack.nodes):
-        return None
+    following = stack.nodes[level] if 0 <= level < len(stack.nodes) else []
+    covers = [other.ring for other in following if not other.ring.hole and overlap(ring, other.ring)]
+    if not covers:
+        return [Section(ring.z + (2 * way - 1) * 2 * stack.half_step, ring.points, ring.area)]
     outside = shapely.Polygon(ring.points).buffer(0)
-    for other in stack.nodes[level]:
-        if not other.ring.hole and overlap(ring, other.ring):
-            outside = outside.difference(shapely.Polygon(other.ring.points).buffer(0))
+    for cover in covers:
+        outside = outside.difference(shapely.Polygon(cover.points).buffer(0))
     shape = _largest(outside)
     if shape is None or shape.area < max(stack.pixel**2, 0.25 * ring.area):
         return None

@@ -1,0 +1,44 @@
+"""Masks of shapes whose surfaces are known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cccd.chaincode import trace_mask
+from cccd.containers import Curves, Frame, Structure
+
+SETTINGS = {
+    "tolerance_voxels": 0.15,
+    "compactness": 150,
+    "compactness_thin": 40,
+    "bridge_slices": 3,
+    "edge_voxels": 1.5,
+}
+
+
+def structure_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0), affine: np.ndarray | None = None) -> Structure:
+    if affine is None:
+        affine = np.diag([*spacing, 1.0])
+    return Structure("case", "organ", Frame(affine, 2, mask.shape), np.zeros(3, int), mask=mask)
+
+
+def curves_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0)) -> Curves:
+    return trace_mask(structure_of(mask, spacing))
+
+
+def grid(*shape: int) -> np.ndarray:
+    return np.stack(np.meshgrid(*(np.arange(n, dtype=float) for n in shape), indexing="ij"))
+
+
+def ball(shape=(60, 60, 60), centre=(30, 30, 30), radius=20.0, spacing=(1.0, 1.0, 1.0)) -> np.ndarray:
+    offset = (grid(*shape) - np.reshape(centre, (3, 1, 1, 1))) * np.reshape(spacing, (3, 1, 1, 1))
+    return np.sum(offset**2, axis=0) <= radius**2
+
+
+def fork() -> np.ndarray:
+    """A trunk that splits into two legs, as bronchi do."""
+    x, y, z = grid(70, 40, 60)
+    spread = np.clip(30 - z, 0, None) * 0.6
+    left = np.hypot(x - 35 + spread, y - 20) <= 8
+    right = np.hypot(x - 35 - spread, y - 20) <= 8
+    return (left | right) & (z >= 4) & (z < 55)

@@ -1,0 +1,195 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from shapes import SETTINGS, ball, curves_of, fork, grid, structure_of
+
+from cccd.chaincode import trace_mask
+from cccd.containers import Curves, Frame
+from cccd.errors import InputError
+from cccd.metrics import dice, is_closed_manifold, mesh_volume, self_intersections, voxelise
+from cccd.surface import loft_surface, measure_surface
+
+
+def assert_sound(surface):
+    assert is_closed_manifold(surface.faces)
+    assert len(self_intersections(surface.vertices, surface.faces)) == 0
+    assert mesh_volume(surface.vertices, surface.faces) > 0
+
+
+def agreement(surface, mask):
+    return dice(mask, voxelise(surface.vertices, surface.faces, surface.frame, np.zeros(3), mask.shape))
+
+
+def test_a_ball_keeps_its_volume_and_its_surface():
+    mask = ball()
+    surface = loft_surface(curves_of(mask), SETTINGS)
+    assert_sound(surface)
+    assert mesh_volume(surface.vertices, surface.faces) == pytest.approx(mask.sum(), rel=0.01)
+    radius = np.linalg.norm(surface.vertices - 30, axis=1)
+    assert np.abs(radius - 20).mean() < 0.35
+    assert agreement(surface, mask) > 0.98
+
+
+def test_anisotropic_oblique_scans_come_out_in_world_mm():
+    angle = np.deg2rad(25)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
+    spacing = np.array([0.8, 0.8, 3.0])
+    affine = np.eye(4)
+    affine[:3, :3] = turn @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]) * spacing
+    affine[:3, 3] = (-40, 12, 700)
+    mask = ball((60, 60, 20), (30, 30, 10), 20, spacing)
+    surface = loft_surface(trace_mask(structure_of(mask, affine=affine)), SETTINGS)
+    assert_sound(surface)
+    centre = affine[:3, :3] @ (30, 30, 10) + affine[:3, 3]
+    radius = np.linalg.norm(surface.vertices - centre, axis=1)
+    assert np.abs(radius - 20).mean() < 0.6
+
+
+def test_mirrored_affines_still_point_outwards():
+    structure = structure_of(ball(), affine=np.diag([-1.0, 1.0, 1.0, 1.0]))
+    assert_sound(loft_surface(trace_mask(structure), SETTINGS))
+
+
+def test_drawn_outlines_are_not_moved_outwards():
+    angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+    circle = np.column_stack([30 + 15.3 * np.cos(angle), 30 + 15.3 * np.sin(angle)])
+    frame = Frame(np.eye(4), 2, (60, 60, 22))
+    count = 22
+    curves = Curves(
+        np.tile(circle, (count, 1)),
+        np.arange(count + 1) * 200,
+        np.arange(count, dtype=np.int32),
+        np.zeros(count, bool),
+        frame,
+    )
+    surface = loft_surface(curves, SETTINGS)
+    assert_sound(surface)
+    middle = np.abs(surface.vertices[:, 2] - 10) < 5
+    radius = np.hypot(*(surface.vertices[middle, :2] - 30).T)
+    assert radius.mean() == pytest.approx(15.3, abs=0.05)
+    # Cut by the scan at both ends: flat lids half a slice beyond the first and the last slice.
+    assert surface.vertices[:, 2].min() == pytest.approx(-0.5)
+    assert surface.vertices[:, 2].max() == pytest.approx(21.5)
+    assert surface.report["cut_ends"] == 2
+
+
+def test_a_fork_is_one_solid_of_two_tubes():
+    mask = fork()
+    surface = loft_surface(curves_of(mask), SETTINGS)
+    assert_sound(surface)
+    assert surface.report["tubes"] == 2
+    assert surface.report["joined_ends"] == 1
+    assert surface.report["bodies"] == 1
+    assert agreement(surface, mask) > 0.95
+
+
+def test_a_cavity_is_subtracted():
+    mask = ball(radius=22) & ~ball(radius=11)
+    surface = loft_surface(curves_of(mask), SETTINGS)
+    assert_sound(surface)
+    assert [patch.sign for patch in surface.patches] == [1, -1]
+    assert mesh_volume(surface.vertices, surface.faces) == pytest.approx(mask.sum(), rel=0.02)
+
+
+def test_a_tunnel_through_all_slices_stays_open():
+    x, y, z = grid(40, 40, 30)
+    ring = np.hypot(x - 20, y - 20)
+    mask = (ring <= 14) & (ring >= 6) & (z >= 5) & (z < 25)
+    surface = loft_surface(curves_of(mask), SETTINGS)
+    assert_sound(surface)
+    edges = 1.5 * len(surface.faces)
+    assert len(surface.vertices) - edges + len(surface.faces) == 0  # a torus has Euler characteristic 0
+
+
+def test_separate_bodies_stay_separate():
+    mask = ball((50, 90, 50), (25, 24, 25), 15) | ball((50, 90, 50), (25, 64, 25), 15)
+    surface = loft_surface(curves_of(mask), SETTINGS)
+    assert_sound(surface)
+    assert surface.report["bodies"] == 2
+
+
+@pytest.mark.parametrize(("missing", "bodies"), [(2, 1), (9, 2)])
+def test_missing_slices_are_bridged_up_to_a_limit(missing, bodies):
+    x, y, _ = grid(40, 40, 40)
+    mask = np.hypot(x - 20, y - 20) <= 10
+    mask[:, :, 18 : 18 + missing] = False
+    surface = loft_surface(curves_of(mask), SETTINGS)
+    assert_sound(surface)
+    assert surface.report["bodies"] == bodies
+
+
+def test_one_slice_is_a_lens():
+    mask = ball()
+    mask[:, :, :30] = mask[:, :, 31:] = False
+    surface = loft_surface(curves_of(mask), SETTINGS)
+    assert_sound(surface)
+    assert mesh_volume(surface.vertices, surface.faces) == pytest.approx(mask.sum(), rel=0.15)
+
+
+def test_a_single_triangle_is_enough():
+    points = np.array([[10.2, 10.1], [18.7, 11.3], [13.4, 19.2]])
+    frame = Frame(np.eye(4), 2, (30, 30, 9))
+    curves = Curves(points, np.array([0, 3]), np.array([4], np.int32), np.zeros(1, bool), frame)
+    assert_sound(loft_surface(curves, SETTINGS))
+
+
+def test_dozens_of_specks_do_not_raise():
+    rng = np.random.default_rng(0)
+    mask = ball((60, 60, 40), (30, 30, 20), 14)
+    mask[tuple(rng.integers(1, 39, (3, 80)))] = True
+    assert_sound(loft_surface(curves_of(mask), SETTINGS))
+
+
+def test_no_curves_is_an_input_error():
+    frame = Frame(np.eye(4), 2, (5, 5, 5))
+    none = Curves(np.zeros((0, 2)), np.zeros(1, int), np.zeros(0, np.int32), np.zeros(0, bool), frame)
+    with pytest.raises(InputError, match="not one closed curve"):
+        loft_surface(none, SETTINGS)
+
+
+def test_same_curves_give_the_same_bytes():
+    curves = curves_of(fork())
+    first, second = loft_surface(curves, SETTINGS), loft_surface(curves, SETTINGS)
+    assert first.vertices.tobytes() == second.vertices.tobytes()
+    assert first.faces.tobytes() == second.faces.tobytes()
+
+
+def test_compactness_is_kept():
+    mask = ball((80, 80, 80), (40, 40, 40), 30)
+    surface = loft_surface(curves_of(mask), SETTINGS)
+    assert surface.report["compactness"] >= 150
+    assert agreement(surface, mask) > 0.985
+
+
+def test_measures_of_a_ball():
+    structure = structure_of(ball())
+    surface = loft_surface(trace_mask(structure), SETTINGS)
+    figures = measure_surface(surface, structure)
+    assert figures["assd_mm"] < 0.4
+    assert figures["closed_manifold"]
+    assert figures["self_intersections"] == 0
+    # Both principal curvatures of a ball are 1 / R.
+    assert figures["curvature_per_area_mm"] == pytest.approx(2 / 20, rel=0.3)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    hnp.arrays(
+        float,
+        st.tuples(st.integers(1, 5), st.just(4)),
+        elements=st.floats(0, 1, width=32),
+    ),
+    st.sampled_from([(1.0, 1.0, 1.0), (1.0, 1.0, 3.0), (0.7, 0.9, 1.5)]),
+)
+def test_unions_of_balls_are_always_sound(balls, spacing):
+    shape = (36, 36, 18)
+    mask = np.zeros(shape, bool)
+    for x, y, z, size in balls:
+        centre = (4 + 28 * x, 4 + 28 * y, 18 * z)
+        mask |= ball(shape, centre, 2 + 6 * size)
+    mask[[0, -1]] = mask[:, [0, -1]] = False
+    curves = curves_of(mask, spacing)
+    if len(curves):
+        assert_sound(loft_surface(curves, SETTINGS))
