@@ -391,7 +391,7 @@ def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
         )
     warnings = list(scan.warnings)
     if scan.contours is None:
-        warnings += _cut_notes(row["organ"], frame, first, last)
+        warnings += _cut_notes(frame, first, last)
     first, last = first - margin, last + margin
     image, mask, boundary = (
         None if array is None else crop(array, first, last)
@@ -411,13 +411,13 @@ def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
     )
 
 
-def _cut_notes(organ: str, frame: Frame, first: np.ndarray, last: np.ndarray) -> list[str]:
+def _cut_notes(frame: Frame, first: np.ndarray, last: np.ndarray) -> list[str]:
     """Say at which faces of the scan the organ may be cut."""
     low, high = first <= 0, last >= np.array(frame.shape) - 1
     ends = [name for name, cut in zip(("first", "last"), (low, high), strict=True) if cut[frame.slice_axis]]
     sides = (low | high)[list(frame.in_plane_axes)].any()
     places = [f"the scan's {name} slice" for name in ends] + ["the sides of its slices"] * bool(sides)
-    return [f"{organ} reaches {' and '.join(places)}: it may be cut there"] if places else []
+    return [f"the organ touches {' and '.join(places)}: it may be cut there"] if places else []
 
 
 def _checksum(path: Path) -> str:

@@ -21,6 +21,7 @@ def find_region(
     *,
     window: str | Sequence[float | None],
     components: int,
+    smallest_share: float,
     drop_border: bool,
     fill_holes: bool,
     slice_axis: int,
@@ -37,7 +38,9 @@ def find_region(
         Grey values of the organ, either end None for no bound; ``"otsu"`` takes what lies above Otsu's
         threshold (IEEE Trans. SMC 9:62, 1979).
     components : int
-        Keep so many of the largest 6-connected components.
+        Keep at most so many of the largest 6-connected components ...
+    smallest_share : float
+        ... and none smaller than this share of the largest.
     drop_border : bool
         Leave out components that reach the sides of a slice (the air around a patient). An organ cut by the
         scan's first or last slice stays.
@@ -67,7 +70,8 @@ def find_region(
     if drop_border:
         sizes[_reaching_sides(labels, slice_axis)] = 0
     chosen = np.argsort(-sizes, kind="stable")[:components]
-    mask = np.isin(labels, chosen[sizes[chosen] > 0])
+    chosen = chosen[sizes[chosen] >= max(smallest_share * sizes.max(), 1)]
+    mask = np.isin(labels, chosen)
     if not mask.any():
         span = f"{image.min():g} to {image.max():g}"
         raise InputError(

@@ -7,7 +7,13 @@ from cccd.errors import InputError
 from cccd.volumes import load_structure
 from cccd.volumes.regions import draw_region, find_region
 
-REGION = {"window": "otsu", "components": 1, "drop_border": False, "fill_holes": False}
+REGION = {
+    "window": "otsu",
+    "components": 1,
+    "smallest_share": 0.0,
+    "drop_border": False,
+    "fill_holes": False,
+}
 
 
 def load(folder, **region):
@@ -45,8 +51,16 @@ def test_lungs_in_a_chest():
     image[:, :, :6][lungs[:, :, :6]] = 40
     lungs[:, :, :6] = False
     image[18:20, 24:26, 10:13] = 60
+    image[29:31, 10:12, 8:10] = -900  # gas that is too small to be taken for a third
     found, _ = find_region(
-        image, "x", window=(None, -400), components=2, drop_border=True, fill_holes=True, slice_axis=2
+        image,
+        "x",
+        window=(None, -400),
+        components=3,
+        smallest_share=0.1,
+        drop_border=True,
+        fill_holes=True,
+        slice_axis=2,
     )
     np.testing.assert_array_equal(found, lungs)
 
