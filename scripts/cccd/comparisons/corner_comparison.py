@@ -31,6 +31,7 @@ __all__ = ["CCCD", "compare_corners", "fused_spline", "order_corners", "search"]
 
 CCCD = "Proposed CCCD"
 
+
 def compare_corners(structure: Structure, curves: Curves, settings: Mapping, seed: int) -> pd.DataFrame:
     """Run every detector with every parameter set, fuse its corners with a spline in every order; and CCCD.
 
