@@ -1,7 +1,7 @@
 """Score the GNN and the classical decoders on the same corrupted maps."""
 
+from cccd.comparisons.junction_comparison import evaluate
 from cccd.job import job
-from cccd.junctions.evaluation import evaluate
 
 with job(snakemake.log[0], "GNN evaluation"):
     evaluate(

@@ -36,12 +36,12 @@ class _Sheet:
         return max(1, int(self.rng.poisson(per_300 * self.sizes.sum() / 300)))
 
     def pick(self) -> tuple[np.ndarray, int]:
-        """A random place on a random contour."""
+        """Pick a random place on a random contour."""
         contour = self.contours[self.rng.choice(len(self.sizes), p=self.sizes / self.sizes.sum())]
         return contour, int(self.rng.integers(len(contour)))
 
     def normal(self, contour: np.ndarray, at: int | np.ndarray, reach: int = 4) -> np.ndarray:
-        """Unit normal(s) of a contour, estimated over ``reach`` pixels to both sides."""
+        """Estimate unit normal(s) of a contour over ``reach`` pixels to both sides."""
         n = len(contour)
         tangent = contour[(at + reach) % n] - contour[(at - reach) % n]
         normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1).astype(float)

@@ -12,7 +12,7 @@ __all__ = ["border_loops", "fill_inside"]
 
 
 def border_loops(graph: Complex, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Closed loops of links that part inside from outside triangles.
+    """Trace closed loops of links that part inside from outside triangles.
 
     Parameters
     ----------

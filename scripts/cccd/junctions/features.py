@@ -40,7 +40,7 @@ class Features:
 
 
 def normalised_grey(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """A grey slice as uint8, its 1 % and 99 % quantiles around the pixels (N, 2) at 0 and 255."""
+    """Give a grey slice as uint8, its 1 % and 99 % quantiles around the pixels (N, 2) at 0 and 255."""
     low = np.maximum(pixels.min(axis=0) - 12, 0)
     high = pixels.max(axis=0) + 13
     dark, bright = np.percentile(image[low[0] : high[0], low[1] : high[1]], (1, 99))
@@ -49,7 +49,7 @@ def normalised_grey(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 def _patches(raster: np.ndarray, at: np.ndarray, half: int, step: int) -> np.ndarray:
-    """Samples (N, (2 half + 1)^2) of a raster around places (N, 2), zero beyond its border."""
+    """Take samples (N, (2 half + 1)^2) of a raster around places (N, 2), zero beyond its border."""
     margin = half * step
     padded = np.pad(raster, margin)
     steps = np.arange(-half, half + 1) * step

@@ -15,7 +15,7 @@ __all__ = ["canny_map", "draw_image"]
 
 
 def _warp(rng: np.random.Generator, mask: np.ndarray, shift: float) -> np.ndarray:
-    """The mask moved by a smooth random displacement: annotators do not follow every edge."""
+    """Move the mask by a smooth random displacement: annotators do not follow every edge."""
     rows, columns = np.mgrid[: mask.shape[0], : mask.shape[1]].astype(np.float32)
     di, dj = (shift * smooth_noise(rng, mask.shape, rng.uniform(8, 30)) for _ in range(2))
     return cv2.remap(mask.astype(np.float32), columns + dj, rows + di, cv2.INTER_LINEAR)

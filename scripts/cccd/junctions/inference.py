@@ -8,7 +8,7 @@ import numpy as np
 
 from cccd.chaincode import isolated_corners, junction_pixels, signed_areas, trace_stack
 from cccd.containers import Boundaries, Curves, Frame, concatenate_ragged
-from cccd.junctions.complexes import Complex, build_complex, join_complexes
+from cccd.junctions.complexes import REGION_GAPS_PX, Complex, build_complex, join_complexes
 from cccd.junctions.cut import minimum_cut
 from cccd.junctions.decoding import fill_inside
 from cccd.junctions.features import Features, measure, normalised_grey
@@ -38,12 +38,16 @@ _PLAIN_SCALE = 2
 
 
 def prior_logits(graph: Complex) -> tuple[np.ndarray, np.ndarray]:
-    """What the decoder assumes without a network.
+    """Give what the decoder assumes without a network.
 
-    Inside is what walls of 8-neighbours and gaps up to 6 pixels enclose; short links are likely true.
+    Inside is what walls of 8-neighbours and gaps up to 6 pixels enclose; short links are likely true. Of
+    triangles that have no longer side themselves, as between the steps of a staircase, it says nothing.
     """
+    wall = REGION_GAPS_PX[_PLAIN_SCALE]
+    length = np.append(graph.link_lengths, np.inf)  # for the sides that have no link
+    open_inside = length[graph.side_links].max(axis=1) > wall
     enclosed = graph.depths[:, _PLAIN_SCALE] > 0
-    return np.where(enclosed, 2.0, -2.0), 2.0 - graph.link_lengths
+    return np.where(enclosed, 2.0, -2.0) * open_inside, 2.0 - graph.link_lengths
 
 
 def label_inside(graph: Complex, inside_logit: np.ndarray, link_logit: np.ndarray) -> np.ndarray:
@@ -119,7 +123,7 @@ def curves_from_masks(masks: np.ndarray, origin: Sequence[int], frame: Frame) ->
 
 
 def _as_boundaries(curves: Curves) -> Boundaries:
-    """The curves' pixels as an unordered map."""
+    """Take the curves' pixels as an unordered map."""
     slices, begin = np.unique(curves.slice, return_index=True)
     offsets = np.append(curves.offsets[begin], curves.offsets[-1])
     return Boundaries(curves.points.astype(np.int32), offsets, slices.astype(np.int32), curves.frame)

@@ -153,11 +153,7 @@ class _Round(nn.Module):
         for given, group in zip(regional, batch.regions, strict=True):
             t = t + _pool(given, group)
         first, second = batch.sides
-        e = e + torch.relu(
-            summed[first]
-            + summed[second]
-            + (compared[first] - compared[second]).abs()
-        )
+        e = e + torch.relu(summed[first] + summed[second] + (compared[first] - compared[second]).abs())
         walls = self.wall(torch.relu(self.link_norm(e))).chunk(len(_POOLED), dim=1)
         for given, group in zip(walls, batch.walls, strict=True):
             e = e + _pool(given, group)

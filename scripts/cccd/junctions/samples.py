@@ -82,7 +82,7 @@ def _fill(contours: Sequence[np.ndarray], shape: Sequence[int], fine: int) -> np
 
 
 def truth_mask(sample: Sample) -> np.ndarray:
-    """The mask (I, J) uint8 that the true contours enclose, their own pixels included."""
+    """Fill the true contours to a mask (I, J) uint8, their own pixels included."""
     return _fill(sample.contours, sample.shape, 1)
 
 

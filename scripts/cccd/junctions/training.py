@@ -52,7 +52,7 @@ _HIDDEN_GREY = 0.3
 
 
 def _kinds(count: int) -> list[str]:
-    """A list of kinds in the proportions of `KIND_WEIGHTS`, the same for every split."""
+    """List kinds in the proportions of `KIND_WEIGHTS`, the same for every split."""
     weights = np.array([KIND_WEIGHTS[kind] for kind in ALL_KINDS], float)
     places = (np.arange(count) + 0.5) / max(count, 1) * weights.sum()
     return [ALL_KINDS[n] for n in np.searchsorted(np.cumsum(weights), places)]
@@ -112,7 +112,7 @@ def generate_graphs(settings: Mapping, seed: int, path: str | Path) -> None:
     write_graphs(path, splits, attributes)
     stored = Path(path).stat().st_size
     logger.info(
-        "graphs: %d bytes in memory, %d on disk; two dense float64 matrices each would take %d bytes (%.0f times)",
+        "graphs: %d bytes, %d on disk; two dense float64 matrices each would take %d bytes (%.0f times)",
         sparse, stored, dense, dense / max(sparse, 1),
     )  # fmt: skip
 
@@ -259,7 +259,7 @@ _NETWORK_KEYS = ("width", "link_width", "pixel_layers", "rounds", "heads", "drop
 
 
 def _fingerprint(graphs_path: str | Path, settings: Mapping, seed: int) -> str:
-    """What a checkpoint must have in common with a run to be resumed by it."""
+    """Digest what a checkpoint must have in common with a run to be resumed by it."""
     graphs = hashlib.sha256(Path(graphs_path).read_bytes()).hexdigest()
     chosen = {key: value for key, value in settings.items() if key != "pretrained"}
     return hashlib.sha256(json.dumps([graphs, chosen, seed], sort_keys=True).encode()).hexdigest()
@@ -278,7 +278,7 @@ def _save(path: Path, content: dict) -> None:
 
 
 def _resume(folder: Path, fingerprint: str) -> dict | None:
-    """The newest checkpoint that can be read and belongs to this run."""
+    """Read the newest checkpoint that is whole and belongs to this run."""
     for path in _checkpoints(folder):
         try:
             state = torch.load(path, weights_only=True, map_location="cpu")

@@ -1,0 +1,244 @@
+"""The junction network beside its own decoder and the classical ones, on the same maps in one run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import cv2
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from cccd.chaincode import isolated_corners
+from cccd.comparisons.decoders import DECODERS, decode
+from cccd.containers import Boundaries, Frame, concatenate_ragged
+from cccd.junctions import load_model, order_boundaries
+from cccd.junctions.complexes import Complex, build_complex, join_complexes
+from cccd.junctions.corruptions import KINDS
+from cccd.junctions.decoding import fill_inside
+from cccd.junctions.features import measure, normalised_grey
+from cccd.junctions.inference import (
+    SLICES_PER_BATCH,
+    curves_from_masks,
+    join_features,
+    label_inside,
+    prior_logits,
+)
+from cccd.junctions.network import JunctionNetwork, make_batch
+from cccd.junctions.samples import ALL_KINDS, Sample, draw_sample, inside_shares, link_labels, truth_mask
+from cccd.junctions.scoring import SliceScore, score_slice
+from cccd.store import atomic_path, write_table
+
+__all__ = ["compare_decoders", "draw_worst", "evaluate", "network_decoder"]
+
+#: The kinds whose mean is the table's row "all ten".
+TEN = tuple(kind for kind in KINDS if kind != "everything")
+
+_FRAME = Frame(np.eye(4), 2, (1, 1, 1))
+_EVALUATION = 9  # random stream
+
+#: Orders a batch of maps: a list of closed chains (n, 2) for each.
+Decoder = Callable[[Sequence[Sample]], list[list[np.ndarray]]]
+
+
+def _by_labels(logits: Callable[[Sequence[Sample], Sequence[Complex], Complex], tuple]) -> Decoder:
+    def run(samples: Sequence[Sample]) -> list[list[np.ndarray]]:
+        chains: list[list[np.ndarray]] = []
+        for begin in range(0, len(samples), SLICES_PER_BATCH):
+            part = samples[begin : begin + SLICES_PER_BATCH]
+            built = [build_complex(sample.pixels) for sample in part]
+            graph = join_complexes(built)
+            masks, origin = fill_inside(graph, label_inside(graph, *logits(part, built, graph)))
+            chains += [list(curves_from_masks(mask[None], (0, *origin), _FRAME)) for mask in masks]
+        return [[chain for chain in found if len(chain)] for found in chains]
+
+    return run
+
+
+def network_decoder(model: JunctionNetwork, grey: bool = True) -> Decoder:
+    """Join the network and its decoder; without ``grey`` it is not shown the maps' images."""
+
+    def logits(samples, built, graph):
+        shown = [s.image if grey else None for s in samples]
+        features = [
+            measure(part, None if image is None else normalised_grey(image, sample.pixels))
+            for part, image, sample in zip(built, shown, samples, strict=True)
+        ]
+        return model.predict(make_batch(graph, join_features(features)))
+
+    return _by_labels(logits)
+
+
+def _true_logits(samples, built, graph):
+    shares = [inside_shares(part, sample.contours) for part, sample in zip(built, samples, strict=True)]
+    inside = np.concatenate(shares)
+    return 20 * (inside - 0.5), np.where(link_labels(graph, inside), 10.0, -10.0)
+
+
+def _classical(decoder: Callable) -> Decoder:
+    def run(samples: Sequence[Sample]) -> list[list[np.ndarray]]:
+        chains = [decode(decoder, sample.pixels, _seed_point(sample)) for sample in samples]
+        return [[chain] if len(chain) else [] for chain in chains]
+
+    return run
+
+
+def _seed_point(sample: Sample) -> np.ndarray:
+    """Find the point deepest inside the organ: what an ideal user would click."""
+    depth = cv2.distanceTransform(truth_mask(sample), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.array(np.unravel_index(np.argmax(depth), depth.shape))
+
+
+def _single(rng: np.random.Generator, kind: str) -> Sample:
+    """Draw a map of one organ without holes, as the classical decoders expect; severity 1."""
+    while True:
+        sample = draw_sample(rng, kind, 1.0)
+        if len(sample.contours) == 1:
+            return sample
+
+
+def compare_decoders(
+    decoders: Mapping[str, Decoder], maps: Mapping[str, Sequence[Sample]]
+) -> tuple[pd.DataFrame, dict[str, dict[str, list[SliceScore]]]]:
+    """Score every decoder on the same maps.
+
+    Parameters
+    ----------
+    decoders : mapping of name to decoder
+    maps : mapping of kind to maps
+
+    Returns
+    -------
+    table : DataFrame
+        One row per decoder and kind: ``decoder``, ``kind``, ``maps``, ``correct`` (share of maps),
+        ``dice`` (mean), ``hausdorff_px`` (median) and ``ms`` (processor time per map, reading the map
+        included, the first map's warm-up excluded).
+    scores : dict
+        The scores behind it, by decoder and kind.
+    """
+    rows, scores = [], {}
+    for name, decoder in decoders.items():
+        decoder(next(iter(maps.values()))[:1])  # compiles and loads what it needs
+        scores[name] = {}
+        for kind, samples in maps.items():
+            started = time.process_time()
+            chains = decoder(samples)
+            spent = time.process_time() - started
+            scored = [score_slice(c, s.contours) for c, s in zip(chains, samples, strict=True)]
+            scores[name][kind] = scored
+            rows.append(
+                {
+                    "decoder": name,
+                    "kind": kind,
+                    "maps": len(samples),
+                    "correct": np.mean([score.correct for score in scored]),
+                    "dice": np.mean([score.dice for score in scored]),
+                    "hausdorff_px": np.median([score.hausdorff for score in scored]),
+                    "ms": 1000 * spent / len(samples),
+                }
+            )
+    table = pd.DataFrame(rows)
+    ten = table[table["kind"].isin(TEN)]
+    mean = ten.groupby("decoder", sort=False)[["maps", "correct", "dice", "hausdorff_px", "ms"]].mean()
+    mean["maps"] = ten.groupby("decoder", sort=False)["maps"].sum()
+    mean = mean.reset_index().assign(kind="all ten")
+    return pd.concat([table, mean[table.columns]], ignore_index=True), scores
+
+
+def _isolated(samples: Sequence[Sample], model: JunctionNetwork) -> tuple[float, float]:
+    """Isolated corners per map (Figure 4) before and after ordering by the network."""
+    points, offsets = concatenate_ragged([sample.pixels for sample in samples])
+    frame = Frame(np.eye(4), 2, (1, 1, len(samples)))
+    maps = Boundaries(points, offsets, np.arange(len(samples), dtype=np.int32), frame)
+    before = isolated_corners(maps).sum() / len(samples)
+    return float(before), order_boundaries(maps, model)[1]["isolated_after"] / len(samples)
+
+
+def draw_worst(path: str | Path, model: JunctionNetwork, samples: Sequence[Sample], count: int = 10) -> None:
+    """Draw the maps that come out worst: the map, the network's links, the curve and the truth."""
+    chains = network_decoder(model)(samples)
+    scored = [score_slice(c, s.contours) for c, s in zip(chains, samples, strict=True)]
+    order = sorted(range(len(samples)), key=lambda n: (scored[n].correct, scored[n].dice))[:count]
+    figure, axes = plt.subplots(
+        len(order), 3, figsize=(9, 3 * len(order)), squeeze=False, layout="constrained"
+    )
+    for n, row in zip(order, axes, strict=True):
+        sample = samples[n]
+        graph = build_complex(sample.pixels)
+        grey = None if sample.image is None else normalised_grey(sample.image, sample.pixels)
+        _, link = model.predict(make_batch(graph, join_features([measure(graph, grey)])))
+        if sample.image is not None:
+            row[0].imshow(sample.image, cmap="gray")
+        ink = "k" if grey is None else "tab:red"
+        row[0].plot(sample.pixels[:, 1], sample.pixels[:, 0], ".", ms=1.5, color=ink)
+        row[0].set_title(f"{sample.kind}: map", fontsize=8)
+        probability = 1 / (1 + np.exp(-link))
+        shown = probability > 0.05
+        segments = graph.points[graph.links[shown]][:, :, ::-1]
+        collection = matplotlib.collections.LineCollection(segments, cmap="viridis", lw=1)
+        collection.set_array(probability[shown])
+        collection.set_clim(0, 1)
+        row[1].add_collection(collection)
+        row[1].set_title("links (yellow: true)", fontsize=8)
+        for contour in sample.contours:
+            row[2].plot(*np.vstack([contour, contour[:1]]).T[::-1], color="tab:green", lw=2.5, label="truth")
+        for chain in chains[n]:
+            row[2].plot(*np.vstack([chain, chain[:1]]).T[::-1], color="tab:orange", lw=1, label="curve")
+        score = scored[n]
+        row[2].set_title(f"Dice {score.dice:.3f}, Hausdorff {score.hausdorff:.1f} px", fontsize=8)
+        low, high = sample.pixels.min(axis=0) - 4, sample.pixels.max(axis=0) + 4
+        for axis in row:
+            axis.set(xlim=(low[1], high[1]), ylim=(high[0], low[0]), aspect="equal")
+            axis.axis("off")
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=90)
+    plt.close(figure)
+
+
+def evaluate(
+    models: Mapping[str, str | Path],
+    settings: Mapping,
+    seed: int,
+    scores_path: str | Path,
+    worst_path: str | Path,
+) -> None:
+    """Write the table of all decoders and the picture of the ten worst maps.
+
+    Parameters
+    ----------
+    models : mapping of name to path
+        Trained networks; the picture is of the last.
+    settings : mapping
+        ``test_maps``: maps per kind.
+    seed : int
+    scores_path, worst_path : path
+        CSV (see `compare_decoders`, and per kind the isolated corners per map before and after) and PNG.
+    """
+    maps = {}
+    for number, kind in enumerate(ALL_KINDS):
+        rng = np.random.default_rng([seed, _EVALUATION, number])
+        maps[kind] = [_single(rng, kind) for _ in range(settings["test_maps"])]
+    networks = {name: load_model(path) for name, path in models.items()}
+    decoders = {f"GNN, {name}": network_decoder(network) for name, network in networks.items()}
+    last = list(networks)[-1]
+    decoders |= {
+        f"GNN, {last}, no image": network_decoder(networks[last], grey=False),
+        "decoder alone": _by_labels(lambda samples, built, graph: prior_logits(graph)),
+        "decoder + true labels": _by_labels(_true_logits),
+    }
+    decoders |= {name: _classical(decoder) for name, decoder in DECODERS.items()}
+    table, _ = compare_decoders(decoders, maps)
+    isolated = {kind: _isolated(samples, networks[last]) for kind, samples in maps.items()}
+    shown = table["decoder"] == f"GNN, {last}"
+    for column, which in (("isolated_before", 0), ("isolated_after", 1)):
+        table[column] = [
+            isolated[kind][which] if ours and kind in isolated else np.nan
+            for kind, ours in zip(table["kind"], shown, strict=True)
+        ]
+    write_table(scores_path, table)
+    draw_worst(worst_path, networks[last], [sample for samples in maps.values() for sample in samples])

@@ -1,0 +1,143 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cccd.chaincode import is_simple, on_pixel_chain, signed_areas
+from cccd.containers import Boundaries, Frame, concatenate_ragged
+from cccd.junctions import load_model, order_boundaries
+from cccd.junctions.complexes import build_complex
+from cccd.junctions.corruptions import contours_of
+from cccd.junctions.decoding import fill_inside
+from cccd.junctions.inference import curves_from_masks
+from cccd.junctions.samples import draw_sample
+from cccd.junctions.scoring import score_slice
+
+FRAME = Frame(np.eye(4), 2, (200, 200, 50))
+SHIPPED = Path(__file__).parents[3] / "workflow" / "models" / "junctions.pt"
+
+
+def boundaries(maps, numbers=None):
+    points, offsets = concatenate_ragged([np.asarray(m, np.int32).reshape(-1, 2) for m in maps])
+    numbers = np.arange(len(maps)) if numbers is None else numbers
+    return Boundaries(points.astype(np.int32), offsets, np.asarray(numbers, np.int32), FRAME)
+
+
+def raster_order(chain):
+    return np.unique(chain, axis=0)
+
+
+def blob(hole=False):
+    mask = np.zeros((90, 90), np.uint8)
+    cv2.ellipse(mask, (45, 45), (30, 20), 25, 0, 360, 1, -1)
+    if hole:
+        cv2.circle(mask, (45, 45), 8, 0, -1)
+    return mask
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.95))
+def test_any_labelling_gives_closed_strictly_simple_pixel_chains(seed, share):
+    rng = np.random.default_rng(seed)
+    graph = build_complex(np.unique(rng.integers(0, 25, (60, 2)), axis=0))
+    inside = (rng.random(len(graph.triangles)) < share) & ~graph.outer
+    masks, origin = fill_inside(graph, inside)
+    curves = curves_from_masks(masks, (0, *origin), FRAME)
+    assert is_simple(curves.points, curves.offsets).all()
+    assert on_pixel_chain(curves.points, curves.offsets).all()
+    assert ((signed_areas(curves.points, curves.offsets) < 0) == curves.hole).all()
+
+
+def test_a_clean_map_is_ordered_right_even_without_a_network():
+    chain = contours_of(blob())[0]
+    curves, report = order_boundaries(boundaries([raster_order(chain)], [7]), None)
+    assert curves.slice.tolist() == [7]
+    assert score_slice(list(curves), [chain]).correct
+    assert report["unclosed"] == []
+
+
+def test_the_shipped_model_gives_a_clean_map_back_exactly(shipped):
+    chain = contours_of(blob())[0]
+    curves, _ = order_boundaries(boundaries([raster_order(chain)]), shipped)
+    assert {tuple(p) for p in curves.points.astype(int)} == {tuple(p) for p in chain}
+
+
+def test_a_gap_is_bridged_by_neighbouring_pixels():
+    chain = contours_of(blob())[0]
+    curves, _ = order_boundaries(boundaries([raster_order(chain[5:])]), None)
+    assert on_pixel_chain(curves.points, curves.offsets).all()
+    assert score_slice(list(curves), [chain]).correct
+
+
+def test_slices_without_a_closed_boundary_are_told_by_number_and_the_rest_goes_on():
+    line = np.column_stack([np.arange(5, 40), np.full(35, 9)])
+    chain = raster_order(contours_of(blob())[0])
+    empty = np.zeros((0, 2))
+    curves, report = order_boundaries(
+        boundaries([line, chain, empty, chain, [[3, 3]]], [2, 4, 5, 6, 9]), None
+    )
+    assert report["unclosed"] == [2, 5, 9]
+    assert curves.slice.tolist() == [4, 6]
+
+
+def test_isolated_corners_and_junctions_are_counted_before_and_after():
+    chain = contours_of(blob())[0]
+    spur = chain[0] + np.column_stack([-np.arange(1, 9), np.zeros(8, int)])
+    _, report = order_boundaries(boundaries([raster_order(np.vstack([chain, spur]))]), None)
+    row = report["slices"][0]
+    assert row["pixels"] == len(chain) + 8
+    assert row["isolated_before"] >= 1
+    assert row["junctions"] >= 1
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return load_model(SHIPPED)
+
+
+def test_the_shipped_model_is_small(shipped):
+    assert SHIPPED.stat().st_size <= 2e6
+
+
+def test_the_shipped_model_finds_components_and_holes(shipped):
+    mask = np.zeros((120, 200), np.uint8)
+    mask[15:105, 10:100] = blob(hole=True)
+    cv2.circle(mask, (150, 60), 22, 1, -1)
+    chains = contours_of(mask)
+    curves, report = order_boundaries(boundaries([raster_order(np.vstack(chains))]), shipped)
+    assert score_slice(list(curves), chains).correct
+    assert (report["outer"], report["holes"]) == (2, 1)
+
+
+@pytest.mark.parametrize(("kind", "share"), [("clean", 0.9), ("spurs", 0.8), ("blocks", 0.8), ("pinch", 0.8)])
+def test_the_shipped_model_repairs_maps_it_was_not_trained_on(shipped, kind, share):
+    rng = np.random.default_rng(987_654)
+    samples = [draw_sample(rng, kind, 1.0) for _ in range(16)]
+    curves, _ = order_boundaries(boundaries([sample.pixels for sample in samples]), shipped)
+    chains = [list(curves)[n] for n in range(len(curves))]
+    scores = [
+        score_slice([c for c, k in zip(chains, curves.slice, strict=True) if k == n], sample.contours).correct
+        for n, sample in enumerate(samples)
+    ]
+    assert np.mean(scores) >= share
+
+
+def test_neither_batch_nor_place_changes_the_result(shipped):
+    rng = np.random.default_rng(3)
+    maps = [draw_sample(rng, "mixed", 1.0).pixels for _ in range(5)]
+    together, _ = order_boundaries(boundaries(maps), shipped)
+    alone, _ = order_boundaries(boundaries([maps[3] + np.array([40, 17])]), shipped)
+    mine = np.concatenate([c for c, k in zip(together, together.slice, strict=True) if k == 3])
+    assert np.array_equal(mine + (40, 17), alone.points)
+
+
+def test_an_image_is_read_where_its_origin_says(shipped):
+    rng = np.random.default_rng(4)
+    sample = draw_sample(rng, "canny", 1.0)
+    here, _ = order_boundaries(boundaries([sample.pixels]), shipped, sample.image[None])
+    shifted = boundaries([sample.pixels + np.array([11, 5])], [30])
+    there, _ = order_boundaries(shifted, shipped, sample.image[None], (30, 11, 5))
+    assert np.array_equal(here.points + (11, 5), there.points)

@@ -1,0 +1,130 @@
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from cccd.errors import InputError
+from cccd.junctions import generate_graphs, load_model, train_model
+from cccd.junctions.complexes import build_complex
+from cccd.junctions.training import read_samples
+from cccd.store import read_graphs
+
+SETTINGS = {
+    "graphs": {"training": 6, "validation": 3, "test": 3},
+    "start": None,
+    "fresh_maps": 2,
+    "epochs": 3,
+    "patience": 9,
+    "batch_size": 4,
+    "learning_rate": 0.003,
+    "dropout": 0.1,
+    "width": 8,
+    "link_width": 8,
+    "pixel_layers": 1,
+    "rounds": 1,
+    "heads": 2,
+}
+
+
+@pytest.fixture(scope="module")
+def graphs(tmp_path_factory):
+    path = tmp_path_factory.mktemp("graphs") / "graphs.h5"
+    generate_graphs(SETTINGS, 1, path)
+    return path
+
+
+def train(graphs, folder, **changes):
+    model, history = folder / "model.pt", folder / "history.csv"
+    train_model(graphs, SETTINGS | changes, 3, folder / "checkpoints", model, history)
+    return torch.load(model, weights_only=True)["weights"], pd.read_csv(history)
+
+
+def same(one, other):
+    return all(torch.equal(one[name], other[name]) for name in one)
+
+
+def stop_after(monkeypatch, epochs):
+    """Let the process die, as by a kill, when so many epochs are in their checkpoints."""
+    from cccd.junctions import training
+
+    run = training._run_epoch
+    done = []
+
+    def dying(*arguments):
+        if len(done) == epochs:
+            raise KeyboardInterrupt
+        done.append(1)
+        return run(*arguments)
+
+    monkeypatch.setattr(training, "_run_epoch", dying)
+
+
+def test_graphs_are_the_same_for_a_seed_and_sparse(graphs, tmp_path):
+    again = tmp_path / "again.h5"
+    generate_graphs(SETTINGS, 1, again)
+    assert again.read_bytes() == graphs.read_bytes()
+    columns = read_graphs(graphs, "training")
+    assert set(np.unique(columns["links/label"])) == {-1, 1}
+    assert len(columns["links/nodes"]) < 3.2 * (len(columns["pixels/points"]) + 12 * 6)
+
+
+def test_stored_links_are_those_of_the_rebuilt_graph(graphs):
+    columns = read_graphs(graphs, "test")
+    rebuilt = np.concatenate([build_complex(sample.pixels).links for sample in read_samples(graphs, "test")])
+    assert np.array_equal(rebuilt, columns["links/nodes"])
+
+
+def test_a_killed_run_goes_on_as_if_nothing_had_happened(graphs, tmp_path, monkeypatch):
+    whole, history = train(graphs, tmp_path / "whole")
+    with monkeypatch.context() as patch:
+        stop_after(patch, 2)
+        with pytest.raises(KeyboardInterrupt):
+            train(graphs, tmp_path / "killed")
+    assert not (tmp_path / "killed" / "model.pt").exists()
+    resumed, resumed_history = train(graphs, tmp_path / "killed")
+    assert same(whole, resumed)
+    pd.testing.assert_frame_equal(history.drop(columns="seconds"), resumed_history.drop(columns="seconds"))
+
+
+def test_a_torn_checkpoint_falls_back_to_the_one_before(graphs, tmp_path, monkeypatch):
+    whole, _ = train(graphs, tmp_path / "whole")
+    with monkeypatch.context() as patch:
+        stop_after(patch, 2)
+        with pytest.raises(KeyboardInterrupt):
+            train(graphs, tmp_path / "torn")
+    newest = sorted((tmp_path / "torn" / "checkpoints").glob("epoch_*.pt"))[-1]
+    newest.write_bytes(newest.read_bytes()[:1000])
+    resumed, _ = train(graphs, tmp_path / "torn")
+    assert same(whole, resumed)
+
+
+def test_other_settings_do_not_resume_a_stranger(graphs, tmp_path):
+    train(graphs, tmp_path, epochs=1)
+    _, history = train(graphs, tmp_path, epochs=2)
+    assert history["epoch"].tolist() == [0, 1]
+
+
+def test_training_stops_when_validation_gets_no_better(graphs, tmp_path):
+    _, history = train(graphs, tmp_path, epochs=8, patience=1, learning_rate=1e-12)
+    assert len(history) < 8
+
+
+def test_history_tells_what_was_promised(graphs, tmp_path):
+    _, history = train(graphs, tmp_path, epochs=1)
+    wanted = {"epoch", "loss", "link_precision", "link_recall", "link_f1", "validation_correct", "seconds"}
+    assert wanted <= set(history)
+
+
+def test_training_starts_from_given_weights(graphs, tmp_path):
+    first, _ = train(graphs, tmp_path / "first")
+    start = str(tmp_path / "first" / "model.pt")
+    kept, _ = train(graphs, tmp_path / "second", start=start, epochs=1, learning_rate=1e-12)
+    name = "inside_head.4.weight"
+    assert torch.allclose(kept[name], first[name], atol=1e-6)
+
+
+def test_a_file_that_is_no_model_is_named(tmp_path):
+    path = tmp_path / "model.pt"
+    path.write_bytes(b"not a model")
+    with pytest.raises(InputError, match=r"model\.pt"):
+        load_model(path)
