@@ -55,9 +55,10 @@ def test_links_between_neighbouring_pixels_of_a_chain_are_candidates():
 
 def test_inside_of_a_closed_chain_is_one_region_one_wall_deep():
     graph = build_complex(ring(12))
-    large = ~graph.outer & (graph.areas > 4)
-    assert (graph.depths[large] == 1).all()
-    assert len(np.unique(graph.regions[large, 0])) == 1
+    centroid = graph.points[graph.triangles].mean(axis=1)
+    inside = np.linalg.norm(centroid - graph.points[~graph.ring].mean(axis=0), axis=1) < 10
+    assert (graph.depths[inside, 0] == 1).all()
+    assert len(np.unique(graph.regions[inside, 0])) == 1
     assert (graph.depths[graph.outer] == 0).all()
 
 
@@ -68,7 +69,7 @@ def test_a_gap_is_closed_by_walls_as_long_as_it_is(missing):
     graph = build_complex(chain[missing:])
     middle = np.argmax(np.where(graph.outer, 0, graph.areas))
     for scale, wall in enumerate(REGION_GAPS_PX):
-        assert graph.depths[middle, scale] == (width <= wall)
+        assert (graph.depths[middle, scale] > 0) == (width <= wall)
 
 
 def test_joining_keeps_slices_apart_and_in_order():

@@ -131,7 +131,7 @@ def test_neither_batch_nor_place_changes_the_result(shipped):
     together, _ = order_boundaries(boundaries(maps), shipped)
     alone, _ = order_boundaries(boundaries([maps[3] + np.array([40, 17])]), shipped)
     mine = np.concatenate([c for c, k in zip(together, together.slice, strict=True) if k == 3])
-    assert np.array_equal(mine + (40, 17), alone.points)
+    assert np.array_equal(np.add(mine, (40, 17)), alone.points)
 
 
 def test_an_image_is_read_where_its_origin_says(shipped):
@@ -140,4 +140,4 @@ def test_an_image_is_read_where_its_origin_says(shipped):
     here, _ = order_boundaries(boundaries([sample.pixels]), shipped, sample.image[None])
     shifted = boundaries([sample.pixels + np.array([11, 5])], [30])
     there, _ = order_boundaries(shifted, shipped, sample.image[None], (30, 11, 5))
-    assert np.array_equal(here.points + (11, 5), there.points)
+    assert np.array_equal(np.add(here.points, (11, 5)), there.points)
