@@ -147,7 +147,7 @@ class Boundaries:
         return len(self.slice)
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        return iter(np.split(self.points, self.offsets[1:-1]))
+        return iter(np.split(self.points, self.offsets[1:-1])[: len(self)])  # split gives one part of nothing
 
 
 @dataclass
@@ -168,7 +168,7 @@ class Curves:
         return len(self.slice)
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        return iter(np.split(self.points, self.offsets[1:-1]))
+        return iter(np.split(self.points, self.offsets[1:-1])[: len(self)])  # split gives one part of nothing
 
 
 @dataclass
@@ -195,8 +195,8 @@ class Splines:
     def __iter__(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield (control points (n, 2), knots (n + 2 * degree + 1,)) of every curve."""
         return zip(
-            np.split(self.control_points, self.offsets[1:-1]),
-            np.split(self.knots, self.knot_offsets[1:-1]),
+            np.split(self.control_points, self.offsets[1:-1])[: len(self)],
+            np.split(self.knots, self.knot_offsets[1:-1])[: len(self)],
             strict=True,
         )
 

@@ -16,13 +16,14 @@ from cccd.chaincode import is_simple, perimeters, resample
 from cccd.containers import Curves, Splines, concatenate_ragged
 from cccd.curves.corners import sharp_corners
 from cccd.curves.knots import FEWEST, fit_closed_spline
-from cccd.curves.periodic import DEGREE, sample_ragged
+from cccd.curves.periodic import DEGREE, evaluate, sample_ragged
 from cccd.tolerances import STAIRCASE_PX, STAIRCASE_TOLERANCES
 
 __all__ = ["corner_splines", "fit_curves", "sample_splines", "uniform_knots"]
 
-#: Samples per pixel at which a spline is checked for crossings.
-_CHECKED_PER_PIXEL = 2.0
+#: Samples per pixel, and per span at least, at which a spline is checked for crossings.
+_CHECKED_PER_PIXEL = 3.0
+_CHECKED_PER_SPAN = 12
 
 #: How a curve is fitted, and fitted again while it crosses itself or its neighbour: weight of the
 #: tangential distance (at 1 a fit folds less easily), share of the tolerance, multiple of the budget.
@@ -191,10 +192,18 @@ def _pairs_apart(curves: Curves) -> np.ndarray:
 
 def _crossing(splines: Splines, apart: np.ndarray) -> np.ndarray:
     """Splines (C,) bool that cross themselves, or another one whose curve does not touch theirs."""
-    drawn = sample_splines(splines, _CHECKED_PER_PIXEL)
-    wrong = ~is_simple(drawn.points, drawn.offsets)
+    lines = []
+    for control, knots in splines:  # folds are small and sit where knots crowd: every span is looked at
+        begin, length = knots[DEGREE : -DEGREE - 1], np.diff(knots[DEGREE:-DEGREE])
+        looks = np.where(length > 0, np.maximum(np.ceil(_CHECKED_PER_PIXEL * length), _CHECKED_PER_SPAN), 0)
+        looks = looks.astype(int)
+        rank = np.arange(looks.sum()) - np.repeat(np.cumsum(looks) - looks, looks)
+        u = np.repeat(begin, looks) + rank * np.repeat(length / np.maximum(looks, 1), looks)
+        lines.append(evaluate(knots, control, u))
+    points, offsets = concatenate_ragged(lines)
+    wrong = ~is_simple(points, offsets)
     if len(apart):
-        rings = _rings(drawn.points, drawn.offsets)
+        rings = _rings(points, offsets)
         wrong[apart[shapely.intersects(rings[apart[:, 0]], rings[apart[:, 1]])].ravel()] = True
     return wrong
 

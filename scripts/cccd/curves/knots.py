@@ -50,6 +50,16 @@ _FINE = 1.3
 #: ... and at most so many rounds of them at the end.
 _LAST = 6
 
+#: Rounds of reweighting, tried where the largest distance is at most so many tolerances.
+_LEVELLING = 5
+_WITHIN_LEVELLING = 1.4
+
+#: Up to so many knots, one more or less is a large share.
+_SMALL = 20
+
+#: Splines that may miss the tolerance in a row before the search for fewer knots ends.
+_PATIENCE = 2
+
 #: A removal is tried when its predicted largest distance is at most so many tolerances: correcting the
 #: parameters brings a little back.
 _HOPE = 1.1
@@ -202,9 +212,10 @@ def _fit(
     control = least_squares(knots, len(breaks), points, parameters)
     distance = project(knots, control, points, parameters, 2)
     fit = _Fit(breaks, knots, control, parameters, distance)
+    alike = np.ones(len(points))
     for _ in range(rounds):
         parameters = fit.parameters.copy()
-        control = tangent_least_squares(knots, fit.control, points, parameters, sliding)
+        control = tangent_least_squares(knots, fit.control, points, alike, parameters, sliding)
         distance = project(knots, control, points, parameters, 3)
         if not distance @ distance < fit.distance @ fit.distance:
             break
@@ -245,6 +256,7 @@ def _within(
     fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, tolerance: float, sliding: float
 ) -> _Fit:
     """Fewest knots whose spline keeps the tolerance: inserted where it does not, removed while it does."""
+    first, first_kept = fit, kept
     while fit.distance.max() > tolerance:
         breaks, more_kept = _insert(fit, kept, period, tolerance)
         if len(breaks) == len(fit.breaks):
@@ -270,6 +282,49 @@ def _within(
             rounds, most, locked = 2, max(1, count // 10), kept
         else:
             break
+    fit = _dive(fit, points, period, kept, tolerance, sliding)
+    while FEWEST < len(fit.breaks) <= _SMALL:  # of few knots each counts: try again from the start
+        trial = _with(first, points, period, first_kept, len(fit.breaks) - 1, sliding)
+        trial = _levelled(trial, points, tolerance, sliding)
+        if len(trial.breaks) >= len(fit.breaks) or trial.distance.max() > tolerance:
+            break
+        fit = trial
+    return fit
+
+
+def _dive(
+    fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, tolerance: float, sliding: float
+) -> _Fit:
+    """Look for a spline with still fewer knots beyond one or two that do not keep the tolerance."""
+    current, failed = fit, 0
+    while failed < _PATIENCE and len(current.breaks) > FEWEST:
+        cost, peak = _removal_costs(current.knots, current.control, points, current.parameters, kept)
+        gone = _choose(cost, peak, 1, np.inf)
+        if not gone.any():
+            break
+        kept = kept[~gone]
+        current = _fit(current.breaks[~gone], period, points, current.parameters, 3, sliding)
+        level = _levelled(current, points, tolerance, sliding)
+        if level.distance.max() <= tolerance:
+            fit, failed = level, 0
+        else:
+            failed += 1
+    return fit
+
+
+def _levelled(fit: _Fit, points: np.ndarray, tolerance: float, sliding: float) -> _Fit:
+    """Bring the largest distance down by Lawson's reweighting where that may make it keep the tolerance."""
+    if not tolerance < fit.distance.max() <= _WITHIN_LEVELLING * tolerance:
+        return fit
+    weights, current = np.ones(len(points)), fit
+    for _ in range(_LEVELLING):
+        weights = np.clip(weights * current.distance / current.distance.mean(), 0.05, 20.0)
+        parameters = current.parameters.copy()
+        control = tangent_least_squares(current.knots, current.control, points, weights, parameters, sliding)
+        distance = project(current.knots, control, points, parameters, 3)
+        current = _Fit(current.breaks, current.knots, control, parameters, distance)
+        if distance.max() < fit.distance.max():
+            fit = current
     return fit
 
 
@@ -382,7 +437,7 @@ def fit_closed_spline(
     -------
     control points (n, 2), knots (n + 7,)
     """
-    spacing = 1.0 if target else min(max(sigma, 0.75), 1.5)
+    spacing = 1.0 if target else float(np.clip(sigma, 0.1, 1.5))
     points, corner = reference(polygon, corners, spacing, sigma)
     link = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     parameters, period = np.cumsum(link) - link, float(link.sum())

@@ -155,7 +155,7 @@ def least_squares(knots, count, points, parameters):
 
 
 @numba.njit(cache=True)
-def tangent_least_squares(knots, control, points, parameters, sliding):
+def tangent_least_squares(knots, control, points, weights, parameters, sliding):
     """Control points (n, 2) one Gauss-Newton step on: distances are measured along the curve's normals.
 
     Where `least_squares` holds every point to its parameter, points may here slide along the tangent at
@@ -167,6 +167,7 @@ def tangent_least_squares(knots, control, points, parameters, sliding):
     knots, control : arrays
         The closed spline to start from.
     points : (m, 2) float array
+    weights : (m,) float array
     parameters : (m,) float array
         Ascending; foot points or near them.
     sliding : float
@@ -187,8 +188,9 @@ def tangent_least_squares(knots, control, points, parameters, sliding):
         into = parameters[m] - knots[s + 3]
         dx, dy = slope_at(curve[s], into, 0), slope_at(curve[s], into, 1)
         squared = max(dx * dx + dy * dy, 1e-300)
-        slack = (1.0 - sliding) / squared
-        weight[0, 0], weight[1, 1] = sliding + slack * dy * dy, sliding + slack * dx * dx
+        slack = weights[m] * (1.0 - sliding) / squared
+        weight[0, 0] = weights[m] * sliding + slack * dy * dy
+        weight[1, 1] = weights[m] * sliding + slack * dx * dx
         weight[0, 1] = weight[1, 0] = -slack * dx * dy
         for p in range(4):
             a = s + p
@@ -207,7 +209,7 @@ def tangent_least_squares(knots, control, points, parameters, sliding):
                             border[row - body, column] += shared * weight[i, j]
                         elif column <= row:
                             band[row, row - column] += shared * weight[i, j]
-    _add_bending(band, border, _RIDGE * len(points) / count, 2)
+    _add_bending(band, border, _RIDGE * weights.sum() / count, 2)
     return _solve(band, border, right).reshape((count, 2))
 
 

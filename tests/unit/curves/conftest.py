@@ -1,0 +1,44 @@
+import numpy as np
+import pytest
+
+from cccd.chaincode import trace_stack
+from cccd.containers import Curves, Frame, concatenate_ragged
+
+SHAPE = (420, 420, 12)
+
+
+@pytest.fixture
+def frame():
+    return Frame(np.eye(4), 2, SHAPE)
+
+
+@pytest.fixture
+def curves_of(frame):
+    """Curves from polygons (n, 2), one slice each unless slices are given."""
+
+    def build(*polygons, slices=None):
+        points, offsets = concatenate_ragged([np.asarray(polygon, float) for polygon in polygons])
+        slices = np.arange(len(polygons)) if slices is None else np.asarray(slices)
+        return Curves(points, offsets, slices.astype(np.int32), np.zeros(len(polygons), bool), frame)
+
+    return build
+
+
+@pytest.fixture
+def blob(frame):
+    """Traced slices of a smooth organ-like region: lobes of a few waves round a centre."""
+
+    def build(seed, radius=60.0, slices=2, waves=0.12):
+        rng = np.random.default_rng(seed)
+        i, j = np.meshgrid(np.arange(200) - 100, np.arange(200) - 100, indexing="ij")
+        angle, distance = np.arctan2(i, j), np.hypot(i, j)
+        stack = []
+        for _ in range(slices):
+            border = np.full(angle.shape, radius)
+            for wave in range(2, 6):
+                border += radius * waves / wave * rng.normal() * np.cos(wave * angle + rng.uniform(0, 6.3))
+            stack.append(distance < border)
+        mask = np.array(stack)
+        return mask, trace_stack(mask, (0, 0, 0), frame)
+
+    return build

@@ -1,0 +1,128 @@
+import numpy as np
+import pytest
+
+from cccd.chaincode import trace_stack
+from cccd.containers import Curves, concatenate_ragged
+from cccd.curves import corners
+from cccd.curves.corners import DETECTORS, k_cosine, k_cosine_corners, sharp_corners
+
+
+def rectangle(height, width, i=0, j=0):
+    """Pixel chain round a filled rectangle, corners at known indices."""
+    top = [(i, j + n) for n in range(width)]
+    right = [(i + n, j + width) for n in range(height)]
+    bottom = [(i + height, j + width - n) for n in range(width)]
+    left = [(i + height - n, j) for n in range(height)]
+    return np.array(top + right + bottom + left, float), [0, width, width + height, 2 * width + height]
+
+
+def circle(radius, frame):
+    i, j = np.meshgrid(np.arange(200) - 100, np.arange(200) - 100, indexing="ij")
+    return trace_stack((np.hypot(i, j) < radius)[None], (0, 0, 0), frame)
+
+
+def naive_k_cosine(points, m):
+    """Definition 3, one point and one k at a time."""
+    count, cosine, support = len(points), [], []
+    m = min(m, (count - 1) // 2)
+    for i in range(count):
+        c = {}
+        for k in range(1, m + 1):
+            a, b = points[i] - points[(i + k) % count], points[i] - points[(i - k) % count]
+            c[k] = a @ b / np.sqrt((a @ a) * (b @ b))
+        k = m
+        while k > 1 and c[k - 1] - c[k] > 1e-9:
+            k -= 1
+        cosine.append(c[k])
+        support.append(k)
+    return np.array(cosine), np.array(support)
+
+
+@pytest.mark.parametrize("m", [1, 3, 7, 20, 500])
+def test_k_cosine_follows_definition_3_on_ragged_curves(blob, m):
+    curves = blob(1)[1]
+    cosine, support = k_cosine(curves.points, curves.offsets, m)
+    for begin, points in zip(curves.offsets, curves, strict=False):
+        expected = naive_k_cosine(points, m)
+        assert cosine[begin : begin + len(points)] == pytest.approx(expected[0], abs=1e-12)
+        assert np.array_equal(support[begin : begin + len(points)], expected[1])
+
+
+def test_k_cosine_of_known_angles():
+    points, vertices = rectangle(30, 40)
+    cosine, _ = k_cosine(points, np.array([0, len(points)]), 5)
+    assert cosine[vertices] == pytest.approx(0, abs=1e-12)  # right angles
+    assert cosine[20] == pytest.approx(-1)  # the middle of a side
+    spike = np.array([(0, 0), (10, 1), (10, -1)], float)
+    assert k_cosine(spike, np.array([0, 3]), 1)[0][0] == pytest.approx(np.cos(2 * np.arctan(0.1)))
+
+
+def test_both_criteria_and_their_windows():
+    points, vertices = rectangle(30, 40)
+    offsets = np.array([0, len(points)])
+    sharpest = k_cosine_corners(points, offsets, 7, "max")
+    assert sharpest[vertices].all()
+    straightest = k_cosine_corners(points, offsets, 7, "min")
+    assert not straightest[vertices].any()
+    cosine, support = k_cosine(points, offsets, 7)
+    for chosen, sign in ((sharpest, 1), (straightest, -1)):
+        for i in np.flatnonzero(chosen):
+            near = (i + np.arange(-(support[i] // 2), support[i] // 2 + 1)) % len(points)
+            assert sign * cosine[i] >= (sign * cosine[near]).max() - 1e-9
+    with pytest.raises(ValueError, match="neither"):
+        k_cosine_corners(points, offsets, 7, "best")
+
+
+def test_corners_thin_out_as_k_grows(blob):
+    curves = blob(2)[1]
+    counts = [k_cosine_corners(curves.points, curves.offsets, k).sum() for k in (3, 5, 7, 12, 20)]
+    assert all(np.diff(counts) < 0)
+    assert counts[0] < len(curves.points) / 2
+
+
+@pytest.mark.parametrize("name", DETECTORS)
+def test_detectors_find_a_rectangle_s_corners_wherever_it_starts(name):
+    points, vertices = rectangle(40, 60)
+    for shift in (0, 17, 60):
+        moved = np.roll(points, -shift, axis=0)
+        found = DETECTORS[name](moved, np.array([0, len(points)]))
+        for vertex in points[vertices]:
+            assert np.linalg.norm(moved[found] - vertex, axis=1).min() <= 2
+
+
+@pytest.mark.parametrize("name", [name for name in DETECTORS if name != "k-cosine"])
+def test_detectors_leave_straight_sides_alone(name):
+    points, vertices = rectangle(40, 60)
+    found = DETECTORS[name](points, np.array([0, len(points)]))
+    away = np.linalg.norm(points[found][:, None] - points[vertices][None], axis=2).min(axis=1)
+    assert away.max() <= 8
+
+
+@pytest.mark.parametrize("name", DETECTORS)
+def test_detectors_treat_each_curve_alone(name, blob):
+    curves = blob(5, slices=3)[1]
+    together = DETECTORS[name](curves.points, curves.offsets)
+    alone = [DETECTORS[name](points, np.array([0, len(points)])) for points in curves]
+    assert np.array_equal(together, np.concatenate(alone))
+
+
+def test_cheng_hsu_and_weighted_curvature_of_a_right_angle():
+    points, vertices = rectangle(20, 20)
+    ring = corners.Ring(np.array([0, len(points)]))
+    turn = corners._turning(points, np.array([0, len(points)]))
+    assert np.abs(turn[vertices]).tolist() == [2, 2, 2, 2]  # 90 degrees
+    assert np.abs(turn).sum() == 8  # a closed curve turns once round
+    assert ring.at(-1)[0] == len(points) - 1
+
+
+def test_sharp_corners_are_corners_of_the_shape_not_of_the_grid(frame):
+    points, vertices = rectangle(30, 50)
+    assert np.flatnonzero(sharp_corners(points, np.array([0, len(points)]))).tolist() == vertices
+    for radius in (9, 15, 40, 80):
+        curves = circle(radius + 0.3, frame)
+        assert not sharp_corners(curves.points, curves.offsets).any()
+    tiny, _ = rectangle(3, 4)
+    together = concatenate_ragged([tiny, points])
+    curves = Curves(*together, np.array([0, 1]), np.zeros(2, bool), frame)
+    found = np.flatnonzero(sharp_corners(curves.points, curves.offsets))
+    assert (found - len(tiny)).tolist() == vertices

@@ -1,0 +1,152 @@
+import numpy as np
+import pytest
+
+from cccd.chaincode import trace_stack
+from cccd.containers import Curves, concatenate_ragged
+from cccd.curves import corner_splines, describe_curves, fit_curves, measure_curves, sample_splines, sweep_k
+from cccd.curves.corners import k_cosine_corners
+from cccd.curves.measures import area_dice, bytes_per_slice, distances
+from cccd.curves.repeatability import repeatability
+from cccd.metrics import dice, rasterise
+
+SETTINGS = {
+    "method": "auto",
+    "tolerance_px": 0.5,
+    "max_control_points": None,
+    "k": 7,
+    "criterion": "max",
+}
+
+
+def square(side, i=0.0, j=0.0):
+    return np.array([(i, j), (i + side, j), (i + side, j + side), (i, j + side)], float)
+
+
+def test_area_dice_of_shifted_squares_and_of_holes(curves_of):
+    first = curves_of(square(10), square(10), square(20), square(10, 5, 5)[::-1], slices=[0, 1, 2, 2])
+    other = curves_of(square(10, 0, 5), square(10), square(20), slices=[0, 1, 2])
+    assert area_dice(first, other) == pytest.approx([0.5, 1, 2 * 300 / 700])
+    missing = curves_of(square(10), slices=[1])
+    assert area_dice(first, missing) == pytest.approx([0, 1, 0])
+
+
+def test_distances_are_to_the_curve_of_the_same_number(curves_of):
+    lines = curves_of(square(10), square(10, 100, 100))
+    points, offsets = concatenate_ragged([np.array([(5, 1), (12, 14)]), np.array([(0.0, 0.0)])])
+    assert distances(points, offsets, lines) == pytest.approx([1, np.hypot(2, 4), np.hypot(100, 100)])
+
+
+def test_measures_of_a_perfect_and_of_a_fitted_description(blob):
+    curves = blob(4)[1]
+    measured = measure_curves(curves, fit_curves(curves))
+    assert measured["slices"] == 2
+    assert measured["boundary_points"] == len(curves.points)
+    assert measured["control_point_share"] == pytest.approx(measured["control_points"] / len(curves.points))
+    assert 0.995 < measured["dice_p5"] <= measured["dice_median"] < 1
+    assert measured["raster_dice_median"] < measured["dice_median"]  # half of the centres on the border
+    assert measured["area_kept"] == pytest.approx(1, abs=1e-3)
+    exact = measure_curves(curves, fit_curves(curves, tolerance_px=0.05))
+    assert exact["dice_median"] > 0.9995
+    assert exact["distance_max_px"] < 0.1
+    assert exact["control_points"] > 5 * measured["control_points"]
+
+
+def test_bytes_are_what_the_formats_need(curves_of, blob):
+    curves = blob(4)[1]
+    splines = fit_curves(curves, budget=20)
+    sizes = bytes_per_slice(curves, splines)
+    links = np.diff(curves.offsets)
+    assert sizes["spline"].tolist() == [4 + 4 + 20 * 8 + 21 * 4] * 2
+    assert sizes["chain_code"] == pytest.approx(4 + 8 + np.ceil(3 * links / 8))
+    assert np.all(sizes["png"] < sizes["raw"])
+    assert np.all(sizes["spline_16_bit"] < sizes["spline"])
+
+
+def test_sweep_has_the_paper_s_shape(blob):
+    mask, curves = blob(6, slices=3, waves=0.2)
+    table = sweep_k(curves, mask, (0, 0, 0)).set_index(["criterion", "k"])
+    assert len(table) == 10
+    sharpest, straightest = table.loc["max"], table.loc["min"]
+    for score in ("DSC", "JI", "ACC"):
+        assert sharpest[score].loc[[3, 5, 7]].min() > sharpest[score][12] > sharpest[score][20]
+        assert straightest[score][20] < sharpest[score][20]  # the minimum collapses earlier
+    assert sharpest["corners"].is_monotonic_decreasing
+    assert (table["ACC (whole)"] + table["MC (whole)"]).to_numpy() == pytest.approx(1)
+    assert (table["PRE"] == table["recall"]).all()
+
+    row = table.loc[("max", 5)]
+    corner = k_cosine_corners(curves.points, curves.offsets, 5)
+    filled = rasterise(sample_splines(corner_splines(curves, corner)), (0, 0, 0), mask.shape)
+    assert row["DSC (whole)"] == pytest.approx(dice(mask, filled))
+    assert row["DSC"] == pytest.approx(np.median(dice(mask, filled, axis=(1, 2))))
+    slices_pixels = 3 * 420 * 420  # rates are shares of the source's whole slices
+    assert row["TP rate (whole)"] == pytest.approx(np.count_nonzero(mask & filled) / slices_pixels)
+
+
+def test_sweep_without_a_mask_takes_the_filled_curves(blob):
+    mask, curves = blob(6)
+    given = sweep_k(curves, mask, (0, 0, 0), ks=(5,))
+    filled = sweep_k(curves, ks=(5,))
+    assert filled["DSC (whole)"].to_numpy() == pytest.approx(given["DSC (whole)"].to_numpy())
+    assert filled["ACC (whole)"].to_numpy() == pytest.approx(given["ACC (whole)"].to_numpy())
+
+
+# The stage ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["auto", "corners"])
+def test_describing_curves_gives_all_parts(blob, method):
+    curves = blob(2)[1]
+    codes, (points, offsets), splines, report = describe_curves(curves, SETTINGS | {"method": method})
+    assert codes.shape == (len(curves.points),)
+    assert offsets[-1] == len(points) == report["corners"]
+    assert report["control_points"] == len(splines.control_points)
+    assert report["chain_coded"]
+    if method == "corners":
+        assert np.array_equal(splines.control_points, points)
+
+
+def test_a_budget_in_the_settings_is_kept(blob):
+    curves = blob(2)[1]
+    splines = describe_curves(curves, SETTINGS | {"max_control_points": 15})[2]
+    assert np.diff(splines.offsets).tolist() == [15, 15]
+
+
+def test_drawn_contours_have_splines_but_no_chain_codes(frame):
+    angle = np.linspace(0, 2 * np.pi, 80, endpoint=False)
+    ellipse = 100 + np.column_stack([50 * np.cos(angle), 30 * np.sin(angle)])
+    curves = Curves(ellipse, np.array([0, 80]), np.array([3], np.int32), np.array([False]), frame)
+    codes, _, splines, report = describe_curves(curves, SETTINGS)
+    assert len(codes) == 0
+    assert not report["chain_coded"]
+    drawn = sample_splines(splines, 4)
+    assert np.hypot(*((drawn.points - 100) / (50, 30)).T) == pytest.approx(1, abs=0.02)
+
+
+def test_nothing_in_nothing_out(frame):
+    nothing = trace_stack(np.zeros((1, 5, 5), bool), (0, 0, 0), frame)
+    codes, corners, splines, report = describe_curves(nothing, SETTINGS)
+    assert len(codes) == len(corners[0]) == len(splines) == report["curves"] == 0
+    assert measure_curves(nothing, splines)["curves"] == 0
+
+
+# Repeatability --------------------------------------------------------------------------------------
+
+
+def test_repeatability_is_perfect_without_change_and_falls_with_noise(blob):
+    curves = blob(8, slices=1, waves=0.3)[1]
+    table = repeatability(curves, np.random.default_rng(0), rotations=(0,), scales=(), noises=(0, 0.6))
+    table = table.set_index(["detector", "change", "amount"])["repeatability"].unstack(["change", "amount"])
+    assert table["rotation", 0].to_numpy() == pytest.approx(1)
+    assert table["noise", 0].to_numpy() == pytest.approx(1)
+    assert (table["noise", 0.6] < 1).all()
+
+
+def test_repeatability_is_seeded(blob):
+    curves = blob(8, slices=1)[1]
+    tables = [
+        repeatability(curves, np.random.default_rng(5), rotations=(30,), scales=(1.5,), noises=(0.3,))
+        for _ in range(2)
+    ]
+    assert tables[0].equals(tables[1])
+    assert tables[0]["repeatability"].between(0, 1).all()

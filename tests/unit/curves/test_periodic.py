@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import BSpline
+
+from cccd.curves import periodic
+
+
+def random_spline(seed, count, repeated=False):
+    rng = np.random.default_rng(seed)
+    breaks = np.sort(rng.uniform(0, 10, count))
+    if repeated:
+        breaks[1:3] = breaks[0]
+    return periodic.extend_knots(breaks, 10.0), rng.normal(size=(count, 2)), rng
+
+
+def scipy_curve(knots, control):
+    return BSpline(knots, np.vstack([control, control[:3]]), 3)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(4, 30), st.booleans())
+def test_evaluation_agrees_with_scipy_and_closes(seed, count, repeated):
+    knots, control, _ = random_spline(seed, count, repeated)
+    assert len(knots) == count + 7
+    curve = scipy_curve(knots, control)
+    u = np.linspace(knots[3], knots[-4], 101)[:-1]
+    assert periodic.evaluate(knots, control, u) == pytest.approx(curve(u), abs=1e-9)
+    assert curve(knots[3]) == pytest.approx(curve(knots[-4]), abs=1e-9)
+    sampled = periodic.sample_ragged(
+        np.vstack([control, control]), np.array([0, count, 2 * count]), np.tile(knots, 2), np.array([7, 100])
+    )
+    assert sampled[7:] == pytest.approx(curve(u), abs=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(4, 40))
+def test_least_squares_is_that_of_the_wrapped_design_matrix(seed, count):
+    knots, _, rng = random_spline(seed, count)
+    u = np.sort(rng.uniform(knots[3], knots[-4], 12 * count))
+    points = rng.normal(size=(len(u), 2))
+    design = BSpline.design_matrix(u, knots, 3).toarray()
+    wrapped = design[:, :count].copy()
+    wrapped[:, :3] += design[:, count:]
+    best = points - wrapped @ np.linalg.lstsq(wrapped, points)[0]
+    found = points - wrapped @ periodic.least_squares(knots, count, points, u)
+    assert np.sum(found**2) == pytest.approx(np.sum(best**2), rel=1e-5)
+
+
+def test_points_on_a_spline_give_it_back():
+    knots, control, rng = random_spline(3, 12)
+    u = np.sort(rng.uniform(knots[3], knots[-4], 300))
+    found = periodic.least_squares(knots, 12, periodic.evaluate(knots, control, u), u)
+    assert found == pytest.approx(control, abs=1e-3)
+
+
+def test_foot_points_are_nearest_points():
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    circle = 50 * np.column_stack([np.cos(angle), np.sin(angle)])
+    breaks = np.arange(12) * 2 * np.pi / 12
+    knots = periodic.extend_knots(breaks, 2 * np.pi)
+    control = periodic.least_squares(knots, 12, circle, angle)
+    rng = np.random.default_rng(0)
+    away = rng.uniform(-5, 5, 60)
+    started = np.sort(angle + rng.uniform(-0.04, 0.04, 60)) % (2 * np.pi)
+    order = np.argsort(started)
+    points = (circle * (1 + away[:, None] / 50))[order]
+    parameters = started[order]
+    distance = periodic.project(knots, control, points, parameters, 8)
+    assert distance == pytest.approx(np.abs(away[order]), abs=0.02)
+    assert np.all(np.diff(parameters) >= 0)
+
+
+def test_sliding_along_tangents_beats_repeated_parameter_correction():
+    angle = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    shape = np.column_stack([80 * np.cos(angle), 30 * np.sin(angle) + 8 * np.sin(3 * angle)])
+    step = np.linalg.norm(np.roll(shape, -1, axis=0) - shape, axis=1)
+    start, period = np.cumsum(step) - step, step.sum()
+    knots = periodic.extend_knots(np.arange(14) * period / 14, period)
+
+    def rounds(count, sliding):
+        u = start.copy()
+        control = periodic.least_squares(knots, 14, shape, u)
+        distance = periodic.project(knots, control, shape, u, 4)
+        for _ in range(count):
+            if sliding:
+                control = periodic.tangent_least_squares(knots, control, shape, np.ones(400), u, 0.03)
+            else:
+                control = periodic.least_squares(knots, 14, shape, u)
+            distance = periodic.project(knots, control, shape, u, 4)
+        return np.sqrt(np.mean(distance**2))
+
+    assert rounds(3, sliding=True) < rounds(12, sliding=False) < rounds(0, sliding=False)
