@@ -19,7 +19,7 @@ from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.volumes.readers import guarded
 
-__all__ = ["Contour", "dicom_modality", "read_rtstruct", "read_seg", "read_series"]
+__all__ = ["Contour", "dicom_modality", "pick", "read_rtstruct", "read_seg", "read_series"]
 
 #: A planar contour in world mm (RAS), (n, 3), the first point not repeated.
 Contour = np.ndarray

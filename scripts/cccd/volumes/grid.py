@@ -14,6 +14,7 @@ from cccd.errors import InputError
 from cccd.tolerances import ORTHOGONALITY, SAME_GRID_VOXELS, SAME_SPACING
 
 __all__ = [
+    "LPS_TO_RAS",
     "Volume",
     "bounding_box",
     "check_affine",
