@@ -150,7 +150,7 @@ def methods(
         return None
     rows = list(dict.fromkeys(frame[method].astype(str)))
     colours = structure_names(frame) if group is None else frame[group].astype(str)
-    names = list(dict.fromkeys(colours))[: len(SERIES)]
+    names = list(dict.fromkeys(colours))
     with style():
         figure, grid = axes(2.1 + 1.7 * len(shown), 0.95 + 0.27 * len(rows), columns=len(shown))
         panels = np.atleast_1d(grid)
@@ -160,9 +160,9 @@ def methods(
                 place = part[method].astype(str).map(rows.index)
                 axis.plot(
                     part[measure],
-                    place + (number - (len(names) - 1) / 2) * 0.14,
-                    color=SERIES[number],
-                    marker=MARKERS[number],
+                    place + (number - (len(names) - 1) / 2) * min(0.14, 0.7 / len(names)),
+                    color=SERIES[number % len(SERIES)],
+                    marker=MARKERS[(number + number // len(SERIES)) % len(MARKERS)],
                     linestyle="none",
                     label=name,
                 )

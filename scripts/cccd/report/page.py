@@ -75,6 +75,9 @@ _CARD_WIDTH, _THUMB_WIDTH = 900, 240
 #: Plots wider than this many CSS pixels go below the paper's text instead of beside it.
 _COLUMN_PX = 780
 
+#: Width in pixels to which large pictures are reduced.
+_WIDE_PX = 1600
+
 #: Above this many structures the index leaves out the contact sheet (some 3 kB each).
 _THUMBS_BELOW = 1000
 
@@ -182,6 +185,9 @@ def build_report(
             "times_plot": Markup(figures.rule_times(times)) if times is not None else None,
             "total_time": duration(float(times["total_s"].sum())) if times is not None else None,
             "sources": _source_table(views),
+            "worst": _picture(results / "gnn" / "worst.png", _WIDE_PX)
+            if (results / "gnn" / "worst.png").is_file()
+            else None,
             **_shared(config),
         },
     )
@@ -477,6 +483,11 @@ EXPERIMENTS = (
         exhibits.junctions,
     ),
     Experiment(
+        "ordering",
+        "Isolated corners, before and after",
+        "Where a greedy chain code gets stuck on the boundary pixels (Figure 4), and on the ordered curves.",
+    ),
+    Experiment(
         "compactness",
         "Compactness",
         "Bytes per slice of the splines (control points, knots, header), the chain code, the PNG and the raw "
@@ -494,6 +505,8 @@ def _experiments(
     for experiment in EXPERIMENTS:
         frame = evidence.everywhere(experiment.stem)
         drawn = experiment.draw(evidence) if experiment.draw else []
+        if experiment.stem == "ordering":
+            frame = _ordering(views)
         if experiment.stem == "compactness":
             frame = _sizes(views) if frame is None else frame
             drawn = exhibits.compactness(frame) if frame is not None else []
@@ -508,6 +521,20 @@ def _experiments(
             }
         )
     return found
+
+
+def _ordering(views: Sequence[StructureView]) -> pd.DataFrame | None:
+    """Take what the ordering stage counted, one row per structure, out of the metrics."""
+    rows = []
+    for view in views:
+        counted = view.metrics.get("ordering", {})
+        row = {key: value for key, value in counted.items() if isinstance(value, (int, float, str))}
+        agreement = counted.get("gnn_agreement")
+        if isinstance(agreement, Mapping) and "dice" in agreement:
+            row["GNN against exact tracing, Dice"] = agreement["dice"]
+        if row:
+            rows.append({"case": view.case, "organ": view.organ, **row})
+    return pd.DataFrame(rows) if rows else None
 
 
 def _sizes(views: Sequence[StructureView]) -> pd.DataFrame | None:
