@@ -3,10 +3,11 @@ from pathlib import Path
 
 import pytest
 import yaml
-from cccd.errors import InputError
-from cccd.settings import nearest, validate_config
 from hypothesis import given
 from hypothesis import strategies as st
+
+from cccd.errors import InputError
+from cccd.settings import nearest, validate_config
 
 ROOT = Path(__file__).resolve().parents[2]
 
