@@ -152,7 +152,9 @@ def methods(
     colours = structure_names(frame) if group is None else frame[group].astype(str)
     names = list(dict.fromkeys(colours))
     with style():
-        figure, grid = axes(2.1 + 1.7 * len(shown), 0.95 + 0.27 * len(rows), columns=len(shown))
+        figure, grid = axes(
+            2.1 + 1.7 * len(shown), 0.95 + 0.27 * max(1.0, len(names) / 4) * len(rows), columns=len(shown)
+        )
         panels = np.atleast_1d(grid)
         for axis, (measure, title) in zip(panels, shown.items(), strict=True):
             for number, name in enumerate(names):
@@ -172,7 +174,7 @@ def methods(
             if measure in logarithmic and frame[measure].min() > 0:
                 axis.set_xscale("log")
             else:
-                axis.xaxis.set_major_locator(MaxNLocator(4))
+                axis.xaxis.set_major_locator(MaxNLocator(3))
         for tick, row in zip(panels[0].get_yticklabels(), rows, strict=True):
             tick.set_color(INK if ours in row else SOFT)
         if len(names) > 1:

@@ -31,6 +31,15 @@ UNITS = {
     "_per_mm2": "per mm²",
 }
 
+#: Columns whose name does not say it well.
+HEADINGS = {
+    "bending_per_area_mm2": ("Bending per area", "per mm²"),
+    "curvature_per_area_mm": ("Curvature per area", "per mm"),
+    "dice_3d": ("3D Dice", ""),
+    "ms": ("Time", "ms"),
+    "seconds": ("Time", "s"),
+}
+
 #: Words that are written otherwise than in lower case.
 SPELLINGS = {
     "assd": "ASSD",
@@ -99,6 +108,8 @@ def words(name: str) -> tuple[str, str]:
     >>> words("assd_mm"), words("volume_bias_percent"), words("Paper Dice")
     (('ASSD', 'mm'), ('Volume bias', '%'), ('Paper Dice', ''))
     """
+    if name in HEADINGS:
+        return HEADINGS[name]
     unit = ""
     for ending in sorted(UNITS, key=len, reverse=True):
         if name.endswith(ending) and len(name) > len(ending):
