@@ -37,6 +37,7 @@ rule all:
         "results/report.html",
         for_structures("surface.ply"),
         for_formats(),
+        for_structures("region.png", REGIONS),
     localrule: True
 
 

@@ -2,14 +2,16 @@
 
 from pathlib import Path
 
+from cccd.cohort import read_cohort
 from cccd.job import job
 from cccd.store import write_structure
 from cccd.volumes import load_structure
 
 row = snakemake.params.row
-name = f"{row['case']}/{row['organ']}"
-with job(snakemake.log[0], name):
-    place = f"{snakemake.params.sheet_name} {name}"
+key = row["case"], row["organ"]
+with job(snakemake.log[0], "/".join(key)):
+    folder = Path(snakemake.params.sheet_folder)
+    sheet = read_cohort(folder / snakemake.params.sheet_name)
+    (place,) = (other["place"] for other in sheet if (other["case"], other["organ"]) == key)
     settings = {**snakemake.params.settings, "seed": snakemake.params.seed}
-    structure = load_structure({**row, "place": place}, Path(snakemake.params.sheet_folder), settings)
-    write_structure(snakemake.output[0], structure)
+    write_structure(snakemake.output[0], load_structure({**row, "place": place}, folder, settings))

@@ -45,6 +45,12 @@ except InputError as error:
 ROW = {(row["case"], row["organ"]): row for row in COHORT}
 #: The structures that are reported on; the others only lend training contours.
 RECONSTRUCTED = [key for key, row in ROW.items() if row["role"] != "train"]
+#: Those whose region is found in the image: what was taken is worth a look.
+REGIONS = [
+    key
+    for key in RECONSTRUCTED
+    if ROW[key]["source"] == "files" and not (ROW[key]["mask"] or ROW[key]["boundary"])
+]
 TRAINING = [key for key, row in ROW.items() if row["role"] != "reconstruct"]
 
 

@@ -28,3 +28,27 @@ rule import_structure:
         seed=config["seed"],
     script:
         "../../scripts/import_structure.py"
+
+
+rule draw_region:
+    """A picture of the region that was taken from an image without a mask, to be looked at."""
+    input:
+        structure="results/{case}/{organ}/structure.h5",
+    output:
+        "results/{case}/{organ}/region.png",
+    log:
+        "logs/{case}/{organ}/draw_region.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/draw_region.tsv"
+    group:
+        "structure"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(1000, 20),
+        runtime=minutes(10),
+    params:
+        library=library("draw_region"),
+    script:
+        "../../scripts/draw_region.py"
