@@ -3,7 +3,7 @@
 // Why not a library: this page needs one opaque mesh or two, some lines, a colour scale and a turntable.
 // k3d's stand-alone bundle is 1.6 MB, vtk.js 1 MB and three.js 0.5 MB of script; none comes with the
 // packages the pipeline already installs, and each per-structure page of a cohort would carry its own copy.
-// What follows is 14 kB. The projection is orthographic, so that the scale bar is true everywhere.
+// What follows is 16 kB. The projection is orthographic, so that the scale bar is true everywhere.
 "use strict";
 
 const VIEWER_MESH_VERTEX = `#version 300 es
