@@ -378,7 +378,7 @@ def _distance_to(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) ->
 def voxelise(
     vertices: np.ndarray, faces: np.ndarray, frame: Frame, origin: np.ndarray, shape: tuple[int, int, int]
 ) -> np.ndarray:
-    """Voxels whose centres lie inside a closed mesh.
+    """Voxels whose centres a closed mesh that is oriented outwards winds around.
 
     Parameters
     ----------
@@ -394,11 +394,14 @@ def voxelise(
     (a, b, c) bool array
     """
     index = (vertices - frame.affine[:3, 3]) @ np.linalg.inv(frame.affine[:3, :3]).T - np.asarray(origin)
-    # Vertices on a voxel line would be counted once, twice or not at all; half a micro-voxel decides.
-    index = index + np.array([5.13e-7, 3.71e-7, 0.0])
-    crossings = np.zeros((shape[0], shape[1], shape[2] + 1), np.uint8)
+    # Vertices on a voxel line would be counted once, twice or not at all, and rounding would decide for faces
+    # through voxel centres; half a micro-voxel decides.
+    index = index + np.array([5.13e-7, 3.71e-7, 2.72e-7])
+    crossings = np.zeros((shape[0], shape[1], shape[2] + 1), np.int8)
     _toggle(np.ascontiguousarray(index), np.ascontiguousarray(faces, np.int64), crossings)
-    return np.bitwise_xor.accumulate(crossings, axis=2)[:, :, :-1].astype(bool)
+    winding = np.add.accumulate(crossings, axis=2, dtype=np.int8)[:, :, :-1]
+    mirrored = np.linalg.det(frame.affine[:3, :3]) < 0
+    return winding < 0 if mirrored else winding > 0
 
 
 @njit(cache=True)
@@ -421,7 +424,7 @@ def _toggle(index, faces, crossings):
                 wq = ((p[0] - r[0]) * (b - r[1]) - (a - r[0]) * (p[1] - r[1])) / area
                 if wp >= 0 and wq >= 0 and wr >= 0:
                     c = int(np.ceil(wp * p[2] + wq * q[2] + wr * r[2]))
-                    crossings[a, b, min(max(c, 0), nc - 1)] ^= 1
+                    crossings[a, b, min(max(c, 0), nc - 1)] += -1 if area > 0 else 1
 
 
 def count_self_intersections(vertices: np.ndarray, faces: np.ndarray) -> int:

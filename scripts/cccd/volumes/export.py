@@ -19,75 +19,12 @@ from pydicom.uid import ExplicitVRLittleEndian, RTStructureSetStorage, generate_
 
 from cccd.containers import Frame
 from cccd.errors import InputError
+from cccd.metrics import voxelise
 from cccd.store import atomic_path
 from cccd.tolerances import CONTOUR_PLANE
 from cccd.volumes.grid import LPS_TO_RAS
 
-__all__ = ["cut_mesh", "voxelise", "write_label_map", "write_rtstruct"]
-
-#: Voxels are shifted by this share of their size so that no centre lies on a face, an edge or a vertex.
-_NUDGE = np.array([3.141592e-7, 1.234567e-7, 2.718281e-7])
-
-#: Candidate crossings of triangles and voxel lines handled at once.
-_BATCH = 4_000_000
-
-
-def voxelise(
-    vertices: np.ndarray, faces: np.ndarray, affine: np.ndarray, shape: tuple[int, ...]
-) -> np.ndarray:
-    """Find the voxels whose centres lie inside a closed mesh.
-
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        World mm (RAS).
-    faces : (F, 3) int64
-        Closed surface; cavities are inner surfaces.
-    affine : (4, 4) float64
-        Voxel index to world mm.
-    shape : (3,) int
-        Shape of the grid.
-
-    Returns
-    -------
-    (a, b, c) bool
-
-    Notes
-    -----
-    Parity along the lines of voxels in the first axis: every triangle that a line crosses flips all voxels
-    beyond it. Triangles outside the grid still count, as long as they lie beside or before it.
-    """
-    index = (vertices - affine[:3, 3]) @ np.linalg.inv(affine[:3, :3]).T - _NUDGE
-    corners = index[faces]
-    low = np.maximum(np.ceil(corners[..., 1:].min(axis=1)), 0).astype(np.int64)
-    high = np.minimum(np.floor(corners[..., 1:].max(axis=1)), np.array(shape[1:]) - 1).astype(np.int64)
-    spans = np.maximum(high - low + 1, 0)
-    counts = spans.prod(axis=1)
-    flips = np.zeros((shape[0] + 1, shape[1] * shape[2]), bool)
-    kept = np.flatnonzero(counts)
-    batches = np.cumsum(counts[kept]) // _BATCH
-    for batch in np.unique(batches):
-        triangles = kept[batches == batch]
-        owner = np.repeat(triangles, counts[triangles])
-        rank = np.arange(len(owner)) - np.repeat(
-            np.cumsum(counts[triangles]) - counts[triangles], counts[triangles]
-        )
-        lines = low[owner] + np.column_stack([rank // spans[owner, 1], rank % spans[owner, 1]])
-        a, b, c = (corners[owner, n] for n in range(3))
-        # edge functions in the plane across the lines
-        weights = np.stack([_cross(b, c, lines), _cross(c, a, lines), _cross(a, b, lines)], axis=-1)
-        hit = (weights > 0).all(axis=1) | (weights < 0).all(axis=1)
-        weights, owner, lines = weights[hit], owner[hit], lines[hit]
-        depth = (weights * corners[owner, :, 0]).sum(axis=1) / weights.sum(axis=1)
-        first = np.clip(np.ceil(depth), 0, shape[0]).astype(np.int64)
-        np.logical_xor.at(flips, (first, lines[:, 0] * shape[2] + lines[:, 1]), True)
-    return np.logical_xor.accumulate(flips[:-1], axis=0).reshape(shape)
-
-
-def _cross(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Twice the signed area of (start, end, point) in the last two coordinates."""
-    along, to = end[:, 1:] - start[:, 1:], points - start[:, 1:]
-    return along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0]
+__all__ = ["cut_mesh", "write_label_map", "write_rtstruct"]
 
 
 def write_label_map(
@@ -106,7 +43,7 @@ def write_label_map(
     value : int
         Label of the voxels inside, 1 to 255.
     """
-    mask = voxelise(vertices, faces, frame.affine, frame.shape)
+    mask = voxelise(vertices, faces, frame, np.zeros(3), frame.shape)
     image = nib.Nifti1Image(mask.astype(np.uint8) * np.uint8(value), frame.affine)
     image.set_sform(frame.affine, code=1)
     image.set_qform(frame.affine, code=1)

@@ -6,9 +6,9 @@ import trimesh
 from scans import row, settings
 
 from cccd.errors import InputError
+from cccd.metrics import voxelise
 from cccd.tolerances import PROJECTION_MM
 from cccd.volumes import load_structure
-from cccd.volumes.export import voxelise
 from cccd.volumes.phantoms import ORGANS
 from cccd.volumes.shapes import (
     capsule,
@@ -48,8 +48,7 @@ def test_mask_image_and_truth_agree(organ):
     assert mesh.euler_number == (0 if organ == "torus" else 2 * mesh.body_count)
     assert voxels == pytest.approx(mesh.volume, rel=0.02)
     # the mask is the voxels whose centres are inside
-    affine = structure.frame.affine
-    filled = voxelise(vertices - affine[:3, :3] @ structure.origin, faces, affine, structure.mask.shape)
+    filled = voxelise(vertices, faces, structure.frame, structure.origin, structure.mask.shape)
     assert np.count_nonzero(filled ^ structure.mask) <= 0.005 * filled.sum()
     # a margin on all sides
     assert not structure.mask[[0, -1]].any()

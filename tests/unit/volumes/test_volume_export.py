@@ -9,8 +9,9 @@ from scans import affine_of, dicom_affine, full, grey, inside, row, settings, wr
 
 from cccd.containers import Frame
 from cccd.errors import InputError
+from cccd.metrics import voxelise
 from cccd.volumes import load_structure
-from cccd.volumes.export import cut_mesh, voxelise, write_label_map, write_rtstruct
+from cccd.volumes.export import cut_mesh, write_label_map, write_rtstruct
 
 
 def ball_mesh(centre, radius=15.0):
@@ -24,13 +25,17 @@ def frame_around(centre, spacing=(1.0, 1.3, 3.0), turn=(20, -30, 50), mirror=Tru
     return Frame(affine, 2, shape)
 
 
+def whole_grid(vertices, faces, frame):
+    return voxelise(vertices, faces, frame, np.zeros(3), frame.shape)
+
+
 CENTRE = np.array((4.0, -7.0, 11.0))
 
 
 def test_voxels_inside_a_ball():
     frame = frame_around(CENTRE)
     vertices, faces = ball_mesh(CENTRE)
-    mask = voxelise(vertices, faces, frame.affine, frame.shape)
+    mask = whole_grid(vertices, faces, frame)
     world = np.stack(np.indices(frame.shape), -1) @ frame.affine[:3, :3].T + frame.affine[:3, 3]
     distance = np.linalg.norm(world - CENTRE, axis=-1)
     clear = np.abs(distance - 15) > 0.05  # the mesh is a polyhedron
@@ -40,7 +45,7 @@ def test_voxels_inside_a_ball():
 def test_vertices_on_voxel_centres():
     """A box whose faces and edges pass exactly through voxel centres is still filled without streaks."""
     box = trimesh.creation.box((8, 6, 4))
-    mask = voxelise(np.add(box.vertices, 10), np.asarray(box.faces), np.eye(4), (20, 20, 20))
+    mask = whole_grid(np.add(box.vertices, 10), np.asarray(box.faces), Frame(np.eye(4), 2, (20, 20, 20)))
     assert mask[7:14, 8:13, 9:12].all()  # the inner voxels
     outer = np.ones((20, 20, 20), bool)
     outer[6:15, 7:14, 8:13] = False
@@ -55,7 +60,7 @@ def test_cavity_and_mesh_beyond_the_grid():
     vertices = np.vstack([outer, inner])
     both = np.vstack([faces, faces[:, ::-1] + len(outer)])
     frame = frame_around(CENTRE + np.array((12, 0, 0)))
-    mask = voxelise(vertices, both, frame.affine, frame.shape)
+    mask = whole_grid(vertices, both, frame)
     world = np.stack(np.indices(frame.shape), -1) @ frame.affine[:3, :3].T + frame.affine[:3, 3]
     distance = np.linalg.norm(world - CENTRE, axis=-1)
     clear = (np.abs(distance - 15) > 0.05) & (np.abs(distance - 7) > 0.05)
@@ -70,7 +75,7 @@ def test_label_map_is_read_back(tmp_path, name):
     image = nib.load(tmp_path / name)
     np.testing.assert_allclose(image.affine, frame.affine, atol=1e-5)
     structure = load_structure(row(mask=name, label="5"), tmp_path, settings())
-    np.testing.assert_array_equal(full(structure), voxelise(vertices, faces, frame.affine, frame.shape))
+    np.testing.assert_array_equal(full(structure), whole_grid(vertices, faces, frame))
     first = (tmp_path / name).read_bytes()
     write_label_map(tmp_path / name, vertices, faces, frame, value=5)
     assert (tmp_path / name).read_bytes() == first
@@ -119,7 +124,7 @@ def test_rtstruct_on_its_series(tmp_path):
     structure = load_structure(row(image="dicom", mask="rt.dcm", label="ball"), tmp_path, settings())
     assert not structure.warnings
     filled = inside(structure.contours, shape)
-    expected = voxelise(vertices, faces, affine, shape)
+    expected = whole_grid(vertices, faces, Frame(affine, 2, shape))
     assert np.count_nonzero(filled ^ expected) <= 0.002 * expected.sum()
 
 
