@@ -33,10 +33,10 @@ __all__ = ["FEWEST", "fit_closed_spline"]
 FEWEST = 4
 
 #: Control points to either side of a removed knot that its removal is taken to move.
-_REACH = 8
+_REACH = 6
 
 #: Spans to either side over which the removal's effect on the distances is summed.
-_NEAR = 5
+_NEAR = 4
 
 #: Rows by which the closed band is unrolled at either end, so that its factor settles.
 _RUN_IN = 16
@@ -55,7 +55,7 @@ _LEVELLING = 5
 _WITHIN_LEVELLING = 1.4
 
 #: Up to so many knots, one more or less is a large share.
-_SMALL = 20
+_SMALL = 16
 
 #: Splines that may miss the tolerance in a row before the search for fewer knots ends.
 _PATIENCE = 2
@@ -256,7 +256,6 @@ def _within(
     fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, tolerance: float, sliding: float
 ) -> _Fit:
     """Fewest knots whose spline keeps the tolerance: inserted where it does not, removed while it does."""
-    first, first_kept = fit, kept
     while fit.distance.max() > tolerance:
         breaks, more_kept = _insert(fit, kept, period, tolerance)
         if len(breaks) == len(fit.breaks):
@@ -264,6 +263,7 @@ def _within(
         kept = more_kept
         fit = _fit(breaks, period, points, fit.parameters, 0, sliding)
     rounds, most, locked = 0, len(fit.breaks), kept
+    rich, rich_kept = fit, kept
     while len(fit.breaks) > FEWEST:
         count = len(fit.breaks)
         cost, peak = _removal_costs(fit.knots, fit.control, points, fit.parameters, locked)
@@ -273,6 +273,8 @@ def _within(
         if taken > 0:
             trial = _fit(fit.breaks[~gone], period, points, fit.parameters, rounds, sliding)
             if trial.distance.max() <= tolerance:
+                if count > 1.5 * _SMALL:
+                    rich, rich_kept = fit, kept
                 fit, kept, locked = trial, kept[~gone], locked[~gone]
                 continue
             if taken == 1:
@@ -283,8 +285,8 @@ def _within(
         else:
             break
     fit = _dive(fit, points, period, kept, tolerance, sliding)
-    while FEWEST < len(fit.breaks) <= _SMALL:  # of few knots each counts: try again from the start
-        trial = _with(first, points, period, first_kept, len(fit.breaks) - 1, sliding)
+    while FEWEST < len(fit.breaks) <= _SMALL:  # of few knots each counts: try again from more
+        trial = _with(rich, points, period, rich_kept, len(fit.breaks) - 1, sliding)
         trial = _levelled(trial, points, tolerance, sliding)
         if len(trial.breaks) >= len(fit.breaks) or trial.distance.max() > tolerance:
             break

@@ -180,7 +180,6 @@ def tangent_least_squares(knots, control, points, weights, parameters, sliding):
     right = np.zeros((2 * count, 1))
     curve = pieces(knots, control)
     value = np.empty(4)
-    weight = np.empty((2, 2))
     s = 0
     for m in range(len(points)):
         s = span_of(knots, count, parameters[m], s)
@@ -189,26 +188,36 @@ def tangent_least_squares(knots, control, points, weights, parameters, sliding):
         dx, dy = slope_at(curve[s], into, 0), slope_at(curve[s], into, 1)
         squared = max(dx * dx + dy * dy, 1e-300)
         slack = weights[m] * (1.0 - sliding) / squared
-        weight[0, 0] = weights[m] * sliding + slack * dy * dy
-        weight[1, 1] = weights[m] * sliding + slack * dx * dx
-        weight[0, 1] = weight[1, 0] = -slack * dx * dy
+        weight_xx = weights[m] * sliding + slack * dy * dy
+        weight_yy = weights[m] * sliding + slack * dx * dx
+        weight_xy = -slack * dx * dy
+        pull_x = weight_xx * points[m, 0] + weight_xy * points[m, 1]
+        pull_y = weight_xy * points[m, 0] + weight_yy * points[m, 1]
         for p in range(4):
             a = s + p
             a -= count if a >= count else 0
-            for i in range(2):
-                row = 2 * a + i
-                pull = weight[i, 0] * points[m, 0] + weight[i, 1] * points[m, 1]
-                right[row, 0] += value[p] * pull
-                for q in range(4):
-                    b = s + q
-                    b -= count if b >= count else 0
-                    shared = value[p] * value[q]
-                    for j in range(2):
-                        column = 2 * b + j
-                        if row >= body:
-                            border[row - body, column] += shared * weight[i, j]
-                        elif column <= row:
-                            band[row, row - column] += shared * weight[i, j]
+            right[2 * a, 0] += value[p] * pull_x
+            right[2 * a + 1, 0] += value[p] * pull_y
+            for q in range(4):
+                b = s + q
+                b -= count if b >= count else 0
+                if b > a and a < count - DEGREE:
+                    continue  # the upper half is not kept
+                shared = value[p] * value[q]
+                xx, xy, yy = shared * weight_xx, shared * weight_xy, shared * weight_yy
+                if a >= count - DEGREE:
+                    row = 2 * (a - count + DEGREE)
+                    border[row, 2 * b] += xx
+                    border[row, 2 * b + 1] += xy
+                    border[row + 1, 2 * b] += xy
+                    border[row + 1, 2 * b + 1] += yy
+                else:
+                    gap = 2 * (a - b)
+                    band[2 * a, gap] += xx
+                    band[2 * a + 1, gap + 1] += xy
+                    band[2 * a + 1, gap] += yy
+                    if gap > 0:
+                        band[2 * a, gap - 1] += xy
     _add_bending(band, border, _RIDGE * weights.sum() / count, 2)
     return _solve(band, border, right).reshape((count, 2))
 
