@@ -27,6 +27,8 @@ SMALLEST_PART_VOXELS = 6
 COARSE_MM = (2.05, 3.05)
 #: Six times volume by surface, the diameter of a ball, below this many voxels: a thin organ.
 THIN_VOXELS = 15
+#: Booleans leave slivers: what moves the surface by less than this share of an edge is collapsed.
+SLIVER = 0.01
 #: Share of the control points that are laid out evenly before errors say where more are needed.
 FIRST_SHARE = 0.25
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
@@ -99,7 +101,7 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     edge = settings["edge_voxels"] * pixel
     bodies = [solid(*tessellate(patch, edge)) for patch in patches]
     whole = combine(bodies, [tube.hole for tube in tubes], [tube.depth for tube in tubes])
-    vertices, faces, origins = triangles(whole)
+    vertices, faces, origins = triangles(whole.simplify(SLIVER * edge))
     vertices = fair_seams(vertices, faces, origins)
     vertices, tangled, left = untangle(vertices, faces)
     repairs = [f"relaxed {tangled} pairs of triangles that passed through each other"] if tangled else []

@@ -107,7 +107,7 @@ def untangle(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, int, 
 def remesh(vertices: np.ndarray, faces: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
     """Mesh the solid anew on a grid of ``cell`` mm: closed and free of self-intersections by construction.
 
-    What lies inside by the even-odd rule is smoothed over a cell and cut at one half by marching cubes
+    What the mesh winds around is smoothed over a cell and cut at one half by marching cubes
     (Lewiner et al. 2003): the last resort for surfaces that could not be untangled.
     """
     low, high = vertices.min(axis=0) - 4 * cell, vertices.max(axis=0) + 4 * cell

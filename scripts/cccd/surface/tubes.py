@@ -206,30 +206,29 @@ def _junction(branch: _Node, way: int, stack: _Stack) -> list[Section]:
     ]
     if not others:
         return []
-    window = _window([branch.ring, *others, trunk.ring], stack)
-    branch_pixels, other_pixels = _pixels([branch.ring], window), _pixels(others, window)
-    nearer = _signed_distance(branch_pixels, stack.pixel) < _signed_distance(other_pixels, stack.pixel)
-    lead = _lead(_pixels([trunk.ring], window), nearer, branch_pixels, other_pixels, stack.pixel)
-    if lead is None:
+    lead = _Lead(branch.ring, others, _window([branch.ring, *others, trunk.ring], stack), stack.pixel)
+    width = lead.width(trunk.ring)
+    if width is None:
         return []
-    width = float(lead[_pixels([trunk.ring], window)].max())
-    overlapping, buried, fade = stack.pixel * np.array([OVERLAP_PIXELS, BURIED_PIXELS, FADE_PIXELS])
     path = _path(trunk, way, EXTRA_DEPTH * width / JUNCTION_SLOPE)
+    window = _window([branch.ring, *others, *(node.ring for node in path)], stack)
+    lead = _Lead(branch.ring, others, window, stack.pixel)
+    overlapping, buried, fade = stack.pixel * np.array([OVERLAP_PIXELS, BURIED_PIXELS, FADE_PIXELS])
     depth = np.abs(np.array([node.ring.z for node in path]) - branch.ring.z)
     slope = max(JUNCTION_SLOPE, EXTRA_DEPTH * width / max(depth[-1], 1e-9))
     sections = []
     for node, held in zip(path, slope * depth, strict=True):
-        lead = _lead(_pixels([node.ring], window), nearer, branch_pixels, other_pixels, stack.pixel)
-        if lead is None:
+        leading = lead.field(node.ring)
+        if leading is None:
             break
         inside = _inside(node.ring, stack)[window]
-        below = np.clip(BURIAL_SLOPE * (held - fade - lead), 0, buried)
-        plane = np.maximum(inside + below, -lead - overlapping)
+        below = np.clip(BURIAL_SLOPE * (held - fade - leading), 0, buried)
+        plane = np.maximum(inside + below, -leading - overlapping)
         outline = _outline(plane, branch.ring, stack.spacing, (window[0].start, window[1].start))
         if outline is None or (sections and abs(signed_area(outline)) < 4 * stack.pixel**2):
             break
         sections.append(Section(node.ring.z, outline, abs(signed_area(outline))))
-        node.cuts.append((window, lead - held))
+        node.cuts.append((window, leading - held))
     return sections
 
 
@@ -248,22 +247,33 @@ def _inside(ring: Ring, stack: _Stack) -> np.ndarray:
     return -plane if ring.hole else plane
 
 
-def _lead(
-    whole: np.ndarray, nearer: np.ndarray, branch: np.ndarray, others: np.ndarray, pixel: float
-) -> np.ndarray | None:
-    """Distance in mm into the branch's part of a common outline's pixels, negative in the trunk's part.
+class _Lead:
+    """Parts a common outline between a branch and others, on a block of the plane's pixels.
 
-    The branch's part is what lies ``nearer`` to the branch in one piece with it, and what the trunk
-    could only reach through that; None where either has no part.
+    The branch's part is what lies nearer to the branch in one piece with it, and what the trunk could
+    only reach through that.
     """
-    own = _piece(whole & nearer, branch)
-    if own is None:
-        return None
-    trunk = _piece(whole & ~own, others)
-    if trunk is None:
-        return None
-    own = whole & ~trunk
-    return -_signed_distance(_signed_distance(own, pixel) < _signed_distance(trunk, pixel), pixel)
+
+    def __init__(self, branch: Ring, others: Sequence[Ring], window: tuple[slice, slice], pixel: float):
+        self.window, self.pixel = window, pixel
+        self.branch, self.others = _pixels([branch], window), _pixels(others, window)
+        self.nearer = _signed_distance(self.branch, pixel) < _signed_distance(self.others, pixel)
+
+    def field(self, common: Ring) -> np.ndarray | None:
+        """Distance in mm from the parting line, positive on the branch's side; None without two sides."""
+        whole = _pixels([common], self.window)
+        own = _piece(whole & self.nearer, self.branch)
+        trunk = None if own is None else _piece(whole & ~own, self.others)
+        if trunk is None:
+            return None
+        own = whole & ~trunk
+        nearer = _signed_distance(own, self.pixel) < _signed_distance(trunk, self.pixel)
+        return -_signed_distance(nearer, self.pixel)
+
+    def width(self, common: Ring) -> float | None:
+        """How far in mm the branch's part reaches beyond the parting line."""
+        field = self.field(common)
+        return None if field is None else float(field[_pixels([common], self.window)].max())
 
 
 def _piece(pixels: np.ndarray, wanted: np.ndarray) -> np.ndarray | None:
@@ -307,7 +317,7 @@ def _signed_distance(inside: np.ndarray, pixel: float) -> np.ndarray:
 def _outline(
     plane: np.ndarray, near: Ring, spacing: np.ndarray, corner: tuple[int, int] = (0, 0)
 ) -> np.ndarray | None:
-    """Find the contour (n, 2) in mm of a field that encloses most of the pixels of the ring ``near``.
+    """Find the contour (n, 2) in mm of a field that encloses most of the ring ``near``.
 
     Contours that leave the block of pixels, whose first pixel is ``corner``, are closed along its border.
     """
@@ -316,7 +326,8 @@ def _outline(
     best, most = None, 0.0
     for line in lines:
         points = (line[:-1, ::-1] - 1 + corner) * spacing
-        if len(points) < 4 or signed_area(points) <= 0:
+        around = near.hole and line.min() < 1  # not a hole but the outside, closed along the border
+        if len(points) < 4 or signed_area(points) <= 0 or around:
             continue
         if len(lines) == 1:
             return points
