@@ -38,6 +38,7 @@ rule all:
         for_structures("surface.ply"),
         for_formats(),
         for_structures("region.png", REGIONS),
+        for_pages(),
     localrule: True
 
 

@@ -63,8 +63,10 @@ def row_of(wildcards):
     """The sheet's row of a structure; for `snakemake results/CASE/ORGAN/...` with a name that is not there."""
     key = wildcards.case, wildcards.organ
     if key not in ROW:
-        known = nearest("/".join(key), ["/".join(other) for other in ROW])
-        raise WorkflowError(f"{SHEET.name} has no structure {'/'.join(key)}; {known}")
+        known = nearest(
+            f"{key[0]}/{key[1]}", [f"{case}/{organ}" for case, organ in ROW]
+        )
+        raise WorkflowError(f"{SHEET.name} has no structure {key[0]}/{key[1]}; {known}")
     return ROW[key]
 
 
@@ -84,6 +86,12 @@ def for_formats():
         if name != "ply"
         for file in for_structures(f"surface.{name}")
     ]
+
+
+def for_pages():
+    """The structures' own pages, to which the report of a large cohort links."""
+    large = len(RECONSTRUCTED) > config["report"]["pages_above"]
+    return for_structures("report.html") if large else []
 
 
 def source_files(wildcards):

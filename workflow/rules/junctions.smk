@@ -25,6 +25,13 @@ rule generate_graphs:
         "../../scripts/generate_graphs.py"
 
 
+#: What tells of the training; a pretrained model comes without.
+TRAINING_FILES = (
+    []
+    if config["gnn"]["pretrained"]
+    else ["results/gnn/graphs.h5", "results/gnn/history.csv"]
+)
+
 if config["gnn"]["pretrained"]:
 
     rule adopt_gnn:

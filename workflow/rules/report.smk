@@ -60,27 +60,60 @@ rule build_tables:
         "../../scripts/build_tables.py"
 
 
-rule build_report:
-    """The report: one self-contained page."""
+#: What a page shows of a structure.
+SHOWN = [
+    "structure.h5",
+    "boundaries.h5",
+    "curves.h5",
+    "surface.h5",
+    "surface.ply",
+    "picture.png",
+    "metrics.json",
+    *(f"comparisons/{name}.csv" for name in COMPARISONS),
+]
+TEMPLATES = sorted(near(path) for path in (ROOT / "workflow" / "report").glob("*.*"))
+
+
+rule build_structure_page:
+    """A page of one structure, where the cohort is too large for one page."""
     input:
-        templates=sorted(
-            near(path) for path in (ROOT / "workflow" / "report").glob("*.*")
+        templates=TEMPLATES,
+        files=[f"results/{{case}}/{{organ}}/{name}" for name in SHOWN],
+    output:
+        report(
+            "results/{case}/{organ}/report.html",
+            caption="../report/structure.rst",
+            category="Structures",
+            labels={"case": "{case}", "organ": "{organ}"},
         ),
+    log:
+        "logs/{case}/{organ}/build_structure_page.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/build_structure_page.tsv"
+    group:
+        "structure"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(1500, 20),
+        runtime=minutes(15),
+    params:
+        library=library("build_structure_page"),
+        config=config,
+    script:
+        "../../scripts/build_structure_page.py"
+
+
+rule build_report:
+    """The report: one self-contained page, or for a large cohort an index of the structures' pages."""
+    input:
+        templates=TEMPLATES,
         tables=[f"results/tables/{name}.csv" for name in TABLES],
         remarks="results/tables/remarks.json",
-        junctions="results/tables/junctions.csv",
-        model="results/gnn/model.pt",
-        files=[
-            file
-            for name in (
-                "structure.h5",
-                "boundaries.h5",
-                "curves.h5",
-                "surface.h5",
-                "picture.png",
-            )
-            for file in for_structures(name)
-        ],
+        junctions=["results/tables/junctions.csv", "results/gnn/worst.png"],
+        training=TRAINING_FILES,
+        files=[file for name in SHOWN for file in for_structures(name)],
     output:
         report(
             "results/report.html",

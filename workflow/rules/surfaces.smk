@@ -89,7 +89,12 @@ rule render_surface:
     input:
         mesh="results/{case}/{organ}/surface.ply",
     output:
-        "results/{case}/{organ}/picture.png",
+        report(
+            "results/{case}/{organ}/picture.png",
+            caption="../report/surface.rst",
+            category="Surfaces",
+            labels={"case": "{case}", "organ": "{organ}"},
+        ),
     log:
         "logs/{case}/{organ}/render_surface.log",
     benchmark:

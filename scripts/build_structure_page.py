@@ -1,0 +1,19 @@
+"""One structure's own page, for cohorts too large for one page."""
+
+from pathlib import Path
+
+from cccd.job import job
+from cccd.report.page import build_structure_page
+
+case, organ = snakemake.wildcards.case, snakemake.wildcards.organ
+with job(snakemake.log[0], f"{case}/{organ}"):
+    results = Path(snakemake.output[0]).parents[2]
+    build_structure_page(
+        results,
+        case,
+        organ,
+        config=snakemake.params.config,
+        output=Path(snakemake.output[0]),
+        template_dir=Path(snakemake.input.templates[0]).parent,
+        index=results / "report.html",
+    )
