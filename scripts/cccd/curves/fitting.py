@@ -192,20 +192,33 @@ def _pairs_apart(curves: Curves) -> np.ndarray:
 
 def _crossing(splines: Splines, apart: np.ndarray) -> np.ndarray:
     """Splines (C,) bool that cross themselves, or another one whose curve does not touch theirs."""
-    lines = []
-    for control, knots in splines:  # folds are small and sit where knots crowd: every span is looked at
-        begin, length = knots[DEGREE : -DEGREE - 1], np.diff(knots[DEGREE:-DEGREE])
-        looks = np.where(length > 0, np.maximum(np.ceil(_CHECKED_PER_PIXEL * length), _CHECKED_PER_SPAN), 0)
-        looks = looks.astype(int)
-        rank = np.arange(looks.sum()) - np.repeat(np.cumsum(looks) - looks, looks)
-        u = np.repeat(begin, looks) + rank * np.repeat(length / np.maximum(looks, 1), looks)
-        lines.append(evaluate(knots, control, u))
+    lines = [evaluate(knots, control, _looks(knots)) for control, knots in splines]
     points, offsets = concatenate_ragged(lines)
     wrong = ~is_simple(points, offsets)
     if len(apart):
         rings = _rings(points, offsets)
         wrong[apart[shapely.intersects(rings[apart[:, 0]], rings[apart[:, 1]])].ravel()] = True
     return wrong
+
+
+def _looks(knots: np.ndarray) -> np.ndarray:
+    """Ascending parameters at which a spline shows its folds, small as they may be.
+
+    Folds sit where knots crowd, so that every span is looked at, and beside sharp corners, where the
+    looks close in on the repeated knot.
+    """
+    begin, length = knots[DEGREE : -DEGREE - 1], np.diff(knots[DEGREE:-DEGREE])
+    looks = np.where(length > 0, np.maximum(np.ceil(_CHECKED_PER_PIXEL * length), _CHECKED_PER_SPAN), 0)
+    looks = looks.astype(int)
+    rank = np.arange(looks.sum()) - np.repeat(np.cumsum(looks) - looks, looks)
+    u = np.repeat(begin, looks) + rank * np.repeat(length / np.maximum(looks, 1), looks)
+    sharp = np.unique(begin[length == 0])
+    if len(sharp):
+        period = knots[-DEGREE - 1] - knots[DEGREE]
+        near = 0.5 ** np.arange(12)
+        beside = sharp[:, None] + np.concatenate([near, -near])
+        u = np.unique(np.concatenate([u, (beside.ravel() - begin[0]) % period + begin[0]]))
+    return u
 
 
 def _subset(curves: Curves, chosen: np.ndarray) -> Curves:

@@ -134,6 +134,17 @@ def test_splines_never_cross_themselves_however_small_or_ragged(seed, budget):
     assert np.diff(splines.offsets).min(initial=4) >= 4
 
 
+@pytest.mark.parametrize("budget", [None, 0.1, 0.04])
+def test_acute_corners_do_not_fold(frame, budget):
+    mask = np.zeros((3, 200, 200), bool)
+    i, j = np.meshgrid(np.arange(200), np.arange(200), indexing="ij")
+    for layer, slope in enumerate((0.15, 0.3, 0.6)):
+        mask[layer] = (np.abs(i - 100 - 12 * np.sin(j / 30)) < slope * (j - 20)) & (j < 180)
+    curves = trace_stack(mask, (0, 0, 0), frame)
+    drawn = sample_splines(fit_curves(curves, budget=budget), 20)
+    assert is_simple(drawn.points, drawn.offsets).all()
+
+
 def test_thin_walls_are_not_crossed(frame):
     mask = np.zeros((1, 60, 60), bool)
     mask[0, 10:50, 10:50] = True
