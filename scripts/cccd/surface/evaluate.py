@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import manifold3d
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from cccd.containers import Patch
 from cccd.surface.bsplines import basis
 
-__all__ = ["SurfacePoints", "evaluate", "tessellate"]
+__all__ = ["SurfacePoints", "differential_geometry", "evaluate", "swollen", "tessellate"]
 
 #: Triangles per turn of the thinnest tube.
 FEWEST_SIDES = 8
@@ -77,6 +77,33 @@ def differential_geometry(patch: Patch, u: np.ndarray, v: np.ndarray) -> Surface
         gaussian = (L * N - M * M) / metric
         mean = -(E * N - 2 * F * M + G * L) / (2 * metric)
     return SurfacePoints(evaluate(patch, u, v), normal, gaussian, mean)
+
+
+def swollen(patch: Patch, amount: float, axis: np.ndarray) -> Patch:
+    """Move a patch outwards, or with a negative amount inwards, by a little.
+
+    Control points move by ``amount`` mm times the part, square to ``axis`` (3,), of the unit normal at their
+    Greville parameters: plane sections stay plane, level caps and lids where they are.
+    """
+    grid = np.meshgrid(
+        _greville(patch.knots_u, patch.degree_u, patch.weights.shape[0]),
+        _greville(patch.knots_v, patch.degree_v, patch.weights.shape[1]),
+        indexing="ij",
+    )
+    u, v = (side.ravel() for side in grid)
+    normal = np.cross(evaluate(patch, u, v, (1, 0)), evaluate(patch, u, v, (0, 1)))
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = np.divide(normal, size, out=np.zeros_like(normal), where=size > 1e-9)
+    normal -= np.outer(normal @ axis, axis)
+    normal = normal.reshape(patch.control_points.shape)
+    outwards = patch.control_points - patch.control_points.mean(axis=0)
+    side = np.sign(np.sum(normal * outwards)) or 1.0
+    return replace(patch, control_points=patch.control_points + side * amount * normal)
+
+
+def _greville(knots: np.ndarray, degree: int, count: int) -> np.ndarray:
+    """Parameters (count,) at which each control point has most weight."""
+    return np.array([knots[n + 1 : n + degree + 1].mean() for n in range(count)])
 
 
 def tessellate(patch: Patch, edge: float) -> tuple[np.ndarray, np.ndarray]:

@@ -10,11 +10,11 @@ import numpy as np
 from cccd.containers import Curves, Frame, Patch
 from cccd.errors import InputError
 from cccd.surface.bsplines import DEGREE
-from cccd.surface.evaluate import tessellate
+from cccd.surface.evaluate import swollen, tessellate
 from cccd.surface.fields import distance_fields, interpolated_fields, through_pixel_centres
 from cccd.surface.fit import Fit, Samples, even_size, fit_samples, refinements, sample_tube, sampled_area
-from cccd.surface.rings import rings_of
-from cccd.surface.solids import combine, fair_seams, remesh, solid, triangles, untangle
+from cccd.surface.rings import Ring, rings_of
+from cccd.surface.solids import combine, fair_seams, remesh, solid, swelling, triangles, untangle
 from cccd.surface.tubes import Tube, build_tubes
 
 __all__ = ["Surface", "loft_surface"]
@@ -27,6 +27,8 @@ SMALLEST_PART_VOXELS = 6
 COARSE_MM = (2.05, 3.05)
 #: Six times volume by surface, the diameter of a ball, below this many voxels: a thin organ.
 THIN_VOXELS = 15
+#: The whole surface moves by at most this many pixels to regain the volume of the slices.
+MOST_SWELLING = 0.25
 #: Booleans leave slivers: what moves the surface by less than this share of an edge is collapsed.
 SLIVER = 0.01
 #: Share of the control points that are laid out evenly before errors say where more are needed.
@@ -86,12 +88,12 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
         pixel_centres = through_pixel_centres(curves)
     spacing = frame.pixel_spacing
     pixel = float(np.sqrt(spacing.prod()))
-    tubes, origin, step, voxels, voxel_faces = _tubes(curves, settings, pixel_centres)
+    tubes, origin, step, volume, voxel_faces = _tubes(curves, settings, pixel_centres)
 
     samples = [sample_tube(tube, _around(tube, pixel)) for tube in tubes]
     voxel = float(spacing.prod() * step)
     coarse = step > COARSE_MM[1] or spacing.max() > COARSE_MM[0]
-    thin = coarse or 6 * voxels / voxel_faces < THIN_VOXELS
+    thin = coarse or 6 * volume / voxel / voxel_faces < THIN_VOXELS
     compactness = settings["compactness_thin" if thin else "compactness"]
     budget = voxel_faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES) / CONTROL_BYTES / compactness
     tolerance = settings["tolerance_voxels"] * min(pixel, voxel ** (1 / 3))
@@ -103,6 +105,11 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     whole = combine(bodies, [tube.hole for tube in tubes], [tube.depth for tube in tubes])
     vertices, faces, origins = triangles(whole.simplify(SLIVER * edge))
     vertices = fair_seams(vertices, faces, origins)
+    axis = frame.stack_affine[:3, 2] / frame.slice_spacing
+    direction, amount = swelling(vertices, faces, axis, volume)
+    amount = float(np.clip(amount, -MOST_SWELLING * pixel, MOST_SWELLING * pixel))
+    vertices = vertices + amount * direction
+    patches = [swollen(patch, patch.sign * amount, axis) for patch in patches]
     vertices, tangled, left = untangle(vertices, faces)
     repairs = [f"relaxed {tangled} pairs of triangles that passed through each other"] if tangled else []
     if left:
@@ -116,8 +123,8 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
 
 def _tubes(
     curves: Curves, settings: Mapping, pixel_centres: bool
-) -> tuple[list[Tube], np.ndarray, float, int, int]:
-    """Tubes of every stack, the plane's origin, the slice step in mm, the number of voxels and of faces."""
+) -> tuple[list[Tube], np.ndarray, float, float, int]:
+    """Tubes of every stack, the plane's origin, the slice step and the volume in mm, the voxels' faces."""
     frame = curves.frame
     spacing = frame.pixel_spacing
     pixel = float(np.sqrt(spacing.prod()))
@@ -127,7 +134,7 @@ def _tubes(
     step = every * frame.slice_spacing
     scan = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
     smallest = SMALLEST_PART_VOXELS * spacing.prod() * step
-    tubes = []
+    tubes, volume = [], 0.0
     breaks = np.flatnonzero(gaps > every * settings["bridge_slices"]) + 1
     for part in np.split(np.arange(len(slices)), breaks):
         stack = slice(part[0], part[-1] + 1)
@@ -135,8 +142,17 @@ def _tubes(
             interpolated_fields(slices[stack], distance[stack], frame.slice_spacing, LEVEL_PIXELS * pixel)
         )
         rings = [rings_of(plane, level, spacing, pixel_centres) for level, plane in enumerate(fields)]
+        volume += _volume(rings, step)
         tubes += build_tubes(fields, rings, spacing, step / 2, scan, smallest)
-    return tubes, origin, step, int(np.count_nonzero(distance < 0)), _voxel_faces(distance < 0)
+    return tubes, origin, step, volume, _voxel_faces(distance < 0)
+
+
+def _volume(levels: list[list[Ring]], step: float) -> float:
+    """Volume in mm^3 that a stack of levels stands for, half a step beyond its first and last included."""
+    area = np.array([sum(-ring.area if ring.hole else ring.area for ring in rings) for rings in levels])
+    height = np.array([rings[0].z if rings else np.nan for rings in levels])
+    area, height = area[np.isfinite(height)], height[np.isfinite(height)]
+    return float(np.trapezoid(area, height) + (area[0] + area[-1]) * step / 2) if len(area) else 0.0
 
 
 def _voxel_faces(mask: np.ndarray) -> int:

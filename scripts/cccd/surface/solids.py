@@ -16,9 +16,9 @@ from scipy.sparse import csr_array
 from skimage.measure import marching_cubes
 
 from cccd.containers import Frame
-from cccd.metrics import self_intersections, voxelise
+from cccd.metrics import mesh_volume, self_intersections, voxelise
 
-__all__ = ["combine", "fair_seams", "remesh", "solid", "triangles", "untangle"]
+__all__ = ["combine", "fair_seams", "remesh", "solid", "swelling", "triangles", "untangle"]
 
 #: Rings of vertices to either side of a seam that are faired, and rounds of fairing.
 SEAM_RINGS, SEAM_ROUNDS = 3, 8
@@ -72,6 +72,30 @@ def fair_seams(vertices: np.ndarray, faces: np.ndarray, origin: np.ndarray) -> n
     for _ in range(SEAM_ROUNDS):
         vertices = _relax(vertices, neighbours, weight, *TAUBIN)
     return vertices
+
+
+def swelling(
+    vertices: np.ndarray, faces: np.ndarray, axis: np.ndarray, volume: float
+) -> tuple[np.ndarray, float]:
+    """Find how to move a mesh's vertices square to ``axis`` (3,) for it to have a volume in mm^3.
+
+    Returns
+    -------
+    direction : (V, 3) float64
+        The part of the unit normals that is square to the axis.
+    amount : float
+        mm to move along it.
+    """
+    corners = vertices[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    direction = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(direction, faces[:, corner], normal)
+    size = np.linalg.norm(direction, axis=1, keepdims=True)
+    direction = np.divide(direction, size, out=np.zeros_like(direction), where=size > 0)
+    direction -= np.outer(direction @ axis, axis)
+    gain = float(np.einsum("fc,fc->", normal, direction[faces].mean(axis=1)))  # mm^3 per mm
+    return direction, (volume - mesh_volume(vertices, faces)) / gain if gain > 0 else 0.0
 
 
 def untangle(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, int, int]:
