@@ -289,17 +289,19 @@ def _fans(faces: np.ndarray) -> int:
 def bending_per_area(vertices: np.ndarray, faces: np.ndarray) -> float:
     r"""Bending energy of a surface per area, in 1/mm^2.
 
-    The integral of :math:`k_1^2 + k_2^2` over the surface, divided by its area. On a mesh each edge
-    bends by its dihedral angle :math:`\theta` over the strip of a third of its two faces' area A, across
-    the edge's length l: the discrete-shell energy :math:`\sum 3 \theta^2 l^2 / A` of Grinspun et al.
-    (2003), without a material constant. Slivers count as if they were as wide as a tenth of their edge.
+    The integral of :math:`k_1^2 + k_2^2 = (k_1 + k_2)^2 - 2 k_1 k_2` over the surface, divided by its
+    area. The first term is the discrete-shell energy :math:`\sum 3 \theta^2 l^2 / A` of Grinspun et al.
+    (2003): each edge of length l bends by its dihedral angle :math:`\theta` between two faces of
+    together area A. The second is :math:`4 \pi \chi` by Gauss and Bonnet, with the Euler characteristic
+    of the mesh. Slivers count as if they were as wide as a tenth of their edge.
     """
     edge, theta, length, area = _dihedrals(vertices, faces)
     if len(edge) == 0:
         return 0.0
     area = np.maximum(area, 0.1 * length**2)
-    energy = np.divide(3 * theta**2 * length**2, area, out=np.zeros_like(area), where=area > 0)
-    return float(energy.sum() / mesh_area(vertices, faces))
+    shell = np.divide(3 * theta**2 * length**2, area, out=np.zeros_like(area), where=area > 0).sum()
+    euler = len(np.unique(faces)) - len(edge) + len(faces)
+    return float(max(shell - 4 * np.pi * euler, 0.0) / mesh_area(vertices, faces))
 
 
 def curvature_per_area(vertices: np.ndarray, faces: np.ndarray) -> float:

@@ -1,23 +1,42 @@
-"""Lofting, beside the isosurface and the smoothing that people take today."""
+"""Time of the surface, curves given: ``pytest tests/benchmarks/bench_surface.py``."""
 
-from collections.abc import Callable
-
-from organ import make_organ
+import numpy as np
+import pytest
 
 from cccd.chaincode import trace_mask
-from cccd.comparisons.volume_meshes import flying_edges, windowed_sinc
+from cccd.containers import Frame, Structure
 from cccd.surface import loft_surface
 
-TITLE = "Surface"
-SIZES = (8, 16, 32, 64)
+SETTINGS = {
+    "tolerance_voxels": 0.15,
+    "compactness": 150,
+    "compactness_thin": 40,
+    "bridge_slices": 3,
+    "edge_voxels": 1.5,
+}
 
 
-def prepare(slices: int, settings: dict) -> dict[str, Callable]:
-    """Give the methods to time on an organ of so many slices."""
-    organ = make_organ(slices)
-    curves = trace_mask(organ)
-    return {
-        "B-spline lofting": lambda: loft_surface(curves, settings["surface"]),
-        "flying edges": lambda: flying_edges(organ),
-        "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(organ)),
-    }
+def brain_curves():
+    from nilearn.datasets import load_mni152_brain_mask
+
+    image = load_mni152_brain_mask(resolution=1)
+    mask = np.asarray(image.dataobj) > 0
+    frame = Frame(image.affine, 2, mask.shape)
+    return trace_mask(Structure("mni152", "brain", frame, np.zeros(3, int), mask=mask))
+
+
+@pytest.mark.parametrize("slices", [40, 80, 155])
+def test_brain(benchmark, slices):
+    curves = brain_curves()
+    keep = curves.slice < np.unique(curves.slice)[:slices][-1] + 1
+    count = int(keep.sum())
+    part = type(curves)(
+        curves.points[: curves.offsets[count]],
+        curves.offsets[: count + 1],
+        curves.slice[:count],
+        curves.hole[:count],
+        curves.frame,
+    )
+    loft_surface(part, SETTINGS)  # compile
+    surface = benchmark.pedantic(loft_surface, (part, SETTINGS), rounds=3)
+    assert surface.report["compactness"] >= 150 or slices < 155

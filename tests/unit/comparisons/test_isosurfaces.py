@@ -1,0 +1,75 @@
+import numpy as np
+import pytest
+
+from cccd.chaincode import trace_mask
+from cccd.comparisons.isosurfaces import compare_isosurfaces
+from cccd.comparisons.point_meshes import ball_pivoting, poisson
+from cccd.comparisons.volume_meshes import distance_isosurface, flying_edges, marching_cubes, windowed_sinc
+from cccd.containers import Frame, Structure
+from cccd.metrics import curvature_per_area, is_closed_manifold, mesh_volume
+from cccd.surface import loft_surface
+
+SURFACE = {
+    "tolerance_voxels": 0.15,
+    "compactness": 150,
+    "compactness_thin": 40,
+    "bridge_slices": 3,
+    "edge_voxels": 1.5,
+}
+METHODS = [
+    "marching cubes",
+    "flying edges + windowed sinc",
+    "surface nets",
+    "signed distance + isosurface",
+    "signed distance + isosurface + windowed sinc",
+    "ball pivoting",
+    "Poisson",
+    "alpha shape",
+]
+
+
+@pytest.fixture(scope="module")
+def structure():
+    """An ellipsoid on a sagittal, mirrored scan: slices along the first axis."""
+    index = np.stack(np.meshgrid(*map(np.arange, (18, 40, 40)), indexing="ij"), axis=-1)
+    spacing = np.array([2.0, 1.0, 1.0])
+    mask = np.sum((((index - (9, 20, 20)) * spacing) / (14, 15, 12)) ** 2, axis=-1) <= 1
+    affine = np.diag([-2.0, 1.0, 1.0, 1.0])
+    affine[:3, 3] = (50, -20, 7)
+    return Structure("case", "organ", Frame(affine, 0, mask.shape), np.zeros(3, int), mask=mask)
+
+
+@pytest.mark.parametrize("make", [marching_cubes, flying_edges, distance_isosurface])
+def test_isosurfaces_lie_where_the_voxels_do(structure, make):
+    vertices, faces = make(structure)
+    assert is_closed_manifold(faces)
+    assert mesh_volume(vertices, faces) == pytest.approx(2.0 * structure.mask.sum(), rel=0.03)
+    centre = structure.frame.affine[:3, :3] @ (9, 20, 20) + structure.frame.affine[:3, 3]
+    assert vertices.mean(axis=0) == pytest.approx(centre, abs=0.3)
+
+
+def test_sinc_smooths(structure):
+    rough = marching_cubes(structure)
+    assert curvature_per_area(*windowed_sinc(rough)) < 0.8 * curvature_per_area(*rough)
+
+
+@pytest.mark.parametrize("make", [ball_pivoting, poisson])
+def test_point_methods_come_near_the_ellipsoid(structure, make):
+    vertices, faces = make(trace_mask(structure))
+    centre = structure.frame.affine[:3, :3] @ (9, 20, 20) + structure.frame.affine[:3, 3]
+    size = np.linalg.norm((vertices - centre) / (14, 15, 12), axis=1)
+    assert np.median(np.abs(size - 1)) < 0.12
+    assert mesh_volume(vertices, faces) > 0
+
+
+def test_one_row_per_method(structure):
+    curves = trace_mask(structure)
+    table = compare_isosurfaces(
+        structure, curves, loft_surface(curves, SURFACE), {"isosurfaces": {"methods": METHODS}}
+    )
+    assert table["method"].tolist() == ["CCCD", *METHODS]
+    assert table["dice_3d"].between(0, 1).all()
+    ours = table.iloc[0]
+    assert ours["closed_manifold"]
+    assert ours["self_intersections"] == 0
+    assert ours["bytes"] < table.loc[1, "bytes"] / 40

@@ -1,0 +1,46 @@
+import numpy as np
+import pytest
+
+from cccd.comparisons.thick_slices import every_nth_slice, thick_slice_experiment
+from cccd.containers import Frame, Structure
+
+SURFACE = {
+    "tolerance_voxels": 0.15,
+    "compactness": 150,
+    "compactness_thin": 40,
+    "bridge_slices": 3,
+    "edge_voxels": 1.5,
+}
+
+
+def ellipsoid(origin=(0, 0, 0)) -> Structure:
+    index = np.stack(np.meshgrid(*map(np.arange, (44, 44, 50)), indexing="ij"), axis=-1)
+    mask = np.sum(((index - (22, 22, 25)) / (18, 16, 21)) ** 2, axis=-1) <= 1
+    frame = Frame(np.eye(4), 2, (80, 80, 90))
+    return Structure("case", "organ", frame, np.array(origin), mask=mask)
+
+
+@pytest.mark.parametrize("origin", [(0, 0, 0), (3, 5, 7)])
+def test_kept_slices_stay_where_they_were(origin):
+    structure = ellipsoid(origin)
+    thick = every_nth_slice(structure, 4)
+    assert thick.frame.slice_spacing == 4
+    for s, plane in enumerate(thick.stack("mask")):
+        k = thick.stack_origin[0] + s
+        z = thick.frame.to_world(np.zeros((1, 2)), k)[0, 2]
+        assert np.array_equal(plane, structure.stack("mask")[round(z) - origin[2]])
+
+
+def test_the_experiment_measures_against_the_full_resolution():
+    settings = {"thick_slices": {"spacings_mm": [5.0, 5.2, 40.0]}, "surface": SURFACE}
+    table = thick_slice_experiment(ellipsoid(), settings)
+    assert table["every_nth"].unique().tolist() == [5]  # 5.2 is the same multiple, 40 leaves no shape
+    assert table.groupby("every_nth")["method"].count().tolist() == [3]
+    assert (table["dice_3d"] > 0.95).all()
+    assert table.loc[table["method"] == "CCCD", "closed_manifold"].all()
+
+
+def test_without_a_mask_there_is_nothing_to_compare():
+    structure = ellipsoid()
+    structure.mask = None
+    assert thick_slice_experiment(structure, {"thick_slices": {"spacings_mm": [5.0]}}).empty

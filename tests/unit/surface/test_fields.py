@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+from shapes import ball, curves_of
+
+from cccd.containers import Curves, Frame
+from cccd.surface.fields import distance_fields, interpolated_fields, through_pixel_centres
+from cccd.surface.rings import overlap, rings_of, signed_area
+
+
+def circles(radii, spacing=(1.0, 1.0, 1.0)):
+    angle = np.linspace(0, 2 * np.pi, 300, endpoint=False)
+    points = [np.column_stack([30 + r * np.cos(angle), 30 + r * np.sin(angle)]) for r in radii]
+    frame = Frame(np.diag([*spacing, 1.0]), 2, (60, 60, 99))
+    offsets = np.arange(len(radii) + 1) * 300
+    return Curves(
+        np.vstack(points), offsets, np.arange(len(radii), dtype=np.int32), np.zeros(len(radii), bool), frame
+    )
+
+
+def test_distances_to_drawn_outlines_are_exact_near_them():
+    curves = circles([12.37])
+    _, distance, origin = distance_fields(curves, pixel_centres=False)
+    i, j = np.indices(distance[0].shape)
+    true = np.hypot(i + origin[0] - 30, j + origin[1] - 30) - 12.37
+    near = np.abs(true) < 2
+    assert distance[0][near] == pytest.approx(true[near], abs=0.01)
+    assert np.array_equal(distance[0] < 0, true < 0)
+
+
+def test_the_zero_contour_of_pixels_encloses_the_pixels():
+    mask = ball()
+    curves = curves_of(mask)
+    assert through_pixel_centres(curves)
+    slices, distance, _ = distance_fields(curves, pixel_centres=True)
+    field = next(iter(interpolated_fields(slices[10:11], distance[10:11], 1.0, 1.0)))
+    (ring,) = rings_of(field, 0, np.ones(2), of_pixels=True)
+    assert ring.area == mask[:, :, slices[10]].sum()
+    assert signed_area(ring.points) == pytest.approx(ring.area, rel=0.02)
+
+
+def test_levels_between_slices_stay_between_them():
+    curves = circles([10.0, 14.0, 15.0, 9.0], (1.0, 1.0, 6.0))
+    slices, distance, _ = distance_fields(curves, pixel_centres=False)
+    fields = list(interpolated_fields(slices, distance, 6.0, 1.5))
+    assert np.diff([field.z for field in fields]) == pytest.approx(1.5)
+    assert [field.source_slice for field in fields if field.source_slice is not None] == [0, 1, 2, 3]
+    for low in range(3):
+        pair = distance[low : low + 2]
+        for field in fields[4 * low : 4 * low + 5]:
+            assert np.all(field.distance >= pair.min(axis=0) - 1e-4)
+            assert np.all(field.distance <= pair.max(axis=0) + 1e-4)
+
+
+def test_holes_are_rings_of_their_own():
+    mask = ball(radius=20) & ~ball(radius=8)
+    slices, distance, _ = distance_fields(curves_of(mask), pixel_centres=True)
+    middle = int(np.flatnonzero(slices == 30)[0])
+    field = next(iter(interpolated_fields(slices[[middle]], distance[[middle]], 1.0, 1.0)))
+    outer, hole = rings_of(field, 0, np.ones(2), of_pixels=True)
+    assert (outer.hole, outer.depth, hole.hole, hole.depth) == (False, 0, True, 1)
+    assert outer.area - hole.area == mask[:, :, 30].sum()
+    assert overlap(outer, hole) == np.count_nonzero(hole.mask)
