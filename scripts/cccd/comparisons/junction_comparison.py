@@ -159,11 +159,22 @@ def _isolated(samples: Sequence[Sample], model: JunctionNetwork) -> tuple[float,
     return float(before), order_boundaries(maps, model)[1]["isolated_after"] / len(samples)
 
 
+#: The picture of the worst maps shows at most so many of a kind, so that the hardest kind leaves some room.
+_MOST_OF_A_KIND = 2
+
+
 def draw_worst(path: str | Path, model: JunctionNetwork, samples: Sequence[Sample], count: int = 10) -> None:
     """Draw the maps that come out worst: the map, the network's links, the curve and the truth."""
     chains = network_decoder(model)(samples)
     scored = [score_slice(c, s.contours) for c, s in zip(chains, samples, strict=True)]
-    order = sorted(range(len(samples)), key=lambda n: (scored[n].correct, scored[n].dice))[:count]
+    ranked = pd.DataFrame(
+        {
+            "kind": [sample.kind for sample in samples],
+            "correct": [score.correct for score in scored],
+            "dice": [score.dice for score in scored],
+        }
+    ).sort_values(["correct", "dice"], kind="stable")
+    order = ranked.groupby("kind", sort=False).head(_MOST_OF_A_KIND).index[:count]
     figure, axes = plt.subplots(
         len(order), 3, figsize=(9, 3 * len(order)), squeeze=False, layout="constrained"
     )
