@@ -1,0 +1,35 @@
+"""A thousand structures: planning their twelve thousand jobs takes seconds and little memory."""
+
+import subprocess
+import sys
+
+STRUCTURES = 1000
+SECONDS = 20
+MEGABYTES = 1000
+
+#: Snakemake's own main, and what it used.
+PLAN = """
+import resource, sys
+from snakemake.cli import main
+try:
+    main()
+finally:
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    print("USED", used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, file=sys.stderr)
+"""
+
+
+def test_planning_a_thousand_structures(fresh_project):
+    roles = ["both"] * 5 + ["reconstruct"] * (STRUCTURES - 5)
+    rows = [f"c{number}\tsphere\tphantom\t{role}" for number, role in enumerate(roles)]
+    sheet = "\n".join(["case\torgan\tsource\trole", *rows])
+    (fresh_project.folder / "tiny.tsv").write_text(sheet + "\n")
+    arguments = fresh_project.command("--dry-run", "--quiet", "rules")[3:]
+    command = [sys.executable, "-c", PLAN, *arguments]
+    run = subprocess.run(command, **fresh_project.surroundings(), check=False)
+    assert run.returncode == 0, run.stderr[-2000:]
+    jobs = next(int(line.split()[1]) for line in run.stdout.splitlines() if line.startswith("total "))
+    assert jobs > 8 * STRUCTURES
+    used = next(line.split() for line in run.stderr.splitlines() if line.startswith("USED"))
+    assert float(used[1]) < SECONDS  # of the processor, so that a busy machine does not count
+    assert float(used[2]) < MEGABYTES
