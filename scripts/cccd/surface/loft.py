@@ -101,7 +101,8 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     to_world = _to_world(frame, origin)
     patches = [_patch(fit, tube, to_world) for fit, tube in zip(fits, tubes, strict=True)]
     edge = settings["edge_voxels"] * pixel
-    bodies = [solid(*tessellate(patch, edge)) for patch in patches]
+    meshes = [tessellate(patch, edge) for patch in patches]
+    bodies = [solid(untangle(*mesh)[0], mesh[1]) for mesh in meshes]
     whole = combine(bodies, [tube.hole for tube in tubes], [tube.depth for tube in tubes])
     vertices, faces, origins = triangles(whole.simplify(SLIVER * edge) if len(bodies) > 1 else whole)
     vertices = fair_seams(vertices, faces, origins)

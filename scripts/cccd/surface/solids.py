@@ -25,7 +25,7 @@ SEAM_RINGS, SEAM_ROUNDS = 3, 8
 #: Taubin's steps towards and away from the neighbours' mean.
 TAUBIN = (0.60, -0.62)
 #: Rounds of relaxing where the surface passes through itself; the patch grows by a ring every other round.
-UNTANGLE_ROUNDS = 12
+UNTANGLE_ROUNDS = 20
 
 
 def solid(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
