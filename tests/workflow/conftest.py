@@ -56,7 +56,8 @@ class Project:
 
 def copy_project(folder: Path) -> Project:
     """Copy the project's sources and write the tiny cohort and its configuration beside them."""
-    ignore = shutil.ignore_patterns("__pycache__", ".snakemake", "results")
+    # what Numba compiled comes along: it goes by the sources' times, which the copy keeps
+    ignore = shutil.ignore_patterns(".snakemake", "results")
     for part in PARTS:
         source = ROOT / part
         if source.is_dir():
