@@ -26,6 +26,7 @@ from cccd.curves.periodic import (
     tangent_least_squares,
     value_at,
 )
+from cccd.tolerances import STAIRCASE_PX
 
 __all__ = ["FEWEST", "fit_closed_spline"]
 
@@ -44,6 +45,10 @@ _RUN_IN = 16
 #: Share of the removable knots that may go in one round.
 _SHARE = 0.35
 
+#: Passes of removal within a tolerance: rounds of closer fitting each, and the share of the knots that
+#: may go at once.
+_PASSES = ((0, 0.25), (2, 0.1))
+
 #: Closer fits once fewer than this many times the wanted number of knots are left ...
 _FINE = 1.3
 
@@ -51,21 +56,18 @@ _FINE = 1.3
 _LAST = 6
 
 #: Rounds of reweighting, tried where the largest distance is at most so many tolerances.
-_LEVELLING = 5
+_LEVELLING = 3
 _WITHIN_LEVELLING = 1.4
 
 #: Up to so many knots, one more or less is a large share.
 _SMALL = 16
 
-#: Splines that may miss the tolerance in a row before the search for fewer knots ends.
-_PATIENCE = 2
-
-#: A removal is tried when its predicted largest distance is at most so many tolerances: correcting the
-#: parameters brings a little back.
-_HOPE = 1.1
-
-#: Samples of the reference at least.
+#: Samples of the reference at least, and how many times finer it is filtered.
 _LEAST = 24
+_FINER = 3
+
+#: Share of the tolerance that is kept at the samples, for between them a little more may be needed.
+_AT_SAMPLES = 0.97
 
 
 class _Fit(NamedTuple):
@@ -262,29 +264,25 @@ def _within(
             break
         kept = more_kept
         fit = _fit(breaks, period, points, fit.parameters, 0, sliding)
-    rounds, most, locked = 0, len(fit.breaks), kept
     rich, rich_kept = fit, kept
-    while len(fit.breaks) > FEWEST:
-        count = len(fit.breaks)
-        cost, peak = _removal_costs(fit.knots, fit.control, points, fit.parameters, locked)
-        allowed = max(1, min(most, int(_SHARE * count / 2), count - FEWEST))
-        gone = _choose(cost, peak, allowed, _HOPE * tolerance)
-        taken = np.count_nonzero(gone)
-        if taken > 0:
+    for rounds, share in _PASSES:
+        most = len(fit.breaks)
+        while len(fit.breaks) > FEWEST:
+            cost, peak = _removal_costs(fit.knots, fit.control, points, fit.parameters, kept)
+            most = min(most, max(1, int(share * len(fit.breaks))), len(fit.breaks) - FEWEST)
+            gone = _choose(cost, peak, most, tolerance)
+            if not gone.any():
+                break
             trial = _fit(fit.breaks[~gone], period, points, fit.parameters, rounds, sliding)
-            if trial.distance.max() <= tolerance:
-                if count > 1.5 * _SMALL:
-                    rich, rich_kept = fit, kept
-                fit, kept, locked = trial, kept[~gone], locked[~gone]
+            if trial.distance.max() > tolerance:
+                if most == 1:
+                    break
+                most = max(1, most // 3)
                 continue
-            if taken == 1:
-                locked = locked | gone
-            most = max(1, taken // 3)
-        elif rounds == 0:  # what plain least squares cannot do without, a closer fit may
-            rounds, most, locked = 2, max(1, count // 10), kept
-        else:
-            break
-    fit = _dive(fit, points, period, kept, tolerance, sliding)
+            if len(fit.breaks) > 1.5 * _SMALL:
+                rich, rich_kept = fit, kept
+            fit, kept = trial, kept[~gone]
+    fit = _one_by_one(fit, points, period, kept, tolerance, sliding)
     while FEWEST < len(fit.breaks) <= _SMALL:  # of few knots each counts: try again from more
         trial = _with(rich, points, period, rich_kept, len(fit.breaks) - 1, sliding)
         trial = _levelled(trial, points, tolerance, sliding)
@@ -294,23 +292,22 @@ def _within(
     return fit
 
 
-def _dive(
+def _one_by_one(
     fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, tolerance: float, sliding: float
 ) -> _Fit:
-    """Look for a spline with still fewer knots beyond one or two that do not keep the tolerance."""
-    current, failed = fit, 0
-    while failed < _PATIENCE and len(current.breaks) > FEWEST:
+    """Remove the cheapest knots one by one, each fit as close and as level as can be."""
+    current = fit
+    while len(current.breaks) > FEWEST:
         cost, peak = _removal_costs(current.knots, current.control, points, current.parameters, kept)
         gone = _choose(cost, peak, 1, np.inf)
         if not gone.any():
             break
         kept = kept[~gone]
-        current = _fit(current.breaks[~gone], period, points, current.parameters, 3, sliding)
+        current = _fit(current.breaks[~gone], period, points, current.parameters, 2, sliding)
         level = _levelled(current, points, tolerance, sliding)
-        if level.distance.max() <= tolerance:
-            fit, failed = level, 0
-        else:
-            failed += 1
+        if level.distance.max() > tolerance:
+            break
+        fit = level
     return fit
 
 
@@ -378,23 +375,28 @@ def reference(
     at = np.append(position[anchors], position[-1])
     pieces = np.maximum(np.ceil(np.diff(at) / spacing), max(2, _LEAST // len(anchors))).astype(int)
     fine = np.concatenate(
-        [np.linspace(a, b, 2 * n, endpoint=False) for a, b, n in zip(at[:-1], at[1:], pieces, strict=True)]
+        [
+            np.linspace(a, b, _FINER * n, endpoint=False)
+            for a, b, n in zip(at[:-1], at[1:], pieces, strict=True)
+        ]
     )
     ring = np.vstack([polygon, polygon[:1]])
     line = np.column_stack([np.interp(fine, position, ring[:, axis]) for axis in (0, 1)])
-    samples = line[::2]
+    samples = line[::_FINER]
     corner = np.zeros(len(samples), bool)
     if corners.any():
         corner[np.cumsum(pieces) - pieces] = True
-    step = sigma / (spacing / 2)
+    step = sigma * _FINER / spacing
     reach = min(int(6 * step), len(line) // 2 - 1)
     if reach < 1:
         return samples, corner
     tap = np.arange(-reach, reach + 1)
     narrow, wide = np.exp(-0.5 * (tap / step) ** 2), np.exp(-0.25 * (tap / step) ** 2)
-    smooth = ndimage.convolve1d(line, 2 * narrow / narrow.sum() - wide / wide.sum(), axis=0, mode="wrap")[::2]
+    smooth = ndimage.convolve1d(line, 2 * narrow / narrow.sum() - wide / wide.sum(), axis=0, mode="wrap")[
+        ::_FINER
+    ]
     if corner.any():
-        away = np.abs(fine[::2, None] - at[None, :]).min(axis=1)
+        away = np.abs(fine[::_FINER, None] - at[None, :]).min(axis=1)
         smooth = samples + np.minimum(away / (4 * sigma), 1)[:, None] * (smooth - samples)
     return smooth, corner
 
@@ -439,7 +441,8 @@ def fit_closed_spline(
     -------
     control points (n, 2), knots (n + 7,)
     """
-    spacing = 1.0 if target else float(np.clip(sigma, 0.1, 1.5))
+    # samples may lie further apart where the filter has taken the pixels' steps away
+    spacing = 1.0 if target else 2.0 if sigma >= STAIRCASE_PX else max(sigma / 1.5, 0.1)
     points, corner = reference(polygon, corners, spacing, sigma)
     link = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     parameters, period = np.cumsum(link) - link, float(link.sum())
@@ -449,5 +452,5 @@ def fit_closed_spline(
     if target:
         fit = _with(fit, points, period, kept, max(target, FEWEST), sliding)
     else:
-        fit = _within(fit, points, period, kept, tolerance, sliding)
+        fit = _within(fit, points, period, kept, _AT_SAMPLES * tolerance, sliding)
     return fit.control, fit.knots
