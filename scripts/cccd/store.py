@@ -24,8 +24,8 @@ from cccd.errors import InputError
 __all__ = [
     "atomic_path",
     "read_boundaries",
-    "read_graphs",
     "read_curves",
+    "read_graphs",
     "read_patches",
     "read_splines",
     "read_structure",

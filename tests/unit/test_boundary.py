@@ -3,12 +3,13 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from cccd.boundary import dilation_band, edge_map, extract_boundaries, outline
-from cccd.containers import Curves, Frame, Structure
-from cccd.errors import InputError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
+
+from cccd.boundary import dilation_band, edge_map, extract_boundaries, outline
+from cccd.containers import Curves, Frame, Structure
+from cccd.errors import InputError
 
 SETTINGS = {"source": "auto", "blur_px": 1.0, "dilations": 3, "edge_quantile": 0.8}
 

@@ -1,13 +1,14 @@
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
 from cccd import chaincode
 from cccd.boundary import outline
 from cccd.containers import Boundaries, Frame, Structure, concatenate_ragged
 from cccd.metrics import rasterise
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy import ndimage
 
 FRAME = Frame(np.eye(4), 2, (60, 60, 9))
 ORIGIN = np.array([3, 10, 20])

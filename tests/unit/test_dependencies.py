@@ -4,6 +4,7 @@ import textwrap
 from pathlib import Path
 
 import pytest
+
 from cccd.dependencies import imported_files
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"

@@ -5,6 +5,7 @@ import textwrap
 from pathlib import Path
 
 import pytest
+
 from cccd.errors import InputError
 from cccd.job import job
 

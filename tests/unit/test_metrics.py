@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 import shapely
-from cccd import metrics
-from cccd.containers import Curves, Frame, concatenate_ragged
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from cccd import metrics
+from cccd.containers import Curves, Frame, concatenate_ragged
 
 
 def curves_of(polygons, slices, shape=(40, 40, 5)):

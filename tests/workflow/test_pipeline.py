@@ -26,7 +26,14 @@ AFTER_CURVES = {
 def test_everything_promised_is_there(tiny_run):
     for case, organ in STRUCTURES:
         folder = tiny_run.results / case / organ
-        for name in ("structure.h5", "boundaries.h5", "curves.h5", "surface.h5", "surface.ply", "metrics.json"):
+        for name in (
+            "structure.h5",
+            "boundaries.h5",
+            "curves.h5",
+            "surface.h5",
+            "surface.ply",
+            "metrics.json",
+        ):
             assert (folder / name).stat().st_size > 0, name
     for name in ("gnn/graphs.h5", "gnn/model.pt", "gnn/history.csv", "tables/junctions.csv", "report.html"):
         assert (tiny_run.results / name).stat().st_size > 0, name

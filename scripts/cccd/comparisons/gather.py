@@ -72,7 +72,11 @@ def compactness(files: Iterable[str | Path]) -> pd.DataFrame:
     """Bytes per slice of every way to keep a structure's contours; the paper: 19.2 KB to 1.03 KB."""
     return pd.DataFrame(
         [
-            {"case": metrics["case"], "organ": metrics["organ"], **metrics["curves"].get("bytes_per_slice", {})}
+            {
+                "case": metrics["case"],
+                "organ": metrics["organ"],
+                **metrics["curves"].get("bytes_per_slice", {}),
+            }
             for metrics in _read(files)
         ]
     )

@@ -206,21 +206,13 @@ def _junction(branch: _Node, way: int, stack: _Stack) -> list[Section]:
     ]
     if not others:
         return []
-    lead = _Lead(branch.ring, others, _window([branch.ring, *others, trunk.ring], stack), stack.pixel)
-    width = lead.width(trunk.ring)
-    if width is None:
-        return []
-    path = _path(trunk, way, EXTRA_DEPTH * width / JUNCTION_SLOPE)
+    path = _path(trunk, way)
     window = _window([branch.ring, *others, *(node.ring for node in path)], stack)
-    lead = _Lead(branch.ring, others, window, stack.pixel)
+    leads, slope = _leads(_Lead(branch.ring, others, window, stack.pixel), branch.ring.z, path)
     overlapping, buried, fade = stack.pixel * np.array([OVERLAP_PIXELS, BURIED_PIXELS, FADE_PIXELS])
-    depth = np.abs(np.array([node.ring.z for node in path]) - branch.ring.z)
-    slope = max(JUNCTION_SLOPE, EXTRA_DEPTH * width / max(depth[-1], 1e-9))
     sections = []
-    for node, held in zip(path, slope * depth, strict=True):
-        leading = lead.field(node.ring)
-        if leading is None:
-            break
+    for node, leading in zip(path, leads, strict=False):
+        held = slope * abs(node.ring.z - branch.ring.z)
         inside = _inside(node.ring, stack)[window]
         below = np.clip(BURIAL_SLOPE * (held - fade - leading), 0, buried)
         plane = np.maximum(inside + below, -leading - overlapping)
@@ -230,6 +222,33 @@ def _junction(branch: _Node, way: int, stack: _Stack) -> list[Section]:
         sections.append(Section(node.ring.z, outline, abs(signed_area(outline))))
         node.cuts.append((window, leading - held))
     return sections
+
+
+def _path(trunk: _Node, way: int) -> list[_Node]:
+    """Give the trunk's nodes from the junction inwards, as many as a junction may take."""
+    path = [trunk]
+    while path[-1].follows[way] is not None and len(path) < JUNCTION_LEVELS[1]:
+        path.append(path[-1].follows[way])
+    return path
+
+
+def _leads(lead: _Lead, z: float, path: Sequence[_Node]) -> tuple[list[np.ndarray], float]:
+    """Fields of the lead on the levels of a junction that begins at height ``z``, and its slope.
+
+    The junction ends where the trunk holds the whole width of the branch's part, and some more.
+    """
+    fields: list[np.ndarray] = []
+    slope = JUNCTION_SLOPE
+    for node in path:
+        field = lead.field(node.ring)
+        if field is None:  # apart again: another branch goes on from here
+            return fields, JUNCTION_SLOPE
+        fields.append(field)
+        wanted = EXTRA_DEPTH * lead.width(node.ring, field) / max(abs(node.ring.z - z), 1e-9)
+        if len(fields) >= JUNCTION_LEVELS[0] and wanted <= JUNCTION_SLOPE:
+            return fields, JUNCTION_SLOPE
+        slope = max(JUNCTION_SLOPE, wanted)
+    return fields, slope
 
 
 def _window(rings: Sequence[Ring], stack: _Stack) -> tuple[slice, slice]:
@@ -270,10 +289,9 @@ class _Lead:
         nearer = _signed_distance(own, self.pixel) < _signed_distance(trunk, self.pixel)
         return -_signed_distance(nearer, self.pixel)
 
-    def width(self, common: Ring) -> float | None:
+    def width(self, common: Ring, field: np.ndarray) -> float:
         """How far in mm the branch's part reaches beyond the parting line."""
-        field = self.field(common)
-        return None if field is None else float(field[_pixels([common], self.window)].max())
+        return float(field[_pixels([common], self.window)].max(initial=0.0))
 
 
 def _piece(pixels: np.ndarray, wanted: np.ndarray) -> np.ndarray | None:
@@ -281,17 +299,6 @@ def _piece(pixels: np.ndarray, wanted: np.ndarray) -> np.ndarray | None:
     _, labels = cv2.connectedComponents(pixels.astype(np.uint8), connectivity=4)
     counts = np.bincount(labels[wanted & pixels])
     return labels == int(np.argmax(counts)) if len(counts) else None
-
-
-def _path(trunk: _Node, way: int, depth: float) -> list[_Node]:
-    """Give the trunk's nodes from the junction inwards, down to ``depth`` in mm."""
-    path = [trunk]
-    fewest, most = JUNCTION_LEVELS
-    while path[-1].follows[way] is not None and len(path) < most:
-        if len(path) >= fewest and abs(path[-1].ring.z - trunk.ring.z) >= depth:
-            break
-        path.append(path[-1].follows[way])
-    return path
 
 
 def _pixels(rings: Sequence[Ring], window: tuple[slice, slice]) -> np.ndarray:
