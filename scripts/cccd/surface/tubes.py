@@ -23,13 +23,13 @@ from cccd.surface.rings import Ring, overlap, resample, signed_area
 __all__ = ["Section", "Tube", "build_tubes"]
 
 #: A junction's trunk takes over this many mm of the branch's width per mm of depth.
-JUNCTION_SLOPE = 1.5
+JUNCTION_SLOPE = 2.0
 #: Levels of a junction, at least and at most.
 JUNCTION_LEVELS = (2, 80)
 #: A junction looks at least this many pixels beyond its outlines.
 WINDOW_PIXELS = 8
 #: A branch reaches this many times as deep as it takes the trunk to hold its whole width.
-EXTRA_DEPTH = 1.4
+EXTRA_DEPTH = 1.15
 #: How far branch and trunk overlap, how deep below the trunk's surface a branch ends, and over which
 #: width the trunk sinks below the branch's surface where it lets go of it, in pixels.
 OVERLAP_PIXELS, BURIED_PIXELS, FADE_PIXELS = 1.5, 3.0, 4.0
