@@ -146,14 +146,15 @@ def beus_tiu(
     shortest: int = 4,
     longest: int = 7,
     cut_off: float = 0.05,
-    threshold: float = 700.0,
+    threshold: float = 300.0,
 ) -> np.ndarray:
     """Beus and Tiu 1987: Freeman and Davis' cornerity, averaged over k, with arms cut off.
 
     The cornerity at k is ``ln t1 * ln t2 * sum(delta)`` in degrees: the turning of the chord over k
     links, weighted by how far the curve runs straight before (t1) and after (t2); both are cut off at a
-    share of the curve. Corners are maxima of its mean over k above a threshold. The threshold of 1500
-    that is handed down presumes curves of 400 points or more: a right angle on 200 reaches 950.
+    share of the curve. Corners are maxima of its mean over k above a threshold: 300 is what a turn of
+    60 degrees between straight arms of five pixels reaches. The 1500 that is handed down presumes arms
+    that run straight far longer than an organ's do.
     """
     ring = Ring(offsets)
     limit = np.maximum(cut_off * ring.size, 1.0)

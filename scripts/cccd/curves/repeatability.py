@@ -54,7 +54,7 @@ def repeatability(
     -------
     DataFrame
         ``detector``, ``change`` (rotation, scale, noise), ``amount``, ``corners`` (mean number found in
-        the changed outline) and ``repeatability`` (mean over curves, 0 to 1).
+        the changed outline) and ``repeatability`` (mean over the curves that have corners, 0 to 1).
     """
     changes = [("rotation", amount) for amount in rotations]
     changes += [("scale", amount) for amount in scales]
@@ -74,7 +74,8 @@ def repeatability(
                 found = after[detect(after, np.array([0, len(after)]))]
                 shares.append(_agreement(kept, found, radius))
                 counts.append(len(found))
-            table.append((name, change, amount, np.mean(counts), np.mean(shares)))
+            score = np.nanmean(shares) if np.isfinite(shares).any() else np.nan
+            table.append((name, change, amount, np.mean(counts), score))
     return pd.DataFrame(table, columns=["detector", "change", "amount", "corners", "repeatability"])
 
 
@@ -100,9 +101,11 @@ def _redraw(points: np.ndarray, linear: np.ndarray, sigma: float, rng: np.random
 
 
 def _agreement(kept: np.ndarray, found: np.ndarray, radius: float) -> float:
-    """Mean of the share of each set of corners that has a partner in the other."""
+    """Mean of the shares of two sets of corners that have a partner in the other set."""
+    if len(kept) == 0 and len(found) == 0:
+        return np.nan  # nothing to find again
     if len(kept) == 0 or len(found) == 0:
-        return float(len(kept) == len(found))
+        return 0.0
     forth = cKDTree(found).query(kept)[0] <= radius
     back = cKDTree(kept).query(found)[0] <= radius
     return (forth.mean() + back.mean()) / 2
