@@ -8,7 +8,7 @@ from cccd.junctions import train_model
 with job(snakemake.log[0], "GNN training"):
     train_model(
         snakemake.input.graphs,
-        snakemake.params.settings,
+        {**snakemake.params.settings, "start": snakemake.input.start[0] if snakemake.input.start else None},
         seed=snakemake.params.seed,
         checkpoint_dir=Path(snakemake.output.model).parent / "checkpoints",
         model_path=snakemake.output.model,

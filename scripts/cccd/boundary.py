@@ -26,6 +26,9 @@ KERNEL = 5
 #: Canny's lower threshold as a share of the upper one (Canny 1986 recommends two or three to one).
 HYSTERESIS = 0.4
 
+#: The grey window reaches this many of the organ's own grey ranges beyond them on either side.
+WINDOW = 3
+
 #: Slices that are filtered together: enough to vectorise, few enough to stay small in memory.
 BLOCK = 32
 
@@ -110,7 +113,7 @@ def edge_map(
     dilations: int,
     edge_quantile: float,
 ) -> np.ndarray:
-    """Canny edges of each slice of a grey stack within a band around a rough region.
+    """Find Canny edges of each slice of a grey stack within a band around a rough region.
 
     Parameters
     ----------
@@ -132,6 +135,10 @@ def edge_map(
     """
     image = np.nan_to_num(image, nan=float(np.nanmin(image)) if np.isfinite(image).any() else 0.0)
     band = np.ones(image.shape, bool) if region is None else _band_around(region, dilations)
+    if region is not None and region.any():
+        # a window round the organ's own grey values: bone and air beside it would outshine its border
+        low, high = np.percentile(image[region], (1, 99))
+        image = np.clip(image, low - WINDOW * (high - low), high + WINDOW * (high - low))
     ridge = np.zeros(image.shape, np.float32)
     sample = []
     for first in range(0, len(image), BLOCK):

@@ -25,6 +25,7 @@ __all__ = [
     "count_self_intersections",
     "curvature_per_area",
     "dice",
+    "dihedrals",
     "is_closed_manifold",
     "jaccard",
     "mesh_area",
@@ -295,7 +296,7 @@ def bending_per_area(vertices: np.ndarray, faces: np.ndarray) -> float:
     together area A. The second is :math:`4 \pi \chi` by Gauss and Bonnet, with the Euler characteristic
     of the mesh. Slivers count as if they were as wide as a tenth of their edge.
     """
-    edge, theta, length, area = _dihedrals(vertices, faces)
+    edge, theta, length, area = dihedrals(vertices, faces)
     if len(edge) == 0:
         return 0.0
     area = np.maximum(area, 0.1 * length**2)
@@ -310,11 +311,11 @@ def curvature_per_area(vertices: np.ndarray, faces: np.ndarray) -> float:
     The dihedral angles of a mesh measure its total curvature without dividing by small faces, so this
     figure is the one to compare between meshes of different make.
     """
-    _, theta, length, _ = _dihedrals(vertices, faces)
+    _, theta, length, _ = dihedrals(vertices, faces)
     return float(np.sum(np.abs(theta) * length) / mesh_area(vertices, faces))
 
 
-def _dihedrals(
+def dihedrals(
     vertices: np.ndarray, faces: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Inner edges (E, 2), the angles (E,) between their faces' normals, lengths, and the faces' areas."""

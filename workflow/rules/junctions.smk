@@ -61,6 +61,7 @@ else:
         """Train link prediction (eq. 11); a checkpoint each epoch, so that a killed run goes on from there."""
         input:
             graphs="results/gnn/graphs.h5",
+            start=[near(find_file(name)) for name in [config["gnn"]["start"]] if name],
         output:
             model="results/gnn/model.pt",
             history="results/gnn/history.csv",
@@ -76,7 +77,7 @@ else:
             runtime=minutes(60),
         params:
             library=library("train_gnn"),
-            settings=leave("gnn", "pretrained"),
+            settings=leave("gnn", "pretrained", "start", "test_maps"),
             seed=config["seed"],
         script:
             "../../scripts/train_gnn.py"
@@ -102,7 +103,7 @@ rule evaluate_gnn:
         runtime=minutes(30),
     params:
         library=library("evaluate_gnn"),
-        settings=leave("gnn", "pretrained"),
+        settings=pick("gnn", "test_maps"),
         seed=config["seed"],
     script:
         "../../scripts/evaluate_gnn.py"

@@ -14,7 +14,7 @@ from cccd.surface.evaluate import swollen, tessellate
 from cccd.surface.fields import distance_fields, interpolated_fields, through_pixel_centres
 from cccd.surface.fit import Fit, Samples, even_size, fit_samples, refinements, sample_tube, sampled_area
 from cccd.surface.rings import Ring, rings_of
-from cccd.surface.solids import combine, fair_seams, remesh, solid, swelling, triangles, untangle
+from cccd.surface.solids import combine, fair_creases, remesh, solid, swelling, triangles, untangle
 from cccd.surface.tubes import Tube, build_tubes
 
 __all__ = ["Surface", "loft_surface"]
@@ -105,7 +105,10 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     bodies = [solid(untangle(*mesh)[0], mesh[1]) for mesh in meshes]
     whole = combine(bodies, [tube.hole for tube in tubes], [tube.depth for tube in tubes])
     vertices, faces, origins = triangles(whole.simplify(SLIVER * edge) if len(bodies) > 1 else whole)
-    vertices = fair_seams(vertices, faces, origins)
+    heights = vertices @ np.linalg.inv(to_world)[2, :3] + np.linalg.inv(to_world)[2, 3]
+    lids = [tube.sections[side].z for tube in tubes for side in (0, -1) if tube.ends[side] == "cut"]
+    on_lid = np.isclose(heights[:, None], lids, rtol=0, atol=1e-6).any(axis=1)
+    vertices = fair_creases(vertices, faces, origins, on_lid)
     axis = frame.stack_affine[:3, 2] / frame.slice_spacing
     direction, amount = swelling(vertices, faces, axis, volume)
     amount = float(np.clip(amount, -MOST_SWELLING * pixel, MOST_SWELLING * pixel))

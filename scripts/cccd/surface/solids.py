@@ -16,12 +16,14 @@ from scipy.sparse import csr_array
 from skimage.measure import marching_cubes
 
 from cccd.containers import Frame
-from cccd.metrics import mesh_volume, self_intersections, voxelise
+from cccd.metrics import dihedrals, mesh_volume, self_intersections, voxelise
 
-__all__ = ["combine", "fair_seams", "remesh", "solid", "swelling", "triangles", "untangle"]
+__all__ = ["combine", "fair_creases", "remesh", "solid", "swelling", "triangles", "untangle"]
 
-#: Rings of vertices to either side of a seam that are faired, and rounds of fairing.
-SEAM_RINGS, SEAM_ROUNDS = 3, 8
+#: Rings of vertices to either side of a crease that are faired, and rounds of fairing.
+CREASE_RINGS, CREASE_ROUNDS = 2, 15
+#: Faces that meet at more than this angle (radians) make a crease.
+SHARP = np.deg2rad(55)
 #: Taubin's steps towards and away from the neighbours' mean.
 TAUBIN = (0.60, -0.62)
 #: Rounds of relaxing where the surface passes through itself; the patch grows by a ring every other round.
@@ -48,28 +50,44 @@ def triangles(body: Manifold) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.array(mesh.vert_properties[:, :3], float), faces, origin
 
 
-def fair_seams(vertices: np.ndarray, faces: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    """Round off the lines along which faces of different origin (F,) meet; gives the vertices (V, 3).
+def fair_creases(
+    vertices: np.ndarray, faces: np.ndarray, origin: np.ndarray, fixed: np.ndarray
+) -> np.ndarray:
+    """Round off the lines along which tubes meet, and other sharp folds; gives the vertices (V, 3).
 
-    Vertices within a few rings of a seam are smoothed the more the nearer they are, by Taubin's pair of
-    steps (1995), which does not shrink.
+    Parameters
+    ----------
+    vertices, faces : (V, 3) float64, (F, 3) int64
+        A closed mesh.
+    origin : (F,) int64
+        The tube that each face comes from.
+    fixed : (V,) bool
+        Vertices that stay, such as those of flat lids.
+
+    Notes
+    -----
+    Vertices within a few rings of a crease are smoothed the more the nearer they are, by Taubin's pair
+    of steps (1995), which does not shrink.
     """
-    low = np.full(len(vertices), origin.max() + 1)
-    high = np.full(len(vertices), origin.min() - 1)
+    edge, theta, _, _ = dihedrals(vertices, faces)
+    low, high = np.full(len(vertices), origin.max() + 1), np.full(len(vertices), origin.min() - 1)
     for corner in range(3):
         np.minimum.at(low, faces[:, corner], origin)
         np.maximum.at(high, faces[:, corner], origin)
-    seam = low < high
-    if not seam.any():
+    crease = low < high
+    crease[edge[theta > SHARP]] = True
+    crease &= ~fixed
+    if not crease.any():
         return vertices
     neighbours = _neighbours(faces, len(vertices))
-    weight = seam.astype(float)
-    reached = seam
-    for ring in range(1, SEAM_RINGS + 1):
+    weight = crease.astype(float)
+    reached = crease
+    for ring in range(1, CREASE_RINGS + 1):
         wider = reached | (neighbours @ reached > 0)
-        weight[wider & ~reached] = 1 - ring / (SEAM_RINGS + 1)
+        weight[wider & ~reached] = 1 - ring / (CREASE_RINGS + 1)
         reached = wider
-    for _ in range(SEAM_ROUNDS):
+    weight[fixed] = 0
+    for _ in range(CREASE_ROUNDS):
         vertices = _relax(vertices, neighbours, weight, *TAUBIN)
     return vertices
 

@@ -133,20 +133,32 @@ def test_nothing_in_nothing_out(frame):
 # Repeatability --------------------------------------------------------------------------------------
 
 
-def test_repeatability_is_perfect_without_change_and_falls_with_noise(blob):
-    curves = blob(8, slices=1, waves=0.3)[1]
-    table = repeatability(curves, np.random.default_rng(0), rotations=(0,), scales=(), noises=(0, 0.6))
+@pytest.fixture
+def star(curves_of):
+    """Outline with ten unmistakable corners."""
+    angle = np.linspace(0, 2 * np.pi, 10, endpoint=False) + 0.1
+    radius = np.where(np.arange(10) % 2, 90, 55)
+    return curves_of(150 + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+def test_repeatability_is_perfect_without_change_and_falls_with_noise(star):
+    table = repeatability(star, np.random.default_rng(0), rotations=(0,), scales=(), noises=(0, 2.0))
     table = table.set_index(["detector", "change", "amount"])["repeatability"].unstack(["change", "amount"])
     assert table["rotation", 0].to_numpy() == pytest.approx(1)
     assert table["noise", 0].to_numpy() == pytest.approx(1)
-    assert (table["noise", 0.6] < 1).all()
+    assert (table["noise", 2.0] < 1).all()
 
 
-def test_repeatability_is_seeded(blob):
-    curves = blob(8, slices=1)[1]
+def test_repeatability_is_seeded(star):
     tables = [
-        repeatability(curves, np.random.default_rng(5), rotations=(30,), scales=(1.5,), noises=(0.3,))
+        repeatability(star, np.random.default_rng(5), rotations=(30,), scales=(1.5,), noises=(0.3,))
         for _ in range(2)
     ]
     assert tables[0].equals(tables[1])
     assert tables[0]["repeatability"].between(0, 1).all()
+
+
+def test_corners_that_are_nowhere_are_not_counted_as_found_again(star):
+    nowhere = {"none": lambda points, offsets: np.zeros(len(points), bool)}
+    table = repeatability(star, np.random.default_rng(0), nowhere, rotations=(30,), scales=(), noises=())
+    assert table["repeatability"].isna().all()
