@@ -88,14 +88,23 @@ def _pixel_distance(mask: np.ndarray, spacing: np.ndarray) -> np.ndarray:
     """Distance to the border midway between foreground and background centres, negative inside."""
     inside = np.ascontiguousarray(mask, np.uint8)
     if np.isclose(*spacing, rtol=1e-3):
-        to_outside = cv2.distanceTransform(inside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        to_inside = cv2.distanceTransform(1 - inside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        to_outside, to_inside = _pixels_away(inside), _pixels_away(1 - inside)
         signed = np.where(mask, 0.5 - to_outside, to_inside - 0.5) * spacing.mean()
         return signed.astype(np.float32)
     to_outside = ndimage.distance_transform_edt(inside, sampling=spacing)
     to_inside = ndimage.distance_transform_edt(1 - inside, sampling=spacing)
     half = spacing.min() / 2  # neighbours along the finer axis decide where most borders lie
     return np.where(mask, half - to_outside, to_inside - half).astype(np.float32)
+
+
+def _pixels_away(inside: np.ndarray) -> np.ndarray:
+    """Distance in pixels to the nearest zero.
+
+    OpenCV's last bit depends on where the array lies in memory; the square is a whole number, and the
+    root of that is the same in every run.
+    """
+    away = cv2.distanceTransform(inside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE).astype(float)
+    return np.sqrt(np.rint(away**2))
 
 
 @njit(cache=True)

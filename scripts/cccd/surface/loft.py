@@ -31,6 +31,9 @@ THIN_VOXELS = 15
 MOST_SWELLING = 0.25
 #: Booleans leave slivers: what moves the surface by less than this share of an edge is collapsed.
 SLIVER = 0.01
+#: The same where a surface that passes through itself could not be relaxed, and the grid's cell, in
+#: edges, on which it is meshed anew if even that does not help.
+COARSER, REMESH_CELL = 0.1, 0.75
 #: Share of the control points that are laid out evenly before errors say where more are needed.
 FIRST_SHARE = 0.25
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
@@ -108,17 +111,23 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     heights = vertices @ np.linalg.inv(to_world)[2, :3] + np.linalg.inv(to_world)[2, 3]
     lids = [tube.sections[side].z for tube in tubes for side in (0, -1) if tube.ends[side] == "cut"]
     on_lid = np.isclose(heights[:, None], lids, rtol=0, atol=1e-6).any(axis=1)
+    joined = vertices
     vertices = fair_creases(vertices, faces, origins, on_lid)
     axis = frame.stack_affine[:3, 2] / frame.slice_spacing
     direction, amount = swelling(vertices, faces, axis, volume)
     amount = float(np.clip(amount, -MOST_SWELLING * pixel, MOST_SWELLING * pixel))
     vertices = vertices + amount * direction
     patches = [swollen(patch, patch.sign * amount, axis) for patch in patches]
-    vertices, tangled, left = untangle(vertices, faces)
+    vertices, tangled, left = untangle(vertices, faces, joined)
     repairs = [f"relaxed {tangled} pairs of triangles that passed through each other"] if tangled else []
     if left:
-        vertices, faces = remesh(vertices, faces, edge / 2)
-        repairs.append(f"meshed anew on a grid of {edge / 2:.2f} mm: {left} pairs still did")
+        vertices, faces, _ = triangles(solid(vertices, faces).simplify(COARSER * edge))
+        vertices, _, left = untangle(vertices, faces)
+        repairs.append("collapsed short edges where that was not enough")
+    if left:
+        cell = REMESH_CELL * edge
+        vertices, faces = remesh(vertices, faces, cell)
+        repairs.append(f"meshed anew on a grid of {cell:.2f} mm: {left} pairs still did")
     report = _report(tubes, fits, vertices, faces, voxel_faces)
     report["repairs"] = repairs
     report["bodies"] = len(whole.decompose())

@@ -26,8 +26,9 @@ CREASE_RINGS, CREASE_ROUNDS = 2, 15
 SHARP = np.deg2rad(55)
 #: Taubin's steps towards and away from the neighbours' mean.
 TAUBIN = (0.60, -0.62)
-#: Rounds of relaxing where the surface passes through itself; the patch grows by a ring every other round.
-UNTANGLE_ROUNDS = 20
+#: Rounds of undoing, then of relaxing, where the surface passes through itself; the patch grows by a
+#: ring every round, then every other.
+RETURN_ROUNDS, RELAX_ROUNDS = 5, 20
 
 
 def solid(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
@@ -116,26 +117,39 @@ def swelling(
     return direction, (volume - mesh_volume(vertices, faces)) / gain if gain > 0 else 0.0
 
 
-def untangle(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, int, int]:
-    """Relax a mesh where it passes through itself.
+def untangle(
+    vertices: np.ndarray, faces: np.ndarray, before: np.ndarray | None = None
+) -> tuple[np.ndarray, int, int]:
+    """Move a mesh's vertices where it passes through itself, until it does not.
+
+    Parameters
+    ----------
+    vertices, faces : (V, 3) float64, (F, 3) int64
+        A closed mesh.
+    before : (V, 3) float64, optional
+        Where the vertices were before they were smoothed: the first thing to try.
 
     Returns
     -------
     vertices : (V, 3) float64
-    before, after : int
-        Pairs of triangles that passed through each other.
+    found, left : int
+        Pairs of triangles that passed through each other, and that still do.
     """
     pairs = self_intersections(vertices, faces)
-    before = len(pairs)
-    if before == 0:
+    found = len(pairs)
+    if found == 0:
         return vertices, 0, 0
     neighbours = _neighbours(faces, len(vertices))
-    for turn in range(UNTANGLE_ROUNDS):
+    returns = 0 if before is None else RETURN_ROUNDS
+    for turn in range(returns + RELAX_ROUNDS):
         moving = np.zeros(len(vertices), bool)
         moving[faces[pairs].ravel()] = True
-        for _ in range(1 + turn // 2):
+        for _ in range(1 + (turn if turn < returns else (turn - returns) // 2)):
             moving |= neighbours @ moving > 0
-        vertices = _relax(vertices, neighbours, moving.astype(float), *(4 * (0.5,)))
+        if turn < returns:
+            vertices = np.where(moving[:, None], before, vertices)
+        else:
+            vertices = _relax(vertices, neighbours, moving.astype(float), *(4 * (0.5,)))
         around = moving | (neighbours @ moving > 0)
         near = np.flatnonzero(around[faces].any(axis=1))
         pairs = near[self_intersections(vertices, faces[near])]
@@ -143,7 +157,7 @@ def untangle(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, int, 
             pairs = self_intersections(vertices, faces)
         if len(pairs) == 0:
             break
-    return vertices, before, len(pairs)
+    return vertices, found, len(pairs)
 
 
 def remesh(vertices: np.ndarray, faces: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
