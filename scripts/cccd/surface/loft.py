@@ -23,6 +23,8 @@ __all__ = ["Surface", "loft_surface"]
 LEVEL_PIXELS = 1.5
 #: Parts of fewer voxels than this are noise of the mask.
 SMALLEST_PART_VOXELS = 6
+#: The tolerance does not grow with voxels larger than this in mm.
+COARSEST_MM = 1.5
 #: Pixels and slices above these sizes in mm (2 x 2 x 3 and some rounding) make a coarse scan.
 COARSE_MM = (2.05, 3.05)
 #: Six times volume by surface, the diameter of a ball, below this many voxels: a thin organ.
@@ -99,7 +101,7 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     thin = coarse or 6 * volume / voxel / voxel_faces < THIN_VOXELS
     compactness = settings["compactness_thin" if thin else "compactness"]
     budget = voxel_faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES) / CONTROL_BYTES / compactness
-    tolerance = settings["tolerance_voxels"] * min(pixel, voxel ** (1 / 3))
+    tolerance = settings["tolerance_voxels"] * min(pixel, voxel ** (1 / 3), COARSEST_MM)
     fits = _fit_all(samples, tolerance, budget)
     to_world = _to_world(frame, origin)
     patches = [_patch(fit, tube, to_world) for fit, tube in zip(fits, tubes, strict=True)]

@@ -35,8 +35,9 @@ EXTRA_DEPTH = 1.15
 OVERLAP_PIXELS, BURIED_PIXELS, FADE_PIXELS = 1.5, 3.0, 4.0
 #: How steeply a branch sinks below the trunk's surface.
 BURIAL_SLOPE = 0.3
-#: A dome over half a slice's thickness of cylinder has the same volume when it is half as high again.
-DOME_HEIGHT = 1.5
+#: Height of a paraboloid dome in half slices. Two would hold the volume of half a slice; a little less
+#: keeps the pole short of the next slice, where nothing is.
+DOME_HEIGHT = 1.9
 #: Radii, as shares of the end ring's, at which a dome is sampled.
 DOME_RADII = np.array([0.96, 0.85, 0.65, 0.4, 0.15])
 
@@ -409,7 +410,7 @@ def _round_cap(ring: Ring, direction: int, half: float) -> tuple[list[Section], 
         height = DOME_HEIGHT * half
         sections = [
             Section(
-                ring.z + direction * height * float(np.sqrt(1 - radius**2)),
+                ring.z + direction * height * float(1 - radius**2),
                 centre + radius * (ring.points - centre),
                 ring.area * radius**2,
             )

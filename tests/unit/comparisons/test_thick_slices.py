@@ -5,7 +5,7 @@ from cccd.comparisons.thick_slices import every_nth_slice, thick_slice_experimen
 from cccd.containers import Frame, Structure
 
 SURFACE = {
-    "tolerance_voxels": 0.15,
+    "tolerance_voxels": 0.2,
     "compactness": 150,
     "compactness_thin": 40,
     "bridge_slices": 3,
