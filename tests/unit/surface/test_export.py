@@ -87,7 +87,7 @@ def test_step_reads_back_as_the_same_splines(surface, tmp_path):
     explorer = TopExp_Explorer(reader.OneShape(), TopAbs_FACE)
     found = []
     while explorer.More():
-        found.append(BRep_Tool.Surface_s(TopoDS.Face_s(explorer.Current())))
+        found.append(BRep_Tool.Surface_s(TopoDS.Face(explorer.Current())))
         explorer.Next()
     splines = [face for face in found if isinstance(face, Geom_BSplineSurface)]
     assert len(splines) == len(surface.patches)
