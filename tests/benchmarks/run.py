@@ -4,14 +4,14 @@
 
 Every method is timed beside its peers in the same process, on one thread, at sizes that double. Time is
 processor time, the least of three runs, so that other people's load does not count; memory is the peak
-above what the process held before. The slope is d log time / d log size.
+above what the process held before. The slope is d log time / d log size. What is timed beside what:
+stages.py. Single contours and single surfaces in detail: bench_curves.py and bench_surface.py.
 """
 
 import argparse
 import contextlib
 import ctypes
 import gc
-import importlib
 import os
 import platform
 import sys
@@ -32,8 +32,9 @@ import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 import yaml  # noqa: E402
+from stages import STAGES  # noqa: E402
 
-NAMES = ("junctions", "curves", "surface", "pipeline")
+SIZES = (8, 16, 32, 64)
 REPEATS = 3
 COLUMNS = ("benchmark", "method", "slices", "seconds", "peak_mb")
 
@@ -73,16 +74,14 @@ def machine() -> str:
 
 def run(name: str, count: int | None, settings: dict) -> list[dict]:
     """Time every method of one benchmark at its first ``count`` sizes."""
-    benchmark = importlib.import_module(f"bench_{name}")
-    for method in benchmark.prepare(benchmark.SIZES[0], settings).values():
+    prepare, rows = STAGES[name], []
+    for method in prepare(SIZES[0], settings).values():
         method()  # compiles, and fills caches
-    rows = []
-    for size in benchmark.SIZES[:count]:
-        for label, method in benchmark.prepare(size, settings).items():
-            seconds, peak = measure(method)
-            values = (benchmark.TITLE, label, size, seconds, peak)
+    for size in SIZES[:count]:
+        for label, method in prepare(size, settings).items():
+            values = (name, label, size, *measure(method))
             rows.append(dict(zip(COLUMNS, values, strict=True)))
-            print("{:20} {:40} {:4} slices {:9.4f} s {:7.1f} MB".format(*values), flush=True)
+            print("{:10} {:32} {:4} slices {:9.4f} s {:7.1f} MB".format(*values), flush=True)
     return rows
 
 
@@ -125,14 +124,14 @@ def draw(table: pd.DataFrame, path: Path) -> None:
 def main() -> None:
     """Read the command line, run, write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", metavar="name", help=f"of {', '.join(NAMES)}; none: all")
+    parser.add_argument("names", nargs="*", metavar="name", help=f"of {', '.join(STAGES)}; none: all")
     parser.add_argument("--sizes", type=int, help="only so many sizes, the smallest first")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "benchmarks", help="results' folder")
     arguments = parser.parse_args()
-    if unknown := set(arguments.names) - set(NAMES):
-        parser.error(f"no benchmark {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
+    if unknown := set(arguments.names) - set(STAGES):
+        parser.error(f"no benchmark {', '.join(sorted(unknown))}; there are {', '.join(STAGES)}")
     settings = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))
-    rows = [row for name in arguments.names or NAMES for row in run(name, arguments.sizes, settings)]
+    rows = [row for name in arguments.names or STAGES for row in run(name, arguments.sizes, settings)]
     table = add_slopes(pd.DataFrame(rows)).assign(machine=machine())
     arguments.out.mkdir(parents=True, exist_ok=True)
     table.to_csv(arguments.out / "benchmarks.csv", index=False, float_format="%.4g")

@@ -1,0 +1,91 @@
+"""What is timed in each stage, and beside what, on an organ of so many slices."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+from organ import make_organ
+from scipy.interpolate import splprep
+
+from cccd.boundary import extract_boundaries
+from cccd.chaincode import trace_mask
+from cccd.comparisons.volume_meshes import flying_edges, windowed_sinc
+from cccd.curves import describe_curves
+from cccd.curves.ordering import order_structure
+from cccd.junctions import load_model, order_boundaries
+from cccd.surface import loft_surface, measure_surface
+
+__all__ = ["STAGES"]
+
+MODEL = Path(__file__).parents[2] / "workflow" / "models" / "junctions.pt"
+
+Methods = dict[str, Callable[[], object]]
+
+
+def junctions(slices: int, settings: dict) -> Methods:
+    """Boundary pixels to ordered curves, beside contour following of the filled mask."""
+    organ = make_organ(slices)
+    boundaries = extract_boundaries(organ, settings["boundaries"])
+    stack = organ.stack("mask").astype(np.uint8)
+    follow = partial(cv2.findContours, mode=cv2.RETR_CCOMP, method=cv2.CHAIN_APPROX_NONE)
+    model = load_model(MODEL)
+    return {
+        "GNN and minimum cut": lambda: order_boundaries(boundaries, model, image=organ.stack("image")),
+        "minimum cut alone": lambda: order_boundaries(boundaries, None),
+        "our tracing of a mask": lambda: trace_mask(organ),
+        "cv2.findContours of a mask": lambda: [follow(layer) for layer in stack],
+    }
+
+
+def curves(slices: int, settings: dict) -> Methods:
+    """Chain codes, corners and closed splines, beside a smoothing spline of every curve."""
+    traced = trace_mask(make_organ(slices))
+    paper = settings["curves"] | {"method": "corners"}
+    # splprep bounds the sum of squares: the tolerance that ours has at every point
+    allowed = settings["curves"]["tolerance_px"] ** 2
+
+    def smooth() -> None:
+        for points in traced:
+            closed = np.vstack([points, points[:1]])
+            splprep(closed.T, s=allowed * len(points), per=True)
+
+    return {
+        "few knots (default)": lambda: describe_curves(traced, settings["curves"]),
+        "corners as control points": lambda: describe_curves(traced, paper),
+        "splprep": smooth,
+    }
+
+
+def surface(slices: int, settings: dict) -> Methods:
+    """Lofting, beside the isosurface and the smoothing that people take today."""
+    organ = make_organ(slices)
+    traced = trace_mask(organ)
+    return {
+        "B-spline lofting": lambda: loft_surface(traced, settings["surface"]),
+        "flying edges": lambda: flying_edges(organ),
+        "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(organ)),
+    }
+
+
+def pipeline(slices: int, settings: dict) -> Methods:
+    """From a scan with its mask to a measured surface, beside an isosurface of the mask."""
+    organ = make_organ(slices)
+    model = load_model(MODEL)
+
+    def reconstruct(ordering: str) -> None:
+        boundaries = extract_boundaries(organ, settings["boundaries"])
+        ordered, _ = order_structure(organ, boundaries, model, ordering)
+        describe_curves(ordered, settings["curves"])
+        measure_surface(loft_surface(ordered, settings["surface"]), organ)
+
+    return {
+        "every stage": lambda: reconstruct("auto"),
+        "every stage, ordered by the GNN": lambda: reconstruct("gnn"),
+        "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(organ)),
+    }
+
+
+#: By the name of the benchmark on the command line.
+STAGES = {"junctions": junctions, "curves": curves, "surface": surface, "pipeline": pipeline}
