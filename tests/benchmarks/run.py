@@ -111,11 +111,12 @@ def draw(table: pd.DataFrame, path: Path) -> None:
             own = f"{label} ({lines['slope'].iloc[0]:.2f})"
             axes[0, column].plot(lines["slices"], lines["seconds"], marker="o", label=own)
             axes[1, column].plot(lines["slices"], np.maximum(lines["peak_mb"], 0.1), marker="o")
-        axes[0, column].set(title=title, xscale="log", yscale="log", ylabel="processor time (s)")
+        axes[0, column].set(xscale="log", yscale="log", ylabel="processor time (s)")
         axes[1, column].set(xlabel="slices", xscale="log", yscale="log", ylabel="peak memory (MB)")
         axes[1, column].set_xticks(sorted(set(part["slices"])), labels=sorted(set(part["slices"])))
         axes[1, column].minorticks_off()
-        axes[0, column].legend(fontsize=7, title="method (slope)", title_fontsize=7)
+        above = {"loc": "lower left", "bbox_to_anchor": (0, 1), "frameon": False}
+        axes[0, column].legend(title=f"{title}: method (slope)", alignment="left", fontsize=8, **above)
     figure.suptitle(machine(), fontsize=9)
     figure.savefig(path, dpi=150)
     plt.close(figure)
