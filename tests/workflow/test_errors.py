@@ -9,7 +9,7 @@ SHEET = "case\torgan\tsource\tmask\n"
     ("text", "words"),
     [
         ("case\torgan\tmsk\na\tb\tc.nii\n", ["unknown column 'msk'", "mask"]),
-        ("case\torgan\na\tb\na\tb\n", ["tiny.tsv row 3"]),
+        ("case\torgan\tsource\n" + "a\tb\tphantom\n" * 2, ["tiny.tsv row 3"]),
         (SHEET + "$(touch x)\tliver\tphantom\t\n", ["tiny.tsv row 2"]),
         (SHEET + "../../x\tliver\tphantom\t\n", ["tiny.tsv row 2"]),
         ("", ["tiny.tsv"]),

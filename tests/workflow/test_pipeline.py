@@ -68,7 +68,7 @@ def test_the_surface_is_closed_and_encloses_the_phantom(tiny_run, key):
     points, faces = store.read_structure(folder / "structure.h5").truth
     truth = trimesh.Trimesh(points, faces, process=False)
     assert mesh.volume == pytest.approx(truth.volume, rel=0.03)
-    np.testing.assert_allclose(mesh.bounds, truth.bounds, atol=3)
+    np.testing.assert_allclose(mesh.bounds, truth.bounds, atol=5)  # within a slice
 
 
 def test_the_patches_evaluate_as_the_contract_says(tiny_run):
@@ -82,7 +82,7 @@ def test_the_patches_evaluate_as_the_contract_says(tiny_run):
 
 def test_metrics_are_plain_numbers(tiny_run):
     metrics = json.loads((tiny_run.results / "tiny" / "sphere" / "metrics.json").read_text())
-    assert metrics["surface"]["dice"] > 0.95
+    assert metrics["surface"]["dice_3d"] > 0.95
 
 
 def test_tables_name_every_structure(tiny_run):
@@ -106,7 +106,9 @@ def test_a_touched_module_brings_back_nothing(tiny_copy):
 
 
 def test_another_k_neither_retrains_nor_imports(tiny_copy):
-    planned = set(tiny_copy.planned("--config", "curves={k: 7}"))
+    with (tiny_copy.folder / "tiny.yaml").open("a") as configuration:
+        configuration.write("curves: {k: 5}\n")
+    planned = set(tiny_copy.planned())
     assert "trace_curves" in planned
     assert planned.isdisjoint({"train_gnn", "generate_graphs", "import_structure", "extract_boundaries"})
 

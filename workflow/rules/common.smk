@@ -43,7 +43,7 @@ except InputError as error:
     sys.exit(f"Error: {error}")
 
 ROW = {(row["case"], row["organ"]): row for row in COHORT}
-#: The structures that are reported on; the others only lend training contours.
+#: The structures that are reconstructed and reported on; rows of role train are left out.
 RECONSTRUCTED = [key for key, row in ROW.items() if row["role"] != "train"]
 #: Those whose region is found in the image: what was taken is worth a look.
 REGIONS = [
@@ -51,7 +51,6 @@ REGIONS = [
     for key in RECONSTRUCTED
     if ROW[key]["source"] == "files" and not (ROW[key]["mask"] or ROW[key]["boundary"])
 ]
-TRAINING = [key for key, row in ROW.items() if row["role"] != "reconstruct"]
 
 
 #: The wildcards case and organ. Not the sheet's own names: a pattern that lists a thousand of them is searched
@@ -166,9 +165,9 @@ def failures():
 
 def tell_where_results_are():
     """End a good run by saying where to look."""
-    print(f"\nReport: {Path('results/report.html').resolve()}")
-    for surface in for_structures("surface.ply"):
-        print(f"Surface: {Path(surface).resolve()}")
+    for file in ("results/report.html", *for_structures("surface.ply")):
+        if Path(file).exists():
+            print(Path(file).resolve())
 
 
 def list_failures():

@@ -2,9 +2,7 @@
 
 
 rule generate_graphs:
-    """Draw the frozen training, validation and test graphs; never from a structure that is reconstructed."""
-    input:
-        contours=for_structures("structure.h5", TRAINING),
+    """Draw the frozen training, validation and test graphs from synthetic contours, none of them a structure's."""
     output:
         "results/gnn/graphs.h5",
     log:

@@ -97,7 +97,7 @@ def _third_derivative(knots, s, row):
         row[q] = (second[1, q] - second[0, q]) / width
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")  # knots that coincide cost inf, and stay
 def _removal_costs(knots, control, points, parameters, kept):
     """Predict what the removal of each knot would do to the distances.
 
@@ -260,10 +260,12 @@ def _within(
     """Fewest knots whose spline keeps the tolerance: inserted where it does not, removed while it does."""
     while fit.distance.max() > tolerance:
         breaks, more_kept = _insert(fit, kept, period, tolerance)
-        if len(breaks) == len(fit.breaks):
+        if len(breaks) == len(fit.breaks) or len(breaks) > 2 * len(points):
+            break  # more knots than the points can hold tell nothing more
+        richer = _fit(breaks, period, points, fit.parameters, 0, sliding)
+        if not np.isfinite(richer.distance).all():
             break
-        kept = more_kept
-        fit = _fit(breaks, period, points, fit.parameters, 0, sliding)
+        fit, kept = richer, more_kept
     rich, rich_kept = fit, kept
     for rounds, share in _PASSES:
         most = len(fit.breaks)
@@ -274,7 +276,7 @@ def _within(
             if not gone.any():
                 break
             trial = _fit(fit.breaks[~gone], period, points, fit.parameters, rounds, sliding)
-            if trial.distance.max() > tolerance:
+            if not trial.distance.max() <= tolerance:  # nan too
                 if most == 1:
                     break
                 most = max(1, most // 3)
@@ -286,7 +288,7 @@ def _within(
     while FEWEST < len(fit.breaks) <= _SMALL:  # of few knots each counts: try again from more
         trial = _with(rich, points, period, rich_kept, len(fit.breaks) - 1, sliding)
         trial = _levelled(trial, points, tolerance, sliding)
-        if len(trial.breaks) >= len(fit.breaks) or trial.distance.max() > tolerance:
+        if len(trial.breaks) >= len(fit.breaks) or not trial.distance.max() <= tolerance:
             break
         fit = trial
     return fit
