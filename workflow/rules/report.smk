@@ -55,7 +55,6 @@ rule build_tables:
         runtime=minutes(15),
     params:
         library=library("build_tables"),
-        structures=RECONSTRUCTED,
     script:
         "../../scripts/build_tables.py"
 
