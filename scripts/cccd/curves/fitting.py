@@ -25,6 +25,9 @@ __all__ = ["corner_splines", "fit_curves", "sample_splines", "uniform_knots"]
 _CHECKED_PER_PIXEL = 3.0
 _CHECKED_PER_SPAN = 12
 
+#: Where the samples turn by more than this (radians), the gaps beside are quartered, so many times.
+_TURN, _CLOSER = 0.5, 3
+
 #: How a curve is fitted, and fitted again while it crosses itself or its neighbour: weight of the
 #: tangential distance (at 1 a fit folds less easily), share of the tolerance, multiple of the budget.
 _ATTEMPTS = (
@@ -192,13 +195,30 @@ def _pairs_apart(curves: Curves) -> np.ndarray:
 
 def _crossing(splines: Splines, apart: np.ndarray) -> np.ndarray:
     """Splines (C,) bool that cross themselves, or another one whose curve does not touch theirs."""
-    lines = [evaluate(knots, control, _looks(knots)) for control, knots in splines]
-    points, offsets = concatenate_ragged(lines)
+    points, offsets = concatenate_ragged([_line(control, knots) for control, knots in splines])
     wrong = ~is_simple(points, offsets)
     if len(apart):
         rings = _rings(points, offsets)
         wrong[apart[shapely.intersects(rings[apart[:, 0]], rings[apart[:, 1]])].ravel()] = True
     return wrong
+
+
+def _line(control: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Points (N, 2) along a spline, ever closer where it turns: no fold is small between two of them."""
+    u = _looks(knots)
+    points = evaluate(knots, control, u)
+    for _ in range(_CLOSER):
+        step = np.roll(points, -1, axis=0) - points
+        before = np.roll(step, 1, axis=0)
+        turn = np.abs(np.arctan2(before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0], (before * step).sum(1)))
+        bent = turn > _TURN
+        begin = np.flatnonzero(bent | np.roll(bent, -1))
+        if not len(begin):
+            break
+        gap = np.diff(u, append=knots[-DEGREE - 1] - knots[DEGREE] + u[0])
+        u = np.sort(np.concatenate([u, *(u[begin] + share * gap[begin] for share in (0.25, 0.5, 0.75))]))
+        points = evaluate(knots, control, u)
+    return points
 
 
 def _looks(knots: np.ndarray) -> np.ndarray:
