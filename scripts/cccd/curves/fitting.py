@@ -210,8 +210,8 @@ def _line(control: np.ndarray, knots: np.ndarray) -> np.ndarray:
     for _ in range(_CLOSER):
         step = np.roll(points, -1, axis=0) - points
         before = np.roll(step, 1, axis=0)
-        turn = np.abs(np.arctan2(before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0], (before * step).sum(1)))
-        bent = turn > _TURN
+        across = before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0]
+        bent = np.abs(np.arctan2(across, (before * step).sum(axis=1))) > _TURN
         begin = np.flatnonzero(bent | np.roll(bent, -1))
         if not len(begin):
             break
