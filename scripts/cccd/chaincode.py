@@ -25,6 +25,7 @@ from cccd.metrics import rasterise
 
 __all__ = [
     "DIRECTIONS",
+    "broken_links",
     "chain_codes",
     "decode",
     "is_simple",
@@ -143,12 +144,19 @@ def resample(points: np.ndarray, offsets: np.ndarray, counts: np.ndarray) -> tup
 # Codes ------------------------------------------------------------------------------------------------
 
 
+def broken_links(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """Corners (P,) bool of closed curves whose successor is not one of their eight neighbours.
+
+    In an ordered chain these are the isolated corners that are left (section 4.1, Figure 4).
+    """
+    step = points[successors(offsets)] - points
+    return ~((np.abs(step).max(axis=1, initial=0) == 1) & (step == np.rint(step)).all(axis=1))
+
+
 def on_pixel_chain(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """Whether each closed curve (C,) steps from pixel centre to neighbouring pixel centre."""
-    step = points[successors(offsets)] - points
-    unit = (np.abs(step).max(axis=1, initial=0) == 1) & (step == np.rint(step)).all(axis=1)
     whole = (points == np.rint(points)).all(axis=1)
-    return _sum_per_curve(~(unit & whole), offsets) == 0
+    return _sum_per_curve(broken_links(points, offsets) | ~whole, offsets) == 0
 
 
 def chain_codes(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:

@@ -133,6 +133,12 @@ def test_figure_4_a_wrong_turn_at_a_staircase_corner_isolates():
     assert not chaincode.isolated_corners(clean).any()
 
 
+def test_a_chain_with_a_gap_keeps_one_isolated_corner_and_a_whole_one_none():
+    square = np.array([(0, 0), (0, 1), (0, 2), (1, 2), (2, 2), (2, 1), (2, 0), (1, 0)], float)
+    points, offsets = concatenate_ragged([square, np.delete(square, 5, axis=0)])
+    assert np.flatnonzero(chaincode.broken_links(points, offsets)).tolist() == [8 + 4]
+
+
 def test_open_lines_and_single_pixels_are_isolated():
     boundaries = boundaries_of(["....", ".##.", "...."], ["#"])
     assert chaincode.isolated_corners(boundaries).sum() == 2

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cccd.chaincode import isolated_corners, junction_pixels, signed_areas, trace_stack
+from cccd.chaincode import broken_links, isolated_corners, junction_pixels, signed_areas, trace_stack
 from cccd.containers import Boundaries, Curves, Frame, concatenate_ragged
 from cccd.junctions.complexes import REGION_GAPS_PX, Complex, build_complex, join_complexes
 from cccd.junctions.cut import minimum_cut
@@ -124,13 +124,6 @@ def curves_from_masks(masks: np.ndarray, origin: Sequence[int], frame: Frame) ->
     return Curves(points, offsets, curves.slice[kept], curves.hole[kept], frame)
 
 
-def _as_boundaries(curves: Curves) -> Boundaries:
-    """Take the curves' pixels as an unordered map."""
-    slices, begin = np.unique(curves.slice, return_index=True)
-    offsets = np.append(curves.offsets[begin], curves.offsets[-1])
-    return Boundaries(curves.points.astype(np.int32), offsets, slices.astype(np.int32), curves.frame)
-
-
 def order_boundaries(
     boundaries: Boundaries,
     model: JunctionNetwork | None,
@@ -180,19 +173,17 @@ def order_boundaries(
 
 
 def _report(boundaries: Boundaries, curves: Curves) -> dict:
-    after = _as_boundaries(curves)
-    begin = boundaries.offsets[:-1]
+    count = len(boundaries.slice)
     per_slice = {
         "pixels": np.diff(boundaries.offsets),
         "junctions": _per_slice(junction_pixels(boundaries), boundaries.offsets),
         "isolated_before": _per_slice(isolated_corners(boundaries), boundaries.offsets),
     }
-    at = np.searchsorted(boundaries.slice, after.slice)
-    per_slice["isolated_after"] = np.zeros(len(begin), np.int64)
-    per_slice["isolated_after"][at] = _per_slice(isolated_corners(after), after.offsets)
     of = np.searchsorted(boundaries.slice, curves.slice)
-    per_slice["outer"] = np.bincount(of[~curves.hole], minlength=len(begin))
-    per_slice["holes"] = np.bincount(of[curves.hole], minlength=len(begin))
+    broken = np.repeat(of, np.diff(curves.offsets))[broken_links(curves.points, curves.offsets)]
+    per_slice["isolated_after"] = np.bincount(broken, minlength=count)
+    per_slice["outer"] = np.bincount(of[~curves.hole], minlength=count)
+    per_slice["holes"] = np.bincount(of[curves.hole], minlength=count)
     rows = [
         {"k": int(k), **{name: int(values[n]) for name, values in per_slice.items()}}
         for n, k in enumerate(boundaries.slice)

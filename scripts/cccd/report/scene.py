@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BSpline
 
-from cccd.chaincode import isolated_corners, junction_pixels, on_pixel_chain, successors
+from cccd.chaincode import broken_links, isolated_corners, junction_pixels, on_pixel_chain
 from cccd.containers import Boundaries, Curves, Frame, Splines, Structure
 from cccd.report.meshes import (
     Mesh,
@@ -256,9 +256,9 @@ def _add_slices(
             add(name, boundaries.points[flags], owner[flags])
     if curves is not None and splines is not None and corners is not None:
         owner = np.repeat(curves.slice, np.diff(curves.offsets))
-        step = np.abs(curves.points[successors(curves.offsets)] - curves.points).max(axis=1)
         if on_pixel_chain(curves.points, curves.offsets).any():  # contours as given have no chain code
-            add("isolated_after", curves.points[step > 1], owner[step > 1])
+            broken = broken_links(curves.points, curves.offsets)
+            add("isolated_after", curves.points[broken], owner[broken])
         add("corners", corners[0], np.repeat(curves.slice, np.diff(corners[1])))
         line, offsets = _evaluate(splines)
         arrays["curve_points"] = quantise(line, pixels)

@@ -90,6 +90,7 @@ def test_isolated_corners_and_junctions_are_counted_before_and_after():
     row = report["slices"][0]
     assert row["pixels"] == len(chain) + 8
     assert row["isolated_before"] >= 1
+    assert row["isolated_after"] == 0
     assert row["junctions"] >= 1
 
 
