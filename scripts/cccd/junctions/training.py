@@ -356,6 +356,9 @@ def train_model(
         loss = _run_epoch(model, optimiser, schedule, _Stream(frozen, settings, seed, epoch), threads, device)
         row = {"epoch": epoch, "loss": loss, **_validate(model, validation, prepared)}
         row["seconds"] = round(time.perf_counter() - begun, 2)
+        row["device"] = (
+            torch.cuda.get_device_name(device) if device.type == "cuda" else f"CPU, {threads} threads"
+        )
         history.append(row)
         logger.info("%s", row)
         # few slices are on the edge of correct; the mean with Dice tells epochs apart with less noise

@@ -9,9 +9,9 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 import pandas as pd
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from cccd.report.svg import DASHES, INK, MARKERS, RULE, SERIES, SOFT, axes, style, to_svg
+from cccd.report.svg import DASHES, INK, MARKERS, RULE, SERIES, SOFT, axes, legend_below, style, to_svg
 from cccd.report.tables import words
 
 __all__ = ["learning_curve", "lines", "methods", "rule_times", "strips", "structure_names"]
@@ -112,8 +112,7 @@ def lines(
                     )
             axis.set_title(title)
             axis.set_xlabel(_label(x))
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), len(shown) + 1))
+        legend_below(figure, panels[0], len(shown) + 1)
         return to_svg(figure, key, f"{', '.join(shown.values())} against {_label(x)}")
 
 
@@ -173,13 +172,18 @@ def methods(
             axis.set_yticks(range(len(rows)), rows if axis is panels[0] else [])
             if measure in logarithmic and frame[measure].min() > 0:
                 axis.set_xscale("log")
+                if (
+                    frame[measure].max() < 100 * frame[measure].min()
+                ):  # few powers of ten: name what is between
+                    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+                axis.xaxis.set_minor_formatter(NullFormatter())
             else:
                 axis.xaxis.set_major_locator(MaxNLocator(3))
         for tick, row in zip(panels[0].get_yticklabels(), rows, strict=True):
             tick.set_color(INK if ours in row else SOFT)
         if len(names) > 1:
-            handles, labels = panels[0].get_legend_handles_labels()
-            figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4))
+            legend_below(figure, panels[0], 4)
         return to_svg(figure, key, f"{', '.join(shown.values())} of {len(rows)} methods")
 
 

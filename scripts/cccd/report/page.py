@@ -63,7 +63,7 @@ class Headline(NamedTuple):
 HEADLINES = (
     Headline(("surface", "dice_3d"), "3D Dice", "", 1, ".4f"),
     Headline(("surface", "assd_mm"), "ASSD", "mm", 1, ".2f"),
-    Headline(("surface", "volume_bias"), "Volume bias", "%", 100, "+.2f"),
+    Headline(("surface", "volume_bias"), "Volume bias", "%", 100, "+z.2f"),
     Headline(("surface", "control_points"), "Control points", "", 1, ",d"),
     Headline(("surface", "control_bytes"), "Control net", "kB", 1e-3, ".1f"),
     Headline(("surface", "compactness"), "Smaller than marching cubes", "×", 1, ".0f"),
@@ -180,7 +180,7 @@ def build_report(
             "experiments": _experiments(evidence, views, remarks),
             "history": table("history", history) if history is not None else None,
             "learning": _markup(figures.learning_curve(history)) if history is not None else None,
-            "training": _training_facts(results, config),
+            "training": _training_facts(results, config, history),
             "times": table("rule_times", times) if times is not None else None,
             "times_plot": Markup(figures.rule_times(times)) if times is not None else None,
             "total_time": duration(float(times["total_s"].sum())) if times is not None else None,
@@ -547,12 +547,15 @@ def _sizes(views: Sequence[StructureView]) -> pd.DataFrame | None:
     return frame if frame.shape[1] > 2 else None
 
 
-def _training_facts(results: Path, config: Mapping[str, Any]) -> dict[str, str]:
-    """Collect data counts, seed and device, as far as the training left them."""
+def _training_facts(results: Path, config: Mapping[str, Any], history: pd.DataFrame | None) -> dict[str, str]:
+    """Collect data counts, seed, device and time, as far as the training left them."""
     found = {"seed": str(config.get("seed", "not set"))}
     pretrained = (config.get("gnn") or {}).get("pretrained")
     if pretrained:
         found["weights"] = f"not trained here, taken from {pretrained}"
+    elif history is not None and {"device", "seconds"}.issubset(history.columns):
+        found["device"] = "; ".join(history["device"].astype(str).unique())
+        found["epochs"] = f"{len(history)} in {duration(float(history['seconds'].sum()))}"
     path = results / "gnn" / "graphs.h5"
     if path.is_file():
         with h5py.File(path, "r", locking=False) as file:

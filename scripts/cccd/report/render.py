@@ -17,7 +17,17 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-__all__ = ["VIEWS", "VTK_PACKAGE", "Renderer", "View", "picture_renderer", "render_surface"]
+__all__ = [
+    "VIEWS",
+    "VTK_PACKAGE",
+    "Renderer",
+    "View",
+    "frame_view",
+    "paint_mesh",
+    "picture_renderer",
+    "read_mesh",
+    "render_surface",
+]
 
 Renderer = Literal["vtk", "matplotlib"]
 
@@ -75,7 +85,7 @@ def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420
             with Image.open(temporary) as opened:
                 picture = opened.convert("RGBA")
         else:
-            picture = Image.fromarray(_draw_with_matplotlib(*_read_mesh(ply_path), pixels))
+            picture = Image.fromarray(_draw_with_matplotlib(*read_mesh(ply_path), pixels))
         picture.save(temporary, pnginfo=_stamp(renderer), optimize=True)
     return renderer
 
@@ -97,7 +107,7 @@ def _stamp(renderer: Renderer):
     return stamp
 
 
-def _read_mesh(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+def read_mesh(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (V, 3) and faces (F, 3) of a mesh file, as they stand in it."""
     import trimesh
 
@@ -156,39 +166,63 @@ def _cluster_vertices(vertices: np.ndarray, faces: np.ndarray, most: int) -> tup
     return vertices, faces
 
 
-def _draw_with_matplotlib(vertices: np.ndarray, faces: np.ndarray, pixels: int) -> np.ndarray:
-    """Flat-shaded orthographic views as RGBA (pixels, 3 pixels, 4) uint8, painted from back to front."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.collections import PolyCollection
-    from matplotlib.figure import Figure
+def frame_view(axes, points: np.ndarray) -> np.ndarray:
+    """Make a square, axis-free window that holds ``points`` (N, 3) from every side; gives its centre (3,)."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    half = 0.57 * (high - low).max()
+    axes.set_axis_off()
+    axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
+    return (low + high) / 2
 
-    vertices, faces = _cluster_vertices(vertices, faces, _FALLBACK_TRIANGLES)
+
+def paint_mesh(axes, vertices: np.ndarray, faces: np.ndarray, centre: np.ndarray, view: View, **options):
+    """Paint the triangles that face the eye from back to front, flat-shaded, in parallel projection.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Prepared by `frame_view`, which gave ``centre``.
+    vertices, faces : (V, 3) and (F, 3) arrays
+        World mm (RAS), normals outwards.
+    centre : (3,) array
+    view : View
+    **options
+        Passed on to the `PolyCollection`.
+    """
+    from matplotlib.collections import PolyCollection
+
     a, b, c = (vertices[corner] for corner in faces.T)
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
-    centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    half_height = 0.57 * np.ptp(vertices, axis=0).max()
+    towards, up = np.array(view.towards), np.array(view.up)
+    right = np.cross(up, towards)
+    front = normals @ towards > 0
+    corners = (vertices - centre)[faces[front]]
+    order = np.argsort((corners @ towards).mean(axis=1))
+    corners = corners[order]
+    light = towards + 0.5 * up - 0.4 * right
+    shade = np.clip(normals[front][order] @ (light / np.linalg.norm(light)), 0, 1)
+    colours = np.clip(np.outer(0.35 + 0.75 * shade, _COLOUR), 0, 1)
+    flat = np.stack([corners @ right, corners @ up], axis=2)
+    axes.add_collection(
+        PolyCollection(
+            flat, facecolors=colours, edgecolors=colours, linewidths=0.15, antialiaseds=False, **options
+        )
+    )
 
+
+def _draw_with_matplotlib(vertices: np.ndarray, faces: np.ndarray, pixels: int) -> np.ndarray:
+    """Flat-shaded orthographic views as RGBA (pixels, 3 pixels, 4) uint8, painted from back to front."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    vertices, faces = _cluster_vertices(vertices, faces, _FALLBACK_TRIANGLES)
     figure = Figure(figsize=(len(VIEWS), 1), dpi=pixels)
     canvas = FigureCanvasAgg(figure)
     figure.patch.set_alpha(0)
     for column, view in enumerate(VIEWS):
-        towards, up = np.array(view.towards), np.array(view.up)
-        right = np.cross(up, towards)
         axes = figure.add_axes((column / len(VIEWS), 0, 1 / len(VIEWS), 1))
-        axes.set_axis_off()
-        axes.set(xlim=(-half_height, half_height), ylim=(-half_height, half_height))
-        front = normals @ towards > 0
-        corners = (vertices - centre)[faces[front]]
-        order = np.argsort((corners @ towards).mean(axis=1))
-        corners = corners[order]
-        light = towards + 0.5 * up - 0.4 * right
-        shade = np.clip(normals[front][order] @ (light / np.linalg.norm(light)), 0, 1)
-        colours = np.clip(np.outer(0.35 + 0.75 * shade, _COLOUR), 0, 1)
-        flat = np.stack([corners @ right, corners @ up], axis=2)
-        axes.add_collection(
-            PolyCollection(flat, facecolors=colours, edgecolors=colours, linewidths=0.15, antialiaseds=False)
-        )
+        paint_mesh(axes, vertices, faces, frame_view(axes, vertices), view)
     canvas.draw()
     return np.asarray(canvas.buffer_rgba()).copy()
 

@@ -13,13 +13,14 @@ import re
 from collections.abc import Iterator
 
 import matplotlib
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
 
-__all__ = ["DASHES", "INK", "MARKERS", "RULE", "SERIES", "SOFT", "axes", "style", "to_svg"]
+__all__ = ["DASHES", "INK", "MARKERS", "RULE", "SERIES", "SOFT", "axes", "legend_below", "style", "to_svg"]
 
 #: Marker colours and the variables that replace them.
 INK, SOFT, RULE = "#010203", "#010204", "#010205"
@@ -97,6 +98,16 @@ def axes(width: float = 6.0, height: float = 3.2, rows: int = 1, columns: int = 
     for one in [grid] if rows * columns == 1 else grid.ravel():
         one.patch.set_alpha(0)
     return figure, grid
+
+
+def legend_below(figure: Figure, panel: Axes, most: int) -> None:
+    """Name the series of ``panel`` below the figure, in at most ``most`` columns and no wider than it."""
+    handles, labels = panel.get_legend_handles_labels()
+    for columns in range(min(len(labels), most), 0, -1):
+        legend = figure.legend(handles, labels, loc="outside lower center", ncols=columns)
+        if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return
+        legend.remove()
 
 
 def to_svg(figure: Figure, key: str, label: str) -> str:

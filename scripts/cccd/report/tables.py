@@ -60,6 +60,9 @@ SPELLINGS = {
 }
 
 
+#: Columns that hold a share and are read in percent.
+IN_PERCENT = {"volume_bias"}
+
 #: Numbers that need more decimals are written with an exponent.
 _MOST_DECIMALS = 7
 
@@ -142,7 +145,7 @@ def number(value: Any, decimals: int | None = None) -> str:
         return typeset(f"{int(value):,}")
     if decimals is None:
         decimals = _decimals(np.array([value], float))
-    return typeset(f"{float(value):,.{decimals}f}" if decimals <= _MOST_DECIMALS else f"{float(value):.1e}")
+    return typeset(f"{float(value):z,.{decimals}f}" if decimals <= _MOST_DECIMALS else f"{float(value):.1e}")
 
 
 def _decimals(values: np.ndarray) -> int:
@@ -155,14 +158,14 @@ def _decimals(values: np.ndarray) -> int:
     return int(np.clip(3 - np.floor(np.log10(largest)), 0, 12)) if largest > 0 else 0
 
 
-def _cell(value: Any, decimals: int | None, link: str | None) -> Cell:
+def _cell(value: Any, decimals: int | None, link: str | None, factor: float = 1) -> Cell:
     if value is None or value is pd.NA or (isinstance(value, Real) and not math.isfinite(value)):
         return Cell("–", "", True)
     if isinstance(value, (bool, np.bool_)):
         return Cell("yes" if value else "no", str(bool(value)), False, link)
     if isinstance(value, Real):
         return Cell(
-            number(value, decimals),
+            number(factor * value, decimals),
             repr(value.item() if isinstance(value, np.generic) else value),
             True,
             link,
@@ -182,18 +185,21 @@ def table(key: str, frame: pd.DataFrame, links: Iterable[str | None] | None = No
         Where each row's first cell leads.
     """
     frame = frame.dropna(axis="columns", how="all")
-    columns, decimals = [], []
+    columns, decimals, factors = [], [], []
     for name in frame.columns:
         heading, unit = words(str(name))
         series = frame[name]
+        share = name in IN_PERCENT
+        unit = "%" if share else unit
         numeric = pd.api.types.is_numeric_dtype(series) and not pd.api.types.is_bool_dtype(series)
         columns.append(Column(str(name), heading, unit, numeric))
-        decimals.append(_decimals(series.to_numpy(float)) if numeric else None)
+        decimals.append((2 if share else _decimals(series.to_numpy(float))) if numeric else None)
+        factors.append(100 if share else 1)
     targets = list(links) if links is not None else [None] * len(frame)
     rows = [
         [
-            _cell(value, digits, None if place else link)
-            for place, (value, digits) in enumerate(zip(row, decimals, strict=True))
+            _cell(value, digits, None if place else link, factor)
+            for place, (value, digits, factor) in enumerate(zip(row, decimals, factors, strict=True))
         ]
         for row, link in zip(frame.astype(object).itertuples(index=False, name=None), targets, strict=True)
     ]

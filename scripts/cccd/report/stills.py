@@ -1,0 +1,67 @@
+"""Figure 17 as a still: marching cubes, the spline surface and its control net from one side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.collections import LineCollection
+
+from cccd.containers import Patch
+from cccd.report.meshes import Mesh, simplify, voxel_surface
+from cccd.report.render import VIEWS, frame_view, paint_mesh, read_mesh
+from cccd.report.svg import axes, style, to_svg
+from cccd.store import read_patches, read_structure
+
+__all__ = ["draw_surface_still"]
+
+#: Painting is slow: each mesh is simplified to this many triangles, about one per pixel.
+_TRIANGLES = 60_000
+
+_NET_COLOUR = "#0072b2"
+
+
+def draw_surface_still(key: str, folder: Path) -> str | None:
+    """Draw one structure's surface as the paper's Figure 17 does; None where there is none.
+
+    Parameters
+    ----------
+    key : str
+        Id of the figure.
+    folder : path
+        ``results/{case}/{organ}``.
+    """
+    if not all((folder / name).is_file() for name in ("structure.h5", "surface.ply", "surface.h5")):
+        return None
+    surface = Mesh(*read_mesh(folder / "surface.ply"))
+    cubes = voxel_surface(read_structure(folder / "structure.h5"))
+    patches = read_patches(folder / "surface.h5")
+    panels = [("c  control net", surface, patches)]
+    panels.insert(0, ("b  spline surface", surface, []))
+    if cubes is not None:
+        panels.insert(0, ("a  marching cubes", cubes, []))
+    view = VIEWS[0]
+    up = np.array(view.up)
+    across = np.stack([np.cross(up, view.towards), up], axis=1)  # (3, 2): world to picture
+    with style():
+        figure, grid = axes(3.0 * len(panels), 3.2, columns=len(panels))
+        for axis, (title, mesh, nets) in zip(np.atleast_1d(grid), panels, strict=True):
+            centre = frame_view(axis, surface.points)
+            small = simplify(mesh, _TRIANGLES)
+            paint_mesh(axis, small.points, small.faces, centre, view, rasterized=True)
+            lines = [(line - centre) @ across for patch in nets for line in _net_lines(patch)]
+            axis.add_collection(
+                LineCollection(lines, colors=_NET_COLOUR, linewidths=0.35, alpha=0.7, rasterized=True)
+            )
+            axis.set_title(title)
+        return to_svg(figure, key, "Marching cubes, spline surface and control net, seen from the front")
+
+
+def _net_lines(patch: Patch) -> list[np.ndarray]:
+    """Polylines (n, 3) of a control net in world mm, both ways, closed where the patch is."""
+    points = patch.control_points
+    if patch.closed_u:
+        points = np.concatenate([points, points[:1]])
+    if patch.closed_v:
+        points = np.concatenate([points, points[:, :1]], axis=1)
+    return [*points, *points.transpose(1, 0, 2)]
