@@ -70,6 +70,9 @@ _SMALL = 16
 _LEAST = 24
 _FINER = 3
 
+#: Spans shorter than this, in pixels, are not halved.
+_LEAST_SPAN = 0.05
+
 #: Share of the tolerance that is kept at the samples, for between them a little more may be needed.
 _AT_SAMPLES = 0.97
 
@@ -230,12 +233,16 @@ def _fit(
 
 
 def _insert(fit: _Fit, kept: np.ndarray, period: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Halve every span that holds a point farther away than the tolerance and at least three points."""
+    """Halve every span that holds a point farther away than the tolerance and at least three points.
+
+    Spans near zero stay: points that crowd there are a fit's failure, which more knots would not mend.
+    """
     count = len(fit.breaks)
     span = np.searchsorted(fit.breaks, fit.parameters, side="right") - 1
     far = np.bincount(span, fit.distance > tolerance, count) > 0
-    split = np.flatnonzero(far & (np.bincount(span, minlength=count) >= 3))
     ends = np.append(fit.breaks, fit.breaks[0] + period)
+    several = (np.bincount(span, minlength=count) >= 3) & (np.diff(ends) > _LEAST_SPAN)
+    split = np.flatnonzero(far & several)
     middle = (ends[split] + ends[split + 1]) / 2
     return np.insert(fit.breaks, split + 1, middle), np.insert(kept, split + 1, False)
 

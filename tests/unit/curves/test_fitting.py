@@ -126,6 +126,7 @@ def test_a_rectangle_keeps_its_corners_and_a_circle_has_none(frame):
 @given(st.integers(0, 2**32 - 1), st.sampled_from([None, 0.05, 0.1, 6]))
 @example(1_861_228_300, None)  # knots without end
 @example(305, None)  # a fold between two looks
+@example(3986, None)  # knots that crowd at one place
 def test_splines_never_cross_themselves_however_small_or_ragged(seed, budget):
     mask = np.random.default_rng(seed).random((2, 14, 15)) < 0.62
     curves = trace_stack(mask, (0, 0, 0), Frame(np.eye(4), 2, (60, 60, 4)))
