@@ -559,8 +559,12 @@ def _training_facts(results: Path, config: Mapping[str, Any], history: pd.DataFr
     path = results / "gnn" / "graphs.h5"
     if path.is_file():
         with h5py.File(path, "r", locking=False) as file:
-            for key, value in file.attrs.items():
-                text = value.decode() if isinstance(value, bytes) else str(value)
-                if len(text) <= 200:
-                    found[words(str(key))[0]] = text
+            splits = [f"{len(file[name]['kind'])} {name}" for name in ("training", "validation", "test")]
+            kinds, sparse, dense = (file.attrs[name] for name in ("kinds", "bytes", "bytes_dense"))
+        found["frozen graphs"] = ", ".join(splits)
+        found["kinds of damage"] = kinds.replace(",", ", ").replace("_", " ")
+        found["size of the graphs"] = (
+            f"{number(sparse / 1e6, 1)} MB; as dense matrices {number(dense / 1e9, 2)} GB, "
+            f"{number(dense / sparse, 0)} times as much"
+        )
     return found
