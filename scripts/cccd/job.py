@@ -23,7 +23,8 @@ def job(log: str | Path, name: str) -> Iterator[logging.Logger]:
     ----------
     log : path
         The rule's log file. Beside it, ``<log>.failed`` holds the one line of a failure for the
-        summary at the end of the run, and is removed when the job succeeds.
+        summary at the end of the run, and is removed when the job succeeds. It stands there from the
+        start, for what ends the process at once: a kill, or a crash in a library.
     name : str
         What the user calls the work, e.g. ``"mni152/brain"``.
 
@@ -35,7 +36,12 @@ def job(log: str | Path, name: str) -> Iterator[logging.Logger]:
     log = Path(log)
     log.parent.mkdir(parents=True, exist_ok=True)
     failed = log.with_name(f"{log.name}.failed")
-    failed.unlink(missing_ok=True)
+
+    def tell(line: str) -> None:
+        with contextlib.suppress(OSError):
+            failed.write_text(" ".join(line.split()) + "\n", encoding="utf-8")
+
+    tell(f"{name}: died without a word (killed, out of memory, or a crash over a damaged file); see {log}")
     logging.basicConfig(
         filename=log, filemode="w", level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s"
     )
@@ -53,7 +59,7 @@ def job(log: str | Path, name: str) -> Iterator[logging.Logger]:
         else:
             line = f"{name}: {type(error).__name__}: {error}; see {log}"
         logger.error("%s\n%s", line, traceback.format_exc())
-        with contextlib.suppress(OSError):
-            failed.write_text(" ".join(line.split()) + "\n", encoding="utf-8")
+        tell(line)
         print(f"Error: {line}", file=sys.stderr)
         sys.exit(1)
+    failed.unlink(missing_ok=True)

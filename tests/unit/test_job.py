@@ -58,6 +58,12 @@ def test_success_clears_an_earlier_failure(tmp_path):
     assert not log.with_name("job.log.failed").exists()
 
 
+def test_a_job_that_is_killed_leaves_its_line(tmp_path):
+    log = tmp_path / "job.log"
+    assert run_job("import os; os.kill(os.getpid(), 9)", log).returncode == -9
+    assert log.with_name("job.log.failed").read_text().startswith("case/organ: died without a word")
+
+
 def test_disk_full_in_a_library_call_is_named(tmp_path):
     with pytest.raises(SystemExit) as error, job(tmp_path / "job.log", "x"):
         raise OSError(errno.ENOSPC, "No space left on device")

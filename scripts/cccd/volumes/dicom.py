@@ -199,7 +199,7 @@ def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = No
         affine,
         place,
         warnings=warnings,
-        instances=tuple(str(header.SOPInstanceUID) for _, header in files),
+        instances=tuple(str(header.get("SOPInstanceUID", "")) for _, header in files),
         frame_of_reference=str(files[0][1].get("FrameOfReferenceUID", "")),
     )
 

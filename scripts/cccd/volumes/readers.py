@@ -30,6 +30,12 @@ SUFFIXES = (*_NIFTI, ".seg.nrrd", ".nrrd", ".nhdr", ".mha", ".mhd")
 
 #: Deflate packs at most this many bytes into one.
 _DEFLATE_RATIO = 1032
+#: NRRD fields are never longer than so many bytes; Teem crashes on some that are.
+_NRRD_FIELD = 400
+#: Where a header says that its voxels are: in itself, in several files, or in the file of this name.
+_VOXEL_FILE = re.compile(rb"^(?:ElementDataFile *=|data ?file:) *(.*?)\s*$", re.MULTILINE | re.IGNORECASE)
+_IN_ITSELF = re.compile(rb"local", re.IGNORECASE)
+_SEVERAL_FILES = re.compile(rb"list( \d)?|[^%\s]+%0?\d?d[^%\s]*( \d+ \d+( [1-9]\d*( \d)?)?)?", re.IGNORECASE)
 
 
 @contextlib.contextmanager
@@ -71,6 +77,44 @@ def _spatial(data: np.ndarray, place: str) -> np.ndarray:
     return data
 
 
+def _check_promise(count: int, ratio: int, path: Path) -> None:
+    """Refuse a header that promises more than its file can hold: its reader would fill the memory."""
+    if count > ratio * path.stat().st_size:
+        raise InputError(path.name, "its header promises more voxels than it holds", "copy the file again")
+
+
+def _check_header(header: bytes, meta: bool, place: str) -> None:
+    """Refuse what SimpleITK's C libraries are known to crash on, which would end the process."""
+    if meta:
+        dimensions = re.findall(rb"^\s*NDims *=(.*)$", header, re.MULTILINE)
+        sound = dimensions and all(re.fullmatch(rb" *[1-9]\s*", number) for number in dimensions)
+    else:
+        fields = [line for line in header.split(b"\n") if not re.match(rb"#|[^:]*:=", line)]
+        sound = max(map(len, fields)) <= _NRRD_FIELD
+        if any(re.match(rb"encoding: *(te?xt|ascii)", field, re.IGNORECASE) for field in fields):
+            raise InputError(place, "its voxels are written as text", "save it with encoding raw or gzip")
+    if not sound:
+        raise InputError(place, "its header is damaged", "copy the file again")
+
+
+def _voxel_file(path: Path) -> Path | None:
+    """Give the file with the voxels of a NRRD or MetaImage, None where they are in several."""
+    meta = path.name.lower().endswith((".mha", ".mhd"))
+    with path.open("rb") as file:
+        start = file.read(1 << 20)
+    header = start if meta else re.split(rb"\r?\n\r?\n", start)[0]
+    found = _VOXEL_FILE.search(header)
+    _check_header(header[: found.end()] if meta and found else header, meta, path.name)
+    if found is None or _IN_ITSELF.fullmatch(found[1]):
+        return path
+    if _SEVERAL_FILES.fullmatch(found[1]):
+        return None
+    name = found[1].decode(errors="replace").replace("\0", "")
+    if not (path.parent / name).is_file():
+        raise InputError(path.name, f"the file of its voxels, {name[:80]!r}, is not there", "copy both again")
+    return path.parent / name
+
+
 def read_nifti(path: Path) -> Volume:
     """Read NIfTI-1/2, Analyze or MGH with nibabel, scaled as its header says.
 
@@ -88,6 +132,9 @@ def read_nifti(path: Path) -> Volume:
             raise InputError(place, "not a volume", "give a 3-D volume")
         affine = check_affine(image.affine, place)
     with guarded(place, "damaged or truncated", "copy or download the file again"):
+        voxels = Path(image.file_map["image"].filename)
+        ratio = _DEFLATE_RATIO if voxels.name.lower().endswith("gz") else 1
+        _check_promise(math.prod(map(int, image.shape)) * image.get_data_dtype().itemsize, ratio, voxels)
         data = np.asanyarray(image.dataobj)
     warnings = []
     codes = [int(image.header[code]) for code in ("sform_code", "qform_code") if code in image.header]
@@ -109,11 +156,11 @@ def read_itk(path: Path) -> Volume:
     reader = sitk.ImageFileReader()
     reader.SetFileName(str(path))
     with guarded(place, "not a readable volume", "give NIfTI, NRRD, MHA or DICOM"):
+        known = place.lower().endswith((".nrrd", ".nhdr", ".mha", ".mhd"))
+        voxels = _voxel_file(path) if known else path
         reader.ReadImageInformation()
-        voxels = math.prod(int(n) for n in reader.GetSize())
-        # a header that lies would have ITK fill the memory; .mhd and .nhdr keep their voxels elsewhere
-        if not place.lower().endswith((".mhd", ".nhdr")) and voxels > _DEFLATE_RATIO * path.stat().st_size:
-            raise InputError(place, "its header promises more voxels than it holds", "copy the file again")
+        if voxels is not None:
+            _check_promise(math.prod(map(int, reader.GetSize())), _DEFLATE_RATIO, voxels)
         image = reader.Execute()
         if image.GetNumberOfComponentsPerPixel() > 1:
             problem = "its voxels are not single numbers (colour or 4-D)"

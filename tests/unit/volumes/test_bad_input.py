@@ -426,6 +426,38 @@ def test_rtstruct_beside_boundary(ward):
     refused(ward, "boundary", columns={"mask": "rt.dcm", "boundary": "edges.nii"})
 
 
+#: Headers over which ITK's C libraries end the process: what stands there, and what instead.
+CRASHES = [
+    ("mask.mha", b"ElementDataFile = LOCAL", b"ElementDataFile = %s%n%d"),
+    ("mask.mha", b"ElementDataFile = LOCAL", b"ElementDataFile = x%d 1 2 0"),
+    ("mask.mha", b"NDims = 3", b"NDims = -1"),
+    ("mask.mha", b"NDims = 3", b"NDims = 99999999999"),
+    ("mask.nrrd", b"encoding: gzip", b"encoding: " + b"A" * 3000),
+    ("mask.nrrd", b"encoding: gzip", b"encoding: ascii"),
+]
+
+
+@pytest.mark.parametrize(("name", "field", "instead"), CRASHES)
+def test_headers_that_crash_a_library(tmp_path, name, field, instead):
+    content = write_itk(tmp_path / name, MASK, affine_of()).read_bytes()
+    assert field in content
+    (tmp_path / name).write_bytes(content.replace(field, instead))
+    refused(tmp_path, name, columns={"mask": name})
+
+
+@pytest.mark.parametrize("name", ["mask.nii", "mask.mhd"])
+def test_a_header_that_promises_a_huge_volume_fills_no_memory(tmp_path, name):
+    write = write_nifti if name.endswith("nii") else write_itk
+    path = write(tmp_path / name, MASK, affine_of())
+    content = bytearray(path.read_bytes())
+    if name.endswith("nii"):
+        content[42:48] = np.array([30000, 30000, 3000], "<i2").tobytes()
+    else:
+        content = content.replace(b"DimSize = 44 38 14", b"DimSize = 30000 30000 3000")
+    path.write_bytes(content)
+    refused(tmp_path, "promises more voxels", columns={"mask": name})
+
+
 # anything -------------------------------------------------------------------------------------------
 
 
