@@ -1,4 +1,4 @@
-"""Read the cohort sheet: one row is one structure.
+"""Read the cohort sheet: one row is one structure; and what the layouts of named cohorts imply.
 
 Imported at every parse of the workflow, so it imports nothing heavy and opens no scan: what the rows
 point at is checked by the job that reads it, and one bad scan does not keep the others from running.
@@ -9,17 +9,19 @@ from __future__ import annotations
 import csv
 import functools
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from cccd.errors import InputError
 from cccd.settings import choices, load_schema, nearest
 
-__all__ = ["SCHEMA", "read_cohort"]
+__all__ = ["SCHEMA", "complete_row", "read_cohort"]
 
 #: The sheet's columns, their defaults and what they may hold.
 SCHEMA = Path(__file__).resolve().parents[2] / "workflow" / "schemas" / "cohort.schema.yaml"
 
 _FROM_FILES = ("files", "lits17", "rider_lung", "upenn_gbm")
+_TUMOUR = ("tumour", "tumor", "lesion")
 
 
 @functools.cache
@@ -153,3 +155,50 @@ def read_cohort(path: str | Path) -> list[dict[str, str]]:
         seen[key] = place
         rows.append(row)
     return rows
+
+
+def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], tuple[int, ...]]:
+    """Fill in what the layout of a named cohort's download implies: mask and label.
+
+    Gives the row and the implied label values, of which a scan need not hold all. What the sheet gives stays.
+    LiTS17: ``segmentation-N.nii`` beside ``volume-N.nii``, 1 liver, 2 tumour
+    (which is part of the liver). UPENN-GBM: ``images_segm/ID_segm.nii.gz`` beside ``images_structural/ID/``,
+    labels 1, 2, 4; the brain is what skull stripping left.
+
+    Raises
+    ------
+    InputError
+        A name that does not follow the layout, or an organ that the cohort does not have.
+    """
+    row, labels = dict(row), ()
+    path, organ = folder / row["image"], row["organ"].lower()
+    if row["source"] == "lits17" and not row["mask"]:
+        match = re.fullmatch(r"volume-(\d+)(\.nii(?:\.gz)?)", path.name)
+        if not match:
+            raise InputError(row["place"], f"{path.name} is no LiTS17 volume", "give volume-N.nii")
+        row["mask"] = str(Path(row["image"]).with_name(f"segmentation-{match[1]}{match[2]}"))
+    if row["source"] == "lits17" and not row["label"]:
+        implied = {"liver": (1, 2), **dict.fromkeys(_TUMOUR, (2,))}
+        if organ not in implied:
+            raise InputError(
+                row["place"], f"LiTS17 has no organ {row['organ']!r}", choices(["liver", "tumour"])
+            )
+        labels = implied[organ]
+    if row["source"] == "upenn_gbm" and not row["mask"] and organ != "brain":
+        match = re.match(r"(UPENN-GBM-\d+_\d+)_", path.name)
+        if organ not in _TUMOUR:
+            raise InputError(
+                row["place"], f"UPENN-GBM has no organ {row['organ']!r}", choices(["brain", "tumour"])
+            )
+        if not match:
+            raise InputError(
+                row["place"], f"{path.name} is no UPENN-GBM volume", "give UPENN-GBM-NNNNN_NN_T1.nii.gz"
+            )
+        top = Path(row["image"]).parent.parent.parent
+        candidates = [
+            top / "images_segm" / f"{match[1]}_segm.nii.gz",
+            top / "automated_segm" / f"{match[1]}_automated_approx_segm.nii.gz",
+        ]
+        row["mask"] = str(next((file for file in candidates if (folder / file).exists()), candidates[0]))
+        labels = () if row["label"] else (1, 2, 4)
+    return row, labels

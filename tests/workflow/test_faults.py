@@ -272,6 +272,19 @@ def test_a_scan_from_the_future(fresh_project, tmp_path):
     store.read_boundaries(fresh_project.results / "a" / "ball" / "boundaries.h5")
 
 
+def test_a_changed_mask_that_only_the_layout_names(fresh_project, tmp_path):
+    (tmp_path / "sheet").mkdir()
+    ball(tmp_path / "sheet" / "volume-0.nii")
+    ball(tmp_path / "sheet" / "segmentation-0.nii")
+    sheet = tmp_path / "sheet" / "lits.tsv"
+    sheet.write_text("case\torgan\tsource\timage\na\tliver\tlits17\tvolume-0.nii\n")
+    target = ["--config", f"cohort={sheet}", "--", "results/a/liver/structure.h5"]
+    fresh_project.snakemake(*target)
+    assert fresh_project.planned(*target) == {}
+    ball(tmp_path / "sheet" / "segmentation-0.nii", radius=5)
+    assert fresh_project.planned(*target) == {"import_structure": 1}
+
+
 def test_results_may_be_a_link(fresh_project, tmp_path):
     (tmp_path / "big disk").mkdir()
     fresh_project.results.symlink_to(tmp_path / "big disk")

@@ -13,7 +13,7 @@ ROOT = Path(workflow.basedir)
 SCRIPTS = ROOT / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 
-from cccd.cohort import read_cohort
+from cccd.cohort import complete_row, read_cohort
 from cccd.dependencies import imported_files
 from cccd.errors import InputError
 from cccd.settings import nearest, validate_config
@@ -94,12 +94,16 @@ def for_pages():
 
 
 def source_files(wildcards):
-    """The row's own files, so that a changed scan comes in again.
+    """The row's own files and those that its cohort's layout implies, so that a changed scan comes in again.
 
-    Left out are a missing file, which the job itself reports, and one dated in the future (a clock ran ahead
-    somewhere), than which every output would be older, which Snakemake takes for an error.
+    Left out is what the job itself reports, a missing file or a name against the layout, and what is dated in
+    the future (a clock ran ahead somewhere), than which every output would be older, an error to Snakemake.
     """
     row = row_of(wildcards)
+    try:
+        row, _ = complete_row(row, SHEET.parent)
+    except InputError:
+        pass
     paths = (
         SHEET.parent / row[column]
         for column in ("image", "mask", "boundary")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cccd.cohort import complete_row
 from cccd.containers import Curves, Frame, Structure
 from cccd.errors import InputError
 from cccd.settings import choices, nearest
@@ -20,7 +21,7 @@ from cccd.volumes.grid import Volume, bounding_box, crop, find_slice_axis, on_gr
 from cccd.volumes.phantoms import make_phantom
 from cccd.volumes.readers import SUFFIXES, read_volume
 from cccd.volumes.regions import find_region
-from cccd.volumes.sources import brain_of_stripped, complete_row, read_mni152, read_whole_body_ct
+from cccd.volumes.sources import brain_of_stripped, read_mni152, read_whole_body_ct
 
 __all__ = ["MIN_SLICES", "load_structure"]
 

@@ -1,10 +1,8 @@
-"""Named sources: scans that come with a package, and cohorts whose download has a fixed layout."""
+"""Scans that come with a package, and the brain of a skull-stripped scan."""
 
 from __future__ import annotations
 
 import hashlib
-import re
-from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
@@ -12,12 +10,10 @@ import numpy as np
 from scipy import ndimage
 
 from cccd.errors import InputError
-from cccd.settings import choices, nearest
+from cccd.settings import nearest
 from cccd.volumes.grid import Volume, check_affine
 
-__all__ = ["brain_of_stripped", "complete_row", "read_mni152", "read_whole_body_ct"]
-
-_TUMOUR = ("tumour", "tumor", "lesion")
+__all__ = ["brain_of_stripped", "read_mni152", "read_whole_body_ct"]
 
 
 def read_mni152(organ: str, place: str) -> tuple[Volume, Volume, dict]:
@@ -98,53 +94,6 @@ def _hold_checksum(file: Path, digest: str, place: str) -> None:
         kept.write_text(f"{digest}\n")
     except OSError:  # a read-only cache is kept by someone else
         return
-
-
-def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], tuple[int, ...]]:
-    """Fill in what the layout of a named cohort's download implies: mask and label.
-
-    Gives the row and the implied label values, of which a scan need not hold all. What the sheet gives stays.
-    LiTS17: ``segmentation-N.nii`` beside ``volume-N.nii``, 1 liver, 2 tumour
-    (which is part of the liver). UPENN-GBM: ``images_segm/ID_segm.nii.gz`` beside ``images_structural/ID/``,
-    labels 1, 2, 4; the brain is what skull stripping left.
-
-    Raises
-    ------
-    InputError
-        A name that does not follow the layout, or an organ that the cohort does not have.
-    """
-    row, labels = dict(row), ()
-    path, organ = folder / row["image"], row["organ"].lower()
-    if row["source"] == "lits17" and not row["mask"]:
-        match = re.fullmatch(r"volume-(\d+)(\.nii(?:\.gz)?)", path.name)
-        if not match:
-            raise InputError(row["place"], f"{path.name} is no LiTS17 volume", "give volume-N.nii")
-        row["mask"] = str(Path(row["image"]).with_name(f"segmentation-{match[1]}{match[2]}"))
-    if row["source"] == "lits17" and not row["label"]:
-        implied = {"liver": (1, 2), **dict.fromkeys(_TUMOUR, (2,))}
-        if organ not in implied:
-            raise InputError(
-                row["place"], f"LiTS17 has no organ {row['organ']!r}", choices(["liver", "tumour"])
-            )
-        labels = implied[organ]
-    if row["source"] == "upenn_gbm" and not row["mask"] and organ != "brain":
-        match = re.match(r"(UPENN-GBM-\d+_\d+)_", path.name)
-        if organ not in _TUMOUR:
-            raise InputError(
-                row["place"], f"UPENN-GBM has no organ {row['organ']!r}", choices(["brain", "tumour"])
-            )
-        if not match:
-            raise InputError(
-                row["place"], f"{path.name} is no UPENN-GBM volume", "give UPENN-GBM-NNNNN_NN_T1.nii.gz"
-            )
-        top = Path(row["image"]).parent.parent.parent
-        candidates = [
-            top / "images_segm" / f"{match[1]}_segm.nii.gz",
-            top / "automated_segm" / f"{match[1]}_automated_approx_segm.nii.gz",
-        ]
-        row["mask"] = str(next((file for file in candidates if (folder / file).exists()), candidates[0]))
-        labels = () if row["label"] else (1, 2, 4)
-    return row, labels
 
 
 def brain_of_stripped(image: Volume) -> Volume:
