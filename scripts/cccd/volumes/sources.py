@@ -30,12 +30,13 @@ def read_mni152(organ: str, place: str) -> tuple[Volume, Volume, dict]:
 
     image = datasets.load_mni152_template(resolution=1)
     mask = datasets.load_mni152_brain_mask(resolution=1)
-    facts = {"nilearn": version("nilearn"), "template": "MNI ICBM 152 symmetric 2009a, 1 mm"}
-    return (
-        Volume(np.asarray(image.dataobj, np.float32), image.affine, "mni152"),
-        Volume(np.asarray(mask.dataobj) > 0, mask.affine, "mni152"),
-        facts,
-    )
+    grey, inside = np.asarray(image.dataobj, np.float32), np.asarray(mask.dataobj) > 0
+    facts = {
+        "nilearn": version("nilearn"),
+        "template": "MNI ICBM 152 symmetric 2009a, 1 mm",
+        "sha256": hashlib.sha256(grey.tobytes() + inside.tobytes()).hexdigest(),  # of the voxels, then the mask
+    }
+    return Volume(grey, image.affine, "mni152"), Volume(inside, mask.affine, "mni152"), facts
 
 
 def read_whole_body_ct(organ: str, place: str) -> tuple[Volume, Volume, dict]:
