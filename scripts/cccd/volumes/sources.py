@@ -34,7 +34,7 @@ def read_mni152(organ: str, place: str) -> tuple[Volume, Volume, dict]:
     facts = {
         "nilearn": version("nilearn"),
         "template": "MNI ICBM 152 symmetric 2009a, 1 mm",
-        "sha256": hashlib.sha256(grey.tobytes() + inside.tobytes()).hexdigest(),  # of the voxels, then the mask
+        "sha256": hashlib.sha256(grey.tobytes() + inside.tobytes()).hexdigest(),  # image, then mask
     }
     return Volume(grey, image.affine, "mni152"), Volume(inside, mask.affine, "mni152"), facts
 
