@@ -130,12 +130,15 @@ def _through_planes(
     heights: np.ndarray,
     spacing: float,
 ) -> Frame:
-    """Move a grid's slices into the contours' planes, keeping its pixels."""
+    """Move a grid's slices into the contours' planes, keeping its pixels.
+
+    A slice more on either side says that the organ ends there, rather than being cut by the end of a scan.
+    """
     affine, shape = affine.copy(), [int(n) for n in shape]
     upwards = affine[:3, axis] @ normal > 0
     affine[:3, axis] *= spacing / np.linalg.norm(affine[:3, axis])
-    affine[:3, 3] += normal * (heights[0 if upwards else -1] - affine[:3, 3] @ normal)
-    shape[axis] = int(np.rint((heights[-1] - heights[0]) / spacing)) + 1
+    affine[:3, 3] += normal * (heights[0 if upwards else -1] - affine[:3, 3] @ normal) - affine[:3, axis]
+    shape[axis] = int(np.rint((heights[-1] - heights[0]) / spacing)) + 3
     return Frame(affine, axis, (shape[0], shape[1], shape[2]))
 
 

@@ -4,9 +4,12 @@ import nibabel as nib
 import numpy as np
 import pytest
 import shapely
-from scans import DATA, full, row, settings
+import trimesh
+import yaml
+from scans import DATA, ROOT, full, row, settings
 
 from cccd.errors import InputError
+from cccd.surface import loft_surface
 from cccd.volumes import load_structure
 
 if not DATA.is_dir():
@@ -70,6 +73,21 @@ def test_structure_set(roi, contours, slices):
     assert len(np.unique(curves.slice)) == slices
     assert structure.frame.slice_spacing == pytest.approx(3.0, abs=1e-3)
     assert all(shapely.LinearRing(points).is_simple for points in curves)
+    # its one slice of CT does not say where the scan ends, so nothing is cut
+    assert curves.slice.min() == 1
+    assert curves.slice.max() == structure.frame.shape[2] - 2
+
+
+def test_a_structure_set_keeps_its_volume_in_one_piece():
+    """Of 165 contours with holes and islands on 80 slices, none is lost on the way to the surface."""
+    folder = "dicom_rtstruct_dicompyler"
+    curves = load(mask=f"{folder}/rtstruct.dcm", label="Lt Lung").contours
+    signed = [x @ np.roll(y, -1) - y @ np.roll(x, -1) for x, y in (points.T for points in curves)]
+    drawn = sum(signed) / 2 * float(curves.frame.spacing.prod())
+    surface = loft_surface(curves, yaml.safe_load((ROOT / "config" / "config.yaml").read_text())["surface"])
+    volumes = [part.volume for part in trimesh.Trimesh(surface.vertices, surface.faces).split()]
+    assert sum(volumes) == pytest.approx(drawn, rel=0.01)
+    assert max(volumes) == pytest.approx(drawn, rel=0.01)
 
 
 def test_structure_set_lists_its_rois():
