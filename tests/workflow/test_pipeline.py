@@ -68,7 +68,7 @@ def test_the_surface_is_closed_and_encloses_the_phantom(tiny_run, key):
     points, faces = store.read_structure(folder / "structure.h5").truth
     truth = trimesh.Trimesh(points, faces, process=False)
     assert mesh.volume == pytest.approx(truth.volume, rel=0.03)
-    np.testing.assert_allclose(mesh.bounds, truth.bounds, atol=5)  # within a slice
+    np.testing.assert_allclose(mesh.bounds, truth.bounds, atol=3)
 
 
 def test_the_patches_evaluate_as_the_contract_says(tiny_run):

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from cccd.containers import Curves, Frame, Patch
 from cccd.errors import InputError
+from cccd.metrics import mesh_area, mesh_volume
+from cccd.surface.blending import blended
 from cccd.surface.bsplines import DEGREE
 from cccd.surface.evaluate import swollen, tessellate
 from cccd.surface.fields import distance_fields, interpolated_fields, through_pixel_centres
 from cccd.surface.fit import Fit, Samples, even_size, fit_samples, refinements, sample_tube, sampled_area
+from cccd.surface.guide import Guide
 from cccd.surface.rings import Ring, rings_of
-from cccd.surface.solids import combine, fair_creases, remesh, solid, swelling, triangles, untangle
+from cccd.surface.solids import combine, solid, triangles
 from cccd.surface.tubes import Tube, build_tubes
 
 __all__ = ["Surface", "loft_surface"]
@@ -31,11 +36,12 @@ COARSE_MM = (2.05, 3.05)
 THIN_VOXELS = 15
 #: The whole surface moves by at most this many pixels to regain the volume of the slices.
 MOST_SWELLING = 0.25
-#: Booleans leave slivers: what moves the surface by less than this share of an edge is collapsed.
-SLIVER = 0.01
-#: The same where a surface that passes through itself could not be relaxed, and the grid's cell, in
-#: edges, on which it is meshed anew if even that does not help.
-COARSER, REMESH_CELL = 0.1, 0.75
+#: Blends reach this many pixels, or slice steps, to either side of the line along which tubes meet.
+BLEND_PIXELS, BLEND_STEPS = 4.0, 1.5
+#: Flat lids stay where they are when the surface moves; the rest follows within this many cells of them.
+LID_CELLS, SAME_LID = 3.0, 1e-3
+#: Cells of the grid on which the surface is meshed, in edges: marching cubes' edges are a little longer.
+CELL = 0.8
 #: Share of the control points that are laid out evenly before errors say where more are needed.
 FIRST_SHARE = 0.25
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
@@ -57,7 +63,7 @@ class Surface:
     frame : Frame
         The grid of the source volume.
     report : dict
-        Plain JSON: tubes, branches, caps, cut ends, control points, bytes, repairs, warnings.
+        Plain JSON: tubes, branches, caps, cut ends, control points, bytes, warnings.
     """
 
     patches: list[Patch]
@@ -93,53 +99,113 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
         pixel_centres = through_pixel_centres(curves)
     spacing = frame.pixel_spacing
     pixel = float(np.sqrt(spacing.prod()))
-    tubes, origin, step, volume, voxel_faces = _tubes(curves, settings, pixel_centres)
+    stack = _tubes(curves, settings, pixel_centres)
+    tubes = stack.tubes
 
     samples = [sample_tube(tube, _around(tube, pixel)) for tube in tubes]
-    voxel = float(spacing.prod() * step)
-    coarse = step > COARSE_MM[1] or spacing.max() > COARSE_MM[0]
-    thin = coarse or 6 * volume / voxel / voxel_faces < THIN_VOXELS
+    voxel = float(spacing.prod() * stack.step)
+    coarse = stack.step > COARSE_MM[1] or spacing.max() > COARSE_MM[0]
+    thin = coarse or stack.thickness < THIN_VOXELS
     compactness = settings["compactness_thin" if thin else "compactness"]
-    budget = voxel_faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES) / CONTROL_BYTES / compactness
+    budget = stack.voxel_faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES) / CONTROL_BYTES / compactness
     tolerance = settings["tolerance_voxels"] * min(pixel, voxel ** (1 / 3), COARSEST_MM)
     fits = _fit_all(samples, tolerance, budget)
-    to_world = _to_world(frame, origin)
-    patches = [_patch(fit, tube, to_world) for fit, tube in zip(fits, tubes, strict=True)]
-    edge = settings["edge_voxels"] * pixel
-    meshes = [tessellate(patch, edge) for patch in patches]
-    bodies = [solid(untangle(*mesh)[0], mesh[1]) for mesh in meshes]
-    whole = combine(bodies, [tube.hole for tube in tubes], [tube.depth for tube in tubes])
-    vertices, faces, origins = triangles(whole.simplify(SLIVER * edge) if len(bodies) > 1 else whole)
-    heights = vertices @ np.linalg.inv(to_world)[2, :3] + np.linalg.inv(to_world)[2, 3]
-    lids = [tube.sections[side].z for tube in tubes for side in (0, -1) if tube.ends[side] == "cut"]
-    on_lid = np.isclose(heights[:, None], lids, rtol=0, atol=1e-6).any(axis=1)
-    joined = vertices
-    vertices = fair_creases(vertices, faces, origins, on_lid)
-    axis = frame.stack_affine[:3, 2] / frame.slice_spacing
-    direction, amount = swelling(vertices, faces, axis, volume)
-    amount = float(np.clip(amount, -MOST_SWELLING * pixel, MOST_SWELLING * pixel))
-    vertices = vertices + amount * direction
-    patches = [swollen(patch, patch.sign * amount, axis) for patch in patches]
-    vertices, tangled, left = untangle(vertices, faces, joined)
-    repairs = [f"relaxed {tangled} pairs of triangles that passed through each other"] if tangled else []
-    if left:
-        vertices, faces, _ = triangles(solid(vertices, faces).simplify(COARSER * edge))
-        vertices, _, left = untangle(vertices, faces)
-        repairs.append("collapsed short edges where that was not enough")
-    if left:
-        cell = REMESH_CELL * edge
-        vertices, faces = remesh(vertices, faces, cell)
-        repairs.append(f"meshed anew on a grid of {cell:.2f} mm: {left} pairs still did")
-    report = _report(tubes, fits, vertices, faces, voxel_faces)
-    report["repairs"] = repairs
-    report["bodies"] = len(whole.decompose())
+    local = [_patch(fit, tube) for fit, tube in zip(fits, tubes, strict=True)]
+    vertices, faces, amount = _mesh(local, stack, settings["edge_voxels"] * pixel, pixel)
+    to_world = _to_world(frame, stack.origin)
+    up = np.array([0.0, 0.0, 1.0])
+    patches = [_moved(swollen(patch, patch.sign * amount, up), to_world) for patch in local]
+    vertices = vertices @ to_world[:3, :3].T + to_world[:3, 3]
+    if np.linalg.det(to_world[:3, :3]) < 0:
+        faces = np.ascontiguousarray(faces[:, ::-1])
+    report = _report(tubes, fits, vertices, faces, stack.voxel_faces)
+    report["bodies"] = _bodies(vertices, faces)
+    if stack.left_out:
+        report["warnings"].append(
+            f"{stack.left_out} parts of fewer than {SMALLEST_PART_VOXELS} voxels are not in the surface"
+        )
     return Surface(patches, vertices, faces, frame, report)
 
 
-def _tubes(
-    curves: Curves, settings: Mapping, pixel_centres: bool
-) -> tuple[list[Tube], np.ndarray, float, float, int]:
-    """Tubes of every stack, the plane's origin, the slice step and the volume in mm, the voxels' faces."""
+@dataclass(frozen=True)
+class _Stack:
+    """What the slices hold: tubes in the plane's mm and height, and what they are measured by.
+
+    ``origin`` (2,) is the plane's first pixel, ``step`` the distance between slices and ``volume`` what
+    the slices enclose in mm, ``voxels`` the same in voxels, ``voxel_faces`` the faces between voxels inside
+    and outside, ``left_out`` the number of parts that were too small for a tube.
+    """
+
+    tubes: list[Tube]
+    guide: Guide
+    origin: np.ndarray
+    step: float
+    volume: float
+    voxel_faces: int
+    voxels: float
+    left_out: int
+
+    @property
+    def thickness(self) -> float:
+        """Six times volume by surface in voxels: the diameter of a ball, three times that of a plate."""
+        return 6 * self.voxels / self.voxel_faces
+
+
+def _mesh(
+    patches: list[Patch], stack: _Stack, edge: float, pixel: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Vertices and faces of all tubes together, and by how many mm they had to move outwards."""
+    tubes = stack.tubes
+    bodies = [solid(*tessellate(patch, edge)) for patch in patches]
+    joined = triangles(combine(bodies, [tube.hole for tube in tubes], [tube.depth for tube in tubes]))
+    if len(joined[1]) == 0:  # holes as wide as what they are in
+        joined = triangles(bodies[0])
+    vertices, faces, origins = joined
+    cell = float(np.clip(stack.thickness * pixel / 3, edge / 2, CELL * edge))
+    reach = max(BLEND_PIXELS * pixel, BLEND_STEPS * stack.step)
+    level_set = blended(vertices, faces, _seams(vertices, faces, origins), stack.guide, reach, cell)
+    lids = [
+        (tube.sections[-way].z, 2 * way - 1) for tube in tubes for way in (0, 1) if tube.ends[way] == "cut"
+    ]
+    meshed = level_set.mesh()
+    if len(meshed[1]) == 0:
+        return vertices, faces, 0.0
+    on_lid = np.isclose(meshed[0][:, 2:], [z for z, _ in lids], rtol=0, atol=SAME_LID * cell).any(axis=1)
+    wall = mesh_area(meshed[0], meshed[1][~on_lid[meshed[1]].all(axis=1)])
+    most = MOST_SWELLING * pixel
+    amount = float(np.clip((stack.volume - mesh_volume(*meshed)) / max(wall, 1e-9), -most, most))
+    vertices, faces = level_set.mesh(amount)
+    for z, way in set(lids):
+        away = np.abs(vertices[:, 2] - (z + way * amount)) / cell
+        vertices[:, 2] -= way * amount * np.clip(1 - away / LID_CELLS, 0, 1)
+        vertices[away < SAME_LID, 2] = z
+    return vertices, faces, amount
+
+
+def _seams(vertices: np.ndarray, faces: np.ndarray, origins: np.ndarray) -> np.ndarray:
+    """Vertices (P, 3) at which faces (F,) of different origin meet."""
+    first = np.full(len(vertices), origins.max() + 1)
+    last = np.full(len(vertices), origins.min() - 1)
+    for corner in range(3):
+        np.minimum.at(first, faces[:, corner], origins)
+        np.maximum.at(last, faces[:, corner], origins)
+    return vertices[first < last]
+
+
+def _bodies(vertices: np.ndarray, faces: np.ndarray) -> int:
+    """Count the pieces of a mesh that are not the inside of a cavity."""
+    links = coo_array(
+        (np.ones(faces.size, bool), (faces.ravel(), np.roll(faces, 1, axis=1).ravel())),
+        shape=2 * (len(vertices),),
+    )
+    _, piece = connected_components(links, directed=False)
+    a, b, c = (vertices[faces[:, corner]] - vertices.mean(axis=0) for corner in range(3))
+    volume = np.bincount(piece[faces[:, 0]], np.einsum("fc,fc->f", a, np.cross(b, c)))
+    return int(np.count_nonzero(volume > 0))
+
+
+def _tubes(curves: Curves, settings: Mapping, pixel_centres: bool) -> _Stack:
+    """Contours of all slices, and of levels between them, matched into tubes."""
     frame = curves.frame
     spacing = frame.pixel_spacing
     pixel = float(np.sqrt(spacing.prod()))
@@ -149,7 +215,7 @@ def _tubes(
     step = every * frame.slice_spacing
     scan = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
     smallest = SMALLEST_PART_VOXELS * spacing.prod() * step
-    tubes, volume = [], 0.0
+    tubes, levels, volume, left_out = [], [], 0.0, 0
     breaks = np.flatnonzero(gaps > every * settings["bridge_slices"]) + 1
     for part in np.split(np.arange(len(slices)), breaks):
         stack = slice(part[0], part[-1] + 1)
@@ -158,8 +224,13 @@ def _tubes(
         )
         rings = [rings_of(plane, level, spacing, pixel_centres) for level, plane in enumerate(fields)]
         volume += _volume(rings, step)
-        tubes += build_tubes(fields, rings, spacing, step / 2, scan, smallest)
-    return tubes, origin, step, volume, _voxel_faces(distance < 0)
+        found, missing = build_tubes(fields, rings, spacing, step / 2, scan, smallest)
+        tubes += found
+        left_out += missing
+        levels += fields
+    guide = Guide.of(levels, spacing, settings["bridge_slices"] * step + pixel)
+    voxels = volume / (float(spacing.prod()) * step)
+    return _Stack(tubes, guide, origin, step, volume, _voxel_faces(distance < 0), voxels, left_out)
 
 
 def _volume(levels: list[list[Ring]], step: float) -> float:
@@ -229,12 +300,11 @@ def _to_world(frame: Frame, origin: np.ndarray) -> np.ndarray:
     return frame.stack_affine @ scale
 
 
-def _patch(fit: Fit, tube: Tube, to_world: np.ndarray) -> Patch:
+def _patch(fit: Fit, tube: Tube) -> Patch:
+    """Give a tube's net the heights of its rows."""
     nu, nv = fit.net.shape[:2]
-    local = np.dstack([fit.net, np.broadcast_to(fit.heights, (nu, nv))])
-    world = local @ to_world[:3, :3].T + to_world[:3, 3]
     return Patch(
-        np.ascontiguousarray(world),
+        np.dstack([fit.net, np.broadcast_to(fit.heights, (nu, nv))]),
         np.ones((nu, nv)),
         fit.knots_u,
         fit.knots_v,
@@ -244,6 +314,11 @@ def _patch(fit: Fit, tube: Tube, to_world: np.ndarray) -> Patch:
         False,
         -1 if tube.hole else 1,
     )
+
+
+def _moved(patch: Patch, affine: np.ndarray) -> Patch:
+    points = patch.control_points @ affine[:3, :3].T + affine[:3, 3]
+    return replace(patch, control_points=np.ascontiguousarray(points))
 
 
 def _report(

@@ -35,9 +35,9 @@ EXTRA_DEPTH = 1.15
 OVERLAP_PIXELS, BURIED_PIXELS, FADE_PIXELS = 1.5, 3.0, 4.0
 #: How steeply a branch sinks below the trunk's surface.
 BURIAL_SLOPE = 0.3
-#: Height of a paraboloid dome in half slices. Two would hold the volume of half a slice; a little less
-#: keeps the pole short of the next slice, where nothing is.
-DOME_HEIGHT = 1.9
+#: Least and largest height of a paraboloid dome in slice steps: its pole stays short of the next slice,
+#: where nothing is.
+DOME_HEIGHT = (0.1, 0.95)
 #: Radii, as shares of the end ring's, at which a dome is sampled.
 DOME_RADII = np.array([0.96, 0.85, 0.65, 0.4, 0.15])
 
@@ -103,8 +103,8 @@ def build_tubes(
     half_step: float,
     scan_range: tuple[float, float],
     smallest: float,
-) -> list[Tube]:
-    """Tubes of one stack of levels.
+) -> tuple[list[Tube], int]:
+    """Tubes of one stack of levels, and how many parts were too small for one.
 
     Parameters
     ----------
@@ -126,11 +126,12 @@ def build_tubes(
     chains = [_chain(node, stack) for level in nodes for node in level if node.follows[0] is None]
     chains = [chain for chain in chains if chain]
     if worthy := [chain for chain in chains if _volume(chain, half_step) >= smallest]:
-        chains = worthy
+        kept = worthy
     else:
-        chains = sorted(chains, key=lambda chain: -_volume(chain, half_step))[:1]
-    ends = [(_end(chain[0], 0, stack), _end(chain[-1], 1, stack)) for chain in chains]
-    return [_tube(chain, *both, stack) for chain, both in zip(chains, ends, strict=True)]
+        kept = sorted(chains, key=lambda chain: -_volume(chain, half_step))[:1]
+    ends = [(_end(chain[0], 0, stack), _end(chain[-1], 1, stack)) for chain in kept]
+    tubes = [_tube(chain, *both, stack) for chain, both in zip(kept, ends, strict=True)]
+    return tubes, len(chains) - len(kept)
 
 
 def _match(lower: Sequence[_Node], upper: Sequence[_Node]) -> None:
@@ -189,7 +190,21 @@ def _end(node: _Node, way: int, stack: _Stack) -> tuple[list[Section], np.ndarra
     if abs(ring.z - stack.scan_range[way]) < stack.half_step:
         z = ring.z + direction * stack.half_step
         return [Section(z, ring.points, ring.area)], None, "cut"
-    return (*_round_cap(ring, direction, stack.half_step), "cap")
+    return (*_round_cap(ring, direction, _dome_height(node, way, stack)), "cap")
+
+
+def _dome_height(node: _Node, way: int, stack: _Stack) -> float:
+    """Height in mm at which a tube closes beyond ``node``, by the area of its last slices.
+
+    Near its pole the section of any smooth body falls linearly with height, as a paraboloid's does.
+    """
+    step = 2 * stack.half_step
+    before = node
+    while before.follows[1 - way] is not None and abs(before.ring.z - node.ring.z) < 0.99 * step:
+        before = before.follows[1 - way]
+    fall = (before.ring.area - node.ring.area) / max(abs(before.ring.z - node.ring.z), 1e-9)
+    low, high = DOME_HEIGHT
+    return float(np.clip(node.ring.area / fall, low * step, high * step)) if fall > 0 else high * step
 
 
 def _junction(branch: _Node, way: int, stack: _Stack) -> list[Section]:
@@ -399,15 +414,14 @@ def _tube(chain: list[_Node], low: tuple, high: tuple, stack: _Stack) -> Tube:
     return Tube(sections, [low_pole, high_pole], ring.hole, ring.depth, (low_kind, high_kind))
 
 
-def _round_cap(ring: Ring, direction: int, half: float) -> tuple[list[Section], np.ndarray | None]:
-    """Round an end so that it holds the volume of half a slice.
+def _round_cap(ring: Ring, direction: int, height: float) -> tuple[list[Section], np.ndarray | None]:
+    """Round an end over ``height`` mm.
 
     A ring that a point inside it sees as a whole closes on a pole; any other is rounded over its rim
-    and gets a flat lid.
+    and gets a flat lid that leaves it half the volume too.
     """
     centre = _kernel_point(ring.points)
     if centre is not None:
-        height = DOME_HEIGHT * half
         sections = [
             Section(
                 ring.z + direction * height * float(1 - radius**2),
@@ -419,15 +433,15 @@ def _round_cap(ring: Ring, direction: int, half: float) -> tuple[list[Section], 
         return sections, np.array([*centre, ring.z + direction * height])
     shape = shapely.Polygon(ring.points).buffer(0)
     inradius = 2 * shape.area / shape.length
-    depth = min(half, 0.7 * inradius)
+    depth = min(height / 2, 0.7 * inradius)
     sections = []
     for angle in np.deg2rad([35, 60, 80, 90]):
         smaller = _largest(shape.buffer(-depth * (1 - np.cos(angle))))
         if smaller is None or smaller.area < 0.3 * ring.area:
             break
-        sections.append(_section(ring.z + direction * half * float(np.sin(angle)), smaller))
+        sections.append(_section(ring.z + direction * height / 2 * float(np.sin(angle)), smaller))
     if not sections:
-        sections = [Section(ring.z + direction * half, ring.points, ring.area)]
+        sections = [Section(ring.z + direction * height / 2, ring.points, ring.area)]
     return sections, None
 
 
