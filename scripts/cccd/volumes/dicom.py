@@ -233,10 +233,11 @@ def _lone_thickness(path: Path) -> float:
 def _read_multiframe(path: Path) -> Volume:
     """Read an enhanced (multi-frame) CT or MR."""
     with guarded(path.name, "no volume can be made of its frames", "export it again"):
-        volume = highdicom.imread(path).get_volume()
+        volume = highdicom.imread(path).get_volume().flip_spatial(0)  # slices along the normal, as a series'
     frame = str(volume.frame_of_reference_uid or "")
-    affine = check_affine(LPS_TO_RAS @ volume.affine, path.name)
-    return Volume(np.asarray(volume.array, np.float32), affine, path.name, frame_of_reference=frame)
+    affine = check_affine(LPS_TO_RAS @ volume.affine[:, [2, 1, 0, 3]], path.name)
+    data = np.asarray(volume.array, np.float32).transpose(2, 1, 0)  # from slice, row, column
+    return Volume(data, affine, path.name, frame_of_reference=frame)
 
 
 def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volume:

@@ -8,9 +8,16 @@ import numpy as np
 import pydicom
 import SimpleITK as sitk  # noqa: N813
 import yaml
+from pydicom.datadict import tag_for_keyword
 from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
 from pydicom.sr.codedict import codes
-from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, RTStructureSetStorage, generate_uid
+from pydicom.uid import (
+    CTImageStorage,
+    EnhancedCTImageStorage,
+    ExplicitVRLittleEndian,
+    RTStructureSetStorage,
+    generate_uid,
+)
 from scipy.spatial.transform import Rotation
 from skimage.measure import find_contours
 
@@ -139,6 +146,67 @@ def write_series(
         ds.save_as(folder / f"{(7 * c) % 100:03d}.dcm", enforce_file_format=True)
         series.append(ds)
     return series
+
+
+def item(**attributes):
+    """A dataset with these attributes."""
+    dataset = Dataset()
+    for keyword, value in attributes.items():
+        setattr(dataset, keyword, value)
+    return dataset
+
+
+def write_enhanced(path, data, affine, frames):
+    """Enhanced (multi-frame) CT; ``frames`` are the slices in the order in which they stand in the file."""
+    lps = FLIP @ affine
+    spacing = np.linalg.norm(lps[:3, :3], axis=0)
+    directions = lps[:3, :3] / spacing
+    meta = FileMetaDataset()
+    meta.MediaStorageSOPClassUID = EnhancedCTImageStorage
+    meta.MediaStorageSOPInstanceUID = generate_uid(entropy_srcs=["enhanced"])
+    meta.TransferSyntaxUID = ExplicitVRLittleEndian
+    ds = FileDataset(None, {}, file_meta=meta, preamble=b"\0" * 128)
+    ds.SOPClassUID, ds.SOPInstanceUID = EnhancedCTImageStorage, meta.MediaStorageSOPInstanceUID
+    ds.Modality, ds.NumberOfFrames = "CT", len(frames)
+    ds.StudyInstanceUID = generate_uid(entropy_srcs=["study"])
+    ds.SeriesInstanceUID = generate_uid(entropy_srcs=["enhanced series"])
+    ds.FrameOfReferenceUID = generate_uid(entropy_srcs=["frame"])
+    ds.Rows, ds.Columns = data.shape[1], data.shape[0]
+    ds.SamplesPerPixel, ds.PhotometricInterpretation = 1, "MONOCHROME2"
+    ds.BitsAllocated, ds.BitsStored, ds.HighBit, ds.PixelRepresentation = 16, 16, 15, 1
+    orientation = item(ImageOrientationPatient=[f"{x:.8f}" for x in directions[:, :2].T.ravel()])
+    # a thickness that lies, as it does where slices overlap
+    measures = item(PixelSpacing=[f"{spacing[1]:.6f}", f"{spacing[0]:.6f}"], SliceThickness="9")
+    rescale = item(RescaleSlope="2", RescaleIntercept="-1000", RescaleType="HU")
+    ds.SharedFunctionalGroupsSequence = [
+        item(
+            PlaneOrientationSequence=[orientation],
+            PixelMeasuresSequence=[measures],
+            PixelValueTransformationSequence=[rescale],
+        )
+    ]
+    ds.PerFrameFunctionalGroupsSequence = [
+        item(
+            PlanePositionSequence=[
+                item(ImagePositionPatient=[f"{x:.6f}" for x in lps[:3, 3] + lps[:3, 2] * c])
+            ],
+            FrameContentSequence=[item(InStackPositionNumber=number, DimensionIndexValues=[number])],
+        )
+        for number, c in enumerate(frames, start=1)
+    ]
+    organization = generate_uid(entropy_srcs=["dimensions"])
+    ds.DimensionOrganizationSequence = [item(DimensionOrganizationUID=organization)]
+    ds.DimensionIndexSequence = [
+        item(
+            DimensionOrganizationUID=organization,
+            DimensionIndexPointer=tag_for_keyword("InStackPositionNumber"),
+            FunctionalGroupPointer=tag_for_keyword("FrameContentSequence"),
+        )
+    ]
+    stored = ((data.astype(int) + 1000) // 2).astype(np.int16)
+    ds.PixelData = b"".join(stored[:, :, c].T.tobytes() for c in frames)
+    ds.save_as(path, enforce_file_format=True)
+    return path
 
 
 def write_seg(path, masks, series, names):

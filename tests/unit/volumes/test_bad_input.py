@@ -17,6 +17,7 @@ from scans import (
     outlines,
     row,
     settings,
+    write_enhanced,
     write_itk,
     write_nifti,
     write_seg,
@@ -424,6 +425,15 @@ def test_contours_that_are_not_finite(tmp_path):
 def test_rtstruct_beside_boundary(ward):
     write_nifti(ward / "edges.nii", MASK, dicom_affine())
     refused(ward, "boundary", columns={"mask": "rt.dcm", "boundary": "edges.nii"})
+
+
+@pytest.mark.parametrize(
+    ("frames", "words"),
+    [([*range(14), 3], "Multiple frames"), ([*range(5), *range(6, 14)], "regularly-spaced")],
+)
+def test_frames_that_are_no_volume(tmp_path, frames, words):
+    write_enhanced(tmp_path / "enhanced.dcm", grey(MASK > 0), dicom_affine(), frames)
+    refused(tmp_path, "no volume can be made of its frames", words, columns={"image": "enhanced.dcm"})
 
 
 #: Headers over which ITK's C libraries end the process: what stands there, and what instead.

@@ -12,6 +12,7 @@ from scans import (
     outlines,
     row,
     settings,
+    write_enhanced,
     write_itk,
     write_nifti,
     write_seg,
@@ -40,6 +41,11 @@ def folder(tmp_path_factory):
         write_itk(path / f"image.{suffix}", image, affine)
         write_itk(path / f"mask.{suffix}", mask.astype(np.uint8), affine)
     series = write_series(path / "dicom", image, affine)
+    slices = range(image.shape[2])
+    write_enhanced(path / "enhanced.dcm", image, affine, slices)
+    write_enhanced(
+        path / "shuffled.dcm", image, affine, np.random.default_rng(0).permutation(slices).tolist()
+    )
     write_seg(path / "seg.dcm", {"other": ~mask, "organ": mask}, series, ["other", "organ"])
     write_structure_set(
         path / "rt.dcm", {"body": outlines(mask, affine)[:1], "organ": outlines(mask, affine)}
@@ -56,6 +62,8 @@ def folder(tmp_path_factory):
         ("image.nrrd", "mask.nrrd", ""),
         ("image.mha", "mask.mha", "1"),
         ("dicom", "mask.nii.gz", ""),
+        ("enhanced.dcm", "mask.nii.gz", ""),
+        ("shuffled.dcm", "mask.nii.gz", ""),
         ("dicom", "seg.dcm", "organ"),
         ("dicom", "seg.dcm", "2"),
         ("", "mask.nrrd", ""),
