@@ -206,3 +206,30 @@ def test_too_few_corners_are_made_up_by_points_of_the_curve(curves_of):
     splines = corner_splines(curves_of(square, 3 * square), corner)
     assert np.diff(splines.offsets).tolist() == [4, 4]
     assert np.array_equal(splines.control_points, np.vstack([square, 3 * square]))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_splines_are_nearer_to_the_outline_than_its_pixels_are(seed):
+    """Smooth outlines are digitised; the pixels' own error bounds what agreement with them can mean."""
+    rng, angle, wave = (
+        np.random.default_rng(seed),
+        np.linspace(0, 2 * np.pi, 2000, endpoint=False),
+        np.arange(2, 9),
+    )
+    lobes = np.cos(np.outer(wave, angle) + rng.uniform(0, 2 * np.pi, (7, 1)))
+    radius = 60 * (1 + (rng.normal(0, 0.25, 7) / wave) @ lobes)
+    outline = shapely.Polygon(130 + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
+    mask = shapely.contains_xy(outline, *np.mgrid[:260, :260])
+    curves = trace_stack(mask[None], (0, 0, 0), Frame(np.eye(4), 0, (1, 260, 260)))
+    insets = [outline.buffer(-inset) for inset in np.linspace(0.2, 0.6, 9)]  # pixel centres lie inside
+
+    def dice_of(a, b):
+        return 2 * a.intersection(b).area / (a.area + b.area)
+
+    def to_outline(shape):
+        return max(dice_of(inset, shape) for inset in insets)
+
+    pixels = shapely.Polygon(curves.points)
+    spline = shapely.Polygon(sample_splines(fit_curves(curves, budget=0.1), 8).points)
+    assert to_outline(spline) > to_outline(pixels) + 0.0005
+    assert dice_of(spline, pixels) > to_outline(pixels)
