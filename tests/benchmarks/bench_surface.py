@@ -8,7 +8,7 @@ from cccd.containers import Frame, Structure
 from cccd.surface import loft_surface
 
 SETTINGS = {
-    "tolerance_voxels": 0.2,
+    "tolerance_voxels": 0.15,
     "compactness": 150,
     "compactness_thin": 40,
     "bridge_slices": 3,

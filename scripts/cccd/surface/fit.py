@@ -10,18 +10,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, uniform_filter1d
 
 from cccd.surface.alignment import align, at_fractions, outward_normals
 from cccd.surface.bsplines import DEGREE, basis, closed_knots, least_squares, open_knots
+from cccd.surface.guide import Guide
 from cccd.surface.tubes import Tube
 
 __all__ = ["Fit", "Samples", "even_size", "fit_samples", "refinements", "sample_tube", "sampled_area"]
 
-#: Weight of the penalty that settles control points no sample speaks for.
-ROUGHNESS = 1e-4
+#: Weight of the penalty on bends of the control net, which also settles what no sample speaks for.
+ROUGHNESS = 2e-3
 #: Fewest control points around and along a tube.
-FEWEST = (6, 5)
+FEWEST = (6, 4)
+#: Control nets grow by this factor in one direction at a time.
+GROWTH = 1.25
+#: Samples further than this from the organ's boundary lie inside another tube; how much those count.
+HIDDEN_PIXELS, HIDDEN_COUNTS = 1.5, 0.05
 #: Rounds of parameter and area correction.
 CORRECTIONS = 3
 
@@ -42,6 +47,8 @@ class Samples:
         The surface's outward normal, split into its part in the plane (1 on a vertical wall) and along z.
     pole : list of (3,) or None
         Where the ends close.
+    counts : (A, M)
+        How much each sample matters: less where other tubes or a blend hide the surface.
     """
 
     outlines: np.ndarray
@@ -51,6 +58,7 @@ class Samples:
     area: np.ndarray
     normal: np.ndarray
     pole: list[np.ndarray | None]
+    counts: np.ndarray
 
 
 @dataclass(eq=False)
@@ -69,8 +77,12 @@ class Fit:
         return self.net.shape[0] * self.net.shape[1]
 
 
-def sample_tube(tube: Tube, count: int) -> Samples:
-    """Sample every section at ``count`` points and lay the parameter along the tube."""
+def sample_tube(tube: Tube, count: int, guide: Guide, pixel: float, reach: float) -> Samples:
+    """Sample every section at ``count`` points and lay the parameter along the tube.
+
+    Samples that are not on the guide's zero level, within a pixel or two, and those within ``reach`` mm
+    of such ones, are hidden in the end.
+    """
     rings, position = align(tube, count)
     matched = at_fractions(rings, position)
     z = np.array([section.z for section in tube.sections])
@@ -92,7 +104,25 @@ def sample_tube(tube: Tube, count: int) -> Samples:
     run = np.sum(np.gradient(every, axis=0) * outwards, axis=2)
     climb = np.broadcast_to(np.gradient(heights)[:, None], run.shape)
     normal = np.stack([climb, -run], axis=2) / np.maximum(np.hypot(climb, run), 1e-9)[..., None]
-    return Samples(rings, position, z, v, area, normal[inner], tube.pole)
+    samples = Samples(rings, position, z, v, area, normal[inner], tube.pole, np.ones(run[inner].shape))
+    samples.counts[_hidden(samples, guide, pixel, reach)] = HIDDEN_COUNTS
+    return samples
+
+
+def _hidden(samples: Samples, guide: Guide, pixel: float, reach: float) -> np.ndarray:
+    """Tell which samples (A, M) end up below the surface, or in a blend."""
+    points = at_fractions(samples.outlines, samples.position)
+    heights = np.broadcast_to(samples.z[:, None, None], (*points.shape[:2], 1))
+    distance, room = guide(np.concatenate([points, heights], axis=2).reshape(-1, 3))
+    away = (np.abs(distance) > HIDDEN_PIXELS * pixel) & (room > 0)
+    away = away.reshape(points.shape[:2])
+    if not away.any():
+        return away
+    along = np.median(np.gradient(_inner(samples))) if len(samples.z) > 1 else np.inf
+    around = np.median(_lengths(samples.outlines)) / points.shape[1]
+    rows, columns = int(reach / along), min(int(reach / around), points.shape[1] // 2)
+    near = maximum_filter1d(away, 2 * columns + 1, axis=1, mode="wrap")
+    return maximum_filter1d(near, 2 * rows + 1, axis=0, mode="nearest")
 
 
 def _areas(rings: np.ndarray) -> np.ndarray:
@@ -117,13 +147,13 @@ def _most(samples: Samples) -> tuple[int, int]:
     return samples.outlines.shape[1] // 2, len(samples.z) + DEGREE
 
 
-def refinements(size: tuple[int, int], samples: Samples) -> list[tuple[int, int]]:
-    """List the next larger control nets worth a trial: more around, or more along."""
+def refinements(size: tuple[int, int], samples: Samples, room: float) -> list[tuple[int, int]]:
+    """List the next larger control nets worth a trial, of at most ``room`` more points: around, or along."""
     nu, nv = size
     most = _most(samples)
-    around, along = (min(int(np.ceil(n * 1.25)), most[axis]) for axis, n in enumerate(size))
-    around, along = max(nu, around), max(nv, along)
-    return [trial for trial in ((around, nv), (nu, along)) if trial != size]
+    around = min(int(np.ceil(nu * GROWTH)), most[0], nu + int(room / nv))
+    along = min(int(np.ceil(nv * GROWTH)), most[1], nv + int(room / nu))
+    return [trial for trial in ((max(nu, around), nv), (nu, max(nv, along))) if trial != size]
 
 
 def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORRECTIONS) -> Fit:
@@ -156,8 +186,11 @@ def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORR
     position = samples.position
     swell = np.zeros(levels)
     normals = outward_normals(rings)
+    fitted = at_fractions(rings, position)
     for turn in range(corrections + 1):
         target = at_fractions(rings, position) + swell[:, None, None] * at_fractions(normals, position)
+        # What is hidden may go where the rest wants it.
+        target = np.where(samples.counts[..., None] < 1, fitted, target)
         free = np.einsum("va,amc,um->uvc", to_v, target - base, to_u, optimize=True)
         net = np.empty((nu, nv, 2))
         net[:, fixed] = known[fixed]
@@ -253,7 +286,7 @@ def _error(
     away = np.sum((fitted - at_fractions(rings, position)) * at_fractions(normals, position), axis=2)
     lifted = (heights - samples.z)[:, None]
     distance = np.abs(away * samples.normal[..., 0] + lifted * samples.normal[..., 1])
-    return float(np.average(distance, weights=_strips(samples)))
+    return float(np.average(distance, weights=samples.counts * _strips(samples)))
 
 
 def _strips(samples: Samples) -> np.ndarray:
@@ -265,4 +298,4 @@ def _strips(samples: Samples) -> np.ndarray:
 
 def sampled_area(samples: Samples) -> float:
     """Area in mm^2 of the tube's surface between its sections."""
-    return float(_strips(samples).sum())
+    return float((samples.counts * _strips(samples)).sum())

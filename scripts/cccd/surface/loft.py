@@ -37,11 +37,12 @@ THIN_VOXELS = 15
 #: The whole surface moves by at most this many pixels to regain the volume of the slices.
 MOST_SWELLING = 0.25
 #: Blends reach this many pixels, or slice steps, to either side of the line along which tubes meet.
-BLEND_PIXELS, BLEND_STEPS = 4.0, 1.5
+BLEND_PIXELS, BLEND_STEPS = 6.0, 3.0
 #: Flat lids stay where they are when the surface moves; the rest follows within this many cells of them.
 LID_CELLS, SAME_LID = 3.0, 1e-3
-#: Cells of the grid on which the surface is meshed, in edges: marching cubes' edges are a little longer.
-CELL = 0.8
+#: Cells of the grid on which the surface is meshed, in edges (marching cubes' edges are a little longer),
+#: and how many of them thin organs have at least through their thickness.
+CELL, THICKNESS_CELLS = 0.8, 15
 #: Share of the control points that are laid out evenly before errors say where more are needed.
 FIRST_SHARE = 0.25
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
@@ -102,7 +103,8 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     stack = _tubes(curves, settings, pixel_centres)
     tubes = stack.tubes
 
-    samples = [sample_tube(tube, _around(tube, pixel)) for tube in tubes]
+    reach = max(BLEND_PIXELS * pixel, BLEND_STEPS * stack.step)
+    samples = [sample_tube(tube, _around(tube, pixel), stack.guide, pixel, reach / 2) for tube in tubes]
     voxel = float(spacing.prod() * stack.step)
     coarse = stack.step > COARSE_MM[1] or spacing.max() > COARSE_MM[0]
     thin = coarse or stack.thickness < THIN_VOXELS
@@ -111,7 +113,7 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     tolerance = settings["tolerance_voxels"] * min(pixel, voxel ** (1 / 3), COARSEST_MM)
     fits = _fit_all(samples, tolerance, budget)
     local = [_patch(fit, tube) for fit, tube in zip(fits, tubes, strict=True)]
-    vertices, faces, amount = _mesh(local, stack, settings["edge_voxels"] * pixel, pixel)
+    vertices, faces, amount = _mesh(local, stack, settings["edge_voxels"] * pixel, pixel, reach)
     to_world = _to_world(frame, stack.origin)
     up = np.array([0.0, 0.0, 1.0])
     patches = [_moved(swollen(patch, patch.sign * amount, up), to_world) for patch in local]
@@ -152,7 +154,7 @@ class _Stack:
 
 
 def _mesh(
-    patches: list[Patch], stack: _Stack, edge: float, pixel: float
+    patches: list[Patch], stack: _Stack, edge: float, pixel: float, reach: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Vertices and faces of all tubes together, and by how many mm they had to move outwards."""
     tubes = stack.tubes
@@ -161,8 +163,7 @@ def _mesh(
     if len(joined[1]) == 0:  # holes as wide as what they are in
         joined = triangles(bodies[0])
     vertices, faces, origins = joined
-    cell = float(np.clip(stack.thickness * pixel / 3, edge / 2, CELL * edge))
-    reach = max(BLEND_PIXELS * pixel, BLEND_STEPS * stack.step)
+    cell = float(np.clip(stack.thickness * pixel / THICKNESS_CELLS, edge / 2, CELL * edge))
     level_set = blended(vertices, faces, _seams(vertices, faces, origins), stack.guide, reach, cell)
     lids = [
         (tube.sections[-way].z, 2 * way - 1) for tube in tubes for way in (0, 1) if tube.ends[way] == "cut"
@@ -270,7 +271,7 @@ def _fit_all(samples: list[Samples], tolerance: float, budget: float) -> list[Fi
     while open_tubes:
         for n in open_tubes - gains.keys():
             best = None
-            for size in refinements(sizes[n], samples[n]):
+            for size in refinements(sizes[n], samples[n], budget - spent):
                 trial = fit_samples(samples[n], size, 1)
                 gain = (fits[n].error - trial.error) * weight[n] / (trial.count - fits[n].count)
                 if best is None or gain > best[0]:
@@ -283,8 +284,7 @@ def _fit_all(samples: list[Samples], tolerance: float, budget: float) -> list[Fi
         n = max(open_tubes, key=lambda tube: gains[tube][0])
         _, size, trial = gains.pop(n)
         added = trial.count - fits[n].count
-        if spent + added > budget:
-            open_tubes.discard(n)
+        if spent + added > budget:  # another tube used the room that this was tried for
             continue
         spent += added
         sizes[n], fits[n] = size, trial

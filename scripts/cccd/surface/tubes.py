@@ -363,21 +363,25 @@ def _outline(
 def _opening(node: _Node, way: int, stack: _Stack) -> list[Section] | None:
     """Cut the section of a hole on the next level when the hole opens to the outside there.
 
-    A hole in the organ's last slice runs on straight through the cap.
+    A hole that is open in the organ's last slice, or before, runs on straight through the cap.
     """
     ring = node.ring
     level = ring.level + 2 * way - 1
+    beyond = (2 * way - 1) * 2 * stack.half_step
     following = stack.nodes[level] if 0 <= level < len(stack.nodes) else []
     covers = [other.ring for other in following if not other.ring.hole and overlap(ring, other.ring)]
     if not covers:
-        return [Section(ring.z + (2 * way - 1) * 2 * stack.half_step, ring.points, ring.area)]
+        return [Section(ring.z + beyond, ring.points, ring.area)]
     outside = shapely.Polygon(ring.points).buffer(0)
     for cover in covers:
         outside = outside.difference(shapely.Polygon(cover.points).buffer(0))
     shape = _largest(outside)
     if shape is None or shape.area < max(stack.pixel**2, 0.25 * ring.area):
         return None
-    return [_section(stack.fields[level].z, shape)]
+    section = _section(stack.fields[level].z, shape)
+    if 0 < level < len(stack.nodes) - 1:
+        return [section]
+    return [section, Section(section.z + beyond, section.points, section.area)]
 
 
 def _largest(shape: shapely.Geometry) -> shapely.Polygon | None:

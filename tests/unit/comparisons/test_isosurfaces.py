@@ -10,7 +10,7 @@ from cccd.metrics import curvature_per_area, is_closed_manifold, mesh_volume
 from cccd.surface import loft_surface
 
 SURFACE = {
-    "tolerance_voxels": 0.2,
+    "tolerance_voxels": 0.15,
     "compactness": 150,
     "compactness_thin": 40,
     "bridge_slices": 3,

@@ -8,7 +8,7 @@ from cccd.chaincode import trace_mask
 from cccd.containers import Curves, Frame, Structure
 
 SETTINGS = {
-    "tolerance_voxels": 0.2,
+    "tolerance_voxels": 0.15,
     "compactness": 150,
     "compactness_thin": 40,
     "bridge_slices": 3,

@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+from shapes import SETTINGS, ball, curves_of, grid
+from skimage.measure import marching_cubes
+
+from cccd.metrics import is_closed_manifold, mesh_volume, self_intersections, voxelise
+from cccd.surface import loft_surface
+from cccd.surface.blending import blended
+from cccd.surface.fields import Field
+from cccd.surface.guide import Guide
+
+NOWHERE = np.zeros((0, 3))
+
+
+def sphere_mesh(radius=8.0):
+    x, y, z = grid(30, 30, 30) - 14.5
+    vertices, faces, _, _ = marching_cubes(np.sqrt(x * x + y * y + z * z) - radius, 0.0)
+    radii = np.linalg.norm(vertices - 14.5, axis=1, keepdims=True)
+    return 14.5 + (vertices - 14.5) * radius / radii, faces.astype(np.int64)
+
+
+def unknown(points):
+    return np.zeros(len(points)), np.zeros(len(points))
+
+
+def cone(spacing=(0.8, 1.2), slope=0.15):
+    """A guide whose distance is known: round discs that shrink with height."""
+    i, j = np.indices((50, 40))
+    plane = np.hypot((i - 25) * spacing[0], (j - 20) * spacing[1]) - 12
+    fields = [Field(2.0 * k, (plane + slope * 2 * k).astype(np.float32), k) for k in range(5)]
+    return Guide.of(fields, np.array(spacing), 10.0)
+
+
+@pytest.mark.parametrize("cell", [0.7, 1.3])
+@pytest.mark.parametrize("level", [-0.5, 0.0, 0.5])
+def test_level_sets_of_a_sphere_are_spheres(cell, level):
+    level_set = blended(*sphere_mesh(), NOWHERE, unknown, 5.0, cell)
+    vertices, faces = level_set.mesh(level)
+    assert is_closed_manifold(faces)
+    assert len(self_intersections(vertices, faces)) == 0
+    assert np.linalg.norm(vertices - 14.5, axis=1) == pytest.approx(8 + level, abs=0.08)
+    assert mesh_volume(vertices, faces) == pytest.approx(4 / 3 * np.pi * (8 + level) ** 3, rel=0.03)
+
+
+def test_an_empty_level_set_has_no_mesh():
+    vertices, faces = blended(*sphere_mesh(1.0), NOWHERE, unknown, 5.0, 1.0).mesh(-1.4)
+    assert vertices.shape == faces.shape == (0, 3)
+
+
+def test_the_guide_rules_at_seams_and_nowhere_else():
+    def larger(points):
+        return np.linalg.norm(points - 14.5, axis=1) - 9.0, np.full(len(points), 99.0)
+
+    seam = np.array([[14.5, 14.5, 22.5]])
+    vertices, faces = blended(*sphere_mesh(), seam, larger, 8.0, 0.8).mesh()
+    radius = np.linalg.norm(vertices - 14.5, axis=1)
+    away = np.linalg.norm(vertices - seam, axis=1)
+    assert radius[away < 3] == pytest.approx(9, abs=0.05)
+    assert radius[away > 9] == pytest.approx(8, abs=0.05)
+    assert is_closed_manifold(faces)
+
+
+def test_a_guide_gives_distances_and_how_far_they_reach():
+    rng = np.random.default_rng(0)
+    angle, radius = rng.uniform(0, 2 * np.pi, 60), rng.uniform(6, 14, 60)
+    points = np.column_stack(
+        [20 + radius * np.cos(angle), 24 + radius * np.sin(angle), rng.uniform(0.1, 7.9, 60)]
+    )
+    distance, room = cone()(points)
+    assert distance == pytest.approx(radius - 12 + 0.15 * points[:, 2], abs=0.06)
+    assert room == pytest.approx(np.minimum(points[:, 2], 8 - points[:, 2]))
+
+
+def test_a_guide_says_nothing_beyond_its_levels_and_in_wide_gaps():
+    whole = cone()
+    parted = Guide([*whole.planes, *whole.planes], np.r_[whole.z, whole.z + 30], whole.spacing, 10.0)
+    points = np.array([[20, 24, -1.0], [20, 24, 20.0], [20, 24, 39.0], [20, 24, 4.0]])
+    assert parted(points)[1].tolist() == [0, 0, 0, 4]
+
+
+def test_small_parts_are_left_out_with_a_warning():
+    mask = ball()
+    mask[2:4, 2:4, 30] = True
+    surface = loft_surface(curves_of(mask), SETTINGS)
+    assert surface.report["bodies"] == 1
+    assert any("fewer than 6 voxels" in warning for warning in surface.report["warnings"])
+    assert loft_surface(curves_of(ball()), SETTINGS).report["warnings"] == []
+
+
+def test_caps_end_where_the_last_slices_point():
+    spacing = (2.0, 2.0, 5.0)
+    mask = ball((40, 40, 24), (20, 20, 12.1), 30, spacing)
+    surface = loft_surface(curves_of(mask, spacing), SETTINGS)
+    assert surface.vertices[:, 2].min() == pytest.approx(5 * 12.1 - 30, abs=1.0)
+    assert surface.vertices[:, 2].max() == pytest.approx(5 * 12.1 + 30, abs=1.0)
+
+
+def test_an_open_vessel_runs_through_the_cut_end():
+    x, y, z = grid(50, 50, 16)
+    mask = (np.hypot(x - 25, y - 25) <= 20) & (z < 16)
+    mask &= ~((np.hypot(x - 25, y - 36) <= 4) & (z > 0))
+    mask &= ~((np.abs(x - 25) <= 3) & (y > 34) & (z == 0))  # in the first slice it reaches the outside
+    surface = loft_surface(curves_of(mask), SETTINGS)
+    assert is_closed_manifold(surface.faces)
+    inside = voxelise(surface.vertices, surface.faces, surface.frame, np.zeros(3), mask.shape)
+    assert not inside[25, 36].any()
