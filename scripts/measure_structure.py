@@ -4,19 +4,20 @@ from cccd.curves import measure_curves
 from cccd.job import job
 from cccd.store import read_curve_report, read_curves, read_splines, read_structure, write_json
 from cccd.surface.export import read_surface
-from cccd.surface.measure import measure_surface
+from cccd.surface.measure import measure_surface, volume_warnings
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
     structure = read_structure(snakemake.input.structure)
     curves, splines = read_curves(snakemake.input.curves), read_splines(snakemake.input.curves)
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
     ordering = read_curve_report(snakemake.input.curves)["ordering"]
+    figures = measure_surface(surface, structure)
     metrics = {
         "case": structure.case,
         "organ": structure.organ,
         "curves": measure_curves(curves, splines),
-        "surface": measure_surface(surface, structure),
+        "surface": figures,
         "ordering": {key: value for key, value in ordering.items() if key != "slices"},
-        "warnings": [*structure.warnings, *surface.report["warnings"]],
+        "warnings": [*structure.warnings, *surface.report["warnings"], *volume_warnings(figures)],
     }
     write_json(snakemake.output[0], metrics)

@@ -52,3 +52,6 @@ LABEL_VALUE = 1e-3
 
 #: Neighbouring points of a drawn contour nearer than this, in pixels, are one point.
 SAME_POINT_VOXELS = 1e-6
+
+#: A surface whose volume differs from its organ's by more than this share gets a warning.
+VOLUME_BIAS = 0.05

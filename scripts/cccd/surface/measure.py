@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from cccd.chaincode import signed_areas
 from cccd.containers import Structure
 from cccd.metrics import (
     bending_per_area,
@@ -16,8 +19,9 @@ from cccd.metrics import (
     voxelise,
 )
 from cccd.surface.loft import Surface
+from cccd.tolerances import VOLUME_BIAS
 
-__all__ = ["mask_surface", "measure_mesh", "measure_surface"]
+__all__ = ["mask_surface", "measure_mesh", "measure_surface", "volume_warnings"]
 
 
 def mask_surface(structure: Structure) -> tuple[np.ndarray, np.ndarray]:
@@ -39,8 +43,8 @@ def measure_mesh(
 ) -> dict[str, float | int | bool]:
     """Figures of one closed mesh; those that need a mask or a truth are absent without one.
 
-    The volume is compared with the phantom's where there is a truth and with the voxels' otherwise;
-    distances are to the truth's surface, or to marching cubes on the mask.
+    The volume is compared with the phantom's where there is a truth, with what drawn contours enclose,
+    and with the voxels' otherwise; distances are to the truth's surface, or to marching cubes on the mask.
     """
     figures: dict[str, float | int | bool] = {
         "volume_ml": mesh_volume(vertices, faces) / 1000,
@@ -54,17 +58,29 @@ def measure_mesh(
     if structure.mask is not None:
         block = voxelise(vertices, faces, structure.frame, structure.origin, structure.mask.shape)
         figures["dice_3d"] = float(dice(structure.mask, block))
-    reference = structure.truth
+    reference, whole = structure.truth, None
+    voxel = float(np.prod(structure.frame.spacing))
     if reference is not None:
         whole = mesh_volume(*reference)
     elif structure.mask is not None:
         reference = mask_surface(structure)
-        whole = np.count_nonzero(structure.mask) * float(np.prod(structure.frame.spacing))
-    if reference is not None:
+        whole = np.count_nonzero(structure.mask) * voxel
+    elif structure.contours is not None:
+        whole = float(signed_areas(structure.contours.points, structure.contours.offsets).sum()) * voxel
+    if whole is not None:
         figures["volume_bias"] = mesh_volume(vertices, faces) / whole - 1
+    if reference is not None:
         distances = surface_distances((vertices, faces), reference, np.random.default_rng(seed))
         figures |= {f"{name}_mm": value for name, value in distances.items()}
     return figures
+
+
+def volume_warnings(figures: Mapping) -> list[str]:
+    """Say so when a surface holds much more or less than its organ, as one does that lost a part."""
+    bias = figures.get("volume_bias", 0.0)
+    if abs(bias) <= VOLUME_BIAS:
+        return []
+    return [f"the surface holds {abs(bias):.0%} {'less' if bias < 0 else 'more'} than the organ: look at it"]
 
 
 def measure_surface(surface: Surface, structure: Structure) -> dict:
