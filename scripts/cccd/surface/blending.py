@@ -23,6 +23,8 @@ __all__ = ["LevelSet", "blended"]
 BAND_CELLS = 1.5
 #: A blend fades out within this many cells of where the guide ends.
 FADE_CELLS = 2.0
+#: Distances from a seam are taken from points that lie this share of the blend's reach apart.
+SEAM_STEP = 0.125
 #: A surface does not run through the grid's nodes, but at least this share of a cell beside them.
 NODE_MARGIN = 1e-4
 
@@ -92,9 +94,10 @@ def blended(
     _approach(np.ascontiguousarray((vertices - low) / cell), faces, field, BAND_CELLS, cell)
     np.negative(field, out=field, where=inside)
     if len(seams):
-        places = (seams - low) / cell
-        _, once = np.unique(np.floor(places).astype(np.int64), axis=0, return_index=True)
-        weight = _weights(places[once], shape, reach / cell)
+        places, reach_nodes = (seams - low) / cell, reach / cell
+        bins = np.floor(places / max(1.0, SEAM_STEP * reach_nodes)).astype(np.int64)
+        _, once = np.unique(bins, axis=0, return_index=True)
+        weight = _weights(places[once], shape, reach_nodes)
         nodes = np.argwhere(weight)
         at = tuple(nodes.T)
         distance, room = guide(low + cell * nodes)

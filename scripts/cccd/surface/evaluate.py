@@ -85,13 +85,18 @@ def swollen(patch: Patch, amount: float, axis: np.ndarray) -> Patch:
     Control points move by ``amount`` mm times the part, square to ``axis`` (3,), of the unit normal at their
     Greville parameters: plane sections stay plane, level caps and lids where they are.
     """
-    grid = np.meshgrid(
-        _greville(patch.knots_u, patch.degree_u, patch.weights.shape[0]),
-        _greville(patch.knots_v, patch.degree_v, patch.weights.shape[1]),
-        indexing="ij",
+    u = _greville(patch.knots_u, patch.degree_u, patch.weights.shape[0])
+    v = _greville(patch.knots_v, patch.degree_v, patch.weights.shape[1])
+    bu, slope_u = (basis(u, patch.knots_u, patch.degree_u, patch.closed_u, order) for order in (0, 1))
+    bv, slope_v = (basis(v, patch.knots_v, patch.degree_v, patch.closed_v, order) for order in (0, 1))
+    homogeneous = np.dstack([patch.control_points * patch.weights[..., None], patch.weights])
+    point, along_u, along_v = (
+        np.einsum("au,bv,uvc->abc", around, along, homogeneous, optimize=True).reshape(-1, 4)
+        for around, along in ((bu, bv), (slope_u, bv), (bu, slope_v))
     )
-    u, v = (side.ravel() for side in grid)
-    normal = np.cross(evaluate(patch, u, v, (1, 0)), evaluate(patch, u, v, (0, 1)))
+    # The quotient rule up to a factor: only the direction counts.
+    su, sv = (point[:, 3:] * d[:, :3] - d[:, 3:] * point[:, :3] for d in (along_u, along_v))
+    normal = np.cross(su, sv)
     size = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = np.divide(normal, size, out=np.zeros_like(normal), where=size > 1e-9)
     normal -= np.outer(normal @ axis, axis)

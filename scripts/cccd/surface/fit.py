@@ -20,7 +20,7 @@ from cccd.surface.tubes import Tube
 __all__ = ["Fit", "Samples", "even_size", "fit_samples", "refinements", "sample_tube", "sampled_area"]
 
 #: Weight of the penalty on bends of the control net, which also settles what no sample speaks for.
-ROUGHNESS = 2e-3
+ROUGHNESS = 1e-3
 #: Fewest control points around and along a tube.
 FEWEST = (6, 4)
 #: Control nets grow by this factor in one direction at a time.
