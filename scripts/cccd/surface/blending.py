@@ -65,7 +65,7 @@ def blended(
     vertices: np.ndarray,
     faces: np.ndarray,
     seams: np.ndarray,
-    guide: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    guide: Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]],
     reach: float,
     cell: float,
 ) -> LevelSet:
@@ -78,8 +78,8 @@ def blended(
     seams : (P, 3) float64
         Points of the lines along which tubes meet.
     guide : callable
-        Gives at points (P, 3) the signed distance (P,) to the organ's boundary, and over how many mm
-        (P,) it is known.
+        Gives at points (P, 3) the signed distance (P,) to the organ's boundary, which need be smooth only
+        up to a given distance, and over how many mm (P,) it is known.
     reach : float
         mm from a seam at which the blend ends; it holds fully up to half of that.
     cell : float
@@ -100,7 +100,7 @@ def blended(
         weight = _weights(places[once], shape, reach_nodes)
         nodes = np.argwhere(weight)
         at = tuple(nodes.T)
-        distance, room = guide(low + cell * nodes)
+        distance, room = guide(low + cell * nodes, BAND_CELLS * cell)
         share = weight[at] / 255 * np.clip(room / (FADE_CELLS * cell), 0, 1)
         limit = BAND_CELLS * cell
         field[at] = (1 - share) * field[at] + share * np.clip(distance, -limit, limit)

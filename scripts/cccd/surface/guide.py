@@ -22,8 +22,7 @@ FLAT_0, FLAT_2 = 27 / 17, -30 / 17
 class Guide:
     """The fields of one or more stacks as one function of space.
 
-    In the plane a field is smoothed by a kernel that takes the steps off its pixels; along z it runs
-    straight from level to level.
+    Fields are smoothed by a kernel that takes the steps of pixels and slices off them.
 
     Attributes
     ----------
@@ -49,37 +48,57 @@ class Guide:
             [level.distance for level in fields], np.array([level.z for level in fields]), spacing, widest
         )
 
-    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(self, points: np.ndarray, within: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """Distances (P,) in mm at points (P, 3) in the plane's mm and height, and how far they are known.
 
-        The second array (P,) is the distance along z to where the levels end, zero beyond them.
+        The second array (P,) is the distance along z to where the levels end, zero beyond them. Only
+        distances of up to about ``within`` mm are smoothed.
         """
-        value, room = np.zeros(len(points)), np.zeros(len(points))
-        upper = np.searchsorted(self.z, points[:, 2], side="right")
-        order = np.argsort(upper, kind="stable")
-        stops = np.searchsorted(upper[order], np.arange(len(self.z) + 1))
-        pixels = points[:, :2] / self.spacing
         gaps = np.diff(self.z)
-        ends = np.concatenate(
-            [self.z[:1], self.z[:-1][gaps > self.widest], self.z[1:][gaps > self.widest], self.z[-1:]]
-        )
-        for level in range(1, len(self.z)):
-            here = order[stops[level] : stops[level + 1]]
-            if len(here) == 0 or gaps[level - 1] > self.widest:
-                continue
-            z = points[here, 2]
-            share = (z - self.z[level - 1]) / gaps[level - 1]
-            value[here] = _smoothed(self.planes[level - 1], self.planes[level], pixels[here], share)
-            room[here] = np.abs(z[:, None] - ends).min(axis=1)
-        return value, room
+        wide = gaps > self.widest
+        ends = np.concatenate([self.z[:1], self.z[:-1][wide], self.z[1:][wide], self.z[-1:]])
+        by_height = np.argsort(points[:, 2], kind="stable")
+        z, pixels = points[by_height, 2], points[by_height, :2] / self.spacing
+        value, room = np.zeros(len(points)), np.zeros(len(points))
+        stops = np.searchsorted(z, self.z)
+        for n in np.flatnonzero(~wide):
+            here = slice(stops[n], stops[n + 1])
+            low, high = (_sampled(self.planes[m], pixels[here], 0) for m in (n, n + 1))
+            value[here] = low + (z[here] - self.z[n]) / gaps[n] * (high - low)
+            room[here] = np.abs(z[here, None] - ends).min(axis=1)
+        knot = SMOOTHING_PIXELS * float(np.sqrt(self.spacing.prod()))
+        near = np.flatnonzero((room > 0) & (np.abs(value) < within + knot))
+        if len(near):
+            value[near] = self._smoothed(z[near], pixels[near], knot)
+        back = np.empty(len(points), np.int64)
+        back[by_height] = np.arange(len(points))
+        return value[back], room[back]
+
+    def _smoothed(self, z: np.ndarray, pixels: np.ndarray, knot: float) -> np.ndarray:
+        """Smoothed distances (P,) at ascending heights and at positions (P, 2) in pixels."""
+        thickness = np.minimum(np.gradient(self.z), knot)
+        total, weights = np.zeros(len(z)), np.zeros(len(z))
+        for level, plane, thick in zip(self.z, self.planes, thickness, strict=True):
+            here = slice(*np.searchsorted(z, [level - 2 * knot, level + 2 * knot]))
+            weight = thick * _kernel((z[here] - level) / knot)
+            total[here] += weight * _sampled(plane, pixels[here], SMOOTHING_PIXELS)
+            weights[here] += weight
+        return total / weights
+
+
+def _kernel(x: np.ndarray) -> np.ndarray:
+    """Weights at distances (P,) in knots."""
+    r = np.abs(x)
+    bell = np.where(r < 1, 2 / 3 - r**2 + r**3 / 2, np.maximum(2 - r, 0) ** 3 / 6)
+    return (FLAT_0 + FLAT_2 * r**2) * bell
 
 
 @njit(cache=True)
-def _smoothed(low, high, pixels, share):
-    """Values (P,) between two planes at positions (P, 2) in pixels, smoothed in the plane."""
-    height, width = low.shape
+def _sampled(plane, pixels, knot):
+    """Values (P,) of a plane at positions (P, 2) in pixels, smoothed, or linear where ``knot`` is 0."""
+    height, width = plane.shape
     out = np.zeros(len(pixels))
-    taps = 4 * SMOOTHING_PIXELS
+    taps = 4 * knot if knot else 2
     weight = np.empty((2, taps))
     first = np.empty(2, np.int64)
     for p in range(len(pixels)):
@@ -87,15 +106,15 @@ def _smoothed(low, high, pixels, share):
             first[axis] = int(np.floor(pixels[p, axis])) - taps // 2 + 1
             total = 0.0
             for tap in range(taps):
-                r = abs(first[axis] + tap - pixels[p, axis]) / SMOOTHING_PIXELS
+                away = abs(first[axis] + tap - pixels[p, axis])
+                r = away / max(knot, 1)
                 bell = 2 / 3 - r * r + r**3 / 2 if r < 1 else max(2 - r, 0.0) ** 3 / 6
-                weight[axis, tap] = (FLAT_0 + FLAT_2 * r * r) * bell
+                weight[axis, tap] = (FLAT_0 + FLAT_2 * r * r) * bell if knot else 1 - away
                 total += weight[axis, tap]
             weight[axis] /= total
         for a in range(taps):
             i = min(max(first[0] + a, 0), height - 1)
             for b in range(taps):
                 j = min(max(first[1] + b, 0), width - 1)
-                value = low[i, j] + share[p] * (high[i, j] - low[i, j])
-                out[p] += weight[0, a] * weight[1, b] * value
+                out[p] += weight[0, a] * weight[1, b] * plane[i, j]
     return out

@@ -19,7 +19,7 @@ def sphere_mesh(radius=8.0):
     return 14.5 + (vertices - 14.5) * radius / radii, faces.astype(np.int64)
 
 
-def unknown(points):
+def unknown(points, within):
     return np.zeros(len(points)), np.zeros(len(points))
 
 
@@ -48,7 +48,7 @@ def test_an_empty_level_set_has_no_mesh():
 
 
 def test_the_guide_rules_at_seams_and_nowhere_else():
-    def larger(points):
+    def larger(points, within):
         return np.linalg.norm(points - 14.5, axis=1) - 9.0, np.full(len(points), 99.0)
 
     seam = np.array([[14.5, 14.5, 22.5]])
