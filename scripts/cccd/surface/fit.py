@@ -113,7 +113,7 @@ def _hidden(samples: Samples, guide: Guide, pixel: float, reach: float) -> np.nd
     """Tell which samples (A, M) end up below the surface, or in a blend."""
     points = at_fractions(samples.outlines, samples.position)
     heights = np.broadcast_to(samples.z[:, None, None], (*points.shape[:2], 1))
-    distance, room = guide(np.concatenate([points, heights], axis=2).reshape(-1, 3))
+    distance, room = guide(np.concatenate([points, heights], axis=2).reshape(-1, 3), -np.inf)
     away = (np.abs(distance) > HIDDEN_PIXELS * pixel) & (room > 0)
     away = away.reshape(points.shape[:2])
     if not away.any():

@@ -52,7 +52,7 @@ class Guide:
         """Distances (P,) in mm at points (P, 3) in the plane's mm and height, and how far they are known.
 
         The second array (P,) is the distance along z to where the levels end, zero beyond them. Only
-        distances of up to about ``within`` mm are smoothed.
+        distances of up to about ``within`` mm are smoothed; minus infinity for none.
         """
         gaps = np.diff(self.z)
         wide = gaps > self.widest
