@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
+import numba
 import numpy as np
 
 from cccd.junctions.complexes import REGION_GAPS_PX, Complex
@@ -17,9 +18,20 @@ _GREY_STEPS = 2  # half width of the 5x5 grey patch, in samples two pixels apart
 _OCCUPANCY = sum((2 * half + 1) ** 2 for half, _ in _SCALES)
 _GREY = (2 * _GREY_STEPS + 1) ** 2
 
+# Scales of `REGION_GAPS_PX` whose regions have their grey values measured.
+_TONED = (0, 2)
+
+# Blurs of the equalised grey in pixels, and how far to either side of a link each is read.
+_BLURS = ((1.0, 1.5), (2.5, 3.5))
+
+# Bins of grey values that are ranked.
+_BINS = 1024
+
+#: Grey values that the network compares with the organ's: one per blur.
+TONES = len(_BLURS)
 NODE_FEATURES = _OCCUPANCY + _GREY + 1
-TRIANGLE_FEATURES = 8 + 4 * len(REGION_GAPS_PX)
-LINK_FEATURES = 12 + 2 * len(REGION_GAPS_PX)
+TRIANGLE_FEATURES = 8 + 4 * len(REGION_GAPS_PX) + TONES + 1 + 2 * len(_TONED)
+LINK_FEATURES = 12 + 2 * len(REGION_GAPS_PX) + 3 + 2 * TONES + 3
 
 
 @dataclass
@@ -32,20 +44,58 @@ class Features:
         Occupancy and grey patches, 255 standing for 1; zero at ring nodes.
     links : (L, LINK_FEATURES) float32
     triangles : (T, TRIANGLE_FEATURES) float32
+    tones : (T, TONES) float32
+        Equalised grey values, 0 where there is no image.
     """
 
     nodes: np.ndarray
     links: np.ndarray
     triangles: np.ndarray
+    tones: np.ndarray
 
 
-def normalised_grey(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Give a grey slice as uint8, its 1 % and 99 % quantiles around the pixels (N, 2) at 0 and 255."""
-    low = np.maximum(pixels.min(axis=0) - 12, 0)
-    high = pixels.max(axis=0) + 13
-    dark, bright = np.percentile(image[low[0] : high[0], low[1] : high[1]], (1, 99))
-    scaled = (image - dark) * (255 / max(bright - dark, 1e-6))
-    return cv2.GaussianBlur(np.clip(scaled, 0, 255).astype(np.uint8), (0, 0), 0.8)
+@dataclass
+class Grey:
+    """A grey slice around a map's pixels.
+
+    Attributes
+    ----------
+    scaled : (I, J) uint8
+        1 % and 99 % quantiles at 0 and 255.
+    channels : (I, J, 2 + TONES) uint8
+        ``scaled``; ranks among the grey values, so that bone and air beside it leave an organ its
+        contrast, one per blur; and the rank of the gradient's magnitude.
+    origin : (2,) int array
+        Pixel of the arrays' first elements.
+    """
+
+    scaled: np.ndarray
+    channels: np.ndarray
+    origin: np.ndarray
+
+
+def _ranks(values: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Give each value (I, J) its rank among all, 0 to 255; alike ones rank in the middle of their own."""
+    bins = np.clip((values - low) * ((_BINS - 1) / max(high - low, 1e-6)), 0, _BINS - 1).astype(np.uint16)
+    counts = np.bincount(bins.ravel(), minlength=_BINS)
+    middle = np.cumsum(counts) - counts / 2
+    return (middle * (255 / values.size)).astype(np.uint8)[bins]
+
+
+def normalised_grey(image: np.ndarray, pixels: np.ndarray) -> Grey:
+    """Normalise a grey slice (I, J) around the pixels (N, 2)."""
+    low = np.clip(pixels.min(axis=0) - 12, 0, np.array(image.shape) - 1)
+    high = np.maximum(pixels.max(axis=0) + 13, low + 1)
+    around = np.ascontiguousarray(image[low[0] : high[0], low[1] : high[1]], np.float32)
+    darkest, dark, bright, brightest = np.percentile(around, (0.2, 1, 99, 99.8))
+    scaled = np.clip((around - dark) * (255 / max(bright - dark, 1e-6)), 0, 255).astype(np.uint8)
+    scaled = cv2.GaussianBlur(scaled, (0, 0), 0.8)
+    blurred = cv2.GaussianBlur(around, (0, 0), _BLURS[0][0])
+    ranks = _ranks(blurred, darkest, brightest)
+    rest = np.sqrt(_BLURS[1][0] ** 2 - _BLURS[0][0] ** 2)
+    slope = cv2.magnitude(*(cv2.Sobel(blurred, cv2.CV_32F, *order) for order in ((1, 0), (0, 1))))
+    steep = _ranks(slope, 0.0, 2 * float(brightest - darkest))
+    return Grey(scaled, np.dstack([scaled, ranks, cv2.GaussianBlur(ranks, (0, 0), rest), steep]), low)
 
 
 def _patches(raster: np.ndarray, at: np.ndarray, half: int, step: int) -> np.ndarray:
@@ -58,7 +108,7 @@ def _patches(raster: np.ndarray, at: np.ndarray, half: int, step: int) -> np.nda
     return padded.ravel()[centre[:, None] + window]
 
 
-def _node_features(graph: Complex, grey: np.ndarray | None) -> np.ndarray:
+def _node_features(graph: Complex, grey: Grey | None) -> np.ndarray:
     pixels = graph.points[~graph.ring].astype(np.int64)
     low = pixels.min(axis=0)
     raster = np.zeros(pixels.max(axis=0) - low + 1, np.uint8)
@@ -73,28 +123,117 @@ def _node_features(graph: Complex, grey: np.ndarray | None) -> np.ndarray:
     if grey is None:
         columns.append(np.zeros((len(pixels), _GREY + 1), np.uint8))
     else:
-        columns += [_patches(grey, pixels, _GREY_STEPS, 2), np.full((len(pixels), 1), 255, np.uint8)]
+        seen = _patches(grey.scaled, pixels - grey.origin, _GREY_STEPS, 2)
+        columns += [seen, np.full((len(pixels), 1), 255, np.uint8)]
     nodes = np.zeros((len(graph.points), NODE_FEATURES), np.uint8)
     nodes[~graph.ring] = np.hstack(columns)
     return nodes
 
 
-def _sample(grey: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Grey values in 0..1 at the pixels nearest to points (..., 2); beyond the border the border's."""
-    at = np.rint(points).astype(np.int64)
-    rows, columns = (np.clip(at[..., axis], 0, grey.shape[axis] - 1) for axis in (0, 1))
-    return grey[rows, columns].astype(np.float32) / 255
+def _sample(grey: Grey, points: np.ndarray) -> np.ndarray:
+    """Channels (..., 2 + TONES) in 0..1 at the pixels nearest to points (..., 2), the border's beyond it."""
+    at = np.rint(points - grey.origin).astype(np.int64)
+    rows, columns, channels = grey.channels.shape
+    flat = np.clip(at[..., 0], 0, rows - 1) * columns + np.clip(at[..., 1], 0, columns - 1)
+    return grey.channels.reshape(-1, channels)[flat].astype(np.float32) / 255
 
 
-def measure(graph: Complex, grey: np.ndarray | None = None) -> Features:
+def _triangle_greys(graph: Complex, grey: Grey | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Grey values of triangles.
+
+    Returns
+    -------
+    tone : (T, 2) array
+        Mean and spread as scaled.
+    tones : (T, TONES) array
+        Means as equalised.
+    shades : (T, 1 + 2 len(_TONED)) array
+        Spread as equalised, and mean and spread of each region that the triangle is part of.
+    """
+    if grey is None:
+        return tuple(np.zeros((len(graph.triangles), n)) for n in (2, TONES, 1 + 2 * len(_TONED)))
+    corners = graph.points[graph.triangles]
+    centre = corners.mean(axis=1, keepdims=True)
+    samples = _sample(grey, np.concatenate([centre, (corners + centre) / 2], axis=1))
+    mean, spread = samples.mean(axis=1) - 0.5, samples.std(axis=1)
+    tone, spread_of_tone = mean[:, 1], spread[:, 1]
+    weight = np.where(graph.outer, 1e-6, graph.areas + 1e-6)
+    regional = []
+    for g in _TONED:
+        region = graph.regions[:, g]
+        total = np.bincount(region, weight)
+        average = np.bincount(region, weight * tone) / total
+        square = np.bincount(region, weight * (tone**2 + spread_of_tone**2)) / total
+        regional += [average[region], np.sqrt(np.maximum(square - average**2, 0))[region]]
+    shades = np.column_stack([spread_of_tone, *regional])
+    return np.column_stack([mean[:, 0], spread[:, 0]]), mean[:, 1 : 1 + TONES], shades
+
+
+def _link_greys(graph: Complex, grey: Grey | None) -> tuple[np.ndarray, np.ndarray]:
+    """Step of the scaled grey across a link's middle (L,), and equalised steps and slopes (L, 2 TONES + 2).
+
+    Of three places along the link: the size of the mean step and the least step, per blur, and mean and
+    least rank of the slope.
+    """
+    if grey is None:
+        return np.zeros(len(graph.links)), np.zeros((len(graph.links), 2 * TONES + 2))
+    a, b = (graph.points[graph.links[:, end]] for end in (0, 1))
+    step = b - a
+    normal = np.column_stack([-step[:, 1], step[:, 0]]) / np.hypot(step[:, 0], step[:, 1])[:, None]
+    places = a[:, None] + step[:, None] * np.array([1 / 6, 1 / 2, 5 / 6])[:, None]
+    columns = []
+    for channel, (_, reach) in enumerate(_BLURS, 1):
+        beside = reach * normal[:, None]
+        across = _sample(grey, places + beside) - _sample(grey, places - beside)
+        if channel == 1:
+            middle = np.abs(across[:, 1, 0])
+        columns += _mean_and_least(across[..., channel])
+    return middle, np.column_stack([*columns, *_mean_and_least(_sample(grey, places)[..., -1])])
+
+
+def _mean_and_least(steps: np.ndarray) -> list[np.ndarray]:
+    """Size of the mean and least size of three steps (L, 3)."""
+    first, second, third = steps.T
+    least = np.minimum(np.minimum(np.abs(first), np.abs(second)), np.abs(third))
+    return [np.abs(first + second + third) / 3, least]
+
+
+def _fragments(graph: Complex, length: np.ndarray) -> np.ndarray:
+    """Pixels in the 8-connected fragments that links join: fewer, more, and whether they are one (L, 3)."""
+    fragment = _joined(len(graph.points), graph.links[length <= REGION_GAPS_PX[0]])
+    size = np.log(np.bincount(fragment)[fragment]) / 4
+    ends = size[graph.links]
+    same = fragment[graph.links[:, 0]] == fragment[graph.links[:, 1]]
+    return np.column_stack([ends.min(axis=1), ends.max(axis=1), same])
+
+
+@numba.njit(cache=True)
+def _joined(count, links):
+    # union-find with path halving: every node's representative
+    above = np.arange(count)
+    for n in range(len(links)):
+        a, b = links[n]
+        while above[a] != a:
+            above[a] = above[above[a]]
+            a = above[a]
+        while above[b] != b:
+            above[b] = above[above[b]]
+            b = above[b]
+        above[max(a, b)] = min(a, b)
+    for node in range(count):
+        above[node] = above[above[node]]
+    return above
+
+
+def measure(graph: Complex, grey: Grey | None = None) -> Features:
     """Measure the features of one slice.
 
     Parameters
     ----------
     graph : Complex
         Of a single slice.
-    grey : (I, J) uint8 array or None
-        From `normalised_grey`, in the pixels' coordinates.
+    grey : Grey or None
+        From `normalised_grey`.
     """
     a, b = (graph.points[graph.links[:, end]] for end in (0, 1))
     step = b - a
@@ -110,16 +249,8 @@ def measure(graph: Complex, grey: np.ndarray | None = None) -> Features:
     hull_area = max(area[~outer].sum(), 1.0)
     left, right = graph.sides.T
     log_area = np.log1p(area)
-    if grey is None:
-        tone = np.zeros((len(area), 2), np.float32)
-        across = np.zeros(len(length), np.float32)
-    else:
-        centre = corners.mean(axis=1, keepdims=True)
-        samples = _sample(grey, np.concatenate([centre, (corners + centre) / 2], axis=1))
-        tone = np.column_stack([samples.mean(axis=1) - 0.5, samples.std(axis=1)])
-        normal = 1.5 * np.column_stack([-step[:, 1], step[:, 0]]) / length[:, None]
-        middle = (a + b) / 2
-        across = np.abs(_sample(grey, middle + normal) - _sample(grey, middle - normal))
+    tone, tones, shades = _triangle_greys(graph, grey)
+    across, edge = _link_greys(graph, grey)
     depth = graph.depths.astype(np.float32)
     triangles = np.column_stack(
         [
@@ -134,6 +265,8 @@ def measure(graph: Complex, grey: np.ndarray | None = None) -> Features:
             np.minimum(depth, 6) / 3,
             np.log1p(region_area) / 4,
             np.log((region_area + 1) / hull_area) / 4,
+            tones,
+            shades,
         ]
     )
     links = np.column_stack(
@@ -152,6 +285,14 @@ def measure(graph: Complex, grey: np.ndarray | None = None) -> Features:
             outer[left] | outer[right],
             graph.regions[left] == graph.regions[right],
             np.minimum(np.abs(depth[left] - depth[right]), 2),
+            _fragments(graph, length),
+            edge,
+            np.abs(tones[left, 0] - tones[right, 0]),
         ]
     )
-    return Features(_node_features(graph, grey), links.astype(np.float32), triangles.astype(np.float32))
+    return Features(
+        _node_features(graph, grey),
+        links.astype(np.float32),
+        triangles.astype(np.float32),
+        tones.astype(np.float32),
+    )

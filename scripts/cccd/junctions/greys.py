@@ -9,6 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from cccd.boundary import edge_map
 from cccd.junctions.shapes import smooth_noise
 
 __all__ = ["canny_map", "draw_image"]
@@ -67,6 +68,9 @@ def draw_image(rng: np.random.Generator, mask: np.ndarray) -> np.ndarray:
     image = cv2.GaussianBlur(image, (0, 0), rng.uniform(0.3, 1.1))
     image += rng.uniform(0, 0.06) * smooth_noise(rng, shape, rng.uniform(2, 12))
     image *= 1 + rng.uniform(0, 0.2) * smooth_noise(rng, shape, 2 * size + 20)
+    if rng.random() < 0.3:  # bone, metal or air that outshine all else
+        bright = smooth_noise(rng, shape, rng.uniform(4, 20)) > rng.uniform(1.2, 2.2)
+        image[bright & (mask == 0)] += rng.choice([-1, 1]) * rng.uniform(0.5, 4)
     noise = rng.standard_normal(shape).astype(np.float32)
     if rng.random() < 0.5:
         noise = cv2.GaussianBlur(noise, (0, 0), 0.8) * 2.3
@@ -78,7 +82,9 @@ def draw_image(rng: np.random.Generator, mask: np.ndarray) -> np.ndarray:
 def canny_map(
     rng: np.random.Generator, image: np.ndarray, mask: np.ndarray, band_px: float | None = 6.0
 ) -> np.ndarray:
-    """Canny edges (1986) of an image with drawn thresholds, in a band along the mask's border if wanted.
+    """Canny edges (1986) of an image, in a band along the mask's border if wanted.
+
+    Every other time by `cccd.boundary.edge_map`, else by OpenCV's detector; blur and thresholds are drawn.
 
     Parameters
     ----------
@@ -92,6 +98,11 @@ def canny_map(
     -------
     (I, J) bool array
     """
+    if rng.random() < 0.5:  # as the pipeline finds them
+        region = None if band_px is None else mask[None] > 0
+        dilations = 0 if band_px is None else round(band_px / 2)
+        blur, quantile = rng.uniform(0.8, 2.2), rng.uniform(0.6, 0.93)
+        return edge_map(image[None], region, blur_px=blur, dilations=dilations, edge_quantile=quantile)[0]
     low, high = np.percentile(image, (1, 99))
     grey = np.clip(255 * (image - low) / max(high - low, 1e-6), 0, 255).astype(np.uint8)
     sigma = rng.uniform(0.6, 2.0)

@@ -15,6 +15,8 @@ from cccd.junctions.features import Features, measure, normalised_grey
 from cccd.junctions.network import JunctionNetwork, make_batch
 
 __all__ = [
+    "AREA_POWER",
+    "BORDER_COST",
     "curves_from_masks",
     "join_features",
     "label_inside",
@@ -30,10 +32,10 @@ SLICES_PER_BATCH = 8
 SMALLEST_LOOP_PX = 6.0
 SMALLEST_LOOP_SHARE = 0.005
 
-# Cost of a pixel of border per nat of doubt about its link, against a triangle's logit times this power of
-# its area: chosen on the frozen validation graphs.
-_BORDER_COST = 1.0
-_AREA_POWER = 0.75
+#: Cost of a pixel of border per nat of doubt about its link, against a triangle's logit times this power of
+#: its area: chosen on the frozen validation graphs.
+BORDER_COST = 1.0
+AREA_POWER = 0.75
 
 # Without a network: cells walled in by links up to this long are inside, and longer links cost more.
 _PLAIN_SCALE = 2
@@ -57,16 +59,16 @@ def label_inside(graph: Complex, inside_logit: np.ndarray, link_logit: np.ndarra
 
     A triangle's say grows with its extent, a link's cost with its length; the ring is outside.
     """
-    gain = inside_logit * graph.areas**_AREA_POWER
+    gain = inside_logit * graph.areas**AREA_POWER
     gain[graph.outer] = -1e9
-    cost = _BORDER_COST * graph.link_lengths * np.logaddexp(0, -link_logit)
+    cost = BORDER_COST * graph.link_lengths * np.logaddexp(0, -link_logit)
     return minimum_cut(gain, cost, graph.neighbours, graph.side_links, graph.triangle_offsets)
 
 
 def join_features(parts: Sequence[Features]) -> Features:
     """Features of a batch of slices."""
     return Features(
-        *(np.concatenate([getattr(p, n) for p in parts]) for n in ("nodes", "links", "triangles"))
+        *(np.concatenate([getattr(p, n) for p in parts]) for n in ("nodes", "links", "triangles", "tones"))
     )
 
 

@@ -12,6 +12,9 @@ import numpy as np
 
 __all__ = ["draw_mask", "smooth_noise"]
 
+# Directions in which a polar outline is evaluated; finer than the pixels of the largest mask.
+_ANGLES = 4096
+
 
 def smooth_noise(rng: np.random.Generator, shape: tuple[int, int], scale: float) -> np.ndarray:
     """Gaussian random field of unit variance whose features are about ``scale`` pixels large."""
@@ -26,13 +29,15 @@ def _polar_body(rng: np.random.Generator, y: np.ndarray, x: np.ndarray, radius: 
     turn = rng.uniform(0, np.pi)
     u = (x * np.cos(turn) + y * np.sin(turn)) * stretch
     v = (-x * np.sin(turn) + y * np.cos(turn)) / stretch
-    angle, distance = np.arctan2(v, u), np.hypot(u, v)
+    distance, angle = cv2.cartToPolar(u, v)
     order = rng.integers(2, 9)
-    outline = np.zeros_like(angle)
+    turned = np.arange(_ANGLES) * (2 * np.pi / _ANGLES)
+    outline = np.zeros(_ANGLES, np.float32)
     power = rng.uniform(0.8, 2.0)
     for k in range(2, order + 1):
-        outline += rng.normal(0, 0.35 / k**power) * np.cos(k * angle + rng.uniform(0, 2 * np.pi))
-    return radius * np.clip(1 + outline, 0.25, 1.8) - distance
+        outline += rng.normal(0, 0.35 / k**power) * np.cos(k * turned + rng.uniform(0, 2 * np.pi))
+    reach = radius * np.clip(1 + outline, 0.25, 1.8).astype(np.float32)
+    return reach[(angle * (_ANGLES / (2 * np.pi))).astype(np.int32) % _ANGLES] - distance
 
 
 def _balls(rng: np.random.Generator, y: np.ndarray, x: np.ndarray, radius: float) -> np.ndarray:

@@ -22,9 +22,10 @@ from tqdm import tqdm
 from cccd.containers import Frame, concatenate_ragged
 from cccd.errors import InputError
 from cccd.junctions.complexes import Complex, build_complex, join_complexes
+from cccd.junctions.cut import minimum_cut
 from cccd.junctions.decoding import fill_inside
 from cccd.junctions.features import measure, normalised_grey
-from cccd.junctions.inference import curves_from_masks, join_features, label_inside
+from cccd.junctions.inference import AREA_POWER, BORDER_COST, curves_from_masks, join_features, label_inside
 from cccd.junctions.network import Batch, JunctionNetwork, make_batch
 from cccd.junctions.samples import ALL_KINDS, Sample, draw_sample, inside_shares, link_labels
 from cccd.junctions.scoring import score_slice
@@ -41,11 +42,21 @@ KIND_WEIGHTS = {
 }  # fmt: skip
 
 # Random streams that must not overlap: frozen splits, fresh maps, order of the maps, what is hidden.
-_FROZEN, _FRESH, _ORDER, _HIDING = 1, 2, 3, 4
+_FROZEN, _FRESH, _ORDER, _HIDING, _PAPER = 1, 2, 3, 4, 5
 SPLITS = ("training", "validation", "test")
+
+# Nats by which the true cut should win, and what its loss weighs beside the cross entropies.
+_MARGIN = 2.0
+_CUT_WEIGHT = 4.0
 
 # Share of training maps whose grey slice is hidden from the network, so that it does without as well.
 _HIDDEN_GREY = 0.3
+
+
+#: Graphs and nodes of each that took 6.4 GB as dense matrices (sections 4.3 and 8).
+PAPER_GRAPHS, PAPER_NODES = 209, 1917
+# How many of that size are drawn to tell what they take.
+_PAPER_SHOWN = 4
 
 
 # Graphs -----------------------------------------------------------------------------------------------
@@ -100,21 +111,56 @@ def generate_graphs(settings: Mapping, seed: int, path: str | Path) -> None:
     seed : int
     path : path
     """
-    splits, dense = {}, 0
+    splits, nodes = {}, []
     for number, split in enumerate(SPLITS):
         kinds = _kinds(settings["graphs"][split])
         streams = [np.random.default_rng([seed, _FROZEN, number, n]) for n in range(len(kinds))]
         samples = [draw_sample(rng, kind) for rng, kind in zip(streams, kinds, strict=True)]
         splits[split] = _pack(samples)
-        dense += 8 * 2 * sum(len(sample.pixels) ** 2 for sample in samples)
-    sparse = sum(array.nbytes for columns in splits.values() for array in columns.values())
-    attributes = {"seed": seed, "kinds": ",".join(ALL_KINDS), "bytes": sparse, "bytes_dense": dense}
+        nodes += [len(sample.pixels) for sample in samples]
+    attributes = {
+        "seed": seed,
+        "kinds": ",".join(ALL_KINDS),
+        "bytes": sum(_nbytes(columns) for columns in splits.values()),
+        "bytes_images": sum(columns["images/values"].nbytes for columns in splits.values()),
+        "bytes_dense": sum(map(_dense_bytes, nodes)),
+        "bytes_paper": PAPER_GRAPHS
+        * _nbytes(_pack(large_maps(seed, _PAPER_SHOWN, PAPER_NODES)))
+        // _PAPER_SHOWN,
+        "bytes_paper_dense": PAPER_GRAPHS * _dense_bytes(PAPER_NODES),
+    }
     write_graphs(path, splits, attributes)
-    stored = Path(path).stat().st_size
-    logger.info(
-        "graphs: %d bytes, %d on disk; two dense float64 matrices each would take %d bytes (%.0f times)",
-        sparse, stored, dense, dense / max(sparse, 1),
-    )  # fmt: skip
+    logger.info("graphs: %s; %d bytes on disk", attributes, Path(path).stat().st_size)
+
+
+def _nbytes(columns: Mapping[str, np.ndarray]) -> int:
+    """Bytes of a split's graphs and labels; grey slices are not part of a graph."""
+    return sum(array.nbytes for name, array in columns.items() if not name.startswith("images"))
+
+
+def _dense_bytes(nodes: int) -> int:
+    """Two dense float32 matrices of a graph, adjacency and labels, as section 4.3 keeps them."""
+    return 2 * 4 * nodes**2
+
+
+def large_maps(seed: int, count: int, nodes: int) -> list[Sample]:
+    """Draw maps of exactly ``nodes`` pixels: some organs side by side, the last pixels left out."""
+    samples = []
+    for number in range(count):
+        rng = np.random.default_rng([seed, _PAPER, number])
+        parts: list[Sample] = []
+        while sum(len(part.pixels) for part in parts) < nodes:
+            parts.append(draw_sample(rng, "mixed"))
+        height = max(part.shape[0] for part in parts)
+        shift = np.cumsum([0, *(part.shape[1] for part in parts)])
+        pixels, contours = [], []
+        for part, at in zip(parts, shift, strict=False):
+            aside = np.array([0, at], np.int32)
+            pixels.append(part.pixels + aside)
+            contours += [contour + aside for contour in part.contours]
+        shape = (height, int(shift[-1]))
+        samples.append(Sample(np.concatenate(pixels)[:nodes], contours, "mixed", shape))
+    return samples
 
 
 def read_samples(path: str | Path, split: str) -> list[Sample]:
@@ -150,9 +196,17 @@ class _Examples:
     inside_weight: Tensor
     true: Tensor  # (L,)
     true_weight: Tensor
+    extent: Tensor  # (T,) what a triangle's logit weighs in the cut; 0 at the ring
+    length: Tensor  # (L,) what a link's costs in the cut
+    graph: Complex
+
+    def to(self, device: torch.device | str) -> _Examples:
+        """Move all tensors; the graph stays."""
+        moved = {n: v if isinstance(v, Complex) else v.to(device) for n, v in vars(self).items()}
+        return _Examples(**moved)
 
 
-def _examples(samples: Sequence[Sample], hide_grey: Sequence[bool]) -> tuple[_Examples, Complex]:
+def _examples(samples: Sequence[Sample], hide_grey: Sequence[bool]) -> _Examples:
     graphs, features, shares, weights = [], [], [], []
     for sample, hidden in zip(samples, hide_grey, strict=True):
         graph = build_complex(sample.pixels)
@@ -170,14 +224,16 @@ def _examples(samples: Sequence[Sample], hide_grey: Sequence[bool]) -> tuple[_Ex
     def real(array):
         return torch.from_numpy(np.asarray(array, np.float32))
 
-    examples = _Examples(
+    return _Examples(
         make_batch(joined, join_features(features)),
         real(inside),
         real(np.concatenate(weights) / len(samples)),
         real(link_labels(joined, inside)),
         real(np.repeat(1 / link_counts, link_counts) / len(samples)),
+        real(np.where(joined.outer, 0, joined.areas**AREA_POWER)),
+        real(BORDER_COST * joined.link_lengths),
+        joined,
     )
-    return examples, joined
 
 
 class _Stream(Dataset):
@@ -205,7 +261,7 @@ class _Stream(Dataset):
                 rng = np.random.default_rng([self.seed, _FRESH, self.epoch, number])
                 samples.append(draw_sample(rng, ALL_KINDS[self.kinds[number]]))
         hiding = np.random.default_rng([self.seed, _HIDING, self.epoch, index])
-        return _examples(samples, hiding.random(len(samples)) < _HIDDEN_GREY)[0]
+        return _examples(samples, hiding.random(len(samples)) < _HIDDEN_GREY)
 
 
 def _only(batch: list[_Examples]) -> _Examples:
@@ -215,28 +271,57 @@ def _only(batch: list[_Examples]) -> _Examples:
 # Training ---------------------------------------------------------------------------------------------
 
 
+def _cut_loss(inside: Tensor, link: Tensor, examples: _Examples) -> Tensor:
+    """How much worse the true cut is than the least one: the structured hinge loss.
+
+    The least cut is sought with every wrong triangle `_MARGIN` nats cheaper, so that the true one wins by a
+    margin (Tsochantaridis et al. 2005; Szummer, Kohli and Hoiem 2008 for graph cuts). Mean over triangles
+    by extent.
+    """
+    graph, extent = examples.graph, examples.extent
+    gain, cost = inside * extent, examples.length * nn.functional.softplus(-link)
+    share = examples.inside
+    truth = (share > 0.5) & (extent > 0)
+    margin = _MARGIN * extent * (1 - 2 * share)
+    offered = (gain + margin).detach().double().cpu().numpy()
+    offered[graph.outer] = -1e9
+    least = minimum_cut(
+        offered,
+        cost.detach().double().cpu().numpy(),
+        graph.neighbours,
+        graph.side_links,
+        graph.triangle_offsets,
+    )
+    least = torch.from_numpy(least).to(gain.device)
+    first, second = examples.batch.sides
+    crossed, due = (label[first] != label[second] for label in (least, truth))
+    change = least.float() - truth.float()
+    worse = ((gain + margin) * change).sum() - (cost * (crossed.float() - due.float())).sum()
+    return worse / extent.sum()
+
+
 def _loss(model: JunctionNetwork, examples: _Examples) -> Tensor:
-    """Mean over slices of the triangles' and the links' cross entropy."""
+    """Mean over slices of the triangles' and the links' cross entropy, and the loss of the cut."""
     inside, link = model(examples.batch)
     cross_entropy = nn.functional.binary_cross_entropy_with_logits
     cells = cross_entropy(inside, examples.inside, examples.inside_weight, reduction="sum")
     links = cross_entropy(link, examples.true, examples.true_weight, reduction="sum")
-    return cells + links
+    return cells + links + _CUT_WEIGHT * _cut_loss(inside, link, examples)
 
 
 def _validate(
-    model: JunctionNetwork, samples: Sequence[Sample], prepared: Sequence[tuple[_Examples, Complex]]
+    model: JunctionNetwork, samples: Sequence[Sample], prepared: Sequence[_Examples]
 ) -> dict[str, float]:
     """Link precision, recall and F1, and the share of slices that the decoder gets right."""
     true_positive = positive = true = 0.0
     masks, origins = [], []
-    for examples, graph in prepared:
+    for examples in prepared:
         inside, link = model.predict(examples.batch)
         predicted, label = link > 0, examples.true.numpy() > 0.5
         true_positive += (predicted & label).sum()
         positive += predicted.sum()
         true += label.sum()
-        filled, origin = fill_inside(graph, label_inside(graph, inside, link))
+        filled, origin = fill_inside(examples.graph, label_inside(examples.graph, inside, link))
         masks.append(filled)
         origins += [origin] * len(filled)
     scores = []
@@ -256,6 +341,28 @@ def _validate(
 
 _FLAT = Frame(np.eye(4), 2, (1, 1, 1))
 _NETWORK_KEYS = ("width", "link_width", "pixel_layers", "rounds", "heads", "dropout")
+
+
+# Weights of an exchange that carry its messages.
+_CARRYING = (".give.weight", ".wall.weight", ".compare.weight", ".gate.weight", ".gate.bias")
+
+
+@torch.no_grad()
+def _start_from(model: JunctionNetwork, path: str | Path) -> None:
+    """Take a network's weights; what is new, features or exchanges, hardly acts at first."""
+    content = _read_model(path)
+    for key in ("width", "link_width", "pixel_layers", "heads"):
+        if content["sizes"][key] != model.sizes[key]:
+            cure = f"set gnn.{key} to {content['sizes'][key]}, or gnn.start to null"
+            raise InputError(str(path), f"its {key} is not {model.sizes[key]}", cure)
+    for name, value in model.state_dict().items():
+        old = content["weights"].get(name)
+        if old is not None:
+            if value.ndim == 2:
+                value.zero_()  # features that the old network lacked
+            value[tuple(slice(n) for n in old.shape)] = old
+        elif name.endswith(_CARRYING):
+            value.mul_(0.1)
 
 
 def _fingerprint(graphs_path: str | Path, settings: Mapping, seed: int) -> str:
@@ -332,7 +439,7 @@ def train_model(
     prepared = [_examples([sample], [False]) for sample in validation]
     model = JunctionNetwork(**{key: settings[key] for key in _NETWORK_KEYS}).to(device)
     if settings["start"]:
-        model.load_state_dict(load_model(settings["start"]).state_dict())
+        _start_from(model, settings["start"])
     optimiser = torch.optim.AdamW(model.parameters(), lr=settings["learning_rate"], weight_decay=1e-4)
     steps = settings["epochs"] * len(_Stream(frozen, settings, seed, 0))
     schedule = torch.optim.lr_scheduler.OneCycleLR(
@@ -394,8 +501,7 @@ def _run_epoch(model, optimiser, schedule, stream: _Stream, threads: int, device
     total = 0.0
     for examples in tqdm(loader, desc=f"epoch {stream.epoch}", unit="batch", mininterval=2):
         if device.type != "cpu":
-            moved = {n: v.to(device) for n, v in vars(examples).items()}
-            examples = _Examples(**moved)
+            examples = examples.to(device)
         loss = _loss(model, examples)
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
@@ -406,6 +512,19 @@ def _run_epoch(model, optimiser, schedule, stream: _Stream, threads: int, device
     return total / len(stream)
 
 
+def _read_model(path: str | Path) -> dict:
+    try:
+        content = torch.load(path, weights_only=True, map_location="cpu")
+        return {key: content[key] for key in ("sizes", "weights")}
+    except Exception as error:  # torch raises many kinds
+        raise _foreign(path, type(error).__name__) from error
+
+
+def _foreign(path: str | Path, why: str) -> InputError:
+    problem = f"not a junction model of this version ({why})"
+    return InputError(str(path), problem, "name another in gnn.pretrained, or train one")
+
+
 def load_model(path: str | Path) -> JunctionNetwork:
     """Read a trained network, ready for prediction, on the CPU or on the GPU where there is one.
 
@@ -414,11 +533,10 @@ def load_model(path: str | Path) -> JunctionNetwork:
     InputError
         When the file is not one that `train_model` wrote.
     """
+    content = _read_model(path)
     try:
-        content = torch.load(path, weights_only=True, map_location="cpu")
         model = JunctionNetwork(**content["sizes"])
         model.load_state_dict(content["weights"])
-    except Exception as error:  # torch raises many kinds
-        problem = f"not a junction model of this version ({type(error).__name__})"
-        raise InputError(str(path), problem, "name another in gnn.pretrained, or train one") from error
+    except (TypeError, RuntimeError) as error:
+        raise _foreign(path, "its weights do not fit") from error
     return model.eval().to("cuda" if torch.cuda.is_available() else "cpu")

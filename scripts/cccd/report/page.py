@@ -560,11 +560,13 @@ def _training_facts(results: Path, config: Mapping[str, Any], history: pd.DataFr
     if path.is_file():
         with h5py.File(path, "r", locking=False) as file:
             splits = [f"{len(file[name]['kind'])} {name}" for name in ("training", "validation", "test")]
-            kinds, sparse, dense = (file.attrs[name] for name in ("kinds", "bytes", "bytes_dense"))
+            facts = dict(file.attrs)
         found["frozen graphs"] = ", ".join(splits)
-        found["kinds of damage"] = kinds.replace(",", ", ").replace("_", " ")
-        found["size of the graphs"] = (
-            f"{number(sparse / 1e6, 1)} MB; as dense matrices {number(dense / 1e9, 2)} GB, "
-            f"{number(dense / sparse, 0)} times as much"
-        )
+        found["kinds of damage"] = facts["kinds"].replace(",", ", ").replace("_", " ")
+        for name, key in (("size of the graphs", "bytes"), ("209 graphs of 1917 nodes", "bytes_paper")):
+            sparse, dense = facts[key], facts[f"{key}_dense"]
+            found[name] = (
+                f"{number(sparse / 1e6, 1)} MB; as dense matrices {number(dense / 1e9, 2)} GB, "
+                f"{number(dense / sparse, 0)} times as much"
+            )
     return found

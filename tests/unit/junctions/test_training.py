@@ -1,10 +1,11 @@
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 
 from cccd.errors import InputError
-from cccd.junctions import generate_graphs, load_model, train_model
+from cccd.junctions import generate_graphs, load_model, train_model, training
 from cccd.junctions.complexes import build_complex
 from cccd.junctions.training import read_samples
 from cccd.store import read_graphs
@@ -68,6 +69,23 @@ def test_graphs_are_the_same_for_a_seed_and_sparse(graphs, tmp_path):
     assert len(columns["links/nodes"]) < 3.2 * (len(columns["pixels/points"]) + 12 * 6)
 
 
+def test_graphs_of_the_papers_size_take_a_two_hundredth_of_dense_matrices(graphs):
+    with h5py.File(graphs) as file:
+        facts = dict(file.attrs)
+    assert facts["bytes_paper_dense"] == pytest.approx(6.4e9, rel=0.05)
+    assert facts["bytes_paper"] < 6.4e9 / 200
+
+
+def test_stored_bytes_grow_with_the_number_of_links():
+    per_link = []
+    for size in (400, 3600):
+        sample = training.large_maps(0, 1, size)[0]
+        assert len(sample.pixels) == size
+        columns = training._pack([sample])
+        per_link.append(training._nbytes(columns) / len(columns["links/nodes"]))
+    assert per_link[1] == pytest.approx(per_link[0], rel=0.1)
+
+
 def test_stored_links_are_those_of_the_rebuilt_graph(graphs):
     columns = read_graphs(graphs, "test")
     rebuilt = np.concatenate([build_complex(sample.pixels).links for sample in read_samples(graphs, "test")])
@@ -121,6 +139,28 @@ def test_training_starts_from_given_weights(graphs, tmp_path):
     kept, _ = train(graphs, tmp_path / "second", start=start, epochs=1, learning_rate=1e-12)
     name = "inside_head.4.weight"
     assert torch.allclose(kept[name], first[name], atol=1e-6)
+
+
+def test_a_network_with_fewer_exchanges_and_features_can_be_started_from(graphs, tmp_path):
+    train(graphs, tmp_path / "first")
+    path = tmp_path / "first" / "model.pt"
+    content = torch.load(path, weights_only=True)
+    name = "triangle.1.weight"
+    content["weights"][name] = content["weights"][name][:, :-3]
+    for key in ("weight", "bias", "running_mean", "running_var"):
+        content["weights"][f"triangle.0.{key}"] = content["weights"][f"triangle.0.{key}"][:-3]
+    torch.save(content, path)
+    changes = {"start": str(path), "epochs": 1, "learning_rate": 1e-12, "rounds": 2}
+    grown, _ = train(graphs, tmp_path / "second", **changes)
+    assert torch.allclose(grown[name][:, :-3], content["weights"][name], atol=1e-6)
+    assert grown[name][:, -3:].abs().max() < 1e-6
+    assert "rounds.1.give.weight" in grown
+
+
+def test_a_network_of_another_width_is_refused_as_a_start(graphs, tmp_path):
+    train(graphs, tmp_path / "first", epochs=1)
+    with pytest.raises(InputError, match="width"):
+        train(graphs, tmp_path / "second", start=str(tmp_path / "first" / "model.pt"), width=16)
 
 
 def test_a_file_that_is_no_model_is_named(tmp_path):

@@ -1,0 +1,69 @@
+import cv2
+import numpy as np
+import pytest
+
+from cccd.junctions.complexes import build_complex
+from cccd.junctions.corruptions import contours_of
+from cccd.junctions.features import LINK_FEATURES, NODE_FEATURES, TRIANGLE_FEATURES, measure, normalised_grey
+
+
+def disc():
+    mask = np.zeros((80, 80), np.uint8)
+    cv2.circle(mask, (40, 40), 22, 1, -1)
+    return mask
+
+
+def test_no_image_reads_as_zeros():
+    pixels = contours_of(disc())[0]
+    graph = build_complex(pixels)
+    features = measure(graph)
+    assert features.nodes.shape == (len(graph.points), NODE_FEATURES)
+    assert features.links.shape == (len(graph.links), LINK_FEATURES)
+    assert features.triangles.shape == (len(graph.triangles), TRIANGLE_FEATURES)
+    assert not features.tones.any()
+
+
+def test_bone_and_air_leave_an_organ_its_contrast():
+    mask = disc()
+    image = np.where(mask, 60.0, 20.0) + np.random.default_rng(0).normal(0, 4, mask.shape)
+    beside = image.copy()
+    beside[:12], beside[-12:] = 1500, -1000
+    pixels = contours_of(mask)[0]
+    for shown in (image, beside):
+        ranks = normalised_grey(shown, pixels).channels[..., 1].astype(float)
+        assert ranks[35:45, 35:45].mean() - ranks[35:45, 6:14].mean() > 80
+
+
+def test_grey_values_are_read_where_the_image_has_them():
+    mask = disc()
+    pixels = contours_of(mask)[0]
+    graph = build_complex(pixels)
+    tones = measure(graph, normalised_grey(mask.astype(np.float32), pixels)).tones
+    centre = graph.points[graph.triangles].mean(axis=1)
+    far = np.hypot(*(centre - 40).T)
+    assert tones[far < 12].min() > tones[(far > 30) & ~graph.outer].max(initial=tones[graph.outer].max())
+
+
+def test_neither_units_nor_place_of_the_image_change_what_is_read():
+    mask = disc()
+    image = np.random.default_rng(0).normal(0, 1, mask.shape) + mask
+    pixels = contours_of(mask)[0]
+    here = measure(build_complex(pixels), normalised_grey(image, pixels))
+    moved = pixels + np.array([9, 17])
+    wide = 1000 * np.pad(image, ((9, 3), (17, 5))) - 7
+    there = measure(build_complex(moved), normalised_grey(wide, moved))
+    assert np.array_equal(here.nodes, there.nodes)
+    assert np.sort(here.tones, axis=0) == pytest.approx(np.sort(there.tones, axis=0), abs=0.02)
+
+
+def test_a_fragment_is_known_by_its_size():
+    ring = contours_of(disc())[0]
+    graph = build_complex(np.vstack([ring, [[2, 2], [2, 3]]]))
+    fewer, more, one = measure(graph).links[:, -10:-7].T
+    ends = graph.links >= len(ring)
+    inner = ~graph.ring[graph.links].any(axis=1)
+    within, across = inner & ~ends.any(axis=1), inner & (ends.sum(axis=1) == 1)
+    assert one[within].all()
+    assert not one[across].any()
+    assert np.exp(4 * more[within | across]) == pytest.approx(len(ring), rel=1e-5)
+    assert np.exp(4 * fewer[across]) == pytest.approx(2, rel=1e-5)
