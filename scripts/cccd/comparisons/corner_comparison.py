@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import numpy as np
 import pandas as pd
 
-from cccd.chaincode import chain_codes, is_simple
+from cccd.chaincode import chain_codes, is_simple, on_pixel_chain
 from cccd.comparisons.active_contour import seed_circle
 from cccd.comparisons.fuse import (
     ORDERS,
@@ -98,13 +98,15 @@ def _cccd(sample: SliceSample, frame: Frame, distance_px: float) -> Iterator[dic
     """Give CCCD's rows for a slice: the k-cosine's corners as control points, and the automatic fit."""
     offsets = np.array([0, len(sample.curve)])
     curve = Curves(sample.curve, offsets, np.array([sample.k], np.int32), np.zeros(1, bool), frame)
+    chained = bool(on_pixel_chain(curve.points, offsets).all())  # drawn contours are none
     for setting in (*SWEEP, "automatic"):
         begin = time.process_time()
         if setting == "automatic":
             splines, middle = fit_curves(curve), time.process_time()
             found = splines.control_points
         else:
-            chain_codes(curve.points, offsets)
+            if chained:
+                chain_codes(curve.points, offsets)
             corners = k_cosine_corners(curve.points, offsets, setting, "max")
             middle = time.process_time()
             splines = corner_splines(curve, corners)
