@@ -42,7 +42,7 @@ BLEND_PIXELS, BLEND_STEPS = 6.0, 3.0
 LID_CELLS, SAME_LID = 3.0, 1e-3
 #: Cells of the grid on which the surface is meshed, in edges (marching cubes' edges are a little longer),
 #: and how many of them thin organs have at least through their thickness.
-CELL, THICKNESS_CELLS = 0.8, 15
+CELL, THICKNESS_CELLS = 0.8, 25
 #: Share of the control points that are laid out evenly before errors say where more are needed.
 FIRST_SHARE = 0.25
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
