@@ -99,9 +99,10 @@ class Table:
 
 def read_csv(path: Path) -> pd.DataFrame | None:
     """Read the table; None when the file is not there or holds no rows."""
-    if not path.is_file() or path.stat().st_size == 0:
+    try:
+        frame = pd.read_csv(path)
+    except (FileNotFoundError, pd.errors.EmptyDataError):  # a line break alone is a table without columns
         return None
-    frame = pd.read_csv(path)
     return None if frame.empty else frame
 
 
