@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from scipy.spatial import Delaunay
 
-__all__ = ["REGION_GAPS_PX", "Complex", "build_complex", "join_complexes"]
+__all__ = ["REGION_GAPS_PX", "Complex", "build_complex", "fragments", "join_complexes"]
 
 #: Points on the ring that encloses a slice's pixels.
 RING_POINTS = 12
@@ -239,3 +239,26 @@ def _regions_and_depths(neighbours, side_links, length, outer, gaps):
             filled = ahead
             level += 1
     return regions, depths
+
+
+def fragments(graph: Complex) -> np.ndarray:
+    """Lowest node (V,) of the 8-connected fragment that each node is part of."""
+    return _joined(len(graph.points), graph.links[graph.link_lengths <= REGION_GAPS_PX[0]])
+
+
+@numba.njit(cache=True)
+def _joined(count, links):
+    # union-find with path halving: every node's representative
+    above = np.arange(count)
+    for n in range(len(links)):
+        a, b = links[n]
+        while above[a] != a:
+            above[a] = above[above[a]]
+            a = above[a]
+        while above[b] != b:
+            above[b] = above[above[b]]
+            b = above[b]
+        above[max(a, b)] = min(a, b)
+    for node in range(count):
+        above[node] = above[above[node]]
+    return above

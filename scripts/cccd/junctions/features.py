@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
-import numba
 import numpy as np
 
-from cccd.junctions.complexes import REGION_GAPS_PX, Complex
+from cccd.junctions.complexes import REGION_GAPS_PX, Complex, fragments
 
 __all__ = ["LINK_FEATURES", "NODE_FEATURES", "TRIANGLE_FEATURES", "Features", "measure", "normalised_grey"]
 
@@ -198,31 +197,13 @@ def _mean_and_least(steps: np.ndarray) -> list[np.ndarray]:
     return [np.abs(first + second + third) / 3, least]
 
 
-def _fragments(graph: Complex, length: np.ndarray) -> np.ndarray:
+def _fragment_sizes(graph: Complex) -> np.ndarray:
     """Pixels in the 8-connected fragments that links join: fewer, more, and whether they are one (L, 3)."""
-    fragment = _joined(len(graph.points), graph.links[length <= REGION_GAPS_PX[0]])
+    fragment = fragments(graph)
     size = np.log(np.bincount(fragment)[fragment]) / 4
     ends = size[graph.links]
     same = fragment[graph.links[:, 0]] == fragment[graph.links[:, 1]]
     return np.column_stack([ends.min(axis=1), ends.max(axis=1), same])
-
-
-@numba.njit(cache=True)
-def _joined(count, links):
-    # union-find with path halving: every node's representative
-    above = np.arange(count)
-    for n in range(len(links)):
-        a, b = links[n]
-        while above[a] != a:
-            above[a] = above[above[a]]
-            a = above[a]
-        while above[b] != b:
-            above[b] = above[above[b]]
-            b = above[b]
-        above[max(a, b)] = min(a, b)
-    for node in range(count):
-        above[node] = above[above[node]]
-    return above
 
 
 def measure(graph: Complex, grey: Grey | None = None) -> Features:
@@ -285,7 +266,7 @@ def measure(graph: Complex, grey: Grey | None = None) -> Features:
             outer[left] | outer[right],
             graph.regions[left] == graph.regions[right],
             np.minimum(np.abs(depth[left] - depth[right]), 2),
-            _fragments(graph, length),
+            _fragment_sizes(graph),
             edge,
             np.abs(tones[left, 0] - tones[right, 0]),
         ]

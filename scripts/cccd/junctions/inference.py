@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cccd.boundary import outline
 from cccd.chaincode import broken_links, isolated_corners, junction_pixels, signed_areas, trace_stack
 from cccd.containers import Boundaries, Curves, Frame, concatenate_ragged
-from cccd.junctions.complexes import REGION_GAPS_PX, Complex, build_complex, join_complexes
+from cccd.junctions.complexes import REGION_GAPS_PX, Complex, build_complex, fragments, join_complexes
 from cccd.junctions.cut import minimum_cut
 from cccd.junctions.decoding import fill_inside
 from cccd.junctions.features import Features, measure, normalised_grey
@@ -31,6 +32,9 @@ SLICES_PER_BATCH = 8
 #: A loop smaller than this many pixels, or than this share of its slice's largest, is debris.
 SMALLEST_LOOP_PX = 6.0
 SMALLEST_LOOP_SHARE = 0.005
+
+# Pixels of an outline's tips, which enclose nothing: where more are left, something else is.
+_TIP_PX = 1
 
 #: Cost of a pixel of border per nat of doubt about its link, against a triangle's logit times this power of
 #: its area: chosen on the frozen validation graphs.
@@ -57,12 +61,34 @@ def prior_logits(graph: Complex) -> tuple[np.ndarray, np.ndarray]:
 def label_inside(graph: Complex, inside_logit: np.ndarray, link_logit: np.ndarray) -> np.ndarray:
     """Inside triangles (T,) bool: the minimum cut of what the network says of triangles and links.
 
-    A triangle's say grows with its extent, a link's cost with its length; the ring is outside.
+    A triangle's say grows with its extent, a link's cost with its length; the ring is outside. Maps that
+    are outlines already are taken as they are.
     """
     gain = inside_logit * graph.areas**AREA_POWER
     gain[graph.outer] = -1e9
     cost = BORDER_COST * graph.link_lengths * np.logaddexp(0, -link_logit)
-    return minimum_cut(gain, cost, graph.neighbours, graph.side_links, graph.triangle_offsets)
+    inside = minimum_cut(gain, cost, graph.neighbours, graph.side_links, graph.triangle_offsets)
+    enclosed, exact = _outlines(graph)
+    return np.where(np.repeat(exact, np.diff(graph.triangle_offsets)), enclosed, inside)
+
+
+def _outlines(graph: Complex) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (T,) that 8-neighbours enclose, and slices (S,) whose map is just the outline of these.
+
+    Fragments as small as debris are left out, and an outline may end in a tip one pixel wide.
+    """
+    fragment = fragments(graph)
+    debris = np.bincount(fragment)[fragment] < SMALLEST_LOOP_PX
+    enclosed = (graph.depths[:, 0] % 2 == 1) & ~debris[graph.triangles].any(axis=1)
+    masks, origin = fill_inside(graph, enclosed)
+    drawn = np.zeros_like(masks)
+    slices = np.repeat(np.arange(len(masks)), np.diff(graph.node_offsets))
+    kept = ~graph.ring & ~debris
+    i, j = (graph.points[kept].astype(np.int64) - origin).T
+    drawn[slices[kept], i, j] = True
+    around = outline(masks)
+    left = (drawn & ~around).sum(axis=(1, 2))
+    return enclosed, masks.any(axis=(1, 2)) & (around <= drawn).all(axis=(1, 2)) & (left <= _TIP_PX)
 
 
 def join_features(parts: Sequence[Features]) -> Features:

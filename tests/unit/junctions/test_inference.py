@@ -12,7 +12,7 @@ from cccd.junctions import load_model, order_boundaries
 from cccd.junctions.complexes import build_complex
 from cccd.junctions.corruptions import contours_of
 from cccd.junctions.decoding import fill_inside
-from cccd.junctions.inference import curves_from_masks
+from cccd.junctions.inference import curves_from_masks, label_inside
 from cccd.junctions.samples import draw_sample
 from cccd.junctions.scoring import score_slice
 
@@ -63,6 +63,33 @@ def test_the_shipped_model_gives_a_clean_map_back_exactly(shipped):
     chain = contours_of(blob())[0]
     curves, _ = order_boundaries(boundaries([raster_order(chain)]), shipped)
     assert {tuple(p) for p in curves.points.astype(int)} == {tuple(p) for p in chain}
+
+
+def sliver():
+    mask = np.zeros((90, 90), np.uint8)
+    cv2.ellipse(mask, (60, 45), (45, 40), 0, 130, 230, 1, 4)
+    return mask
+
+
+@pytest.mark.parametrize(("mask", "tip"), [(sliver(), 1), (blob(hole=True), 0)])
+def test_an_outline_is_taken_as_it_is_whatever_the_logits_say(mask, tip):
+    chains = contours_of(mask)
+    extra = [chains[0][0] - (n, 0) for n in range(1, tip + 1)] + [(2, 2), (2, 3)]  # a tip, and a speck
+    graph = build_complex(raster_order(np.vstack([*chains, extra])))
+    rng = np.random.default_rng(0)
+    inside = label_inside(graph, rng.normal(0, 9, len(graph.triangles)), rng.normal(0, 9, len(graph.links)))
+    masks, origin = fill_inside(graph, inside)
+    curves = curves_from_masks(masks, (0, *origin), FRAME)
+    assert {tuple(p) for p in curves.points.astype(int)} == {tuple(p) for p in np.vstack(chains)}
+
+
+def test_a_spur_or_a_chord_makes_it_no_outline():
+    chain = contours_of(blob())[0]
+    rows = np.arange(chain[:, 0].min() + 1, chain[:, 0].max())
+    chord = np.column_stack([rows, np.full(len(rows), 45)])
+    for extra in (chord, chord[: len(chord) // 3]):
+        graph = build_complex(raster_order(np.vstack([chain, extra])))
+        assert not label_inside(graph, np.full(len(graph.triangles), -9.0), np.zeros(len(graph.links))).any()
 
 
 def test_a_gap_is_bridged_by_neighbouring_pixels():
