@@ -118,6 +118,12 @@ def test_one_target_builds_just_that(fresh_project):
     assert planned == {"import_structure": 1, "extract_boundaries": 1}
 
 
+def test_every_planned_job_asks_for_memory(fresh_project):
+    plan = fresh_project.snakemake("--dry-run").stdout
+    assert plan.count("mem_mb=") > 20
+    assert "mem_mb=<TBD>" not in plan  # a group would go without it
+
+
 def test_another_directory_works(fresh_project, tmp_path):
     elsewhere = tmp_path / "else where ü"
     sheet, tiny = fresh_project.folder / "tiny.tsv", fresh_project.folder / "tiny.yaml"

@@ -146,8 +146,12 @@ def memory(base_mb, per_input_mb=0):
     """A ``mem_mb`` function: grows with the inputs' size and with every attempt."""
 
     def mem_mb(wildcards, input, attempt):
-        # not input.size_mb, which asks for every file in an event loop: a sixth of the time to plan
-        size_mb = sum(map(os.path.getsize, input)) / 2**20
+        # not input.size_mb, which asks for every file in an event loop: a sixth of the time to plan.
+        # What an earlier job of a group is yet to write counts nothing: an error here would leave the
+        # group without this job's request
+        size_mb = (
+            sum(os.path.getsize(file) for file in input if os.path.exists(file)) / 2**20
+        )
         return int((base_mb + per_input_mb * size_mb) * 1.5 ** (attempt - 1))
 
     return mem_mb
