@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 STRUCTURES = 1000
-#: 20 s on a machine of one's own (docs/scale.md); half as much again where threads share a core.
+#: 22 s on a machine of one's own (docs/scale.md); a third more where threads share a core.
 SECONDS = 30
 MEGABYTES = 1000
 
