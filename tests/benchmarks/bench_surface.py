@@ -1,19 +1,16 @@
 """Time of the surface, curves given: ``pytest tests/benchmarks/bench_surface.py``."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 
 from cccd.chaincode import trace_mask
 from cccd.containers import Frame, Structure
 from cccd.surface import loft_surface
 
-SETTINGS = {
-    "tolerance_voxels": 0.15,
-    "compactness": 150,
-    "compactness_thin": 40,
-    "bridge_slices": 3,
-    "edge_voxels": 1.5,
-}
+SETTINGS = yaml.safe_load((Path(__file__).parents[2] / "config" / "config.yaml").read_text())["surface"]
 
 
 def brain_curves():

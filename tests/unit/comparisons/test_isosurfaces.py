@@ -1,5 +1,8 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 
 from cccd.chaincode import trace_mask
 from cccd.comparisons.isosurfaces import compare_isosurfaces
@@ -9,13 +12,7 @@ from cccd.containers import Frame, Structure
 from cccd.metrics import curvature_per_area, is_closed_manifold, mesh_volume
 from cccd.surface import loft_surface
 
-SURFACE = {
-    "tolerance_voxels": 0.15,
-    "compactness": 150,
-    "compactness_thin": 40,
-    "bridge_slices": 3,
-    "edge_voxels": 1.5,
-}
+SURFACE = yaml.safe_load((Path(__file__).parents[3] / "config" / "config.yaml").read_text())["surface"]
 METHODS = [
     "marching cubes",
     "flying edges + windowed sinc",

@@ -1,16 +1,13 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 
 from cccd.comparisons.thick_slices import every_nth_slice, thick_slice_experiment
 from cccd.containers import Frame, Structure
 
-SURFACE = {
-    "tolerance_voxels": 0.15,
-    "compactness": 150,
-    "compactness_thin": 40,
-    "bridge_slices": 3,
-    "edge_voxels": 1.5,
-}
+SURFACE = yaml.safe_load((Path(__file__).parents[3] / "config" / "config.yaml").read_text())["surface"]
 
 
 def ellipsoid(origin=(0, 0, 0)) -> Structure:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import yaml
 
 from cccd.chaincode import trace_mask
 from cccd.containers import Curves, Frame, Structure
 
-SETTINGS = {
-    "tolerance_voxels": 0.15,
-    "compactness": 150,
-    "compactness_thin": 40,
-    "bridge_slices": 3,
-    "edge_voxels": 1.5,
-}
+SETTINGS = yaml.safe_load((Path(__file__).parents[3] / "config" / "config.yaml").read_text())["surface"]
 
 
 def structure_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0), affine: np.ndarray | None = None) -> Structure:
