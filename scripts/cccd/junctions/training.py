@@ -41,7 +41,8 @@ KIND_WEIGHTS = {
     "thick": 3, "mixed": 6, "everything": 2, "canny": 7, "canny_whole": 0.5,
 }  # fmt: skip
 
-# Random streams that must not overlap: frozen splits, fresh maps, order of the maps, what is hidden.
+# Random streams that must not overlap: frozen splits, fresh maps, order of the maps, what is hidden, and
+# the maps of the paper's size.
 _FROZEN, _FRESH, _ORDER, _HIDING, _PAPER = 1, 2, 3, 4, 5
 SPLITS = ("training", "validation", "test")
 

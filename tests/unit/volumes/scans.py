@@ -26,6 +26,17 @@ DATA = ROOT.parent / "shared" / "data"
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
+def dicom_file(sop_class, entropy):
+    """Empty DICOM file of a kind; its instance UID follows from ``entropy``."""
+    meta = FileMetaDataset()
+    meta.MediaStorageSOPClassUID = sop_class
+    meta.MediaStorageSOPInstanceUID = generate_uid(entropy_srcs=entropy)
+    meta.TransferSyntaxUID = ExplicitVRLittleEndian
+    ds = FileDataset(None, {}, file_meta=meta, preamble=b"\0" * 128)
+    ds.SOPClassUID, ds.SOPInstanceUID = sop_class, meta.MediaStorageSOPInstanceUID
+    return ds
+
+
 def settings(**changes):
     """The default configuration's ``import`` section."""
     config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
@@ -117,12 +128,7 @@ def write_series(
         if c in skip:
             continue
         height = c if heights is None else heights[c]
-        meta = FileMetaDataset()
-        meta.MediaStorageSOPClassUID = CTImageStorage
-        meta.MediaStorageSOPInstanceUID = generate_uid(entropy_srcs=[uid, str(c)])
-        meta.TransferSyntaxUID = ExplicitVRLittleEndian
-        ds = FileDataset(None, {}, file_meta=meta, preamble=b"\0" * 128)
-        ds.SOPClassUID, ds.SOPInstanceUID = CTImageStorage, meta.MediaStorageSOPInstanceUID
+        ds = dicom_file(CTImageStorage, [uid, str(c)])
         ds.PatientName, ds.PatientID, ds.PatientBirthDate, ds.PatientSex = "Test^Anna", "T1", "", "F"
         ds.StudyInstanceUID = generate_uid(entropy_srcs=["study"])
         ds.SeriesInstanceUID = generate_uid(entropy_srcs=[uid])
@@ -161,12 +167,7 @@ def write_enhanced(path, data, affine, frames):
     lps = FLIP @ affine
     spacing = np.linalg.norm(lps[:3, :3], axis=0)
     directions = lps[:3, :3] / spacing
-    meta = FileMetaDataset()
-    meta.MediaStorageSOPClassUID = EnhancedCTImageStorage
-    meta.MediaStorageSOPInstanceUID = generate_uid(entropy_srcs=["enhanced"])
-    meta.TransferSyntaxUID = ExplicitVRLittleEndian
-    ds = FileDataset(None, {}, file_meta=meta, preamble=b"\0" * 128)
-    ds.SOPClassUID, ds.SOPInstanceUID = EnhancedCTImageStorage, meta.MediaStorageSOPInstanceUID
+    ds = dicom_file(EnhancedCTImageStorage, ["enhanced"])
     ds.Modality, ds.NumberOfFrames = "CT", len(frames)
     ds.StudyInstanceUID = generate_uid(entropy_srcs=["study"])
     ds.SeriesInstanceUID = generate_uid(entropy_srcs=["enhanced series"])
@@ -249,12 +250,7 @@ def outlines(mask, affine):
 
 def write_structure_set(path, rois, kind="CLOSED_PLANAR"):
     """RTSTRUCT with rois {name: contours in LPS}."""
-    meta = FileMetaDataset()
-    meta.MediaStorageSOPClassUID = RTStructureSetStorage
-    meta.MediaStorageSOPInstanceUID = generate_uid(entropy_srcs=["rt"])
-    meta.TransferSyntaxUID = ExplicitVRLittleEndian
-    ds = FileDataset(None, {}, file_meta=meta, preamble=b"\0" * 128)
-    ds.SOPClassUID, ds.SOPInstanceUID = RTStructureSetStorage, meta.MediaStorageSOPInstanceUID
+    ds = dicom_file(RTStructureSetStorage, ["rt"])
     ds.Modality = "RTSTRUCT"
     ds.FrameOfReferenceUID = generate_uid(entropy_srcs=["frame"])
     ds.StructureSetROISequence, ds.ROIContourSequence = [], []
