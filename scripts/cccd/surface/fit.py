@@ -19,14 +19,18 @@ from cccd.surface.tubes import Tube
 
 __all__ = ["Fit", "Samples", "even_size", "fit_samples", "refinements", "sample_tube", "sampled_area"]
 
-#: Weight of the penalty on bends of the control net, which also settles what no sample speaks for.
-ROUGHNESS = 1e-3
+#: Bends shorter than about six times this many pixels are noise of the pixels and are smoothed away ...
+SMOOTHING_PIXELS = 0.6
+#: ... by a penalty on bends of the control net, whose least weight settles what no sample speaks for.
+LEAST_ROUGHNESS = 1e-4
 #: Fewest control points around and along a tube.
 FEWEST = (6, 4)
 #: Control nets grow by this factor in one direction at a time.
 GROWTH = 1.25
 #: Samples further than this from the organ's boundary lie inside another tube; how much those count.
 HIDDEN_PIXELS, HIDDEN_COUNTS = 1.5, 0.05
+#: Where matched points of neighbouring sections lie this far apart no spline follows without ringing.
+JUMP_PIXELS = 8.0
 #: Rounds of parameter and area correction.
 CORRECTIONS = 3
 
@@ -49,6 +53,10 @@ class Samples:
         Where the ends close.
     counts : (A, M)
         How much each sample matters: less where other tubes or a blend hide the surface.
+    jumps : (P, 3)
+        mm; points midway between sections where the tube jumps from one to the next.
+    pixel : float
+        mm.
     """
 
     outlines: np.ndarray
@@ -59,6 +67,8 @@ class Samples:
     normal: np.ndarray
     pole: list[np.ndarray | None]
     counts: np.ndarray
+    jumps: np.ndarray
+    pixel: float
 
 
 @dataclass(eq=False)
@@ -81,7 +91,7 @@ def sample_tube(tube: Tube, count: int, guide: Guide, pixel: float, reach: float
     """Sample every section at ``count`` points and lay the parameter along the tube.
 
     Samples that are not on the guide's zero level, within a pixel or two, and those within ``reach`` mm
-    of such ones, are hidden in the end.
+    of such ones, are hidden in the end; so are those beside a jump.
     """
     rings, position = align(tube, count)
     matched = at_fractions(rings, position)
@@ -104,17 +114,20 @@ def sample_tube(tube: Tube, count: int, guide: Guide, pixel: float, reach: float
     run = np.sum(np.gradient(every, axis=0) * outwards, axis=2)
     climb = np.broadcast_to(np.gradient(heights)[:, None], run.shape)
     normal = np.stack([climb, -run], axis=2) / np.maximum(np.hypot(climb, run), 1e-9)[..., None]
-    samples = Samples(rings, position, z, v, area, normal[inner], tube.pole, np.ones(run[inner].shape))
-    samples.counts[_hidden(samples, guide, pixel, reach)] = HIDDEN_COUNTS
+    counts = np.ones(run[inner].shape)
+    lines = np.dstack([matched, np.broadcast_to(z[:, None], counts.shape)])
+    jump = np.linalg.norm(np.diff(matched, axis=0), axis=2) > JUMP_PIXELS * pixel
+    jumps = ((lines[1:] + lines[:-1]) / 2)[jump]
+    samples = Samples(rings, position, z, v, area, normal[inner], tube.pole, counts, jumps, pixel)
+    counts[_hidden(samples, lines, guide, reach)] = HIDDEN_COUNTS
+    counts[1:][jump] = counts[:-1][jump] = HIDDEN_COUNTS
     return samples
 
 
-def _hidden(samples: Samples, guide: Guide, pixel: float, reach: float) -> np.ndarray:
-    """Tell which samples (A, M) end up below the surface, or in a blend."""
-    points = at_fractions(samples.outlines, samples.position)
-    heights = np.broadcast_to(samples.z[:, None, None], (*points.shape[:2], 1))
-    distance, room = guide(np.concatenate([points, heights], axis=2).reshape(-1, 3), -np.inf)
-    away = (np.abs(distance) > HIDDEN_PIXELS * pixel) & (room > 0)
+def _hidden(samples: Samples, points: np.ndarray, guide: Guide, reach: float) -> np.ndarray:
+    """Tell which samples, at points (A, M, 3), end up below the surface, or in a blend."""
+    distance, room = guide(points.reshape(-1, 3), -np.inf)
+    away = (np.abs(distance) > HIDDEN_PIXELS * samples.pixel) & (room > 0)
     away = away.reshape(points.shape[:2])
     if not away.any():
         return away
@@ -172,7 +185,7 @@ def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORR
     knots_u, knots_v = closed_knots(nu), open_knots(nv, length)
     u = np.arange(around) / around
     bu = basis(u, knots_u, DEGREE, True)
-    to_u = least_squares(bu, ROUGHNESS, True)
+    to_u = least_squares(bu, _roughness(samples, np.mean(_lengths(rings)) / nu), True)
     heights = _heights(samples, knots_v)
     bv = basis(_inner(samples) + _lateness(samples, heights, knots_v), knots_v, DEGREE, False)
     fixed = np.zeros(nv, bool)
@@ -181,7 +194,7 @@ def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORR
         if pole is not None:
             fixed[row], known[row] = True, pole[:2]
     base = (bv[:, fixed] @ known[fixed])[:, None]
-    to_v = least_squares(bv[:, ~fixed], ROUGHNESS, False)
+    to_v = least_squares(bv[:, ~fixed], _roughness(samples, length / (nv - DEGREE)), False)
 
     position = samples.position
     swell = np.zeros(levels)
@@ -201,6 +214,14 @@ def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORR
             swell = swell + _missing(samples, fitted, nv)
     error = _error(samples, normals, position, fitted, bv @ heights)
     return Fit(net, heights, knots_u, knots_v, error)
+
+
+def _roughness(samples: Samples, knot: float) -> float:
+    """Weight of the penalty on the second differences of control points ``knot`` mm apart.
+
+    Least squares with it let waves of length w pass by 1 / (1 + (2 pi SMOOTHING_PIXELS pixels / w)^4).
+    """
+    return max(LEAST_ROUGHNESS, (SMOOTHING_PIXELS * samples.pixel / knot) ** 4)
 
 
 def _inner(samples: Samples) -> np.ndarray:
@@ -228,7 +249,7 @@ def _heights(samples: Samples, knots_v: np.ndarray) -> np.ndarray:
         known[row], fixed[row] = value, True
     heights = known.copy()
     if not fixed.all():
-        heights[~fixed] = least_squares(bv[:, ~fixed], ROUGHNESS, False) @ (z - bv @ known)
+        heights[~fixed] = least_squares(bv[:, ~fixed], LEAST_ROUGHNESS, False) @ (z - bv @ known)
     return np.clip(np.maximum.accumulate(heights), z[0], z[-1])
 
 

@@ -113,7 +113,8 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     tolerance = settings["tolerance_voxels"] * min(pixel, voxel ** (1 / 3), COARSEST_MM)
     fits = _fit_all(samples, tolerance, budget)
     local = [_patch(fit, tube) for fit, tube in zip(fits, tubes, strict=True)]
-    vertices, faces, amount = _mesh(local, stack, settings["edge_voxels"] * pixel, pixel, reach)
+    jumps = np.concatenate([sample.jumps for sample in samples])
+    vertices, faces, amount = _mesh(local, stack, jumps, settings["edge_voxels"] * pixel, pixel, reach)
     to_world = _to_world(frame, stack.origin)
     up = np.array([0.0, 0.0, 1.0])
     patches = [_moved(swollen(patch, patch.sign * amount, up), to_world) for patch in local]
@@ -154,17 +155,18 @@ class _Stack:
 
 
 def _mesh(
-    patches: list[Patch], stack: _Stack, edge: float, pixel: float, reach: float
+    patches: list[Patch], stack: _Stack, jumps: np.ndarray, edge: float, pixel: float, reach: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Vertices and faces of all tubes together, and by how many mm they had to move outwards."""
     tubes = stack.tubes
-    bodies = [solid(*tessellate(patch, edge)) for patch in patches]
+    cell = float(np.clip(stack.thickness * pixel / THICKNESS_CELLS, edge / 2, CELL * edge))
+    bodies = [solid(*tessellate(patch, cell / CELL)) for patch in patches]
     joined = triangles(combine(bodies, [tube.hole for tube in tubes], [tube.depth for tube in tubes]))
     if len(joined[1]) == 0:  # holes as wide as what they are in
         joined = triangles(bodies[0])
     vertices, faces, origins = joined
-    cell = float(np.clip(stack.thickness * pixel / THICKNESS_CELLS, edge / 2, CELL * edge))
-    level_set = blended(vertices, faces, _seams(vertices, faces, origins), stack.guide, reach, cell)
+    seams = np.concatenate([_seams(vertices, faces, origins), jumps])
+    level_set = blended(vertices, faces, seams, stack.guide, reach, cell)
     lids = [
         (tube.sections[-way].z, 2 * way - 1) for tube in tubes for way in (0, 1) if tube.ends[way] == "cut"
     ]

@@ -103,6 +103,20 @@ def test_a_tunnel_through_all_slices_stays_open():
     assert len(surface.vertices) - edges + len(surface.faces) == 0  # a torus has Euler characteristic 0
 
 
+def test_a_shelf_that_appears_at_once_leaves_no_ripples():
+    x, y, z = grid(110, 60, 40)
+    mask = np.hypot(x - 28, y - 30) <= 20
+    mask |= (x >= 28) & (x < 100) & (np.abs(y - 30) <= 5) & (z >= 20)
+    mask &= (z >= 3) & (z < 37)
+    structure = structure_of(mask)
+    surface = loft_surface(trace_mask(structure), {**SETTINGS, "tolerance_voxels": 0.1, "compactness": 12})
+    assert_sound(surface)
+    away = np.linalg.norm(surface.vertices[:, :2] - (28, 30), axis=1) - 20
+    far_wall = (np.abs(surface.vertices[:, 2] - 20) < 12) & (surface.vertices[:, 0] < 24)
+    assert np.abs(away[far_wall]).max() < 0.6
+    assert measure_surface(surface, structure)["hausdorff_mm"] < 4
+
+
 def test_separate_bodies_stay_separate():
     mask = ball((50, 90, 50), (25, 24, 25), 15) | ball((50, 90, 50), (25, 64, 25), 15)
     surface = loft_surface(curves_of(mask), SETTINGS)
