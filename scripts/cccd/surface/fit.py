@@ -22,7 +22,7 @@ __all__ = ["Fit", "Samples", "even_size", "fit_samples", "refinements", "sample_
 #: Bends shorter than about six times this many pixels are noise of the pixels and are smoothed away ...
 SMOOTHING_PIXELS = 0.6
 #: ... by a penalty on bends of the control net, whose least weight settles what no sample speaks for.
-LEAST_ROUGHNESS = 1e-4
+LEAST_ROUGHNESS = 1e-3
 #: Fewest control points around and along a tube.
 FEWEST = (6, 4)
 #: Control nets grow by this factor in one direction at a time.

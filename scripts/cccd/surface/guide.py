@@ -12,8 +12,8 @@ from cccd.surface.fields import Field
 
 __all__ = ["Guide"]
 
-#: Knots of the smoothing spline lie this many pixels apart.
-SMOOTHING_PIXELS = 2
+#: Knots of the smoothing spline lie this many pixels apart, and so many in organs at least so thick.
+SMOOTHING_PIXELS, SMOOTHER_PIXELS, THICK_PIXELS = 2.0, 2.5, 30.0
 #: A polynomial times the cubic B-spline whose second moment vanishes: curved outlines do not shrink.
 FLAT_0, FLAT_2 = 27 / 17, -30 / 17
 
@@ -34,19 +34,22 @@ class Guide:
         mm per pixel along i and j.
     widest : float
         Levels further apart than this in mm have nothing to say about what lies between them.
+    knot : float
+        Pixels between the knots of the smoothing.
     """
 
     planes: Sequence[np.ndarray]
     z: np.ndarray
     spacing: np.ndarray
     widest: float
+    knot: float
 
     @classmethod
-    def of(cls, fields: Sequence[Field], spacing: np.ndarray, widest: float) -> Guide:
-        """Guide through fields that are sorted by height."""
-        return cls(
-            [level.distance for level in fields], np.array([level.z for level in fields]), spacing, widest
-        )
+    def of(cls, fields: Sequence[Field], spacing: np.ndarray, widest: float, thickness: float) -> Guide:
+        """Guide through fields that are sorted by height, of an organ of some ``thickness`` in mm."""
+        thick = thickness >= THICK_PIXELS * float(np.sqrt(spacing.prod()))
+        planes, z = [level.distance for level in fields], np.array([level.z for level in fields])
+        return cls(planes, z, spacing, widest, SMOOTHER_PIXELS if thick else SMOOTHING_PIXELS)
 
     def __call__(self, points: np.ndarray, within: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """Distances (P,) in mm at points (P, 3) in the plane's mm and height, and how far they are known.
@@ -63,10 +66,10 @@ class Guide:
         stops = np.searchsorted(z, self.z)
         for n in np.flatnonzero(~wide):
             here = slice(stops[n], stops[n + 1])
-            low, high = (_sampled(self.planes[m], pixels[here], 0) for m in (n, n + 1))
+            low, high = (_sampled(self.planes[m], pixels[here], 0.0) for m in (n, n + 1))
             value[here] = low + (z[here] - self.z[n]) / gaps[n] * (high - low)
             room[here] = np.abs(z[here, None] - ends).min(axis=1)
-        knot = SMOOTHING_PIXELS * float(np.sqrt(self.spacing.prod()))
+        knot = self.knot * float(np.sqrt(self.spacing.prod()))
         near = np.flatnonzero((room > 0) & (np.abs(value) < within + knot))
         if len(near):
             value[near] = self._smoothed(z[near], pixels[near], knot)
@@ -81,7 +84,7 @@ class Guide:
         for level, plane, thick in zip(self.z, self.planes, thickness, strict=True):
             here = slice(*np.searchsorted(z, [level - 2 * knot, level + 2 * knot]))
             weight = thick * _kernel((z[here] - level) / knot)
-            total[here] += weight * _sampled(plane, pixels[here], SMOOTHING_PIXELS)
+            total[here] += weight * _sampled(plane, pixels[here], self.knot)
             weights[here] += weight
         return total / weights
 
@@ -98,7 +101,7 @@ def _sampled(plane, pixels, knot):
     """Values (P,) of a plane at positions (P, 2) in pixels, smoothed, or linear where ``knot`` is 0."""
     height, width = plane.shape
     out = np.zeros(len(pixels))
-    taps = 4 * knot if knot else 2
+    taps = int(4 * knot) if knot else 2
     weight = np.empty((2, taps))
     first = np.empty(2, np.int64)
     for p in range(len(pixels)):
@@ -107,7 +110,7 @@ def _sampled(plane, pixels, knot):
             total = 0.0
             for tap in range(taps):
                 away = abs(first[axis] + tap - pixels[p, axis])
-                r = away / max(knot, 1)
+                r = away / max(knot, 1.0)
                 bell = 2 / 3 - r * r + r**3 / 2 if r < 1 else max(2 - r, 0.0) ** 3 / 6
                 weight[axis, tap] = (FLAT_0 + FLAT_2 * r * r) * bell if knot else 1 - away
                 total += weight[axis, tap]

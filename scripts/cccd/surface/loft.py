@@ -91,7 +91,7 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     Raises
     ------
     InputError
-        When there is no curve at all.
+        When there is no curve at all, or none goes around the centre of a pixel.
     """
     if len(curves) == 0:
         raise InputError("curves", "there is not one closed curve", "check the mask or the boundary maps")
@@ -105,12 +105,12 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
 
     reach = max(BLEND_PIXELS * pixel, BLEND_STEPS * stack.step)
     samples = [sample_tube(tube, _around(tube, pixel), stack.guide, pixel, reach / 2) for tube in tubes]
-    voxel = float(spacing.prod() * stack.step)
     coarse = stack.step > COARSE_MM[1] or spacing.max() > COARSE_MM[0]
-    thin = coarse or stack.thickness < THIN_VOXELS
+    thin = coarse or stack.voxels_through < THIN_VOXELS
     compactness = settings["compactness_thin" if thin else "compactness"]
-    budget = stack.voxel_faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES) / CONTROL_BYTES / compactness
-    tolerance = settings["tolerance_voxels"] * min(pixel, voxel ** (1 / 3), COARSEST_MM)
+    marching_bytes = int(stack.voxel_faces.sum()) * (VERTEX_BYTES + 2 * TRIANGLE_BYTES)
+    budget = marching_bytes / CONTROL_BYTES / compactness
+    tolerance = settings["tolerance_voxels"] * min(pixel, float(np.cbrt(stack.voxel.prod())), COARSEST_MM)
     fits = _fit_all(samples, tolerance, budget)
     local = [_patch(fit, tube) for fit, tube in zip(fits, tubes, strict=True)]
     jumps = np.concatenate([sample.jumps for sample in samples])
@@ -121,7 +121,7 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     vertices = vertices @ to_world[:3, :3].T + to_world[:3, 3]
     if np.linalg.det(to_world[:3, :3]) < 0:
         faces = np.ascontiguousarray(faces[:, ::-1])
-    report = _report(tubes, fits, vertices, faces, stack.voxel_faces)
+    report = _report(tubes, fits, vertices, faces, marching_bytes)
     report["bodies"] = _bodies(vertices, faces)
     if stack.left_out:
         report["warnings"].append(
@@ -134,24 +134,30 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
 class _Stack:
     """What the slices hold: tubes in the plane's mm and height, and what they are measured by.
 
-    ``origin`` (2,) is the plane's first pixel, ``step`` the distance between slices and ``volume`` what
-    the slices enclose in mm, ``voxels`` the same in voxels, ``voxel_faces`` the faces between voxels inside
-    and outside, ``left_out`` the number of parts that were too small for a tube.
+    ``origin`` (2,) is the plane's first pixel, ``voxel`` (3,) the distance between slices and a pixel's
+    edges in mm, ``voxel_faces`` (3,) the faces between voxels inside and outside, square to each of them,
+    ``volume`` what the slices enclose in mm, ``thickness`` six times that by its surface (the diameter of a
+    ball, three times that of a plate), ``left_out`` the number of parts that were too small for a tube.
     """
 
     tubes: list[Tube]
     guide: Guide
     origin: np.ndarray
-    step: float
+    voxel: np.ndarray
+    voxel_faces: np.ndarray
     volume: float
-    voxel_faces: int
-    voxels: float
+    thickness: float
     left_out: int
 
     @property
-    def thickness(self) -> float:
-        """Six times volume by surface in voxels: the diameter of a ball, three times that of a plate."""
-        return 6 * self.voxels / self.voxel_faces
+    def step(self) -> float:
+        """Distance between slices in mm."""
+        return float(self.voxel[0])
+
+    @property
+    def voxels_through(self) -> float:
+        """The thickness counted in voxels."""
+        return 6 * self.volume / float(self.voxel.prod() * self.voxel_faces.sum())
 
 
 def _mesh(
@@ -159,7 +165,7 @@ def _mesh(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Vertices and faces of all tubes together, and by how many mm they had to move outwards."""
     tubes = stack.tubes
-    cell = float(np.clip(stack.thickness * pixel / THICKNESS_CELLS, edge / 2, CELL * edge))
+    cell = float(np.clip(stack.thickness / THICKNESS_CELLS, edge / 2, CELL * edge))
     bodies = [solid(*tessellate(patch, cell / CELL)) for patch in patches]
     joined = triangles(combine(bodies, [tube.hole for tube in tubes], [tube.depth for tube in tubes]))
     if len(joined[1]) == 0:  # holes as wide as what they are in
@@ -231,9 +237,14 @@ def _tubes(curves: Curves, settings: Mapping, pixel_centres: bool) -> _Stack:
         tubes += found
         left_out += missing
         levels += fields
-    guide = Guide.of(levels, spacing, settings["bridge_slices"] * step + pixel)
-    voxels = volume / (float(spacing.prod()) * step)
-    return _Stack(tubes, guide, origin, step, volume, _voxel_faces(distance < 0), voxels, left_out)
+    if not tubes:
+        raise InputError(
+            "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"
+        )
+    voxel, voxel_faces = np.array([step, *spacing]), _voxel_faces(distance < 0)
+    thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
+    guide = Guide.of(levels, spacing, settings["bridge_slices"] * step + pixel, thickness)
+    return _Stack(tubes, guide, origin, voxel, voxel_faces, volume, thickness, left_out)
 
 
 def _volume(levels: list[list[Ring]], step: float) -> float:
@@ -244,10 +255,10 @@ def _volume(levels: list[list[Ring]], step: float) -> float:
     return float(np.trapezoid(area, height) + (area[0] + area[-1]) * step / 2) if len(area) else 0.0
 
 
-def _voxel_faces(mask: np.ndarray) -> int:
-    """Faces between voxels inside and outside: the number of vertices of marching cubes on the stack."""
+def _voxel_faces(mask: np.ndarray) -> np.ndarray:
+    """Faces (3,) between voxels inside and outside, by axis: the vertices of marching cubes on the stack."""
     padded = np.pad(mask, 1)
-    return sum(int(np.count_nonzero(np.diff(padded, axis=axis))) for axis in range(3))
+    return np.array([np.count_nonzero(np.diff(padded, axis=axis)) for axis in range(3)])
 
 
 def _around(tube: Tube, pixel: float) -> int:
@@ -324,12 +335,11 @@ def _moved(patch: Patch, affine: np.ndarray) -> Patch:
 
 
 def _report(
-    tubes: list[Tube], fits: list[Fit], vertices: np.ndarray, faces: np.ndarray, voxel_faces: int
+    tubes: list[Tube], fits: list[Fit], vertices: np.ndarray, faces: np.ndarray, marching_bytes: int
 ) -> dict:
     ends = [end for tube in tubes for end in tube.ends]
     control_points = sum(fit.count for fit in fits)
     control_bytes = CONTROL_BYTES * control_points
-    marching_bytes = voxel_faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES)
     return {
         "tubes": len(tubes),
         "cavities": sum(tube.hole for tube in tubes),

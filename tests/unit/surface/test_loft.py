@@ -163,6 +163,14 @@ def test_no_curves_is_an_input_error():
         loft_surface(none, SETTINGS)
 
 
+def test_curves_between_the_pixels_are_an_input_error():
+    points = np.array([[10.2, 10.1], [18.6, 10.2], [18.4, 10.25]])
+    frame = Frame(np.eye(4), 2, (30, 30, 9))
+    sliver = Curves(points, np.array([0, 3]), np.array([4], np.int32), np.zeros(1, bool), frame)
+    with pytest.raises(InputError, match="centre of a pixel"):
+        loft_surface(sliver, SETTINGS)
+
+
 def test_same_curves_give_the_same_bytes():
     curves = curves_of(fork())
     first, second = loft_surface(curves, SETTINGS), loft_surface(curves, SETTINGS)
