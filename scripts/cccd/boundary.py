@@ -18,7 +18,7 @@ from scipy import ndimage
 from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd.errors import InputError
 
-__all__ = ["KERNEL", "dilation_band", "edge_map", "extract_boundaries", "outline"]
+__all__ = ["KERNEL", "dilation_band", "edge_map", "extract_boundaries", "gradient_ridges", "outline"]
 
 #: Side of the square dilation kernel in pixels (section 4.3).
 KERNEL = 5
@@ -143,7 +143,7 @@ def edge_map(
     sample = []
     for first in range(0, len(image), BLOCK):
         block = slice(first, first + BLOCK)
-        magnitude, thin = _gradient_ridges(image[block], blur_px)
+        magnitude, thin = gradient_ridges(image[block], blur_px)
         sample.append(magnitude[band[block]])
         ridge[block] = np.where(thin & band[block], magnitude, 0)
     gradients = np.concatenate(sample)
@@ -181,8 +181,21 @@ def _dilate(stack: np.ndarray) -> np.ndarray:
     return stack
 
 
-def _gradient_ridges(image: np.ndarray, blur_px: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient magnitude of the blurred slices, and where it is a maximum along its own direction."""
+def gradient_ridges(image: np.ndarray, blur_px: float) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient magnitude of the blurred slices, and where it is a maximum along its own direction.
+
+    Parameters
+    ----------
+    image : (S, I, J) array
+    blur_px : float
+        Standard deviation of the Gaussian, in pixels.
+
+    Returns
+    -------
+    magnitude : (S, I, J) float32 array
+        By Sobel's kernels, eight times the slope per pixel.
+    thin : (S, I, J) bool array
+    """
     blurred = ndimage.gaussian_filter(image.astype(np.float32), (0, blur_px, blur_px), mode="nearest")
     along_i = ndimage.sobel(blurred, axis=1, mode="nearest")
     along_j = ndimage.sobel(blurred, axis=2, mode="nearest")

@@ -1,6 +1,6 @@
 """Run the benchmarks, all or some, with a table and a figure of the results.
 
-    python tests/benchmarks/run.py [--sizes 2] [--out FOLDER] [junctions curves surface pipeline]
+    python tests/benchmarks/run.py [--sizes 2] [--out FOLDER] [junctions network curves surface pipeline]
 
 Every method is timed beside its peers in the same process, on one thread, at sizes that double. Time is
 processor time, the least of three runs, so that other people's load does not count; memory is the peak

@@ -6,15 +6,19 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import torch
 from organ import make_organ
 from scipy.interpolate import splprep
 
 from cccd.boundary import extract_boundaries
 from cccd.chaincode import trace_mask
 from cccd.comparisons.volume_meshes import flying_edges, windowed_sinc
+from cccd.containers import Boundaries, concatenate_ragged
 from cccd.curves import describe_curves
 from cccd.curves.ordering import order_structure
-from cccd.junctions import load_model, order_boundaries
+from cccd.junctions import load_model, order_boundaries, training
+from cccd.junctions.corruptions import corrupt
+from cccd.junctions.samples import draw_sample
 from cccd.surface import loft_surface, measure_surface
 
 __all__ = ["STAGES"]
@@ -25,10 +29,14 @@ Methods = dict[str, Callable[[], object]]
 
 
 def junctions(slices: int, settings: dict) -> Methods:
-    """Boundary pixels to ordered curves, beside contour following of the filled mask."""
+    """Damaged boundary maps to ordered curves, beside contour following of the filled mask."""
     organ = make_organ(slices)
-    boundaries = extract_boundaries(organ, settings["boundaries"])
     stack = organ.stack("mask").astype(np.uint8)
+    rng = np.random.default_rng(settings["seed"])
+    filled = [layer for layer in range(len(stack)) if stack[layer].any()]
+    maps = [np.argwhere(corrupt(rng, stack[layer], "spurs")).astype(np.int32) for layer in filled]
+    numbers = np.array(filled, np.int32) + organ.stack_origin[0]
+    boundaries = Boundaries(*concatenate_ragged(maps), numbers, organ.frame)
     follow = partial(cv2.findContours, mode=cv2.RETR_CCOMP, method=cv2.CHAIN_APPROX_NONE)
     model = load_model(MODEL)
     return {
@@ -37,6 +45,23 @@ def junctions(slices: int, settings: dict) -> Methods:
         "our tracing of a mask": lambda: trace_mask(organ),
         "cv2.findContours of a mask": lambda: [follow(layer) for layer in stack],
     }
+
+
+def network(slices: int, settings: dict) -> Methods:
+    """The junction network on damaged maps, on the GPU beside the CPU where there is one."""
+    maps = [draw_sample(np.random.default_rng([settings["seed"], n]), "mixed") for n in range(slices)]
+    examples = training._examples(maps, [False] * slices)
+    methods = {}
+    for device in ("CPU", "CUDA") if torch.cuda.is_available() else ("CPU",):
+        model, there = load_model(MODEL).to(device.lower()), examples.to(device.lower())
+
+        def step(model=model, there=there) -> None:
+            model.zero_grad()
+            training._loss(model.train(), there).backward()
+
+        methods[f"prediction, {device}"] = partial(model.predict, there.batch)
+        methods[f"step of training, {device}"] = step
+    return methods
 
 
 def curves(slices: int, settings: dict) -> Methods:
@@ -88,4 +113,10 @@ def pipeline(slices: int, settings: dict) -> Methods:
 
 
 #: By the name of the benchmark on the command line.
-STAGES = {"junctions": junctions, "curves": curves, "surface": surface, "pipeline": pipeline}
+STAGES = {
+    "junctions": junctions,
+    "network": network,
+    "curves": curves,
+    "surface": surface,
+    "pipeline": pipeline,
+}

@@ -18,10 +18,10 @@ from cccd.chaincode import isolated_corners
 from cccd.comparisons.decoders import DECODERS, decode
 from cccd.containers import Boundaries, Frame, concatenate_ragged
 from cccd.junctions import load_model, order_boundaries
-from cccd.junctions.complexes import Complex, build_complex, join_complexes
+from cccd.junctions.complexes import Complex, join_complexes
 from cccd.junctions.corruptions import KINDS
 from cccd.junctions.decoding import fill_inside
-from cccd.junctions.features import measure, normalised_grey
+from cccd.junctions.features import Grey, measure
 from cccd.junctions.inference import (
     SLICES_PER_BATCH,
     curves_from_masks,
@@ -30,6 +30,7 @@ from cccd.junctions.inference import (
     prior_logits,
 )
 from cccd.junctions.network import JunctionNetwork, make_batch
+from cccd.junctions.reading import read_map
 from cccd.junctions.samples import ALL_KINDS, Sample, draw_sample, inside_shares, link_labels, truth_mask
 from cccd.junctions.scoring import SliceScore, score_slice
 from cccd.store import atomic_path, write_table
@@ -46,14 +47,18 @@ _EVALUATION = 9  # random stream
 Decoder = Callable[[Sequence[Sample]], list[list[np.ndarray]]]
 
 
-def _by_labels(logits: Callable[[Sequence[Sample], Sequence[Complex], Complex], tuple]) -> Decoder:
+#: Labels a batch of maps, each with its graph and grey values, all of them joined to one graph.
+Labels = Callable[[Sequence[Sample], Sequence[tuple[Complex, Grey | None]], Complex], tuple]
+
+
+def _by_labels(logits: Labels, grey: bool = True) -> Decoder:
     def run(samples: Sequence[Sample]) -> list[list[np.ndarray]]:
         chains: list[list[np.ndarray]] = []
         for begin in range(0, len(samples), SLICES_PER_BATCH):
             part = samples[begin : begin + SLICES_PER_BATCH]
-            built = [build_complex(sample.pixels) for sample in part]
-            graph = join_complexes(built)
-            masks, origin = fill_inside(graph, label_inside(graph, *logits(part, built, graph)))
+            read = [read_map(sample.pixels, sample.image if grey else None) for sample in part]
+            graph = join_complexes([built for built, _ in read])
+            masks, origin = fill_inside(graph, label_inside(graph, *logits(part, read, graph)))
             chains += [list(curves_from_masks(mask[None], (0, *origin), _FRAME)) for mask in masks]
         return [[chain for chain in found if len(chain)] for found in chains]
 
@@ -63,19 +68,15 @@ def _by_labels(logits: Callable[[Sequence[Sample], Sequence[Complex], Complex], 
 def network_decoder(model: JunctionNetwork, grey: bool = True) -> Decoder:
     """Join the network and its decoder; without ``grey`` it is not shown the maps' images."""
 
-    def logits(samples, built, graph):
-        shown = [s.image if grey else None for s in samples]
-        features = [
-            measure(part, None if image is None else normalised_grey(image, sample.pixels))
-            for part, image, sample in zip(built, shown, samples, strict=True)
-        ]
-        return model.predict(make_batch(graph, join_features(features)))
+    def logits(samples, read, graph):
+        features = join_features([measure(built, seen) for built, seen in read])
+        return model.predict(make_batch(graph, features))
 
-    return _by_labels(logits)
+    return _by_labels(logits, grey)
 
 
-def _true_logits(samples, built, graph):
-    shares = [inside_shares(part, sample.contours) for part, sample in zip(built, samples, strict=True)]
+def _true_logits(samples, read, graph):
+    shares = [inside_shares(built, sample.contours) for (built, _), sample in zip(read, samples, strict=True)]
     inside = np.concatenate(shares)
     return 20 * (inside - 0.5), np.where(link_labels(graph, inside), 10.0, -10.0)
 
@@ -180,8 +181,7 @@ def draw_worst(path: str | Path, model: JunctionNetwork, samples: Sequence[Sampl
     )
     for n, row in zip(order, axes, strict=True):
         sample = samples[n]
-        graph = build_complex(sample.pixels)
-        grey = None if sample.image is None else normalised_grey(sample.image, sample.pixels)
+        graph, grey = read_map(sample.pixels, sample.image)
         _, link = model.predict(make_batch(graph, join_features([measure(graph, grey)])))
         if sample.image is not None:
             row[0].imshow(sample.image, cmap="gray")
@@ -239,7 +239,7 @@ def evaluate(
     last = list(networks)[-1]
     decoders |= {
         f"GNN, {last}, no image": network_decoder(networks[last], grey=False),
-        "decoder alone": _by_labels(lambda samples, built, graph: prior_logits(graph)),
+        "decoder alone": _by_labels(lambda samples, read, graph: prior_logits(graph), grey=False),
         "decoder + true labels": _by_labels(_true_logits),
     }
     decoders |= {name: _classical(decoder) for name, decoder in DECODERS.items()}

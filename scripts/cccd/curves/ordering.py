@@ -1,8 +1,8 @@
 """From a structure to its ordered curves: exact where a mask is given, by the GNN where it is not.
 
 A mask needs no network: border following is exact. The GNN earns its cost on boundary-only input and
-on edge maps of grey images. With a mask it is run beside the exact tracing, so that every structure
-says how well the GNN orders its boundary pixels.
+on edge maps of grey images. With a mask its boundary pixels are ordered beside the exact tracing, so that
+every structure says how well that goes.
 """
 
 from __future__ import annotations

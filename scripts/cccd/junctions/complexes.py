@@ -36,9 +36,11 @@ class Complex:
     Attributes
     ----------
     points : (V, 2) float64
-        Pixels (i, j), each slice's ring of far points after its pixels.
+        Pixels (i, j) of a slice's map, edges of its image besides, and its ring of far points.
     ring : (V,) bool
         Whether a node is one of the ring.
+    drawn : (V,) bool
+        Whether a node is a pixel of the map; else it is one of the ring, or an edge of the image besides.
     triangles : (T, 3) int32
         Nodes of each triangle, in the sense of positive area in (i, j).
     neighbours : (T, 3) int32
@@ -59,6 +61,7 @@ class Complex:
 
     points: np.ndarray
     ring: np.ndarray
+    drawn: np.ndarray
     triangles: np.ndarray
     neighbours: np.ndarray
     side_links: np.ndarray
@@ -108,16 +111,20 @@ def _scatter(points: np.ndarray) -> np.ndarray:
     return points + _SHIFT_PX * (hashed / 65521 - 0.5)
 
 
-def build_complex(pixels: np.ndarray) -> Complex:
+def build_complex(pixels: np.ndarray, edges: np.ndarray | None = None) -> Complex:
     """Triangulate one slice's boundary pixels.
 
     Parameters
     ----------
     pixels : (N, 2) int array
-        Distinct pixels (i, j), N >= 1.
+        Distinct pixels (i, j) of the map, N >= 1.
+    edges : (E, 2) int array, optional
+        Further pixels through which a boundary may run, within 13 pixels of the map's extent.
     """
-    points = np.vstack([pixels, _far_ring(pixels)]).astype(float)
-    ring = np.arange(len(points)) >= len(pixels)
+    nodes = pixels if edges is None else np.vstack([pixels, edges])
+    points = np.vstack([nodes, _far_ring(pixels)]).astype(float)
+    ring = np.arange(len(points)) >= len(nodes)
+    drawn = np.arange(len(points)) < len(pixels)
     triangulation = Delaunay(_scatter(points))
     triangles = triangulation.simplices.astype(np.int32)
     neighbours = triangulation.neighbors.astype(np.int32)
@@ -136,6 +143,7 @@ def build_complex(pixels: np.ndarray) -> Complex:
     return Complex(
         points,
         ring,
+        drawn,
         triangles,
         neighbours,
         side_links,
@@ -160,7 +168,7 @@ def join_complexes(parts: Sequence[Complex]) -> Complex:
         regions.append(part.regions + region_base)
         region_base = region_base + part.regions.max(axis=0) + 1
     joined["regions"] = np.concatenate(regions)
-    for name in ("points", "ring", "depths"):
+    for name in ("points", "ring", "drawn", "depths"):
         joined[name] = np.concatenate([getattr(part, name) for part in parts])
     for name, kind in (
         ("triangles", "node"),

@@ -28,9 +28,9 @@ _BINS = 1024
 
 #: Grey values that the network compares with the organ's: one per blur.
 TONES = len(_BLURS)
-NODE_FEATURES = _OCCUPANCY + _GREY + 1
+NODE_FEATURES = _OCCUPANCY + _GREY + 2
 TRIANGLE_FEATURES = 8 + 4 * len(REGION_GAPS_PX) + TONES + 1 + 2 * len(_TONED)
-LINK_FEATURES = 12 + 2 * len(REGION_GAPS_PX) + 3 + 2 * TONES + 3
+LINK_FEATURES = 12 + 2 * len(REGION_GAPS_PX) + 3 + 2 * TONES + 4
 
 
 @dataclass
@@ -61,6 +61,8 @@ class Grey:
     ----------
     scaled : (I, J) uint8
         1 % and 99 % quantiles at 0 and 255.
+    blurred : (I, J) float32
+        In the image's own units.
     channels : (I, J, 2 + TONES) uint8
         ``scaled``; ranks among the grey values, so that bone and air beside it leave an organ its
         contrast, one per blur; and the rank of the gradient's magnitude.
@@ -69,6 +71,7 @@ class Grey:
     """
 
     scaled: np.ndarray
+    blurred: np.ndarray
     channels: np.ndarray
     origin: np.ndarray
 
@@ -94,7 +97,8 @@ def normalised_grey(image: np.ndarray, pixels: np.ndarray) -> Grey:
     rest = np.sqrt(_BLURS[1][0] ** 2 - _BLURS[0][0] ** 2)
     slope = cv2.magnitude(*(cv2.Sobel(blurred, cv2.CV_32F, *order) for order in ((1, 0), (0, 1))))
     steep = _ranks(slope, 0.0, 2 * float(brightest - darkest))
-    return Grey(scaled, np.dstack([scaled, ranks, cv2.GaussianBlur(ranks, (0, 0), rest), steep]), low)
+    channels = np.dstack([scaled, ranks, cv2.GaussianBlur(ranks, (0, 0), rest), steep])
+    return Grey(scaled, blurred, channels, low)
 
 
 def _patches(raster: np.ndarray, at: np.ndarray, half: int, step: int) -> np.ndarray:
@@ -111,7 +115,8 @@ def _node_features(graph: Complex, grey: Grey | None) -> np.ndarray:
     pixels = graph.points[~graph.ring].astype(np.int64)
     low = pixels.min(axis=0)
     raster = np.zeros(pixels.max(axis=0) - low + 1, np.uint8)
-    raster[tuple((pixels - low).T)] = 255
+    drawn = graph.drawn[~graph.ring]
+    raster[tuple((pixels[drawn] - low).T)] = 255
     columns = []
     for half, step in _SCALES:
         # the mean over a box says how much of it is occupied; coarse boxes hold little, hence the gain
@@ -124,6 +129,7 @@ def _node_features(graph: Complex, grey: Grey | None) -> np.ndarray:
     else:
         seen = _patches(grey.scaled, pixels - grey.origin, _GREY_STEPS, 2)
         columns += [seen, np.full((len(pixels), 1), 255, np.uint8)]
+    columns.append(np.where(drawn, 0, 255)[:, None].astype(np.uint8))
     nodes = np.zeros((len(graph.points), NODE_FEATURES), np.uint8)
     nodes[~graph.ring] = np.hstack(columns)
     return nodes
@@ -269,6 +275,7 @@ def measure(graph: Complex, grey: Grey | None = None) -> Features:
             _fragment_sizes(graph),
             edge,
             np.abs(tones[left, 0] - tones[right, 0]),
+            (~graph.drawn[graph.links]).sum(axis=1),
         ]
     )
     return Features(

@@ -12,8 +12,9 @@ from cccd.containers import Boundaries, Curves, Frame, concatenate_ragged
 from cccd.junctions.complexes import REGION_GAPS_PX, Complex, build_complex, fragments, join_complexes
 from cccd.junctions.cut import minimum_cut
 from cccd.junctions.decoding import fill_inside
-from cccd.junctions.features import Features, measure, normalised_grey
+from cccd.junctions.features import Features, measure
 from cccd.junctions.network import JunctionNetwork, make_batch
+from cccd.junctions.reading import read_map
 
 __all__ = [
     "AREA_POWER",
@@ -62,14 +63,15 @@ def label_inside(graph: Complex, inside_logit: np.ndarray, link_logit: np.ndarra
     """Inside triangles (T,) bool: the minimum cut of what the network says of triangles and links.
 
     A triangle's say grows with its extent, a link's cost with its length; the ring is outside. Maps that
-    are outlines already are taken as they are.
+    are outlines already are taken as they are, as are closed curves in a map where the cut finds nothing.
     """
     gain = inside_logit * graph.areas**AREA_POWER
     gain[graph.outer] = -1e9
     cost = BORDER_COST * graph.link_lengths * np.logaddexp(0, -link_logit)
     inside = minimum_cut(gain, cost, graph.neighbours, graph.side_links, graph.triangle_offsets)
     enclosed, exact = _outlines(graph)
-    return np.where(np.repeat(exact, np.diff(graph.triangle_offsets)), enclosed, inside)
+    plain = exact | ~np.logical_or.reduceat(inside, graph.triangle_offsets[:-1])
+    return np.where(np.repeat(plain, np.diff(graph.triangle_offsets)), enclosed, inside)
 
 
 def _outlines(graph: Complex) -> tuple[np.ndarray, np.ndarray]:
@@ -78,12 +80,12 @@ def _outlines(graph: Complex) -> tuple[np.ndarray, np.ndarray]:
     Fragments as small as debris are left out, and an outline may end in a tip one pixel wide.
     """
     fragment = fragments(graph)
-    debris = np.bincount(fragment)[fragment] < SMALLEST_LOOP_PX
+    debris = graph.drawn & (np.bincount(fragment)[fragment] < SMALLEST_LOOP_PX)
     enclosed = (graph.depths[:, 0] % 2 == 1) & ~debris[graph.triangles].any(axis=1)
     masks, origin = fill_inside(graph, enclosed)
     drawn = np.zeros_like(masks)
     slices = np.repeat(np.arange(len(masks)), np.diff(graph.node_offsets))
-    kept = ~graph.ring & ~debris
+    kept = graph.drawn & ~debris
     i, j = (graph.points[kept].astype(np.int64) - origin).T
     drawn[slices[kept], i, j] = True
     around = outline(masks)
@@ -101,7 +103,7 @@ def join_features(parts: Sequence[Features]) -> Features:
 def predict_masks(
     pixels: Sequence[np.ndarray], model: JunctionNetwork | None, greys: Sequence[np.ndarray | None]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Label each slice's enclosed pixels.
+    """Label each slice's enclosed pixels; the network is asked only where a map is not an outline already.
 
     Parameters
     ----------
@@ -118,20 +120,30 @@ def predict_masks(
     origin : (2,) int64 array
         Pixel of ``masks[:, 0, 0]``.
     """
-    graphs, decided = [], []
-    for begin in range(0, len(pixels), SLICES_PER_BATCH):
-        part = slice(begin, begin + SLICES_PER_BATCH)
-        built = [build_complex(p) for p in pixels[part]]
-        graph = join_complexes(built)
+    graphs = [build_complex(p) for p in pixels]
+    inside: list[np.ndarray] = []
+    doubtful: list[int] = []
+    for begin in range(0, len(graphs), SLICES_PER_BATCH):
+        graph = join_complexes(graphs[begin : begin + SLICES_PER_BATCH])
+        enclosed, exact = _outlines(graph)
+        inside += np.split(enclosed, graph.triangle_offsets[1:-1])
+        doubtful += (begin + np.flatnonzero(~exact)).tolist()
+    for begin in range(0, len(doubtful), SLICES_PER_BATCH):
+        part = doubtful[begin : begin + SLICES_PER_BATCH]
         if model is None:
+            graph = join_complexes([graphs[n] for n in part])
             logits = prior_logits(graph)
         else:
-            shown = zip(built, pixels[part], greys[part], strict=True)
-            features = [measure(g, None if i is None else normalised_grey(i, p)) for g, p, i in shown]
-            logits = model.predict(make_batch(graph, join_features(features)))
-        graphs.append(graph)
-        decided.append(label_inside(graph, *logits))
-    return fill_inside(join_complexes(graphs), np.concatenate(decided))
+            read = [(graphs[n], None) if greys[n] is None else read_map(pixels[n], greys[n]) for n in part]
+            graph = join_complexes([built for built, _ in read])
+            features = join_features([measure(built, grey) for built, grey in read])
+            logits = model.predict(make_batch(graph, features))
+            for n, (built, _) in zip(part, read, strict=True):
+                graphs[n] = built
+        decided = label_inside(graph, *logits)
+        for n, cells in zip(part, np.split(decided, graph.triangle_offsets[1:-1]), strict=True):
+            inside[n] = cells
+    return fill_inside(join_complexes(graphs), np.concatenate(inside))
 
 
 def curves_from_masks(masks: np.ndarray, origin: Sequence[int], frame: Frame) -> Curves:

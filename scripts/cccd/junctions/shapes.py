@@ -130,6 +130,10 @@ def draw_mask(rng: np.random.Generator) -> np.ndarray:
             shift *= rng.uniform(0.6, 1.3) * radius / np.hypot(*shift)
             second = _polar_body(rng, y - shift[0], x - shift[1], radius * rng.uniform(0.25, 0.8))
             field = np.maximum(field, second)
+        if rng.random() < 0.08:  # a crescent, as where a lung or a spleen ends
+            shift = rng.normal(0, 1, 2)
+            shift *= max(2.5, rng.uniform(0.1, 0.6) * radius) / np.hypot(*shift)
+            field = np.minimum(field, -np.roll(field, tuple(np.rint(shift).astype(int)), (0, 1)))
         rough = rng.random()
         if rough < 0.35:  # wrinkles
             field += (

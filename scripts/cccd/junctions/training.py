@@ -24,9 +24,10 @@ from cccd.errors import InputError
 from cccd.junctions.complexes import Complex, build_complex, join_complexes
 from cccd.junctions.cut import minimum_cut
 from cccd.junctions.decoding import fill_inside
-from cccd.junctions.features import measure, normalised_grey
+from cccd.junctions.features import measure
 from cccd.junctions.inference import AREA_POWER, BORDER_COST, curves_from_masks, join_features, label_inside
 from cccd.junctions.network import Batch, JunctionNetwork, make_batch
+from cccd.junctions.reading import read_map
 from cccd.junctions.samples import ALL_KINDS, Sample, draw_sample, inside_shares, link_labels
 from cccd.junctions.scoring import score_slice
 from cccd.store import atomic_path, read_graphs, write_graphs
@@ -38,7 +39,7 @@ logger = logging.getLogger(__name__)
 #: How often each kind is drawn for training; the ones that are hard count more.
 KIND_WEIGHTS = {
     "clean": 1, "spurs": 1, "bridges": 2, "pinch": 1, "blocks": 1, "gaps": 3, "noise": 2, "double": 3,
-    "thick": 3, "mixed": 6, "everything": 2, "canny": 7, "canny_whole": 0.5,
+    "thick": 3, "mixed": 6, "everything": 2, "canny": 9, "canny_whole": 0.5,
 }  # fmt: skip
 
 # Random streams that must not overlap: frozen splits, fresh maps, order of the maps, what is hidden, and
@@ -210,9 +211,8 @@ class _Examples:
 def _examples(samples: Sequence[Sample], hide_grey: Sequence[bool]) -> _Examples:
     graphs, features, shares, weights = [], [], [], []
     for sample, hidden in zip(samples, hide_grey, strict=True):
-        graph = build_complex(sample.pixels)
-        show = sample.image is not None and not hidden
-        features.append(measure(graph, normalised_grey(sample.image, sample.pixels) if show else None))
+        graph, grey = read_map(sample.pixels, None if hidden else sample.image)
+        features.append(measure(graph, grey))
         shares.append(inside_shares(graph, sample.contours))
         # a triangle's weight follows its extent, as in the cut; what touches the ring is known
         weight = np.where(graph.outer, 0, np.clip(np.sqrt(graph.areas), 0.7, 12))

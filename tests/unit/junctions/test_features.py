@@ -59,7 +59,7 @@ def test_neither_units_nor_place_of_the_image_change_what_is_read():
 def test_a_fragment_is_known_by_its_size():
     ring = contours_of(disc())[0]
     graph = build_complex(np.vstack([ring, [[2, 2], [2, 3]]]))
-    fewer, more, one = measure(graph).links[:, -10:-7].T
+    fewer, more, one = measure(graph).links[:, -11:-8].T
     ends = graph.links >= len(ring)
     inner = ~graph.ring[graph.links].any(axis=1)
     within, across = inner & ~ends.any(axis=1), inner & (ends.sum(axis=1) == 1)

@@ -89,7 +89,21 @@ def test_a_spur_or_a_chord_makes_it_no_outline():
     chord = np.column_stack([rows, np.full(len(rows), 45)])
     for extra in (chord, chord[: len(chord) // 3]):
         graph = build_complex(raster_order(np.vstack([chain, extra])))
-        assert not label_inside(graph, np.full(len(graph.triangles), -9.0), np.zeros(len(graph.links))).any()
+        # the cut's say counts: the part left of the chord, or of where it would go on
+        left = graph.points[graph.triangles][..., 1].max(axis=1) <= 45
+        wanted = left & (graph.depths[:, 0] == 1)
+        found = label_inside(graph, np.where(wanted, 9.0, -9.0), np.full(len(graph.links), 9.0))
+        assert (found == wanted).all()
+
+
+def test_closed_curves_are_kept_where_the_cut_finds_nothing():
+    chain = contours_of(blob())[0]
+    spur = chain[0] + np.column_stack([-np.arange(1, 9), np.zeros(8, int)])
+    graph = build_complex(raster_order(np.vstack([chain, spur])))
+    inside = label_inside(graph, np.full(len(graph.triangles), -9.0), np.zeros(len(graph.links)))
+    masks, origin = fill_inside(graph, inside)
+    curves = curves_from_masks(masks, (0, *origin), FRAME)
+    assert score_slice(list(curves), [chain]).correct
 
 
 def test_a_gap_is_bridged_by_neighbouring_pixels():

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 import torch
 
 from cccd.junctions.complexes import build_complex
@@ -80,3 +81,15 @@ def test_every_link_and_triangle_gets_one_logit_and_every_weight_a_gradient():
     assert link.shape == (len(graph.links),)
     (inside.square().mean() + link.square().mean()).backward()
     assert all(parameter.grad is not None for parameter in model.parameters())
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+def test_a_gpu_gives_what_the_cpu_gives():
+    torch.manual_seed(0)
+    rng = np.random.default_rng(0)
+    graph = build_complex(np.unique(rng.integers(0, 60, (300, 2)), axis=0))
+    batch = make_batch(graph, measure(graph))
+    model = JunctionNetwork()
+    here = model.predict(batch)
+    for ours, theirs in zip(here, model.to("cuda").predict(batch), strict=True):
+        np.testing.assert_allclose(theirs, ours, rtol=1e-3, atol=1e-3)
