@@ -204,16 +204,24 @@ def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORR
         target = at_fractions(rings, position) + swell[:, None, None] * at_fractions(normals, position)
         # What is hidden may go where the rest wants it.
         target = np.where(samples.counts[..., None] < 1, fitted, target)
-        free = np.einsum("va,amc,um->uvc", to_v, target - base, to_u, optimize=True)
+        free = _in_both(to_v, to_u, target - base)
         net = np.empty((nu, nv, 2))
         net[:, fixed] = known[fixed]
         net[:, ~fixed] = free
-        fitted = np.einsum("av,uvc,mu->amc", bv, net, bu, optimize=True)
+        fitted = _in_both(bu, bv, net)
         if turn < corrections:
             position = _feet(rings, position, fitted)
             swell = swell + _missing(samples, fitted, nv)
     error = _error(samples, normals, position, fitted, bv @ heights)
     return Fit(net, heights, knots_u, knots_v, error)
+
+
+def _in_both(first: np.ndarray, second: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Apply one operator (p, a) along the first axis of ``values`` (a, b, c), another (q, b) along the next.
+
+    The result (q, p, c) has the axes swapped.
+    """
+    return np.tensordot(second, np.tensordot(first, values, 1), (1, 1))
 
 
 def _roughness(samples: Samples, knot: float) -> float:

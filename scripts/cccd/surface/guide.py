@@ -70,7 +70,7 @@ class Guide:
             value[here] = low + (z[here] - self.z[n]) / gaps[n] * (high - low)
             room[here] = np.abs(z[here, None] - ends).min(axis=1)
         knot = self.knot * float(np.sqrt(self.spacing.prod()))
-        near = np.flatnonzero((room > 0) & (np.abs(value) < within + knot))
+        near = np.flatnonzero((room > 0) & (np.abs(value) < within + knot / 2))
         if len(near):
             value[near] = self._smoothed(z[near], pixels[near], knot)
         back = np.empty(len(points), np.int64)
