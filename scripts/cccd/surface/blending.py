@@ -103,6 +103,7 @@ def blended(
         distance, room = guide(low + cell * nodes, BAND_CELLS * cell)
         share = weight[at] / 255 * np.clip(room / (FADE_CELLS * cell), 0, 1)
         limit = BAND_CELLS * cell
+        distance = np.maximum(distance, -room)  # a lid at the guide's end stays where it is
         field[at] = (1 - share) * field[at] + share * np.clip(distance, -limit, limit)
     return LevelSet(field, low, cell)
 

@@ -243,6 +243,9 @@ def _tubes(curves: Curves, settings: Mapping, pixel_centres: bool) -> _Stack:
         )
     voxel, voxel_faces = np.array([step, *spacing]), _voxel_faces(distance < 0)
     thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
+    for way, end in ((-1, levels[0]), (1, levels[-1])):  # what the scan cuts goes on up to its lid
+        if abs(end.z - scan[way > 0]) < step / 2:
+            levels.insert(0 if way < 0 else len(levels), replace(end, z=end.z + way * step / 2))
     guide = Guide.of(levels, spacing, settings["bridge_slices"] * step + pixel, thickness)
     return _Stack(tubes, guide, origin, voxel, voxel_faces, volume, thickness, left_out)
 

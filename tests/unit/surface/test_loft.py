@@ -117,6 +117,17 @@ def test_a_shelf_that_appears_at_once_leaves_no_ripples():
     assert measure_surface(surface, structure)["hausdorff_mm"] < 4
 
 
+def test_what_only_the_cut_slice_shows_is_kept():
+    x, y, z = grid(110, 60, 10)
+    mask = np.hypot(x - 28, y - 30) <= 20
+    mask |= (x >= 28) & (x < 100) & (np.abs(y - 30) <= 10) & (z == 0)
+    surface = loft_surface(curves_of(mask, (1.0, 1.0, 3.0)), SETTINGS)
+    assert_sound(surface)
+    inside = voxelise(surface.vertices, surface.faces, surface.frame, np.zeros(3), mask.shape)
+    assert dice(mask[:, :, 0], inside[:, :, 0]) > 0.95
+    assert surface.vertices[:, 2].min() == pytest.approx(-1.5)
+
+
 def test_separate_bodies_stay_separate():
     mask = ball((50, 90, 50), (25, 24, 25), 15) | ball((50, 90, 50), (25, 64, 25), 15)
     surface = loft_surface(curves_of(mask), SETTINGS)
