@@ -54,7 +54,7 @@ class Samples:
     counts : (A, M)
         How much each sample matters: less where other tubes or a blend hide the surface.
     jumps : (P, 3)
-        mm; points midway between sections where the tube jumps from one to the next.
+        mm; points between sections, along the lines where the tube jumps from one to the next.
     pixel : float
         mm.
     """
@@ -116,12 +116,21 @@ def sample_tube(tube: Tube, count: int, guide: Guide, pixel: float, reach: float
     normal = np.stack([climb, -run], axis=2) / np.maximum(np.hypot(climb, run), 1e-9)[..., None]
     counts = np.ones(run[inner].shape)
     lines = np.dstack([matched, np.broadcast_to(z[:, None], counts.shape)])
-    jump = np.linalg.norm(np.diff(matched, axis=0), axis=2) > JUMP_PIXELS * pixel
-    jumps = ((lines[1:] + lines[:-1]) / 2)[jump]
+    step = np.linalg.norm(np.diff(matched, axis=0), axis=2)
+    jump = step > JUMP_PIXELS * pixel
+    jumps = _between(lines[:-1][jump], lines[1:][jump], step[jump], reach / 2)
     samples = Samples(rings, position, z, v, area, normal[inner], tube.pole, counts, jumps, pixel)
     counts[_hidden(samples, lines, guide, reach)] = HIDDEN_COUNTS
     counts[1:][jump] = counts[:-1][jump] = HIDDEN_COUNTS
     return samples
+
+
+def _between(start: np.ndarray, end: np.ndarray, length: np.ndarray, apart: float) -> np.ndarray:
+    """Points (P, 3) inside segments from ``start`` to ``end`` (J, 3), no further ``apart`` than that."""
+    pieces = np.ceil(length / apart).astype(np.int64)
+    segment = np.repeat(np.arange(len(length)), pieces)
+    share = (np.arange(len(segment)) - np.repeat(np.cumsum(pieces) - pieces, pieces) + 0.5) / pieces[segment]
+    return start[segment] + share[:, None] * (end - start)[segment]
 
 
 def _hidden(samples: Samples, points: np.ndarray, guide: Guide, reach: float) -> np.ndarray:
