@@ -18,16 +18,14 @@ from cccd.chaincode import isolated_corners
 from cccd.comparisons.decoders import DECODERS, decode
 from cccd.containers import Boundaries, Frame, concatenate_ragged
 from cccd.junctions import load_model, order_boundaries
-from cccd.junctions.complexes import Complex, join_complexes
 from cccd.junctions.corruptions import KINDS
 from cccd.junctions.decoding import fill_inside
-from cccd.junctions.features import Grey, measure
+from cccd.junctions.features import measure
 from cccd.junctions.inference import (
-    SLICES_PER_BATCH,
     curves_from_masks,
     join_features,
     label_inside,
-    prior_logits,
+    predict_masks,
 )
 from cccd.junctions.network import JunctionNetwork, make_batch
 from cccd.junctions.reading import read_map
@@ -47,38 +45,30 @@ _EVALUATION = 9  # random stream
 Decoder = Callable[[Sequence[Sample]], list[list[np.ndarray]]]
 
 
-#: Labels a batch of maps, each with its graph and grey values, all of them joined to one graph.
-Labels = Callable[[Sequence[Sample], Sequence[tuple[Complex, Grey | None]], Complex], tuple]
+def network_decoder(model: JunctionNetwork | None, grey: bool = True) -> Decoder:
+    """Join the network (``None``: no network) and its decoder; without ``grey`` no images are shown."""
 
-
-def _by_labels(logits: Labels, grey: bool = True) -> Decoder:
     def run(samples: Sequence[Sample]) -> list[list[np.ndarray]]:
-        chains: list[list[np.ndarray]] = []
-        for begin in range(0, len(samples), SLICES_PER_BATCH):
-            part = samples[begin : begin + SLICES_PER_BATCH]
-            read = [read_map(sample.pixels, sample.image if grey else None) for sample in part]
-            graph = join_complexes([built for built, _ in read])
-            masks, origin = fill_inside(graph, label_inside(graph, *logits(part, read, graph)))
-            chains += [list(curves_from_masks(mask[None], (0, *origin), _FRAME)) for mask in masks]
-        return [[chain for chain in found if len(chain)] for found in chains]
+        greys = [sample.image if grey else None for sample in samples]
+        return _chains(*predict_masks([sample.pixels for sample in samples], model, greys))
 
     return run
 
 
-def network_decoder(model: JunctionNetwork, grey: bool = True) -> Decoder:
-    """Join the network and its decoder; without ``grey`` it is not shown the maps' images."""
-
-    def logits(samples, read, graph):
-        features = join_features([measure(built, seen) for built, seen in read])
-        return model.predict(make_batch(graph, features))
-
-    return _by_labels(logits, grey)
+def _chains(masks: np.ndarray, origin: np.ndarray) -> list[list[np.ndarray]]:
+    chains = [list(curves_from_masks(mask[None], (0, *origin), _FRAME)) for mask in masks]
+    return [[chain for chain in found if len(chain)] for found in chains]
 
 
-def _true_logits(samples, read, graph):
-    shares = [inside_shares(built, sample.contours) for (built, _), sample in zip(read, samples, strict=True)]
-    inside = np.concatenate(shares)
-    return 20 * (inside - 0.5), np.where(link_labels(graph, inside), 10.0, -10.0)
+def _by_true_labels(samples: Sequence[Sample]) -> list[list[np.ndarray]]:
+    """Decode what a network without fault would say."""
+    chains: list[list[np.ndarray]] = []
+    for sample in samples:
+        graph, _ = read_map(sample.pixels, sample.image)
+        inside = inside_shares(graph, sample.contours)
+        logits = 20 * (inside - 0.5), np.where(link_labels(graph, inside), 10.0, -10.0)
+        chains += _chains(*fill_inside(graph, label_inside(graph, *logits)))
+    return chains
 
 
 def _classical(decoder: Callable) -> Decoder:
@@ -118,13 +108,13 @@ def compare_decoders(
     table : DataFrame
         One row per decoder and kind: ``decoder``, ``kind``, ``maps``, ``correct`` (share of maps),
         ``dice`` (mean), ``hausdorff_px`` (median) and ``ms`` (processor time per map, reading the map
-        included, the first map's warm-up excluded).
+        included, a warm-up on one map of each kind excluded).
     scores : dict
         The scores behind it, by decoder and kind.
     """
     rows, scores = [], {}
     for name, decoder in decoders.items():
-        decoder(next(iter(maps.values()))[:1])  # compiles and loads what it needs
+        decoder([samples[0] for samples in maps.values()])  # compiles and loads what it needs
         scores[name] = {}
         for kind, samples in maps.items():
             started = time.process_time()
@@ -239,8 +229,8 @@ def evaluate(
     last = list(networks)[-1]
     decoders |= {
         f"GNN, {last}, no image": network_decoder(networks[last], grey=False),
-        "decoder alone": _by_labels(lambda samples, read, graph: prior_logits(graph), grey=False),
-        "decoder + true labels": _by_labels(_true_logits),
+        "decoder alone": network_decoder(None),
+        "decoder + true labels": _by_true_labels,
     }
     decoders |= {name: _classical(decoder) for name, decoder in DECODERS.items()}
     table, _ = compare_decoders(decoders, maps)
