@@ -16,7 +16,15 @@ import numba
 import numpy as np
 from scipy.spatial import Delaunay
 
-__all__ = ["REGION_GAPS_PX", "Complex", "build_complex", "fragments", "join_complexes"]
+__all__ = [
+    "HASHES",
+    "REGION_GAPS_PX",
+    "Complex",
+    "build_complex",
+    "fragments",
+    "join_complexes",
+    "pixel_hash",
+]
 
 #: Points on the ring that encloses a slice's pixels.
 RING_POINTS = 12
@@ -24,6 +32,9 @@ RING_POINTS = 12
 #: Links up to these lengths count as walls when regions and depths are found: 8-neighbours, and gaps closed
 #: up to about 3, 6 and 12 pixels.
 REGION_GAPS_PX = (1.5, 3.2, 6.4, 12.8)
+
+#: Different numbers of `pixel_hash`.
+HASHES = 65521
 
 # Grid points are cocircular; a shift this small makes their triangulation unique and changes nothing else.
 _SHIFT_PX = 1e-3
@@ -103,12 +114,17 @@ def _far_ring(pixels: np.ndarray) -> np.ndarray:
     return np.rint((low + high) / 2 + radius * np.column_stack([np.sin(angle), np.cos(angle)]))
 
 
+def pixel_hash(i: np.ndarray, j: np.ndarray) -> np.ndarray:
+    """Give every pixel a number below `HASHES`, as good as random and always the same."""
+    return (i * 7919 + j * 104729) % HASHES
+
+
 def _scatter(points: np.ndarray) -> np.ndarray:
     """Shift points by less than `_SHIFT_PX`, the same way wherever a slice lies."""
     local = (points - points.min(axis=0)).astype(np.int64)
-    mixed = (local[:, 0] * 7919 + local[:, 1] * 104729) % 65521
-    hashed = np.column_stack([mixed * 40503 % 65521, (mixed * 30011 + 17) % 65521])
-    return points + _SHIFT_PX * (hashed / 65521 - 0.5)
+    mixed = pixel_hash(*local.T)
+    hashed = np.column_stack([mixed * 40503 % HASHES, (mixed * 30011 + 17) % HASHES])
+    return points + _SHIFT_PX * (hashed / HASHES - 0.5)
 
 
 def build_complex(pixels: np.ndarray, edges: np.ndarray | None = None) -> Complex:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from cccd.boundary import gradient_ridges
-from cccd.junctions.complexes import Complex, build_complex
+from cccd.junctions.complexes import HASHES, Complex, build_complex, pixel_hash
 from cccd.junctions.features import Grey, normalised_grey
 
 __all__ = ["image_edges", "read_map"]
@@ -49,8 +49,7 @@ def image_edges(grey: Grey, pixels: np.ndarray) -> np.ndarray:
     empty[tuple(local[((local >= 0) & (local < shape)).all(axis=1)].T)] = 0
     away = cv2.distanceTransform(empty, cv2.DIST_L2, 3)
     # steps of a hash make neighbours differ, so that of each plateau one is the largest
-    i, j = np.indices(shape, dtype=np.int64)
-    strength = slope * (1 + 1e-3 / 65521 * ((i * 7919 + j * 104729) % 65521))
+    strength = slope * (1 + 1e-3 / HASHES * pixel_hash(*np.indices(shape, dtype=np.int64)))
     strength = np.where(long[labels] & (away > 1.9), strength, 0).astype(np.float32)
     kept = np.zeros(shape, bool)
     around = np.ones((3, 3), np.uint8)

@@ -83,17 +83,26 @@ class Guide:
         total, weights = np.zeros(len(z)), np.zeros(len(z))
         for level, plane, thick in zip(self.z, self.planes, thickness, strict=True):
             here = slice(*np.searchsorted(z, [level - 2 * knot, level + 2 * knot]))
-            weight = thick * _kernel((z[here] - level) / knot)
+            weight = thick * _kernels((z[here] - level) / knot)
             total[here] += weight * _sampled(plane, pixels[here], self.knot)
             weights[here] += weight
         return total / weights
 
 
-def _kernel(x: np.ndarray) -> np.ndarray:
-    """Weights at distances (P,) in knots."""
-    r = np.abs(x)
-    bell = np.where(r < 1, 2 / 3 - r**2 + r**3 / 2, np.maximum(2 - r, 0) ** 3 / 6)
-    return (FLAT_0 + FLAT_2 * r**2) * bell
+@njit(cache=True)
+def _kernel(r):
+    """Weight at a distance in knots."""
+    bell = 2 / 3 - r * r + r**3 / 2 if r < 1 else max(2 - r, 0.0) ** 3 / 6
+    return (FLAT_0 + FLAT_2 * r * r) * bell
+
+
+@njit(cache=True)
+def _kernels(x):
+    """Weights at distances (P,) to either side, in knots."""
+    out = np.empty_like(x)
+    for p in range(len(x)):
+        out[p] = _kernel(abs(x[p]))
+    return out
 
 
 @njit(cache=True)
@@ -110,9 +119,7 @@ def _sampled(plane, pixels, knot):
             total = 0.0
             for tap in range(taps):
                 away = abs(first[axis] + tap - pixels[p, axis])
-                r = away / max(knot, 1.0)
-                bell = 2 / 3 - r * r + r**3 / 2 if r < 1 else max(2 - r, 0.0) ** 3 / 6
-                weight[axis, tap] = (FLAT_0 + FLAT_2 * r * r) * bell if knot else 1 - away
+                weight[axis, tap] = _kernel(away / knot) if knot else 1 - away
                 total += weight[axis, tap]
             weight[axis] /= total
         for a in range(taps):
