@@ -4,6 +4,8 @@ import subprocess
 import sys
 
 MEGABYTES = 1000
+#: 22 s on a machine of one's own (docs/scale.md); a third more where threads share a core.
+SECONDS = 30
 
 #: Snakemake's own main, and what it used.
 PLAN = """
@@ -39,5 +41,6 @@ def test_planning_a_thousand_structures(fresh_project):
     many, long, megabytes = plan(fresh_project, 1000)
     assert few > 8 * 100
     assert many > 8 * 1000
-    assert long < 12 * short  # 14 and 22 s for 8,000 and 13,000 jobs: docs/scale.md
+    assert long < SECONDS  # of the processor, so that a busy machine does not count
+    assert long < 12 * short
     assert megabytes < MEGABYTES
