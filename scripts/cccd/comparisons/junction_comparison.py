@@ -23,7 +23,6 @@ from cccd.junctions.decoding import fill_inside
 from cccd.junctions.features import measure
 from cccd.junctions.inference import (
     curves_from_masks,
-    join_features,
     label_inside,
     predict_masks,
 )
@@ -172,7 +171,7 @@ def draw_worst(path: str | Path, model: JunctionNetwork, samples: Sequence[Sampl
     for n, row in zip(order, axes, strict=True):
         sample = samples[n]
         graph, grey = read_map(sample.pixels, sample.image)
-        _, link = model.predict(make_batch(graph, join_features([measure(graph, grey)])))
+        _, link = model.predict(make_batch(graph, measure(graph, [grey])))
         if sample.image is not None:
             row[0].imshow(sample.image, cmap="gray")
         ink = "k" if grey is None else "tab:red"

@@ -16,6 +16,8 @@ import numba
 import numpy as np
 from scipy.spatial import Delaunay
 
+from cccd.junctions.branches import join_nodes
+
 __all__ = [
     "HASHES",
     "REGION_GAPS_PX",
@@ -92,7 +94,7 @@ class Complex:
     @property
     def link_lengths(self) -> np.ndarray:
         """Length (L,) of every link in pixels."""
-        return np.linalg.norm(self.points[self.links[:, 0]] - self.points[self.links[:, 1]], axis=1)
+        return np.hypot(*(self.points[self.links[:, 0]] - self.points[self.links[:, 1]]).T)
 
     @property
     def areas(self) -> np.ndarray:
@@ -104,7 +106,8 @@ class Complex:
     @property
     def outer(self) -> np.ndarray:
         """Whether a triangle (T,) touches the ring: certainly outside."""
-        return self.ring[self.triangles].any(axis=1)
+        first, second, third = self.triangles.T
+        return self.ring[first] | self.ring[second] | self.ring[third]
 
 
 def _far_ring(pixels: np.ndarray) -> np.ndarray:
@@ -147,13 +150,13 @@ def build_complex(pixels: np.ndarray, edges: np.ndarray | None = None) -> Comple
     # every link once, from the triangle of lower index
     first, side = np.nonzero(neighbours > np.arange(len(triangles))[:, None])
     second = neighbours[first, side]
-    other_side = (neighbours[second] == first[:, None]).argmax(axis=1)
+    other_side = np.where(neighbours[second, 0] == first, 0, np.where(neighbours[second, 1] == first, 1, 2))
     links = np.column_stack([triangles[first, (side + 1) % 3], triangles[first, (side + 2) % 3]])
     side_links = np.full(triangles.shape, -1, np.int32)
     side_links[first, side] = np.arange(len(first))
     side_links[second, other_side] = np.arange(len(first))
-    length = np.linalg.norm(points[links[:, 0]] - points[links[:, 1]], axis=1)
-    outer = ring[triangles].any(axis=1)
+    length = np.hypot(*(points[links[:, 0]] - points[links[:, 1]]).T)
+    outer = (triangles >= len(nodes)).any(axis=1)
     gaps = np.array(REGION_GAPS_PX)
     regions, depths = _regions_and_depths(neighbours, side_links, length, outer, gaps)
     return Complex(
@@ -267,22 +270,4 @@ def _regions_and_depths(neighbours, side_links, length, outer, gaps):
 
 def fragments(graph: Complex) -> np.ndarray:
     """Lowest node (V,) of the 8-connected fragment that each node is part of."""
-    return _joined(len(graph.points), graph.links[graph.link_lengths <= REGION_GAPS_PX[0]])
-
-
-@numba.njit(cache=True)
-def _joined(count, links):
-    # union-find with path halving: every node's representative
-    above = np.arange(count)
-    for n in range(len(links)):
-        a, b = links[n]
-        while above[a] != a:
-            above[a] = above[above[a]]
-            a = above[a]
-        while above[b] != b:
-            above[b] = above[above[b]]
-            b = above[b]
-        above[max(a, b)] = min(a, b)
-    for node in range(count):
-        above[node] = above[above[node]]
-    return above
+    return join_nodes(len(graph.points), graph.links[graph.link_lengths <= REGION_GAPS_PX[0]])

@@ -9,10 +9,10 @@ import numpy as np
 from cccd.boundary import outline
 from cccd.chaincode import broken_links, isolated_corners, junction_pixels, signed_areas, trace_stack
 from cccd.containers import Boundaries, Curves, Frame, concatenate_ragged
-from cccd.junctions.complexes import REGION_GAPS_PX, Complex, build_complex, fragments, join_complexes
+from cccd.junctions.complexes import REGION_GAPS_PX, Complex, fragments, join_complexes
 from cccd.junctions.cut import minimum_cut
 from cccd.junctions.decoding import fill_inside
-from cccd.junctions.features import Features, measure
+from cccd.junctions.features import measure
 from cccd.junctions.network import JunctionNetwork, make_batch
 from cccd.junctions.reading import read_map
 
@@ -20,7 +20,6 @@ __all__ = [
     "AREA_POWER",
     "BORDER_COST",
     "curves_from_masks",
-    "join_features",
     "label_inside",
     "order_boundaries",
     "predict_masks",
@@ -59,16 +58,23 @@ def prior_logits(graph: Complex) -> tuple[np.ndarray, np.ndarray]:
     return np.where(enclosed, 2.0, -2.0) * open_inside, 2.0 - graph.link_lengths
 
 
-def label_inside(graph: Complex, inside_logit: np.ndarray, link_logit: np.ndarray) -> np.ndarray:
+def cut_inside(graph: Complex, inside_logit: np.ndarray, link_logit: np.ndarray) -> np.ndarray:
     """Inside triangles (T,) bool: the minimum cut of what the network says of triangles and links.
 
-    A triangle's say grows with its extent, a link's cost with its length; the ring is outside. Maps that
-    are outlines already are taken as they are, as are closed curves in a map where the cut finds nothing.
+    A triangle's say grows with its extent, a link's cost with its length; the ring is outside.
     """
     gain = inside_logit * graph.areas**AREA_POWER
     gain[graph.outer] = -1e9
     cost = BORDER_COST * graph.link_lengths * np.logaddexp(0, -link_logit)
-    inside = minimum_cut(gain, cost, graph.neighbours, graph.side_links, graph.triangle_offsets)
+    return minimum_cut(gain, cost, graph.neighbours, graph.side_links, graph.triangle_offsets)
+
+
+def label_inside(graph: Complex, inside_logit: np.ndarray, link_logit: np.ndarray) -> np.ndarray:
+    """`cut_inside`, but maps that are outlines already are taken as they are.
+
+    So are closed curves in a map where the cut finds nothing.
+    """
+    inside = cut_inside(graph, inside_logit, link_logit)
     enclosed, exact = _outlines(graph)
     plain = exact | ~np.logical_or.reduceat(inside, graph.triangle_offsets[:-1])
     return np.where(np.repeat(plain, np.diff(graph.triangle_offsets)), enclosed, inside)
@@ -93,13 +99,6 @@ def _outlines(graph: Complex) -> tuple[np.ndarray, np.ndarray]:
     return enclosed, masks.any(axis=(1, 2)) & (around <= drawn).all(axis=(1, 2)) & (left <= _TIP_PX)
 
 
-def join_features(parts: Sequence[Features]) -> Features:
-    """Features of a batch of slices."""
-    return Features(
-        *(np.concatenate([getattr(p, n) for p in parts]) for n in ("nodes", "links", "triangles", "tones"))
-    )
-
-
 def predict_masks(
     pixels: Sequence[np.ndarray], model: JunctionNetwork | None, greys: Sequence[np.ndarray | None]
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -120,7 +119,8 @@ def predict_masks(
     origin : (2,) int64 array
         Pixel of ``masks[:, 0, 0]``.
     """
-    graphs = [build_complex(p) for p in pixels]
+    shown = [None] * len(pixels) if model is None else greys
+    graphs, seen = zip(*(read_map(p, grey) for p, grey in zip(pixels, shown, strict=True)), strict=True)
     inside: list[np.ndarray] = []
     doubtful: list[int] = []
     for begin in range(0, len(graphs), SLICES_PER_BATCH):
@@ -130,19 +130,15 @@ def predict_masks(
         doubtful += (begin + np.flatnonzero(~exact)).tolist()
     for begin in range(0, len(doubtful), SLICES_PER_BATCH):
         part = doubtful[begin : begin + SLICES_PER_BATCH]
+        graph = join_complexes([graphs[n] for n in part])
         if model is None:
-            graph = join_complexes([graphs[n] for n in part])
             logits = prior_logits(graph)
         else:
-            read = [(graphs[n], None) if greys[n] is None else read_map(pixels[n], greys[n]) for n in part]
-            graph = join_complexes([built for built, _ in read])
-            features = join_features([measure(built, grey) for built, grey in read])
-            logits = model.predict(make_batch(graph, features))
-            for n, (built, _) in zip(part, read, strict=True):
-                graphs[n] = built
-        decided = label_inside(graph, *logits)
-        for n, cells in zip(part, np.split(decided, graph.triangle_offsets[1:-1]), strict=True):
-            inside[n] = cells
+            logits = model.predict(make_batch(graph, measure(graph, [seen[n] for n in part])))
+        cut = np.split(cut_inside(graph, *logits), graph.triangle_offsets[1:-1])
+        for n, cells in zip(part, cut, strict=True):
+            if cells.any():  # else closed curves stay
+                inside[n] = cells
     return fill_inside(join_complexes(graphs), np.concatenate(inside))
 
 

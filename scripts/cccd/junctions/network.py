@@ -16,6 +16,9 @@ __all__ = ["Batch", "Convolution", "JunctionNetwork", "make_batch"]
 # Scales of `REGION_GAPS_PX` at which triangles and links are pooled.
 _POOLED = (0, 2)
 
+# Hidden channels that read a pixel's surroundings, for each channel of its state.
+_READING = 6
+
 # Mean grey values of a slice that each exchange compares with, over what it attends to.
 _VIEWS = 4
 
@@ -35,7 +38,9 @@ class Batch:
     side_links: Tensor  # (T, 3); L beyond the ring
     sides: Tensor  # (2, L)
     regions: list[Tensor]  # (T,) per pooled scale
-    walls: list[Tensor]  # (L,) per pooled scale: links that part the same two regions
+    walls: list[
+        Tensor
+    ]  # (L,) links that part the same two regions, per pooled scale, or join the same branches, or strokes
     tones: Tensor  # (T, TONES) grey values
     extents: Tensor  # (T,) weight of a triangle in its slice's mean grey
     slices: Tensor  # (T,)
@@ -60,10 +65,10 @@ def make_batch(graph: Complex, features: Features) -> Batch:
     cosine, sine = spoke[..., 1] / reach, spoke[..., 0] / reach
     corner = np.stack([cosine, sine, cosine**2 - sine**2, 2 * cosine * sine, np.log(reach)], axis=2)
     own = np.arange(len(graph.triangles))[:, None]
-    walls = []
-    for g in _POOLED:
-        pair = np.sort(graph.regions[graph.sides, g], axis=1).astype(np.int64)
-        walls.append(np.unique(pair[:, 0] * (pair.max() + 1) + pair[:, 1], return_inverse=True)[1])
+    pairs = [graph.regions[graph.sides, g] for g in _POOLED] + [
+        part[graph.links] for part in features.branches
+    ]
+    walls = [_same_pair(pair.astype(np.int64)) for pair in pairs]
 
     def index(array):
         return torch.from_numpy(np.ascontiguousarray(array, np.int64))
@@ -88,6 +93,12 @@ def make_batch(graph: Complex, features: Features) -> Batch:
         real(np.where(graph.outer, 0, graph.areas)),
         index(np.repeat(np.arange(len(graph.triangle_offsets) - 1), np.diff(graph.triangle_offsets))),
     )
+
+
+def _same_pair(pair: np.ndarray) -> np.ndarray:
+    """Give equal unordered pairs (L, 2) equal numbers (L,)."""
+    low, high = pair.min(axis=1), pair.max(axis=1)
+    return np.unique(low * (high.max() + 1) + high, return_inverse=True)[1]
 
 
 class Convolution(nn.Module):
@@ -158,7 +169,7 @@ class _Round(nn.Module):
         self.parts = [width] * (1 + len(_POOLED)) + [link_width] * 2
         self.give = nn.Linear(width, sum(self.parts))
         self.link_norm = nn.BatchNorm1d(link_width)
-        self.wall = nn.Linear(link_width, link_width * len(_POOLED))
+        self.wall = nn.Linear(link_width, link_width * (len(_POOLED) + 2))
         self.attend = nn.Linear(width, _VIEWS)
         self.compare = nn.Linear(2 * _VIEWS * TONES, width, bias=False)
 
@@ -183,7 +194,7 @@ class _Round(nn.Module):
         first, second = batch.sides
         given = [part.index_select(0, side) for part in (summed, compared) for side in (first, second)]
         e = e + torch.relu(given[0] + given[1] + (given[2] - given[3]).abs())
-        walls = self.wall(torch.relu(self.link_norm(e))).chunk(len(_POOLED), dim=1)
+        walls = self.wall(torch.relu(self.link_norm(e))).chunk(len(batch.walls), dim=1)
         for wall, group in zip(walls, batch.walls, strict=True):
             e = e + _pool(wall, group)
         return t, e
@@ -229,10 +240,10 @@ class JunctionNetwork(nn.Module):
             "dropout": dropout,
         }
         self.read = nn.Sequential(
-            nn.Linear(NODE_FEATURES, 2 * width),
-            nn.BatchNorm1d(2 * width),
+            nn.Linear(NODE_FEATURES, _READING * width),
+            nn.BatchNorm1d(_READING * width),
             nn.ReLU(),
-            nn.Linear(2 * width, width),
+            nn.Linear(_READING * width, width),
         )
         self.pixels = nn.ModuleList(Convolution(width, width, dropout, heads) for _ in range(pixel_layers))
         self.even = nn.ModuleList(nn.Linear(LINK_FEATURES, heads) for _ in range(pixel_layers))

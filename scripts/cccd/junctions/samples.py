@@ -101,11 +101,10 @@ def inside_shares(graph: Complex, contours: Sequence[np.ndarray]) -> np.ndarray:
     upper = [(3 * p + 2, 3 * q + 2) for p in range(4) for q in range(4 - p)]
     pq = np.array(lower + upper) / 15
     weights = np.column_stack([pq, 1 - pq.sum(axis=1)])
-    places = np.einsum("sk,tkc->tsc", weights, graph.points[graph.triangles] - low)
-    places = np.rint(places * _SUBPIXELS + _SUBPIXELS // 2).astype(np.int64)
-    valid = ((places >= 0) & (places < canvas.shape)).all(axis=2)
-    places = np.where(valid[..., None], places, 0)
-    return (canvas[places[..., 0], places[..., 1]] * valid).mean(axis=1)
+    corners = (graph.points - low)[graph.triangles] * _SUBPIXELS + _SUBPIXELS // 2
+    i, j = (np.rint(corners[..., axis] @ weights.T).astype(np.int64) for axis in range(2))
+    valid = (i >= 0) & (j >= 0) & (i < canvas.shape[0]) & (j < canvas.shape[1])
+    return np.where(valid, canvas[np.where(valid, i, 0), np.where(valid, j, 0)], 0).mean(axis=1)
 
 
 def link_labels(graph: Complex, shares: np.ndarray) -> np.ndarray:

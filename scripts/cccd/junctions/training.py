@@ -25,7 +25,7 @@ from cccd.junctions.complexes import Complex, build_complex, join_complexes
 from cccd.junctions.cut import minimum_cut
 from cccd.junctions.decoding import fill_inside
 from cccd.junctions.features import measure
-from cccd.junctions.inference import AREA_POWER, BORDER_COST, curves_from_masks, join_features, label_inside
+from cccd.junctions.inference import AREA_POWER, BORDER_COST, curves_from_masks, label_inside
 from cccd.junctions.network import Batch, JunctionNetwork, make_batch
 from cccd.junctions.reading import read_map
 from cccd.junctions.samples import ALL_KINDS, Sample, draw_sample, inside_shares, link_labels
@@ -39,7 +39,7 @@ logger = logging.getLogger(__name__)
 #: How often each kind is drawn for training; the ones that are hard count more.
 KIND_WEIGHTS = {
     "clean": 1, "spurs": 1, "bridges": 2, "pinch": 1, "blocks": 1, "gaps": 3, "noise": 2, "double": 3,
-    "thick": 3, "mixed": 6, "everything": 2, "canny": 9, "canny_whole": 0.5,
+    "thick": 4, "mixed": 8, "everything": 2, "canny": 9, "canny_whole": 0.5,
 }  # fmt: skip
 
 # Random streams that must not overlap: frozen splits, fresh maps, order of the maps, what is hidden, and
@@ -209,15 +209,15 @@ class _Examples:
 
 
 def _examples(samples: Sequence[Sample], hide_grey: Sequence[bool]) -> _Examples:
-    graphs, features, shares, weights = [], [], [], []
+    graphs, greys, shares, weights = [], [], [], []
     for sample, hidden in zip(samples, hide_grey, strict=True):
         graph, grey = read_map(sample.pixels, None if hidden else sample.image)
-        features.append(measure(graph, grey))
         shares.append(inside_shares(graph, sample.contours))
         # a triangle's weight follows its extent, as in the cut; what touches the ring is known
         weight = np.where(graph.outer, 0, np.clip(np.sqrt(graph.areas), 0.7, 12))
         weights.append(weight / weight.sum())
         graphs.append(graph)
+        greys.append(grey)
     joined = join_complexes(graphs)
     inside = np.concatenate(shares)
     link_counts = np.diff(joined.link_offsets)
@@ -226,7 +226,7 @@ def _examples(samples: Sequence[Sample], hide_grey: Sequence[bool]) -> _Examples
         return torch.from_numpy(np.asarray(array, np.float32))
 
     return _Examples(
-        make_batch(joined, join_features(features)),
+        make_batch(joined, measure(joined, greys)),
         real(inside),
         real(np.concatenate(weights) / len(samples)),
         real(link_labels(joined, inside)),
@@ -345,25 +345,27 @@ _NETWORK_KEYS = ("width", "link_width", "pixel_layers", "rounds", "heads", "drop
 
 
 # Weights of an exchange that carry its messages.
-_CARRYING = (".give.weight", ".wall.weight", ".compare.weight", ".gate.weight", ".gate.bias")
+_CARRYING = (
+    ".give.weight", ".wall.weight", ".wall.bias", ".compare.weight", ".gate.weight", ".gate.bias",
+)  # fmt: skip
 
 
 @torch.no_grad()
 def _start_from(model: JunctionNetwork, path: str | Path) -> None:
-    """Take a network's weights; what is new, features or exchanges, hardly acts at first."""
+    """Take a network's weights; what is new (features, messages, exchanges) hardly acts at first."""
     content = _read_model(path)
     for key in ("width", "link_width", "pixel_layers", "heads"):
         if content["sizes"][key] != model.sizes[key]:
             cure = f"set gnn.{key} to {content['sizes'][key]}, or gnn.start to null"
             raise InputError(str(path), f"its {key} is not {model.sizes[key]}", cure)
     for name, value in model.state_dict().items():
+        if name.endswith(_CARRYING):
+            value.mul_(0.1)
         old = content["weights"].get(name)
         if old is not None:
             if value.ndim == 2:
-                value.zero_()  # features that the old network lacked
+                value[:, old.shape[1] :] = 0  # what the old network did not read
             value[tuple(slice(n) for n in old.shape)] = old
-        elif name.endswith(_CARRYING):
-            value.mul_(0.1)
 
 
 def _fingerprint(graphs_path: str | Path, settings: Mapping, seed: int) -> str:

@@ -2,9 +2,11 @@ import cv2
 import numpy as np
 import pytest
 
-from cccd.junctions.complexes import build_complex
+from cccd.junctions.complexes import build_complex, join_complexes
 from cccd.junctions.corruptions import contours_of
 from cccd.junctions.features import LINK_FEATURES, NODE_FEATURES, TRIANGLE_FEATURES, measure, normalised_grey
+
+FRAGMENTS = slice(-35, -32)
 
 
 def disc():
@@ -16,7 +18,7 @@ def disc():
 def test_no_image_reads_as_zeros():
     pixels = contours_of(disc())[0]
     graph = build_complex(pixels)
-    features = measure(graph)
+    features = measure(graph, [None])
     assert features.nodes.shape == (len(graph.points), NODE_FEATURES)
     assert features.links.shape == (len(graph.links), LINK_FEATURES)
     assert features.triangles.shape == (len(graph.triangles), TRIANGLE_FEATURES)
@@ -38,7 +40,7 @@ def test_grey_values_are_read_where_the_image_has_them():
     mask = disc()
     pixels = contours_of(mask)[0]
     graph = build_complex(pixels)
-    tones = measure(graph, normalised_grey(mask.astype(np.float32), pixels)).tones
+    tones = measure(graph, [normalised_grey(mask.astype(np.float32), pixels)]).tones
     centre = graph.points[graph.triangles].mean(axis=1)
     far = np.hypot(*(centre - 40).T)
     assert tones[far < 12].min() > tones[(far > 30) & ~graph.outer].max(initial=tones[graph.outer].max())
@@ -48,10 +50,10 @@ def test_neither_units_nor_place_of_the_image_change_what_is_read():
     mask = disc()
     image = np.random.default_rng(0).normal(0, 1, mask.shape) + mask
     pixels = contours_of(mask)[0]
-    here = measure(build_complex(pixels), normalised_grey(image, pixels))
+    here = measure(build_complex(pixels), [normalised_grey(image, pixels)])
     moved = pixels + np.array([9, 17])
     wide = 1000 * np.pad(image, ((9, 3), (17, 5))) - 7
-    there = measure(build_complex(moved), normalised_grey(wide, moved))
+    there = measure(build_complex(moved), [normalised_grey(wide, moved)])
     assert np.array_equal(here.nodes, there.nodes)
     assert np.sort(here.tones, axis=0) == pytest.approx(np.sort(there.tones, axis=0), abs=0.02)
 
@@ -59,7 +61,7 @@ def test_neither_units_nor_place_of_the_image_change_what_is_read():
 def test_a_fragment_is_known_by_its_size():
     ring = contours_of(disc())[0]
     graph = build_complex(np.vstack([ring, [[2, 2], [2, 3]]]))
-    fewer, more, one = measure(graph).links[:, -11:-8].T
+    fewer, more, one = measure(graph, [None]).links[:, FRAGMENTS].T
     ends = graph.links >= len(ring)
     inner = ~graph.ring[graph.links].any(axis=1)
     within, across = inner & ~ends.any(axis=1), inner & (ends.sum(axis=1) == 1)
@@ -67,3 +69,24 @@ def test_a_fragment_is_known_by_its_size():
     assert not one[across].any()
     assert np.exp(4 * more[within | across]) == pytest.approx(len(ring), rel=1e-5)
     assert np.exp(4 * fewer[across]) == pytest.approx(2, rel=1e-5)
+
+
+def test_a_slice_reads_the_same_alone_and_among_others():
+    rng = np.random.default_rng(0)
+    slices = [
+        np.unique(rng.integers(low, high, (90, 2)), axis=0) for low, high in ((0, 30), (7, 80), (3, 50))
+    ]
+    image = rng.normal(0, 1, (80, 80))
+    greys = [None, normalised_grey(image, slices[1]), None]
+    graphs = [build_complex(pixels) for pixels in slices]
+    together = measure(join_complexes(graphs), greys)
+    apart = [measure(graph, [grey]) for graph, grey in zip(graphs, greys, strict=True)]
+    for name in ("nodes", "links", "triangles", "tones"):
+        expected = np.concatenate([getattr(part, name) for part in apart])
+        np.testing.assert_allclose(getattr(together, name), expected, rtol=1e-4, atol=1e-5)
+    # a branch is the same set of pixels, and none reaches over two slices
+    of = np.repeat(np.arange(3), [len(graph.points) for graph in graphs])
+    for which in range(2):
+        pairs = np.unique(np.column_stack([together.branches[which], of]), axis=0)
+        assert len(pairs) == sum(len(np.unique(part.branches[which])) for part in apart)
+        assert len(np.unique(pairs[:, 0])) == len(pairs)

@@ -74,7 +74,7 @@ def test_dropout_acts_in_training_only():
 def test_every_link_and_triangle_gets_one_logit_and_every_weight_a_gradient():
     rng = np.random.default_rng(0)
     graph = build_complex(np.unique(rng.integers(0, 40, (90, 2)), axis=0))
-    batch = make_batch(graph, measure(graph))
+    batch = make_batch(graph, measure(graph, [None]))
     model = JunctionNetwork(width=16, link_width=8, rounds=2, heads=4)
     inside, link = model(batch)
     assert inside.shape == (len(graph.triangles),)
@@ -88,7 +88,7 @@ def test_a_gpu_gives_what_the_cpu_gives():
     torch.manual_seed(0)
     rng = np.random.default_rng(0)
     graph = build_complex(np.unique(rng.integers(0, 60, (300, 2)), axis=0))
-    batch = make_batch(graph, measure(graph))
+    batch = make_batch(graph, measure(graph, [None]))
     model = JunctionNetwork()
     here = model.predict(batch)
     for ours, theirs in zip(here, model.to("cuda").predict(batch), strict=True):
