@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 import torch
 from torch import Tensor, nn
 
@@ -38,9 +39,8 @@ class Batch:
     side_links: Tensor  # (T, 3); L beyond the ring
     sides: Tensor  # (2, L)
     regions: list[Tensor]  # (T,) per pooled scale
-    walls: list[
-        Tensor
-    ]  # (L,) links that part the same two regions, per pooled scale, or join the same branches, or strokes
+    # (L,) links between the same two regions, per pooled scale; the same two branches; the same two strokes
+    walls: list[Tensor]
     tones: Tensor  # (T, TONES) grey values
     extents: Tensor  # (T,) weight of a triangle in its slice's mean grey
     slices: Tensor  # (T,)
@@ -65,9 +65,8 @@ def make_batch(graph: Complex, features: Features) -> Batch:
     cosine, sine = spoke[..., 1] / reach, spoke[..., 0] / reach
     corner = np.stack([cosine, sine, cosine**2 - sine**2, 2 * cosine * sine, np.log(reach)], axis=2)
     own = np.arange(len(graph.triangles))[:, None]
-    pairs = [graph.regions[graph.sides, g] for g in _POOLED] + [
-        part[graph.links] for part in features.branches
-    ]
+    pairs = [graph.regions[graph.sides, g] for g in _POOLED]
+    pairs += [labels[graph.links] for labels in features.branches]
     walls = [_same_pair(pair.astype(np.int64)) for pair in pairs]
 
     def index(array):
@@ -97,8 +96,8 @@ def make_batch(graph: Complex, features: Features) -> Batch:
 
 def _same_pair(pair: np.ndarray) -> np.ndarray:
     """Give equal unordered pairs (L, 2) equal numbers (L,)."""
-    low, high = pair.min(axis=1), pair.max(axis=1)
-    return np.unique(low * (high.max() + 1) + high, return_inverse=True)[1]
+    low, high = np.minimum(*pair.T), np.maximum(*pair.T)
+    return pd.factorize(low * (high.max() + 1) + high)[0]
 
 
 class Convolution(nn.Module):
@@ -148,13 +147,23 @@ def _rows(values: Tensor, index: Tensor) -> Tensor:
     return values.index_select(0, index.reshape(-1)).view(*index.shape, values.shape[1])
 
 
-def _pool(values: Tensor, group: Tensor) -> Tensor:
-    """Mean of rows over groups, given back to every row."""
-    count = int(group.max()) + 1
-    # adding rows of a view is several times slower than copying it first
-    total = values.new_zeros(count, values.shape[1]).index_add_(0, group, values.contiguous())
-    size = values.new_zeros(count).index_add_(0, group, torch.ones_like(group, dtype=values.dtype))
-    return (total / size[:, None]).index_select(0, group)
+@dataclass
+class _Groups:
+    """Rows that are pooled: the number of each row's group, and each group's size."""
+
+    number: Tensor  # (N,)
+    size: Tensor  # (G, 1)
+
+    @classmethod
+    def of(cls, number: Tensor) -> _Groups:
+        return cls(number, torch.bincount(number).clamp_min(1).float()[:, None])
+
+    def mean(self, values: Tensor) -> Tensor:
+        """Mean of rows (N, C) over groups, given back to every row."""
+        # adding rows of a view is several times slower than copying it first
+        total = values.new_zeros(len(self.size), values.shape[1])
+        total = total.index_add_(0, self.number, values.contiguous())
+        return (total / self.size).index_select(0, self.number)
 
 
 class _Round(nn.Module):
@@ -183,20 +192,22 @@ class _Round(nn.Module):
         apart = (batch.tones[:, None] - mean.index_select(0, batch.slices)).flatten(1)
         return torch.cat([apart, apart.abs()], dim=1)
 
-    def forward(self, t: Tensor, e: Tensor, batch: Batch) -> tuple[Tensor, Tensor]:
+    def forward(
+        self, t: Tensor, e: Tensor, batch: Batch, regions: list[_Groups], walls: list[_Groups]
+    ) -> tuple[Tensor, Tensor]:
         gate = torch.cat([self.gate(e), e.new_zeros(1, self.convolution.heads)])
         t = t + self.convolution.over_sides(t, batch.neighbours, _rows(gate, batch.side_links))
         t = t + self.compare(self._contrast(t, batch))
         own, *regional, summed, compared = self.give(torch.relu(self.norm(t))).split(self.parts, dim=1)
         t = t + own
-        for given, group in zip(regional, batch.regions, strict=True):
-            t = t + _pool(given, group)
+        for given, groups in zip(regional, regions, strict=True):
+            t = t + groups.mean(given)
         first, second = batch.sides
         given = [part.index_select(0, side) for part in (summed, compared) for side in (first, second)]
         e = e + torch.relu(given[0] + given[1] + (given[2] - given[3]).abs())
-        walls = self.wall(torch.relu(self.link_norm(e))).chunk(len(batch.walls), dim=1)
-        for wall, group in zip(walls, batch.walls, strict=True):
-            e = e + _pool(wall, group)
+        shared = self.wall(torch.relu(self.link_norm(e))).chunk(len(walls), dim=1)
+        for given, groups in zip(shared, walls, strict=True):
+            e = e + groups.mean(given)
         return t, e
 
 
@@ -205,8 +216,8 @@ class JunctionNetwork(nn.Module):
 
     Pixels read their surroundings once and exchange them along the Delaunay links by gated convolutions
     of eq. (11); triangles gather their corners, then exchange with their neighbours by the same
-    convolution, gated by the state of the link between them. Means over regions and over the walls
-    between them carry a message across any distance in one step.
+    convolution, gated by the state of the link between them. Means over regions, over the walls between
+    them, and over branches and strokes carry a message across any distance in one step.
 
     Parameters
     ----------
@@ -272,8 +283,9 @@ class JunctionNetwork(nn.Module):
         t = t + self.corner.over_sides(x, batch.corners, self.corner_gate(batch.corner_direction))
         ends = self.link_ends(x)
         e = self.link[1](features) + ends.index_select(0, first) + ends.index_select(0, second)
+        regions, walls = ([_Groups.of(number) for number in part] for part in (batch.regions, batch.walls))
         for exchange in self.rounds:
-            t, e = exchange(t, e, batch)
+            t, e = exchange(t, e, batch, regions, walls)
         return self.inside_head(t).squeeze(1), self.link_head(e).squeeze(1)
 
     @torch.inference_mode()

@@ -354,10 +354,11 @@ _CARRYING = (
 def _start_from(model: JunctionNetwork, path: str | Path) -> None:
     """Take a network's weights; what is new (features, messages, exchanges) hardly acts at first."""
     content = _read_model(path)
-    for key in ("width", "link_width", "pixel_layers", "heads"):
-        if content["sizes"][key] != model.sizes[key]:
-            cure = f"set gnn.{key} to {content['sizes'][key]}, or gnn.start to null"
-            raise InputError(str(path), f"its {key} is not {model.sizes[key]}", cure)
+    for key in ("width", "link_width", "pixel_layers", "heads", "rounds"):
+        old, new = content["sizes"][key], model.sizes[key]
+        if old != new and (key != "rounds" or old > new):  # exchanges may be added
+            cure = f"set gnn.{key} to {old}, or gnn.start to null"
+            raise InputError(str(path), f"its {key} is not {new}", cure)
     for name, value in model.state_dict().items():
         if name.endswith(_CARRYING):
             value.mul_(0.1)

@@ -157,10 +157,16 @@ def test_a_network_with_fewer_exchanges_and_features_can_be_started_from(graphs,
     assert "rounds.1.give.weight" in grown
 
 
-def test_a_network_of_another_width_is_refused_as_a_start(graphs, tmp_path):
-    train(graphs, tmp_path / "first", epochs=1)
-    with pytest.raises(InputError, match="width"):
-        train(graphs, tmp_path / "second", start=str(tmp_path / "first" / "model.pt"), width=16)
+@pytest.mark.parametrize(("key", "other"), [("width", 16), ("rounds", 1)])
+def test_a_start_that_would_lose_weights_is_refused(graphs, tmp_path, key, other):
+    train(graphs, tmp_path / "first", epochs=1, rounds=2)
+    with pytest.raises(InputError, match=key):
+        train(
+            graphs,
+            tmp_path / "second",
+            start=str(tmp_path / "first" / "model.pt"),
+            **{"rounds": 2, key: other},
+        )
 
 
 def test_a_file_that_is_no_model_is_named(tmp_path):
