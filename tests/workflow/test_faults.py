@@ -11,6 +11,7 @@ import h5py
 import nibabel
 import numpy as np
 import pytest
+import SimpleITK
 
 from cccd import store
 from cccd.errors import InputError
@@ -283,6 +284,20 @@ def test_a_changed_mask_that_only_the_layout_names(fresh_project, tmp_path):
     assert fresh_project.planned(*target) == {}
     ball(tmp_path / "sheet" / "segmentation-0.nii", radius=5)
     assert fresh_project.planned(*target) == {"import_structure": 1}
+
+
+def test_changed_voxels_beside_an_untouched_header(fresh_project, tmp_path):
+    ball(tmp_path / "mask.nii")
+    header, voxels = tmp_path / "mask.mhd", tmp_path / "mask.raw"
+    SimpleITK.WriteImage(SimpleITK.ReadImage(str(tmp_path / "mask.nii")), str(header))
+    use_masks(fresh_project, tmp_path, [("a", "mask.mhd")])
+    target = "results/a/ball/structure.h5"
+    fresh_project.snakemake(target)
+    assert fresh_project.planned(target) == {}
+    provenance = store.read_structure(fresh_project.results / "a" / "ball" / "structure.h5").provenance
+    assert set(provenance["files"]) == {str(header), str(voxels)}
+    voxels.write_bytes(voxels.read_bytes()[::-1])
+    assert fresh_project.planned(target) == {"import_structure": 1}
 
 
 def test_results_may_be_a_link(fresh_project, tmp_path):

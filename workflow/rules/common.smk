@@ -15,6 +15,7 @@ sys.path.insert(0, str(SCRIPTS))
 
 from cccd.cohort import complete_row, read_cohort
 from cccd.dependencies import imported_files
+from cccd.detached import voxel_files
 from cccd.errors import InputError
 from cccd.settings import nearest, validate_config
 
@@ -94,7 +95,8 @@ def for_pages():
 
 
 def source_files(wildcards):
-    """The row's own files and those that its cohort's layout implies, so that a changed scan comes in again.
+    """The row's own files, the voxels beside their headers, and the files that its cohort's layout implies, so that
+    a changed scan comes in again.
 
     Left out is what the job itself reports, a missing file or a name against the layout, and what is dated in
     the future (a clock ran ahead somewhere), than which every output would be older, an error to Snakemake.
@@ -104,15 +106,18 @@ def source_files(wildcards):
         row, _ = complete_row(row, SHEET.parent)
     except InputError:
         pass
-    paths = (
+    named = [
         SHEET.parent / row[column]
         for column in ("image", "mask", "boundary")
         if row[column]
-    )
+    ]
+    paths = named + [voxels for path in named for voxels in voxel_files(path)]
     return sorted(
-        near(path)
-        for path in paths
-        if path.exists() and path.stat().st_mtime <= time.time()
+        {
+            near(path)
+            for path in paths
+            if path.exists() and path.stat().st_mtime <= time.time()
+        }
     )
 
 

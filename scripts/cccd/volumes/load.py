@@ -12,6 +12,7 @@ import numpy as np
 
 from cccd.cohort import complete_row
 from cccd.containers import Curves, Frame, Structure
+from cccd.detached import voxel_files
 from cccd.errors import InputError
 from cccd.settings import choices, nearest
 from cccd.tolerances import LABEL_VALUE
@@ -119,9 +120,7 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: Mapping) -> _Sc
     scan.provenance = {
         "source": row["source"],
         "label": row["label"],
-        "files": {
-            row[name]: _checksum(folder / row[name]) for name in ("image", "mask", "boundary") if row[name]
-        },
+        "files": _checksums(row, folder),
         "versions": {name: version(name) for name in _READERS},
         **scan.provenance,
     }
@@ -419,6 +418,17 @@ def _cut_notes(frame: Frame, first: np.ndarray, last: np.ndarray) -> list[str]:
     sides = (low | high)[list(frame.in_plane_axes)].any()
     places = [f"the scan's {name} slice" for name in ends] + ["the sides of its slices"] * bool(sides)
     return [f"the organ touches {' and '.join(places)}: it may be cut there"] if places else []
+
+
+def _checksums(row: Mapping, folder: Path) -> dict[str, str]:
+    """Checksums of what a row names, and of the voxels that stand beside headers, by their names."""
+    found = {}
+    for name in filter(None, (row[column] for column in ("image", "mask", "boundary"))):
+        path = folder / name
+        found[name] = _checksum(path)
+        for voxels in voxel_files(path):
+            found[str(Path(name).parent / voxels.relative_to(path.parent))] = _checksum(voxels)
+    return found
 
 
 def _checksum(path: Path) -> str:

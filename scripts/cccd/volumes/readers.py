@@ -17,6 +17,7 @@ import nibabel as nib
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
+from cccd.detached import IN_ITSELF, SEVERAL_FILES, VOXEL_FILE
 from cccd.errors import InputError
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 
@@ -32,10 +33,6 @@ SUFFIXES = (*_NIFTI, ".seg.nrrd", ".nrrd", ".nhdr", ".mha", ".mhd")
 _DEFLATE_RATIO = 1032
 #: NRRD fields are never longer than so many bytes; Teem crashes on some that are.
 _NRRD_FIELD = 400
-#: Where a header says that its voxels are: in itself, in several files, or in the file of this name.
-_VOXEL_FILE = re.compile(rb"^(?:ElementDataFile *=|data ?file:) *(.*?)\s*$", re.MULTILINE | re.IGNORECASE)
-_IN_ITSELF = re.compile(rb"local", re.IGNORECASE)
-_SEVERAL_FILES = re.compile(rb"list( \d)?|[^%\s]+%0?\d?d[^%\s]*( \d+ \d+( [1-9]\d*( \d)?)?)?", re.IGNORECASE)
 
 
 @contextlib.contextmanager
@@ -103,11 +100,11 @@ def _voxel_file(path: Path) -> Path | None:
     with path.open("rb") as file:
         start = file.read(1 << 20)
     header = start if meta else re.split(rb"\r?\n\r?\n", start)[0]
-    found = _VOXEL_FILE.search(header)
+    found = VOXEL_FILE.search(header)
     _check_header(header[: found.end()] if meta and found else header, meta, path.name)
-    if found is None or _IN_ITSELF.fullmatch(found[1]):
+    if found is None or IN_ITSELF.fullmatch(found[1]):
         return path
-    if _SEVERAL_FILES.fullmatch(found[1]):
+    if SEVERAL_FILES.fullmatch(found[1]):
         return None
     name = found[1].decode(errors="replace").replace("\0", "")
     if not (path.parent / name).is_file():

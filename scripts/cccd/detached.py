@@ -1,0 +1,57 @@
+"""Headers whose voxels are in files of their own: MetaImage, NRRD, Analyze and NIfTI pairs.
+
+Imported at every parse of the workflow, so it imports nothing heavy and reads headers only.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+__all__ = ["IN_ITSELF", "SEVERAL_FILES", "VOXEL_FILE", "voxel_files"]
+
+#: Where a header says that its voxels are: in itself, in several files, or in the file of this name.
+VOXEL_FILE = re.compile(rb"^(?:ElementDataFile *=|data ?file:) *(.*?)\s*$", re.MULTILINE | re.IGNORECASE)
+IN_ITSELF = re.compile(rb"local", re.IGNORECASE)
+SEVERAL_FILES = re.compile(rb"list( \d)?|[^%\s]+%0?\d?d[^%\s]*( \d+ \d+( [1-9]\d*( \d)?)?)?", re.IGNORECASE)
+
+# Headers are no longer.
+_HEADER_BYTES = 1 << 20
+
+_PAIRS = {".hdr": (".img", ".img.gz"), ".img": (".hdr",)}
+
+
+def voxel_files(path: Path) -> list[Path]:
+    """Give the further files that a volume consists of, those that exist.
+
+    Parameters
+    ----------
+    path : Path
+        What the sheet names. Of a file that cannot be read nothing is given; its reader says why.
+    """
+    suffix = path.suffix.lower()
+    names = [path.stem + other for other in _PAIRS.get(suffix, ())]
+    if suffix in (".mhd", ".nhdr") and path.is_file():
+        names = _named(path)
+    return sorted({path.parent / name for name in names if (path.parent / name).is_file()} - {path})
+
+
+def _named(path: Path) -> list[str]:
+    try:
+        with path.open("rb") as file:
+            header = file.read(_HEADER_BYTES)
+    except OSError:
+        return []
+    found = VOXEL_FILE.search(header)
+    if found is None or IN_ITSELF.fullmatch(found[1]) or b"\0" in header:
+        return []
+    value = found[1].decode(errors="replace")
+    if not SEVERAL_FILES.fullmatch(found[1]):
+        return [value]
+    if "%" not in value:  # a list: a line each
+        return header[found.end() :].decode(errors="replace").split()
+    pattern = Path(value.split()[0])
+    form = r"\d+".join(map(re.escape, re.split(r"%0?\d?d", pattern.name)))
+    folder = path.parent / pattern.parent
+    beside = folder.iterdir() if folder.is_dir() else ()
+    return [str(file.relative_to(path.parent)) for file in beside if re.fullmatch(form, file.name)]
