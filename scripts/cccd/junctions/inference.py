@@ -120,25 +120,27 @@ def predict_masks(
         Pixel of ``masks[:, 0, 0]``.
     """
     shown = [None] * len(pixels) if model is None else greys
-    graphs, seen = zip(*(read_map(p, grey) for p, grey in zip(pixels, shown, strict=True)), strict=True)
+    graphs: list[Complex] = []
     inside: list[np.ndarray] = []
-    doubtful: list[int] = []
-    for begin in range(0, len(graphs), SLICES_PER_BATCH):
-        graph = join_complexes(graphs[begin : begin + SLICES_PER_BATCH])
+    for begin in range(0, len(pixels), SLICES_PER_BATCH):
+        batch = slice(begin, begin + SLICES_PER_BATCH)
+        built, seen = zip(*map(read_map, pixels[batch], shown[batch]), strict=True)
+        graph = join_complexes(built)
         enclosed, exact = _outlines(graph)
-        inside += np.split(enclosed, graph.triangle_offsets[1:-1])
-        doubtful += (begin + np.flatnonzero(~exact)).tolist()
-    for begin in range(0, len(doubtful), SLICES_PER_BATCH):
-        part = doubtful[begin : begin + SLICES_PER_BATCH]
-        graph = join_complexes([graphs[n] for n in part])
-        if model is None:
-            logits = prior_logits(graph)
-        else:
-            logits = model.predict(make_batch(graph, measure(graph, [seen[n] for n in part])))
-        cut = np.split(cut_inside(graph, *logits), graph.triangle_offsets[1:-1])
-        for n, cells in zip(part, cut, strict=True):
-            if cells.any():  # else closed curves stay
-                inside[n] = cells
+        cells = np.split(enclosed, graph.triangle_offsets[1:-1])
+        doubtful = np.flatnonzero(~exact)
+        if len(doubtful):
+            graph = join_complexes([built[n] for n in doubtful])
+            if model is None:
+                logits = prior_logits(graph)
+            else:
+                logits = model.predict(make_batch(graph, measure(graph, [seen[n] for n in doubtful])))
+            cut = np.split(cut_inside(graph, *logits), graph.triangle_offsets[1:-1])
+            for n, within in zip(doubtful, cut, strict=True):
+                if within.any():  # else closed curves stay
+                    cells[n] = within
+        graphs += built
+        inside += cells
     return fill_inside(join_complexes(graphs), np.concatenate(inside))
 
 
