@@ -5,6 +5,7 @@ Imported at every parse of the workflow, so it imports nothing heavy and reads h
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -30,28 +31,29 @@ def voxel_files(path: Path) -> list[Path]:
         What the sheet names. Of a file that cannot be read nothing is given; its reader says why.
     """
     suffix = path.suffix.lower()
-    names = [path.stem + other for other in _PAIRS.get(suffix, ())]
-    if suffix in (".mhd", ".nhdr") and path.is_file():
-        names = _named(path)
-    return sorted({path.parent / name for name in names if (path.parent / name).is_file()} - {path})
+    found = [path.with_suffix(other) for other in _PAIRS.get(suffix, ())]
+    if suffix in (".mhd", ".nhdr"):
+        found = _named(path)
+    # os.path takes names that no file can have, as damaged headers hold; Path raises
+    return sorted({file for file in found if os.path.isfile(file)} - {path})
 
 
-def _named(path: Path) -> list[str]:
+def _named(path: Path) -> list[Path]:
     try:
         with path.open("rb") as file:
             header = file.read(_HEADER_BYTES)
     except OSError:
         return []
     found = VOXEL_FILE.search(header)
-    if found is None or IN_ITSELF.fullmatch(found[1]) or b"\0" in header:
+    if found is None or IN_ITSELF.fullmatch(found[1]):
         return []
     value = found[1].decode(errors="replace")
     if not SEVERAL_FILES.fullmatch(found[1]):
-        return [value]
+        return [path.parent / value]
     if "%" not in value:  # a list: a line each
-        return header[found.end() :].decode(errors="replace").split()
-    pattern = Path(value.split()[0])
+        lines = header[found.end() :].decode(errors="replace").splitlines()
+        return [path.parent / line.strip() for line in lines]
+    pattern = path.parent / value.split()[0]
     form = r"\d+".join(map(re.escape, re.split(r"%0?\d?d", pattern.name)))
-    folder = path.parent / pattern.parent
-    beside = folder.iterdir() if folder.is_dir() else ()
-    return [str(file.relative_to(path.parent)) for file in beside if re.fullmatch(form, file.name)]
+    beside = pattern.parent.glob("*") if os.path.isdir(pattern.parent) else ()
+    return [file for file in beside if re.fullmatch(form, file.name)]

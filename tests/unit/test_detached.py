@@ -51,3 +51,22 @@ def test_damaged_headers_name_nothing(tmp_path, content):
     (tmp_path / "a.mhd").write_bytes(content)
     assert voxel_files(tmp_path / "a.mhd") == []
     assert voxel_files(tmp_path / "missing.mhd") == []
+
+
+@pytest.mark.parametrize(
+    "element", ["{}/far/s_1.raw", "../far/s_1.raw", "LIST\n{}/far/s_1.raw\n", "{}/far/s_%d.raw 1 1 1"]
+)
+def test_voxels_in_another_folder_are_found(tmp_path, element):
+    for folder in ("near", "far"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "far" / "s_1.raw").touch()
+    header = tmp_path / "near" / "a.mhd"
+    header.write_text(f"NDims = 3\nElementDataFile = {element.format(tmp_path)}\n")
+    (found,) = voxel_files(header)
+    assert found.samefile(tmp_path / "far" / "s_1.raw")
+
+
+def test_names_that_no_file_can_have_name_nothing(tmp_path):
+    for value in ("x" * 5000, "/" + "y/" * 3000, "x" * 5000 + "/s_%d.raw 1 2 1", "LIST\na b\n" + "z" * 400):
+        (tmp_path / "a.mhd").write_text(f"NDims = 3\nElementDataFile = {value}\n")
+        assert voxel_files(tmp_path / "a.mhd") == []

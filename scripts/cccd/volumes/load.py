@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -427,7 +428,7 @@ def _checksums(row: Mapping, folder: Path) -> dict[str, str]:
         path = folder / name
         found[name] = _checksum(path)
         for voxels in voxel_files(path):
-            found[str(Path(name).parent / voxels.relative_to(path.parent))] = _checksum(voxels)
+            found[str(Path(name).parent / os.path.relpath(voxels, path.parent))] = _checksum(voxels)
     return found
 
 
