@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-__all__ = ["BRANCH_MEASURES", "Branches", "find_branches", "join_nodes"]
+from cccd.chaincode import DIRECTIONS
 
-# Steps to the eight neighbours in turn around a pixel.
-_AROUND = np.array([(0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1)])
+__all__ = ["BRANCH_MEASURES", "Branches", "find_branches", "join_nodes"]
 
 # A branch's direction at a pixel is read off its pixels up to this far away.
 _REACH_PX = 6
@@ -68,12 +67,13 @@ def find_branches(pixels: np.ndarray, links: np.ndarray, gaps: np.ndarray) -> Br
     gaps : (G, 2) int array
         Pairs of pixels across which a stroke may go on.
     """
-    present = _around(pixels, np.ones(len(pixels), bool))
+    neighbour = _neighbours(pixels)
+    present = neighbour >= 0
     runs = np.count_nonzero(present & ~np.roll(present, 1, axis=0), axis=0)
     junction = runs > 2
     dead_end = (runs < 2) & (np.count_nonzero(present, axis=0) < 3)
     # branches that leave a junction may touch each other diagonally beside it
-    beside = _around(pixels, junction).any(axis=0)
+    beside = (present & junction[neighbour]).any(axis=0)
     a, b = links.T
     alike = junction[a] == junction[b]
     branches = join_nodes(len(pixels), links[alike & (junction[a] | ~(beside[a] & beside[b]))])
@@ -87,14 +87,13 @@ def find_branches(pixels: np.ndarray, links: np.ndarray, gaps: np.ndarray) -> Br
     return Branches(np.stack([branches, strokes]), np.hstack(measures), outward)
 
 
-def _around(pixels: np.ndarray, marked: np.ndarray) -> np.ndarray:
-    """Whether each of a pixel's eight neighbours, in turn, is one of the marked pixels (8, N)."""
+def _neighbours(pixels: np.ndarray) -> np.ndarray:
+    """Index (8, N) of each pixel's neighbours by Freeman code, in turn around it; -1 where there is none."""
     low = pixels.min(axis=0) - 1
-    raster = np.zeros(pixels.max(axis=0) - low + 2, bool)
-    raster[tuple((pixels[marked] - low).T)] = True
-    i, j = (pixels - low).T
+    raster = np.full(pixels.max(axis=0) - low + 2, -1)
+    raster[tuple((pixels - low).T)] = np.arange(len(pixels))
     width = raster.shape[1]
-    return raster.ravel()[i * width + j + (_AROUND[:, 0] * width + _AROUND[:, 1])[:, None]]
+    return raster.ravel()[(pixels - low) @ (width, 1) + (DIRECTIONS @ (width, 1))[:, None]]
 
 
 def _strokes(

@@ -240,7 +240,7 @@ def _fragment_sizes(graph: Complex) -> np.ndarray:
 
 
 def _link_branches(
-    graph: Complex, places: np.ndarray, direction: np.ndarray
+    graph: Complex, places: np.ndarray, step: np.ndarray, length: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Branches and strokes (2, V) of all nodes, and what they say of the links between them.
 
@@ -251,7 +251,6 @@ def _link_branches(
     number = np.cumsum(drawn) - 1  # among the maps' pixels
     a, b = graph.links.T
     pixels = places[drawn[~graph.ring]]
-    length = graph.link_lengths
     short = length <= REGION_GAPS_PX[0]
     within = drawn[a] & drawn[b]
     found = find_branches(
@@ -264,6 +263,7 @@ def _link_branches(
     measures[drawn], pointing[drawn] = found.measures, found.outward
     labels = np.tile(np.arange(len(drawn)) + len(pixels), (2, 1))
     labels[:, drawn] = found.labels
+    direction = step / length[:, None]
     one = np.einsum("lc,lc->l", pointing[a], direction)
     other = np.einsum("lc,lc->l", pointing[b], -direction)
     columns = [
@@ -312,7 +312,7 @@ def measure(graph: Complex, greys: Sequence[Grey | None]) -> Features:
     link_greys = _link_greys(graph, greys)
     depth = graph.depths.astype(np.float32)
     places = _side_by_side(graph)
-    branches, link_branches = _link_branches(graph, places, step / length[:, None])
+    branches, link_branches = _link_branches(graph, places, step, length)
     triangles = np.column_stack(
         [
             log_area,
