@@ -12,6 +12,6 @@ key = row["case"], row["organ"]
 with job(snakemake.log[0], "/".join(key)):
     folder = Path(snakemake.params.sheet_folder)
     sheet = read_cohort(folder / snakemake.params.sheet_name)
-    (place,) = (other["place"] for other in sheet if (other["case"], other["organ"]) == key)
+    (location,) = (other["location"] for other in sheet if (other["case"], other["organ"]) == key)
     settings = {**snakemake.params.settings, "seed": snakemake.params.seed}
-    write_structure(snakemake.output[0], load_structure({**row, "place": place}, folder, settings))
+    write_structure(snakemake.output[0], load_structure({**row, "location": location}, folder, settings))

@@ -58,7 +58,7 @@ def extract_boundaries(structure: Structure, settings: Mapping[str, Any]) -> Bou
     InputError
         When the wanted source is not there or no slice has a boundary.
     """
-    place = f"{structure.case}/{structure.organ}"
+    location = f"{structure.case}/{structure.organ}"
     if structure.boundary is not None:
         maps = structure.stack("boundary")
     elif structure.contours is not None:
@@ -69,7 +69,7 @@ def extract_boundaries(structure: Structure, settings: Mapping[str, Any]) -> Bou
             source = "image" if structure.mask is None else "mask"
         if getattr(structure, source) is None:
             raise InputError(
-                place,
+                location,
                 f"there is no {source}",
                 f"set boundaries.source to auto or name the {source} in the sheet",
             )
@@ -85,7 +85,7 @@ def extract_boundaries(structure: Structure, settings: Mapping[str, Any]) -> Bou
                 edge_quantile=settings["edge_quantile"],
             )
     if not maps.any():
-        raise InputError(place, "no slice has a boundary", "check the label, the threshold or the image")
+        raise InputError(location, "no slice has a boundary", "check the label, the threshold or the image")
     return _ragged(maps, structure.stack_origin, structure.frame)
 
 

@@ -31,7 +31,7 @@ def _columns() -> dict[str, dict]:
 
 def _read_records(path: Path) -> list[tuple[int, list[str]]]:
     """Give the sheet's non-blank lines as (line number from 1, stripped fields)."""
-    place = path.name
+    location = path.name
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.reader(file, delimiter="\t", strict=True)
@@ -48,32 +48,34 @@ def _read_records(path: Path) -> list[tuple[int, list[str]]]:
         ) from None
     except UnicodeDecodeError:
         raise InputError(
-            place, "not UTF-8 text", "save the sheet as tab-separated UTF-8 text (.tsv)"
+            location, "not UTF-8 text", "save the sheet as tab-separated UTF-8 text (.tsv)"
         ) from None
     except csv.Error as error:
         row = reader.line_num
         raise InputError(
-            f"{place} row {row}", f"malformed line ({error})", "check its quotes and tabs"
+            f"{location} row {row}", f"malformed line ({error})", "check its quotes and tabs"
         ) from None
     for row, record in records:
         if any(character in field for field in record for character in "\n\r\0"):
-            raise InputError(f"{place} row {row}", "a field holds a line break or NUL", "check its quotes")
+            raise InputError(f"{location} row {row}", "a field holds a line break or NUL", "check its quotes")
     return [(row, record) for row, record in records if any(record)]
 
 
-def _check_header(place: str, header: list[str]) -> None:
+def _check_header(location: str, header: list[str]) -> None:
     columns = _columns()
     if len(header) == 1 and re.search("[,;]", header[0]):
-        raise InputError(place, "the columns are not parted by tabs", "save the sheet as tab-separated text")
+        raise InputError(
+            location, "the columns are not parted by tabs", "save the sheet as tab-separated text"
+        )
     for name in header:
         if name not in columns:
-            raise InputError(place, f"unknown column {name!r}", nearest(name, columns))
+            raise InputError(location, f"unknown column {name!r}", nearest(name, columns))
         if header.count(name) > 1:
-            raise InputError(place, f"column {name!r} stands there twice", "keep one")
+            raise InputError(location, f"column {name!r} stands there twice", "keep one")
     for name in ("case", "organ"):
         if name not in header:
             raise InputError(
-                place, f"column {name!r} is missing", "begin the sheet with a line naming the columns"
+                location, f"column {name!r} is missing", "begin the sheet with a line naming the columns"
             )
 
 
@@ -81,26 +83,28 @@ def _check_row(row: dict[str, str]) -> None:
     for name, rules in _columns().items():
         value, allowed = row[name], rules.get("enum")
         if name in ("case", "organ") and not value:
-            raise InputError(row["place"], f"{name} is empty", "give every row a case and an organ")
+            raise InputError(row["location"], f"{name} is empty", "give every row a case and an organ")
         if allowed and value not in allowed:
             near = nearest(value, allowed)
-            cure = f"{near} {choices(allowed)}" if near.startswith("did") else near
-            raise InputError(row["place"], f"{name} {value!r} is not known", cure)
+            hint = f"{near} {choices(allowed)}" if near.startswith("did") else near
+            raise InputError(row["location"], f"{name} {value!r} is not known", hint)
         # fullmatch: `$` alone would let a trailing line break through
         if "pattern" in rules and not re.fullmatch(
             rules["pattern"].removeprefix("^").removesuffix("$"), value
         ):
-            cure = rules["description"].rstrip(".")
-            raise InputError(row["place"], f"{name} {value!r} is not allowed", f"give this: {cure}")
+            hint = rules["description"].rstrip(".")
+            raise InputError(row["location"], f"{name} {value!r} is not allowed", f"give this: {hint}")
     if row["source"] == "files" and not (row["image"] or row["mask"] or row["boundary"]):
-        raise InputError(row["place"], "neither image nor mask nor boundary", "fill at least one of them")
+        raise InputError(row["location"], "neither image nor mask nor boundary", "fill at least one of them")
     if row["source"] in _FROM_FILES[1:] and not row["image"]:
-        raise InputError(row["place"], f"source {row['source']} needs an image", "give the path of the scan")
+        raise InputError(
+            row["location"], f"source {row['source']} needs an image", "give the path of the scan"
+        )
     if row["source"] not in _FROM_FILES:
         for name in ("image", "mask", "boundary", "label"):
             if row[name]:
                 raise InputError(
-                    row["place"],
+                    row["location"],
                     f"{name} is given, but source {row['source']} brings its own",
                     f"empty {name} or set source to files",
                 )
@@ -118,12 +122,12 @@ def read_cohort(path: str | Path) -> list[dict[str, str]]:
     -------
     list of dict
         One per row, in the sheet's order: every column of the schema (``''`` or the default when empty)
-        and ``place``, e.g. ``"cohort.tsv row 3"``, with the line number that an editor shows.
+        and ``location``, e.g. ``"cohort.tsv row 3"``, with the line number that an editor shows.
 
     Raises
     ------
     InputError
-        Names file, row and cure.
+        Names file and row, with a hint.
     """
     path = Path(path)
     records = _read_records(path)
@@ -140,19 +144,19 @@ def read_cohort(path: str | Path) -> list[dict[str, str]]:
     rows: list[dict[str, str]] = []
     seen: dict[tuple[str, str], str] = {}
     for line, record in records[1:]:
-        place = f"{path.name} row {line}"
+        location = f"{path.name} row {line}"
         if any(record[len(header) :]):
-            raise InputError(place, f"{len(record)} fields under {len(header)} columns", "check its tabs")
+            raise InputError(location, f"{len(record)} fields under {len(header)} columns", "check its tabs")
         given = {name: value for name, value in zip(header, record, strict=False) if value}
         row = {name: given.get(name, rules.get("default", "")) for name, rules in _columns().items()}
-        row["place"] = place
+        row["location"] = location
         _check_row(row)
         key = (row["case"], row["organ"])
         if key in seen:
             raise InputError(
-                place, f"{'/'.join(key)} stands in {seen[key]} already", "rename or delete one of them"
+                location, f"{'/'.join(key)} stands in {seen[key]} already", "rename or delete one of them"
             )
-        seen[key] = place
+        seen[key] = location
         rows.append(row)
     return rows
 
@@ -175,24 +179,24 @@ def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], 
     if row["source"] == "lits17" and not row["mask"]:
         match = re.fullmatch(r"volume-(\d+)(\.nii(?:\.gz)?)", path.name)
         if not match:
-            raise InputError(row["place"], f"{path.name} is no LiTS17 volume", "give volume-N.nii")
+            raise InputError(row["location"], f"{path.name} is no LiTS17 volume", "give volume-N.nii")
         row["mask"] = str(Path(row["image"]).with_name(f"segmentation-{match[1]}{match[2]}"))
     if row["source"] == "lits17" and not row["label"]:
         implied = {"liver": (1, 2), **dict.fromkeys(_TUMOUR, (2,))}
         if organ not in implied:
             raise InputError(
-                row["place"], f"LiTS17 has no organ {row['organ']!r}", choices(["liver", "tumour"])
+                row["location"], f"LiTS17 has no organ {row['organ']!r}", choices(["liver", "tumour"])
             )
         labels = implied[organ]
     if row["source"] == "upenn_gbm" and not row["mask"] and organ != "brain":
         match = re.match(r"(UPENN-GBM-\d+_\d+)_", path.name)
         if organ not in _TUMOUR:
             raise InputError(
-                row["place"], f"UPENN-GBM has no organ {row['organ']!r}", choices(["brain", "tumour"])
+                row["location"], f"UPENN-GBM has no organ {row['organ']!r}", choices(["brain", "tumour"])
             )
         if not match:
             raise InputError(
-                row["place"], f"{path.name} is no UPENN-GBM volume", "give UPENN-GBM-NNNNN_NN_T1.nii.gz"
+                row["location"], f"{path.name} is no UPENN-GBM volume", "give UPENN-GBM-NNNNN_NN_T1.nii.gz"
             )
         top = Path(row["image"]).parent.parent.parent
         candidates = [

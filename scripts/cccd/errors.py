@@ -6,15 +6,15 @@ __all__ = ["InputError"]
 
 
 class InputError(ValueError):
-    """Bad input: one clear line that names the place and the cure.
+    """Bad input: one clear line that names the location and gives a hint.
 
     Parameters
     ----------
-    place : str
+    location : str
         File, and row or key where there is one, e.g. ``"cohort.tsv row 3"``.
     problem : str
         What is wrong there.
-    cure : str
+    hint : str
         What the user can do about it.
 
     Examples
@@ -23,10 +23,10 @@ class InputError(ValueError):
     cohort.tsv row 3: label 7 is not in liver.nii.gz; choose one of 1, 2, 5
     """
 
-    def __init__(self, place: str, problem: str, cure: str):
-        parts = (str(place), str(problem), str(cure))
-        self.place, self.problem, self.cure = (" ".join(part.split()) for part in parts)
-        super().__init__(f"{self.place}: {self.problem}; {self.cure}")
+    def __init__(self, location: str, problem: str, hint: str):
+        parts = (str(location), str(problem), str(hint))
+        self.location, self.problem, self.hint = (" ".join(part.split()) for part in parts)
+        super().__init__(f"{self.location}: {self.problem}; {self.hint}")
 
     def __reduce__(self):
-        return type(self), (self.place, self.problem, self.cure)
+        return type(self), (self.location, self.problem, self.hint)

@@ -121,21 +121,21 @@ def _explain(error: ValidationError) -> InputError:
     if error.validator == "additionalProperties":
         known = list(schema.get("properties", {}))
         unknown = next(name for name in value if name not in known)
-        place = f"config key {_dotted([*path, unknown])}"
-        return InputError(place, "unknown key", nearest(str(unknown), known))
+        location = f"config key {_dotted([*path, unknown])}"
+        return InputError(location, "unknown key", nearest(str(unknown), known))
     if error.validator == "required":
         absent = next(name for name in schema["required"] if name not in value)
         wanted = describe(schema.get("properties", {}).get(absent, {}))
         return InputError(f"config key {_dotted([*path, absent])}", "missing", wanted)
-    cure = describe(schema)
+    hint = describe(schema)
     if isinstance(value, str) and "enum" in schema:
         near = nearest(value, [item for item in schema["enum"] if isinstance(item, str)])
-        cure = near if near.startswith("did") else cure
+        hint = near if near.startswith("did") else hint
     elif error.validator in ("type", "anyOf", "oneOf") and _looks_numeric(value):
-        cure = f"{cure}; YAML reads this as text, write {float(value):g} without quotes or as 0.001, not 1e-3"
+        hint = f"{hint}; YAML reads this as text, write {float(value):g} without quotes or as 0.001, not 1e-3"
     elif value is None:
-        cure = f"{cure}; leave the key out to keep the default"
-    return InputError(f"config key {key}" if key else "config", f"{_show(value)} is not allowed", cure)
+        hint = f"{hint}; leave the key out to keep the default"
+    return InputError(f"config key {key}" if key else "config", f"{_show(value)} is not allowed", hint)
 
 
 def validate_config(config: Mapping, schema_path: str | Path) -> None:
@@ -151,7 +151,7 @@ def validate_config(config: Mapping, schema_path: str | Path) -> None:
     Raises
     ------
     InputError
-        Names the dotted key, its value and the cure; an unknown key comes with the nearest known one.
+        Names the dotted key, its value and the hint; an unknown key comes with the nearest known one.
 
     Notes
     -----

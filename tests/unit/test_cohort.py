@@ -17,11 +17,11 @@ def write(folder, text):
     return path
 
 
-def test_defaults_and_place(tmp_path):
+def test_defaults_and_location(tmp_path):
     path = write(tmp_path, "organ\tcase\tmask\n\nliver\ta\tm.nii\n\nliver\tb\tn.nii\n")
     first, second = read_cohort(path)
-    assert first["place"] == "sheet.tsv row 3"
-    assert second["place"] == "sheet.tsv row 5"
+    assert first["location"] == "sheet.tsv row 3"
+    assert second["location"] == "sheet.tsv row 5"
     assert (first["case"], first["organ"], first["mask"]) == ("a", "liver", "m.nii")
     assert (first["source"], first["role"], first["image"], first["boundary"]) == ("files", "both", "", "")
 
@@ -108,7 +108,7 @@ def test_any_text_is_read_or_refused_in_one_line(tmp_path_factory, table):
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017
     else:
-        columns = set(load_schema(SCHEMA)["properties"]) | {"place"}
+        columns = set(load_schema(SCHEMA)["properties"]) | {"location"}
         assert all(set(row) == columns for row in rows)
 
 

@@ -73,5 +73,5 @@ def test_disk_full_in_a_library_call_is_named(tmp_path):
 def test_an_input_error_survives_pickling():
     import pickle
 
-    error = InputError("place", "problem", "cure")
+    error = InputError("location", "problem", "hint")
     assert str(pickle.loads(pickle.dumps(error))) == str(error)

@@ -15,7 +15,7 @@ sys.path.insert(0, str(SCRIPTS))
 
 from cccd.cohort import complete_row, read_cohort
 from cccd.dependencies import imported_files
-from cccd.detached import voxel_files
+from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
 from cccd.settings import nearest, validate_config
 
@@ -122,9 +122,11 @@ def source_files(wildcards):
 
 
 def sheet_row(wildcards):
-    """The row as plain values; its place in the sheet is left out so that moving a row reruns nothing."""
+    """The row as plain values; its location in the sheet is left out so that moving a row reruns nothing."""
     return {
-        key: value for key, value in sorted(row_of(wildcards).items()) if key != "place"
+        key: value
+        for key, value in sorted(row_of(wildcards).items())
+        if key != "location"
     }
 
 

@@ -357,8 +357,8 @@ def _start_from(model: JunctionNetwork, path: str | Path) -> None:
     for key in ("width", "link_width", "pixel_layers", "heads", "rounds"):
         old, new = content["sizes"][key], model.sizes[key]
         if old != new and (key != "rounds" or old > new):  # exchanges may be added
-            cure = f"set gnn.{key} to {old}, or gnn.start to null"
-            raise InputError(str(path), f"its {key} is not {new}", cure)
+            hint = f"set gnn.{key} to {old}, or gnn.start to null"
+            raise InputError(str(path), f"its {key} is not {new}", hint)
     for name, value in model.state_dict().items():
         if name.endswith(_CARRYING):
             value.mul_(0.1)

@@ -21,7 +21,7 @@ __all__ = ["UNREFERENCED_PIXEL_MM", "contour_frame", "order_contours", "plane_no
 UNREFERENCED_PIXEL_MM = 1.0
 
 
-def plane_normal(contours: list[np.ndarray], place: str) -> np.ndarray:
+def plane_normal(contours: list[np.ndarray], location: str) -> np.ndarray:
     """Find the unit normal (3,) of the parallel planes that contours (n, 3) lie in.
 
     Raises
@@ -35,22 +35,22 @@ def plane_normal(contours: list[np.ndarray], place: str) -> np.ndarray:
     normal = normal * np.sign(normal[np.abs(normal).argmax()])
     flat, wide = np.abs(centred @ normal).max(), np.abs(centred @ axes[0]).max()
     if flat > SLICE_DIRECTION * wide:
-        raise InputError(place, "its contours do not lie in parallel planes", "export planar contours")
+        raise InputError(location, "its contours do not lie in parallel planes", "export planar contours")
     return normal
 
 
-def _plane_heights(contours: list[np.ndarray], normal: np.ndarray, place: str) -> tuple[np.ndarray, float]:
+def _plane_heights(contours: list[np.ndarray], normal: np.ndarray, location: str) -> tuple[np.ndarray, float]:
     """Heights (P,) of the planes along the normal, ascending, and their even spacing, mm."""
     heights = np.sort([float(np.mean(contour @ normal)) for contour in contours])
     heights = heights[np.r_[True, np.diff(heights) > SAME_PLANE_MM]]
     if len(heights) < 2:
-        raise InputError(place, "its contours lie in one plane", "give an organ of three slices or more")
+        raise InputError(location, "its contours lie in one plane", "give an organ of three slices or more")
     gaps = np.diff(heights)
     steps = np.rint(gaps / gaps.min())
     spacing = float(gaps.sum() / steps.sum())
     if np.abs(gaps / spacing - steps).max() > CONTOUR_PLANE:
         raise InputError(
-            place,
+            location,
             f"its contours lie in unevenly spaced planes ({gaps.min():g} to {gaps.max():g} mm apart)",
             "draw or interpolate them on every slice",
         )
@@ -58,7 +58,7 @@ def _plane_heights(contours: list[np.ndarray], normal: np.ndarray, place: str) -
 
 
 def contour_frame(
-    contours: list[np.ndarray], image: Volume | None, place: str
+    contours: list[np.ndarray], image: Volume | None, location: str
 ) -> tuple[Frame, slice | None, list[str]]:
     """Choose the grid whose slices are the planes of the contours.
 
@@ -68,7 +68,7 @@ def contour_frame(
         World mm (RAS).
     image : Volume, optional
         The scan the contours were drawn on.
-    place : str
+    location : str
         What messages name.
 
     Returns
@@ -86,8 +86,8 @@ def contour_frame(
     InputError
         Planes that are not parallel, not the image's, unevenly spaced, or fewer than two.
     """
-    normal = plane_normal(contours, place)
-    heights, spacing = _plane_heights(contours, normal, place)
+    normal = plane_normal(contours, location)
+    heights, spacing = _plane_heights(contours, normal, location)
     if image is None:
         axis = int(np.abs(normal).argmax())
         turn = Rotation.align_vectors([normal], [np.eye(3)[axis]])[0].as_matrix()
@@ -97,19 +97,20 @@ def contour_frame(
         low, high = np.floor(local.min(axis=0)), np.ceil(local.max(axis=0))
         affine[:3, 3] = affine[:3, :3] @ low
         shape = (high - low).astype(int) + 1
-        note = f"{place}: no image given, pixels of {UNREFERENCED_PIXEL_MM:g} mm assumed"
+        note = f"{location}: no image given, pixels of {UNREFERENCED_PIXEL_MM:g} mm assumed"
         return _through_planes(affine, axis, shape, normal, heights, spacing), None, [note]
     columns = image.affine[:3, :3] / np.linalg.norm(image.affine[:3, :3], axis=0)
     axis = int(np.abs(normal @ columns).argmax())
     if abs(normal @ columns[:, axis]) < 1 - SLICE_DIRECTION:
-        raise InputError(place, "its contours are not parallel to the image's slices", "give the right image")
+        raise InputError(
+            location, "its contours are not parallel to the image's slices", "give the right image"
+        )
     index = (heights - image.affine[:3, 3] @ normal) / (image.affine[:3, axis] @ normal)
     whole = np.rint(index).astype(int)
     inside = whole.min() >= 0 and whole.max() < image.data.shape[axis]
     if not inside or np.abs(index - whole).max() > CONTOUR_PLANE:
-        note = (
-            f"{place}: its contours do not lie on the slices of {image.place}, whose grey values are left out"
-        )
+        grid = image.location
+        note = f"{location}: its contours do not lie on the slices of {grid}, whose grey values are left out"
         shape = image.data.shape
         return _through_planes(image.affine, axis, shape, normal, heights, spacing), None, [note]
     stride = int(np.abs(np.diff(whole)).min())
@@ -118,7 +119,7 @@ def contour_frame(
     affine[:3, 3] += affine[:3, axis] * keep.start
     affine[:3, axis] *= stride
     shape[axis] = len(range(shape[axis])[keep])
-    notes = [f"{place}: contours on every {stride}. slice of the image only"] if stride > 1 else []
+    notes = [f"{location}: contours on every {stride}. slice of the image only"] if stride > 1 else []
     return Frame(affine, axis, tuple(shape)), keep, notes
 
 
@@ -142,7 +143,7 @@ def _through_planes(
     return Frame(affine, axis, (shape[0], shape[1], shape[2]))
 
 
-def _rings(points: np.ndarray, place: str, where: str) -> list[np.ndarray]:
+def _rings(points: np.ndarray, location: str, where: str) -> list[np.ndarray]:
     """Part a contour that touches itself (a keyhole around a hole) into simple rings."""
     polygon = shapely.Polygon(points)
     if polygon.is_valid:
@@ -152,7 +153,7 @@ def _rings(points: np.ndarray, place: str, where: str) -> list[np.ndarray]:
     x, y = points.T
     signed = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
     if abs(repaired.area - signed) > CONTOUR_AREA * max(repaired.area, 1.0):
-        raise InputError(place, f"a contour on {where} crosses itself", "mend it and export again")
+        raise InputError(location, f"a contour on {where} crosses itself", "mend it and export again")
     return [ring for ring, _ in _rings_of(repaired)]
 
 
@@ -166,7 +167,7 @@ def _rings_of(geometry: shapely.Geometry) -> list[tuple[np.ndarray, bool]]:
     return rings + [(shapely.get_coordinates(ring)[:-1], True) for ring in geometry.interiors]
 
 
-def _nest(rings: list[np.ndarray], place: str, where: str) -> tuple[list[np.ndarray], list[bool], int]:
+def _nest(rings: list[np.ndarray], location: str, where: str) -> tuple[list[np.ndarray], list[bool], int]:
     """Tell outer rings from holes by the even-odd rule; gives the rings, the holes, and doubles dropped."""
     polygons = [shapely.Polygon(ring) for ring in rings]
     doubles = set()
@@ -178,7 +179,7 @@ def _nest(rings: list[np.ndarray], place: str, where: str) -> tuple[list[np.ndar
         if shared > (1 - CONTOUR_AREA) * large:
             doubles.add(second)
         elif CONTOUR_AREA * small < shared < (1 - CONTOUR_AREA) * small:
-            raise InputError(place, f"contours on {where} cross each other", "mend them and export again")
+            raise InputError(location, f"contours on {where} cross each other", "mend them and export again")
     kept = [n for n in range(len(rings)) if n not in doubles]
     inner = [polygons[n].representative_point() for n in kept]
     around = [
@@ -189,7 +190,7 @@ def _nest(rings: list[np.ndarray], place: str, where: str) -> tuple[list[np.ndar
     return [rings[n] for n in kept], holes, len(doubles)
 
 
-def order_contours(rois: list[list[np.ndarray]], frame: Frame, place: str) -> tuple[Curves, list[str]]:
+def order_contours(rois: list[list[np.ndarray]], frame: Frame, location: str) -> tuple[Curves, list[str]]:
     """Make ordered curves of drawn contours.
 
     Parameters
@@ -198,7 +199,7 @@ def order_contours(rois: list[list[np.ndarray]], frame: Frame, place: str) -> tu
         World mm (RAS); several ROIs are united.
     frame : Frame
         See `contour_frame`.
-    place : str
+    location : str
         What messages name.
 
     Returns
@@ -226,10 +227,10 @@ def order_contours(rois: list[list[np.ndarray]], frame: Frame, place: str) -> tu
                 flat += 1
                 continue
             rings = slices.setdefault(k, [[] for _ in rois])
-            rings[number] += _rings(points, place, f"slice {k}")
+            rings[number] += _rings(points, location, f"slice {k}")
     curves, ks, holes = [], [], []
     for k in sorted(slices):
-        nested = [_nest(rings, place, f"slice {k}") for rings in slices[k] if rings]
+        nested = [_nest(rings, location, f"slice {k}") for rings in slices[k] if rings]
         doubled += sum(count for _, _, count in nested)
         rings, is_hole = nested[0][:2] if len(nested) == 1 else _unite([rings for rings, _, _ in nested])
         for ring, hole in zip(rings, is_hole, strict=True):
@@ -239,12 +240,12 @@ def order_contours(rois: list[list[np.ndarray]], frame: Frame, place: str) -> tu
             ks.append(k)
             holes.append(hole)
     if not curves:
-        raise InputError(place, "none of its contours encloses an area", "choose another ROI")
+        raise InputError(location, "none of its contours encloses an area", "choose another ROI")
     points, offsets = concatenate_ragged(curves)
     empty = ks[-1] - ks[0] + 1 - len(set(ks))
-    warnings = [f"{place}: {flat} contours without area left out"] if flat else []
-    warnings += [f"{place}: {doubled} contours drawn twice taken once"] if doubled else []
-    warnings += [f"{place}: no contour on {empty} slices between the first and the last"] if empty else []
+    warnings = [f"{location}: {flat} contours without area left out"] if flat else []
+    warnings += [f"{location}: {doubled} contours drawn twice taken once"] if doubled else []
+    warnings += [f"{location}: no contour on {empty} slices between the first and the last"] if empty else []
     return Curves(points, offsets, np.array(ks, np.int32), np.array(holes, bool), frame), warnings
 
 

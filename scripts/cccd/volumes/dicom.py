@@ -68,13 +68,13 @@ def _headers(folder: Path) -> dict[str, list[tuple[Path, pydicom.Dataset]]]:
 
 
 def _choose_series(folder: Path, modality: str | None) -> list[tuple[Path, pydicom.Dataset]]:
-    place, series = folder.name, _headers(folder)
+    location, series = folder.name, _headers(folder)
     if modality:
         series = {uid: files for uid, files in series.items() if files[0][1].get("Modality") == modality}
     if not series:
         kind = f"{modality} " if modality else ""
         raise InputError(
-            place, f"no DICOM {kind}images in this folder", "give the folder of one DICOM series"
+            location, f"no DICOM {kind}images in this folder", "give the folder of one DICOM series"
         )
     if len(series) > 1:
         named = [
@@ -83,7 +83,7 @@ def _choose_series(folder: Path, modality: str | None) -> list[tuple[Path, pydic
             for files in series.values()
         ]
         raise InputError(
-            place,
+            location,
             f"{len(series)} DICOM series in this folder: {', '.join(named[:8])}",
             "give the folder of one",
         )
@@ -92,20 +92,20 @@ def _choose_series(folder: Path, modality: str | None) -> list[tuple[Path, pydic
 
 
 def _geometry(
-    place: str, files: list[tuple[Path, pydicom.Dataset]]
+    location: str, files: list[tuple[Path, pydicom.Dataset]]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Row and column steps as a matrix (3, 2), the unit normal (3,), and the positions (n, 3), LPS mm."""
     for path, header in files:
         for name in ("ImagePositionPatient", "ImageOrientationPatient", "PixelSpacing"):
             if not header.get(name):
-                raise InputError(place, f"{path.name} has no {name}", "give a series of axial-like slices")
+                raise InputError(location, f"{path.name} has no {name}", "give a series of axial-like slices")
     keys = ("Rows", "Columns", "ImageOrientationPatient", "PixelSpacing")
     first = files[0][1]
     for path, header in files[1:]:
         for name in keys:
             if not np.allclose(header[name].value, first[name].value, atol=1e-4):
                 raise InputError(
-                    place,
+                    location,
                     f"{path.name} differs from {files[0][0].name} in {name}",
                     "give the folder of one scan",
                 )
@@ -114,7 +114,7 @@ def _geometry(
     plane = np.column_stack([along_row * between_columns, along_column * between_rows])
     positions = np.array([[float(x) for x in header.ImagePositionPatient] for _, header in files])
     if not (np.isfinite(plane).all() and np.isfinite(positions).all()) or not plane.any(axis=0).all():
-        raise InputError(place, "its slices have no usable geometry", "export the series again")
+        raise InputError(location, "its slices have no usable geometry", "export the series again")
     return plane, np.cross(along_row, along_column), positions
 
 
@@ -156,15 +156,15 @@ def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = No
     InputError
         No series or several, mixed or undecodable slices, slices missing or uneven.
     """
-    place = folder.name
-    with guarded(place, "its headers are damaged", "export the series again"):
+    location = folder.name
+    with guarded(location, "its headers are damaged", "export the series again"):
         if folder.is_file():
             files = [(folder, pydicom.dcmread(folder, stop_before_pixels=True))]
         else:
             files = _choose_series(folder, modality)
         if len(files) == 1 and int(files[0][1].get("NumberOfFrames") or 1) > 1:
             return _read_multiframe(files[0][0])
-        plane, normal, positions = _geometry(place, files)
+        plane, normal, positions = _geometry(location, files)
     order = np.argsort(positions @ normal, kind="stable")
     files, positions = [files[n] for n in order], positions[order]
     heights = positions @ normal
@@ -173,7 +173,9 @@ def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = No
     if len(gaps) and gaps.min() < 1e-3 * size:
         where = files[int(gaps.argmin())][0].name
         raise InputError(
-            place, f"several images lie at the position of {where}", "give one time point or reconstruction"
+            location,
+            f"several images lie at the position of {where}",
+            "give one time point or reconstruction",
         )
     spacing = float(np.median(gaps)) if len(gaps) else _lone_thickness(files[0][0])
     step = (
@@ -184,20 +186,20 @@ def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = No
     affine = np.eye(4)
     affine[:3, :3] = np.column_stack([plane, step])
     affine[:3, 3] = positions[0]
-    affine = check_affine(LPS_TO_RAS @ affine, place)
+    affine = check_affine(LPS_TO_RAS @ affine, location)
     strays = positions - positions[0] - np.outer((heights - heights[0]) / spacing, step)
     if np.abs(strays).max(initial=0) > max(EVEN_SPACING * spacing, ORTHOGONALITY * size):
-        raise InputError(place, "its slices do not lie in one line", "give the folder of one scan")
+        raise InputError(location, "its slices do not lie in one line", "give the folder of one scan")
     data = np.stack([_pixels(path) for path, _ in files], axis=-1)
     warnings = []
     wanted = (heights - heights[0]) / spacing
     if np.abs(wanted - np.arange(len(wanted))).max() > EVEN_SPACING * max(1, len(wanted) ** 0.5):
-        data, note = _fill(place, data, wanted, spacing, fill_gaps)
+        data, note = _fill(location, data, wanted, spacing, fill_gaps)
         warnings.append(note)
     return Volume(
         data,
         affine,
-        place,
+        location,
         warnings=warnings,
         instances=tuple(str(header.get("SOPInstanceUID", "")) for _, header in files),
         frame_of_reference=str(files[0][1].get("FrameOfReferenceUID", "")),
@@ -205,7 +207,7 @@ def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = No
 
 
 def _fill(
-    place: str, data: np.ndarray, wanted: np.ndarray, spacing: float, fill_gaps: bool
+    location: str, data: np.ndarray, wanted: np.ndarray, spacing: float, fill_gaps: bool
 ) -> tuple[np.ndarray, str]:
     """Interpolate slices at ``wanted`` (in slice spacings) onto whole numbers, if that is allowed."""
     gaps = np.diff(wanted)
@@ -218,11 +220,13 @@ def _fill(
         else f"its slices are unevenly spaced ({gaps.min() * spacing:g} to {gaps.max() * spacing:g} mm)"
     )
     if not fill_gaps:
-        raise InputError(place, problem, "complete the series, or set import: fill_gaps: true to interpolate")
+        raise InputError(
+            location, problem, "complete the series, or set import: fill_gaps: true to interpolate"
+        )
     even = np.arange(int(np.rint(wanted[-1])) + 1)
     low = np.clip(np.searchsorted(wanted, even, side="right") - 1, 0, len(wanted) - 2)
     share = np.clip((even - wanted[low]) / (wanted[low + 1] - wanted[low]), 0, 1).astype(np.float32)
-    return data[..., low] * (1 - share) + data[..., low + 1] * share, f"{place}: {problem}; interpolated"
+    return data[..., low] * (1 - share) + data[..., low + 1] * share, f"{location}: {problem}; interpolated"
 
 
 def _lone_thickness(path: Path) -> float:
@@ -265,26 +269,26 @@ def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volum
     InputError
         Not a SEG, no such segment, frames that form no volume, or slices that the series does not have.
     """
-    place = path.name
-    with guarded(place, "not a readable DICOM SEG", "export the segmentation again"):
+    location = path.name
+    with guarded(location, "not a readable DICOM SEG", "export the segmentation again"):
         seg = highdicom.seg.segread(path)
         names = {number: seg.get_segment_description(number).segment_label for number in seg.segment_numbers}
         referenced = _referenced(seg)
-    chosen = pick(names, label, organ, place, "segment")
+    chosen = pick(names, label, organ, location, "segment")
     if series is not None and series.instances:
         unknown = referenced - set(series.instances)
         if unknown:
             raise InputError(
-                place,
-                f"it refers to {len(unknown)} slices that {series.place} does not have",
+                location,
+                f"it refers to {len(unknown)} slices that {series.location} does not have",
                 "give the series that was segmented",
             )
-    with guarded(place, "its frames form no volume", "export it on evenly spaced slices"):
+    with guarded(location, "its frames form no volume", "export it on evenly spaced slices"):
         volume = seg.get_volume(segment_numbers=chosen, combine_segments=False)
     data = np.asarray(volume.array)
     mask = (data.reshape(*data.shape[:3], -1) >= 0.5).any(axis=-1)
-    affine = check_affine(LPS_TO_RAS @ volume.affine, place)
-    return Volume(mask, affine, place, frame_of_reference=str(volume.frame_of_reference_uid or ""))
+    affine = check_affine(LPS_TO_RAS @ volume.affine, location)
+    return Volume(mask, affine, location, frame_of_reference=str(volume.frame_of_reference_uid or ""))
 
 
 def _referenced(seg: pydicom.Dataset) -> set[str]:
@@ -297,7 +301,7 @@ def _referenced(seg: pydicom.Dataset) -> set[str]:
     }
 
 
-def pick(names: dict[int, str], label: str, organ: str, place: str, kind: str) -> list[int]:
+def pick(names: dict[int, str], label: str, organ: str, location: str, kind: str) -> list[int]:
     """Choose labels by number or name.
 
     Parameters
@@ -309,7 +313,7 @@ def pick(names: dict[int, str], label: str, organ: str, place: str, kind: str) -
         that is called like the organ.
     organ : str
         The row's organ.
-    place, kind : str
+    location, kind : str
         For the message: the file and what its labels are called.
 
     Raises
@@ -324,14 +328,14 @@ def pick(names: dict[int, str], label: str, organ: str, place: str, kind: str) -
         called = [number for number, name in names.items() if name.lower() == organ.lower()]
         if len(called) == 1:
             return called
-        raise InputError(place, f"it has {len(names)} {kind}s and the sheet's label is empty", there)
+        raise InputError(location, f"it has {len(names)} {kind}s and the sheet's label is empty", there)
     wanted = [part.strip() for part in label.split(",")]
     for parts in ([label], wanted):
         found = [_find(names, part) for part in parts]
         if all(found):
             return sorted({number for numbers in found for number in numbers})
     absent = next(part for part, numbers in zip(wanted, found, strict=True) if not numbers)
-    raise InputError(place, f"it has no {kind} {absent!r}", there)
+    raise InputError(location, f"it has no {kind} {absent!r}", there)
 
 
 def _find(names: dict[int, str], wanted: str) -> list[int]:
@@ -366,8 +370,8 @@ def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[Contour
     InputError
         Not an RTSTRUCT, no such ROI, an ROI without contours, an open contour, or damaged coordinates.
     """
-    place = path.name
-    with guarded(place, "not a readable RTSTRUCT", "export the structure set again"):
+    location = path.name
+    with guarded(location, "not a readable RTSTRUCT", "export the structure set again"):
         dataset = pydicom.dcmread(path)
         names = {
             int(item.ROINumber): str(item.get("ROIName", "")) for item in dataset.StructureSetROISequence
@@ -377,33 +381,33 @@ def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[Contour
         for item in dataset.get("ReferencedFrameOfReferenceSequence", []):
             frame = str(item.get("FrameOfReferenceUID", "")) or frame
     if not names:
-        raise InputError(place, "it has no ROI", "export the structure set again")
+        raise InputError(location, "it has no ROI", "export the structure set again")
     doubles = {name for name, count in Counter(names.values()).items() if count > 1}
     rois = []
-    for number in pick(names, label, organ, place, "ROI"):
+    for number in pick(names, label, organ, location, "ROI"):
         if names[number] in doubles and not label.isdecimal():
             raise InputError(
-                place, f"several ROIs are called {names[number]!r}", "give the ROI's number as label"
+                location, f"several ROIs are called {names[number]!r}", "give the ROI's number as label"
             )
-        with guarded(place, f"ROI {names[number]!r} is damaged", "export the structure set again"):
+        with guarded(location, f"ROI {names[number]!r} is damaged", "export the structure set again"):
             sequence = items[number].get("ContourSequence", []) if number in items else []
-            contours = [_contour(place, names[number], item) for item in sequence]
+            contours = [_contour(location, names[number], item) for item in sequence]
         if not contours:
             filled = {n: names[n] for n, item in items.items() if item.get("ContourSequence") and n in names}
-            raise InputError(place, f"ROI {names[number]!r} has no contours", choices(filled.values()))
+            raise InputError(location, f"ROI {names[number]!r} has no contours", choices(filled.values()))
         rois.append([contour for contour in contours if len(contour)])
     return rois, frame
 
 
-def _contour(place: str, roi: str, item: pydicom.Dataset) -> Contour:
+def _contour(location: str, roi: str, item: pydicom.Dataset) -> Contour:
     kind = str(item.get("ContourGeometricType", "CLOSED_PLANAR"))
     if kind == "POINT":  # marks, not outlines
         return np.zeros((0, 3))
     if not kind.replace("_", "").startswith("CLOSEDPLANAR"):
         raise InputError(
-            place, f"ROI {roi!r} has an open contour ({kind})", "close its contours and export again"
+            location, f"ROI {roi!r} has an open contour ({kind})", "close its contours and export again"
         )
     points = np.array([float(x) for x in item.get("ContourData") or []]).reshape(-1, 3)
     if not np.isfinite(points).all():
-        raise InputError(place, f"ROI {roi!r} has coordinates that are not finite", "export it again")
+        raise InputError(location, f"ROI {roi!r} has coordinates that are not finite", "export it again")
     return points @ LPS_TO_RAS[:3, :3]

@@ -39,7 +39,7 @@ class Volume:
         Grey values or labels in the file's own axis order.
     affine : (4, 4) float64
         Index to world mm (RAS).
-    place : str
+    location : str
         What messages call it: file or folder name.
     names : dict of int to str
         Names of labels where the file tells them.
@@ -53,33 +53,35 @@ class Volume:
 
     data: np.ndarray
     affine: np.ndarray
-    place: str
+    location: str
     names: dict[int, str] = field(default_factory=dict)
     instances: tuple[str, ...] = ()
     frame_of_reference: str = ""
     warnings: list[str] = field(default_factory=list)
 
 
-def check_affine(affine: np.ndarray, place: str) -> np.ndarray:
+def check_affine(affine: np.ndarray, location: str) -> np.ndarray:
     """Refuse an affine that is no scanner grid: not finite, without extent, or sheared.
 
     Raises
     ------
     InputError
-        Names ``place``.
+        Names ``location``.
     """
     affine = np.asarray(affine, float)
     if affine.shape != (4, 4) or not np.isfinite(affine).all():
-        raise InputError(place, "its affine is not finite", "export the scan again")
+        raise InputError(location, "its affine is not finite", "export the scan again")
     spacing = np.linalg.norm(affine[:3, :3], axis=0)
     if (spacing <= 0).any():
         sizes = " x ".join(f"{size:g}" for size in spacing)
-        raise InputError(place, f"its voxels have no extent ({sizes} mm)", "mend the spacing in its header")
+        raise InputError(
+            location, f"its voxels have no extent ({sizes} mm)", "mend the spacing in its header"
+        )
     directions = affine[:3, :3] / spacing
     cosines = np.abs(directions.T @ directions - np.eye(3))
     if cosines.max() > ORTHOGONALITY:
         raise InputError(
-            place,
+            location,
             f"its axes are not at right angles (cosine {cosines.max():.3f}: tilted gantry or sheared affine)",
             "resample the scan to an orthogonal grid first",
         )

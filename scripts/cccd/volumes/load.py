@@ -13,9 +13,9 @@ import numpy as np
 
 from cccd.cohort import complete_row
 from cccd.containers import Curves, Frame, Structure
-from cccd.detached import voxel_files
 from cccd.errors import InputError
 from cccd.settings import choices, nearest
+from cccd.sidecar_files import voxel_files
 from cccd.tolerances import LABEL_VALUE
 from cccd.volumes.contours import contour_frame, order_contours
 from cccd.volumes.dicom import dicom_modality, pick, read_rtstruct, read_seg, read_series
@@ -67,9 +67,9 @@ def load_structure(row: Mapping[str, str], sheet_dir: str | Path, settings: Mapp
     Raises
     ------
     InputError
-        Names the row, what is wrong, and the cure.
+        Names the row, what is wrong, and the hint.
     """
-    place = row["place"]
+    location = row["location"]
     try:
         if row["source"] == "phantom":
             return make_phantom(
@@ -77,17 +77,17 @@ def load_structure(row: Mapping[str, str], sheet_dir: str | Path, settings: Mapp
                 row["organ"],
                 seed=settings["seed"],
                 margin_voxels=settings["margin_voxels"],
-                place=place,
+                location=location,
                 **settings["phantom"],
             )
         scan = _read_source(row, Path(sheet_dir), settings)
         return _crop(scan, row, settings["margin_voxels"])
     except InputError as error:
-        if error.place == place:
+        if error.location == location:
             raise
-        raise InputError(place, f"{error.place}: {error.problem}", error.cure) from None
+        raise InputError(location, f"{error.location}: {error.problem}", error.hint) from None
     except MemoryError:
-        raise InputError(place, "the scan does not fit into memory", "give the job more memory") from None
+        raise InputError(location, "the scan does not fit into memory", "give the job more memory") from None
 
 
 # one grid -------------------------------------------------------------------------------------------
@@ -96,7 +96,7 @@ def load_structure(row: Mapping[str, str], sheet_dir: str | Path, settings: Mapp
 def _read_source(row: Mapping[str, str], folder: Path, settings: Mapping) -> _Scan:
     packaged = {"mni152": read_mni152, "whole_body_ct": read_whole_body_ct}
     if row["source"] in packaged:
-        image, mask, facts = packaged[row["source"]](row["organ"], row["place"])
+        image, mask, facts = packaged[row["source"]](row["organ"], row["location"])
         return _Scan(
             _frame(mask, settings),
             np.asarray(image.data, np.float32),
@@ -111,7 +111,7 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: Mapping) -> _Sc
     if "mask" in paths and paths["mask"].is_file() and dicom_modality(paths["mask"]) == "RTSTRUCT":
         if "boundary" in paths:
             raise InputError(
-                row["place"], "an RTSTRUCT cannot stand beside boundary maps", "empty one of them"
+                row["location"], "an RTSTRUCT cannot stand beside boundary maps", "empty one of them"
             )
         scan = _scan_of_contours(paths["mask"], row, image, settings)
     else:
@@ -146,7 +146,7 @@ def _scan_of_contours(path: Path, row: Mapping[str, str], image: Volume | None, 
             "set import: slice_axis: auto",
         )
     if image is not None and image.frame_of_reference not in ("", reference):
-        warnings.append(f"{path.name}: its frame of reference is not that of {image.place}")
+        warnings.append(f"{path.name}: its frame of reference is not that of {image.location}")
     contours, notes = order_contours(rois, frame, path.name)
     grey = None
     if image is not None and keep is not None:
@@ -174,8 +174,8 @@ def _scan_of_voxels(
         else:
             region = settings["region"]
             axis = find_slice_axis(image.affine, settings["slice_axis"])
-            found, bounds = find_region(image.data, image.place, slice_axis=axis, **region)
-            mask = Volume(found, image.affine, image.place)
+            found, bounds = find_region(image.data, image.location, slice_axis=axis, **region)
+            mask = Volume(found, image.affine, image.location)
             window = [None if np.isinf(bound) else bound for bound in bounds]
             provenance["region"] = {**region, "window": window}
     notes = [note for volume in (mask, boundary) if volume is not None for note in volume.warnings]
@@ -199,11 +199,11 @@ def _bring(volume: Volume, grid: Volume, allowed: bool, notes: list[str]) -> np.
         return moved.data
     if not allowed:
         raise InputError(
-            volume.place,
-            f"its grid ({_describe(volume)}) is not that of {grid.place} ({_describe(grid)})",
+            volume.location,
+            f"its grid ({_describe(volume)}) is not that of {grid.location} ({_describe(grid)})",
             "give matching files, or set import: resample: true to interpolate",
         )
-    notes.append(f"{volume.place}: interpolated on the grid of {grid.place}")
+    notes.append(f"{volume.location}: interpolated on the grid of {grid.location}")
     return resample(volume, grid.affine, grid.data.shape, order=0 if binary else 1).data
 
 
@@ -261,7 +261,7 @@ def _read_image(path: Path, source: str, settings: Mapping) -> Volume:
     bad = volume.data.size - int(np.isfinite(volume.data).sum())
     if bad:
         raise InputError(
-            volume.place, f"{bad} of its voxels are not finite", "replace NaN and infinity by numbers"
+            volume.location, f"{bad} of its voxels are not finite", "replace NaN and infinity by numbers"
         )
     volume.data = np.asarray(volume.data, np.float32)
     return volume
@@ -297,7 +297,7 @@ def _read_mask_folder(folder: Path, label: str) -> Volume:
             aligned = on_grid(volume, united.affine, united.data.shape, fill=False)
             if aligned is None:
                 raise InputError(
-                    volume.place, f"its grid is not that of {united.place}", "give one scan's masks"
+                    volume.location, f"its grid is not that of {united.location}", "give one scan's masks"
                 )
             volume.data = united.data | aligned.data
         united = volume
@@ -307,38 +307,40 @@ def _read_mask_folder(folder: Path, label: str) -> Volume:
 
 def _choose_labels(volume: Volume, label: str, organ: str, implied: tuple[int, ...] = ()) -> Volume:
     """Make a label map, a binary mask or a probability map boolean; of ``implied`` labels some may lack."""
-    data, place = volume.data, volume.place
+    data, location = volume.data, volume.location
     if data.dtype == bool:
         data = data.astype(np.uint8)
     if np.issubdtype(data.dtype, np.floating):
         if not np.isfinite(data).all():
             raise InputError(
-                place, "the mask holds voxels that are not finite", "replace NaN and infinity by 0"
+                location, "the mask holds voxels that are not finite", "replace NaN and infinity by 0"
             )
         whole = np.rint(data)
         if np.abs(data - whole).max(initial=0) > LABEL_VALUE:
             if data.min() < 0 or data.max() > 1 or label:
-                raise InputError(place, "its values are neither labels nor probabilities", "give a label map")
-            volume.warnings.append(f"{place}: probabilities, cut at 0.5")
+                raise InputError(
+                    location, "its values are neither labels nor probabilities", "give a label map"
+                )
+            volume.warnings.append(f"{location}: probabilities, cut at 0.5")
             whole = data >= 0.5
         data = whole.astype(np.int32)
     present = [int(value) for value in np.unique(data) if value > 0]
     if not present:
-        raise InputError(place, "the mask is empty", "check that it belongs to this organ")
+        raise InputError(location, "the mask is empty", "check that it belongs to this organ")
     names = {value: volume.names.get(value, "") for value in present}
     called = [value for value, name in names.items() if name.lower() == organ.lower()]
     if implied:
         chosen = [value for value in present if value in implied]
         if not chosen:
             raise InputError(
-                place, f"it has none of the labels {', '.join(map(str, implied))}", choices(present)
+                location, f"it has none of the labels {', '.join(map(str, implied))}", choices(present)
             )
     elif label or len(called) == 1:
-        chosen = pick(names, label, organ, place, "label")
+        chosen = pick(names, label, organ, location, "label")
     else:
         chosen = present
         if len(present) > 1:
-            volume.warnings.append(f"{place}: no label given, all of {', '.join(map(str, present))} taken")
+            volume.warnings.append(f"{location}: no label given, all of {', '.join(map(str, present))} taken")
     volume.data = np.isin(data, chosen)
     return volume
 
@@ -346,15 +348,17 @@ def _choose_labels(volume: Volume, label: str, organ: str, implied: tuple[int, .
 def _read_boundary(path: Path) -> Volume:
     volume = read_volume(path)
     if not np.isfinite(volume.data).all():
-        raise InputError(volume.place, "it holds voxels that are not finite", "give binary boundary maps")
+        raise InputError(volume.location, "it holds voxels that are not finite", "give binary boundary maps")
     values = np.unique(volume.data)
     if len(values) > 2:
         raise InputError(
-            volume.place, f"its maps have {len(values)} different values", "give binary boundary maps"
+            volume.location, f"its maps have {len(values)} different values", "give binary boundary maps"
         )
     volume.data = volume.data > 0
     if not volume.data.any():
-        raise InputError(volume.place, "its boundary maps are empty", "check that it belongs to this organ")
+        raise InputError(
+            volume.location, "its boundary maps are empty", "check that it belongs to this organ"
+        )
     return volume
 
 
@@ -386,7 +390,7 @@ def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
     first, last, slices = _extent(scan)
     if slices < MIN_SLICES:
         raise InputError(
-            row["place"],
+            row["location"],
             f"{row['organ']} lies in {slices} slice{'s'[: slices > 1]} along axis {frame.slice_axis}",
             f"give an organ of {MIN_SLICES} slices or more, or set import: slice_axis",
         )

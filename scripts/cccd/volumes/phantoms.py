@@ -349,7 +349,7 @@ def make_phantom(
     blur_mm: float,
     noise_hu: float,
     margin_voxels: int,
-    place: str,
+    location: str,
 ) -> Structure:
     """Make a phantom's scan, its mask and its true surface.
 
@@ -367,7 +367,7 @@ def make_phantom(
         Standard deviation of the noise.
     margin_voxels : int
         Voxels left around the organ.
-    place : str
+    location : str
         What an error names, e.g. ``"cohort.tsv row 3"``.
 
     Returns
@@ -381,7 +381,7 @@ def make_phantom(
         No such organ.
     """
     if organ not in ORGANS:
-        raise InputError(place, f"there is no phantom of organ {organ!r}", nearest(organ, ORGANS))
+        raise InputError(location, f"there is no phantom of organ {organ!r}", nearest(organ, ORGANS))
     rng = _generator(seed, case, organ)
     anatomy = ORGANS[organ](rng)
     spacing = np.asarray(spacing_mm, float)

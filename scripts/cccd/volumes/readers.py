@@ -17,8 +17,8 @@ import nibabel as nib
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
-from cccd.detached import IN_ITSELF, SEVERAL_FILES, VOXEL_FILE
 from cccd.errors import InputError
+from cccd.sidecar_files import IN_ITSELF, SEVERAL_FILES, VOXEL_FILE
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 
 __all__ = ["SUFFIXES", "guarded", "read_itk", "read_nifti", "read_volume"]
@@ -36,7 +36,7 @@ _NRRD_FIELD = 400
 
 
 @contextlib.contextmanager
-def guarded(place: str, problem: str, cure: str) -> Iterator[None]:
+def guarded(location: str, problem: str, hint: str) -> Iterator[None]:
     """Turn whatever a decoder raises over a damaged file into one line.
 
     Decoders raise ``KeyError``, ``struct.error``, ``AssertionError`` and their own errors alike, so that only
@@ -50,7 +50,7 @@ def guarded(place: str, problem: str, cure: str) -> Iterator[None]:
         # ITK ends with a "Reason" that is whatever the system's last error happened to be
         lines = [line.strip() for line in str(error).splitlines() if not re.match(r"\s*(Reason:|$)", line)]
         reason = re.sub(r"\(0x[0-9a-f]+\)", "", lines[-1] if lines else type(error).__name__)[:160]
-        raise InputError(place, f"{problem} ({reason})", cure) from None
+        raise InputError(location, f"{problem} ({reason})", hint) from None
 
 
 def read_volume(path: Path) -> Volume:
@@ -58,19 +58,21 @@ def read_volume(path: Path) -> Volume:
     return read_nifti(path) if path.name.lower().endswith(_NIFTI) else read_itk(path)
 
 
-def _spatial(data: np.ndarray, place: str) -> np.ndarray:
+def _spatial(data: np.ndarray, location: str) -> np.ndarray:
     """Drop trailing axes of length one; refuse what is still not three-dimensional."""
     while data.ndim > 3 and data.shape[-1] == 1:
         data = data[..., 0]
     if data.ndim != 3:
         size = " x ".join(str(n) for n in data.shape)
-        raise InputError(place, f"not a 3-D volume ({size})", "give one volume or one time point of it")
+        raise InputError(location, f"not a 3-D volume ({size})", "give one volume or one time point of it")
     if data.dtype.names or not (np.issubdtype(data.dtype, np.number) or data.dtype == bool):
-        raise InputError(place, "its voxels are not single numbers (colour?)", "give a grey or label volume")
+        raise InputError(
+            location, "its voxels are not single numbers (colour?)", "give a grey or label volume"
+        )
     if np.iscomplexobj(data):
-        raise InputError(place, "its voxels are complex numbers", "give the magnitude")
+        raise InputError(location, "its voxels are complex numbers", "give the magnitude")
     if not data.size:
-        raise InputError(place, "it holds no voxels", "export the scan again")
+        raise InputError(location, "it holds no voxels", "export the scan again")
     return data
 
 
@@ -80,7 +82,7 @@ def _check_promise(count: int, ratio: int, path: Path) -> None:
         raise InputError(path.name, "its header promises more voxels than it holds", "copy the file again")
 
 
-def _check_header(header: bytes, meta: bool, place: str) -> None:
+def _check_header(header: bytes, meta: bool, location: str) -> None:
     """Refuse what SimpleITK's C libraries are known to crash on, which would end the process."""
     if meta:
         dimensions = re.findall(rb"^\s*NDims *=(.*)$", header, re.MULTILINE)
@@ -89,9 +91,9 @@ def _check_header(header: bytes, meta: bool, place: str) -> None:
         fields = [line for line in header.split(b"\n") if not re.match(rb"#|[^:]*:=", line)]
         sound = max(map(len, fields)) <= _NRRD_FIELD
         if any(re.match(rb"encoding: *(te?xt|ascii)", field, re.IGNORECASE) for field in fields):
-            raise InputError(place, "its voxels are written as text", "save it with encoding raw or gzip")
+            raise InputError(location, "its voxels are written as text", "save it with encoding raw or gzip")
     if not sound:
-        raise InputError(place, "its header is damaged", "copy the file again")
+        raise InputError(location, "its header is damaged", "copy the file again")
 
 
 def _voxel_file(path: Path) -> Path | None:
@@ -122,13 +124,13 @@ def read_nifti(path: Path) -> Volume:
     InputError
         Not readable, truncated, not 3-D, or with an unusable affine.
     """
-    place = path.name
-    with guarded(place, "not a readable NIfTI volume", "convert it to NIfTI, NRRD or MHA"):
+    location = path.name
+    with guarded(location, "not a readable NIfTI volume", "convert it to NIfTI, NRRD or MHA"):
         image = nib.load(path)
         if not isinstance(image, nib.spatialimages.SpatialImage):
-            raise InputError(place, "not a volume", "give a 3-D volume")
-        affine = check_affine(image.affine, place)
-    with guarded(place, "damaged or truncated", "copy or download the file again"):
+            raise InputError(location, "not a volume", "give a 3-D volume")
+        affine = check_affine(image.affine, location)
+    with guarded(location, "damaged or truncated", "copy or download the file again"):
         voxels = Path(image.file_map["image"].filename)
         ratio = _DEFLATE_RATIO if voxels.name.lower().endswith("gz") else 1
         _check_promise(math.prod(map(int, image.shape)) * image.get_data_dtype().itemsize, ratio, voxels)
@@ -136,9 +138,9 @@ def read_nifti(path: Path) -> Volume:
     warnings = []
     codes = [int(image.header[code]) for code in ("sform_code", "qform_code") if code in image.header]
     if isinstance(image, nib.analyze.AnalyzeImage) and not any(codes):
-        warnings.append(f"{place}: no orientation in its header; left and right may be swapped")
+        warnings.append(f"{location}: no orientation in its header; left and right may be swapped")
     names = _nifti_names(image) | _dataset_names(path)
-    return Volume(_spatial(data, place), affine, place, names, warnings=warnings)
+    return Volume(_spatial(data, location), affine, location, names, warnings=warnings)
 
 
 def read_itk(path: Path) -> Volume:
@@ -149,11 +151,11 @@ def read_itk(path: Path) -> Volume:
     InputError
         Not readable, not 3-D, or with an unusable grid.
     """
-    place = path.name
+    location = path.name
     reader = sitk.ImageFileReader()
     reader.SetFileName(str(path))
-    with guarded(place, "not a readable volume", "give NIfTI, NRRD, MHA or DICOM"):
-        known = place.lower().endswith((".nrrd", ".nhdr", ".mha", ".mhd"))
+    with guarded(location, "not a readable volume", "give NIfTI, NRRD, MHA or DICOM"):
+        known = location.lower().endswith((".nrrd", ".nhdr", ".mha", ".mhd"))
         voxels = _voxel_file(path) if known else path
         reader.ReadImageInformation()
         if voxels is not None:
@@ -161,16 +163,16 @@ def read_itk(path: Path) -> Volume:
         image = reader.Execute()
         if image.GetNumberOfComponentsPerPixel() > 1:
             problem = "its voxels are not single numbers (colour or 4-D)"
-            raise InputError(place, problem, "give a grey or label volume")
+            raise InputError(location, problem, "give a grey or label volume")
         data = sitk.GetArrayFromImage(image).T
     if image.GetDimension() != 3:
-        return Volume(_spatial(data, place), np.eye(4), place)
+        return Volume(_spatial(data, location), np.eye(4), location)
     affine = np.eye(4)
     affine[:3, :3] = np.reshape(image.GetDirection(), (3, 3)) * image.GetSpacing()
     affine[:3, 3] = image.GetOrigin()
-    with guarded(place, "its header is damaged", "export it again"):
+    with guarded(location, "its header is damaged", "export it again"):
         names = _segment_names({key: image.GetMetaData(key) for key in image.GetMetaDataKeys()})
-    return Volume(_spatial(data, place), check_affine(LPS_TO_RAS @ affine, place), place, names)
+    return Volume(_spatial(data, location), check_affine(LPS_TO_RAS @ affine, location), location, names)
 
 
 def _nifti_names(image: nib.spatialimages.SpatialImage) -> dict[int, str]:

@@ -17,7 +17,7 @@ __all__ = ["draw_region", "find_region"]
 
 def find_region(
     image: np.ndarray,
-    place: str,
+    location: str,
     *,
     window: str | Sequence[float | None],
     components: int,
@@ -32,7 +32,7 @@ def find_region(
     ----------
     image : (a, b, c) float32
         Grey values (HU for CT).
-    place : str
+    location : str
         What a message names.
     window : "otsu" or (low, high)
         Grey values of the organ, either end None for no bound; ``"otsu"`` takes what lies above Otsu's
@@ -61,7 +61,7 @@ def find_region(
         The window holds no voxel.
     """
     if image.min() == image.max():
-        raise InputError(place, f"all its grey values are {image.min():g}", "give another scan, or a mask")
+        raise InputError(location, f"all its grey values are {image.min():g}", "give another scan, or a mask")
     low, high = (float(threshold_otsu(image)), None) if window == "otsu" else window
     low, high = (-np.inf if low is None else low), (np.inf if high is None else high)
     labels, count = ndimage.label((image >= low) & (image <= high))
@@ -75,7 +75,7 @@ def find_region(
     if not mask.any():
         span = f"{image.min():g} to {image.max():g}"
         raise InputError(
-            place,
+            location,
             f"no region between {low:g} and {high:g} (grey values {span})",
             "set import: region: window",
         )

@@ -16,7 +16,7 @@ from cccd.volumes.grid import Volume, check_affine
 __all__ = ["brain_of_stripped", "read_mni152", "read_whole_body_ct"]
 
 
-def read_mni152(organ: str, place: str) -> tuple[Volume, Volume, dict]:
+def read_mni152(organ: str, location: str) -> tuple[Volume, Volume, dict]:
     """Give the MNI ICBM 152 brain template at 1 mm, its brain mask and its provenance, from nilearn's wheel.
 
     Raises
@@ -25,7 +25,7 @@ def read_mni152(organ: str, place: str) -> tuple[Volume, Volume, dict]:
         ``organ`` is not ``brain``.
     """
     if organ != "brain":
-        raise InputError(place, f"source mni152 has no organ {organ!r}", "set organ to brain")
+        raise InputError(location, f"source mni152 has no organ {organ!r}", "set organ to brain")
     from nilearn import datasets  # slow to import, and only this source needs it
 
     image = datasets.load_mni152_template(resolution=1)
@@ -39,7 +39,7 @@ def read_mni152(organ: str, place: str) -> tuple[Volume, Volume, dict]:
     return Volume(grey, image.affine, "mni152"), Volume(inside, mask.affine, "mni152"), facts
 
 
-def read_whole_body_ct(organ: str, place: str) -> tuple[Volume, Volume, dict]:
+def read_whole_body_ct(organ: str, location: str) -> tuple[Volume, Volume, dict]:
     """Give the male whole-body CT of PyVista's examples (TotalSegmentator s1397, CC BY 4.0) and one organ.
 
     PyVista downloads it once into its own cache and tries three times. The first download's SHA-256 is kept
@@ -58,23 +58,25 @@ def read_whole_body_ct(organ: str, place: str) -> tuple[Volume, Volume, dict]:
     except (OSError, RuntimeError, ValueError) as error:  # requests' errors are OSErrors
         reason = type(error).__name__
         raise InputError(
-            place,
+            location,
             f"the whole-body CT cannot be downloaded ({reason})",
             "connect to the network once, or delete PyVista's cache when it is damaged",
         ) from None
     scan, organs = dataset["ct"], dataset["segmentations"]
     if organ not in organs.keys():  # noqa: SIM118 (a MultiBlock iterates over blocks)
-        raise InputError(place, f"source whole_body_ct has no organ {organ!r}", nearest(organ, organs.keys()))
+        raise InputError(
+            location, f"source whole_body_ct has no organ {organ!r}", nearest(organ, organs.keys())
+        )
     affine = np.eye(4)
     affine[:3, :3] = np.asarray(scan.direction_matrix) * scan.spacing
     affine[:3, 3] = scan.origin
-    affine = check_affine(affine, place)
+    affine = check_affine(affine, location)
 
     def volume(block) -> np.ndarray:
         return np.asarray(block.active_scalars).reshape(block.dimensions, order="F")
 
     digest = hashlib.sha256(np.ascontiguousarray(volume(scan))).hexdigest()
-    _hold_checksum(file, digest, place)
+    _hold_checksum(file, digest, location)
     facts = {"pyvista": version("pyvista"), "files": {"whole_body_ct_male": digest}}
     return (
         Volume(volume(scan).astype(np.float32), affine, "whole_body_ct"),
@@ -83,12 +85,14 @@ def read_whole_body_ct(organ: str, place: str) -> tuple[Volume, Volume, dict]:
     )
 
 
-def _hold_checksum(file: Path, digest: str, place: str) -> None:
+def _hold_checksum(file: Path, digest: str, location: str) -> None:
     kept = file.with_name(f"{file.name}.cccd.sha256")
     if kept.is_file():
         if kept.read_text().strip() != digest:
             raise InputError(
-                place, "the downloaded whole-body CT has changed since its first use", f"delete {file.parent}"
+                location,
+                "the downloaded whole-body CT has changed since its first use",
+                f"delete {file.parent}",
             )
         return
     try:
@@ -103,4 +107,4 @@ def brain_of_stripped(image: Volume) -> Volume:
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     sizes[0] = 0
     mask = ndimage.binary_fill_holes(labels == sizes.argmax()) if count else labels > 0
-    return Volume(mask, image.affine, image.place)
+    return Volume(mask, image.affine, image.location)

@@ -53,7 +53,7 @@ def row(**columns):
         "label": "",
         "boundary": "",
         "role": "both",
-        "place": "cohort.tsv row 2",
+        "location": "cohort.tsv row 2",
         **columns,
     }
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
-from cccd.detached import voxel_files
+from cccd.sidecar_files import voxel_files
 
 
 def scan():
