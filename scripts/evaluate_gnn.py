@@ -5,7 +5,7 @@ from cccd.job import job
 
 with job(snakemake.log[0], "GNN evaluation"):
     evaluate(
-        {"trained here": snakemake.input.model, "shipped": snakemake.input.shipped},
+        dict(zip(snakemake.params.names, snakemake.input.models, strict=True)),
         snakemake.params.settings,
         snakemake.params.seed,
         snakemake.output.scores,

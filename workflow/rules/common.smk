@@ -36,10 +36,29 @@ def near(path):
     )
 
 
+def is_trained():
+    """Whether the network is trained in this run; a configuration that asks for both ways is refused."""
+    wanted, named = config["train"], config["gnn"]["pretrained"]
+    if wanted is True and named:
+        raise InputError(
+            "config keys train and gnn.pretrained",
+            f"{named} is to be taken, and a model is to be trained",
+            "set train: false, or gnn.pretrained to null",
+        )
+    default = SHEET.resolve() == (ROOT / "config" / "cohort.tsv").resolve()
+    trained = default and not named if wanted == "auto" else wanted
+    if config["gnn"]["start"] and not trained:
+        raise InputError(
+            "config key gnn.start", "nothing is trained in this run", "set train: true"
+        )
+    return trained
+
+
 try:
     validate_config(config, ROOT / "workflow" / "schemas" / "config.schema.yaml")
     SHEET = find_file(config["cohort"])
     COHORT = read_cohort(SHEET)
+    TRAINED = is_trained()
 except InputError as error:
     sys.exit(f"Error: {error}")
 

@@ -23,37 +23,26 @@ rule generate_graphs:
         "../../scripts/generate_graphs.py"
 
 
-#: What tells of the training; a pretrained model comes without.
-TRAINING_FILES = (
-    []
-    if config["gnn"]["pretrained"]
-    else ["results/gnn/graphs.h5", "results/gnn/history.csv"]
-)
+#: The model in use; the one that comes with the project; and the one that is taken where none is trained.
+MODEL = "results/gnn/model.pt"
+SHIPPED = near(ROOT / "workflow" / "models" / "junctions.pt")
+PRETRAINED = config["gnn"]["pretrained"]
+READY = near(find_file(PRETRAINED)) if PRETRAINED else SHIPPED
 
-if config["gnn"]["pretrained"]:
+#: What tells of the training; a model that is taken comes without.
+TRAINING_FILES = ["results/gnn/graphs.h5", "results/gnn/history.csv"] if TRAINED else []
 
-    rule adopt_gnn:
-        """Take the trained model that the configuration names."""
-        input:
-            model=near(find_file(config["gnn"]["pretrained"])),
-        output:
-            model="results/gnn/model.pt",
-        log:
-            "logs/gnn/adopt_gnn.log",
-        benchmark:
-            "benchmarks/gnn/adopt_gnn.tsv"
-        conda:
-            "../../envs/cccd.yaml"
-        threads: 1
-        resources:
-            mem_mb=memory(1000),
-            runtime=minutes(5),
-        params:
-            library=library("adopt_gnn"),
-        script:
-            "../../scripts/adopt_gnn.py"
+#: The models that are compared, by the names that the table gives them.
+COMPARED = {
+    **(
+        {"trained here": MODEL}
+        if TRAINED
+        else {"pretrained": MODEL} if PRETRAINED else {}
+    ),
+    "shipped": SHIPPED,
+}
 
-else:
+if TRAINED:
 
     rule train_gnn:
         """Train link prediction (eq. 11); a checkpoint each epoch, so that a killed run goes on from there."""
@@ -61,7 +50,7 @@ else:
             graphs="results/gnn/graphs.h5",
             start=[near(find_file(name)) for name in [config["gnn"]["start"]] if name],
         output:
-            model="results/gnn/model.pt",
+            model=MODEL,
             history="results/gnn/history.csv",
         log:
             "logs/gnn/train_gnn.log",
@@ -80,12 +69,34 @@ else:
         script:
             "../../scripts/train_gnn.py"
 
+else:
+
+    rule adopt_gnn:
+        """Take a trained model: the one that the configuration names, otherwise the shipped one."""
+        input:
+            model=READY,
+        output:
+            model=MODEL,
+        log:
+            "logs/gnn/adopt_gnn.log",
+        benchmark:
+            "benchmarks/gnn/adopt_gnn.tsv"
+        conda:
+            "../../envs/cccd.yaml"
+        threads: 1
+        resources:
+            mem_mb=memory(1000),
+            runtime=minutes(5),
+        params:
+            library=library("adopt_gnn"),
+        script:
+            "../../scripts/adopt_gnn.py"
+
 
 rule evaluate_gnn:
     """Score the GNN and every classical decoder on the same corrupted maps, in one run."""
     input:
-        model="results/gnn/model.pt",
-        shipped=near(ROOT / "workflow" / "models" / "junctions.pt"),
+        models=list(COMPARED.values()),
     output:
         scores="results/tables/junctions.csv",
         worst="results/gnn/worst.png",
@@ -101,6 +112,7 @@ rule evaluate_gnn:
         runtime=minutes(30),
     params:
         library=library("evaluate_gnn"),
+        names=list(COMPARED),
         settings=pick("gnn", "test_maps"),
         seed=config["seed"],
     script:
