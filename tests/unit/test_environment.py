@@ -1,12 +1,30 @@
-"""The pins of the pip and conda environments and the library's own bounds agree."""
+"""The pins of the pip and conda environments, the library's own bounds and what it imports agree."""
 
+import ast
 import re
+import sys
 import tomllib
 from pathlib import Path
 
 import yaml
 
 ROOT = Path(__file__).parents[2]
+
+#: Declared and imported by nobody here: decoders that pydicom finds by name.
+PLUGINS = {"pylibjpeg", "pylibjpeg-libjpeg", "pylibjpeg-openjpeg"}
+#: Pinned and no part of the library: what runs it and what tests it.
+TOOLS = {"snakemake", "pytest", "pytest-cov", "hypothesis"}
+#: Distributions whose module has another name.
+DISTRIBUTIONS = {
+    "cv2": "opencv-contrib-python-headless",
+    "OCP": "cadquery-ocp-novtk",
+    "PIL": "pillow",
+    "skimage": "scikit-image",
+    "SimpleITK": "simpleitk",
+    "vtkmodules": "vtk",
+    "yaml": "pyyaml",
+    "fast_simplification": "fast-simplification",
+}
 
 
 def pins(lines):
@@ -24,13 +42,29 @@ def test_conda_twin_has_the_same_pins():
     assert pins(twin) == requirements()
 
 
-def test_library_dependencies_are_pinned():
+def normalised(names):
+    return {re.sub(r"[-_.]+", "-", re.match(r"[\w.-]+", name)[0]).lower() for name in names}
+
+
+def imported():
+    """Distributions that the library and the job scripts import, inside functions too."""
+    modules = set()
+    for path in (ROOT / "scripts").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                modules.update(alias.name.split(".")[0] for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                modules.add(node.module.split(".")[0])
+    modules -= {"cccd", *sys.stdlib_module_names}
+    return {DISTRIBUTIONS.get(name, name) for name in modules}
+
+
+def test_what_is_declared_is_imported_and_pinned():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    pinned = {re.sub(r"[-_.]+", "-", name).lower() for name in requirements()}
-    wanted = {
-        re.sub(r"[-_.]+", "-", re.match(r"[\w.-]+", item)[0]).lower() for item in project["dependencies"]
-    }
-    assert wanted <= pinned
+    extras = normalised(name for names in project["optional-dependencies"].values() for name in names)
+    declared = normalised(project["dependencies"])
+    assert declared | extras == imported() | PLUGINS
+    assert declared | TOOLS == normalised(requirements())
 
 
 def test_one_version():
