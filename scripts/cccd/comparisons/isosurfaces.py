@@ -17,7 +17,7 @@ from cccd.comparisons.volume_meshes import (
     windowed_sinc,
 )
 from cccd.containers import Curves, Structure
-from cccd.surface.loft import Surface
+from cccd.surface import Surface
 from cccd.surface.measure import measure_mesh
 
 __all__ = ["compare_isosurfaces"]

@@ -108,8 +108,8 @@ def _ordered(found: np.ndarray) -> np.ndarray:
     even = np.arange(count) / count
     shift = np.exp(2j * np.pi * (found - even)).mean()
     turn = float(np.angle(shift)) / (2 * np.pi)
-    lead = np.mod(found - even - turn + 0.5, 1.0) - 0.5
-    line = even + turn + lead
+    ahead = np.mod(found - even - turn + 0.5, 1.0) - 0.5
+    line = even + turn + ahead
     round_trip = np.concatenate([line - 1, line, line + 1])
     rising = np.maximum.accumulate(round_trip)
     falling = np.minimum.accumulate(round_trip[::-1])[::-1]

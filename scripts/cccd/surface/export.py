@@ -15,7 +15,7 @@ import numpy as np
 from cccd.containers import Patch
 from cccd.errors import InputError
 from cccd.store import atomic_path, read_patches, read_surface_frame, read_surface_report
-from cccd.surface.loft import Surface
+from cccd.surface.surface import Surface
 
 __all__ = ["FORMATS", "read_surface", "write_surface"]
 

@@ -18,7 +18,7 @@ from cccd.metrics import (
     surface_distances,
     voxelise,
 )
-from cccd.surface.loft import Surface
+from cccd.surface.surface import Surface
 from cccd.tolerances import VOLUME_BIAS
 
 __all__ = ["mask_surface", "measure_mesh", "measure_surface", "volume_warnings"]

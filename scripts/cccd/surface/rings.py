@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import contourpy
 import cv2
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from cccd.surface.fields import Field
 
-__all__ = ["Ring", "overlap", "resample", "rings_of", "signed_area"]
+__all__ = ["Ring", "find_rings", "overlap", "resample", "signed_area"]
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Ring:
     """One closed contour of one level.
 
     Attributes
     ----------
     level : int
-        Position of the level in the stack, from 0.
+        Position of the level in its run of levels, from 0.
     z : float
         Height in mm.
     points : (n, 2) float64
@@ -31,31 +32,42 @@ class Ring:
     area : float
         mm^2 that the ring stands for: that of the pixels inside, or of the polygon.
     source_slice : int or None
-        The source slice that it lies on.
+        The source slice that it lies on; None between slices.
     depth : int
         How many rings of its level surround it: 0 outline, 1 hole, 2 island in a hole, ...
-    mask, corner
-        Pixels with their centre inside, in the ring's bounding box from pixel ``corner`` (2,).
+    mask : (a, b) uint8
+        Pixels of the ring's bounding box with their centre inside.
+    bbox_min : (2,) int64
+        First pixel of that box.
     """
 
     level: int
     z: float
-    points: np.ndarray
+    points: NDArray[np.float64]
     hole: bool
     area: float
     source_slice: int | None
     depth: int
-    mask: np.ndarray = field(repr=False)
-    corner: np.ndarray = field(repr=False)
+    mask: NDArray[np.uint8] = field(repr=False)
+    bbox_min: NDArray[np.int64] = field(repr=False)
+
+    @property
+    def bbox_max(self) -> NDArray[np.int64]:
+        """First pixel (2,) beyond the bounding box."""
+        return self.bbox_min + self.mask.shape
 
 
-def signed_area(points: np.ndarray) -> float:
-    """Shoelace area of a polygon (n, 2)."""
+def signed_area(points: NDArray[np.float64]) -> float:
+    """Shoelace area of a polygon (n, 2), positive when it runs counter-clockwise.
+
+    >>> signed_area(np.array([[0.0, 0], [2, 0], [2, 1], [0, 1]]))
+    2.0
+    """
     x, y = points[:, 0] - points[0, 0], points[:, 1] - points[0, 1]
     return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
-def resample(points: np.ndarray, count: int) -> np.ndarray:
+def resample(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """``count`` points at equal steps of arc length along a closed polygon (n, 2)."""
     closed = np.vstack([points, points[:1]])
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
@@ -63,8 +75,53 @@ def resample(points: np.ndarray, count: int) -> np.ndarray:
     return np.column_stack([np.interp(at, length, closed[:, 0]), np.interp(at, length, closed[:, 1])])
 
 
+def find_rings(field: Field, level: int, spacing: NDArray[np.float64], of_pixels: bool) -> list[Ring]:
+    """Every closed contour of a field at distance zero, largest first.
+
+    Contours around no pixel's centre are left out.
+
+    Parameters
+    ----------
+    field : Field
+        Positive along its border.
+    level : int
+        The field's position in its run of levels.
+    spacing : (2,) float64
+        mm per pixel along i and j.
+    of_pixels : bool
+        Take a ring's area from the pixels it encloses instead of from its polygon.
+    """
+    lines = contourpy.contour_generator(z=field.distance).lines(0.0)
+    found = [_ring(line[:-1, ::-1], field, level, spacing, of_pixels) for line in lines]
+    rings = sorted((ring for ring in found if ring is not None), key=lambda ring: -ring.area)
+    return [
+        replace(ring, depth=sum(_surrounds(larger, ring) for larger in rings[:n]))
+        for n, ring in enumerate(rings)
+    ]
+
+
+def _ring(
+    pixels: NDArray[np.float64], field: Field, level: int, spacing: NDArray[np.float64], of_pixels: bool
+) -> Ring | None:
+    """Ring of a contour (n, 2) in pixels, not nested yet; None when there is no pixel's centre inside."""
+    keep = np.any(np.abs(pixels - np.roll(pixels, 1, axis=0)) > 1e-6, axis=1)
+    pixels = np.ascontiguousarray(pixels[keep])
+    if len(pixels) < 3:
+        return None
+    bbox_min = np.floor(pixels.min(axis=0)).astype(np.int64)
+    extent = np.ceil(pixels.max(axis=0)).astype(np.int64) - bbox_min + 1
+    mask = _pixels_inside(pixels - bbox_min, extent[0], extent[1])
+    count = int(np.count_nonzero(mask))
+    if count == 0:
+        return None
+    area = signed_area(pixels)
+    points = (pixels if area > 0 else pixels[::-1]) * spacing
+    stands_for = float((count if of_pixels else abs(area)) * spacing[0] * spacing[1])
+    return Ring(level, field.z, points, area < 0, stands_for, field.source_slice, 0, mask, bbox_min)
+
+
 @njit(cache=True)
-def _fill(points, height, width):
+def _pixels_inside(points, height, width):
     """Pixels (H, W) whose centres a closed polygon in pixel units encloses (even-odd)."""
     mask = np.zeros((height, width), np.uint8)
     count = len(points)
@@ -79,50 +136,9 @@ def _fill(points, height, width):
     return mask
 
 
-def rings_of(field: Field, level: int, spacing: np.ndarray, of_pixels: bool) -> list[Ring]:
-    """Every closed contour of a field at distance zero, largest first.
-
-    Parameters
-    ----------
-    field : Field
-        Positive along its border.
-    level : int
-        The field's position in the stack.
-    spacing : (2,) float64
-        mm per pixel along i and j.
-    of_pixels : bool
-        Take a ring's area from the pixels it encloses instead of from its polygon.
-    """
-    lines = contourpy.contour_generator(z=field.distance).lines(0.0)
-    rings = []
-    for line in lines:
-        pixels = line[:-1, ::-1]
-        keep = np.any(np.abs(pixels - np.roll(pixels, 1, axis=0)) > 1e-6, axis=1)
-        pixels = np.ascontiguousarray(pixels[keep])
-        if len(pixels) < 3:
-            continue
-        area = signed_area(pixels)
-        corner = np.floor(pixels.min(axis=0)).astype(np.int64)
-        extent = np.ceil(pixels.max(axis=0)).astype(np.int64) - corner + 1
-        mask = _fill(pixels - corner, extent[0], extent[1])
-        count = int(np.count_nonzero(mask))
-        if count == 0:
-            continue
-        hole = area < 0
-        points = (pixels if area > 0 else pixels[::-1]) * spacing
-        stands_for = (count if of_pixels else abs(area)) * spacing[0] * spacing[1]
-        rings.append(
-            Ring(level, field.z, points, hole, float(stands_for), field.source_slice, 0, mask, corner)
-        )
-    rings.sort(key=lambda ring: -ring.area)
-    for n, ring in enumerate(rings):
-        ring.depth = sum(_surrounds(larger, ring) for larger in rings[:n])
-    return rings
-
-
 def _surrounds(outer: Ring, inner: Ring) -> bool:
-    low, high = outer.corner, outer.corner + outer.mask.shape
-    if np.any(inner.corner < low) or np.any(inner.corner + inner.mask.shape > high):
+    """Tell whether one ring of a level lies inside another."""
+    if np.any(inner.bbox_min < outer.bbox_min) or np.any(inner.bbox_max > outer.bbox_max):
         return False
     x, y = (float(value) for value in inner.points[0])
     return cv2.pointPolygonTest(outer.points.astype(np.float32)[:, None], (x, y), False) > 0
@@ -130,12 +146,11 @@ def _surrounds(outer: Ring, inner: Ring) -> bool:
 
 def overlap(first: Ring, second: Ring) -> int:
     """Count the pixels that lie inside both rings."""
-    low = np.maximum(first.corner, second.corner)
-    high = np.minimum(first.corner + first.mask.shape, second.corner + second.mask.shape)
+    low = np.maximum(first.bbox_min, second.bbox_min)
+    high = np.minimum(first.bbox_max, second.bbox_max)
     if np.any(high <= low):
         return 0
-    views = []
-    for ring in (first, second):
-        a, b = low - ring.corner, high - ring.corner
-        views.append(ring.mask[a[0] : b[0], a[1] : b[1]])
-    return int(np.count_nonzero(views[0] & views[1]))
+    inside_first, inside_second = (
+        ring.mask[tuple(map(slice, low - ring.bbox_min, high - ring.bbox_min))] for ring in (first, second)
+    )
+    return int(np.count_nonzero(inside_first & inside_second))

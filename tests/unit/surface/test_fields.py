@@ -4,7 +4,7 @@ from shapes import ball, curves_of
 
 from cccd.containers import Curves, Frame
 from cccd.surface.fields import distance_fields, interpolated_fields, through_pixel_centres
-from cccd.surface.rings import overlap, rings_of, signed_area
+from cccd.surface.rings import find_rings, overlap, signed_area
 
 
 def circles(radii, spacing=(1.0, 1.0, 1.0)):
@@ -33,7 +33,7 @@ def test_the_zero_contour_of_pixels_encloses_the_pixels():
     assert through_pixel_centres(curves)
     slices, distance, _ = distance_fields(curves, pixel_centres=True)
     field = next(iter(interpolated_fields(slices[10:11], distance[10:11], 1.0, 1.0)))
-    (ring,) = rings_of(field, 0, np.ones(2), of_pixels=True)
+    (ring,) = find_rings(field, 0, np.ones(2), of_pixels=True)
     assert ring.area == mask[:, :, slices[10]].sum()
     assert signed_area(ring.points) == pytest.approx(ring.area, rel=0.02)
 
@@ -51,12 +51,12 @@ def test_levels_between_slices_stay_between_them():
             assert np.all(field.distance <= pair.max(axis=0) + 1e-4)
 
 
-def test_holes_are_rings_of_their_own():
+def test_holes_are_find_rings_their_own():
     mask = ball(radius=20) & ~ball(radius=8)
     slices, distance, _ = distance_fields(curves_of(mask), pixel_centres=True)
     middle = int(np.flatnonzero(slices == 30)[0])
     field = next(iter(interpolated_fields(slices[[middle]], distance[[middle]], 1.0, 1.0)))
-    outer, hole = rings_of(field, 0, np.ones(2), of_pixels=True)
+    outer, hole = find_rings(field, 0, np.ones(2), of_pixels=True)
     assert (outer.hole, outer.depth, hole.hole, hole.depth) == (False, 0, True, 1)
     assert outer.area - hole.area == mask[:, :, 30].sum()
     assert overlap(outer, hole) == np.count_nonzero(hole.mask)

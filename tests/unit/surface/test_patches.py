@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cccd.surface.fit import Samples, fit_samples
+from cccd.surface.fitting import fit_samples
+from cccd.surface.samples import Samples
 
 AROUND, LEVELS = 128, 12
 
@@ -22,7 +23,7 @@ def corrugated(waves: int, depth: float = 0.3) -> Samples:
         z,
         np.full(LEVELS, np.pi * np.mean(radius**2)),
         vertical,
-        [None, None],
+        (None, None),
         np.ones((LEVELS, AROUND)),
         np.zeros((0, 3)),
         1.0,

@@ -1,0 +1,241 @@
+"""Tensor-product fit of one tube by least squares, eq. (10).
+
+The sections of a tube are sampled on a grid (levels x points around), so least squares separates into
+one small system per direction. Parameters around are corrected by moving every sample to the foot of
+the fitted point on its section; areas, which least squares shrinks, are restored section by section.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+
+from cccd.surface.alignment import at_fractions, outward_normals
+from cccd.surface.bsplines import DEGREE, basis, closed_knots, least_squares, open_knots
+from cccd.surface.samples import Samples, lengths
+
+__all__ = ["Fit", "fit_samples"]
+
+#: Bends shorter than about six times this many pixels are noise of the pixels and are smoothed away ...
+SMOOTHING_PIXELS = 0.6
+#: ... by a penalty on bends of the control net, whose least weight settles what no sample speaks for.
+LEAST_ROUGHNESS = 1e-3
+#: Rounds of parameter and area correction.
+CORRECTIONS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Control net of one tube in the plane's mm.
+
+    Attributes
+    ----------
+    net : (nu, nv, 2) float64
+        Control points, around and along.
+    heights : (nv,) float64
+        Height of every row of them in mm.
+    knots_u, knots_v
+        Closed around, clamped along.
+    error : float
+        Mean distance in mm between sections and surface, in direction of the surface normal.
+    """
+
+    net: NDArray[np.float64]
+    heights: NDArray[np.float64]
+    knots_u: NDArray[np.float64]
+    knots_v: NDArray[np.float64]
+    error: float
+
+    @property
+    def count(self) -> int:
+        """Number of control points."""
+        return self.net.shape[0] * self.net.shape[1]
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """Least squares of a control net of (nu, nv) points, one operator per direction.
+
+    ``basis_u`` (M, nu) and ``basis_v`` (A, nv) lead from control points to samples, ``solve_u`` and
+    ``solve_v`` from samples to control points. Rows of the net that are ``fixed`` (nv,) lie on a pole at
+    ``known`` (nv, 2); ``heights`` (nv,) are all rows'.
+    """
+
+    knots_u: NDArray[np.float64]
+    knots_v: NDArray[np.float64]
+    basis_u: NDArray[np.float64]
+    basis_v: NDArray[np.float64]
+    solve_u: NDArray[np.float64]
+    solve_v: NDArray[np.float64]
+    fixed: NDArray[np.bool_]
+    known: NDArray[np.float64]
+    heights: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, samples: Samples, size: tuple[int, int]) -> _System:
+        nu, nv = size
+        length = float(samples.v[-1])
+        knots_u, knots_v = closed_knots(nu), open_knots(nv, length)
+        basis_u = basis(np.arange(samples.around) / samples.around, knots_u, DEGREE, True)
+        solve_u = least_squares(basis_u, _roughness(samples, np.mean(lengths(samples.outlines)) / nu), True)
+        heights = _row_heights(samples, knots_v)
+        v = samples.section_v + _parameter_corrections(samples, heights, knots_v)
+        basis_v = basis(v, knots_v, DEGREE, False)
+        fixed = np.zeros(nv, bool)
+        known = np.zeros((nv, 2))
+        for row, pole in zip((0, nv - 1), samples.poles, strict=True):
+            if pole is not None:
+                fixed[row], known[row] = True, pole[:2]
+        solve_v = least_squares(basis_v[:, ~fixed], _roughness(samples, length / (nv - DEGREE)), False)
+        return cls(knots_u, knots_v, basis_u, basis_v, solve_u, solve_v, fixed, known, heights)
+
+    def solve(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Control net (nu, nv, 2) nearest to targets (A, M, 2), its poles where they are."""
+        base = (self.basis_v[:, self.fixed] @ self.known[self.fixed])[:, None]
+        net = np.empty((self.basis_u.shape[1], len(self.fixed), 2))
+        net[:, self.fixed] = self.known[self.fixed]
+        net[:, ~self.fixed] = _in_both(self.solve_v, self.solve_u, targets - base)
+        return net
+
+    def points(self, net: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (A, M, 2) of a control net at the samples' parameters."""
+        return _in_both(self.basis_u, self.basis_v, net)
+
+
+def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORRECTIONS) -> Fit:
+    """Fit a control net of ``size`` (nu, nv) to the samples, with some rounds of corrections.
+
+    Each round solves least squares, moves every sample along its section to where its fitted point is
+    nearest, and aims further outwards where a section lost area.
+    """
+    system = _System.of(samples, size)
+    outlines, position = samples.outlines, samples.position
+    normals = outward_normals(outlines)
+    outwards = np.zeros(len(outlines))
+    fitted = at_fractions(outlines, position)
+    for turn in range(corrections + 1):
+        targets = at_fractions(outlines, position) + outwards[:, None, None] * at_fractions(normals, position)
+        # What is hidden may go where the rest wants it.
+        targets = np.where(samples.weights[..., None] < 1, fitted, targets)
+        net = system.solve(targets)
+        fitted = system.points(net)
+        if turn < corrections:
+            position = _feet(outlines, position, fitted)
+            outwards = outwards + _missing(samples, fitted, size[1])
+    error = _error(samples, normals, position, fitted, system.basis_v @ system.heights)
+    return Fit(net, system.heights, system.knots_u, system.knots_v, error)
+
+
+def _in_both(
+    first: NDArray[np.float64], second: NDArray[np.float64], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Apply one operator (p, a) along the first axis of ``values`` (a, b, c), another (q, b) along the next.
+
+    The result (q, p, c) has the axes swapped.
+    """
+    return np.tensordot(second, np.tensordot(first, values, 1), (1, 1))
+
+
+def _roughness(samples: Samples, knot: float) -> float:
+    """Weight of the penalty on the second differences of control points ``knot`` mm apart.
+
+    Least squares with it let waves of length w pass by 1 / (1 + (2 pi SMOOTHING_PIXELS pixels / w)^4).
+    """
+    return max(LEAST_ROUGHNESS, (SMOOTHING_PIXELS * samples.pixel / knot) ** 4)
+
+
+def _row_heights(samples: Samples, knots_v: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Heights of the control rows, never falling.
+
+    A row of control points has one height, so every iso-curve around the tube is plane. Next to a
+    pole two rows share the height: the tangent plane there is level and the end is round.
+    """
+    count = len(knots_v) - DEGREE - 1
+    low, high = samples.poles
+    z = np.concatenate([[] if low is None else low[2:], samples.z, [] if high is None else high[2:]])
+    bv = basis(samples.v, knots_v, DEGREE, False)
+    ends = [(0, z[0]), (count - 1, z[-1])]
+    ends += [] if low is None else [(1, z[0])]
+    ends += [] if high is None else [(count - 2, z[-1])]
+    known = np.zeros(count)
+    fixed = np.zeros(count, bool)
+    for row, value in ends:
+        known[row], fixed[row] = value, True
+    heights = known.copy()
+    if not fixed.all():
+        heights[~fixed] = least_squares(bv[:, ~fixed], LEAST_ROUGHNESS, False) @ (z - bv @ known)
+    return np.clip(np.maximum.accumulate(heights), z[0], z[-1])
+
+
+def _parameter_corrections(
+    samples: Samples, heights: NDArray[np.float64], knots_v: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """How much further in v (A,) each section's height is reached; at most half a knot interval."""
+    length = knots_v[-1]
+    fine = np.linspace(0, length, 16 * len(heights))
+    climbed = basis(fine, knots_v, DEGREE, False) @ heights
+    reached = np.interp(samples.z, climbed + 1e-9 * fine, fine)
+    limit = length / (2 * (len(heights) - DEGREE))
+    return np.clip(reached - samples.section_v, -limit, limit)
+
+
+def _feet(
+    outlines: NDArray[np.float64], position: NDArray[np.float64], fitted: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Fractions (A, M) of the samples moved along their sections towards the feet of their fitted points.
+
+    One tangential Newton step, smoothed around the ring and kept short enough to preserve the order.
+    """
+    count = outlines.shape[1]
+    ahead, behind = at_fractions(outlines, position + 1 / count), at_fractions(outlines, position - 1 / count)
+    tangent = (ahead - behind) * (count / 2)
+    lag = np.sum((fitted - at_fractions(outlines, position)) * tangent, axis=2)
+    move = lag / np.maximum(np.sum(tangent**2, axis=2), 1e-12)
+    move = uniform_filter1d(np.clip(move, -0.1, 0.1), max(3, count // 32), axis=1, mode="wrap")
+    gap = np.roll(position, -1, axis=1) - position
+    gap[:, -1] += 1.0
+    shrink = np.roll(move, -1, axis=1) - move
+    worst = np.max(-shrink / np.maximum(gap, 1e-9), axis=1, keepdims=True)
+    return position + move * np.minimum(1.0, 0.5 / np.maximum(worst, 1e-9))
+
+
+def _missing(samples: Samples, fitted: NDArray[np.float64], rows: int) -> NDArray[np.float64]:
+    """How far (A,) each section must move outwards in mm to regain the volume around it.
+
+    Volume is balanced over the reach of a control row, so that where the surface bridges a jump of the
+    outline no lip runs around it; and by a sample's spacing at most.
+    """
+    window = max(1, round(2 * len(samples.z) / rows))
+    thickness = np.gradient(samples.z) if len(samples.z) > 1 else np.ones(1)
+
+    def spread(value: NDArray[np.float64]) -> NDArray[np.float64]:
+        return gaussian_filter1d(value * thickness, window, mode="nearest")
+
+    around = lengths(fitted)
+    step = spread(samples.area - _areas(fitted)) / np.maximum(spread(around), 1e-9)
+    limit = around / samples.around
+    return np.clip(step, -limit, limit)
+
+
+def _areas(outlines: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Areas (A,) of closed polygons (A, M, 2), positive counter-clockwise."""
+    following = np.roll(outlines, -1, axis=1)
+    return 0.5 * np.sum(outlines[..., 0] * following[..., 1] - outlines[..., 1] * following[..., 0], axis=1)
+
+
+def _error(
+    samples: Samples,
+    normals: NDArray[np.float64],
+    position: NDArray[np.float64],
+    fitted: NDArray[np.float64],
+    heights: NDArray[np.float64],
+) -> float:
+    """Mean distance in mm between sections and surface along the surface's normal, by area."""
+    apart = fitted - at_fractions(samples.outlines, position)
+    away = np.sum(apart * at_fractions(normals, position), axis=2)
+    lifted = (heights - samples.z)[:, None]
+    distance = np.abs(away * samples.normal[..., 0] + lifted * samples.normal[..., 1])
+    return float(np.average(distance, weights=samples.weights * samples.strips))

@@ -1,0 +1,109 @@
+"""How many control points every tube gets: as few as a tolerance allows, and no more than a budget."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cccd.surface.bsplines import DEGREE
+from cccd.surface.fitting import Fit, fit_samples
+from cccd.surface.samples import Samples, lengths
+
+__all__ = ["fit_within_budget"]
+
+#: Fewest control points around and along a tube.
+FEWEST = (6, 4)
+#: Control nets grow by this factor in one direction at a time.
+GROWTH = 1.25
+#: Share of the control points that are laid out evenly before errors say where more are needed.
+FIRST_SHARE = 0.25
+
+Size = tuple[int, int]
+
+
+def fit_within_budget(samples: Sequence[Samples], tolerance: float, budget: float) -> list[Fit]:
+    """Refine every tube until its mean error is below the tolerance or the budget is used up.
+
+    The next control points always go where they remove most error, weighted by the tube's size.
+
+    Parameters
+    ----------
+    samples : sequence of Samples
+        Of all tubes.
+    tolerance : float
+        Mean distance in mm that is good enough.
+    budget : float
+        Control points of all tubes together, at most (but for `FEWEST` per tube).
+    """
+    sizes = _refined_sizes(samples, tolerance, budget)
+    return [fit_samples(sample, size) for sample, size in zip(samples, sizes, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A larger control net for a tube, its fit, and what error (mm^3) every added point removes."""
+
+    size: Size
+    fit: Fit
+    gain: float
+
+
+def _refined_sizes(samples: Sequence[Samples], tolerance: float, budget: float) -> list[Size]:
+    """Sizes of the control nets, by trial fits with one round of corrections."""
+    whole = sum(sample.surface_area for sample in samples)
+    sizes = [_even_size(sample, FIRST_SHARE * budget * sample.surface_area / whole) for sample in samples]
+    fits = [fit_samples(sample, size, 1) for sample, size in zip(samples, sizes, strict=True)]
+    spent = sum(fit.count for fit in fits)
+    unfinished = [n for n, fit in enumerate(fits) if fit.error > tolerance]
+    trials: dict[int, _Trial] = {}
+    while True:
+        for n in unfinished:
+            if n not in trials and (trial := _best_trial(samples[n], sizes[n], fits[n], budget - spent)):
+                trials[n] = trial
+        unfinished = [n for n in unfinished if n in trials]
+        if not unfinished:
+            return sizes
+        n = max(unfinished, key=lambda tube: trials[tube].gain)
+        trial = trials.pop(n)
+        added = trial.fit.count - fits[n].count
+        if spent + added > budget:  # another tube used the room that this was tried for
+            continue
+        spent += added
+        sizes[n], fits[n] = trial.size, trial.fit
+        if trial.fit.error <= tolerance:
+            unfinished.remove(n)
+
+
+def _best_trial(samples: Samples, size: Size, fit: Fit, room: float) -> _Trial | None:
+    """Fit the next larger control nets and pick the one whose added points remove most error each."""
+    trials: list[_Trial] = []
+    for larger in _larger_sizes(size, samples, room):
+        trial = fit_samples(samples, larger, 1)
+        gain = (fit.error - trial.error) * samples.surface_area / (trial.count - fit.count)
+        trials.append(_Trial(larger, trial, gain))
+    return max(trials, key=lambda trial: trial.gain, default=None)
+
+
+def _even_size(samples: Samples, count: float) -> Size:
+    """Size of a control net of about ``count`` points with equal spacing in both directions."""
+    around = float(np.mean(lengths(samples.outlines)))
+    spacing = np.sqrt(around * samples.v[-1] / max(count, 1.0))
+    sizes = np.array([around / spacing, samples.v[-1] / spacing + DEGREE])
+    nu, nv = np.clip(np.rint(sizes), FEWEST, _largest_size(samples))
+    return int(nu), int(nv)
+
+
+def _largest_size(samples: Samples) -> Size:
+    """Size of the largest control net that the samples determine."""
+    return samples.around // 2, len(samples.z) + DEGREE
+
+
+def _larger_sizes(size: Size, samples: Samples, room: float) -> list[Size]:
+    """List the next larger control nets, around or along, of at most ``room`` more points."""
+    nu, nv = size
+    most = _largest_size(samples)
+    around = min(int(np.ceil(nu * GROWTH)), most[0], nu + int(room / nv))
+    along = min(int(np.ceil(nv * GROWTH)), most[1], nv + int(room / nu))
+    return [trial for trial in ((max(nu, around), nv), (nu, max(nv, along))) if trial != size]

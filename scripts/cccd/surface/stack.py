@@ -1,0 +1,181 @@
+"""The stack of slices as levels close enough to match: what the curves enclose, and how much it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cccd.containers import Curves
+from cccd.errors import InputError
+from cccd.surface.fields import Field, distance_fields, interpolated_fields
+from cccd.surface.guide import Guide
+from cccd.surface.rings import Ring, find_rings
+
+__all__ = ["Run", "SliceStack", "interpolate_slices"]
+
+#: Levels between slices lie about this many pixels apart.
+LEVEL_PIXELS = 1.5
+#: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
+CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Levels without a wide gap between them, from low to high.
+
+    Attributes
+    ----------
+    fields : sequence of Field
+        Signed distances, of the slices and of levels between them.
+    rings : sequence of lists of Ring
+        Every level's closed contours.
+    spacing : (2,) float64
+        mm per pixel along i and j.
+    half_step : float
+        Half the distance between slices in mm: how far the organ reaches beyond its last slice.
+    scan_range : (float, float)
+        Heights in mm of the volume's first and last slice: an organ that reaches them was cut by the scan.
+    """
+
+    fields: Sequence[Field]
+    rings: Sequence[Sequence[Ring]]
+    spacing: NDArray[np.float64]
+    half_step: float
+    scan_range: tuple[float, float]
+
+    @property
+    def pixel(self) -> float:
+        """Edge length of a pixel in mm (the geometric mean of its two)."""
+        return float(np.sqrt(self.spacing.prod()))
+
+    def field_inside(self, ring: Ring) -> NDArray[np.float32]:
+        """Signed distances in mm on a ring's level, negative inside what the ring bounds."""
+        distance = self.fields[ring.level].distance
+        return -distance if ring.hole else distance
+
+    def volume(self) -> float:
+        """Volume in mm^3 of the levels, half a step beyond the first and the last included."""
+        levels = [rings for rings in self.rings if rings]
+        if not levels:
+            return 0.0
+        area = np.array([sum(-ring.area if ring.hole else ring.area for ring in rings) for rings in levels])
+        height = np.array([rings[0].z for rings in levels])
+        return float(np.trapezoid(area, height) + (area[0] + area[-1]) * self.half_step)
+
+
+@dataclass(frozen=True, eq=False)
+class SliceStack:
+    """What the slices hold, in the plane's mm and height, and the sizes that it is measured by.
+
+    Attributes
+    ----------
+    runs : list of Run
+        Levels, parted where too many slices in a row are missing.
+    target : Guide
+        The organ's boundary as a smooth function of space.
+    origin : (2,) int64
+        Source ``(i, j)`` of the plane's first pixel.
+    voxel : (3,) float64
+        Distance between slices, and a pixel's edges along i and j, in mm.
+    voxel_faces : (3,) int64
+        Faces between voxels inside and outside, square to each of these.
+    volume : float
+        What the slices enclose in mm^3.
+    thickness : float
+        Six times volume by surface in mm: the diameter of a ball, three times the thickness of a plate.
+    """
+
+    runs: list[Run]
+    target: Guide
+    origin: NDArray[np.int64]
+    voxel: NDArray[np.float64]
+    voxel_faces: NDArray[np.int64]
+    volume: float
+    thickness: float
+
+    @property
+    def step(self) -> float:
+        """Distance between slices in mm."""
+        return float(self.voxel[0])
+
+    @cached_property
+    def pixel(self) -> float:
+        """Edge length of a pixel in mm (the geometric mean of its two)."""
+        return float(np.sqrt(self.voxel[1:].prod()))
+
+    @property
+    def voxels_through(self) -> float:
+        """Six times volume by surface, both counted in voxels."""
+        return 6 * self.volume / float(self.voxel.prod() * self.voxel_faces.sum())
+
+    @property
+    def marching_cubes_bytes(self) -> int:
+        """Size of marching cubes' mesh of the slices in binary PLY."""
+        return int(self.voxel_faces.sum()) * (VERTEX_BYTES + 2 * TRIANGLE_BYTES)
+
+
+def interpolate_slices(curves: Curves, bridge_slices: float, pixel_centres: bool) -> SliceStack:
+    """Turn curves into signed distances, interpolate levels between slices, find every level's rings.
+
+    Parameters
+    ----------
+    curves : Curves
+        Closed simple curves, outlines and holes.
+    bridge_slices : float
+        Slices, in steps of their usual distance, that may be missing before a run of levels ends.
+    pixel_centres : bool
+        Whether the curves run through pixel centres or are the outline itself.
+
+    Raises
+    ------
+    InputError
+        When there is no curve at all, or none goes around the centre of a pixel.
+    """
+    if len(curves) == 0:
+        raise InputError("curves", "there is not one closed curve", "check the mask or the boundary maps")
+    frame = curves.frame
+    spacing = frame.pixel_spacing
+    pixel = float(np.sqrt(spacing.prod()))
+    slices, distance, origin = distance_fields(curves, pixel_centres)
+    gaps = np.diff(slices)
+    every = int(np.median(gaps)) if len(gaps) else 1
+    step = every * frame.slice_spacing
+    scan_range = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
+    runs: list[Run] = []
+    for part in np.split(np.arange(len(slices)), np.flatnonzero(gaps > every * bridge_slices) + 1):
+        here = slice(part[0], part[-1] + 1)
+        fields = list(
+            interpolated_fields(slices[here], distance[here], frame.slice_spacing, LEVEL_PIXELS * pixel)
+        )
+        rings = [find_rings(plane, level, spacing, pixel_centres) for level, plane in enumerate(fields)]
+        runs.append(Run(fields, rings, spacing, step / 2, scan_range))
+    if not any(rings for run in runs for rings in run.rings):
+        raise InputError(
+            "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"
+        )
+    voxel, voxel_faces = np.array([step, *spacing]), _voxel_faces(distance < 0)
+    volume = sum(run.volume() for run in runs)
+    thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
+    target = Guide.of(_levels(runs), spacing, bridge_slices * step + pixel, thickness)
+    return SliceStack(runs, target, origin, voxel, voxel_faces, volume, thickness)
+
+
+def _levels(runs: Sequence[Run]) -> list[Field]:
+    """All runs' fields by height; what the scan cuts goes on up to its planar cap."""
+    fields = [plane for run in runs for plane in run.fields]
+    half_step, scan_range = runs[0].half_step, runs[0].scan_range
+    below, above = (
+        [replace(end, z=end.z + way * half_step)] if abs(end.z - border) < half_step else []
+        for way, end, border in ((-1, fields[0], scan_range[0]), (1, fields[-1], scan_range[1]))
+    )
+    return [*below, *fields, *above]
+
+
+def _voxel_faces(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Faces (3,) between voxels inside and outside, by axis: the vertices of marching cubes on the stack."""
+    padded = np.pad(mask, 1)
+    return np.array([np.count_nonzero(np.diff(padded, axis=axis)) for axis in range(3)])
