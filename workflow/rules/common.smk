@@ -55,7 +55,8 @@ def is_trained():
 
 
 try:
-    validate_config(config, ROOT / "workflow" / "schemas" / "config.schema.yaml")
+    # from here on every key is there, the experts' too, and numbers given on the command line are numbers
+    config.update(validate_config(config).as_config())
     SHEET = find_file(config["cohort"])
     COHORT = read_cohort(SHEET)
     TRAINED = is_trained()

@@ -189,5 +189,5 @@ def test_named_configurations_are_sound(name):
     def overlay(base, top):
         return {**base, **{k: overlay(base[k], v) if isinstance(v, dict) else v for k, v in top.items()}}
 
-    validate_config(overlay(default, config), ROOT / "workflow" / "schemas" / "config.schema.yaml")
+    validate_config(overlay(default, config))
     assert read_cohort(ROOT / config["cohort"])

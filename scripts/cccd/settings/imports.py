@@ -1,0 +1,112 @@
+"""Settings of the import: from a row of the cohort sheet to one cropped structure."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from cccd.settings.section import Section, setting
+
+__all__ = ["ImportSettings", "PhantomSettings", "RegionSettings"]
+
+_Spacing = Annotated[float, Field(ge=0.1, le=20)]
+
+
+class RegionSettings(Section):
+    """How the organ is found in an image that comes without a mask."""
+
+    window: Literal["otsu"] | tuple[float | None, float | None] = setting(
+        "otsu",
+        "grey values [low, high], either of them null for no bound; otsu: above its threshold",
+        why="Otsu's threshold needs no knowledge of the scanner; where the grey values have a meaning "
+        "(HU), a window is better.",
+        unit="grey value",
+    )
+    components: int = setting(
+        1,
+        "at most so many of the largest pieces ...",
+        why="Most organs are one piece; lungs and kidneys are two.",
+        unit="count",
+        ge=1,
+        le=1000,
+    )
+    smallest_share: float = setting(
+        0.1,
+        "... of which none is smaller than this share of the largest",
+        why="A tenth leaves both lungs and drops specks.",
+        unit="share",
+        ge=0,
+        le=1,
+    )
+    drop_border: bool = setting(
+        False,
+        "leave out pieces that reach the sides of the slices (the air around a patient)",
+        why="An organ that the field of view cuts would be lost.",
+    )
+    fill_holes: bool = setting(
+        True, "fill cavities", why="Vessels and airways inside an organ fall outside its grey values."
+    )
+
+
+class PhantomSettings(Section):
+    """How phantoms are scanned."""
+
+    spacing_mm: tuple[_Spacing, _Spacing, _Spacing] = setting(
+        (0.75, 0.75, 5.0),
+        "voxel size, the last between slices",
+        why="Of the order of a clinical abdominal CT's.",
+        unit="mm",
+    )
+    blur_mm: float = setting(
+        0.7,
+        "standard deviation of the scanner's in-plane point spread",
+        why="Of the order of a soft-tissue kernel's.",
+        unit="mm",
+        ge=0,
+        le=10,
+    )
+    noise_hu: float = setting(
+        12.0,
+        "standard deviation of the noise",
+        why="Of the order of a clinical abdominal CT's.",
+        unit="HU",
+        ge=0,
+        le=500,
+    )
+
+
+class ImportSettings(Section):
+    """How a structure is read and cropped (section ``import``)."""
+
+    slice_axis: Literal["auto", 0, 1, 2] = setting(
+        "auto",
+        "0, 1, 2, or auto: the thickest spacing, then the one nearest to head-foot",
+        why="Contours are drawn across the thickest spacing.",
+    )
+    margin_voxels: int = setting(
+        3,
+        "background left around the organ",
+        why="Blurs and dilations near the organ stay inside the crop.",
+        unit="voxels",
+        ge=1,
+        le=100,
+    )
+    resample: bool = setting(
+        False,
+        "interpolate the image where its grid is not the mask's; otherwise an error",
+        why="Two grids are more often a mix-up of files than meant.",
+    )
+    fill_gaps: bool = setting(
+        False,
+        "interpolate missing or uneven DICOM slices; otherwise an error",
+        why="A missing slice is more often a broken download than meant.",
+    )
+    region: RegionSettings = setting(
+        RegionSettings(),
+        "the organ in an image that comes without a mask",
+        why="Read only for such rows of the sheet.",
+    )
+    phantom: PhantomSettings = setting(
+        PhantomSettings(), "how phantoms are scanned", why="Read only for rows of source phantom."
+    )

@@ -1,0 +1,61 @@
+"""The whole configuration."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.comparisons import ComparisonSettings
+from cccd.settings.curves import CurveSettings
+from cccd.settings.imports import ImportSettings
+from cccd.settings.junctions import NetworkSettings
+from cccd.settings.report import ReportSettings
+from cccd.settings.section import Section, setting
+from cccd.settings.surface import LoftSettings
+
+__all__ = ["Settings"]
+
+
+class Settings(Section):
+    """Every key of the configuration, section by section."""
+
+    cohort: str = setting(
+        "config/cohort.tsv",
+        "one row per structure",
+        why="Relative to where the command was typed, or to the project's root; or absolute.",
+    )
+    seed: int = setting(
+        152,
+        "everything random is drawn from it",
+        why="Equal seeds give equal bytes.",
+        unit="1",
+        ge=0,
+        le=2**32 - 1,
+    )
+    train: Literal["auto"] | bool = setting(
+        "auto",
+        "true: train the junction network; false: take a ready one; auto: train for the default cohort",
+        why="Other cohorts take the shipped model, or the one that gnn.pretrained names.",
+    )
+    import_: ImportSettings = setting(
+        ImportSettings(),
+        "from a row of the sheet to one cropped structure",
+        why="Scans come in many ways.",
+        alias="import",
+    )
+    boundaries: BoundarySettings = setting(
+        BoundarySettings(), "from slices to boundary pixels", why="Section 4.3, Algorithm 1."
+    )
+    gnn: NetworkSettings = setting(
+        NetworkSettings(), "the network that orders boundary pixels", why="Equation 11."
+    )
+    curves: CurveSettings = setting(
+        CurveSettings(), "ordered curves, their corners and splines", why="Definitions 3 and 4."
+    )
+    surface: LoftSettings = setting(
+        LoftSettings(), "from curves to a closed surface", why="What all the rest is for."
+    )
+    comparisons: ComparisonSettings = setting(
+        ComparisonSettings(), "the other methods, on the same structures", why="The paper's tables."
+    )
+    report: ReportSettings = setting(ReportSettings(), "the report", why="Pages must open in a browser.")

@@ -1,0 +1,44 @@
+"""JSON schemas: the configuration's from its models, the cohort sheet's from its file."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any, cast
+
+import yaml
+
+from cccd.settings.root import Settings
+
+__all__ = ["load_schema", "raw_schema"]
+
+
+@functools.cache
+def raw_schema() -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of the whole configuration as pydantic gives it, references written out."""
+    schema = Settings.model_json_schema()
+    return cast(dict[str, Any], _written_out(schema, schema.pop("$defs")))
+
+
+def _written_out(node: Any, definitions: dict[str, Any]) -> Any:
+    if isinstance(node, list):
+        return [_written_out(part, definitions) for part in cast(list[Any], node)]
+    if not isinstance(node, dict):
+        return node
+    parts = cast(dict[str, Any], node)
+    if "$ref" in parts:  # what stands beside a reference is the field's own, and wins
+        parts = definitions[parts["$ref"].removeprefix("#/$defs/")] | parts
+    return {
+        key: _written_out(part, definitions)
+        for key, part in parts.items()
+        if key != "$ref" and not (key == "title" and isinstance(part, str))
+    }
+
+
+def load_schema(path: str | Path) -> dict[str, Any]:
+    """Read a JSON schema (draft 2020-12) written as YAML."""
+    from jsonschema import Draft202012Validator  # only the sheet's schema needs it
+
+    schema = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    Draft202012Validator.check_schema(schema)
+    return schema

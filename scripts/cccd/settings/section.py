@@ -1,0 +1,126 @@
+"""What the sections of the configuration are made of: a frozen model, and fields that give their reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import NoneType
+from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+__all__ = ["Section", "setting"]
+
+_T = TypeVar("_T")
+
+#: What plain words of YAML stand for. Snakemake's command line hands them over as text.
+_WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
+
+
+def setting(default: _T, what: str, *, why: str, unit: str = "", expert: bool = False, **limits: Any) -> _T:
+    """Declare one key of the configuration.
+
+    Parameters
+    ----------
+    default : value
+        What holds when nobody says otherwise; for a group of keys, the group's own model.
+    what : str
+        What the key is, in a few words: the comment in ``config.yaml``.
+    why : str
+        Why it has this default, in a sentence: it stands on the configuration page of the docs.
+    unit : str
+        Unit of a number; a count or a share is named as such.
+    expert : bool
+        Was tuned by those who wrote the code. Left out of ``config.yaml``, listed apart in the docs.
+    **limits
+        ``gt``, ``ge``, ``lt``, ``le``, ``min_length``, ``max_length``, as in `pydantic.Field`.
+
+    Returns
+    -------
+    field
+        What pydantic takes for a field with all that; typed as the default for the type checker's sake.
+
+    Examples
+    --------
+    >>> class Scissors(Section):
+    ...     length_mm: float = setting(120.0, "length of the blades", why="Fits a hand.", unit="mm", gt=0)
+    >>> Scissors(length_mm=90).length_mm
+    90.0
+    """
+    extra: dict[str, Any] = {"why": why, "unit": unit, "expert": expert}
+    return cast(_T, Field(cast(Any, default), description=what, json_schema_extra=extra, **limits))
+
+
+class Section(BaseModel):
+    """A section of the configuration: it cannot be changed, and knows no key but its own.
+
+    Types are strict (true is no number, 2.5 no whole number). Only text that stands for a number, a boolean
+    or null where the field cannot be text is read as such, lists become tuples, and 2.0 is a whole number.
+
+    Examples
+    --------
+    >>> class Marks(Section):
+    ...     level: int | None = setting(None, "a level", why="It may be absent.", unit="count")
+    >>> Marks.model_validate({"level": "9"}), Marks.model_validate({"level": "null"})
+    (Marks(level=9), Marks(level=None))
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_values(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping):
+            return data
+        fields = {field.alias or name: field for name, field in cls.model_fields.items()}
+        given = cast(Mapping[Any, Any], data)
+        return {
+            key: _read(value, _kinds(fields[key].annotation)) if key in fields else value
+            for key, value in given.items()
+        }
+
+    def as_config(self) -> dict[str, Any]:
+        """Give the section as plain values: what YAML holds and rules hand to jobs."""
+        return self.model_dump(mode="json", by_alias=True)
+
+
+def _kinds(annotation: Any) -> frozenset[Any]:
+    """Types and literal values that a field's value, or the parts of it, may be."""
+    if get_origin(annotation) is Literal:
+        return frozenset(get_args(annotation))
+    if get_origin(annotation) is dict:
+        return _kinds(get_args(annotation)[1])
+    if get_origin(annotation) is Annotated:
+        return _kinds(get_args(annotation)[0])
+    if parts := get_args(annotation):
+        return frozenset[Any]().union(*(_kinds(part) for part in parts))
+    return frozenset([annotation])
+
+
+def _read(value: Any, kinds: frozenset[Any]) -> Any:
+    """Give a value as the field's kinds want it; what cannot be read so is left to pydantic to refuse."""
+    if isinstance(value, Mapping):
+        if any(isinstance(kind, type) and issubclass(kind, Section) for kind in kinds):
+            return cast(Any, value)  # the section reads its own
+        return {key: _read(part, kinds) for key, part in cast(Mapping[Any, Any], value).items()}
+    if isinstance(value, (list, tuple)):
+        return tuple(_read(part, kinds) for part in cast(list[Any], value))
+    if isinstance(value, str) and value not in kinds:
+        if str not in kinds:
+            value = _read_text(value)
+        elif NoneType in kinds and _WORDS.get(value.lower(), value) is None:
+            return None
+    if isinstance(value, float) and value.is_integer() and float not in kinds:
+        return int(value)
+    return value
+
+
+def _read_text(text: str) -> Any:
+    """Give the number, boolean or null that a text stands for, or the text."""
+    if text.lower() in _WORDS:
+        return _WORDS[text.lower()]
+    for number in (int, float):
+        try:
+            return number(text)
+        except ValueError:
+            continue
+    return text

@@ -1,0 +1,31 @@
+"""Values given on the command line reach the plan as what they stand for."""
+
+import pytest
+
+
+def test_nested_values_are_read(fresh_project):
+    settings = [
+        "report={pages_above: 1}",
+        "surface={formats: [stl, glb]}",
+        "curves={k: 9, sweep: [3, 9], max_control_points: null}",
+        "gnn={graphs: {training: 20}, pretrained: null, learning_rate: 1e-3}",
+        "import={resample: true, region: {window: [null, -400]}}",
+    ]
+    plan = fresh_project.planned("--config", *settings)
+    assert plan["build_structure_page"] == 2
+    assert plan["export_surface"] == 4
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("curves={k: true}", ["curves.k", "'true'", "whole number"]),
+        ("import={resample: 3}", ["import.resample", "'3'", "true or false"]),
+        ("gnn={graphs: {traning: 20}}", ["gnn.graphs.traning", "did you mean 'training'?"]),
+    ],
+)
+def test_what_a_nested_text_cannot_stand_for_is_refused(fresh_project, setting, words):
+    run = fresh_project.snakemake("--dry-run", "--config", setting, check=False)
+    assert run.returncode != 0
+    (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
+    assert all(word in line for word in words)
