@@ -13,6 +13,6 @@ with job(snakemake.log[0], "report"):
         failures=[],
         config=snakemake.params.config,
         output=output,
-        benchmarks=Path("benchmarks"),
+        benchmarks=Path(snakemake.params.benchmarks),
         template_dir=Path(snakemake.input.templates[0]).parent,
     )

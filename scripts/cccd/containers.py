@@ -13,7 +13,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-__all__ = ["Boundaries", "Curves", "Frame", "Patch", "Splines", "Structure", "concatenate_ragged"]
+__all__ = [
+    "Boundaries",
+    "Curves",
+    "Frame",
+    "Panel",
+    "Patch",
+    "SliceFigure",
+    "Splines",
+    "Structure",
+    "concatenate_ragged",
+]
 
 
 def concatenate_ragged(parts: Sequence[np.ndarray], dim: int = 2) -> tuple[np.ndarray, np.ndarray]:
@@ -218,3 +228,46 @@ class Patch:
     closed_u: bool
     closed_v: bool
     sign: int
+
+
+@dataclass(frozen=True)
+class Panel:
+    """What a figure draws over one picture of a slice.
+
+    Attributes
+    ----------
+    title, detail : str
+        Above the panel, one below the other.
+    layers : dict of str to array
+        Closed curves and points ``(n, 2)`` and links ``(m, 2, 2)``, all in source (i, j), by what they are:
+        ``boundary``, ``spline``, ``seed``, ``corners``, ``links``.
+    row : str
+        Name of the row that the panel begins.
+    """
+
+    title: str
+    layers: dict[str, np.ndarray]
+    detail: str = ""
+    row: str = ""
+
+
+@dataclass(frozen=True)
+class SliceFigure:
+    """A figure of one slice, as a comparison leaves it for the report to draw.
+
+    Attributes
+    ----------
+    panels : list of Panel
+        Row by row.
+    columns : int
+        Panels in a row; 0 for all.
+    window : (2, 2) int64 or None
+        First and last pixel (i, j) shown; None for all that is drawn.
+    image : (I, J) uint8 or None
+        The grey slice within the window.
+    """
+
+    panels: list[Panel]
+    columns: int = 0
+    window: np.ndarray | None = None
+    image: np.ndarray | None = None

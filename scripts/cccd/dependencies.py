@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+from collections.abc import Iterable
 from pathlib import Path
 
 __all__ = ["imported_files"]
@@ -21,17 +22,19 @@ def _direct_imports(path: Path, folder: Path) -> frozenset[Path]:
             parents = package[: len(package) - node.level + 1] if node.level else ()
             base = ".".join((*parents, *filter(None, [node.module])))
             names.update([base, *(f"{base}.{alias.name}" for alias in node.names)])
-    stems = {
-        folder.joinpath(*parts[:end])
-        for parts in (n.split(".") for n in names if n)
-        for end in range(1, len(parts) + 1)
-    }
+    return frozenset().union(*(_module_files(name, folder) for name in names if name))
+
+
+def _module_files(name: str, folder: Path) -> frozenset[Path]:
+    """Files below ``folder`` of a dotted name: the module's, and the ``__init__`` of its packages."""
+    parts = name.split(".")
+    stems = [folder.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
     return frozenset(
         file for stem in stems for file in (stem.with_suffix(".py"), stem / "__init__.py") if file.is_file()
     )
 
 
-def imported_files(script: Path, folder: Path) -> list[Path]:
+def imported_files(script: Path, folder: Path, modules: Iterable[str] = ()) -> list[Path]:
     """All files below ``folder`` that running ``script`` can import, sorted, without ``script`` itself.
 
     Imports inside functions count too. Snakemake does not see an edit in an imported module; declared
@@ -43,9 +46,11 @@ def imported_files(script: Path, folder: Path) -> list[Path]:
         A Python file below ``folder``.
     folder : path
         The folder on ``sys.path``.
+    modules : iterable of str
+        Modules that the script imports by a name it is given, e.g. ``cccd.comparisons.k_sweep``.
     """
     found: set[Path] = set()
-    pending = {script}
+    pending = {script}.union(*(_module_files(module, folder) for module in modules))
     while pending:
         found |= pending
         pending = set().union(*(_direct_imports(path, folder) for path in pending)) - found

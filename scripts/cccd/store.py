@@ -18,19 +18,24 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from cccd.containers import Boundaries, Curves, Frame, Patch, Splines, Structure
+from cccd.containers import Boundaries, Curves, Frame, Panel, Patch, SliceFigure, Splines, Structure
 from cccd.errors import InputError
 
 __all__ = [
     "atomic_path",
     "read_boundaries",
     "read_curves",
+    "read_figure",
+    "read_graph_facts",
     "read_graphs",
+    "read_json",
     "read_patches",
     "read_splines",
     "read_structure",
+    "read_table",
     "write_boundaries",
     "write_curves",
+    "write_figures",
     "write_graphs",
     "write_json",
     "write_patches",
@@ -130,10 +135,26 @@ def write_json(path: str | Path, value: dict) -> None:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
+def read_json(path: str | Path) -> dict:
+    """Read what `write_json` wrote."""
+    return json.loads(Path(path).read_text(encoding="utf-8"))
+
+
 def write_table(path: str | Path, table) -> None:
     """Write a pandas DataFrame as CSV without its index."""
     with atomic_path(path) as temporary:
         table.to_csv(temporary, index=False, float_format="%.6g", lineterminator="\n")
+
+
+def read_table(path: str | Path):
+    """Read a CSV file as a pandas DataFrame; None when the file is not there or holds no rows."""
+    import pandas as pd
+
+    try:
+        frame = pd.read_csv(path)
+    except (FileNotFoundError, pd.errors.EmptyDataError):  # a line break alone is a table without columns
+        return None
+    return None if frame.empty else frame
 
 
 # structure.h5 ---------------------------------------------------------------------------------------
@@ -333,6 +354,53 @@ def read_graphs(path: str | Path, split: str) -> dict[str, np.ndarray]:
     with _open(path) as file:
         file[split].visititems(collect)
     return columns
+
+
+def read_graph_facts(path: str | Path) -> tuple[dict[str, int], dict]:
+    """Read how many graphs each split of ``graphs.h5`` holds, and the file's attributes; no graph."""
+    with _open(path) as file:
+        counts = {name: len(file[name]["kind"]) for name in ("training", "validation", "test")}
+        return counts, dict(file.attrs)
+
+
+# comparisons/<name>.h5 ------------------------------------------------------------------------------
+
+
+def write_figures(path: str | Path, figures: Mapping[str, SliceFigure]) -> None:
+    """Write what the report draws of one structure: one group per figure, in it one per panel."""
+    with _create(path) as file:
+        for name, figure in figures.items():
+            group = file.create_group(name)
+            group.attrs["columns"] = figure.columns
+            for key in ("window", "image"):
+                if getattr(figure, key) is not None:
+                    _put(group, key, getattr(figure, key))
+            for number, panel in enumerate(figure.panels):
+                part = group.create_group(f"panels/{number}")
+                for key in ("title", "detail", "row"):
+                    part.attrs[key] = getattr(panel, key)
+                for layer, points in panel.layers.items():
+                    _put(part, f"layers/{layer}", points, np.float64)
+
+
+def read_figure(path: str | Path, name: str) -> SliceFigure | None:
+    """Read one figure of `write_figures`; None when the structure has nothing to draw for it."""
+    with _open(path) as file:
+        if name not in file:
+            return None
+        group = file[name]
+        parts = [group["panels"][key] for key in sorted(group["panels"], key=int)]
+        panels = [
+            Panel(
+                part.attrs["title"],
+                {layer: points[:] for layer, points in part["layers"].items()},
+                part.attrs["detail"],
+                part.attrs["row"],
+            )
+            for part in parts
+        ]
+        window, image = (group[key][:] if key in group else None for key in ("window", "image"))
+        return SliceFigure(panels, int(group.attrs["columns"]), window, image)
 
 
 # surface.h5 -----------------------------------------------------------------------------------------

@@ -112,9 +112,7 @@ def test_texts_in_the_report(tiny_copy):
         texts = [name for name in table if not pd.api.types.is_numeric_dtype(table[name])]
         table.loc[len(table) - 1, texts] = SCRIPT
         table.to_csv(path, index=False)
-    (tiny_copy.results / "tables" / "remarks.json").write_text(
-        json.dumps({"table1": SCRIPT, "figure9": IMAGE})
-    )
+    (tiny_copy.results / "tables" / "notes.json").write_text(json.dumps({"table1": SCRIPT, "figure9": IMAGE}))
     output = tiny_copy.folder / "hostile.html"
     build_report(
         results=tiny_copy.results,

@@ -14,6 +14,7 @@ SCRIPTS = ROOT / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 
 from cccd.cohort import complete_row, read_cohort
+from cccd.comparisons.registry import COMPARISONS, INPUTS, ITEMS, tables
 from cccd.dependencies import imported_files
 from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
@@ -151,11 +152,13 @@ def sheet_row(wildcards):
 
 
 @functools.cache
-def library(script):
-    """SHA-256 of the library files that ``scripts/<script>.py`` imports, so that editing one runs its stage
-    again. One parameter, because twenty files among the inputs of every job treble the time to plan.
+def library(script, *functions):
+    """SHA-256 of the library files that ``scripts/<script>.py`` imports, and those of the functions that it is
+    given to call, so that editing one runs its stage again. One parameter, because twenty files among the
+    inputs of every job treble the time to plan.
     """
-    files = imported_files(SCRIPTS / f"{script}.py", SCRIPTS)
+    modules = [function.rpartition(".")[0] for function in functions]
+    files = imported_files(SCRIPTS / f"{script}.py", SCRIPTS, modules)
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()
 
 
@@ -213,8 +216,18 @@ def list_failures():
     if lines:
         print(f"\n{len(lines)} failed:", *lines, sep="\n  ", file=sys.stderr)
     if any(Path(file).exists() for file in for_structures("metrics.json")):
+        from cccd.comparisons.summary import read_cohort as gather
         from cccd.report.page import build_report
 
+        finished = [
+            file
+            for name in COMPARISONS
+            for file in for_structures(f"comparisons/{name}.csv")
+            if Path(file).exists()
+        ]
+        measured = [
+            file for file in for_structures("metrics.json") if Path(file).exists()
+        ]
         build_report(
             results=Path("results"),
             structures=RECONSTRUCTED,
@@ -223,6 +236,7 @@ def list_failures():
             output=Path("results/report.html"),
             benchmarks=Path("benchmarks"),
             template_dir=ROOT / "workflow" / "report",
+            cohort=gather(finished, measured),
         )
         print(
             f"\nReport of what is finished: {Path('results/report.html').resolve()}",

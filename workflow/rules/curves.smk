@@ -26,29 +26,3 @@ rule trace_curves:
         settings=leave("curves", "sweep"),
     script:
         "../../scripts/trace_curves.py"
-
-
-rule sweep_corners:
-    """Sweep k over both criteria, and every chain-code corner detector beside it."""
-    input:
-        structure="results/{case}/{organ}/structure.h5",
-        curves="results/{case}/{organ}/curves.h5",
-    output:
-        "results/{case}/{organ}/comparisons/k_sweep.csv",
-    log:
-        "logs/{case}/{organ}/sweep_corners.log",
-    benchmark:
-        "benchmarks/{case}/{organ}/sweep_corners.tsv"
-    group:
-        "structure"
-    conda:
-        "../../envs/cccd.yaml"
-    threads: 1
-    resources:
-        mem_mb=memory(1500, 20),
-        runtime=minutes(15),
-    params:
-        library=library("sweep_corners"),
-        ks=config["curves"]["sweep"],
-    script:
-        "../../scripts/sweep_corners.py"

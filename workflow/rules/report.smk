@@ -1,26 +1,8 @@
 """Tables over the whole cohort, and the report."""
 
-#: What each structure's comparisons leave, by the name of its rule's file.
-COMPARISONS = [
-    "corners",
-    "reconstruction",
-    "active_contour",
-    "isosurfaces",
-    "thick_slices",
-    "k_sweep",
-]
-TABLES = [
-    "table1_corners",
-    "table2_fuse",
-    "table3_segmentation",
-    "table4_reconstruction",
-    "table5_times",
-    "surfaces",
-    "thick_slices",
-    "k_sweep",
-    "structures",
-    "compactness",
-]
+#: What the tables and the notes, and what the plots are made by.
+SUMMARIES = [part for item in ITEMS for part in (item.tabulate, item.note) if part]
+PLOTS = [item.plots for item in ITEMS if item.plots]
 
 
 rule build_tables:
@@ -33,16 +15,16 @@ rule build_tables:
             for file in for_structures(f"comparisons/{name}.csv")
         ],
     output:
-        [
+        tables=[
             report(
                 f"results/tables/{name}.csv",
                 caption="../report/table.rst",
                 category="Tables",
                 labels={"table": name},
             )
-            for name in TABLES
+            for name in tables()
         ],
-        remarks="results/tables/remarks.json",
+        notes="results/tables/notes.json",
     log:
         "logs/build_tables.log",
     benchmark:
@@ -54,7 +36,7 @@ rule build_tables:
         mem_mb=memory(1500, 20),
         runtime=minutes(15),
     params:
-        library=library("build_tables"),
+        library=library("build_tables", *SUMMARIES),
     script:
         "../../scripts/build_tables.py"
 
@@ -69,6 +51,7 @@ SHOWN = [
     "picture.png",
     "metrics.json",
     *(f"comparisons/{name}.csv" for name in COMPARISONS),
+    *(f"comparisons/{name}.h5" for name, part in COMPARISONS.items() if part.figures),
 ]
 TEMPLATES = sorted(near(path) for path in (ROOT / "workflow" / "report").glob("*.*"))
 
@@ -108,8 +91,8 @@ rule build_report:
     """The report: one self-contained page, or for a large cohort an index of the structures' pages."""
     input:
         templates=TEMPLATES,
-        tables=[f"results/tables/{name}.csv" for name in TABLES],
-        remarks="results/tables/remarks.json",
+        tables=[f"results/tables/{name}.csv" for name in tables()],
+        notes="results/tables/notes.json",
         junctions=["results/tables/junctions.csv", "results/gnn/worst.png"],
         training=TRAINING_FILES,
         files=[file for name in SHOWN for file in for_structures(name)],
@@ -131,7 +114,9 @@ rule build_report:
         mem_mb=memory(2500, 10),
         runtime=minutes(30),
     params:
-        library=library("build_report"),
+        library=library("build_report", *SUMMARIES, *PLOTS),
+        # The jobs' times. Not an input: where somebody deletes them, no job should run again to measure its own.
+        benchmarks="benchmarks",
         structures=RECONSTRUCTED,
         config=config,
     script:

@@ -8,13 +8,15 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from cccd.comparisons.active_contour import seed_circle
+from cccd.comparisons.baselines.contours import CONTOURS
+from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd.comparisons.parameters import PAPER_TABLE_2
-from cccd.comparisons.registry import CONTOURS, CORNER_DETECTORS
-from cccd.comparisons.samples import SliceSample, choose_slices
-from cccd.containers import Curves, Structure
+from cccd.comparisons.samples import SliceSample, choose_slices, middle_slice
+from cccd.containers import Curves, Panel, SliceFigure, Structure
 from cccd.metrics import dice, rasterise_slice
 
-__all__ = ["compare_active_contour", "equivalent_radius", "seed_of", "snake", "snake_corners"]
+__all__ = ["active_contour_figures", "compare_active_contour"]
 
 
 def compare_active_contour(
@@ -71,6 +73,41 @@ def compare_active_contour(
                     }
                 )
     return pd.DataFrame(rows)
+
+
+def active_contour_figures(
+    structure: Structure, curves: Curves, settings: Mapping, seed: int
+) -> dict[str, SliceFigure]:
+    """Figure 15: the snake's seed, its targets, its end and the boundary, one column per setting.
+
+    The upper row is the snake on corners, as in the paper, the lower row the snake on the grey image where
+    there is one. Parameters as in `compare_active_contour`; nothing where there is no curve.
+    """
+    section = settings["active_contour"]
+    sample = middle_slice(structure, curves, section["n_slices"], section["min_contour_px"])
+    if sample is None:
+        return {}
+    angle = float(np.random.default_rng(seed).uniform(0, 2 * np.pi))
+    seeds = section["figure_15"]
+    panels = [
+        _snake_panel(sample, name, letter, radius, offset, angle)
+        for name in CONTOURS
+        if name in {"corners", *sample.images}
+        for letter, (radius, offset) in seeds.items()
+    ]
+    return {"figure15": SliceFigure(panels, len(seeds), sample.window, sample.images[sample.picture])}
+
+
+def _snake_panel(
+    sample: SliceSample, name: str, letter: str, radius: float, offset: float, angle: float
+) -> Panel:
+    curve = snake(sample, name, radius, offset, angle)
+    layers = {"boundary": sample.curve, "seed": seed_circle(*seed_of(sample, radius, offset, angle), 90)}
+    if name == "corners":
+        layers["corners"] = snake_corners(sample)
+    score = f"Dice {sample.dice_percent(curve):.1f} %"
+    title = f"{letter}: radius {radius:g}, offset {offset:g}"
+    return Panel(title, layers | {"spline": curve}, score, CONTOURS[name].title)
 
 
 def equivalent_radius(sample: SliceSample) -> float:

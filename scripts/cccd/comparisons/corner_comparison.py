@@ -10,6 +10,8 @@ import pandas as pd
 
 from cccd.chaincode import chain_codes, is_simple, on_pixel_chain
 from cccd.comparisons.active_contour import seed_circle
+from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
+from cccd.comparisons.baselines.reconstructions import reconstruct
 from cccd.comparisons.fuse import (
     ORDERS,
     closed_spline,
@@ -19,20 +21,19 @@ from cccd.comparisons.fuse import (
     order_by_links,
 )
 from cccd.comparisons.parameters import GRID, LARGEST_SHARE, grid_points, parameter_sets
-from cccd.comparisons.registry import CORNER_DETECTORS, reconstruct
-from cccd.comparisons.samples import SliceSample, choose_slices
-from cccd.containers import Curves, Frame, Structure
+from cccd.comparisons.samples import SliceSample, choose_slices, middle_slice
+from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
 from cccd.curves import corner_splines, fit_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import SWEEP
 from cccd.metrics import confusion, rasterise_slice
 
-__all__ = ["CCCD", "compare_corners", "fused_spline", "order_corners", "search"]
+__all__ = ["CCCD", "compare_corners", "corner_figures", "fused_spline", "order_corners", "search"]
 
 CCCD = "Proposed CCCD"
 
 
-def compare_corners(structure: Structure, curves: Curves, settings: Mapping, seed: int) -> pd.DataFrame:
+def compare_corners(structure: Structure, curves: Curves, settings: Mapping) -> pd.DataFrame:
     """Run every detector with every parameter set, fuse its corners with a spline in every order; and CCCD.
 
     Parameters
@@ -42,8 +43,6 @@ def compare_corners(structure: Structure, curves: Curves, settings: Mapping, see
         The ordered curves, taken as the truth.
     settings : mapping
         The configuration's ``comparisons``; ``corners`` is used.
-    seed : int
-        Unused by the detectors, which draw nothing.
 
     Returns
     -------
@@ -142,6 +141,41 @@ def _scores(
         "self_intersects": len(spline) > 0 and not simple,
         **{name: float(value) for name, value in rates.items()},
     }
+
+
+def corner_figures(structure: Structure, curves: Curves, settings: Mapping) -> dict[str, SliceFigure]:
+    """Figure 9: corners and fused splines over the boundary of the middle slice, one column per detector.
+
+    The upper row has the paper's parameters of Figure 9 (the publication's for SUSAN), the lower row the
+    best of the grid; corners are ordered by a short tour, which is what corners alone allow. Parameters as
+    in `compare_corners`; nothing where there is no curve.
+    """
+    section = settings["corners"]
+    sample = middle_slice(structure, curves, section["n_slices"], section["min_contour_px"])
+    if sample is None:
+        return {}
+    columns = [
+        list(parameter_sets(name, sample.picture).items())  # the paper's set first, the grid's best last
+        for name in CORNER_DETECTORS
+    ]
+    panels = [
+        _fused_panel(sample, detector, *sets[row], section["on_boundary_px"])
+        for row in (0, -1)
+        for detector, sets in zip(CORNER_DETECTORS, columns, strict=True)
+    ]
+    return {"figure9": SliceFigure(panels, len(columns), sample.window, sample.images[sample.picture])}
+
+
+def _fused_panel(
+    sample: SliceSample, detector: str, set_name: str, parameters: Mapping, distance_px: float
+) -> Panel:
+    method = CORNER_DETECTORS[detector]
+    found = method.run(sample.images[sample.picture], **parameters) + sample.origin
+    used = found[near_boundary(found, sample.curve, distance_px)].astype(float)
+    spline = fused_spline(used, "tour", sample.curve)
+    score = f"Dice {sample.dice_percent(spline):.1f} %, {len(used)} of {len(found)}"
+    layers = {"boundary": sample.curve, "corners": found, "spline": spline}
+    return Panel(method.title, layers, f"{set_name}\n{score}")
 
 
 def order_corners(corners: np.ndarray, order: str, curve: np.ndarray) -> np.ndarray:

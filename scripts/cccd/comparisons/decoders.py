@@ -26,7 +26,6 @@ from cccd.comparisons.reconstruction.tour import tour
 from cccd.containers import Frame
 
 __all__ = [
-    "DECODERS",
     "best_tree_cycle",
     "circular_path",
     "connected_complex",
@@ -62,7 +61,7 @@ def decode(decoder: Callable, pixels: np.ndarray, seed: np.ndarray) -> np.ndarra
     Parameters
     ----------
     decoder : callable
-        One of `DECODERS`.
+        One of `cccd.comparisons.baselines.decoders.DECODERS`.
     pixels : (N, 2) int array
     seed : (2,) array
         A point inside the organ.
@@ -358,13 +357,3 @@ def _longest_loop(count, links):
         if length > len(best):
             best = chain[:length].copy()
     return best
-
-
-#: By the names the tables use; those marked "seeded" are told a point inside the organ.
-DECODERS: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
-    "skeleton prune + tour + prizes": prize_tour,
-    "watershed (seeded)": seeded_watershed,
-    "circular shortest path (seeded)": circular_path,
-    "spanning tree, best cycle": best_tree_cycle,
-    "Connect2D": connected_complex,
-}

@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import pandas as pd
 
-from cccd.comparisons.point_meshes import alpha_shape, ball_pivoting, poisson
-from cccd.comparisons.volume_meshes import (
-    Mesh,
-    distance_isosurface,
-    flying_edges,
-    marching_cubes,
-    surface_nets,
-    windowed_sinc,
-)
+from cccd.comparisons.baselines.surfaces import SURFACES
 from cccd.containers import Curves, Structure
 from cccd.surface import Surface
 from cccd.surface.measure import measure_mesh
@@ -47,23 +39,12 @@ def compare_isosurfaces(
     """
     ours = measure_mesh(surface.vertices, surface.faces, structure)
     rows = [{"method": "CCCD", **ours, "bytes": surface.report["control_bytes"], "seconds": None}]
-    makers: dict[str, Callable[[], Mesh]] = {
-        "marching cubes": lambda: marching_cubes(structure),
-        "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(structure)),
-        "surface nets": lambda: surface_nets(structure),
-        "signed distance + isosurface": lambda: distance_isosurface(structure),
-        "signed distance + isosurface + windowed sinc": lambda: windowed_sinc(distance_isosurface(structure)),
-        "ball pivoting": lambda: ball_pivoting(curves),
-        "Poisson": lambda: poisson(curves),
-        "alpha shape": lambda: alpha_shape(curves),
-    }
-    if structure.mask is None:
-        makers = {}
-    wanted = settings["isosurfaces"]["methods"]
-    makers = {method: make for method, make in makers.items() if method in wanted}
-    for method, make in makers.items():
+    wanted = settings["isosurfaces"]["methods"] if structure.mask is not None else []
+    for name, method in SURFACES.items():
+        if name not in wanted:
+            continue
         start = time.perf_counter()
-        mesh = make()
+        mesh = method.run(structure, curves)
         seconds = time.perf_counter() - start
-        rows.append({"method": method, **measure_mesh(*mesh, structure), "seconds": seconds})
+        rows.append({"method": method.title, **measure_mesh(*mesh, structure), "seconds": seconds})
     return pd.DataFrame(rows)

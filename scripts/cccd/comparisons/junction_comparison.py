@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 
 from cccd.chaincode import isolated_corners
-from cccd.comparisons.decoders import DECODERS, decode
+from cccd.comparisons.baselines.decoders import DECODERS
+from cccd.comparisons.decoders import decode
 from cccd.containers import Boundaries, Frame, concatenate_ragged
 from cccd.junctions import load_model, order_boundaries
 from cccd.junctions.corruptions import KINDS
@@ -231,7 +232,7 @@ def evaluate(
         "decoder alone": network_decoder(None),
         "decoder + true labels": _by_true_labels,
     }
-    decoders |= {name: _classical(decoder) for name, decoder in DECODERS.items()}
+    decoders |= {name: _classical(method.run) for name, method in DECODERS.items()}
     table, _ = compare_decoders(decoders, maps)
     isolated = {kind: _isolated(samples, networks[last]) for kind, samples in maps.items()}
     shown = table["decoder"] == f"GNN, {last}"

@@ -10,21 +10,33 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 from cccd.chaincode import successors
+from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
+from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS, reconstruct
 from cccd.comparisons.links import count_links, enclosed_region, unique_links
 from cccd.comparisons.parameters import PAPER_TABLE_2
-from cccd.comparisons.registry import CORNER_DETECTORS, RECONSTRUCTIONS, reconstruct
-from cccd.comparisons.samples import SliceSample, choose_slices
-from cccd.containers import Boundaries, Curves, Frame, Structure
+from cccd.comparisons.samples import SliceSample, choose_slices, middle_slice
+from cccd.containers import Boundaries, Curves, Frame, Panel, SliceFigure, Structure
 from cccd.junctions import order_boundaries
 from cccd.metrics import dice
 
-__all__ = ["DENSE", "HARRIS", "JITTERED", "compare_reconstruction", "link_along_chain", "point_sets"]
+__all__ = [
+    "DENSE",
+    "HARRIS",
+    "JITTERED",
+    "compare_reconstruction",
+    "link_along_chain",
+    "point_sets",
+    "reconstruction_figures",
+]
 
 #: The point sets by the names that tables and figures show.
 DENSE, HARRIS = "dense boundary", "Harris corners on the boundary"
 JITTERED = "every {every}th pixel with jitter"
 
 CCCD = "Proposed CCCD"
+
+#: Methods of the paper's Figure 16, then the strongest of the others.
+FIGURE_16 = ("connect2d", "crawl", "nn_crust", "tour")
 
 
 def compare_reconstruction(
@@ -77,6 +89,37 @@ def compare_reconstruction(
                 row = {"points": name, "n_points": len(points), "method": method, "given": given}
                 rows.append(labels | row | vars(counts) | {"dice": score, "ms": ms})
     return pd.DataFrame(rows)
+
+
+def reconstruction_figures(
+    structure: Structure, curves: Curves, settings: Mapping, seed: int, model=None
+) -> dict[str, SliceFigure]:
+    """Figure 16: what reconstruction makes of Harris corners: ground truth, the paper's three, a tour, CCCD.
+
+    Parameters as in `compare_reconstruction`; nothing where there is no curve, or where the middle slice has
+    fewer than three Harris corners.
+    """
+    section = settings["reconstruction"]
+    sample = middle_slice(structure, curves, section["n_slices"], section["min_contour_px"])
+    if sample is None:
+        return {}
+    sets = point_sets(sample, section["every"], section["jitter_px"], np.random.default_rng(seed))
+    if HARRIS not in sets:
+        return {}
+    points = sets[HARRIS]
+    linked = {RECONSTRUCTIONS[key].title: reconstruct(key, points) for key in FIGURE_16}
+    linked[CCCD] = link_along_chain(points, sample.curve)
+    panels = [Panel("Ground truth", {"boundary": sample.curve})]
+    panels += [_link_panel(title, points, links) for title, links in linked.items()]
+    window = np.array([np.floor(sample.curve.min(0)) - 4, np.ceil(sample.curve.max(0)) + 4], np.int64)
+    return {"figure16": SliceFigure(panels, 3, window)}
+
+
+def _link_panel(title: str, points: np.ndarray, links: np.ndarray) -> Panel:
+    counts = count_links(links, len(points))
+    gaps = "closed" if counts.closed else f"{counts.open_ends} open ends, {counts.junctions} junctions"
+    layers = {"links": points[links], "corners": points}
+    return Panel(title, layers, f"{counts.connected} connected, {gaps}")
 
 
 def point_sets(

@@ -1,98 +1,518 @@
-"""Every planar method that CCCD is compared with, under one roof.
+"""What the paper shows and what we show past it: one entry per table and figure.
 
-A corner detector takes an 8-bit image (I, J) and gives corner pixels (K, 2). A reconstruction takes
-points (N, 2) and gives links (M, 2) between point numbers. A contour takes corner points (K, 2) or an
-image, and a seed circle, and gives an ordered closed curve (n, 2). To add a method, write its function
-in a file of its own and add one line here. Decoders of boundary maps (pixels and a seed in, ordered
-closed curve out) are listed by `DECODERS` in their own file.
+An `Item` says what it is called, what the paper has there, which comparison of each structure it stands on,
+what makes its table and its note over the cohort, and what draws it in the report. The rules of the workflow,
+the tables, the report and its contents read this list, so that a table is added by one entry and its
+function::
+
+    Item(
+        "smoothness",
+        "Smoothness",
+        "How the splines' curvature compares with the boundary's.",
+        rows=(Comparison("smoothness", "cccd.comparisons.smoothness.compare_smoothness", ("curves",)),),
+        table="smoothness",
+    )
+
+with ``compare_smoothness(curves)`` returning a data frame of one structure's rows (columns ``case`` and
+``organ`` are added when it leaves them out). The rows of all structures, one below the other, are the table
+unless ``tabulate`` names a function that makes more of them.
+
+Functions are named by their dotted path and looked up when they are called: the workflow reads this module
+each time it starts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
-from cccd.comparisons.active_contour import b_spline_snake, image_snake
-from cccd.comparisons.decoders import DECODERS
-from cccd.comparisons.links import unique_links
-from cccd.comparisons.pixel_corners import fast, harris, shi_tomasi, susan
-from cccd.comparisons.reconstruction.connect2d import connect2d
-from cccd.comparisons.reconstruction.crawl import crawl
-from cccd.comparisons.reconstruction.crust import crust
-from cccd.comparisons.reconstruction.gathan import gathan
-from cccd.comparisons.reconstruction.hnn_crust import hnn_crust
-from cccd.comparisons.reconstruction.nn_crust import nn_crust
-from cccd.comparisons.reconstruction.peel import peel
-from cccd.comparisons.reconstruction.sigdt import sigdt
-from cccd.comparisons.reconstruction.tour import tour
-
-__all__ = ["CONTOURS", "CORNER_DETECTORS", "DECODERS", "RECONSTRUCTIONS", "Method", "reconstruct"]
+__all__ = ["COMPARISONS", "INPUTS", "ITEMS", "SECTIONS", "Comparison", "Item", "tables"]
 
 
 @dataclass(frozen=True)
-class Method:
-    """A method as the tables name it.
+class Input:
+    """Something of a structure that a comparison asks for: its files, and what reads them.
+
+    ``files`` stand in the structure's folder; with ``shared`` they stand in ``results/``.
+    """
+
+    files: tuple[str, ...]
+    read: str
+    shared: bool = False
+
+
+#: What a comparison's function may ask for, by the name of its parameter.
+INPUTS = {
+    "structure": Input(("structure.h5",), "cccd.store.read_structure"),
+    "curves": Input(("curves.h5",), "cccd.store.read_curves"),
+    "surface": Input(("surface.h5", "surface.ply"), "cccd.surface.export.read_surface"),
+    "model": Input(("gnn/model.pt",), "cccd.junctions.load_model", shared=True),
+}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """An experiment on one structure: a job of its own, which leaves ``comparisons/<name>.csv``.
 
     Attributes
     ----------
-    title : str
-        Name in tables and figures.
-    run : callable
-        The function (see the module's first lines for the signatures).
-    note : str
-        How this version relates to the authors': shown under the tables.
+    name : str
+        Of its files, and of its rule: ``compare_<name>``.
+    run : str
+        Function that returns the rows. It gets ``inputs`` by name, ``settings`` when there are any, and
+        ``seed`` when it is seeded.
+    inputs : tuple of str
+        Keys of `INPUTS`.
+    settings : tuple of str
+        Sections of the configuration, dotted, that the function gets as ``settings``, by their last name.
+    seeded : bool
+        Whether the function draws at random.
+    figures : str or None
+        Function that returns what the report draws of this structure, by figure; called as ``run`` is. It
+        leaves ``comparisons/<name>.h5``.
+    columns : tuple of str
+        Columns that the rows have at least, ``case`` and ``organ`` aside.
+    memory_mb : (int, int)
+        Base, and per MB of input.
+    minutes : int
     """
 
-    title: str
-    run: Callable
-    note: str
+    name: str
+    run: str
+    inputs: tuple[str, ...]
+    settings: tuple[str, ...] = ()
+    seeded: bool = False
+    figures: str | None = None
+    columns: tuple[str, ...] = ()
+    memory_mb: tuple[int, int] = (1500, 20)
+    minutes: int = 20
+
+    @property
+    def functions(self) -> tuple[str, ...]:
+        """Every function that the job calls: a change of their modules runs it again."""
+        readers = (INPUTS[name].read for name in self.inputs)
+        return (self.run, *([self.figures] if self.figures else []), *readers)
 
 
-CORNER_DETECTORS = {
-    "harris": Method("FUSE1 (Harris)", harris, "OpenCV"),
-    "shi_tomasi": Method("FUSE2 (Shi-Tomasi)", shi_tomasi, "OpenCV"),
-    "fast": Method("FUSE3 (FAST)", fast, "OpenCV"),
-    "susan": Method("SUSAN + B-spline", susan, "written from the publication"),
-}
+@dataclass(frozen=True)
+class Item:
+    """A table or figure of the paper, or a table of ours.
 
-RECONSTRUCTIONS = {
-    "connect2d": Method("Connect2D", connect2d, "written from the publication; order of steps ours"),
-    "crawl": Method("Crawl", crawl, "written from the publication"),
-    "nn_crust": Method("NN-Crust", nn_crust, "written from the publication"),
-    "crust": Method("Crust", crust, "written from the publication"),
-    "peel": Method("Peel", peel, "written from the publication, without its outlier removal"),
-    "gathan": Method("Gathan", gathan, "our reading of its conditions; do not quote"),
-    "sigdt": Method("SIGDT", sigdt, "written from the publication, with Connect2D's adjustment"),
-    "hnn_crust": Method("HNN-Crust", hnn_crust, "written from the publication"),
-    "tour": Method("2-opt tour", tour, "greedy, 2-opt and Or-opt"),
-}
-
-CONTOURS = {
-    "corners": Method("B-spline snake on corners", b_spline_snake, "as the paper used Marsousi et al."),
-    "grey": Method("B-spline snake on the image", image_snake, "after Marsousi et al., forces ours"),
-}
-
-
-def reconstruct(method: str, points: np.ndarray) -> np.ndarray:
-    """Links (M, 2) of a registered reconstruction, whatever order the points come in.
-
-    Equal lengths are everywhere on a pixel grid; so that ties do not hang on the order of the input,
-    the points are put in raster order first. Repeated points are used once.
-
-    Parameters
+    Attributes
     ----------
-    method : str
-        Key of `RECONSTRUCTIONS`.
-    points : (N, 2) float
-
-    Returns
-    -------
-    (M, 2) int64
-        Pairs of numbers of the points as given, ascending.
+    key : str
+        Its anchor in the page, and the key of its note in ``tables/notes.json``.
+    title : str
+        What it is about.
+    text : str
+        What the paper shows there, with its numbers; for ours, what is measured.
+    name : str
+        As printed in the paper; empty for ours.
+    section : {"paper", "experiments", "summary"}
+        Where the page shows it.
+    rows : tuple of Comparison
+        The experiments on each structure that it stands on.
+    table : str or None
+        Stem of its CSV in ``tables/``.
+    columns : tuple of str
+        Columns that the table has at least.
+    tabulate : str or None
+        Function of `cccd.comparisons.summary.Cohort` that returns the table; without one the table is the
+        rows of all structures, one below the other.
+    note : str or None
+        Function of a `Cohort` that returns one or a few sentences: how ours compares. Called only when all
+        of ``rows`` are there.
+    plots : str or None
+        Function of `cccd.report.results.Results` and the item that returns the plots.
+    captions : tuple of str
+        Of the plots, in their order.
+    picture : str or None
+        File in ``results/`` shown with it, which another rule leaves; its caption and its text for those
+        who cannot see it are the last two captions.
+    network : bool
+        Whether it needs the trained network; it is absent from a run without one.
     """
-    distinct, original = np.unique(np.asarray(points, float).reshape(-1, 2), axis=0, return_index=True)
-    if len(distinct) < 2:
-        return np.zeros((0, 2), np.int64)
-    return unique_links(original[RECONSTRUCTIONS[method].run(distinct)])
+
+    key: str
+    title: str
+    text: str
+    name: str = ""
+    section: str = "experiments"
+    rows: tuple[Comparison, ...] = ()
+    table: str | None = None
+    columns: tuple[str, ...] = ()
+    tabulate: str | None = None
+    note: str | None = None
+    plots: str | None = None
+    captions: tuple[str, ...] = ()
+    picture: str | None = None
+    network: bool = False
+
+    @property
+    def tabulated(self) -> bool:
+        """Whether ``build_tables`` makes its table (another rule does otherwise)."""
+        return self.table is not None and (self.tabulate is not None or len(self.rows) > 0)
+
+
+#: Sections of the page that list items: title and introduction.
+SECTIONS = {
+    "paper": (
+        "The paper beside ours",
+        "What the paper shows, what this run shows for its own structures, and one sentence on how they "
+        "agree. The paper measured single slices of other data; equal numbers are not to be expected, the "
+        "same order is.",
+    ),
+    "experiments": ("Past the paper", ""),
+}
+
+# The experiments on each structure ----------------------------------------------------------------------
+
+CORNERS = Comparison(
+    "corners",
+    "cccd.comparisons.corner_comparison.compare_corners",
+    ("structure", "curves"),
+    settings=("comparisons.corners",),
+    figures="cccd.comparisons.corner_comparison.corner_figures",
+    columns=(
+        "slice", "image", "detector", "method", "parameters", "values", "order", "corners", "on_boundary",
+        "boundary_pixels", "control_points", "self_intersects", "TP rate", "FP rate", "TN rate", "FN rate",
+        "ACC", "MC", "PRE", "SPEC", "DSC", "JI", "corner_ms", "curve_ms",
+    ),
+)  # fmt: skip
+
+RECONSTRUCTION = Comparison(
+    "reconstruction",
+    "cccd.comparisons.reconstruction_comparison.compare_reconstruction",
+    ("structure", "curves", "model"),
+    settings=("comparisons.reconstruction",),
+    seeded=True,
+    figures="cccd.comparisons.reconstruction_comparison.reconstruction_figures",
+    columns=(
+        "slice", "points", "n_points", "method", "given", "connected", "disconnected", "open_ends",
+        "junctions", "left_out", "closed", "dice", "ms",
+    ),
+    memory_mb=(2500, 20),
+)  # fmt: skip
+
+ACTIVE_CONTOUR = Comparison(
+    "active_contour",
+    "cccd.comparisons.active_contour_comparison.compare_active_contour",
+    ("structure", "curves"),
+    settings=("comparisons.active_contour",),
+    seeded=True,
+    figures="cccd.comparisons.active_contour_comparison.active_contour_figures",
+    columns=("slice", "method", "setting", "radius", "offset", "angle", "corners", "dice", "ms"),
+)
+
+K_SWEEP = Comparison(
+    "k_sweep",
+    "cccd.comparisons.k_sweep.compare_k",
+    ("structure", "curves"),
+    settings=("curves.sweep",),
+    figures="cccd.comparisons.k_sweep.outline_figures",
+    columns=("criterion", "k", "share", "ACC", "DSC", "JI"),
+    minutes=15,
+)
+
+ISOSURFACES = Comparison(
+    "isosurfaces",
+    "cccd.comparisons.isosurfaces.compare_isosurfaces",
+    ("structure", "curves", "surface"),
+    settings=("comparisons.isosurfaces",),
+    columns=("method", "seconds"),
+    memory_mb=(3000, 60),
+    minutes=30,
+)
+
+THICK_SLICES = Comparison(
+    "thick_slices",
+    "cccd.comparisons.thick_slices.thick_slice_experiment",
+    ("structure",),
+    settings=("comparisons.thick_slices", "surface"),
+    columns=("slice_distance_mm", "every_nth", "method", "seconds"),
+    memory_mb=(3000, 60),
+    minutes=30,
+)
+
+# The items, in the page's order -------------------------------------------------------------------------
+
+_NOTES, _TABLES, _PLOTS = "cccd.comparisons.notes.", "cccd.comparisons.paper_tables.", "cccd.report.items."
+
+ITEMS = (
+    Item(
+        "structures",
+        "What came out",
+        "Every structure's surface and curves, measured.",
+        section="summary",
+        table="structures",
+        columns=("case", "organ", "dice_3d", "assd_mm", "volume_bias", "control_bytes", "warnings"),
+        tabulate="cccd.comparisons.summary.structures",
+    ),
+    Item(
+        "table1",
+        "Corners that miss the boundary",
+        "On one liver slice Harris finds 716 corners, 232 of them on the boundary (67.5 % false); "
+        "Shi-Tomasi 53 and 11 (79.24 %); FAST 212, all on it.",
+        name="Table 1",
+        section="paper",
+        rows=(CORNERS,),
+        table="table1_corners",
+        columns=("organ", "image", "method", "parameters", "corners", "on_boundary", "false_percent"),
+        tabulate=_TABLES + "table_1",
+        note=_NOTES + "table_1",
+    ),
+    Item(
+        "figure9",
+        "Corner detectors fused with a B-spline",
+        "FUSE1 (Harris) reaches a Dice score of 87.54 % and crosses itself, FUSE2 (Shi-Tomasi) 79.75 %, "
+        "FUSE3 (FAST) 93.15 %.",
+        name="Figure 9",
+        section="paper",
+        rows=(CORNERS,),
+        note=_NOTES + "figure_9",
+        plots=_PLOTS + "figure_9",
+        captions=(
+            "Boundary (thin), corners (dots) and fused splines (thick): above with the paper's parameters, "
+            "below with the best of the grid; corners ordered by a short tour.",
+        ),
+    ),
+    Item(
+        "table2",
+        "CCCD against the fused detectors",
+        "FUSE1 95.4 % with 232 points, FUSE2 73 % with 11, FUSE3 88.4 % with 212; CCCD 96.00 % with 102 "
+        "(k = 7) and 98.49 % with 156 (k = 3).",
+        name="Table 2",
+        section="paper",
+        rows=(CORNERS,),
+        table="table2_fuse",
+        columns=("organ", "image", "method", "parameters", "order", "dice_percent", "control_points"),
+        tabulate=_TABLES + "table_2",
+        note=_NOTES + "table_2",
+    ),
+    Item(
+        "figure10",
+        "CCCD for four values of k",
+        "Dice falls as k grows: 98.49 % with 156 points (k = 3), 95.83 % with 121 (k = 5), 96.00 % with "
+        "102 (k = 7), 88.75 % with 67 (k = 20).",
+        name="Figure 10",
+        section="paper",
+        rows=(K_SWEEP,),
+        note=_NOTES + "figure_10",
+        plots=_PLOTS + "figure_10",
+        captions=(
+            "boundary (band), corners (dots), spline (line); maxima of curvature.",
+            "Dice of the paper's own splines and the share of boundary pixels they keep, against k; "
+            "corners at maxima of curvature, medians over slices.",
+        ),
+    ),
+    Item(
+        "figure11",
+        "Ten rates of CCCD and the fused detectors",
+        "CCCD at k = 3 has the highest true positive rate and the lowest misclassification; its rates of "
+        "false positives and false negatives are 0.0029 and 0.00348.",
+        name="Figure 11",
+        section="paper",
+        rows=(CORNERS,),
+        note=_NOTES + "figure_11",
+        plots=_PLOTS + "figure_11",
+        captions=(
+            "Equations 12-21, medians over slices and structures; detectors with the paper's parameters on "
+            "the organ's mask, their corners along a short tour.",
+        ),
+    ),
+    Item(
+        "figure12",
+        "One k, two organs",
+        "At k = 20 a brain boundary keeps 98.27 % Dice, a liver boundary 87.29 %.",
+        name="Figure 12",
+        section="paper",
+        rows=(K_SWEEP,),
+        note=_NOTES + "figure_12",
+        plots=_PLOTS + "figure_12",
+        captions=(
+            "The middle slice of every structure at k = 20, maxima of curvature.",
+            "The same k = 20 on every structure, for both criteria.",
+        ),
+    ),
+    Item(
+        "figure13",
+        "Accuracy, Dice and Jaccard against k",
+        "All three fall as k grows; with minima of curvature as corners they drop suddenly near k = 20, "
+        "with maxima they do not. At k = 3 Dice is 0.9849 on a liver and 0.9842 on a brain.",
+        name="Figure 13",
+        section="paper",
+        rows=(K_SWEEP,),
+        note=_NOTES + "figure_13",
+        plots=_PLOTS + "figure_13",
+        captions=("Accuracy, Dice and Jaccard against k, per structure and criterion; medians over slices.",),
+    ),
+    Item(
+        "table3",
+        "CCCD against segmentation networks",
+        "Polar U-Net 93.02 %, KiU-Net 3D 94.23 %, H-DenseUNet 96.5 % Dice from 483 boundary pixels (19.2 "
+        "KB); CCCD 98.49 % from 189 (1.47 KB), 96.00 % from 217, 96.37 % from 133 (1.03 KB).",
+        name="Table 3",
+        section="paper",
+        rows=(CORNERS,),
+        table="table3_segmentation",
+        columns=("organ", "method", "parameters", "boundary_pixels_used", "dice_percent", "note"),
+        tabulate=_TABLES + "table_3",
+        note=_NOTES + "table_3",
+    ),
+    Item(
+        "figure14",
+        "CCCD's outline for k = 3, 7 and 12",
+        "Outlines from 189, 217 and 133 boundary pixels beside H-DenseUNet's.",
+        name="Figure 14",
+        section="paper",
+        rows=(K_SWEEP,),
+        note=_NOTES + "figure_14",
+        plots=_PLOTS + "figure_14",
+        captions=("boundary (band), corners (dots), spline (line); maxima of curvature.",),
+    ),
+    Item(
+        "figure15",
+        "An active contour from a seed",
+        "The B-spline snake of Marsousi et al. depends on the seed's radius and place; its best of five "
+        "runs reaches 79.78 % Dice, and on a lung it leaves a large part outside.",
+        name="Figure 15",
+        section="paper",
+        rows=(ACTIVE_CONTOUR,),
+        note=_NOTES + "figure_15",
+        plots=_PLOTS + "figure_15",
+        captions=(
+            "Boundary (thin), seed (dashed), corners (dots) and the snake's end (thick), for the paper's "
+            "five seeds.",
+            "Dice against the seed's radius and its distance from the centroid, both in radii of the disc "
+            "that has the organ's area; medians over slices and structures.",
+        ),
+    ),
+    Item(
+        "figure16",
+        "Curves reconstructed from corner points",
+        "From Harris corners Connect2D, Crawl and NN-Crust leave gaps; CCCD closes the curve.",
+        name="Figure 16",
+        section="paper",
+        rows=(RECONSTRUCTION,),
+        note=_NOTES + "figure_16",
+        plots=_PLOTS + "figure_16",
+        captions=(
+            "Harris corners on the boundary (dots) and the links that each method makes.",
+            "How often each method links the points of a slice into one closed curve, and the Dice of what "
+            "its links enclose; all slices and structures together.",
+        ),
+    ),
+    Item(
+        "table4",
+        "Connected and disconnected segments",
+        "Connect2D leaves 2 segments, Crawl 4, NN-Crust 12; CCCD one closed curve.",
+        name="Table 4",
+        section="paper",
+        rows=(RECONSTRUCTION,),
+        table="table4_reconstruction",
+        columns=("organ", "points", "method", "given", "connected", "closed_percent", "dice_percent", "rank"),
+        tabulate=_TABLES + "table_4",
+        note=_NOTES + "table_4",
+    ),
+    Item(
+        "table5",
+        "Time to find corners and to connect them",
+        "Corners: Harris 1.885 s, Shi-Tomasi 1.304 s, FAST 0.93 s, CCCD 2.889 s. Curves: Connect2D 3.44 "
+        "s, Crawl 6.87 s, NN-Crust 5.34 s, CCCD 0.395 s.",
+        name="Table 5",
+        section="paper",
+        rows=(CORNERS, RECONSTRUCTION),
+        table="table5_times",
+        columns=("organ", "method", "parameters", "corner_ms", "curve_ms"),
+        tabulate=_TABLES + "table_5",
+        note=_NOTES + "table_5",
+        plots=_PLOTS + "table_5",
+        captions=("Processor time per slice, medians, on a logarithmic axis.",),
+    ),
+    Item(
+        "figure17",
+        "The surface",
+        "Marching cubes leaves a grid-like roughness on a liver (a); the stacked splines do not (b); "
+        "their control net encloses the surface (c). It took 4.287 s.",
+        name="Figure 17",
+        section="paper",
+        rows=(ISOSURFACES,),
+        note=_NOTES + "figure_17",
+        plots=_PLOTS + "figure_17",
+        captions=("from the front, flat-shaded.",),
+    ),
+    Item(
+        "surfaces",
+        "Against the surfaces people use today",
+        "Every method on the same structures, measured alike.",
+        rows=(ISOSURFACES,),
+        table="surfaces",
+        columns=("case", "organ", "method", "seconds"),
+        plots=_PLOTS + "surfaces",
+        captions=(
+            "Each dot is a structure. Bytes are those of the mesh, for ours those of the control net.",
+        ),
+    ),
+    Item(
+        "thick_slices",
+        "Thick slices",
+        "Every n-th slice is kept, the surface is rebuilt from those and compared with the full resolution.",
+        rows=(THICK_SLICES,),
+        table="thick_slices",
+        columns=("case", "organ", "slice_distance_mm", "method", "seconds"),
+        plots=_PLOTS + "thick_slices",
+        captions=("rebuilt from every n-th slice, measured at full resolution.",),
+    ),
+    Item(
+        "junctions",
+        "Junction repair",
+        "Boundary maps with spurs, bridges, gaps and noise, ordered by the network and by the classical "
+        "decoders.",
+        table="junctions",
+        columns=("decoder", "kind", "maps", "correct", "dice", "hausdorff_px", "ms"),
+        plots=_PLOTS + "junctions",
+        captions=(
+            "Share of slices whose curve is right, and mean Dice, per kind of corruption.",
+            "The ten maps on which the network does worst: input, links, our curve (thin, orange) and the "
+            "truth (thick, green).",
+            "The ten worst maps: input, links, curve and truth",
+        ),
+        picture="gnn/worst.png",
+        network=True,
+    ),
+    Item(
+        "ordering",
+        "Isolated corners, before and after",
+        "Where a greedy chain code gets stuck on the boundary pixels (Figure 4), and on the ordered curves.",
+        table="ordering",
+        columns=("case", "organ"),
+        tabulate="cccd.comparisons.summary.ordering",
+    ),
+    Item(
+        "compactness",
+        "Compactness",
+        "Bytes per slice of the splines (control points, knots, header), the chain code, the PNG and the raw "
+        "contour.",
+        table="compactness",
+        columns=("case", "organ", "spline", "spline_16_bit", "chain_code", "raw", "png"),
+        tabulate="cccd.comparisons.summary.compactness",
+        note=_NOTES + "compactness",
+        plots=_PLOTS + "compactness",
+        captions=("The paper counts 19.2 KB for an image and 1.03 KB for its corners.",),
+    ),
+    Item(
+        "k_sweep",
+        "The whole sweep over k",
+        "Every structure, both criteria.",
+        rows=(K_SWEEP,),
+        table="k_sweep",
+        columns=("case", "organ", *K_SWEEP.columns),
+    ),
+)
+
+#: Every experiment by its name, in the order of the items that stand on them.
+COMPARISONS = {comparison.name: comparison for item in ITEMS for comparison in item.rows}
+
+
+def tables() -> list[str]:
+    """Stems of the tables that ``build_tables`` makes, in the page's order."""
+    return [item.table for item in ITEMS if item.table is not None and item.tabulated]

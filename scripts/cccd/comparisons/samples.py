@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cccd.containers import Curves, Structure
-from cccd.metrics import rasterise_slice
+from cccd.metrics import dice, rasterise_slice
 
-__all__ = ["SliceSample", "choose_slices", "to_bytes"]
+__all__ = ["SliceSample", "choose_slices", "middle_slice", "to_bytes"]
 
 #: Pixels of background around the curve, so that what leaks out of it is seen.
 MARGIN = 8
@@ -47,6 +47,21 @@ class SliceSample:
     region: np.ndarray
     images: dict[str, np.ndarray]
 
+    @property
+    def picture(self) -> str:
+        """Which of the images a figure shows: the grey slice where there is one."""
+        return "grey" if "grey" in self.images else "mask"
+
+    @property
+    def window(self) -> np.ndarray:
+        """First and last pixel (2, 2) of the images."""
+        return np.array([self.origin, self.origin + self.region.shape - 1])
+
+    def dice_percent(self, curve: np.ndarray) -> float:
+        """Dice score in percent of what a curve (n, 2) in source (i, j) encloses."""
+        enclosed = rasterise_slice([curve] if len(curve) else [], self.origin, self.region.shape)
+        return 100 * float(dice(self.region, enclosed))
+
 
 def choose_slices(
     structure: Structure, curves: Curves, n_slices: int, min_contour_px: float
@@ -74,6 +89,14 @@ def choose_slices(
     stack = structure.stack("image")
     grey = None if stack is None else to_bytes(stack, structure.stack("mask"))
     return [_sample(structure, curves, length, int(slices[place]), grey) for place in fit[places]]
+
+
+def middle_slice(
+    structure: Structure, curves: Curves, n_slices: int, min_contour_px: float
+) -> SliceSample | None:
+    """Take the slice that figures show: the middle one of those compared; None without any curve."""
+    samples = choose_slices(structure, curves, n_slices, min_contour_px)
+    return samples[len(samples) // 2] if samples else None
 
 
 def _sample(

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from cccd.chaincode import trace_mask
-from cccd.comparisons.volume_meshes import distance_isosurface, flying_edges, windowed_sinc
+from cccd.comparisons.baselines.surfaces import SURFACES
 from cccd.containers import Frame, Structure
 from cccd.surface.loft import loft_surface
 from cccd.surface.measure import measure_mesh
@@ -19,11 +19,8 @@ __all__ = ["every_nth_slice", "thick_slice_experiment"]
 
 #: Fewer slices with organ than this say nothing about a reconstruction.
 FEWEST_SLICES = 3
-#: What people use today: an isosurface, then windowed-sinc smoothing.
-RIVALS = {
-    "marching cubes + windowed sinc": flying_edges,
-    "signed distance + isosurface + windowed sinc": distance_isosurface,
-}
+#: The baselines: an isosurface, then windowed-sinc smoothing.
+BASELINES = ("flying edges + windowed sinc", "signed distance + isosurface + windowed sinc")
 
 
 def every_nth_slice(structure: Structure, n: int) -> Structure:
@@ -77,14 +74,15 @@ def thick_slice_experiment(structure: Structure, settings: Mapping) -> pd.DataFr
             continue
         row = {"slice_distance_mm": n * spacing, "every_nth": n}
         start = time.perf_counter()
-        surface = loft_surface(trace_mask(thick), lofting)
+        curves = trace_mask(thick)
+        surface = loft_surface(curves, lofting)
         seconds = time.perf_counter() - start
         figures = measure_mesh(surface.vertices, surface.faces, structure)
         control_bytes = surface.report["control_bytes"]
         rows.append({**row, "method": "CCCD", **figures, "seconds": seconds, "control_bytes": control_bytes})
-        for method, make in RIVALS.items():
+        for method in BASELINES:
             start = time.perf_counter()
-            mesh = windowed_sinc(make(thick))
+            mesh = SURFACES[method].run(thick, curves)
             seconds = time.perf_counter() - start
             rows.append({**row, "method": method, **measure_mesh(*mesh, structure), "seconds": seconds})
     return pd.DataFrame(rows)

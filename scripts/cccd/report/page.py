@@ -12,62 +12,31 @@ import io
 import json
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import h5py
 import jinja2
 import pandas as pd
 import yaml
 from markupsafe import Markup
 
-from cccd.report import exhibits, figures
-from cccd.report.exhibits import Evidence
+from cccd.comparisons.measures import HEADLINES, Measure
+from cccd.comparisons.numerals import number, typeset
+from cccd.comparisons.registry import COMPARISONS, ITEMS, SECTIONS, Item
+from cccd.comparisons.summary import Cohort, build_tables, write_notes
+from cccd.containers import Frame
+from cccd.report import plots
 from cccd.report.facts import benchmark_table, duration, provenance
-from cccd.report.paper import EXHIBITS, Exhibit
+from cccd.report.html_tables import Table, table, words
+from cccd.report.items import draw
 from cccd.report.render import VIEWS, VTK_PACKAGE, picture_renderer
+from cccd.report.results import Results
 from cccd.report.scene import Scene, build_scene, colour_stops
-from cccd.report.tables import Table, number, read_csv, table, typeset, words
-from cccd.store import atomic_path, read_structure_facts
+from cccd.store import atomic_path
 
 __all__ = ["build_report", "build_structure_page"]
-
-
-class Headline(NamedTuple):
-    """A number by which a surface is judged at a glance.
-
-    ``path`` says where it stands in metrics.json, ``factor`` turns it into ``unit``, ``form`` is its format.
-    """
-
-    path: tuple[str, ...]
-    heading: str
-    unit: str
-    factor: float
-    form: str
-
-    @property
-    def label(self) -> str:
-        """Heading with its unit."""
-        return f"{self.heading} ({self.unit})" if self.unit else self.heading
-
-    def value(self, metrics: Mapping[str, Any]) -> float | None:
-        """Take the number in ``unit``; None where it was not measured."""
-        found: Any = metrics
-        for key in self.path:
-            found = found.get(key) if isinstance(found, Mapping) else None
-        return None if found is None else found * self.factor
-
-
-HEADLINES = (
-    Headline(("surface", "dice_3d"), "3D Dice", "", 1, ".4f"),
-    Headline(("surface", "assd_mm"), "ASSD", "mm", 1, ".2f"),
-    Headline(("surface", "volume_bias"), "Volume bias", "%", 100, "+z.2f"),
-    Headline(("surface", "control_points"), "Control points", "", 1, ",d"),
-    Headline(("surface", "control_bytes"), "Control net", "kB", 1e-3, ".1f"),
-    Headline(("surface", "compactness"), "Smaller than marching cubes", "×", 1, ".0f"),
-)
 
 #: Widths in pixels of a picture in a card and in the contact sheet of a cohort.
 _CARD_WIDTH, _THUMB_WIDTH = 900, 240
@@ -112,14 +81,15 @@ class StructureView:
 
 
 @dataclass
-class ExhibitView:
-    """One table or figure of the paper with ours beside it; a figure is (SVG, caption, is it wide)."""
+class ItemView:
+    """One item of the registry as the templates see it; a figure is (SVG, caption, is it wide)."""
 
-    paper: Exhibit
-    verdict: str | None
+    item: Item
+    note: str | None
     table: Table | None
     figures: list[tuple[Markup, str, bool]]
     missing: str | None
+    picture: str | None
 
 
 def build_report(
@@ -130,6 +100,7 @@ def build_report(
     output: Path,
     benchmarks: Path | None,
     template_dir: Path,
+    cohort: Cohort | None = None,
 ) -> None:
     """Write the cohort's page.
 
@@ -149,22 +120,15 @@ def build_report(
         Folder of Snakemake's benchmark files.
     template_dir : path
         ``workflow/report``.
+    cohort : Cohort or None
+        Of the structures that are finished, where the tables of all could not be made: the page then shows
+        what these come to.
     """
-    settings = config["report"]
-    index = len(structures) > settings["pages_above"]
-    width = _THUMB_WIDTH if index else _CARD_WIDTH
-    thumbs = len(structures) <= _THUMBS_BELOW
-    views = [
-        _structure_view(results, output.parent, case, organ, width if thumbs else None)
-        for case, organ in structures
-    ]
-    if not index:
-        for view in views:
-            view.scene = build_scene(results / view.case / view.organ, settings["viewer_triangles"])
-    times = benchmark_table(benchmarks)
-    history = read_csv(results / "gnn" / "history.csv")
-    evidence = Evidence(results, structures, config)
-    remarks = exhibits.remarks(evidence) | _read_json(results / "tables" / "remarks.json")
+    found = Results(results, structures)
+    if cohort is not None:
+        found = Results(results, structures, build_tables(cohort), write_notes(cohort))
+    index = len(structures) > config["report"]["pages_above"]
+    views = _structure_views(found, index, config)
     _write(
         output,
         template_dir,
@@ -174,23 +138,49 @@ def build_report(
             "index": index,
             "structures": views,
             "failures": list(failures),
-            "measured": _measured_table(results, views, index),
+            "measured": _measured_table(found, views, index),
             "cohort_plots": _cohort_plots(views) if index else [],
-            "exhibits": [_exhibit(exhibit, evidence, remarks) for exhibit in EXHIBITS],
-            "experiments": _experiments(evidence, views, remarks),
-            "history": table("history", history) if history is not None else None,
-            "learning": _markup(figures.learning_curve(history)) if history is not None else None,
-            "training": _training_facts(results, config, history),
-            "times": table("rule_times", times) if times is not None else None,
-            "times_plot": Markup(figures.rule_times(times)) if times is not None else None,
-            "total_time": duration(float(times["total_s"].sum())) if times is not None else None,
+            "sections": _sections(found),
             "sources": _source_table(views),
-            "worst": _picture(results / "gnn" / "worst.png", _WIDE_PX)
-            if (results / "gnn" / "worst.png").is_file()
-            else None,
+            **_training(found, config),
+            **_times(benchmarks),
             **_shared(config),
         },
     )
+
+
+def _structure_views(results: Results, index: bool, config: Mapping[str, Any]) -> list[StructureView]:
+    """Collect every structure; an index leaves out what their own pages show."""
+    thumbs = len(results.structures) <= _THUMBS_BELOW
+    width = _THUMB_WIDTH if index else _CARD_WIDTH
+    views = [_structure_view(results, *key, width if thumbs else None) for key in results.structures]
+    if not index:
+        for view in views:
+            files = results.files(view.case, view.organ)
+            view.scene = build_scene(files, config["report"]["viewer_triangles"])
+    return views
+
+
+def _training(results: Results, config: Mapping[str, Any]) -> dict[str, Any]:
+    """Collect what tells of the training."""
+    history = results.history
+    return {
+        "history": table("history", history) if history is not None else None,
+        "learning": _markup(plots.learning_curve(history)) if history is not None else None,
+        "training": _training_facts(results, config),
+    }
+
+
+def _times(benchmarks: Path | None) -> dict[str, Any]:
+    """Collect time and memory of the run's jobs."""
+    times = benchmark_table(benchmarks)
+    if times is None:
+        return {"times": None, "times_plot": None, "total_time": None}
+    return {
+        "times": table("rule_times", times),
+        "times_plot": Markup(plots.rule_times(times)),
+        "total_time": duration(float(times["total_s"].sum())),
+    }
 
 
 def build_structure_page(
@@ -213,13 +203,14 @@ def build_structure_page(
     index : path or None
         The cohort's page, to lead back to.
     """
-    view = _structure_view(results, output.parent, case, organ, _CARD_WIDTH)
-    view.scene = build_scene(results / case / organ, config["report"]["viewer_triangles"])
-    comparisons = []
-    for path in sorted((results / case / organ / "comparisons").glob("*.csv")):
-        frame = read_csv(path)
-        if frame is not None:
-            comparisons.append((words(path.stem)[0], table(path.stem, frame)))
+    found = Results(results, [(case, organ)])
+    view = _structure_view(found, case, organ, _CARD_WIDTH)
+    files = found.files(case, organ)
+    view.scene = build_scene(files, config["report"]["viewer_triangles"])
+    rows = {name: files.rows(name) for name in sorted(COMPARISONS)}
+    comparisons = [
+        (words(name)[0], table(name, frame)) for name, frame in rows.items() if frame is not None
+    ]  # fmt: skip
     _write(
         output,
         template_dir,
@@ -285,12 +276,6 @@ def _markup(svg: str | None) -> Markup | None:
     return None if svg is None else Markup(svg)
 
 
-def _read_json(path: Path) -> dict[str, Any]:
-    if not path.is_file():
-        return {}
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
 def _plain(value: Any) -> Any:
     """Copy as plain values, so that YAML writes no Python tags."""
     if isinstance(value, Mapping):
@@ -307,26 +292,16 @@ def _relative(path: Path, folder: Path) -> str:
 # Structures ---------------------------------------------------------------------------------------------
 
 
-def _structure_view(results: Path, home: Path, case: str, organ: str, width: int | None) -> StructureView:
-    folder = results / case / organ
-    metrics = _read_json(folder / "metrics.json")
-    picture, renderer = None, None
-    if width is not None and (folder / "picture.png").is_file():
-        picture, renderer = _picture(folder / "picture.png", width), picture_renderer(folder / "picture.png")
-    facts: dict[str, Any] = {}
-    warnings = list(metrics.get("warnings", []))
-    grid = None
-    if (folder / "structure.h5").is_file():
-        frame, facts, noticed = read_structure_facts(folder / "structure.h5")
-        warnings = warnings or noticed
-        grid = (
-            " × ".join(str(n) for n in frame.shape)
-            + " voxels of "
-            + " × ".join(number(x, 3) for x in frame.spacing)
-            + " mm"
-        )
-    else:
-        warnings.append("No structure.h5: this structure was not imported.")
+def _structure_view(results: Results, case: str, organ: str, width: int | None) -> StructureView:
+    """Collect one structure, its picture at most ``width`` pixels wide; without a width there is none."""
+    files = results.files(case, organ)
+    metrics = files.metrics() or {}
+    pictured = width is not None and files.picture.is_file()
+    read = files.facts()
+    frame, facts, noticed = read if read is not None else (None, {}, [])
+    warnings = metrics.get("warnings") or noticed
+    if read is None:
+        warnings = [*warnings, "No structure.h5: this structure was not imported."]
     return StructureView(
         case=case,
         organ=organ,
@@ -334,19 +309,36 @@ def _structure_view(results: Path, home: Path, case: str, organ: str, width: int
         metrics=metrics,
         headlines=_headlines(metrics),
         warnings=warnings,
-        picture=picture,
-        renderer=renderer,
+        picture=_picture(files.picture, width) if pictured else None,
+        renderer=picture_renderer(files.picture) if pictured else None,
         link=f"{case}/{organ}/report.html",
         sources=_sources(facts),
         provenance=json.dumps(facts, indent=2, sort_keys=True, ensure_ascii=False) if facts else None,
-        grid=grid,
+        grid=_grid(frame) if frame is not None else None,
     )
+
+
+def _grid(frame: Frame) -> str:
+    shape = " × ".join(str(n) for n in frame.shape)
+    return f"{shape} voxels of {' × '.join(number(x, 3) for x in frame.spacing)} mm"
+
+
+def _label(measure: Measure) -> str:
+    """Heading of a headline with its unit."""
+    headline = measure.headline
+    return f"{headline.heading} ({headline.unit})" if headline.unit else headline.heading
+
+
+def _value(measure: Measure, metrics: Mapping[str, Any]) -> float | None:
+    """Take a headline's number in its unit; None where it was not measured."""
+    found = measure.look_up(metrics)
+    return None if found is None else found * measure.headline.factor
 
 
 def _headlines(metrics: Mapping[str, Any]) -> list[dict[str, str]]:
     found = []
-    for headline in HEADLINES:
-        value = headline.value(metrics)
+    for measure in HEADLINES:
+        value, headline = _value(measure, metrics), measure.headline
         if value is not None:
             text = typeset(format(int(value) if headline.form == ",d" else value, headline.form))
             found.append({"heading": headline.heading, "text": text, "unit": headline.unit})
@@ -395,17 +387,12 @@ def _flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def _measured_table(results: Path, views: Sequence[StructureView], index: bool) -> Table | None:
+def _measured_table(results: Results, views: Sequence[StructureView], index: bool) -> Table | None:
     """``tables/structures.csv``, or the headlines of every structure while it is not there."""
-    frame = read_csv(results / "tables" / "structures.csv")
+    frame = results.table("structures")
     if frame is None:
-        rows = [
-            {"case": view.case, "organ": view.organ}
-            | {headline.label: headline.value(view.metrics) for headline in HEADLINES}
-            | {"warnings": len(view.warnings)}
-            for view in views
-        ]
-        frame = pd.DataFrame(rows)
+        warnings = [len(view.warnings) for view in views]
+        frame = _headline_frame(views).assign(warnings=warnings)
     if frame.empty:
         return None
     links = None
@@ -417,34 +404,50 @@ def _measured_table(results: Path, views: Sequence[StructureView], index: bool) 
     return table("structures", frame, links)
 
 
-def _cohort_plots(views: Sequence[StructureView]) -> list[Markup]:
-    frame = pd.DataFrame(
+def _headline_frame(views: Sequence[StructureView]) -> pd.DataFrame:
+    """Every structure's headlines, one row each."""
+    return pd.DataFrame(
         [
-            {"organ": view.organ} | {headline.label: headline.value(view.metrics) for headline in HEADLINES}
+            {"case": view.case, "organ": view.organ}
+            | {_label(measure): _value(measure, view.metrics) for measure in HEADLINES}
             for view in views
         ]
     )
-    labels = [headline.label for headline in HEADLINES]
-    return [Markup(plot) for plot in figures.strips(frame, labels, "organ")]
+
+
+def _cohort_plots(views: Sequence[StructureView]) -> list[Markup]:
+    labels = [_label(measure) for measure in HEADLINES]
+    return [Markup(plot) for plot in plots.strips(_headline_frame(views), labels, "organ")]
 
 
 # Tables and figures -------------------------------------------------------------------------------------
 
 
-def _exhibit(exhibit: Exhibit, evidence: Evidence, remarks: Mapping[str, Any]) -> ExhibitView:
-    shown = evidence.table(exhibit.table) if exhibit.table is not None else None
-    drawn = exhibits.plots(exhibit.key, evidence)
+def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:
+    """Collect every section of items: its anchor, title, introduction and items."""
+    return [
+        (key, title, text, [_item_view(item, results) for item in ITEMS if item.section == key])
+        for key, (title, text) in SECTIONS.items()
+    ]
+
+
+def _item_view(item: Item, results: Results) -> ItemView:
+    shown = results.table(item.table) if item.table is not None else None
+    drawn = draw(item, results)
+    note = results.notes.get(item.key)
     missing = None
-    if exhibit.table is not None and shown is None:
-        missing = f"tables/{exhibit.table}.csv is not there: this run did not make it."
-    elif shown is None and not drawn and exhibit.key not in remarks:
+    if item.table is not None and shown is None:
+        missing = f"tables/{item.table}.csv is not there: this run did not make it."
+    elif shown is None and not drawn and note is None:
         missing = "This run made no comparison for it."
-    return ExhibitView(
-        exhibit,
-        remarks.get(exhibit.key),
-        table(exhibit.table, shown) if shown is not None else None,
+    picture = results.picture(item.picture) if item.picture is not None else None
+    return ItemView(
+        item,
+        note,
+        table(item.table, shown) if shown is not None else None,
         [(svg, caption, _width(svg) > _COLUMN_PX) for svg, caption in drawn],
         missing,
+        _picture(picture, _WIDE_PX) if picture is not None else None,
     )
 
 
@@ -453,120 +456,29 @@ def _width(svg: str) -> float:
     return float(re.search(r"max-width: (\d+)px", svg)[1])
 
 
-class Experiment(NamedTuple):
-    """A table that goes past the paper and what draws it."""
-
-    stem: str
-    title: str
-    text: str
-    draw: Callable[[Evidence], list[tuple[Markup, str]]] | None = None
-
-
-EXPERIMENTS = (
-    Experiment(
-        "surfaces",
-        "Against the surfaces people use today",
-        "Every method on the same structures, measured alike.",
-        exhibits.surfaces,
-    ),
-    Experiment(
-        "thick_slices",
-        "Thick slices",
-        "Every n-th slice is kept, the surface is rebuilt from those and compared with the full resolution.",
-        exhibits.thick_slices,
-    ),
-    Experiment(
-        "junctions",
-        "Junction repair",
-        "Boundary maps with spurs, bridges, gaps and noise, ordered by the network and by the classical "
-        "decoders.",
-        exhibits.junctions,
-    ),
-    Experiment(
-        "ordering",
-        "Isolated corners, before and after",
-        "Where a greedy chain code gets stuck on the boundary pixels (Figure 4), and on the ordered curves.",
-    ),
-    Experiment(
-        "compactness",
-        "Compactness",
-        "Bytes per slice of the splines (control points, knots, header), the chain code, the PNG and the raw "
-        "contour.",
-    ),
-    Experiment("k_sweep", "The whole sweep over k", "Every structure, both criteria."),
-)
-
-
-def _experiments(
-    evidence: Evidence, views: Sequence[StructureView], remarks: Mapping[str, Any]
-) -> list[dict[str, Any]]:
-    """Collect the tables that go past the paper, each with its plots."""
-    found = []
-    for experiment in EXPERIMENTS:
-        frame = evidence.everywhere(experiment.stem)
-        drawn = experiment.draw(evidence) if experiment.draw else []
-        if experiment.stem == "ordering":
-            frame = _ordering(views)
-        if experiment.stem == "compactness":
-            frame = _sizes(views) if frame is None else frame
-            drawn = exhibits.compactness(frame) if frame is not None else []
-        found.append(
-            {
-                "key": experiment.stem,
-                "title": experiment.title,
-                "text": experiment.text,
-                "figures": drawn,
-                "table": table(experiment.stem, frame) if frame is not None else None,
-                "verdict": remarks.get(experiment.stem),
-            }
-        )
-    return found
-
-
-def _ordering(views: Sequence[StructureView]) -> pd.DataFrame | None:
-    """Take what the ordering stage counted, one row per structure, out of the metrics."""
-    rows = []
-    for view in views:
-        counted = view.metrics.get("ordering", {})
-        row = {key: value for key, value in counted.items() if isinstance(value, (int, float, str))}
-        agreement = counted.get("gnn_agreement")
-        if isinstance(agreement, Mapping) and "dice" in agreement:
-            row["GNN against exact tracing, Dice"] = agreement["dice"]
-        if row:
-            rows.append({"case": view.case, "organ": view.organ, **row})
-    return pd.DataFrame(rows) if rows else None
-
-
-def _sizes(views: Sequence[StructureView]) -> pd.DataFrame | None:
-    """Bytes per slice of every way to keep the contours, out of the metrics of the curves."""
-    rows = [
-        {"case": view.case, "organ": view.organ, **view.metrics.get("curves", {}).get("bytes_per_slice", {})}
-        for view in views
-    ]
-    frame = pd.DataFrame(rows)
-    return frame if frame.shape[1] > 2 else None
-
-
-def _training_facts(results: Path, config: Mapping[str, Any], history: pd.DataFrame | None) -> dict[str, str]:
+def _training_facts(results: Results, config: Mapping[str, Any]) -> dict[str, str]:
     """Collect data counts, seed, device and time, as far as the training left them."""
     found = {"seed": str(config.get("seed", "not set"))}
-    pretrained = (config.get("gnn") or {}).get("pretrained")
+    pretrained, history = (config.get("gnn") or {}).get("pretrained"), results.history
     if pretrained:
         found["weights"] = f"not trained here, taken from {pretrained}"
     elif history is not None and {"device", "seconds"}.issubset(history.columns):
         found["device"] = "; ".join(history["device"].astype(str).unique())
         found["epochs"] = f"{len(history)} in {duration(float(history['seconds'].sum()))}"
-    path = results / "gnn" / "graphs.h5"
-    if path.is_file():
-        with h5py.File(path, "r", locking=False) as file:
-            splits = [f"{len(file[name]['kind'])} {name}" for name in ("training", "validation", "test")]
-            facts = dict(file.attrs)
-        found["frozen graphs"] = ", ".join(splits)
-        found["kinds of damage"] = facts["kinds"].replace(",", ", ").replace("_", " ")
-        for name, key in (("size of the graphs", "bytes"), ("209 graphs of 1917 nodes", "bytes_paper")):
-            sparse, dense = facts[key], facts[f"{key}_dense"]
-            found[name] = (
-                f"{number(sparse / 1e6, 1)} MB; as dense matrices {number(dense / 1e9, 2)} GB, "
-                f"{number(dense / sparse, 0)} times as much"
-            )
+    graphs = results.graphs()
+    return found if graphs is None else found | _graph_facts(*graphs)
+
+
+def _graph_facts(counts: Mapping[str, int], facts: Mapping[str, Any]) -> dict[str, str]:
+    """Say how many graphs there are, of what, and how large as sparse and as dense matrices."""
+    found = {
+        "frozen graphs": ", ".join(f"{count} {split}" for split, count in counts.items()),
+        "kinds of damage": facts["kinds"].replace(",", ", ").replace("_", " "),
+    }
+    for name, key in (("size of the graphs", "bytes"), ("209 graphs of 1917 nodes", "bytes_paper")):
+        sparse, dense = facts[key], facts[f"{key}_dense"]
+        found[name] = (
+            f"{number(sparse / 1e6, 1)} MB; as dense matrices {number(dense / 1e9, 2)} GB, "
+            f"{number(dense / sparse, 0)} times as much"
+        )
     return found

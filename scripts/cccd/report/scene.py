@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from cccd.chaincode import broken_links, isolated_corners, junction_pixels, on_pixel_chain
-from cccd.containers import Boundaries, Curves, Frame, Splines, Structure
+from cccd.containers import Boundaries, Curves, Frame, Patch, Splines, Structure
 from cccd.report.meshes import (
     Mesh,
     mean_curvature,
@@ -25,14 +25,7 @@ from cccd.report.meshes import (
     voxel_surface,
 )
 from cccd.report.payload import Grid, pack, quantise
-from cccd.store import (
-    read_boundaries,
-    read_corners,
-    read_curves,
-    read_patches,
-    read_splines,
-    read_structure,
-)
+from cccd.report.results import StructureFiles
 
 __all__ = ["Legend", "Scene", "build_scene", "colour_stops"]
 
@@ -99,31 +92,25 @@ def colour_stops(count: int = 65) -> dict[str, list[list[int]]]:
     }
 
 
-def build_scene(folder: Path, triangles: int) -> Scene | None:
+def build_scene(files: StructureFiles, triangles: int) -> Scene | None:
     """Read one structure's files and pack what there is of them; None when there is nothing to show.
 
     Parameters
     ----------
-    folder : path
-        ``results/{case}/{organ}``.
+    files : StructureFiles
     triangles : int
         Each mesh is simplified to at most this many triangles.
     """
-    there = {name: (folder / name).is_file() for name in ("structure.h5", "boundaries.h5", "curves.h5")}
-    structure = read_structure(folder / "structure.h5") if there["structure.h5"] else None
+    structure = files.structure()
     scene = Scene("")
     meta: dict[str, Any] = {}
     arrays: dict[str, np.ndarray] = {}
-    if (folder / "surface.ply").is_file():
-        _add_meshes(scene, meta, arrays, _read_ply(folder / "surface.ply"), structure, triangles)
-    if (folder / "surface.h5").is_file():
-        _add_net(scene, meta, arrays, folder / "surface.h5")
-    boundaries = read_boundaries(folder / "boundaries.h5") if there["boundaries.h5"] else None
-    curves = read_curves(folder / "curves.h5") if there["curves.h5"] else None
+    if files.mesh.is_file():
+        _add_meshes(scene, meta, arrays, _read_ply(files.mesh), structure, triangles)
+    _add_net(scene, meta, arrays, files.patches())
+    boundaries, curves = files.boundaries(), files.curves()
     if structure is not None and (boundaries is not None or curves is not None):
-        splines = read_splines(folder / "curves.h5") if there["curves.h5"] else None
-        corners = read_corners(folder / "curves.h5") if there["curves.h5"] else None
-        _add_slices(scene, meta, arrays, structure, boundaries, curves, splines, corners)
+        _add_slices(scene, meta, arrays, structure, boundaries, curves, files.splines(), files.corners())
     if not arrays:
         return None
     scene.data = pack(meta, arrays)
@@ -199,8 +186,7 @@ def _round_up(value: float) -> float:
     return float(next(n * power for n in (1, 1.5, 2, 3, 5, 7, 10) if n * power >= value * (1 - 1e-12)))
 
 
-def _add_net(scene: Scene, meta: dict, arrays: dict, path: Path) -> None:
-    patches = read_patches(path)
+def _add_net(scene: Scene, meta: dict, arrays: dict, patches: list[Patch] | None) -> None:
     if not patches:
         return
     points = np.concatenate([patch.control_points.reshape(-1, 3) for patch in patches])

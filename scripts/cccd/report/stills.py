@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.collections import LineCollection
 
 from cccd.containers import Patch
 from cccd.report.meshes import Mesh, simplify, voxel_surface
 from cccd.report.render import VIEWS, frame_view, paint_mesh, read_mesh
+from cccd.report.results import StructureFiles
 from cccd.report.svg import axes, style, to_svg
-from cccd.store import read_patches, read_structure
 
 __all__ = ["draw_surface_still"]
 
@@ -21,21 +19,20 @@ _TRIANGLES = 60_000
 _NET_COLOUR = "#0072b2"
 
 
-def draw_surface_still(key: str, folder: Path) -> str | None:
+def draw_surface_still(key: str, files: StructureFiles) -> str | None:
     """Draw one structure's surface as the paper's Figure 17 does; None where there is none.
 
     Parameters
     ----------
     key : str
         Id of the figure.
-    folder : path
-        ``results/{case}/{organ}``.
+    files : StructureFiles
     """
-    if not all((folder / name).is_file() for name in ("structure.h5", "surface.ply", "surface.h5")):
+    structure, patches = files.structure(), files.patches()
+    if structure is None or patches is None or not files.mesh.is_file():
         return None
-    surface = Mesh(*read_mesh(folder / "surface.ply"))
-    cubes = voxel_surface(read_structure(folder / "structure.h5"))
-    patches = read_patches(folder / "surface.h5")
+    surface = Mesh(*read_mesh(files.mesh))
+    cubes = voxel_surface(structure)
     panels = [("c  control net", surface, patches)]
     panels.insert(0, ("b  spline surface", surface, []))
     if cubes is not None:

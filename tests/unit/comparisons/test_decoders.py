@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from cccd.chaincode import is_simple
-from cccd.comparisons.decoders import DECODERS, decode
+from cccd.comparisons.baselines.decoders import DECODERS
+from cccd.comparisons.decoders import decode
 from cccd.junctions.corruptions import contours_of, corrupt
 from cccd.junctions.scoring import score_slice
 
@@ -18,7 +19,7 @@ def organ():
 
 
 def run(name, drawn):
-    return decode(DECODERS[name], np.argwhere(drawn), SEED)
+    return decode(DECODERS[name].run, np.argwhere(drawn), SEED)
 
 
 @pytest.mark.parametrize("name", DECODERS)
@@ -51,5 +52,5 @@ def test_gaps_are_closed(name):
 
 @pytest.mark.parametrize("name", DECODERS)
 def test_a_map_that_encloses_nothing_gives_no_curve_that_is_not_simple(name):
-    chain = decode(DECODERS[name], np.array([[5, 5], [5, 6], [9, 9], [12, 4]]), np.array([7.0, 6.0]))
+    chain = decode(DECODERS[name].run, np.array([[5, 5], [5, 6], [9, 9], [12, 4]]), np.array([7.0, 6.0]))
     assert len(chain) == 0 or is_simple(chain, np.array([0, len(chain)])).all()

@@ -16,6 +16,6 @@ def test_corners_of_drawn_contours():
     curves = Curves(points, offsets, np.arange(3, dtype=np.int32), np.zeros(3, bool), frame)
     structure = Structure("a", "drawn", frame, np.zeros(3, int), contours=curves)
     settings = {"corners": {"n_slices": 1, "min_contour_px": 60, "on_boundary_px": 1.5}}
-    table = compare_corners(structure, curves, settings, seed=0)
+    table = compare_corners(structure, curves, settings)
     ours = table[(table["method"] == CCCD) & (table["parameters"] == "automatic")]
     assert (ours["DSC"] > 0.97).all()

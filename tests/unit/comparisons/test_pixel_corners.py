@@ -1,9 +1,13 @@
 import numpy as np
 import pytest
 
+from cccd.comparisons.baselines.contours import CONTOURS
+from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
+from cccd.comparisons.baselines.decoders import DECODERS
+from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS
+from cccd.comparisons.baselines.surfaces import SURFACES
 from cccd.comparisons.parameters import BEST, GRID, PAPER_FIGURE_9, PAPER_TABLE_2, grid_points, parameter_sets
 from cccd.comparisons.pixel_corners import susan
-from cccd.comparisons.registry import CONTOURS, CORNER_DETECTORS, RECONSTRUCTIONS
 
 CORNERS = {(15, 20), (15, 49), (44, 20), (44, 49)}
 
@@ -70,6 +74,8 @@ def test_the_registry_is_complete():
         "connect2d", "crawl", "nn_crust", "crust", "peel", "gathan", "sigdt", "hnn_crust", "tour",
     }  # fmt: skip
     assert set(CONTOURS) == {"corners", "grey"}
+    for family in (CORNER_DETECTORS, RECONSTRUCTIONS, CONTOURS, SURFACES, DECODERS):
+        assert all(callable(method.run) and method.title and method.note for method in family.values())
+        assert len({method.title for method in family.values()}) == len(family)
     methods = [*CORNER_DETECTORS.values(), *RECONSTRUCTIONS.values(), *CONTOURS.values()]
-    assert all(callable(method.run) and method.title and method.note for method in methods)
     assert len({method.title for method in methods}) == len(methods)

@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 from known_curves import bean, circle, ring_links
 from scipy.spatial.distance import pdist
 
+from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS, reconstruct
 from cccd.comparisons.links import count_links
 from cccd.comparisons.reconstruction.delaunay import triangulate
-from cccd.comparisons.registry import RECONSTRUCTIONS, reconstruct
 
 ALL = sorted(RECONSTRUCTIONS)
 

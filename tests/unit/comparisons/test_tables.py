@@ -8,14 +8,20 @@ from known_curves import bean
 
 from cccd.chaincode import trace_mask
 from cccd.comparisons import published
-from cccd.comparisons.active_contour_comparison import compare_active_contour
-from cccd.comparisons.corner_comparison import CCCD, compare_corners, search
-from cccd.comparisons.figures import figure_9, figure_11, figure_15, figure_16
+from cccd.comparisons.active_contour_comparison import active_contour_figures, compare_active_contour
+from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
+from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS
+from cccd.comparisons.corner_comparison import CCCD, compare_corners, corner_figures, search
 from cccd.comparisons.parameters import GRID
-from cccd.comparisons.reconstruction_comparison import DENSE, HARRIS, compare_reconstruction
-from cccd.comparisons.registry import CORNER_DETECTORS, RECONSTRUCTIONS
+from cccd.comparisons.reconstruction_comparison import (
+    DENSE,
+    HARRIS,
+    compare_reconstruction,
+    reconstruction_figures,
+)
+from cccd.comparisons.registry import COMPARISONS, ITEMS
 from cccd.comparisons.samples import choose_slices, to_bytes
-from cccd.comparisons.tables import build_tables, write_remarks
+from cccd.comparisons.summary import Cohort, build_tables, write_notes
 from cccd.containers import Frame, Structure
 from cccd.metrics import rasterise_slice
 
@@ -54,6 +60,20 @@ def as_read_back(table: pd.DataFrame) -> pd.DataFrame:
     return pd.read_csv(io.StringIO(table.to_csv(index=False, float_format="%.6g")))
 
 
+def compare_all(structure, curves) -> list[pd.DataFrame]:
+    """The rows of the three comparisons that the paper's tables stand on."""
+    tables = (
+        compare_corners(structure, curves, SETTINGS),
+        compare_reconstruction(structure, curves, SETTINGS, 7),
+        compare_active_contour(structure, curves, SETTINGS, 7),
+    )
+    return [as_read_back(table) for table in tables]
+
+
+def as_cohort(rows) -> Cohort:
+    return Cohort(dict(zip(("corners", "reconstruction", "active_contour"), rows, strict=True)))
+
+
 @pytest.fixture(scope="module")
 def structure():
     return make_structure(with_image=True)
@@ -62,13 +82,12 @@ def structure():
 @pytest.fixture(scope="module")
 def rows(structure):
     curves = trace_mask(structure)
-    compare = (compare_corners, compare_reconstruction, compare_active_contour)
-    return [as_read_back(make(structure, curves, SETTINGS, 7)) for make in compare]
+    return compare_all(structure, curves)
 
 
 @pytest.fixture(scope="module")
 def tables(rows):
-    return build_tables(rows[0], rows[1])
+    return build_tables(as_cohort(rows))
 
 
 def test_slices_are_spread_and_long_enough(structure):
@@ -173,27 +192,21 @@ def test_the_first_rank_goes_to_the_best(tables):
         assert leader["closed_percent"] == group["closed_percent"].max()
 
 
-def test_remarks_are_sentences_with_numbers(tables, rows):
-    remarks = write_remarks(tables, *rows)
-    assert {"table1", "table2", "table3", "table4", "table5", "figure9", "figure15", "figure16"} <= set(
-        remarks
-    )
-    for text in remarks.values():
+def test_notes_are_sentences_with_numbers(rows):
+    notes = write_notes(as_cohort(rows))
+    assert {"table1", "table2", "table3", "table4", "table5", "figure9", "figure15", "figure16"} <= set(notes)
+    for text in notes.values():
         assert text.endswith(".")
         assert "nan" not in text
-    json.dumps(remarks)
+    json.dumps(notes)
 
 
 def test_a_mask_without_image_is_enough():
     structure = make_structure(with_image=False)
     curves = trace_mask(structure)
-    rows = [
-        as_read_back(make(structure, curves, SETTINGS, 7))
-        for make in (compare_corners, compare_reconstruction, compare_active_contour)
-    ]
+    rows = compare_all(structure, curves)
     assert set(rows[0]["image"]) == {"mask", "chain code"}
-    remarks = write_remarks(build_tables(rows[0], rows[1]), *rows)
-    assert all("nan" not in text for text in remarks.values())
+    assert all("nan" not in text for text in write_notes(as_cohort(rows)).values())
 
 
 def test_the_same_seed_gives_the_same_rows(structure, rows):
@@ -211,13 +224,28 @@ def test_search_ranks_the_eligible_first(structure, monkeypatch):
         assert (np.diff(group.loc[group["eligible"], "DSC"]) <= 0).all()
 
 
-def test_figures_show_every_panel(structure, rows):
+def test_figures_hold_every_panel(structure):
     curves = trace_mask(structure)
-    titles = [axis.get_title() for axis in figure_16(structure, curves, SETTINGS, 7).axes]
-    assert [title.split("\n")[0] for title in titles] == [
+    links = reconstruction_figures(structure, curves, SETTINGS, 7)["figure16"]
+    assert [panel.title for panel in links.panels] == [
         "Ground truth", "Connect2D", "Crawl", "NN-Crust", "2-opt tour", CCCD,
     ]  # fmt: skip
-    assert len(figure_9(structure, curves, SETTINGS, 7).axes) == 2 * len(CORNER_DETECTORS)
-    assert len(figure_15(structure, curves, SETTINGS, 7).axes) == 2 * 2
-    legend = figure_11(rows[0]).axes[0].get_legend()
-    assert len(legend.get_texts()) == 7
+    fused = corner_figures(structure, curves, SETTINGS)["figure9"]
+    assert len(fused.panels) == 2 * fused.columns == 2 * len(CORNER_DETECTORS)
+    assert fused.image.shape == tuple(np.diff(fused.window, axis=0)[0] + 1)
+    snakes = active_contour_figures(structure, curves, SETTINGS, 7)["figure15"]
+    assert len(snakes.panels) == 2 * 2
+
+
+def test_rows_and_tables_have_the_columns_that_the_registry_promises(rows, tables):
+    for name, frame in zip(("corners", "reconstruction", "active_contour"), rows, strict=True):
+        assert set(COMPARISONS[name].columns) <= set(frame.columns), name
+    for item in ITEMS:
+        if item.table in tables:
+            assert set(item.columns) <= set(tables[item.table].columns), item.table
+
+
+def test_a_cohort_without_rows_has_empty_tables_and_no_notes_of_its_own():
+    empty = Cohort({})
+    assert all(frame.empty for frame in build_tables(empty).values())
+    assert set(write_notes(empty)) == set(published.CONTRADICTIONS)

@@ -137,7 +137,7 @@ def write_run(root: Path, structures: list[tuple[str, str]], picture: bool = Tru
     pd.DataFrame(
         {"method": ["Harris", "<b>CCCD</b>"], "corners": [716, 189], "false_share_percent": [67.5, 0.0]}
     ).to_csv(results / "tables" / "table1_corners.csv", index=False)
-    write_json(results / "tables" / "remarks.json", {"table1": "Harris misses the boundary here, too."})
+    write_json(results / "tables" / "notes.json", {"table1": "Harris misses the boundary here, too."})
     benchmarks = root / "benchmarks" / structures[0][0] / structures[0][1]
     benchmarks.mkdir(parents=True)
     measured = {"s": 2.5, "h:m:s": "0:00:02", "max_rss": 310.5, "cpu_time": 2.4}

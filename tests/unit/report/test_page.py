@@ -10,11 +10,12 @@ import pandas as pd
 import pytest
 from sample_results import make_metrics, write_run
 
+from cccd.comparisons.numerals import number
+from cccd.comparisons.registry import ITEMS
 from cccd.report import svg
 from cccd.report.facts import benchmark_table
+from cccd.report.html_tables import table
 from cccd.report.page import build_report, build_structure_page
-from cccd.report.paper import EXHIBITS
-from cccd.report.tables import number, table
 from cccd.store import write_json
 
 TEMPLATES = Path(__file__).parents[3] / "workflow" / "report"
@@ -84,14 +85,14 @@ def test_page_is_well_formed_and_refers_to_nothing_outside(text):
     )
 
 
-def test_every_exhibit_of_the_paper_is_there(text):
+def test_every_item_of_the_registry_is_there(text):
     page = Reader(text)
     anchors = {attributes.get("id") for attributes in page.all("article")}
-    assert {exhibit.key for exhibit in EXHIBITS} <= anchors
-    assert [exhibit.name for exhibit in EXHIBITS if exhibit.name.startswith("Table")] == [
+    assert {item.key for item in ITEMS if item.section != "summary"} <= anchors
+    assert [item.name for item in ITEMS if item.name.startswith("Table")] == [
         "Table 1", "Table 2", "Table 3", "Table 4", "Table 5",
     ]  # fmt: skip
-    assert {exhibit.name for exhibit in EXHIBITS if exhibit.name.startswith("Figure")} == {
+    assert {item.name for item in ITEMS if item.name.startswith("Figure")} == {
         f"Figure {n}" for n in range(9, 18)
     }
 
@@ -144,7 +145,7 @@ def test_names_and_texts_are_escaped(tmp_path):
     pd.DataFrame({evil: [evil, '"><img src=x>'], "n": [1, 2]}).to_csv(
         results / "tables" / "surfaces.csv", index=False
     )
-    write_json(results / "tables" / "remarks.json", {"table1": evil})
+    write_json(results / "tables" / "notes.json", {"table1": evil})
     text = build(results, [("a", "b")], failures=[evil], config=CONFIG | {"cohort": evil})
     assert evil not in text
     assert "<img src=x" not in text

@@ -11,6 +11,7 @@ from test_payload import unpack
 
 from cccd.boundary import extract_boundaries
 from cccd.containers import Frame, Structure
+from cccd.report.results import StructureFiles
 from cccd.report.scene import _display, _letters, _round_up, build_scene, colour_stops
 from cccd.store import write_boundaries, write_structure
 
@@ -23,7 +24,7 @@ def folder(tmp_path_factory):
 
 
 def test_meshes_and_net_share_the_world(folder):
-    scene = build_scene(folder, 4000)
+    scene = build_scene(StructureFiles(folder), 4000)
     assert scene.parts == {"surface", "cubes", "net", "curves", "slices"}
     meta, arrays = unpack(scene.data)
     world = {
@@ -44,7 +45,7 @@ def test_meshes_and_net_share_the_world(folder):
 
 
 def test_distance_colours_are_small_for_the_true_surface(folder):
-    scene = build_scene(folder, 20_000)
+    scene = build_scene(StructureFiles(folder), 20_000)
     _, arrays = unpack(scene.data)
     legend = next(one for one in scene.legends if one.name == "distance")
     distance = (arrays["surface_distance"].astype(float) / 127.5 - 1) * legend.limit
@@ -53,7 +54,7 @@ def test_distance_colours_are_small_for_the_true_surface(folder):
 
 
 def test_overlays_are_counted_per_slice(folder):
-    _, arrays = unpack(build_scene(folder, 2000).data)
+    _, arrays = unpack(build_scene(StructureFiles(folder), 2000).data)
     offsets = arrays["boundary_offsets"].ravel().astype(int)
     assert offsets[-1] == len(arrays["boundary_points"])
     assert (np.diff(offsets) > 0).all()
@@ -61,7 +62,7 @@ def test_overlays_are_counted_per_slice(folder):
 
 
 def test_sprite_shows_the_organ_where_the_boundary_is(folder):
-    scene = build_scene(folder, 2000)
+    scene = build_scene(StructureFiles(folder), 2000)
     meta, arrays = unpack(scene.data)
     layout = meta["slices"]
     tile = layout["tile"]
@@ -90,13 +91,13 @@ def test_boundary_alone_makes_a_scene_without_a_mask(tmp_path):
         rings[part[:, 0], part[:, 1], k] = True
     write_structure(tmp_path / "structure.h5", Structure("a", "b", frame, np.zeros(3, int), boundary=rings))
     write_boundaries(tmp_path / "boundaries.h5", boundaries)
-    scene = build_scene(tmp_path, 1000)
+    scene = build_scene(StructureFiles(tmp_path), 1000)
     assert scene.parts == {"slices"}
     assert scene.sprite is None
 
 
 def test_empty_folder_has_no_scene(tmp_path):
-    assert build_scene(tmp_path, 1000) is None
+    assert build_scene(StructureFiles(tmp_path), 1000) is None
 
 
 AXES = {

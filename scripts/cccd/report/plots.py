@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
+from cccd.comparisons.summary import structure_names
+from cccd.report.html_tables import words
 from cccd.report.svg import DASHES, INK, MARKERS, RULE, SERIES, SOFT, axes, legend_below, style, to_svg
-from cccd.report.tables import words
 
-__all__ = ["learning_curve", "lines", "methods", "rule_times", "strips", "structure_names"]
+__all__ = ["learning_curve", "lines", "methods", "rates", "rule_times", "strips"]
 
 
 def _label(name: str) -> str:
@@ -54,16 +55,6 @@ def learning_curve(history: pd.DataFrame) -> str | None:
         return to_svg(figure, "learning", "Loss and scores of the training against the epoch")
 
 
-def structure_names(frame: pd.DataFrame) -> pd.Series:
-    """Name each row's structure ``case / organ``; the organ alone where it says enough."""
-    if not {"case", "organ"}.issubset(frame.columns):
-        return pd.Series("all", index=frame.index)
-    unique = frame.drop_duplicates(["case", "organ"])
-    if unique["organ"].is_unique:
-        return frame["organ"].astype(str)
-    return frame["case"].astype(str) + " / " + frame["organ"].astype(str)
-
-
 def lines(
     key: str,
     frame: pd.DataFrame,
@@ -84,9 +75,9 @@ def lines(
     measures : mapping of str to str
         Column and title of each panel; columns that are not there are left out.
     series : str
-        Column whose values part the lines by colour and mark; eight at most.
+        Column whose values separate the lines by colour and mark; eight at most.
     dashed : str, optional
-        Column whose values part them by dash.
+        Column whose values separate them by dash.
     """
     shown = {name: title for name, title in measures.items() if name in frame and frame[name].notna().any()}
     if not shown or not {x, series, *([dashed] if dashed else [])}.issubset(frame.columns):
@@ -185,6 +176,38 @@ def methods(
         if len(names) > 1:
             legend_below(figure, panels[0], 4)
         return to_svg(figure, key, f"{', '.join(shown.values())} of {len(rows)} methods")
+
+
+def rates(key: str, medians: pd.DataFrame, label: str) -> str:
+    """Draw shares between 0 and 1: a row per rate, a mark per method.
+
+    Parameters
+    ----------
+    key : str
+        Id of the figure.
+    medians : pandas.DataFrame
+        One row per method, one column per rate.
+    label : str
+        What the figure shows, for those who cannot see it.
+    """
+    rows = list(medians.columns)
+    spread = np.linspace(-0.3, 0.3, len(medians))
+    with style():
+        figure, axis = axes(7.2, 0.62 + 0.26 * len(rows))
+        for number, (method, values) in enumerate(medians.iterrows()):
+            axis.plot(
+                values.to_numpy(),
+                np.arange(len(rows)) + spread[number],
+                linestyle="none",
+                marker=MARKERS[number % len(MARKERS)],
+                color=SERIES[number % len(SERIES)],
+                markersize=4,
+                label=method,
+            )
+        axis.set(yticks=range(len(rows)), yticklabels=rows, ylim=(len(rows) - 0.5, -0.5), xlim=(-0.02, 1.02))
+        axis.set_xlabel("share")
+        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        return to_svg(figure, key, label)
 
 
 def strips(frame: pd.DataFrame, columns: list[str], group: str) -> list[str]:

@@ -6,14 +6,15 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from numbers import Integral, Real
-from pathlib import Path
+from numbers import Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-__all__ = ["Cell", "Column", "Table", "number", "read_csv", "table", "typeset", "words"]
+from cccd.comparisons.numerals import number, shared_decimals
+
+__all__ = ["Cell", "Column", "Table", "table", "words"]
 
 #: Endings of column names that are units, and how they are written.
 UNITS = {
@@ -63,9 +64,6 @@ SPELLINGS = {
 #: Columns that hold a share and are read in percent.
 IN_PERCENT = {"volume_bias"}
 
-#: Numbers that need more decimals are written with an exponent.
-_MOST_DECIMALS = 7
-
 
 @dataclass(frozen=True)
 class Cell:
@@ -97,17 +95,8 @@ class Table:
     file: str
 
 
-def read_csv(path: Path) -> pd.DataFrame | None:
-    """Read the table; None when the file is not there or holds no rows."""
-    try:
-        frame = pd.read_csv(path)
-    except (FileNotFoundError, pd.errors.EmptyDataError):  # a line break alone is a table without columns
-        return None
-    return None if frame.empty else frame
-
-
 def words(name: str) -> tuple[str, str]:
-    """Part a column name into heading and unit.
+    """Split a column name into heading and unit.
 
     >>> words("assd_mm"), words("volume_bias_percent"), words("Paper Dice")
     (('ASSD', 'mm'), ('Volume bias', '%'), ('Paper Dice', ''))
@@ -123,40 +112,6 @@ def words(name: str) -> tuple[str, str]:
     heading = " ".join(parts)
     # a lone letter is a symbol and keeps its case
     return (heading if len(heading) == 1 else heading[:1].upper() + heading[1:]), unit
-
-
-def typeset(text: str) -> str:
-    """Set a formatted number with narrow spaces between thousands and a true minus sign."""
-    return text.replace(",", "\u202f").replace("-", "−")
-
-
-def number(value: Any, decimals: int | None = None) -> str:
-    r"""Write a number: thousands parted by narrow spaces, a true minus sign, a dash for what is missing.
-
-    Without ``decimals`` a fraction is given with four significant digits.
-
-    >>> number(0.98491), number(12345), number(-0.5, 2), number(float("nan")), number(12345.6)
-    ('0.9849', '12\u202f345', '−0.50', '–', '12\u202f346')
-    """
-    if value is None or (isinstance(value, Real) and not math.isfinite(value)):
-        return "–"
-    if isinstance(value, (bool, np.bool_)):
-        return "yes" if value else "no"
-    if isinstance(value, Integral):
-        return typeset(f"{int(value):,}")
-    if decimals is None:
-        decimals = _decimals(np.array([value], float))
-    return typeset(f"{float(value):z,.{decimals}f}" if decimals <= _MOST_DECIMALS else f"{float(value):.1e}")
-
-
-def _decimals(values: np.ndarray) -> int:
-    """Choose how many decimals a column needs: none for whole numbers, else four digits of the largest."""
-    values = np.abs(values[np.isfinite(values)])
-    largest = values.max(initial=0)
-    for few in (0, 1):
-        if largest < 10 ** (4 - few) and np.array_equal(np.round(values, few), values):
-            return few
-    return int(np.clip(3 - np.floor(np.log10(largest)), 0, 12)) if largest > 0 else 0
 
 
 def _cell(value: Any, decimals: int | None, link: str | None, factor: float = 1) -> Cell:
@@ -194,7 +149,7 @@ def table(key: str, frame: pd.DataFrame, links: Iterable[str | None] | None = No
         unit = "%" if share else unit
         numeric = pd.api.types.is_numeric_dtype(series) and not pd.api.types.is_bool_dtype(series)
         columns.append(Column(str(name), heading, unit, numeric))
-        decimals.append((2 if share else _decimals(series.to_numpy(float))) if numeric else None)
+        decimals.append((2 if share else shared_decimals(series.to_numpy(float))) if numeric else None)
         factors.append(100 if share else 1)
     targets = list(links) if links is not None else [None] * len(frame)
     rows = [

@@ -1,0 +1,128 @@
+"""The paper's Tables 1-5 with our numbers beside the paper's.
+
+Everything is computed from the rows that the comparisons left for each structure, so the same tables
+come out for any cohort. Counts, scores and times are medians over an organ's slices; columns that begin
+with ``paper_`` are the paper's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from cccd.comparisons import published
+from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS
+from cccd.comparisons.corner_comparison import CCCD
+from cccd.comparisons.reconstruction_comparison import HARRIS
+from cccd.comparisons.summary import Cohort
+
+__all__ = ["table_1", "table_2", "table_3", "table_4", "table_5"]
+
+#: What the paper's byte counts come to: two 32-bit indices for each point (section 1).
+BYTES_PER_POINT = 8
+
+
+def _beside(ours: pd.DataFrame, theirs: pd.DataFrame, on: Sequence[str]) -> pd.DataFrame:
+    """Join the paper's columns to ours, their names beginning with ``paper_``."""
+    renamed = theirs.rename(columns={name: f"paper_{name}" for name in theirs.columns if name not in on})
+    return ours.merge(renamed, how="left", on=list(on))
+
+
+def table_1(cohort: Cohort) -> pd.DataFrame:
+    """Corners found by each detector, those on the boundary, and the share that is not."""
+    corners = cohort.rows("corners")
+    rows = corners[(corners["order"] == "chain") & (corners["parameters"] != "automatic")]
+    keys = ["organ", "image", "detector", "method", "parameters"]
+    table = rows.groupby(keys, sort=False)[["corners", "on_boundary"]].median().reset_index()
+    total = rows.groupby(keys, sort=False)[["corners", "on_boundary"]].sum().reset_index()
+    table["false_percent"] = 100 * (1 - total["on_boundary"] / total["corners"].replace(0, np.nan))
+    theirs = published.TABLE_1.assign(parameters="paper, Table 2")
+    return _beside(table, theirs, ["detector", "parameters"]).drop(columns="detector")
+
+
+def table_2(cohort: Cohort) -> pd.DataFrame:
+    """Dice and control points of every detector fused with a spline, and of CCCD."""
+    corners = cohort.rows("corners")
+    keys = ["organ", "image", "detector", "method", "parameters", "values", "order"]
+    rows = corners.assign(
+        dice_percent=100 * corners["DSC"],
+        of_boundary_percent=100 * corners["control_points"] / corners["boundary_pixels"],
+        self_intersecting_percent=100.0 * corners["self_intersects"],
+    )
+    grouped = rows.groupby(keys, sort=False)
+    medians = grouped[["dice_percent", "control_points", "of_boundary_percent"]].median()
+    table = medians.join(grouped["self_intersecting_percent"].mean()).reset_index()
+    return _beside(table, published.TABLE_2, ["detector", "parameters"]).drop(columns="detector")
+
+
+def table_3(cohort: Cohort) -> pd.DataFrame:
+    """CCCD's Dice and memory beside those that the segmentation networks' authors report."""
+    corners = cohort.rows("corners")
+    rows = corners[corners["detector"] == "cccd"]
+    rows = rows.assign(
+        k=pd.to_numeric(rows["parameters"].str.removeprefix("k = "), errors="coerce"),
+        dice_percent=100 * rows["DSC"],
+        boundary_pixels_used=rows["control_points"],
+        of_boundary_pixels=rows["boundary_pixels"],
+        memory_kb=rows["control_points"] * BYTES_PER_POINT / 1024,
+        outline_kb=rows["boundary_pixels"] * BYTES_PER_POINT / 1024,
+    )
+    measured = ["boundary_pixels_used", "of_boundary_pixels", "dice_percent", "memory_kb", "outline_kb"]
+    ours = rows.groupby(["organ", "method", "parameters", "k"], sort=False, dropna=False)[measured].median()
+    ours = ours.reset_index().assign(note="this run, from the true boundary")
+    theirs = published.TABLE_3.rename(columns={"boundary_pixels": "boundary_pixels_used"})
+    own = theirs[theirs["method"] == CCCD].drop(columns="year")
+    networks = published.NETWORKS.merge(
+        theirs[["method", "boundary_pixels_used", "memory_kb"]], how="left", on="method"
+    )
+    networks = networks.rename(
+        columns={
+            "dice_percent": "paper_dice_percent",
+            "boundary_pixels_used": "paper_boundary_pixels_used",
+            "memory_kb": "paper_memory_kb",
+        }
+    ).assign(note=published.OTHER_DATA)
+    own = own.astype({"k": float})
+    return pd.concat([_beside(ours, own, ["method", "k"]), networks], ignore_index=True).drop(columns="k")
+
+
+def table_4(cohort: Cohort) -> pd.DataFrame:
+    """Segments, gaps and closed curves that each reconstruction makes of each point set."""
+    reconstruction = cohort.rows("reconstruction")
+    rows = reconstruction.assign(
+        closed_percent=100.0 * reconstruction["closed"], dice_percent=100 * reconstruction["dice"]
+    )
+    grouped = rows.groupby(["organ", "points", "method", "given"], sort=False)
+    counts = grouped[["n_points", "connected", "disconnected", "open_ends", "junctions", "left_out"]].median()
+    table = counts.join(grouped[["closed_percent", "dice_percent"]].mean()).reset_index()
+    order = -(1e6 * table["closed_percent"].round(1) + table["dice_percent"].round(1))
+    table["rank"] = order.groupby([table["organ"], table["points"]]).rank(method="min").astype(int)
+    notes = {method.title: method.note for method in RECONSTRUCTIONS.values()}
+    table["version"] = table["method"].map(notes)
+    theirs = published.TABLE_4.assign(points=HARRIS)
+    return _beside(table, theirs, ["method", "points"])
+
+
+def table_5(cohort: Cohort) -> pd.DataFrame:
+    """Processor time per slice of every detector and every reconstruction."""
+    corners, reconstruction = cohort.rows("corners"), cohort.rows("reconstruction")
+    image = "grey" if (corners["image"] == "grey").any() else "mask"
+    as_printed = corners["parameters"].isin(["paper, Table 2", "publication", "k = 3", "automatic"])
+    detected = corners[
+        as_printed & corners["image"].isin([image, "chain code"]) & (corners["order"] == "chain")
+    ]
+    by_detector = ["organ", "detector", "method", "parameters"]
+    found = detected.groupby(by_detector, sort=False)[["corner_ms", "curve_ms"]].median().reset_index()
+    found = found.rename(columns={"detector": "key"})
+    found.loc[found["key"] != "cccd", "curve_ms"] = np.nan
+
+    names = {method.title: key for key, method in RECONSTRUCTIONS.items()}
+    linked = reconstruction[(reconstruction["points"] == HARRIS) & reconstruction["method"].isin(list(names))]
+    linked = linked.groupby(["organ", "method"], sort=False)["ms"].median().rename("curve_ms").reset_index()
+    linked = linked.assign(key=linked["method"].map(names), parameters=HARRIS)
+    table = pd.concat([found, linked], ignore_index=True)
+    theirs = published.TABLE_5
+    table = _beside(table, theirs, ["key"])
+    return table.sort_values("organ", kind="stable").drop(columns="key").reset_index(drop=True)

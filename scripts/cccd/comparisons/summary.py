@@ -1,0 +1,149 @@
+"""What all structures of a run left, as one cohort: its tables and its notes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cccd.comparisons import published
+from cccd.comparisons.measures import MEASURES
+from cccd.comparisons.registry import COMPARISONS, ITEMS, Item
+from cccd.lookup import find
+from cccd.store import read_json, read_table
+
+__all__ = [
+    "Cohort",
+    "build_tables",
+    "compactness",
+    "ordering",
+    "read_cohort",
+    "structure_names",
+    "structures",
+    "write_notes",
+]
+
+
+class Cohort:
+    """The rows that the comparisons left for every structure, and everything measured on each.
+
+    Parameters
+    ----------
+    rows : mapping of str to DataFrame
+        By comparison, the structures one below the other; what is not there has no rows.
+    metrics : sequence of dict
+        Each structure's ``metrics.json``.
+    """
+
+    def __init__(self, rows: Mapping[str, pd.DataFrame], metrics: Sequence[Mapping[str, Any]] = ()):
+        self._rows = dict(rows)
+        self.metrics = list(metrics)
+
+    def rows(self, name: str) -> pd.DataFrame:
+        """Rows of a comparison; a frame without rows when no structure has any."""
+        if name in self._rows:
+            return self._rows[name]
+        return pd.DataFrame(columns=["case", "organ", *COMPARISONS[name].columns])
+
+    def has(self, item: Item) -> bool:
+        """Whether every comparison that an item stands on left rows."""
+        return all(len(self.rows(comparison.name)) > 0 for comparison in item.rows)
+
+
+def read_cohort(comparisons: Iterable[str | Path], metrics: Iterable[str | Path]) -> Cohort:
+    """Read what jobs left: ``comparisons/<name>.csv`` and ``metrics.json`` of any number of structures."""
+    found: dict[str, list[pd.DataFrame]] = {}
+    for file in map(Path, comparisons):
+        part = read_table(file)
+        if part is not None:  # else the comparison cannot be made on this structure
+            found.setdefault(file.stem, []).append(part)
+    rows = {name: pd.concat(parts, ignore_index=True) for name, parts in found.items()}
+    return Cohort(rows, [read_json(file) for file in metrics])
+
+
+def build_tables(cohort: Cohort) -> dict[str, pd.DataFrame]:
+    """Make every table that is not another rule's, by its stem; without rows it has columns alone."""
+    tables = {}
+    for item in ITEMS:
+        if item.table is None or not item.tabulated:
+            continue
+        if not cohort.has(item):
+            tables[item.table] = pd.DataFrame(columns=list(item.columns))
+        elif item.tabulate is None:
+            tables[item.table] = cohort.rows(item.rows[0].name)
+        else:
+            tables[item.table] = find(item.tabulate)(cohort)
+    return tables
+
+
+def write_notes(cohort: Cohort) -> dict[str, str]:
+    """Say how our numbers compare with the paper's, item by item, and where the paper contradicts itself.
+
+    Returns
+    -------
+    dict of str to str
+        By the items' keys; ``training`` is the paper's section 4.
+    """
+    notes = {
+        item.key: find(item.note)(cohort)
+        for item in ITEMS
+        if item.note is not None and cohort.has(item)
+    }  # fmt: skip
+    notes = {key: sentence for key, sentence in notes.items() if sentence}
+    for key, sentence in published.CONTRADICTIONS.items():
+        notes[key] = f"{notes.get(key, '')} In the paper itself: {sentence}".strip()
+    return notes
+
+
+def structure_names(frame: pd.DataFrame) -> pd.Series:
+    """Name each row's structure ``case / organ``; the organ alone where it says enough."""
+    if not {"case", "organ"}.issubset(frame.columns):
+        return pd.Series("all", index=frame.index)
+    unique = frame.drop_duplicates(["case", "organ"])
+    if unique["organ"].is_unique:
+        return frame["organ"].astype(str)
+    return frame["case"].astype(str) + " / " + frame["organ"].astype(str)
+
+
+# Tables out of metrics.json -----------------------------------------------------------------------------
+
+
+def structures(cohort: Cohort) -> pd.DataFrame:
+    """One row per structure; what it cannot have stays empty."""
+    rows = [
+        {"case": metrics["case"], "organ": metrics["organ"]}
+        | {measure.name: measure.look_up(metrics) for measure in MEASURES}
+        | {"warnings": len(metrics["warnings"])}
+        for metrics in cohort.metrics
+    ]
+    return pd.DataFrame(rows, columns=["case", "organ", *(measure.name for measure in MEASURES), "warnings"])
+
+
+def compactness(cohort: Cohort) -> pd.DataFrame:
+    """Bytes per slice of every way to keep a structure's contours; the paper: 19.2 KB to 1.03 KB."""
+    return pd.DataFrame(
+        [
+            {
+                "case": metrics["case"],
+                "organ": metrics["organ"],
+                **metrics["curves"].get("bytes_per_slice", {}),
+            }
+            for metrics in cohort.metrics
+        ]
+    )
+
+
+def ordering(cohort: Cohort) -> pd.DataFrame:
+    """Count, one row per structure, where the ordering of the boundary's pixels got stuck."""
+    rows = []
+    for metrics in cohort.metrics:
+        counted = metrics.get("ordering", {})
+        row = {key: value for key, value in counted.items() if isinstance(value, (int, float, str))}
+        agreement = counted.get("gnn_agreement")
+        if isinstance(agreement, Mapping) and "dice" in agreement:
+            row["GNN against exact tracing, Dice"] = agreement["dice"]
+        if row:
+            rows.append({"case": metrics["case"], "organ": metrics["organ"], **row})
+    return pd.DataFrame(rows)

@@ -1,0 +1,239 @@
+"""What the page draws for each item of the registry, out of the files that the comparisons left.
+
+Every function takes the run's `Results` and the `Item`, and returns pairs of SVG and caption; a plot whose
+data are not there is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pandas as pd
+from markupsafe import Markup
+
+from cccd.comparisons.k_sweep import COARSE_K
+from cccd.comparisons.registry import Item
+from cccd.comparisons.summary import structure_names
+from cccd.containers import SliceFigure
+from cccd.lookup import find
+from cccd.report import plots
+from cccd.report.panels import LOOKS, OUTLINE_LOOKS, Looks, draw_slice_figure
+from cccd.report.results import Results
+from cccd.report.stills import draw_surface_still
+
+__all__ = [
+    "compactness", "draw", "figure_9", "figure_10", "figure_11", "figure_12", "figure_13", "figure_14",
+    "figure_15", "figure_16", "figure_17", "junctions", "surfaces", "table_5", "thick_slices",
+]  # fmt: skip
+
+#: Pairs of SVG (None: no data) and caption.
+Plots = list[tuple[str | None, str]]
+
+#: Thick-slice plots are drawn for so many structures; the table has them all.
+_MOST_PANELS = 6
+
+#: Figure 12 shows so many structures.
+_MOST_OUTLINES = 4
+
+#: CCCD's settings in the paper's Figure 11; with the three fused methods they make seven series.
+_FIGURE_11 = ["k = 3", "k = 5", "k = 7", "k = 20"]
+
+_RATES = ["TP rate", "FP rate", "TN rate", "FN rate", "ACC", "MC", "PRE", "SPEC", "DSC", "JI"]
+
+
+def draw(item: Item, results: Results) -> list[tuple[Markup, str]]:
+    """Draw what there is for one item: pairs of SVG and caption."""
+    drawn: Plots = find(item.plots)(results, item) if item.plots else []
+    return [(Markup(svg), caption) for svg, caption in drawn if svg is not None]
+
+
+# Figures of one slice -----------------------------------------------------------------------------------
+
+
+def _on_a_slice(
+    results: Results, item: Item, looks: Looks = LOOKS, panel_inches: float = 2.1, key: str | None = None
+) -> Plots:
+    """Draw the slice figure of the structure that is shown; its caption is the item's first."""
+    chosen = results.shown(item)
+    if chosen is None:
+        return []
+    case, organ, figure = chosen
+    caption = item.captions[0]
+    svg = draw_slice_figure(figure, key or item.key, caption, looks, panel_inches)
+    return [(svg, f"{case} / {organ}, middle slice. {caption}")]
+
+
+def figure_9(results: Results, item: Item) -> Plots:
+    """Draw corners and fused splines over the boundary."""
+    return _on_a_slice(results, item)
+
+
+def figure_14(results: Results, item: Item) -> Plots:
+    """Draw CCCD's outlines for three k."""
+    return _on_a_slice(results, item, OUTLINE_LOOKS, 2.3)
+
+
+def figure_10(results: Results, item: Item) -> Plots:
+    """Draw CCCD's outlines for four k, and Dice and points against k."""
+    drawn = _on_a_slice(results, item, OUTLINE_LOOKS, 2.3, key="figure10-outlines")
+    sweep = _sweep(results, item)
+    if sweep is None:
+        return drawn
+    maxima = sweep[sweep["criterion"].str.startswith("max")]
+    shown = {"DSC": "Dice", "share": "Corners / boundary pixels"}
+    return [*drawn, (plots.lines(item.key, maxima, "k", shown, "structure"), item.captions[1])]
+
+
+def figure_12(results: Results, item: Item) -> Plots:
+    """Draw the coarse outline of several structures side by side, and its Dice."""
+    panels = []
+    for case, organ in results.structures[:_MOST_OUTLINES]:
+        figure = results.figure(item, case, organ)
+        if figure is not None:
+            panels += [replace(panel, title=f"{case} / {organ}") for panel in figure.panels]
+    label, caption = item.captions
+    outlines = SliceFigure(panels)
+    drawn: Plots = []
+    if panels:
+        drawn = [(draw_slice_figure(outlines, "figure12-outlines", label, OUTLINE_LOOKS, 2.3), label)]
+    sweep = _sweep(results, item)
+    if sweep is None:
+        return drawn
+    coarse = sweep[sweep["k"] == COARSE_K]
+    dice = {"DSC": f"Dice at k = {COARSE_K}"}
+    return [*drawn, (plots.methods(item.key, coarse, "structure", dice, group="criterion"), caption)]
+
+
+# Plots of the rows --------------------------------------------------------------------------------------
+
+
+def _sweep(results: Results, item: Item) -> pd.DataFrame | None:
+    sweep = results.rows(item.rows[0])
+    return None if sweep is None else sweep.assign(structure=structure_names(sweep))
+
+
+def figure_11(results: Results, item: Item) -> Plots:
+    """Draw ten rates, medians over slices, of the fused detectors and of CCCD for each k."""
+    rows = results.rows(item.rows[0])
+    if rows is None:
+        return []
+    fused = rows[
+        (rows["order"] == "tour") & (rows["image"] == "mask") & (rows["parameters"] == "paper, Table 2")
+    ]
+    own = rows[(rows["detector"] == "cccd") & rows["parameters"].isin(_FIGURE_11)]
+    own = own.assign(method="CCCD, " + own["parameters"])
+    medians = pd.concat([fused, own]).groupby("method", sort=False)[_RATES].median()
+    return [
+        (plots.rates(item.key, medians, "Ten rates of the fused detectors and of CCCD"), item.captions[0])
+    ]
+
+
+def figure_13(results: Results, item: Item) -> Plots:
+    """Draw three scores against k."""
+    sweep = _sweep(results, item)
+    if sweep is None:
+        return []
+    shown = {"ACC": "Accuracy", "DSC": "Dice", "JI": "Jaccard"}
+    return [(plots.lines(item.key, sweep, "k", shown, "structure", dashed="criterion"), item.captions[0])]
+
+
+def figure_15(results: Results, item: Item) -> Plots:
+    """Draw the snakes of five seeds, and Dice against the seed's radius and place."""
+    drawn = _on_a_slice(results, item)
+    rows = results.rows(item.rows[0])
+    if rows is None:
+        return drawn
+    grid = rows[rows["setting"] == "grid"]
+    wide = grid.pivot_table(index=["radius", "offset"], columns="method", values="dice", aggfunc="median")
+    wide = wide.reset_index().rename_axis(columns=None).rename(columns={"radius": "seed radius"})
+    wide["seed"] = wide["offset"].map(lambda offset: f"seed {offset:g} radii off centre")
+    shown = {name: name for name in grid["method"].unique()}
+    return [*drawn, (plots.lines("figure15-lines", wide, "seed radius", shown, "seed"), item.captions[1])]
+
+
+def figure_16(results: Results, item: Item) -> Plots:
+    """Draw the links that each method makes, and how often they close."""
+    drawn = _on_a_slice(results, item)
+    rows = results.rows(item.rows[0])
+    if rows is None:
+        return drawn
+    rows = rows.assign(closed=rows["closed"].astype(float))
+    means = rows.groupby(["points", "method"], sort=False)[["closed", "dice"]].mean().reset_index()
+    shown = {"closed": "Share of single closed curves", "dice": "Mean Dice"}
+    dots = plots.methods("figure16-dots", means, "method", shown, group="points")
+    return [*drawn, (dots, item.captions[1])]
+
+
+def table_5(results: Results, item: Item) -> Plots:
+    """Draw the times of every detector and reconstruction."""
+    rows = results.table("table5_times")
+    if rows is None:
+        return []
+    rows = rows.assign(
+        method=rows["method"].where(rows.get("parameters") != "automatic", rows["method"] + ", automatic")
+    )
+    shown = {"corner_ms": "Corners (ms)", "curve_ms": "Curve (ms)"}
+    return [(plots.methods(item.key, rows, "method", shown, logarithmic=shown), item.captions[0])]
+
+
+def surfaces(results: Results, item: Item) -> Plots:
+    """Draw the baselines' surfaces beside ours."""
+    rows = results.table("surfaces")
+    if rows is None:
+        return []
+    shown = {
+        "dice_3d": "3D Dice",
+        "assd_mm": "ASSD (mm)",
+        "volume_bias": "Volume bias",
+        "bending_per_area_mm2": "Bending / area",
+        "bytes": "Bytes",
+    }
+    logarithmic = ("bytes", "bending_per_area_mm2")
+    return [(plots.methods(item.key, rows, "method", shown, logarithmic), item.captions[0])]
+
+
+def thick_slices(results: Results, item: Item) -> Plots:
+    """Draw error, roughness and bias against the distance of the slices that were kept."""
+    rows = results.table("thick_slices")
+    if rows is None:
+        return []
+    shown = {"assd_mm": "ASSD (mm)", "volume_bias": "Volume bias", "bending_per_area_mm2": "Bending / area"}
+    drawn: Plots = [
+        (
+            plots.lines(f"thick-{name}", part, "slice_distance_mm", shown, "method"),
+            f"{name}: {item.captions[0]}",
+        )
+        for name, part in rows.groupby(structure_names(rows), sort=False)
+    ]
+    return [(svg, caption) for svg, caption in drawn if svg is not None][:_MOST_PANELS]
+
+
+def junctions(results: Results, item: Item) -> Plots:
+    """Draw the share of correct curves per kind of corruption, decoder by decoder."""
+    rows = results.table("junctions")
+    if rows is None:
+        return []
+    shown = {"correct": "Correct", "dice": "Mean Dice"}
+    return [(plots.methods(item.key, rows, "kind", shown, group="decoder", ours="all"), item.captions[0])]
+
+
+def compactness(results: Results, item: Item) -> Plots:
+    """Draw bytes per slice of every way to keep the contours."""
+    sizes = results.table("compactness")
+    if sizes is None:
+        return []
+    long = sizes.melt(["case", "organ"], var_name="representation", value_name="bytes")
+    long["representation"] = long["representation"].str.replace("_", " ")
+    shown = {"bytes": "Bytes per slice (median)"}
+    svg = plots.methods(item.key, long, "representation", shown, logarithmic=shown, ours="spline")
+    return [(svg, item.captions[0])]
+
+
+def figure_17(results: Results, item: Item) -> Plots:
+    """Draw marching cubes, our surface and its control net."""
+    livers_first = sorted(results.structures, key=lambda key: key[1] != "liver")
+    for case, organ in livers_first:
+        svg = draw_surface_still(item.key, results.files(case, organ))
+        if svg is not None:
+            return [(svg, f"{case} / {organ}, {item.captions[0]}")]
+    return []

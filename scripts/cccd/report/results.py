@@ -1,0 +1,138 @@
+"""What a run left in ``results/``, read for the page; whatever is not there is None."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pandas as pd
+
+from cccd import store
+from cccd.comparisons.registry import Comparison, Item
+from cccd.containers import SliceFigure
+
+__all__ = ["Results", "StructureFiles"]
+
+Found = TypeVar("Found")
+
+
+def _if_there(read: Callable[..., Found], *files: Path) -> Found | None:
+    return read(*files) if all(file.is_file() for file in files) else None
+
+
+class StructureFiles:
+    """The files of one structure, ``results/{case}/{organ}/``."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.picture = folder / "picture.png"
+        self.mesh = folder / "surface.ply"
+
+    def metrics(self) -> dict[str, Any] | None:
+        """Read everything measured on it."""
+        return _if_there(store.read_json, self.folder / "metrics.json")
+
+    def structure(self):
+        """Read the image and the mask."""
+        return _if_there(store.read_structure, self.folder / "structure.h5")
+
+    def facts(self):
+        """Read the frame, the provenance and the warnings."""
+        return _if_there(store.read_structure_facts, self.folder / "structure.h5")
+
+    def boundaries(self):
+        """Read the boundary's pixels."""
+        return _if_there(store.read_boundaries, self.folder / "boundaries.h5")
+
+    def curves(self):
+        """Read the ordered curves."""
+        return _if_there(store.read_curves, self.folder / "curves.h5")
+
+    def splines(self):
+        """Read the closed splines."""
+        return _if_there(store.read_splines, self.folder / "curves.h5")
+
+    def corners(self):
+        """Read the corner points and their offsets."""
+        return _if_there(store.read_corners, self.folder / "curves.h5")
+
+    def patches(self):
+        """Read the control nets."""
+        return _if_there(store.read_patches, self.folder / "surface.h5")
+
+    def rows(self, name: str) -> pd.DataFrame | None:
+        """Read the rows of a comparison."""
+        return store.read_table(self.folder / "comparisons" / f"{name}.csv")
+
+    def figure(self, comparison: str, key: str) -> SliceFigure | None:
+        """Read what a comparison left for a figure."""
+        file = self.folder / "comparisons" / f"{comparison}.h5"
+        return store.read_figure(file, key) if file.is_file() else None
+
+
+class Results:
+    """A run's results, each table read once.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/``.
+    structures : sequence of (case, organ)
+    tables, notes : mapping, optional
+        In place of the files in ``tables/``: those of the structures that are finished, after failures.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        structures: Sequence[tuple[str, str]],
+        tables: Mapping[str, pd.DataFrame] | None = None,
+        notes: Mapping[str, str] | None = None,
+    ):
+        self.folder = folder
+        self.structures = structures
+        self.history = store.read_table(folder / "gnn" / "history.csv")
+        self._tables: dict[str, pd.DataFrame | None] = dict(tables or {})
+        self._rows: dict[str, pd.DataFrame | None] = {}
+        found = _if_there(store.read_json, folder / "tables" / "notes.json") or {}
+        self.notes: dict[str, str] = found if notes is None else dict(notes)
+
+    def files(self, case: str, organ: str) -> StructureFiles:
+        """Find one structure's files."""
+        return StructureFiles(self.folder / case / organ)
+
+    def table(self, stem: str) -> pd.DataFrame | None:
+        """Read ``tables/<stem>.csv``."""
+        if stem not in self._tables:
+            self._tables[stem] = store.read_table(self.folder / "tables" / f"{stem}.csv")
+        found = self._tables[stem]
+        return None if found is None or found.empty else found
+
+    def rows(self, comparison: Comparison) -> pd.DataFrame | None:
+        """Read the rows of a comparison of all structures; None also where its columns are not all there."""
+        if comparison.name not in self._rows:
+            parts = [self.files(*key).rows(comparison.name) for key in self.structures]
+            parts = [part for part in parts if part is not None]
+            frame = pd.concat(parts, ignore_index=True) if parts else None
+            whole = frame is not None and set(comparison.columns).issubset(frame.columns)
+            self._rows[comparison.name] = frame if whole else None
+        return self._rows[comparison.name]
+
+    def picture(self, name: str) -> Path | None:
+        """Find a picture that a rule left, by its path in ``results/``."""
+        return self.folder / name if (self.folder / name).is_file() else None
+
+    def graphs(self) -> tuple[dict[str, int], dict] | None:
+        """Read how many graphs the network was trained on, and what they hold."""
+        return _if_there(store.read_graph_facts, self.folder / "gnn" / "graphs.h5")
+
+    def shown(self, item: Item) -> tuple[str, str, SliceFigure] | None:
+        """Choose the structure of which an item shows a slice: a liver, as in the paper, or the first."""
+        livers_first = sorted(self.structures, key=lambda key: key[1] != "liver")
+        found = ((case, organ, self.figure(item, case, organ)) for case, organ in livers_first)
+        return next((one for one in found if one[2] is not None), None)
+
+    def figure(self, item: Item, case: str, organ: str) -> SliceFigure | None:
+        """Read what the item's comparison left to draw of one structure."""
+        return self.files(case, organ).figure(item.rows[0].name, item.key)

@@ -1,0 +1,17 @@
+"""One comparison on one structure: its rows, and what the report draws of it."""
+
+from cccd.job import job
+from cccd.lookup import find
+from cccd.store import write_figures, write_table
+
+case, organ = snakemake.wildcards.case, snakemake.wildcards.organ
+with job(snakemake.log[0], f"{case}/{organ}"):
+    arguments = {
+        name: find(read)(*snakemake.input.get(name)) for name, read in snakemake.params.readers.items()
+    }
+    arguments |= snakemake.params.arguments
+    rows = find(snakemake.params.run)(**arguments).assign(case=case, organ=organ)
+    names = ["case", "organ"] if len(rows) else []
+    write_table(snakemake.output.rows, rows[[*names, *rows.columns.drop(["case", "organ"])]])
+    if snakemake.params.figures:
+        write_figures(snakemake.output.figures, find(snakemake.params.figures)(**arguments))
