@@ -65,17 +65,14 @@ def read_cohort(comparisons: Iterable[str | Path], metrics: Iterable[str | Path]
 
 def build_tables(cohort: Cohort) -> dict[str, pd.DataFrame]:
     """Make every table that is not another rule's, by its stem; without rows it has columns alone."""
-    tables = {}
-    for item in ITEMS:
-        if item.table is None or not item.tabulated:
-            continue
-        if not cohort.has(item):
-            tables[item.table] = pd.DataFrame(columns=list(item.columns))
-        elif item.tabulate is None:
-            tables[item.table] = cohort.rows(item.rows[0].name)
-        else:
-            tables[item.table] = find(item.tabulate)(cohort)
-    return tables
+    return {item.table: _tabulate(item, cohort) for item in ITEMS if item.table and item.tabulated}
+
+
+def _tabulate(item: Item, cohort: Cohort) -> pd.DataFrame:
+    made = pd.DataFrame()
+    if cohort.has(item):
+        made = find(item.tabulate)(cohort) if item.tabulate else cohort.rows(item.rows[0].name)
+    return pd.DataFrame(columns=list(item.columns)) if made.empty else made
 
 
 def write_notes(cohort: Cohort) -> dict[str, str]:

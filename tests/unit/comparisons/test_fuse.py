@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from known_curves import bean, circle
 
-from cccd.comparisons.fuse import closed_spline, near_boundary, order_by_angle, order_by_chain, order_by_links
 from cccd.comparisons.baselines.reconstructions import reconstruct
+from cccd.comparisons.fuse import closed_spline, near_boundary, order_by_angle, order_by_chain, order_by_links
 
 
 def is_ring_order(order: np.ndarray) -> bool:

@@ -10,10 +10,8 @@ from cccd.comparisons.summary import build_tables, compactness, ordering, read_c
 
 def test_rows_carry_their_structures_names_and_empty_tables_none(tmp_path):
     files = []
-    for organ, table in {
-        "a": pd.DataFrame({"case": ["anna"] * 2, "organ": ["a"] * 2, "x": [1, 2]}),
-        "b": None,
-    }.items():
+    rows = pd.DataFrame({"case": ["anna"] * 2, "organ": ["a"] * 2, "x": [1, 2]})
+    for organ, table in {"a": rows, "b": None}.items():
         file = tmp_path / organ / "t.csv"
         file.parent.mkdir(parents=True)
         file.write_text("\n" if table is None else table.to_csv(index=False))
