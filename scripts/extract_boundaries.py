@@ -2,8 +2,10 @@
 
 from cccd.boundary import extract_boundaries
 from cccd.job import job
+from cccd.settings import BoundarySettings
 from cccd.store import read_structure, write_boundaries
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
     structure = read_structure(snakemake.input.structure)
-    write_boundaries(snakemake.output[0], extract_boundaries(structure, snakemake.params.settings))
+    settings = BoundarySettings(**snakemake.params.settings)
+    write_boundaries(snakemake.output[0], extract_boundaries(structure, settings))

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from cccd.cohort import read_cohort
 from cccd.job import job
+from cccd.settings import ImportSettings
 from cccd.store import write_structure
 from cccd.volumes import load_structure
 
@@ -13,5 +14,6 @@ with job(snakemake.log[0], "/".join(key)):
     folder = Path(snakemake.params.sheet_folder)
     sheet = read_cohort(folder / snakemake.params.sheet_name)
     (location,) = (other["location"] for other in sheet if (other["case"], other["organ"]) == key)
-    settings = {**snakemake.params.settings, "seed": snakemake.params.seed}
-    write_structure(snakemake.output[0], load_structure({**row, "location": location}, folder, settings))
+    settings = ImportSettings(**snakemake.params.settings)
+    structure = load_structure({**row, "location": location}, folder, settings, snakemake.params.seed)
+    write_structure(snakemake.output[0], structure)

@@ -9,31 +9,23 @@ the rough region differ by the band in which the boundary is sought, and the edg
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from scipy import ndimage
 
 from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd.errors import InputError
+from cccd.settings import BoundarySettings
 
 __all__ = ["KERNEL", "dilation_band", "edge_map", "extract_boundaries", "gradient_ridges", "outline"]
 
 #: Side of the square dilation kernel in pixels (section 4.3).
 KERNEL = 5
 
-#: Canny's lower threshold as a share of the upper one (Canny 1986 recommends two or three to one).
-HYSTERESIS = 0.4
-
-#: The grey window reaches this many of the organ's own grey ranges beyond them on either side.
-WINDOW = 3
-
 #: Slices that are filtered together: enough to vectorise, few enough to stay small in memory.
 BLOCK = 32
 
 
-def extract_boundaries(structure: Structure, settings: Mapping[str, Any]) -> Boundaries:
+def extract_boundaries(structure: Structure, settings: BoundarySettings) -> Boundaries:
     """Find the boundary pixels of every slice.
 
     Parameters
@@ -41,12 +33,7 @@ def extract_boundaries(structure: Structure, settings: Mapping[str, Any]) -> Bou
     structure : Structure
         A boundary stack is passed on as it is. Ordered contours (RTSTRUCT) need no boundary; their
         pixels are given for display. Otherwise the mask or the image is used.
-    settings : mapping
-        ``source``: ``"mask"``, ``"image"``, or ``"auto"`` (the mask when there is one);
-        ``blur_px``: standard deviation of the Gaussian in pixels;
-        ``dilations``: how often the 5x5 kernel is applied to either side of the region when edges are
-        sought in the image;
-        ``edge_quantile``: share of the band's gradients that lie below Canny's upper threshold.
+    settings : BoundarySettings
 
     Returns
     -------
@@ -64,7 +51,7 @@ def extract_boundaries(structure: Structure, settings: Mapping[str, Any]) -> Bou
     elif structure.contours is not None:
         return _draw(structure.contours, structure.frame)
     else:
-        source = settings["source"]
+        source = settings.source
         if source == "auto":
             source = "image" if structure.mask is None else "mask"
         if getattr(structure, source) is None:
@@ -77,13 +64,7 @@ def extract_boundaries(structure: Structure, settings: Mapping[str, Any]) -> Bou
         if source == "mask":
             maps = outline(mask)
         else:
-            maps = edge_map(
-                structure.stack("image"),
-                mask,
-                blur_px=settings["blur_px"],
-                dilations=settings["dilations"],
-                edge_quantile=settings["edge_quantile"],
-            )
+            maps = edge_map(structure.stack("image"), mask, settings)
     if not maps.any():
         raise InputError(location, "no slice has a boundary", "check the label, the threshold or the image")
     return _ragged(maps, structure.stack_origin, structure.frame)
@@ -105,14 +86,7 @@ def outline(mask: np.ndarray) -> np.ndarray:
     return mask & beside
 
 
-def edge_map(
-    image: np.ndarray,
-    region: np.ndarray | None,
-    *,
-    blur_px: float,
-    dilations: int,
-    edge_quantile: float,
-) -> np.ndarray:
+def edge_map(image: np.ndarray, region: np.ndarray | None, settings: BoundarySettings) -> np.ndarray:
     """Find Canny edges of each slice of a grey stack within a band around a rough region.
 
     Parameters
@@ -121,36 +95,33 @@ def edge_map(
         Grey values; NaN counts as the lowest value.
     region : (S, I, J) bool array or None
         Where the organ roughly is; None searches the whole slices.
-    blur_px : float
-        Standard deviation of the Gaussian, in pixels.
-    dilations : int
-        Applications of the 5x5 kernel to either side of the region's border: the band is
-        ``2 * dilations`` pixels wide on each side.
-    edge_quantile : float
-        The upper threshold is this quantile of the band's gradient magnitudes, over all slices.
+    settings : BoundarySettings
+        The band is ``2 * dilations`` pixels wide on each side of the region's border; Canny's upper
+        threshold is the ``edge_quantile`` of its gradient magnitudes, over all slices.
 
     Returns
     -------
     (S, I, J) bool array
     """
     image = np.nan_to_num(image, nan=float(np.nanmin(image)) if np.isfinite(image).any() else 0.0)
-    band = np.ones(image.shape, bool) if region is None else _band_around(region, dilations)
+    band = np.ones(image.shape, bool) if region is None else _band_around(region, settings.dilations)
     if region is not None and region.any():
         # a window round the organ's own grey values: bone and air beside it would outshine its border
         low, high = np.percentile(image[region], (1, 99))
-        image = np.clip(image, low - WINDOW * (high - low), high + WINDOW * (high - low))
+        beyond = settings.grey_ranges * (high - low)
+        image = np.clip(image, low - beyond, high + beyond)
     ridge = np.zeros(image.shape, np.float32)
     sample = []
     for first in range(0, len(image), BLOCK):
         block = slice(first, first + BLOCK)
-        magnitude, thin = gradient_ridges(image[block], blur_px)
+        magnitude, thin = gradient_ridges(image[block], settings.blur_px)
         sample.append(magnitude[band[block]])
         ridge[block] = np.where(thin & band[block], magnitude, 0)
     gradients = np.concatenate(sample)
     if gradients.size == 0:
         return np.zeros(image.shape, bool)
-    upper = np.quantile(gradients, edge_quantile)
-    candidates = ridge > HYSTERESIS * upper
+    upper = np.quantile(gradients, settings.edge_quantile)
+    candidates = ridge > settings.hysteresis * upper
     in_plane = np.zeros((3, 3, 3), bool)
     in_plane[1] = True
     labels, count = ndimage.label(candidates, structure=in_plane)

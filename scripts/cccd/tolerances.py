@@ -14,6 +14,12 @@ ORTHOGONALITY = 1e-3
 #: Slice positions may differ from even spacing by this share of the spacing.
 EVEN_SPACING = 0.02
 
+#: Numbers in the headers of one series' slices may differ by this much (they are written with few digits).
+SAME_HEADER = 1e-4
+
+#: Slices whose positions differ by less than this, in pixels, lie at one place.
+SAME_POSITION_PX = 1e-3
+
 #: Two grids are the same when their affines agree to this share of a voxel at every corner.
 SAME_GRID_VOXELS = 0.05
 

@@ -19,6 +19,7 @@ from cccd.curves.ordering import order_structure
 from cccd.junctions import load_model, order_boundaries, training
 from cccd.junctions.corruptions import corrupt
 from cccd.junctions.samples import draw_sample
+from cccd.settings import BoundarySettings
 from cccd.surface import loft_surface, measure_surface
 
 __all__ = ["STAGES"]
@@ -100,7 +101,7 @@ def pipeline(slices: int, settings: dict) -> Methods:
     model = load_model(MODEL)
 
     def reconstruct(ordering: str) -> None:
-        boundaries = extract_boundaries(organ, settings["boundaries"])
+        boundaries = extract_boundaries(organ, BoundarySettings(**settings["boundaries"]))
         ordered, _ = order_structure(organ, boundaries, model, ordering)
         describe_curves(ordered, settings["curves"])
         measure_surface(loft_surface(ordered, settings["surface"]), organ)

@@ -10,8 +10,9 @@ from scipy import ndimage
 from cccd.boundary import dilation_band, edge_map, extract_boundaries, outline
 from cccd.containers import Curves, Frame, Structure
 from cccd.errors import InputError
+from cccd.settings import BoundarySettings
 
-SETTINGS = {"source": "auto", "blur_px": 1.0, "dilations": 3, "edge_quantile": 0.8}
+SETTINGS = BoundarySettings(blur_px=1.0)
 
 
 def structure_of(axis=2, **arrays):
@@ -85,13 +86,13 @@ def test_image_edges_find_a_blurred_noisy_disc():
     distance = np.hypot(i - 40, j - 38)
     image = np.stack([100 / (1 + np.exp(distance - 22))] * 3) + rng.normal(0, 5, (3, 80, 80))
     rough = np.stack([distance < 20] * 3)
-    edges = edge_map(image, rough, blur_px=1.5, dilations=3, edge_quantile=0.8)
+    edges = edge_map(image, rough, BoundarySettings())
     for edge in edges:
         assert np.abs(distance[edge] - 22).max() < 2
         angle = np.arctan2(j - 38, i - 40)[edge]
         assert len(np.unique(np.round(angle / (2 * np.pi) * 60) % 60)) == 60  # all round
     band = dilation_band(rough) | dilation_band(~rough)
-    narrow = edge_map(image, rough, blur_px=1.5, dilations=1, edge_quantile=0.8)
+    narrow = edge_map(image, rough, BoundarySettings(dilations=1))
     assert not (narrow & ~band).any()
 
 
@@ -100,4 +101,4 @@ def test_a_flat_image_has_no_edges_and_says_so():
     with pytest.raises(InputError, match="no slice has a boundary"):
         extract_boundaries(structure, SETTINGS)
     with pytest.raises(InputError, match="there is no mask"):
-        extract_boundaries(structure, SETTINGS | {"source": "mask"})
+        extract_boundaries(structure, BoundarySettings(source="mask"))

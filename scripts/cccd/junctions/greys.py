@@ -11,6 +11,7 @@ import numpy as np
 
 from cccd.boundary import edge_map
 from cccd.junctions.shapes import smooth_noise
+from cccd.settings import BoundarySettings
 
 __all__ = ["canny_map", "draw_image"]
 
@@ -100,9 +101,10 @@ def canny_map(
     """
     if rng.random() < 0.5:  # as the pipeline finds them
         region = None if band_px is None else mask[None] > 0
-        dilations = 0 if band_px is None else round(band_px / 2)
+        dilations = 1 if band_px is None else round(band_px / 2)
         blur, quantile = rng.uniform(0.8, 2.2), rng.uniform(0.6, 0.93)
-        return edge_map(image[None], region, blur_px=blur, dilations=dilations, edge_quantile=quantile)[0]
+        settings = BoundarySettings(blur_px=blur, dilations=dilations, edge_quantile=quantile)
+        return edge_map(image[None], region, settings)[0]
     low, high = np.percentile(image, (1, 99))
     grey = np.clip(255 * (image - low) / max(high - low, 1e-6), 0, 255).astype(np.uint8)
     sigma = rng.uniform(0.6, 2.0)

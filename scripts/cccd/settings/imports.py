@@ -102,6 +102,15 @@ class ImportSettings(Section):
         "interpolate missing or uneven DICOM slices; otherwise an error",
         why="A missing slice is more often a broken download than meant.",
     )
+    contour_pixel_mm: float = setting(
+        1.0,
+        "pixel size that drawn contours (RTSTRUCT) get where no image comes with them",
+        why="Tolerances are in pixels; scans on which organs are drawn have pixels of about a millimetre.",
+        unit="mm",
+        expert=True,
+        gt=0,
+        le=20,
+    )
     region: RegionSettings = setting(
         RegionSettings(),
         "the organ in an image that comes without a mask",

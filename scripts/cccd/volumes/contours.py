@@ -15,10 +15,7 @@ from cccd.errors import InputError
 from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SAME_POINT_VOXELS, SLICE_DIRECTION
 from cccd.volumes.grid import Volume
 
-__all__ = ["UNREFERENCED_PIXEL_MM", "contour_frame", "order_contours", "plane_normal"]
-
-#: Pixel size of the in-plane coordinates when no image comes with the contours.
-UNREFERENCED_PIXEL_MM = 1.0
+__all__ = ["contour_frame", "order_contours", "plane_normal"]
 
 
 def plane_normal(contours: list[np.ndarray], location: str) -> np.ndarray:
@@ -58,7 +55,7 @@ def _plane_heights(contours: list[np.ndarray], normal: np.ndarray, location: str
 
 
 def contour_frame(
-    contours: list[np.ndarray], image: Volume | None, location: str
+    contours: list[np.ndarray], image: Volume | None, location: str, pixel_mm: float
 ) -> tuple[Frame, slice | None, list[str]]:
     """Choose the grid whose slices are the planes of the contours.
 
@@ -70,6 +67,8 @@ def contour_frame(
         The scan the contours were drawn on.
     location : str
         What messages name.
+    pixel_mm : float
+        Pixel size of the in-plane coordinates where there is no image.
 
     Returns
     -------
@@ -92,12 +91,12 @@ def contour_frame(
         axis = int(np.abs(normal).argmax())
         turn = Rotation.align_vectors([normal], [np.eye(3)[axis]])[0].as_matrix()
         affine = np.eye(4)
-        affine[:3, :3] = turn * UNREFERENCED_PIXEL_MM
-        local = np.concatenate(contours) @ turn / UNREFERENCED_PIXEL_MM
+        affine[:3, :3] = turn * pixel_mm
+        local = np.concatenate(contours) @ turn / pixel_mm
         low, high = np.floor(local.min(axis=0)), np.ceil(local.max(axis=0))
         affine[:3, 3] = affine[:3, :3] @ low
         shape = (high - low).astype(int) + 1
-        note = f"{location}: no image given, pixels of {UNREFERENCED_PIXEL_MM:g} mm assumed"
+        note = f"{location}: no image given, pixels of {pixel_mm:g} mm assumed"
         return _through_planes(affine, axis, shape, normal, heights, spacing), None, [note]
     columns = image.affine[:3, :3] / np.linalg.norm(image.affine[:3, :3], axis=0)
     axis = int(np.abs(normal @ columns).argmax())

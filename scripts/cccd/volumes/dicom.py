@@ -15,7 +15,7 @@ from pydicom.errors import InvalidDicomError
 
 from cccd.errors import InputError
 from cccd.settings import choices
-from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY
+from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY, SAME_HEADER, SAME_POSITION_PX
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.volumes.readers import guarded
 
@@ -103,7 +103,7 @@ def _geometry(
     first = files[0][1]
     for path, header in files[1:]:
         for name in keys:
-            if not np.allclose(header[name].value, first[name].value, atol=1e-4):
+            if not np.allclose(header[name].value, first[name].value, atol=SAME_HEADER):
                 raise InputError(
                     location,
                     f"{path.name} differs from {files[0][0].name} in {name}",
@@ -170,7 +170,7 @@ def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = No
     heights = positions @ normal
     gaps = np.diff(heights)
     size = np.linalg.norm(plane, axis=0).min()
-    if len(gaps) and gaps.min() < 1e-3 * size:
+    if len(gaps) and gaps.min() < SAME_POSITION_PX * size:
         where = files[int(gaps.argmin())][0].name
         raise InputError(
             location,

@@ -14,7 +14,7 @@ import numpy as np
 from cccd.cohort import complete_row
 from cccd.containers import Curves, Frame, Structure
 from cccd.errors import InputError
-from cccd.settings import choices, nearest
+from cccd.settings import ImportSettings, choices, nearest
 from cccd.sidecar_files import voxel_files
 from cccd.tolerances import LABEL_VALUE
 from cccd.volumes.contours import contour_frame, order_contours
@@ -46,7 +46,9 @@ class _Scan:
     warnings: list[str] = field(default_factory=list)
 
 
-def load_structure(row: Mapping[str, str], sheet_dir: str | Path, settings: Mapping) -> Structure:
+def load_structure(
+    row: Mapping[str, str], sheet_dir: str | Path, settings: ImportSettings, seed: int = 0
+) -> Structure:
     """Read one structure, cropped to its organ with a margin.
 
     Parameters
@@ -55,8 +57,9 @@ def load_structure(row: Mapping[str, str], sheet_dir: str | Path, settings: Mapp
         One row of `cccd.cohort.read_cohort`.
     sheet_dir : path
         Folder of the cohort sheet, from which the row's paths are relative.
-    settings : mapping
-        The configuration's ``import`` section and ``seed``.
+    settings : ImportSettings
+    seed : int
+        Decides everything random in a phantom.
 
     Returns
     -------
@@ -75,13 +78,13 @@ def load_structure(row: Mapping[str, str], sheet_dir: str | Path, settings: Mapp
             return make_phantom(
                 row["case"],
                 row["organ"],
-                seed=settings["seed"],
-                margin_voxels=settings["margin_voxels"],
+                settings.phantom,
+                seed=seed,
+                margin_voxels=settings.margin_voxels,
                 location=location,
-                **settings["phantom"],
             )
         scan = _read_source(row, Path(sheet_dir), settings)
-        return _crop(scan, row, settings["margin_voxels"])
+        return _crop(scan, row, settings.margin_voxels)
     except InputError as error:
         if error.location == location:
             raise
@@ -93,7 +96,7 @@ def load_structure(row: Mapping[str, str], sheet_dir: str | Path, settings: Mapp
 # one grid -------------------------------------------------------------------------------------------
 
 
-def _read_source(row: Mapping[str, str], folder: Path, settings: Mapping) -> _Scan:
+def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings) -> _Scan:
     packaged = {"mni152": read_mni152, "whole_body_ct": read_whole_body_ct}
     if row["source"] in packaged:
         image, mask, facts = packaged[row["source"]](row["organ"], row["location"])
@@ -128,21 +131,23 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: Mapping) -> _Sc
     return scan
 
 
-def _frame(volume: Volume, settings: Mapping) -> Frame:
+def _frame(volume: Volume, settings: ImportSettings) -> Frame:
     shape = tuple(int(n) for n in volume.data.shape)
-    return Frame(volume.affine, find_slice_axis(volume.affine, settings["slice_axis"]), shape)
+    return Frame(volume.affine, find_slice_axis(volume.affine, settings.slice_axis), shape)
 
 
-def _scan_of_contours(path: Path, row: Mapping[str, str], image: Volume | None, settings: Mapping) -> _Scan:
+def _scan_of_contours(
+    path: Path, row: Mapping[str, str], image: Volume | None, settings: ImportSettings
+) -> _Scan:
     rois, reference = read_rtstruct(path, row["label"], row["organ"])
     drawn = [contour for roi in rois for contour in roi]
     if not drawn:
         raise InputError(path.name, "its ROI holds points only", "choose another ROI")
-    frame, keep, warnings = contour_frame(drawn, image, path.name)
-    if settings["slice_axis"] not in ("auto", frame.slice_axis):
+    frame, keep, warnings = contour_frame(drawn, image, path.name, settings.contour_pixel_mm)
+    if settings.slice_axis not in ("auto", frame.slice_axis):
         raise InputError(
             path.name,
-            f"its contours lie across axis {frame.slice_axis}, not {settings['slice_axis']}",
+            f"its contours lie across axis {frame.slice_axis}, not {settings.slice_axis}",
             "set import: slice_axis: auto",
         )
     if image is not None and image.frame_of_reference not in ("", reference):
@@ -159,7 +164,7 @@ def _scan_of_voxels(
     row: Mapping[str, str],
     implied: tuple[int, ...],
     image: Volume | None,
-    settings: Mapping,
+    settings: ImportSettings,
 ) -> _Scan:
     mask = boundary = None
     provenance: dict = {}
@@ -172,12 +177,12 @@ def _scan_of_voxels(
         if row["source"] == "upenn_gbm":
             mask = brain_of_stripped(image)
         else:
-            region = settings["region"]
-            axis = find_slice_axis(image.affine, settings["slice_axis"])
-            found, bounds = find_region(image.data, image.location, slice_axis=axis, **region)
+            region = settings.region
+            axis = find_slice_axis(image.affine, settings.slice_axis)
+            found, bounds = find_region(image.data, image.location, region, slice_axis=axis)
             mask = Volume(found, image.affine, image.location)
             window = [None if np.isinf(bound) else bound for bound in bounds]
-            provenance["region"] = {**region, "window": window}
+            provenance["region"] = region.as_config() | {"window": window}
     notes = [note for volume in (mask, boundary) if volume is not None for note in volume.warnings]
     drawn = boundary if boundary is not None else mask
     if image is not None and on_grid(drawn, image.affine, image.data.shape, fill=False) is not None:
@@ -185,7 +190,7 @@ def _scan_of_voxels(
     else:
         grid = drawn
     mask, boundary, grey = (
-        None if volume is None else _bring(volume, grid, settings["resample"], notes)
+        None if volume is None else _bring(volume, grid, settings.resample, notes)
         for volume in (mask, boundary, image)
     )
     return _Scan(_frame(grid, settings), grey, mask, boundary, provenance=provenance, warnings=notes)
@@ -249,13 +254,13 @@ def _is_dicom(path: Path) -> bool:
     return not path.name.lower().endswith(SUFFIXES) and dicom_modality(path) is not None
 
 
-def _read_image(path: Path, source: str, settings: Mapping) -> Volume:
+def _read_image(path: Path, source: str, settings: ImportSettings) -> Volume:
     if path.is_dir():
         # RIDER keeps a patient's CT and PET together
         modality = "CT" if source == "rider_lung" else None
-        volume = read_series(path, settings["fill_gaps"], modality)
+        volume = read_series(path, settings.fill_gaps, modality)
     elif _is_dicom(path):
-        volume = read_series(path, settings["fill_gaps"])
+        volume = read_series(path, settings.fill_gaps)
     else:
         volume = read_volume(path)
     bad = volume.data.size - int(np.isfinite(volume.data).sum())

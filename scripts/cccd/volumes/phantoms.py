@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
-from cccd.settings import nearest
+from cccd.settings import PhantomSettings, nearest
 from cccd.volumes.shapes import (
     Field,
     capsule,
@@ -343,11 +343,9 @@ def _noise(rng: np.random.Generator, shape: np.ndarray, hu: float) -> np.ndarray
 def make_phantom(
     case: str,
     organ: str,
+    settings: PhantomSettings,
     *,
     seed: int,
-    spacing_mm: tuple[float, float, float],
-    blur_mm: float,
-    noise_hu: float,
     margin_voxels: int,
     location: str,
 ) -> Structure:
@@ -357,14 +355,10 @@ def make_phantom(
     ----------
     case, organ : str
         ``organ`` names one of `ORGANS`; every ``case`` is another individual.
+    settings : PhantomSettings
+        How it is scanned.
     seed : int
         With ``case`` and ``organ`` it decides everything random.
-    spacing_mm : (3,) float
-        Voxel size; the last is the slice spacing. LiTS: 0.75, 0.75, 5.
-    blur_mm : float
-        Standard deviation of the scanner's in-plane point spread.
-    noise_hu : float
-        Standard deviation of the noise.
     margin_voxels : int
         Voxels left around the organ.
     location : str
@@ -384,7 +378,7 @@ def make_phantom(
         raise InputError(location, f"there is no phantom of organ {organ!r}", nearest(organ, ORGANS))
     rng = _generator(seed, case, organ)
     anatomy = ORGANS[organ](rng)
-    spacing = np.asarray(spacing_mm, float)
+    spacing = np.asarray(settings.spacing_mm)
     step = spacing * (-1, -1, 1)
     slices = int(np.ceil((anatomy.high[2] - anatomy.low[2]) / spacing[2])) + 2 * margin_voxels
     shape = np.array([_MATRIX, _MATRIX, slices])
@@ -399,8 +393,8 @@ def make_phantom(
     first = np.floor(index.min(axis=0)).astype(int) - margin_voxels
     last = np.ceil(index.max(axis=0)).astype(int) + margin_voxels
     image, mask = _scan(anatomy, frame, first, last + 1 - first)
-    image = ndimage.gaussian_filter(image, [*(blur_mm / spacing[:2]), 0], mode="nearest")
-    image += _noise(rng, last + 1 - first, noise_hu)
+    image = ndimage.gaussian_filter(image, [*(settings.blur_mm / spacing[:2]), 0], mode="nearest")
+    image += _noise(rng, last + 1 - first, settings.noise_hu)
     return Structure(
         case=case,
         organ=organ,
@@ -409,11 +403,5 @@ def make_phantom(
         image=np.round(image).astype(np.float32),
         mask=mask,
         truth=(vertices, faces),
-        provenance={
-            "source": "phantom",
-            "seed": int(seed),
-            "spacing_mm": spacing.tolist(),
-            "blur_mm": float(blur_mm),
-            "noise_hu": float(noise_hu),
-        },
+        provenance={"source": "phantom", "seed": int(seed), **settings.as_config()},
     )

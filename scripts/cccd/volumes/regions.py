@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from skimage.filters import threshold_otsu
 
 from cccd.containers import Structure
 from cccd.errors import InputError
+from cccd.settings import RegionSettings
 
 __all__ = ["draw_region", "find_region"]
 
@@ -18,12 +18,8 @@ __all__ = ["draw_region", "find_region"]
 def find_region(
     image: np.ndarray,
     location: str,
+    settings: RegionSettings,
     *,
-    window: str | Sequence[float | None],
-    components: int,
-    smallest_share: float,
-    drop_border: bool,
-    fill_holes: bool,
     slice_axis: int,
 ) -> tuple[np.ndarray, tuple[float, float]]:
     """Find an organ by its grey values.
@@ -34,18 +30,9 @@ def find_region(
         Grey values (HU for CT).
     location : str
         What a message names.
-    window : "otsu" or (low, high)
-        Grey values of the organ, either end None for no bound; ``"otsu"`` takes what lies above Otsu's
-        threshold (IEEE Trans. SMC 9:62, 1979).
-    components : int
-        Keep at most so many of the largest 6-connected components ...
-    smallest_share : float
-        ... and none smaller than this share of the largest.
-    drop_border : bool
-        Leave out components that reach the sides of a slice (the air around a patient). An organ cut by the
-        scan's first or last slice stays.
-    fill_holes : bool
-        Fill cavities.
+    settings : RegionSettings
+        Otsu's threshold is that of IEEE Trans. SMC 9:62, 1979; components are 6-connected. With
+        ``drop_border``, an organ that is cut by the scan's first or last slice stays.
     slice_axis : int
         Axis along which slices run.
 
@@ -62,15 +49,15 @@ def find_region(
     """
     if image.min() == image.max():
         raise InputError(location, f"all its grey values are {image.min():g}", "give another scan, or a mask")
-    low, high = (float(threshold_otsu(image)), None) if window == "otsu" else window
+    low, high = (float(threshold_otsu(image)), None) if settings.window == "otsu" else settings.window
     low, high = (-np.inf if low is None else low), (np.inf if high is None else high)
     labels, count = ndimage.label((image >= low) & (image <= high))
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     sizes[0] = 0
-    if drop_border:
+    if settings.drop_border:
         sizes[_reaching_sides(labels, slice_axis)] = 0
-    chosen = np.argsort(-sizes, kind="stable")[:components]
-    chosen = chosen[sizes[chosen] >= max(smallest_share * sizes.max(), 1)]
+    chosen = np.argsort(-sizes, kind="stable")[: settings.components]
+    chosen = chosen[sizes[chosen] >= max(settings.smallest_share * sizes.max(), 1)]
     mask = np.isin(labels, chosen)
     if not mask.any():
         span = f"{image.min():g} to {image.max():g}"
@@ -79,7 +66,7 @@ def find_region(
             f"no region between {low:g} and {high:g} (grey values {span})",
             "set import: region: window",
         )
-    return (ndimage.binary_fill_holes(mask) if fill_holes else mask), (low, high)
+    return (ndimage.binary_fill_holes(mask) if settings.fill_holes else mask), (low, high)
 
 
 def _reaching_sides(labels: np.ndarray, slice_axis: int) -> np.ndarray:

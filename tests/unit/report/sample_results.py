@@ -12,11 +12,12 @@ from cccd.boundary import extract_boundaries
 from cccd.chaincode import chain_codes, trace_mask
 from cccd.containers import Frame, Patch, Splines, Structure
 from cccd.report.render import render_surface
+from cccd.settings import BoundarySettings
 from cccd.store import write_boundaries, write_curves, write_json, write_patches, write_structure
 
 RADII = np.array([24.0, 30.0, 21.0])
 SPACING = np.array([1.0, 1.0, 2.0])
-BOUNDARIES = {"source": "mask", "blur_px": 1.5, "dilations": 3, "edge_quantile": 0.8}
+BOUNDARIES = BoundarySettings(source="mask")
 
 
 def radius(direction: np.ndarray) -> np.ndarray:

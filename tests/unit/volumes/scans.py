@@ -7,7 +7,6 @@ import nibabel as nib
 import numpy as np
 import pydicom
 import SimpleITK as sitk  # noqa: N813
-import yaml
 from pydicom.datadict import tag_for_keyword
 from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
 from pydicom.sr.codedict import codes
@@ -20,6 +19,8 @@ from pydicom.uid import (
 )
 from scipy.spatial.transform import Rotation
 from skimage.measure import find_contours
+
+from cccd.settings import ImportSettings
 
 ROOT = Path(__file__).resolve().parents[3]
 DATA = ROOT.parent / "shared" / "data"
@@ -38,9 +39,8 @@ def dicom_file(sop_class, entropy):
 
 
 def settings(**changes):
-    """The default configuration's ``import`` section."""
-    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
-    return {**config["import"], "seed": config["seed"], **changes}
+    """The default settings of the import, but for some changes."""
+    return ImportSettings(**changes)
 
 
 def row(**columns):

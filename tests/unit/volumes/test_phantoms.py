@@ -32,7 +32,7 @@ def cached(organ):
 
 def phantom(organ, case="a", seed=1, **scanner):
     return load_structure(
-        row(source="phantom", case=case, organ=organ), ".", settings(seed=seed, phantom={**COARSE, **scanner})
+        row(source="phantom", case=case, organ=organ), ".", settings(phantom={**COARSE, **scanner}), seed
     )
 
 

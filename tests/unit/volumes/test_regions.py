@@ -4,6 +4,7 @@ from matplotlib.image import imread
 from scans import affine_of, chest, full, grey, organ, row, settings, write_nifti
 
 from cccd.errors import InputError
+from cccd.settings import RegionSettings
 from cccd.volumes import load_structure
 from cccd.volumes.regions import draw_region, find_region
 
@@ -55,11 +56,7 @@ def test_lungs_in_a_chest():
     found, _ = find_region(
         image,
         "x",
-        window=(None, -400),
-        components=3,
-        smallest_share=0.1,
-        drop_border=True,
-        fill_holes=True,
+        RegionSettings(window=(None, -400), components=3, drop_border=True),
         slice_axis=2,
     )
     np.testing.assert_array_equal(found, lungs)

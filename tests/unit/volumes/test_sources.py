@@ -89,9 +89,8 @@ def test_rider_lung_takes_the_ct_and_leaves_the_pet(tmp_path):
     write_series(patient / "4.000000-24533", image, dicom_affine())
     write_series(patient / "5.000000-PET", image, dicom_affine(), uid="pet", modality="PT")
     config = yaml.safe_load((ROOT / "config" / "rider_lung.yaml").read_text())
-    region = {**settings()["region"], **config["import"]["region"]}
     columns = row(source="rider_lung", organ="lungs", image="RIDER-1129164940")
-    structure = load_structure(columns, tmp_path, settings(region=region))
+    structure = load_structure(columns, tmp_path, settings(region=config["import"]["region"]))
     np.testing.assert_array_equal(full(structure), lungs)
 
 
