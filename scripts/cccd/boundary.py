@@ -14,6 +14,7 @@ from scipy import ndimage
 
 from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd.errors import InputError
+from cccd.geometry.arrays import offsets_of, ranks_of
 from cccd.settings import BoundarySettings
 
 __all__ = ["KERNEL", "dilation_band", "edge_map", "extract_boundaries", "gradient_ridges", "outline"]
@@ -187,23 +188,17 @@ def _ragged(maps: np.ndarray, origin: np.ndarray, frame: Frame) -> Boundaries:
     layer, i, j = np.nonzero(maps)
     points = np.column_stack([i + origin[1], j + origin[2]]).astype(np.int32)
     slices, counts = np.unique(layer, return_counts=True)
-    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    return Boundaries(points, offsets, (slices + origin[0]).astype(np.int32), frame)
+    return Boundaries(points, offsets_of(counts), (slices + origin[0]).astype(np.int32), frame)
 
 
 def _draw(contours: Curves, frame: Frame) -> Boundaries:
     """Pixels that closed polygons pass through, sampled every half pixel."""
-    start, sizes = contours.points, np.diff(contours.offsets)
-    successor = np.arange(1, len(start) + 1)
-    filled = sizes > 0
-    successor[contours.offsets[1:][filled] - 1] = contours.offsets[:-1][filled]
-    step = start[successor] - start
+    start, step = contours.points, contours.polygons.steps
     pieces = np.maximum(np.ceil(2 * np.abs(step).max(axis=1, initial=0)), 1).astype(np.int64)
     edge = np.repeat(np.arange(len(start)), pieces)
-    share = (np.arange(len(edge)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[edge]
+    share = ranks_of(pieces) / pieces[edge]
     pixels = np.rint(start[edge] + share[:, None] * step[edge]).astype(np.int64)
-    k = np.repeat(np.asarray(contours.slice, np.int64), sizes)[edge]
+    k = np.asarray(contours.slice, np.int64)[contours.polygons.owners][edge]
     unique = np.unique(np.column_stack([k, pixels]), axis=0)
     slices, counts = np.unique(unique[:, 0], return_counts=True)
-    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    return Boundaries(unique[:, 1:].astype(np.int32), offsets, slices.astype(np.int32), frame)
+    return Boundaries(unique[:, 1:].astype(np.int32), offsets_of(counts), slices.astype(np.int32), frame)

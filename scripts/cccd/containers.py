@@ -13,25 +13,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cccd.geometry.arrays import split_ragged
+from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.raster import rasterise_layers
+
 __all__ = [
     "Boundaries",
     "Curves",
     "Frame",
     "Panel",
-    "Patch",
     "SliceFigure",
     "Splines",
     "Structure",
-    "concatenate_ragged",
 ]
-
-
-def concatenate_ragged(parts: Sequence[np.ndarray], dim: int = 2) -> tuple[np.ndarray, np.ndarray]:
-    """Stack arrays of ``(n_c, dim)`` into ``(P, dim)`` and the offsets ``(C + 1,)`` that part them."""
-    offsets = np.zeros(len(parts) + 1, np.int64)
-    np.cumsum([len(part) for part in parts], out=offsets[1:])
-    points = np.concatenate(parts) if len(parts) else np.zeros((0, dim))
-    return np.ascontiguousarray(points), offsets
 
 
 @dataclass(frozen=True)
@@ -157,7 +151,7 @@ class Boundaries:
         return len(self.slice)
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        return iter(np.split(self.points, self.offsets[1:-1])[: len(self)])  # split gives one part of nothing
+        return iter(split_ragged(self.points, self.offsets))
 
 
 @dataclass
@@ -178,7 +172,30 @@ class Curves:
         return len(self.slice)
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        return iter(np.split(self.points, self.offsets[1:-1])[: len(self)])  # split gives one part of nothing
+        return iter(split_ragged(self.points, self.offsets))
+
+    @property
+    def polygons(self) -> RaggedPolygons:
+        """The curves without their slices; the same arrays."""
+        return RaggedPolygons(self.points, self.offsets)
+
+    def rasterise(self, origin: Sequence[int] | np.ndarray, shape: tuple[int, int, int]) -> np.ndarray:
+        """Pixels whose centres lie in or on the curves of their slice (even-odd rule, so holes are holes).
+
+        Parameters
+        ----------
+        origin : (3,) int
+            Source index ``(k, i, j)`` of the stack's first pixel (`Structure.stack_origin`).
+        shape : (S, I, J)
+            Shape of the stack; parts of the curves outside it are cut off.
+
+        Returns
+        -------
+        (S, I, J) bool array
+        """
+        k, i, j = (int(index) for index in origin)
+        moved = RaggedPolygons(self.points - (i, j), self.offsets)
+        return rasterise_layers(moved, np.asarray(self.slice, np.int64) - k, shape)
 
 
 @dataclass
@@ -205,29 +222,10 @@ class Splines:
     def __iter__(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield (control points (n, 2), knots (n + 2 * degree + 1,)) of every curve."""
         return zip(
-            np.split(self.control_points, self.offsets[1:-1])[: len(self)],
-            np.split(self.knots, self.knot_offsets[1:-1])[: len(self)],
+            split_ragged(self.control_points, self.offsets),
+            split_ragged(self.knots, self.knot_offsets),
             strict=True,
         )
-
-
-@dataclass
-class Patch:
-    """A tensor-product (rational) B-spline surface, eq. (10), in world mm RAS.
-
-    A closed direction keeps n control points unwrapped and ``n + 2 * degree + 1`` knots; an open one
-    has ``n + degree + 1``. ``sign`` is +1 for a solid and -1 for a cavity.
-    """
-
-    control_points: np.ndarray  # (nu, nv, 3) float64
-    weights: np.ndarray  # (nu, nv) float64
-    knots_u: np.ndarray
-    knots_v: np.ndarray
-    degree_u: int
-    degree_v: int
-    closed_u: bool
-    closed_v: bool
-    sign: int
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from cccd.containers import Boundaries, Curves, Frame, Panel, Patch, SliceFigure, Splines, Structure
+from cccd.containers import Boundaries, Curves, Frame, Panel, SliceFigure, Splines, Structure
 from cccd.errors import InputError
+from cccd.geometry.bsplines import Patch
 
 __all__ = [
     "atomic_path",

@@ -22,11 +22,13 @@ from scipy.interpolate import splprep
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 
-from cccd.chaincode import chain_codes, trace_stack
-from cccd.containers import Curves, Frame, concatenate_ragged
+from cccd.chaincode import chain_codes
+from cccd.containers import Curves, Frame
 from cccd.curves import describe_curves, fit_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import distances
+from cccd.geometry.arrays import concatenate_ragged
+from cccd.tracing import trace_stack
 
 SETTINGS = {"method": "auto", "tolerance_px": 0.5, "max_control_points": None, "k": 7, "criterion": "max"}
 SIZES = (250, 500, 1000, 2000, 4000)

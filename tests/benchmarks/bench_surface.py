@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import yaml
 
-from cccd.chaincode import trace_mask
 from cccd.containers import Frame, Structure
 from cccd.surface import loft_surface
+from cccd.tracing import trace_mask
 
 SETTINGS = yaml.safe_load((Path(__file__).parents[2] / "config" / "config.yaml").read_text())["surface"]
 

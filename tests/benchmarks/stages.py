@@ -11,16 +11,17 @@ from organ import make_organ
 from scipy.interpolate import splprep
 
 from cccd.boundary import extract_boundaries
-from cccd.chaincode import trace_mask
 from cccd.comparisons.volume_meshes import flying_edges, windowed_sinc
-from cccd.containers import Boundaries, concatenate_ragged
+from cccd.containers import Boundaries
 from cccd.curves import describe_curves
 from cccd.curves.ordering import order_structure
+from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions import load_model, order_boundaries, training
 from cccd.junctions.corruptions import corrupt
 from cccd.junctions.samples import draw_sample
 from cccd.settings import BoundarySettings
 from cccd.surface import loft_surface, measure_surface
+from cccd.tracing import trace_mask
 
 __all__ = ["STAGES"]
 

@@ -1,18 +1,11 @@
 import numpy as np
 import pytest
-import shapely
-from hypothesis import given, settings
+import trimesh
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cccd import metrics
-from cccd.containers import Curves, Frame, concatenate_ragged
-
-
-def curves_of(polygons, slices, shape=(40, 40, 5)):
-    points, offsets = concatenate_ragged([np.asarray(p, float) for p in polygons])
-    hole = np.zeros(len(polygons), bool)
-    return Curves(points, offsets, np.asarray(slices, np.int32), hole, Frame(np.eye(4), 2, shape))
-
+from cccd.geometry.mesh import Mesh
 
 # Equations 12-21 ------------------------------------------------------------------------------------
 
@@ -56,55 +49,23 @@ def test_two_empty_regions_agree_and_rates_of_nothing_are_undefined():
         metrics.dice(nothing, np.zeros((2, 3), bool))
 
 
-# Rasterisation --------------------------------------------------------------------------------------
+# Surfaces -------------------------------------------------------------------------------------------
 
 
-def test_centres_on_the_polygon_are_inside():
-    square = [(2, 3), (2, 7), (5, 7), (5, 3)]
-    expected = np.zeros((9, 10), bool)
-    expected[2:6, 3:8] = True
-    assert np.array_equal(metrics.rasterise_slice([square], (0, 0), (9, 10)), expected)
-    assert np.array_equal(metrics.rasterise_slice([square[::-1]], (2, 3), (3, 3)), np.ones((3, 3), bool))
+def sphere(radius):
+    mesh = trimesh.creation.icosphere(4, radius)
+    return Mesh(np.array(mesh.vertices), np.array(mesh.faces, np.int64))
 
 
-def test_a_hole_keeps_its_border_and_loses_its_inside():
-    outer = [(0, 0), (0, 9), (9, 9), (9, 0)]
-    hole = [(3, 3), (6, 3), (6, 6), (3, 6)]
-    expected = np.ones((10, 10), bool)
-    expected[4:6, 4:6] = False
-    assert np.array_equal(metrics.rasterise_slice([outer, hole], (0, 0), (10, 10)), expected)
+def test_concentric_spheres_are_their_radii_apart():
+    figures = metrics.surface_distances(sphere(10), sphere(12), np.random.default_rng(0), 5000)
+    assert figures["assd"] == pytest.approx(2, abs=0.03)
+    assert figures["hd95"] == pytest.approx(2, abs=0.05)
+    assert figures["hausdorff"] >= figures["hd95"]
 
 
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.booleans())
-def test_agrees_with_shapely_on_random_stars(seed, on_lattice):
-    rng = np.random.default_rng(seed)
-    polygons = []
-    for _ in range(3):
-        angle = np.sort(rng.random(rng.integers(3, 30))) * 2 * np.pi
-        radius = rng.uniform(2, 18, len(angle))
-        star = 15 + rng.uniform(-5, 5, 2) + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-        polygons.append(np.rint(star) if on_lattice else star)
-    stack = metrics.rasterise(curves_of(polygons, [4, 6, 6]), (4, 2, 3), (3, 25, 22))
-    i, j = np.meshgrid(np.arange(2, 27), np.arange(3, 25), indexing="ij")
-    grid = shapely.points(i, j)
-    shapes = [shapely.Polygon(polygon) for polygon in polygons]
-    usable = [shape.is_valid for shape in shapes]
-    if usable[0]:
-        assert np.array_equal(stack[0], shapely.intersects(shapes[0], grid))
-    assert not stack[1].any()
-    if usable[1] and usable[2]:
-        a, b = shapes[1:]
-        either = shapely.contains(a, grid) ^ shapely.contains(b, grid)
-        border = shapely.intersects(a.boundary, grid) | shapely.intersects(b.boundary, grid)
-        assert np.array_equal(stack[2], either | border)
-
-
-def test_a_disc_keeps_its_area_and_outside_parts_are_cut_off():
-    angle = np.linspace(0, 2 * np.pi, 7200, endpoint=False)
-    disc = 50.3 * np.column_stack([np.cos(angle), np.sin(angle)])
-    half = metrics.rasterise_slice([disc], (0, -60), (60, 121))
-    i, j = np.meshgrid(np.arange(60), np.arange(-60, 61), indexing="ij")
-    assert np.array_equal(half, np.hypot(i, j) < 50.3)
-    assert not metrics.rasterise(curves_of([disc], [9]), (0, 0, 0), (3, 4, 4)).any()
-    assert metrics.rasterise_slice([], (0, 0), (2, 3)).shape == (2, 3)
+def test_distances_are_seeded():
+    first, second = (
+        metrics.surface_distances(sphere(10), sphere(11), np.random.default_rng(3), 500) for _ in range(2)
+    )
+    assert first == second

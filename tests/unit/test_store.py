@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from cccd import store
-from cccd.containers import Boundaries, Curves, Frame, Patch, Splines, Structure, concatenate_ragged
+from cccd.containers import Boundaries, Curves, Frame, Splines, Structure
 from cccd.errors import InputError
+from cccd.geometry.arrays import concatenate_ragged
+from cccd.geometry.bsplines import Patch
 
 FRAME = Frame(np.array([[0, 2.0, 0, 5], [1.5, 0, 0, -3], [0, 0, 3.0, 7], [0, 0, 0, 1]]), 2, (30, 40, 20))
 

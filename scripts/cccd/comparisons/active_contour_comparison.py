@@ -14,7 +14,8 @@ from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd.comparisons.parameters import PAPER_TABLE_2
 from cccd.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd.containers import Curves, Panel, SliceFigure, Structure
-from cccd.metrics import dice, rasterise_slice
+from cccd.geometry.raster import rasterise
+from cccd.metrics import dice
 
 __all__ = ["active_contour_figures", "compare_active_contour"]
 
@@ -56,7 +57,7 @@ def compare_active_contour(
                 begin = time.process_time()
                 curve = snake(sample, name, radius, offset, angle)
                 ms = 1e3 * (time.process_time() - begin)
-                region = rasterise_slice([curve], sample.origin, sample.region.shape)
+                region = rasterise([curve], sample.origin, sample.region.shape)
                 rows.append(
                     {
                         "case": structure.case,

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import numpy as np
 import pandas as pd
 
-from cccd.chaincode import chain_codes, is_simple, on_pixel_chain
+from cccd.chaincode import chain_codes, on_pixel_chain
 from cccd.comparisons.active_contour import seed_circle
 from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd.comparisons.baselines.reconstructions import reconstruct
@@ -26,7 +26,9 @@ from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
 from cccd.curves import corner_splines, fit_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import SWEEP
-from cccd.metrics import confusion, rasterise_slice
+from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.raster import rasterise
+from cccd.metrics import confusion
 
 __all__ = ["CCCD", "compare_corners", "corner_figures", "fused_spline", "order_corners", "search"]
 
@@ -129,8 +131,8 @@ def _scores(
     sample: SliceSample, found: np.ndarray, used: np.ndarray, spline: np.ndarray, distance_px: float
 ) -> dict:
     true = near_boundary(found, sample.boundary, distance_px)
-    region = rasterise_slice([spline] if len(spline) else [], sample.origin, sample.region.shape)
-    simple = len(spline) > 0 and bool(is_simple(spline, np.array([0, len(spline)]))[0])
+    region = rasterise([spline] if len(spline) else [], sample.origin, sample.region.shape)
+    simple = len(spline) > 0 and bool(RaggedPolygons.of([spline]).is_simple[0])
     rates = confusion(sample.region, region).printed
     return {
         "corners": len(found),

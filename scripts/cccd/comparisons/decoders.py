@@ -20,10 +20,10 @@ from scipy.spatial import Delaunay
 from skimage.morphology import skeletonize
 from skimage.segmentation import watershed
 
-from cccd.chaincode import signed_areas, trace_stack
 from cccd.comparisons.reconstruction.connect2d import connect2d
 from cccd.comparisons.reconstruction.tour import tour
 from cccd.containers import Frame
+from cccd.tracing import trace_stack
 
 __all__ = [
     "best_tree_cycle",
@@ -51,7 +51,7 @@ def _largest_border(mask: np.ndarray, origin: np.ndarray) -> np.ndarray:
     curves = trace_stack(mask[None].astype(bool), (0, *origin), _FRAME)
     if not len(curves):
         return np.zeros((0, 2))
-    best = int(np.argmax(signed_areas(curves.points, curves.offsets)))
+    best = int(np.argmax(curves.polygons.signed_areas))
     return curves.points[curves.offsets[best] : curves.offsets[best + 1]]
 
 

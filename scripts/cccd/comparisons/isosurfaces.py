@@ -37,7 +37,7 @@ def compare_isosurfaces(
         One row per method: Dice, ASSD and 95 % Hausdorff distance in mm, volume bias, bending per
         area, triangles, bytes (of the mesh; of the control net for ours), seconds, soundness.
     """
-    ours = measure_mesh(surface.vertices, surface.faces, structure)
+    ours = measure_mesh(surface.mesh, structure)
     rows = [{"method": "CCCD", **ours, "bytes": surface.report["control_bytes"], "seconds": None}]
     wanted = settings["isosurfaces"]["methods"] if structure.mask is not None else []
     for name, method in SURFACES.items():
@@ -46,5 +46,5 @@ def compare_isosurfaces(
         start = time.perf_counter()
         mesh = method.run(structure, curves)
         seconds = time.perf_counter() - start
-        rows.append({"method": method.title, **measure_mesh(*mesh, structure), "seconds": seconds})
+        rows.append({"method": method.title, **measure_mesh(mesh, structure), "seconds": seconds})
     return pd.DataFrame(rows)

@@ -10,7 +10,8 @@ import pandas as pd
 from cccd.containers import Curves, Panel, SliceFigure, Structure
 from cccd.curves import corner_splines, sample_splines, sweep_k
 from cccd.curves.corners import k_cosine_corners
-from cccd.metrics import dice, rasterise_slice
+from cccd.geometry.raster import rasterise
+from cccd.metrics import dice
 
 __all__ = ["COARSE_K", "OUTLINES", "compare_k", "middle_curve", "outline_figures"]
 
@@ -63,7 +64,7 @@ def _outline(curve: Curves, k: int) -> Panel:
     drawn = sample_splines(splines).points
     low = np.floor(np.minimum(curve.points.min(axis=0), drawn.min(axis=0))).astype(int) - 2
     shape = np.ceil(np.maximum(curve.points.max(axis=0), drawn.max(axis=0))).astype(int) + 3 - low
-    score = dice(rasterise_slice([curve.points], low, shape), rasterise_slice([drawn], low, shape))
+    score = dice(rasterise([curve.points], low, shape), rasterise([drawn], low, shape))
     control = splines.control_points
     return Panel(
         f"k = {k}",

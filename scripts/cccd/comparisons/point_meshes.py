@@ -1,7 +1,7 @@
 """Surfaces from the curves' points alone, as the paper's introduction names them: [3], [4], [5].
 
-Every function takes the curves and gives ``(vertices (V, 3) float64 mm RAS, faces (F, 3) int64)``. What
-the methods leave open or tangled is left so: that is part of the comparison.
+Every function takes the curves and gives a mesh in world mm (RAS). What the methods leave
+open or tangled is left so: that is part of the comparison.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay
 
-from cccd.comparisons.volume_meshes import Mesh, oriented
+from cccd.comparisons.volume_meshes import from_polydata
 from cccd.containers import Curves
+from cccd.geometry.mesh import Mesh
 
 __all__ = ["alpha_shape", "ball_pivoting", "poisson"]
 
@@ -183,8 +184,7 @@ def poisson(curves: Curves) -> Mesh:
         np.moveaxis(indicator, axis, 0)[[0, -1]] = border
     grid = pv.ImageData(dimensions=shape, spacing=(cell,) * 3, origin=low)
     grid.point_data["indicator"] = indicator.ravel(order="F")
-    mesh = grid.contour([level], scalars="indicator", method="flying_edges").triangulate()
-    return oriented(np.asarray(mesh.points, float), mesh.regular_faces)
+    return from_polydata(grid.contour([level], scalars="indicator", method="flying_edges")).outwards()
 
 
 def _facing_away(points: np.ndarray, faces: np.ndarray, behind: np.ndarray) -> np.ndarray:
@@ -199,4 +199,4 @@ def _facing_away(points: np.ndarray, faces: np.ndarray, behind: np.ndarray) -> n
 def _compact(points: np.ndarray, faces: np.ndarray) -> Mesh:
     """Leave out the points that no face uses."""
     used, renumbered = np.unique(faces, return_inverse=True)
-    return points[used], renumbered.reshape(-1, 3).astype(np.int64)
+    return Mesh(points[used], renumbered.reshape(-1, 3).astype(np.int64))

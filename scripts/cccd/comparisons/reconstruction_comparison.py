@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from cccd.chaincode import successors
 from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS, reconstruct
 from cccd.comparisons.links import count_links, enclosed_region, unique_links
@@ -162,7 +161,7 @@ def _cccd_run(structure: Structure, sample: SliceSample, name: str, points: np.n
         # the chains' points among the given ones, then those that fill gaps
         everything, number = np.unique(np.concatenate([points, ordered.points]), axis=0, return_inverse=True)
         chain = number.ravel()[len(points) :]
-        return everything, unique_links(np.column_stack([chain, chain[successors(ordered.offsets)]]))
+        return everything, unique_links(np.column_stack([chain, chain[ordered.polygons.successors]]))
 
     return run, "points"
 

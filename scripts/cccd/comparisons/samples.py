@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cccd.containers import Curves, Structure
-from cccd.metrics import dice, rasterise_slice
+from cccd.geometry.raster import rasterise
+from cccd.metrics import dice
 
 __all__ = ["SliceSample", "choose_slices", "middle_slice", "to_bytes"]
 
@@ -59,7 +60,7 @@ class SliceSample:
 
     def dice_percent(self, curve: np.ndarray) -> float:
         """Dice score in percent of what a curve (n, 2) in source (i, j) encloses."""
-        enclosed = rasterise_slice([curve] if len(curve) else [], self.origin, self.region.shape)
+        enclosed = rasterise([curve] if len(curve) else [], self.origin, self.region.shape)
         return 100 * float(dice(self.region, enclosed))
 
 
@@ -108,11 +109,11 @@ def _sample(
     boundary = np.concatenate(polygons)
     origin = np.floor(boundary.min(0)).astype(np.int64) - MARGIN
     shape = tuple(np.ceil(boundary.max(0)).astype(np.int64) + MARGIN + 1 - origin)
-    images = {"mask": rasterise_slice(polygons, origin, shape).astype(np.uint8) * 255}
+    images = {"mask": rasterise(polygons, origin, shape).astype(np.uint8) * 255}
     if grey is not None:
         k0, *corner = structure.stack_origin
         images["grey"] = _window(grey[k - k0], origin - corner, shape)
-    region = rasterise_slice([main], origin, shape)
+    region = rasterise([main], origin, shape)
     return SliceSample(k, main, boundary, origin, region, images)
 
 

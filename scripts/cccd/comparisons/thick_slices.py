@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from cccd.chaincode import trace_mask
 from cccd.comparisons.baselines.surfaces import SURFACES
 from cccd.containers import Frame, Structure
 from cccd.surface.loft import loft_surface
 from cccd.surface.measure import measure_mesh
+from cccd.tracing import trace_mask
 
 __all__ = ["every_nth_slice", "thick_slice_experiment"]
 
@@ -77,12 +77,12 @@ def thick_slice_experiment(structure: Structure, settings: Mapping) -> pd.DataFr
         curves = trace_mask(thick)
         surface = loft_surface(curves, lofting)
         seconds = time.perf_counter() - start
-        figures = measure_mesh(surface.vertices, surface.faces, structure)
+        figures = measure_mesh(surface.mesh, structure)
         control_bytes = surface.report["control_bytes"]
         rows.append({**row, "method": "CCCD", **figures, "seconds": seconds, "control_bytes": control_bytes})
         for method in BASELINES:
             start = time.perf_counter()
             mesh = SURFACES[method].run(thick, curves)
             seconds = time.perf_counter() - start
-            rows.append({**row, "method": method, **measure_mesh(*mesh, structure), "seconds": seconds})
+            rows.append({**row, "method": method, **measure_mesh(mesh, structure), "seconds": seconds})
     return pd.DataFrame(rows)

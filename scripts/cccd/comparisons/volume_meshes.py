@@ -1,7 +1,6 @@
 """Surfaces as people make them from masks today: isosurfaces of voxels or of signed distances.
 
-Every function gives a closed mesh ``(vertices (V, 3) float64 mm RAS, faces (F, 3) int64)`` that is
-oriented outwards.
+Every function gives a closed mesh in world mm (RAS) that is oriented outwards.
 """
 
 from __future__ import annotations
@@ -13,40 +12,30 @@ from scipy import ndimage
 from skimage import measure
 
 from cccd.containers import Structure
-from cccd.metrics import mesh_volume
+from cccd.geometry.mesh import Mesh
 
 __all__ = [
-    "Mesh",
     "distance_isosurface",
     "flying_edges",
+    "from_polydata",
     "marching_cubes",
-    "oriented",
     "surface_nets",
     "windowed_sinc",
 ]
 
-Mesh = tuple[np.ndarray, np.ndarray]
-
 #: Windowed-sinc smoothing as VTK's users set it (Taubin et al. 1996): rounds and pass band.
 SINC_ITERATIONS, SINC_PASS_BAND = 20, 0.1
-
-
-def oriented(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
-    """Turn a closed mesh's faces outwards."""
-    faces = np.asarray(faces, np.int64)
-    if len(faces) and mesh_volume(vertices, faces) < 0:
-        faces = faces[:, ::-1]
-    return np.asarray(vertices, float), np.ascontiguousarray(faces)
 
 
 def _padded_stack(structure: Structure) -> np.ndarray:
     return np.pad(structure.stack("mask"), 1)
 
 
-def _world(structure: Structure, index: np.ndarray) -> np.ndarray:
-    """World mm of indices (P, 3) in the order (slice, i, j) of the stack padded by one."""
-    source = index - 1 + structure.stack_origin
-    return source[:, [1, 2, 0]] @ structure.frame.stack_affine[:3, :3].T + structure.frame.stack_affine[:3, 3]
+def _in_world(structure: Structure, mesh: Mesh) -> Mesh:
+    """Take a mesh from indices (slice, i, j) of the stack padded by one to world mm, faces outwards."""
+    source = mesh.vertices - 1 + structure.stack_origin
+    affine = structure.frame.stack_affine
+    return Mesh(source[:, [1, 2, 0]] @ affine[:3, :3].T + affine[:3, 3], mesh.faces).outwards()
 
 
 def _to_grid(field: np.ndarray) -> pv.ImageData:
@@ -56,22 +45,22 @@ def _to_grid(field: np.ndarray) -> pv.ImageData:
     return grid
 
 
-def _arrays(mesh: pv.PolyData) -> Mesh:
-    mesh = mesh.triangulate()
-    return np.asarray(mesh.points, float), np.asarray(mesh.regular_faces, np.int64)
+def from_polydata(surface: pv.PolyData) -> Mesh:
+    """Vertices and faces of what VTK computed, cut into triangles where it has larger faces."""
+    surface = surface.triangulate()
+    return Mesh(np.asarray(surface.points, float), np.asarray(surface.regular_faces, np.int64))
 
 
 def marching_cubes(structure: Structure) -> Mesh:
     """Marching cubes (Lewiner et al. 2003) on the mask at one half."""
     index, faces, _, _ = measure.marching_cubes(_padded_stack(structure).astype(np.float32), 0.5)
-    return oriented(_world(structure, index), faces)
+    return _in_world(structure, Mesh(index, faces.astype(np.int64)))
 
 
 def flying_edges(structure: Structure) -> Mesh:
     """Flying edges (Schroeder et al. 2015) on the mask at one half."""
     grid = _to_grid(_padded_stack(structure).astype(np.float32))
-    index, faces = _arrays(grid.contour([0.5], scalars="field", method="flying_edges"))
-    return oriented(_world(structure, index), faces)
+    return _in_world(structure, from_polydata(grid.contour([0.5], scalars="field", method="flying_edges")))
 
 
 def surface_nets(structure: Structure) -> Mesh:
@@ -82,8 +71,7 @@ def surface_nets(structure: Structure) -> Mesh:
     nets.SetValue(0, 1)
     nets.SetOutputMeshTypeToTriangles()
     nets.Update()
-    index, faces = _arrays(pv.wrap(nets.GetOutput()))
-    return oriented(_world(structure, index), faces)
+    return _in_world(structure, from_polydata(pv.wrap(nets.GetOutput())))
 
 
 def distance_isosurface(structure: Structure) -> Mesh:
@@ -111,14 +99,13 @@ def distance_isosurface(structure: Structure) -> Mesh:
     low = np.minimum(fine.astype(np.int64), len(stack) - 2)
     share = (fine - low).astype(np.float32)[:, None, None]
     field = (1 - share) * signed[low] + share * signed[low + 1]
-    index, faces = _arrays(_to_grid(field).contour([0.0], scalars="field", method="flying_edges"))
-    index = (index / (parts, 1, 1)) - (0, 2, 2)
-    return oriented(_world(structure, index), faces)
+    mesh = from_polydata(_to_grid(field).contour([0.0], scalars="field", method="flying_edges"))
+    return _in_world(structure, Mesh((mesh.vertices / (parts, 1, 1)) - (0, 2, 2), mesh.faces))
 
 
 def windowed_sinc(mesh: Mesh, iterations: int = SINC_ITERATIONS, pass_band: float = SINC_PASS_BAND) -> Mesh:
     """Smooth a mesh by the windowed-sinc filter (Taubin et al. 1996) with VTK's usual settings."""
-    smooth = pv.PolyData.from_regular_faces(*mesh).smooth_taubin(
+    smooth = mesh.to_polydata().smooth_taubin(
         n_iter=iterations, pass_band=pass_band, normalize_coordinates=True, boundary_smoothing=False
     )
-    return oriented(*_arrays(smooth))
+    return from_polydata(smooth).outwards()

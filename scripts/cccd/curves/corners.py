@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cccd.chaincode import predecessors, successors
+from cccd.geometry.arrays import predecessors, successors
 from cccd.tolerances import ROUNDING, SHARP_ARM_PX, SHARP_STRAIGHT_PX, SHARP_TURN_DEG
 
 __all__ = [

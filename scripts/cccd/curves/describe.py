@@ -11,6 +11,7 @@ from cccd.chaincode import chain_codes, on_pixel_chain
 from cccd.containers import Curves, Splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines, fit_curves
+from cccd.geometry.arrays import offsets_of, sum_per_part
 
 __all__ = ["describe_curves"]
 
@@ -43,7 +44,7 @@ def describe_curves(
     chained = bool(on_pixel_chain(curves.points, curves.offsets).all())
     codes = chain_codes(curves.points, curves.offsets) if chained else np.zeros(0, np.uint8)
     corner = k_cosine_corners(curves.points, curves.offsets, settings["k"], settings["criterion"])
-    corner_offsets = np.concatenate([[0], np.cumsum(corner)])[curves.offsets].astype(np.int64)
+    corner_offsets = offsets_of(sum_per_part(corner, curves.offsets).astype(np.int64))
     if settings["method"] == "corners":
         splines = corner_splines(curves, corner)
     else:

@@ -12,11 +12,12 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from cccd.chaincode import is_simple, perimeters, resample
-from cccd.containers import Curves, Splines, concatenate_ragged
+from cccd.containers import Curves, Splines
 from cccd.curves.corners import sharp_corners
 from cccd.curves.knots import FEWEST, fit_closed_spline
-from cccd.curves.periodic import DEGREE, evaluate, sample_ragged
+from cccd.geometry.arrays import concatenate_ragged, offsets_of, ranks_of, sum_per_part
+from cccd.geometry.closed_splines import DEGREE, evaluate, sample_ragged
+from cccd.geometry.polygons import RaggedPolygons
 from cccd.tolerances import STAIRCASE_PX, STAIRCASE_TOLERANCES
 
 __all__ = ["corner_splines", "fit_curves", "sample_splines", "uniform_knots"]
@@ -90,7 +91,7 @@ def fit_curves(curves: Curves, tolerance_px: float = 0.5, budget: int | float | 
 
 
 def _fit(curves: Curves, sharp: np.ndarray, tolerance: float, target: np.ndarray, sliding: float) -> Splines:
-    length = perimeters(curves.points, curves.offsets)
+    length = curves.polygons.lengths
     # what is small keeps its shape: the filter must not reach round it
     sigma = np.minimum(min(STAIRCASE_TOLERANCES * tolerance, STAIRCASE_PX), length / 24)
     fits = []
@@ -134,10 +135,10 @@ def corner_splines(curves: Curves, corners: np.ndarray) -> Splines:
     Printed slips: eq. (7) means ``t_i <= t < t_{i+1}``; k in equations 6-8 is the order (4), one more
     than the degree the text calls it. Eq. (9) is the uniform cubic basis as it should be.
     """
-    count = np.diff(np.concatenate([[0], np.cumsum(corners)])[curves.offsets])
+    count = sum_per_part(corners, curves.offsets).astype(np.int64)
     few = count < FEWEST
-    even = resample(curves.points, curves.offsets, np.where(few, FEWEST, 0))[0]
-    offsets = np.concatenate([[0], np.cumsum(np.where(few, FEWEST, count))]).astype(np.int64)
+    even = curves.polygons.resample(np.where(few, FEWEST, 0)).points
+    offsets = offsets_of(np.where(few, FEWEST, count))
     control = np.empty((offsets[-1], 2))
     from_even = np.repeat(few, np.diff(offsets))
     control[from_even] = even
@@ -147,16 +148,14 @@ def corner_splines(curves: Curves, corners: np.ndarray) -> Splines:
 
 def uniform_knots(counts: np.ndarray) -> np.ndarray:
     """Knots -3, -2, .. n + 3 of closed uniform cubics with n = ``counts[c]`` control points each."""
-    sizes = np.asarray(counts) + 2 * DEGREE + 1
-    begin = np.cumsum(sizes) - sizes
-    return np.arange(sizes.sum(), dtype=float) - np.repeat(begin, sizes) - DEGREE
+    return ranks_of(np.asarray(counts) + 2 * DEGREE + 1).astype(float) - DEGREE
 
 
 def _polygon_splines(curves: Curves) -> Splines:
     """Uniform cubics through control points so dense on the polygon that they cross only where it does."""
-    counts = np.ceil(4 * perimeters(curves.points, curves.offsets)).astype(np.int64)
-    control, offsets = resample(curves.points, curves.offsets, np.maximum(counts, FEWEST))
-    return _splines(control, offsets, uniform_knots(np.diff(offsets)), curves)
+    counts = np.ceil(4 * curves.polygons.lengths).astype(np.int64)
+    control = curves.polygons.resample(np.maximum(counts, FEWEST))
+    return _splines(control.points, control.offsets, uniform_knots(control.sizes), curves)
 
 
 # Sampling and checking --------------------------------------------------------------------------------
@@ -164,15 +163,10 @@ def _polygon_splines(curves: Curves) -> Splines:
 
 def sample_splines(splines: Splines, per_pixel: float = 2.0) -> Curves:
     """Draw the splines as closed polygons with about ``per_pixel`` points per pixel of control polygon."""
-    length = perimeters(splines.control_points, splines.offsets)
+    length = RaggedPolygons(splines.control_points, splines.offsets).lengths
     counts = np.maximum(np.ceil(per_pixel * length), 4 * np.diff(splines.offsets)).astype(np.int64)
     points = sample_ragged(splines.control_points, splines.offsets, splines.knots, counts)
-    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    return Curves(points, offsets, splines.slice, splines.hole, splines.frame)
-
-
-def _rings(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    return shapely.linearrings(points, indices=np.repeat(np.arange(len(offsets) - 1), np.diff(offsets)))
+    return Curves(points, offsets_of(counts), splines.slice, splines.hole, splines.frame)
 
 
 def _pairs_apart(curves: Curves) -> np.ndarray:
@@ -189,16 +183,16 @@ def _pairs_apart(curves: Curves) -> np.ndarray:
     high = np.maximum.reduceat(curves.points, curves.offsets[:-1]) + 1
     a, b = pairs.T
     pairs = pairs[((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)]
-    rings = _rings(curves.points, curves.offsets)
+    rings = curves.polygons.rings()
     return pairs[~shapely.intersects(rings[pairs[:, 0]], rings[pairs[:, 1]])]
 
 
 def _crossing(splines: Splines, apart: np.ndarray) -> np.ndarray:
     """Splines (C,) bool that cross themselves, or another one whose curve does not touch theirs."""
-    points, offsets = concatenate_ragged([_line(control, knots) for control, knots in splines])
-    wrong = ~is_simple(points, offsets)
+    lines = RaggedPolygons.of([_line(control, knots) for control, knots in splines])
+    wrong = ~lines.is_simple
     if len(apart):
-        rings = _rings(points, offsets)
+        rings = lines.rings()
         wrong[apart[shapely.intersects(rings[apart[:, 0]], rings[apart[:, 1]])].ravel()] = True
     return wrong
 
@@ -230,8 +224,7 @@ def _looks(knots: np.ndarray) -> np.ndarray:
     begin, length = knots[DEGREE : -DEGREE - 1], np.diff(knots[DEGREE:-DEGREE])
     looks = np.where(length > 0, np.maximum(np.ceil(_CHECKED_PER_PIXEL * length), _CHECKED_PER_SPAN), 0)
     looks = looks.astype(int)
-    rank = np.arange(looks.sum()) - np.repeat(np.cumsum(looks) - looks, looks)
-    u = np.repeat(begin, looks) + rank * np.repeat(length / np.maximum(looks, 1), looks)
+    u = np.repeat(begin, looks) + ranks_of(looks) * np.repeat(length / np.maximum(looks, 1), looks)
     sharp = np.unique(begin[length == 0])
     if len(sharp):
         period = knots[-DEGREE - 1] - knots[DEGREE]
@@ -244,9 +237,8 @@ def _looks(knots: np.ndarray) -> np.ndarray:
 def _subset(curves: Curves, chosen: np.ndarray) -> Curves:
     if chosen.all():
         return curves
-    parts = [points for points, wanted in zip(curves, chosen, strict=True) if wanted]
-    points, offsets = concatenate_ragged(parts)
-    return Curves(points, offsets, curves.slice[chosen], curves.hole[chosen], curves.frame)
+    part = curves.polygons.take(chosen)
+    return Curves(part.points, part.offsets, curves.slice[chosen], curves.hole[chosen], curves.frame)
 
 
 def _replace(splines: Splines, chosen: np.ndarray, others: Splines) -> Splines:

@@ -10,21 +10,19 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from scipy import ndimage
 
-from cccd.curves.periodic import (
+from cccd.curves.periodic import least_squares, project, tangent_least_squares
+from cccd.geometry._jit import jit, jit_dividing_by_zero
+from cccd.geometry.closed_splines import (
     DEGREE,
-    basis,
     extend_knots,
-    least_squares,
     pieces,
-    project,
     slope_at,
     span_of,
-    tangent_least_squares,
     value_at,
+    values_of_basis,
 )
 from cccd.tolerances import STAIRCASE_PX
 
@@ -87,7 +85,7 @@ class _Fit(NamedTuple):
     distance: np.ndarray  # (m,) from the points to the curve
 
 
-@numba.njit(cache=True)
+@jit
 def _third_derivative(knots, s, row):
     """Third derivative on a span as a combination (4,) of its control points."""
     first = np.zeros((3, 4))
@@ -104,7 +102,7 @@ def _third_derivative(knots, s, row):
         row[q] = (second[1, q] - second[0, q]) / width
 
 
-@numba.njit(cache=True, error_model="numpy")  # knots that coincide cost inf, and stay
+@jit_dividing_by_zero  # knots that coincide cost inf, and stay
 def _removal_costs(knots, control, points, parameters, kept):
     """Predict what the removal of each knot would do to the distances.
 
@@ -127,7 +125,7 @@ def _removal_costs(knots, control, points, parameters, kept):
         s = span_of(knots, count, parameters[m], s)
         if begin[s] == total:
             begin[s] = m
-        basis(knots, s, parameters[m], value[m])
+        values_of_basis(knots, s, parameters[m], value[m])
         piece, h = curve[s], parameters[m] - knots[s + 3]
         slope_x, slope_y = slope_at(piece, h, 0), slope_at(piece, h, 1)
         speed = max(np.sqrt(slope_x * slope_x + slope_y * slope_y), 1e-12)
@@ -189,7 +187,7 @@ def _removal_costs(knots, control, points, parameters, kept):
     return cost, peak
 
 
-@numba.njit(cache=True)
+@jit
 def _unrolled_factor(cyclic, ridge):
     """Cholesky factor of the closed band, unrolled by a run-in at either end."""
     count = len(cyclic)
@@ -247,7 +245,7 @@ def _insert(fit: _Fit, kept: np.ndarray, period: float, tolerance: float) -> tup
     return np.insert(fit.breaks, split + 1, middle), np.insert(kept, split + 1, False)
 
 
-@numba.njit(cache=True)
+@jit
 def _choose(cost, peak, most, limit):
     """Cheapest knots to remove (n,) bool: at most ``most``, four apart, none with a peak above the limit."""
     count = len(cost)

@@ -10,11 +10,12 @@ import pandas as pd
 import shapely
 from scipy.spatial import cKDTree
 
-from cccd.chaincode import predecessors, signed_areas, successors
 from cccd.containers import Curves, Splines
 from cccd.curves.corners import CRITERIA, k_cosine_corners
 from cccd.curves.fitting import corner_splines, sample_splines
-from cccd.metrics import Confusion, confusion, rasterise
+from cccd.geometry.arrays import owners_of, sum_per_part
+from cccd.geometry.raster import rasterise
+from cccd.metrics import Confusion, confusion
 
 __all__ = ["SWEEP", "area_dice", "bytes_per_slice", "distances", "measure_curves", "sweep_k"]
 
@@ -62,12 +63,11 @@ def _regions(curves: Curves, slices: np.ndarray) -> np.ndarray:
 
 def distances(points: np.ndarray, offsets: np.ndarray, curves: Curves) -> np.ndarray:
     """Distance (P,) in pixels from ragged points to the closed polygon of the same number."""
-    owner = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
-    drawn = np.repeat(np.arange(len(curves)), np.diff(curves.offsets))
+    owner, drawn = owners_of(offsets), curves.polygons.owners
     tree = cKDTree(np.column_stack([curves.points, drawn * _APART]))
     nearest = tree.query(np.column_stack([points, owner * _APART]))[1]
     near, least = curves.points[nearest], np.full(len(points), np.inf)
-    for neighbour in (successors(curves.offsets), predecessors(curves.offsets)):
+    for neighbour in (curves.polygons.successors, curves.polygons.predecessors):
         along = curves.points[neighbour[nearest]] - near
         offset = points - near
         squared = np.maximum((along**2).sum(axis=1), 1e-300)
@@ -112,10 +112,7 @@ def _png_bytes(curves: Curves, slices: np.ndarray) -> np.ndarray:
     sizes = np.empty(len(slices), np.int64)
     for n, k in enumerate(slices):
         chosen = curves.slice == k
-        member = np.repeat(chosen, np.diff(curves.offsets))
-        offsets = np.concatenate([[0], np.cumsum(np.diff(curves.offsets)[chosen])])
-        one = Curves(curves.points[member], offsets, curves.slice[chosen], curves.hole[chosen], curves.frame)
-        filled = rasterise(one, (k, 0, 0), (1, rows, columns))[0]
+        filled = rasterise(curves.polygons.take(chosen), (0, 0), (rows, columns))
         encoded = cv2.imencode(".png", filled.astype(np.uint8) * 255, [cv2.IMWRITE_PNG_BILEVEL, 1])[1]
         sizes[n] = len(encoded)
     return sizes
@@ -139,12 +136,10 @@ def measure_curves(curves: Curves, splines: Splines) -> dict:
     drawn = sample_splines(splines, per_pixel=2.0)
     scores, kept = _area_scores(curves, drawn)
     origin, shape = _window(curves)
-    raster = confusion(rasterise(curves, origin, shape), rasterise(drawn, origin, shape), (1, 2))
+    raster = confusion(curves.rasterise(origin, shape), drawn.rasterise(origin, shape), (1, 2))
     raster_dice = raster.printed["DSC"][np.unique(curves.slice) - origin[0]]
     away = distances(curves.points, curves.offsets, drawn)
-    total = (
-        signed_areas(drawn.points, drawn.offsets).sum() / signed_areas(curves.points, curves.offsets).sum()
-    )
+    total = drawn.polygons.signed_areas.sum() / curves.polygons.signed_areas.sum()
     sizes = bytes_per_slice(curves, splines)
     return {
         "slices": len(scores),
@@ -203,7 +198,7 @@ def sweep_k(
     """
     if truth is None:
         origin, shape = _window(curves)
-        truth = rasterise(curves, origin, shape)
+        truth = curves.rasterise(origin, shape)
     slices, owner = np.unique(curves.slice, return_inverse=True)
     rows, columns = (curves.frame.shape[axis] for axis in curves.frame.in_plane_axes)
     beyond = rows * columns - truth.shape[1] * truth.shape[2]  # background outside the window
@@ -211,10 +206,10 @@ def sweep_k(
     for criterion in criteria:
         for k in ks:
             corner = k_cosine_corners(curves.points, curves.offsets, k, criterion)
-            per_curve = np.diff(np.concatenate([[0], np.cumsum(corner)])[curves.offsets])
+            per_curve = sum_per_part(corner, curves.offsets)
             per_slice = np.bincount(owner, per_curve, len(slices))
             drawn = sample_splines(corner_splines(curves, corner))
-            counts = confusion(truth, rasterise(drawn, origin, truth.shape), axis=(1, 2))
+            counts = confusion(truth, drawn.rasterise(origin, truth.shape), axis=(1, 2))
             here = slices - int(origin[0])
             each = Confusion(counts.tp[here], counts.fp[here], counts.tn[here] + beyond, counts.fn[here])
             whole = Confusion(each.tp.sum(), each.fp.sum(), each.tn.sum(), each.fn.sum())

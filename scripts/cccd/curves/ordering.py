@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cccd.chaincode import left_out, trace_mask
 from cccd.containers import Boundaries, Curves, Structure
 from cccd.errors import InputError
 from cccd.junctions import order_boundaries
-from cccd.metrics import dice, rasterise
+from cccd.metrics import dice
+from cccd.tracing import left_out, trace_mask
 
 __all__ = ["order_structure"]
 
@@ -78,5 +78,5 @@ def _agreement(exact: Curves, other: Curves) -> dict:
     slices = np.union1d(exact.slice, other.slice)
     origin = (slices[0], *low)
     extent = (slices[-1] - slices[0] + 1, *shape)
-    score = dice(rasterise(exact, origin, extent), rasterise(other, origin, extent))
+    score = dice(exact.rasterise(origin, extent), other.rasterise(origin, extent))
     return {"dice": float(score), "curves": len(other), "curves_exact": len(exact)}

@@ -1,122 +1,34 @@
-"""Closed cubic B-splines: evaluation, least squares by a wrapped design matrix, foot points.
+"""Closed cubic B-splines through points: least squares by a wrapped design matrix, foot points.
 
-A closed spline with n control points has n spans. Span ``s`` lies between the knots ``t[s + 3]`` and
-``t[s + 4]`` and is ruled by the control points ``s .. s + 3`` (mod n), so that the last three columns of
-the design matrix of the unwrapped spline fall onto the first three. That keeps the normal equations
-banded but for their last three rows, which a Schur complement takes care of: the cost is linear in n.
+The control points of a closed spline wrap: the last three columns of the design matrix of the unwrapped
+spline fall onto the first three. That keeps the normal equations banded but for their last three rows,
+which a Schur complement takes care of: the cost is linear in n.
 
 The loops over points are compiled and cost nanoseconds.
 """
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
-__all__ = [
-    "DEGREE",
-    "basis",
-    "evaluate",
-    "extend_knots",
-    "least_squares",
-    "pieces",
-    "project",
-    "sample_ragged",
-    "slope_at",
-    "span_of",
-    "tangent_least_squares",
-    "value_at",
-]
+from cccd.geometry._jit import jit
+from cccd.geometry.closed_splines import (
+    DEGREE,
+    bend_at,
+    pieces,
+    slope_at,
+    span_of,
+    value_at,
+    values_of_basis,
+)
 
-#: Cubic throughout (equations 6-9).
-DEGREE = 3
+__all__ = ["least_squares", "project", "tangent_least_squares"]
 
 #: Weight of the control polygon's bending against the data's; it only decides what the data leave open.
 _RIDGE = 1e-7
 
 
-def extend_knots(breaks: np.ndarray, period: float) -> np.ndarray:
-    """Knots (n + 7,) of a closed cubic spline from its n breaks, ascending in ``[0, period)``."""
-    turn, index = np.divmod(np.arange(-DEGREE, len(breaks) + DEGREE + 1), len(breaks))
-    return breaks[index] + turn * period
-
-
-@numba.njit(cache=True)
-def span_of(knots, count, u, guess):
-    """Span of ``u``, sought from a guess onwards (parameters ascend, so it is near)."""
-    s = guess
-    if u < knots[s + 3]:
-        s = 0
-    while s < count - 1 and u >= knots[s + 4]:
-        s += 1
-    return s
-
-
-@numba.njit(cache=True)
-def basis(knots, s, u, value):
-    """Cubic basis functions of a span by the recurrence of eq. (8)."""
-    value[0] = 1.0
-    for degree in range(1, 4):
-        saved = 0.0
-        for r in range(degree):
-            right = knots[s + 4 + r] - u
-            left = u - knots[s + 4 + r - degree]
-            width = right + left
-            share = value[r] / width if width > 0.0 else 0.0
-            value[r] = saved + right * share
-            saved = left * share
-        value[degree] = saved
-
-
-@numba.njit(cache=True)
-def pieces(knots, control):
-    """Polynomials (n, 4, 2) of all spans: coefficients of the powers of ``u - knots[s + 3]``."""
-    count = len(control)
-    out = np.zeros((count, 4, 2))
-    x, first, second = np.empty(4), np.empty(3), np.empty(2)
-    for s in range(count):
-        u, reach = knots[s + 3], knots[s + 4] - knots[s + 3]
-        if reach <= 0.0:
-            continue
-        for axis in range(2):
-            for r in range(4):
-                x[r] = control[(s + r) % count, axis]
-            for r in range(3):
-                first[r] = 3.0 * (x[r + 1] - x[r]) / (knots[s + r + 4] - knots[s + r + 1])
-            for r in range(2):
-                second[r] = 2.0 * (first[r + 1] - first[r]) / (knots[s + r + 4] - knots[s + r + 2])
-            out[s, 3, axis] = (second[1] - second[0]) / reach / 6.0
-            for level in range(1, 4):  # de Boor's algorithm for the curve and its derivatives
-                for r in range(3, level - 1, -1):
-                    low, high = knots[s + r], knots[s + r + 4 - level]
-                    x[r] += ((u - low) / (high - low) - 1.0) * (x[r] - x[r - 1])
-            for level in range(1, 3):
-                for r in range(2, level - 1, -1):
-                    low, high = knots[s + r + 1], knots[s + r + 4 - level]
-                    first[r] += ((u - low) / (high - low) - 1.0) * (first[r] - first[r - 1])
-            out[s, 0, axis], out[s, 1, axis], out[s, 2, axis] = x[3], first[2], second[0] / 2.0
-    return out
-
-
-@numba.njit(cache=True)
-def value_at(piece, h, axis):
-    """One coordinate at distance ``h`` into a span."""
-    return piece[0, axis] + h * (piece[1, axis] + h * (piece[2, axis] + h * piece[3, axis]))
-
-
-@numba.njit(cache=True)
-def slope_at(piece, h, axis):
-    """Its first derivative."""
-    return piece[1, axis] + h * (2.0 * piece[2, axis] + h * 3.0 * piece[3, axis])
-
-
-@numba.njit(cache=True)
-def bend_at(piece, h, axis):
-    """Its second derivative."""
-    return 2.0 * piece[2, axis] + 6.0 * h * piece[3, axis]
-
-
-@numba.njit(cache=True)
+@jit
 def least_squares(knots, count, points, parameters):
     """Control points (n, 2) that minimise the squared distances to ``points`` (m, 2).
 
@@ -137,7 +49,7 @@ def least_squares(knots, count, points, parameters):
     s = 0
     for m in range(len(points)):
         s = span_of(knots, count, parameters[m], s)
-        basis(knots, s, parameters[m], value)
+        values_of_basis(knots, s, parameters[m], value)
         for p in range(4):
             a = s + p
             a -= count if a >= count else 0
@@ -154,7 +66,7 @@ def least_squares(knots, count, points, parameters):
     return _solve(band, border, right)
 
 
-@numba.njit(cache=True)
+@jit
 def tangent_least_squares(knots, control, points, weights, parameters, sliding):
     """Control points (n, 2) one Gauss-Newton step on: distances are measured along the curve's normals.
 
@@ -183,7 +95,7 @@ def tangent_least_squares(knots, control, points, weights, parameters, sliding):
     s = 0
     for m in range(len(points)):
         s = span_of(knots, count, parameters[m], s)
-        basis(knots, s, parameters[m], value)
+        values_of_basis(knots, s, parameters[m], value)
         into = parameters[m] - knots[s + 3]
         dx, dy = slope_at(curve[s], into, 0), slope_at(curve[s], into, 1)
         squared = max(dx * dx + dy * dy, 1e-300)
@@ -222,7 +134,7 @@ def tangent_least_squares(knots, control, points, weights, parameters, sliding):
     return _solve(band, border, right).reshape((count, 2))
 
 
-@numba.njit(cache=True)
+@jit
 def _add_bending(band, border, weight, stride):
     """Add the control polygon's squared second differences to the normal equations.
 
@@ -243,7 +155,7 @@ def _add_bending(band, border, weight, stride):
                         band[a, a - b] += term
 
 
-@numba.njit(cache=True)
+@jit
 def _solve(band, border, right):
     """Solve a symmetric system of a band and a few last rows (Cholesky, Schur complement).
 
@@ -310,7 +222,7 @@ def _solve(band, border, right):
     return solution
 
 
-@numba.njit(cache=True)
+@jit
 def project(knots, control, points, parameters, steps):
     """Move each parameter towards the foot point of its point: Newton steps, order kept.
 
@@ -354,32 +266,3 @@ def project(knots, control, points, parameters, steps):
             parameters[m] = u
             before = u
     return distance
-
-
-@numba.njit(cache=True)
-def evaluate(knots, control, parameters):
-    """Points (m, 2) at ascending parameters within the base period."""
-    curve = pieces(knots, control)
-    out = np.empty((len(parameters), 2))
-    s = 0
-    for m in range(len(parameters)):
-        s = span_of(knots, len(control), parameters[m], s)
-        h = parameters[m] - knots[s + 3]
-        out[m, 0], out[m, 1] = value_at(curve[s], h, 0), value_at(curve[s], h, 1)
-    return out
-
-
-def sample_ragged(
-    control: np.ndarray, offsets: np.ndarray, knots: np.ndarray, counts: np.ndarray
-) -> np.ndarray:
-    """Points (Q, 2) of ragged closed splines at ``counts[c]`` parameters each, evenly over the period.
-
-    ``knots`` holds n + 7 knots per curve, one curve after the other.
-    """
-    parts = [np.zeros((0, 2))]
-    for c, count in enumerate(counts):
-        begin, end = offsets[c], offsets[c + 1]
-        own = knots[begin + 7 * c : end + 7 * (c + 1)]
-        low, high = own[DEGREE], own[-DEGREE - 1]
-        parts.append(evaluate(own, control[begin:end], low + (high - low) * np.arange(count) / count))
-    return np.concatenate(parts)

@@ -13,10 +13,10 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from cccd.chaincode import trace_stack
 from cccd.containers import Curves
 from cccd.curves.corners import DETECTORS
-from cccd.metrics import rasterise_slice
+from cccd.geometry.raster import rasterise
+from cccd.tracing import trace_stack
 
 __all__ = ["repeatability"]
 
@@ -94,7 +94,7 @@ def _redraw(points: np.ndarray, linear: np.ndarray, sigma: float, rng: np.random
         moved = moved + rng.normal(0, sigma, moved.shape)
     origin = np.floor(moved.min(axis=0)).astype(int) - 2
     shape = tuple(int(n) for n in np.ceil(moved.max(axis=0)).astype(int) + 3 - origin)
-    filled = rasterise_slice([moved], origin, shape)
+    filled = rasterise([moved], origin, shape)
     # the frame plays no part: the outline is wanted in the polygon's own coordinates
     traced = trace_stack(filled[None], (0, *origin), frame=None)
     return next(iter(traced), np.zeros((0, 2)))

@@ -7,14 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from cccd.boundary import outline
-from cccd.chaincode import broken_links, isolated_corners, junction_pixels, signed_areas, trace_stack
-from cccd.containers import Boundaries, Curves, Frame, concatenate_ragged
+from cccd.chaincode import broken_links, isolated_corners, junction_pixels
+from cccd.containers import Boundaries, Curves, Frame
+from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions.complexes import REGION_GAPS_PX, Complex, fragments, join_complexes
 from cccd.junctions.cut import minimum_cut
 from cccd.junctions.decoding import fill_inside
 from cccd.junctions.features import measure
 from cccd.junctions.network import JunctionNetwork, make_batch
 from cccd.junctions.reading import read_map
+from cccd.tracing import trace_stack
 
 __all__ = [
     "AREA_POWER",
@@ -152,7 +154,7 @@ def curves_from_masks(masks: np.ndarray, origin: Sequence[int], frame: Frame) ->
     curves = trace_stack(masks, origin, frame)
     if not len(curves):
         return curves
-    area = np.abs(signed_areas(curves.points, curves.offsets))
+    area = np.abs(curves.polygons.signed_areas)
     slices, member = np.unique(curves.slice, return_inverse=True)
     largest = np.zeros(len(slices))
     np.maximum.at(largest, member, area)

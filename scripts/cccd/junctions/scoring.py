@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from cccd.chaincode import signed_areas
-from cccd.containers import concatenate_ragged
+from cccd.geometry.polygons import RaggedPolygons
 from cccd.metrics import dice
 
 __all__ = ["CORRECT_DICE", "CORRECT_HAUSDORFF_PX", "SliceScore", "hausdorff", "score_slice"]
@@ -63,7 +62,7 @@ def score_slice(chains: Sequence[np.ndarray], truth: Sequence[np.ndarray]) -> Sl
     low = np.floor(np.concatenate(everything).min(axis=0)).astype(np.int64)
     shape = np.ceil(np.concatenate(everything).max(axis=0)).astype(np.int64) - low + 1
     drawn, true = (_draw(part, low, shape, True) > 0 for part in (chains, truth))
-    area = signed_areas(*concatenate_ragged([np.asarray(chain, float) for chain in chains]))
+    area = RaggedPolygons.of([np.asarray(chain, float) for chain in chains]).signed_areas
     parts, holes = _counts(drawn)
     true_parts, true_holes = _counts(true)
     overlap = float(dice(true, drawn)) if len(chains) else 0.0

@@ -19,8 +19,9 @@ from torch import Tensor, nn
 from torch.utils.data import DataLoader, Dataset
 from tqdm import tqdm
 
-from cccd.containers import Frame, concatenate_ragged
+from cccd.containers import Frame
 from cccd.errors import InputError
+from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions.complexes import Complex, build_complex, join_complexes
 from cccd.junctions.cut import minimum_cut
 from cccd.junctions.decoding import fill_inside

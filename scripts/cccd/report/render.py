@@ -13,9 +13,12 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from cccd.geometry.mesh import Mesh
 
 __all__ = [
     "VIEWS",
@@ -25,7 +28,6 @@ __all__ = [
     "frame_view",
     "paint_mesh",
     "picture_renderer",
-    "read_mesh",
     "render_surface",
 ]
 
@@ -76,6 +78,7 @@ def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420
     """
     from PIL import Image
 
+    from cccd.geometry.ply import read_ply
     from cccd.store import atomic_path
 
     with atomic_path(png_path) as temporary:
@@ -85,7 +88,7 @@ def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420
             with Image.open(temporary) as opened:
                 picture = opened.convert("RGBA")
         else:
-            picture = Image.fromarray(_draw_with_matplotlib(*read_mesh(ply_path), pixels))
+            picture = Image.fromarray(_draw_with_matplotlib(read_ply(ply_path), pixels))
         picture.save(temporary, pnginfo=_stamp(renderer), optimize=True)
     return renderer
 
@@ -105,14 +108,6 @@ def _stamp(renderer: Renderer):
     stamp = PngInfo()
     stamp.add_text("renderer", renderer)
     return stamp
-
-
-def read_mesh(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) and faces (F, 3) of a mesh file, as they stand in it."""
-    import trimesh
-
-    mesh = trimesh.load_mesh(path, process=False)
-    return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
 
 
 # VTK, in a process of its own ------------------------------------------------------------------------
@@ -211,12 +206,12 @@ def paint_mesh(axes, vertices: np.ndarray, faces: np.ndarray, centre: np.ndarray
     )
 
 
-def _draw_with_matplotlib(vertices: np.ndarray, faces: np.ndarray, pixels: int) -> np.ndarray:
+def _draw_with_matplotlib(mesh: Mesh, pixels: int) -> np.ndarray:
     """Flat-shaded orthographic views as RGBA (pixels, 3 pixels, 4) uint8, painted from back to front."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    vertices, faces = _cluster_vertices(vertices, faces, _FALLBACK_TRIANGLES)
+    vertices, faces = _cluster_vertices(mesh.vertices, mesh.faces, _FALLBACK_TRIANGLES)
     figure = Figure(figsize=(len(VIEWS), 1), dpi=pixels)
     canvas = FigureCanvasAgg(figure)
     figure.patch.set_alpha(0)

@@ -6,20 +6,20 @@ import base64
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline
 
 from cccd.chaincode import broken_links, isolated_corners, junction_pixels, on_pixel_chain
-from cccd.containers import Boundaries, Curves, Frame, Patch, Splines, Structure
+from cccd.containers import Boundaries, Curves, Frame, Splines, Structure
+from cccd.geometry.bsplines import Patch
+from cccd.geometry.distance import to_mesh
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.ply import read_ply
 from cccd.report.meshes import (
-    Mesh,
     mean_curvature,
-    outward,
     reference_surface,
-    signed_distance,
     simplify,
     sort_spatially,
     voxel_surface,
@@ -106,7 +106,7 @@ def build_scene(files: StructureFiles, triangles: int) -> Scene | None:
     meta: dict[str, Any] = {}
     arrays: dict[str, np.ndarray] = {}
     if files.mesh.is_file():
-        _add_meshes(scene, meta, arrays, _read_ply(files.mesh), structure, triangles)
+        _add_meshes(scene, meta, arrays, read_ply(files.mesh), structure, triangles)
     _add_net(scene, meta, arrays, files.patches())
     boundaries, curves = files.boundaries(), files.curves()
     if structure is not None and (boundaries is not None or curves is not None):
@@ -118,14 +118,6 @@ def build_scene(files: StructureFiles, triangles: int) -> Scene | None:
 
 
 # The surface ------------------------------------------------------------------------------------------
-
-
-def _read_ply(path: Path) -> Mesh:
-    import trimesh
-
-    mesh = trimesh.load_mesh(path, process=False)
-    points, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
-    return Mesh(points, outward(points, faces))
 
 
 def _add_meshes(
@@ -141,20 +133,20 @@ def _add_meshes(
     reference = reference_surface(structure) if structure is not None else None
     small_cubes = sort_spatially(simplify(cubes, triangles))[0] if cubes is not None else None
     meshes = {"surface": shown} | ({"cubes": small_cubes} if small_cubes is not None else {})
-    grid = Grid(np.concatenate([mesh.points for mesh in meshes.values()]))
+    grid = Grid(np.concatenate([mesh.vertices for mesh in meshes.values()]))
     meta["mm"] = grid
     for name, mesh in meshes.items():
-        arrays[f"{name}_points"] = quantise(mesh.points, grid)
+        arrays[f"{name}_points"] = quantise(mesh.vertices, grid)
         arrays[f"{name}_faces"] = mesh.faces.astype(np.uint32)
         scene.parts.add(name)
     _add_values(
-        scene, arrays, "curvature", mean_curvature(surface, shown.points),
+        scene, arrays, "curvature", mean_curvature(surface, shown.vertices),
         ("Mean curvature", "per mm", "hollow", "domed"), 95,
     )  # fmt: skip
     if reference is not None:
         mesh, name = reference
         _add_values(
-            scene, arrays, "distance", signed_distance(shown.points, mesh),
+            scene, arrays, "distance", to_mesh(shown.vertices, mesh),
             (f"Distance to {name}", "mm", "inside", "outside"), 98,
         )  # fmt: skip
     if len(shown.faces) < len(surface.faces):

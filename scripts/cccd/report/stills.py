@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.collections import LineCollection
 
-from cccd.containers import Patch
-from cccd.report.meshes import Mesh, simplify, voxel_surface
-from cccd.report.render import VIEWS, frame_view, paint_mesh, read_mesh
+from cccd.geometry.bsplines import Patch
+from cccd.geometry.ply import read_ply
+from cccd.report.meshes import simplify, voxel_surface
+from cccd.report.render import VIEWS, frame_view, paint_mesh
 from cccd.report.results import StructureFiles
 from cccd.report.svg import axes, style, to_svg
 
@@ -31,7 +32,7 @@ def draw_surface_still(key: str, files: StructureFiles) -> str | None:
     structure, patches = files.structure(), files.patches()
     if structure is None or patches is None or not files.mesh.is_file():
         return None
-    surface = Mesh(*read_mesh(files.mesh))
+    surface = read_ply(files.mesh)
     cubes = voxel_surface(structure)
     panels = [("c  control net", surface, patches)]
     panels.insert(0, ("b  spline surface", surface, []))
@@ -43,9 +44,9 @@ def draw_surface_still(key: str, files: StructureFiles) -> str | None:
     with style():
         figure, grid = axes(3.0 * len(panels), 3.2, columns=len(panels))
         for axis, (title, mesh, nets) in zip(np.atleast_1d(grid), panels, strict=True):
-            centre = frame_view(axis, surface.points)
+            centre = frame_view(axis, surface.vertices)
             small = simplify(mesh, _TRIANGLES)
-            paint_mesh(axis, small.points, small.faces, centre, view, rasterized=True)
+            paint_mesh(axis, small.vertices, small.faces, centre, view, rasterized=True)
             lines = [(line - centre) @ across for patch in nets for line in _net_lines(patch)]
             axis.add_collection(
                 LineCollection(lines, colors=_NET_COLOUR, linewidths=0.35, alpha=0.7, rasterized=True)

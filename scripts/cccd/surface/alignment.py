@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy.ndimage import uniform_filter1d
 
+from cccd.geometry._jit import jit
 from cccd.surface.rings import resample
 from cccd.surface.tubes import Tube
 
@@ -57,7 +57,7 @@ def align(tube: Tube, count: int) -> tuple[np.ndarray, np.ndarray]:
     return rings, position
 
 
-@njit(cache=True)
+@jit
 def at_fractions(rings: np.ndarray, position: np.ndarray) -> np.ndarray:
     """Points at fractions (A, m) of the way around rings (A, M, 2) that are evenly sampled."""
     count = rings.shape[1]
@@ -82,7 +82,7 @@ def outward_normals(rings: np.ndarray) -> np.ndarray:
     return np.stack([tangent[..., 1], -tangent[..., 0]], axis=2)
 
 
-@njit(cache=True)
+@jit
 def _nearest(points, facing, ring, normals, weight):
     """For each point the sample (m,) of a ring that is nearest and faces the same way, with fraction."""
     count = len(ring)

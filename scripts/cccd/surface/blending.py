@@ -11,11 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
-from skimage.measure import marching_cubes
 
-from cccd.containers import Frame
-from cccd.metrics import voxelise
+from cccd.geometry._jit import jit
+from cccd.geometry.distance import grid_to_mesh
+from cccd.geometry.grid import ScalarGrid
+from cccd.geometry.mesh import Mesh
 
 __all__ = ["LevelSet", "blended"]
 
@@ -57,8 +57,8 @@ class LevelSet:
         np.copyto(field, np.where(field < 0, -margin, margin), where=np.abs(field) < margin)
         if not np.any(field < 0):
             return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
-        index, faces, _, _ = marching_cubes(field, 0.0)
-        return self.low + self.cell * index.astype(float), faces.astype(np.int64)
+        mesh = ScalarGrid.uniform(field, self.low, self.cell).isosurface(0.0)
+        return mesh.vertices, mesh.faces
 
 
 def blended(
@@ -87,12 +87,7 @@ def blended(
     """
     low = vertices.min(axis=0) - (3 + 1 / np.pi) * cell
     shape = tuple(int(size) for size in np.ceil((vertices.max(axis=0) - low) / cell) + 3)
-    affine = np.diag([cell, cell, cell, 1.0])
-    affine[:3, 3] = low
-    inside = voxelise(vertices, faces, Frame(affine, 2, shape), np.zeros(3), shape)
-    field = np.full(shape, BAND_CELLS * cell, np.float32)
-    _approach(np.ascontiguousarray((vertices - low) / cell), faces, field, BAND_CELLS, cell)
-    np.negative(field, out=field, where=inside)
+    field = grid_to_mesh(Mesh(vertices, faces), low, cell, shape, BAND_CELLS).values
     if len(seams):
         places, reach_nodes = (seams - low) / cell, reach / cell
         bins = np.floor(places / max(1.0, SEAM_STEP * reach_nodes)).astype(np.int64)
@@ -108,72 +103,7 @@ def blended(
     return LevelSet(field, low, cell)
 
 
-@njit(cache=True)
-def _approach(vertices, faces, field, band, cell):
-    """Lower a field (A, B, C) to the distance from the triangles, where they are within ``band`` nodes."""
-    first, last = np.empty(3, np.int64), np.empty(3, np.int64)
-    for f in range(len(faces)):
-        a, b, c = _point(vertices, faces[f, 0]), _point(vertices, faces[f, 1]), _point(vertices, faces[f, 2])
-        for axis in range(3):
-            first[axis] = max(0, int(np.ceil(min(a[axis], b[axis], c[axis]) - band)))
-            last[axis] = min(field.shape[axis] - 1, int(max(a[axis], b[axis], c[axis]) + band))
-        for i in range(first[0], last[0] + 1):
-            for j in range(first[1], last[1] + 1):
-                for k in range(first[2], last[2] + 1):
-                    point = (float(i), float(j), float(k))
-                    distance = cell * np.sqrt(_squared_distance(point, a, b, c))
-                    if distance < field[i, j, k]:
-                        field[i, j, k] = distance
-
-
-@njit(cache=True)
-def _point(vertices, n):
-    return (vertices[n, 0], vertices[n, 1], vertices[n, 2])
-
-
-@njit(cache=True)
-def _along(a, share, b):
-    """Give ``a + share * b``."""
-    return (a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2])
-
-
-@njit(cache=True)
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(cache=True)
-def _squared_distance(point, a, b, c):
-    """Squared distance from a point to a triangle (Ericson 2005, section 5.1.5)."""
-    ab, ac, ap = _along(b, -1.0, a), _along(c, -1.0, a), _along(point, -1.0, a)
-    d1, d2 = _dot(ab, ap), _dot(ac, ap)
-    if d1 <= 0 and d2 <= 0:
-        return _dot(ap, ap)
-    bp = _along(point, -1.0, b)
-    d3, d4 = _dot(ab, bp), _dot(ac, bp)
-    if d3 >= 0 and d4 <= d3:
-        return _dot(bp, bp)
-    if d1 * d4 - d3 * d2 <= 0 and d1 >= 0 and d3 <= 0 and d1 > d3:
-        rest = _along(ap, -d1 / (d1 - d3), ab)
-        return _dot(rest, rest)
-    cp = _along(point, -1.0, c)
-    d5, d6 = _dot(ab, cp), _dot(ac, cp)
-    if d6 >= 0 and d5 <= d6:
-        return _dot(cp, cp)
-    if d5 * d2 - d1 * d6 <= 0 and d2 >= 0 and d6 <= 0 and d2 > d6:
-        rest = _along(ap, -d2 / (d2 - d6), ac)
-        return _dot(rest, rest)
-    if d3 * d6 - d5 * d4 <= 0 and d4 >= d3 and d5 >= d6 and d4 - d3 + d5 - d6 > 0:
-        rest = _along(bp, -(d4 - d3) / (d4 - d3 + d5 - d6), _along(c, -1.0, b))
-        return _dot(rest, rest)
-    x = ab[1] * ac[2] - ab[2] * ac[1]
-    y = ab[2] * ac[0] - ab[0] * ac[2]
-    z = ab[0] * ac[1] - ab[1] * ac[0]
-    size = x * x + y * y + z * z
-    return (ap[0] * x + ap[1] * y + ap[2] * z) ** 2 / size if size > 0 else _dot(ap, ap)
-
-
-@njit(cache=True)
+@jit
 def _weights(points, shape, reach):
     """Weights (A, B, C) in 255ths: full up to half of ``reach`` nodes from the nearest point, none at it."""
     weight = np.zeros(shape, np.uint8)

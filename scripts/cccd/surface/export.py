@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cccd.containers import Patch
 from cccd.errors import InputError
+from cccd.geometry.bsplines import Patch
+from cccd.geometry.ply import read_ply, write_ply
 from cccd.store import atomic_path, read_patches, read_surface_frame, read_surface_report
 from cccd.surface.surface import Surface
 
@@ -47,42 +48,18 @@ def write_surface(path: str | Path, surface: Surface) -> None:
 
 def read_surface(patches_path: str | Path, mesh_path: str | Path) -> Surface:
     """Read back what the lofting wrote: ``surface.h5`` and the PLY mesh."""
-    vertices, faces = _read_ply(mesh_path)
+    mesh = read_ply(mesh_path)
     return Surface(
         read_patches(patches_path),
-        vertices,
-        faces,
+        mesh.vertices,
+        mesh.faces,
         read_surface_frame(patches_path),
         read_surface_report(patches_path),
     )
 
 
 def _write_ply(path: Path, surface: Surface) -> None:
-    """Write binary PLY with float64 vertices, so that nothing of the mesh's soundness is rounded away."""
-    header = (
-        "ply\nformat binary_little_endian 1.0\n"
-        f"comment {NOTE}\n"
-        f"element vertex {len(surface.vertices)}\n"
-        "property double x\nproperty double y\nproperty double z\n"
-        f"element face {len(surface.faces)}\n"
-        "property list uchar int vertex_indices\nend_header\n"
-    )
-    table = np.empty(len(surface.faces), [("count", "u1"), ("corners", "<i4", 3)])
-    table["count"], table["corners"] = 3, surface.faces
-    path.write_bytes(header.encode() + surface.vertices.astype("<f8").tobytes() + table.tobytes())
-
-
-def _read_ply(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
-    data = Path(path).read_bytes()
-    head, mark, body = data.partition(b"end_header\n")
-    counts = [
-        int(line.split()[2]) for line in head.decode("ascii", "replace").splitlines() if "element" in line
-    ]
-    if not mark or len(counts) != 2 or len(body) != 24 * counts[0] + 13 * counts[1]:
-        raise InputError(str(path), "not a mesh that the lofting wrote", "delete it and run snakemake again")
-    vertices = np.frombuffer(body, "<f8", 3 * counts[0]).reshape(-1, 3)
-    table = np.frombuffer(body, [("count", "u1"), ("corners", "<i4", 3)], counts[1], 24 * counts[0])
-    return vertices.copy(), table["corners"].astype(np.int64)
+    write_ply(path, surface.mesh, NOTE)
 
 
 def _write_stl(path: Path, surface: Surface) -> None:

@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
-from numba import njit
-from scipy import ndimage
 
 from cccd.containers import Curves
-from cccd.metrics import rasterise
+from cccd.geometry.distance import near_polygons, to_mask
+from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.raster import rasterise_layers
 
 __all__ = ["Field", "distance_fields", "interpolated_fields", "through_pixel_centres"]
 
@@ -74,71 +73,14 @@ def distance_fields(curves: Curves, pixel_centres: bool) -> tuple[np.ndarray, np
     slices, layer = np.unique(curves.slice, return_inverse=True)
     origin = np.floor(curves.points.min(axis=0)).astype(np.int64) - MARGIN_PIXELS
     shape = tuple(np.ceil(curves.points.max(axis=0)).astype(np.int64) + MARGIN_PIXELS + 1 - origin)
-    layered = Curves(curves.points, curves.offsets, layer.astype(np.int32), curves.hole, curves.frame)
-    mask = rasterise(layered, (0, *origin), (len(slices), *shape))
-    distance = np.stack([_pixel_distance(plane, spacing) for plane in mask])
+    moved = RaggedPolygons(curves.points - origin, curves.offsets)
+    mask = rasterise_layers(moved, layer, (len(slices), *shape))
+    distance = np.stack([to_mask(plane, spacing) for plane in mask])
     if not pixel_centres:
-        points = (curves.points - origin) * spacing
+        polygons = RaggedPolygons((curves.points - origin) * spacing, curves.offsets)
         for number, plane in enumerate(distance):
-            _refine_near(plane, points, curves.offsets, np.flatnonzero(layer == number), spacing, BAND_PIXELS)
+            distance[number] = near_polygons(plane, polygons.take(layer == number), spacing, BAND_PIXELS)
     return slices.astype(np.int64), distance, origin
-
-
-def _pixel_distance(mask: np.ndarray, spacing: np.ndarray) -> np.ndarray:
-    """Distance to the border midway between foreground and background centres, negative inside."""
-    inside = np.ascontiguousarray(mask, np.uint8)
-    if np.isclose(*spacing, rtol=1e-3):
-        to_outside, to_inside = _pixels_away(inside), _pixels_away(1 - inside)
-        signed = np.where(mask, 0.5 - to_outside, to_inside - 0.5) * spacing.mean()
-        return signed.astype(np.float32)
-    to_outside = ndimage.distance_transform_edt(inside, sampling=spacing)
-    to_inside = ndimage.distance_transform_edt(1 - inside, sampling=spacing)
-    half = spacing.min() / 2  # neighbours along the finer axis decide where most borders lie
-    return np.where(mask, half - to_outside, to_inside - half).astype(np.float32)
-
-
-def _pixels_away(inside: np.ndarray) -> np.ndarray:
-    """Distance in pixels to the nearest zero.
-
-    OpenCV's last bit depends on where the array lies in memory; the square is a whole number, and the
-    root of that is the same in every run.
-    """
-    away = cv2.distanceTransform(inside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE).astype(float)
-    return np.sqrt(np.rint(away**2))
-
-
-@njit(cache=True)
-def _refine_near(distance, points, offsets, members, spacing, band):
-    """Replace distances within ``band`` pixels of the polygons by exact ones, keeping the sign."""
-    height, width = distance.shape
-    reach_i, reach_j = band * spacing[0], band * spacing[1]
-    exact = np.full(distance.shape, np.inf)
-    for member in members:
-        first, last = offsets[member], offsets[member + 1]
-        for n in range(first, last):
-            ax, ay = points[n]
-            bx, by = points[n + 1] if n + 1 < last else points[first]
-            dx, dy = bx - ax, by - ay
-            length2 = dx * dx + dy * dy
-            i0 = max(0, int(np.ceil((min(ax, bx) - reach_i) / spacing[0])))
-            i1 = min(height - 1, int((max(ax, bx) + reach_i) / spacing[0]))
-            j0 = max(0, int(np.ceil((min(ay, by) - reach_j) / spacing[1])))
-            j1 = min(width - 1, int((max(ay, by) + reach_j) / spacing[1]))
-            for i in range(i0, i1 + 1):
-                px = i * spacing[0] - ax
-                for j in range(j0, j1 + 1):
-                    py = j * spacing[1] - ay
-                    share = 0.0
-                    if length2 > 0:
-                        share = min(1.0, max(0.0, (px * dx + py * dy) / length2))
-                    ex, ey = px - share * dx, py - share * dy
-                    gap = ex * ex + ey * ey
-                    if gap < exact[i, j]:
-                        exact[i, j] = gap
-    for i in range(height):
-        for j in range(width):
-            if exact[i, j] < np.inf:
-                distance[i, j] = np.copysign(np.sqrt(exact[i, j]), distance[i, j])
 
 
 def interpolated_fields(

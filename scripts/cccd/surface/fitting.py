@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
+from cccd.geometry.bsplines import DEGREE, basis, closed_knots, open_knots, smoothing_operator
 from cccd.surface.alignment import at_fractions, outward_normals
-from cccd.surface.bsplines import DEGREE, basis, closed_knots, least_squares, open_knots
 from cccd.surface.samples import Samples, lengths
 
 __all__ = ["Fit", "fit_samples"]
@@ -80,7 +80,9 @@ class _System:
         length = float(samples.v[-1])
         knots_u, knots_v = closed_knots(nu), open_knots(nv, length)
         basis_u = basis(np.arange(samples.around) / samples.around, knots_u, DEGREE, True)
-        solve_u = least_squares(basis_u, _roughness(samples, np.mean(lengths(samples.outlines)) / nu), True)
+        solve_u = smoothing_operator(
+            basis_u, _roughness(samples, np.mean(lengths(samples.outlines)) / nu), True
+        )
         heights = _row_heights(samples, knots_v)
         v = samples.section_v + _parameter_corrections(samples, heights, knots_v)
         basis_v = basis(v, knots_v, DEGREE, False)
@@ -89,7 +91,7 @@ class _System:
         for row, pole in zip((0, nv - 1), samples.poles, strict=True):
             if pole is not None:
                 fixed[row], known[row] = True, pole[:2]
-        solve_v = least_squares(basis_v[:, ~fixed], _roughness(samples, length / (nv - DEGREE)), False)
+        solve_v = smoothing_operator(basis_v[:, ~fixed], _roughness(samples, length / (nv - DEGREE)), False)
         return cls(knots_u, knots_v, basis_u, basis_v, solve_u, solve_v, fixed, known, heights)
 
     def solve(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -166,7 +168,7 @@ def _row_heights(samples: Samples, knots_v: NDArray[np.float64]) -> NDArray[np.f
         known[row], fixed[row] = value, True
     heights = known.copy()
     if not fixed.all():
-        heights[~fixed] = least_squares(bv[:, ~fixed], LEAST_ROUGHNESS, False) @ (z - bv @ known)
+        heights[~fixed] = smoothing_operator(bv[:, ~fixed], LEAST_ROUGHNESS, False) @ (z - bv @ known)
     return np.clip(np.maximum.accumulate(heights), z[0], z[-1])
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from cccd.geometry._jit import jit
 from cccd.surface.fields import Field
 
 __all__ = ["Guide"]
@@ -89,14 +89,14 @@ class Guide:
         return total / weights
 
 
-@njit(cache=True)
+@jit
 def _kernel(r):
     """Weight at a distance in knots."""
     bell = 2 / 3 - r * r + r**3 / 2 if r < 1 else max(2 - r, 0.0) ** 3 / 6
     return (FLAT_0 + FLAT_2 * r * r) * bell
 
 
-@njit(cache=True)
+@jit
 def _kernels(x):
     """Weights at distances (P,) to either side, in knots."""
     out = np.empty_like(x)
@@ -105,7 +105,7 @@ def _kernels(x):
     return out
 
 
-@njit(cache=True)
+@jit
 def _sampled(plane, pixels, knot):
     """Values (P,) of a plane at positions (P, 2) in pixels, smoothed, or linear where ``knot`` is 0."""
     height, width = plane.shape

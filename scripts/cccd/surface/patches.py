@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cccd.containers import Patch
-from cccd.surface.bsplines import DEGREE
+from cccd.geometry.bsplines import DEGREE, Patch
 from cccd.surface.fitting import Fit
 from cccd.surface.matching import Tubes
 from cccd.surface.refinement import fit_within_budget

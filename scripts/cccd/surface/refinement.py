@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cccd.surface.bsplines import DEGREE
+from cccd.geometry.bsplines import DEGREE
 from cccd.surface.fitting import Fit, fit_samples
 from cccd.surface.samples import Samples, lengths
 

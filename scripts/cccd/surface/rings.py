@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import contourpy
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from cccd.geometry._jit import jit
 from cccd.surface.fields import Field
 
 __all__ = ["Ring", "find_rings", "overlap", "resample", "signed_area"]
@@ -120,7 +120,7 @@ def _ring(
     return Ring(level, field.z, points, area < 0, stands_for, field.source_slice, 0, mask, bbox_min)
 
 
-@njit(cache=True)
+@jit
 def _pixels_inside(points, height, width):
     """Pixels (H, W) whose centres a closed polygon in pixel units encloses (even-odd)."""
     mask = np.zeros((height, width), np.uint8)

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from cccd.containers import Frame, Patch
-from cccd.metrics import mesh_area, mesh_volume
+from cccd.containers import Frame
+from cccd.geometry.bsplines import Patch
+from cccd.geometry.mesh import Mesh
 from cccd.surface.blending import blended
 from cccd.surface.booleans import combine, solid, triangles
 from cccd.surface.evaluate import swollen, tessellate
@@ -92,7 +91,7 @@ class Solid:
             ]
             if left_out
             else [],
-            "bodies": _count_bodies(self.vertices, self.faces),
+            "bodies": Mesh(self.vertices, self.faces).count_bodies(),
         }
 
 
@@ -165,9 +164,9 @@ def _volume_offset(
     """By how many mm a mesh must move outwards, but for its planar caps, to hold the slices' volume."""
     heights = [z for z, _ in planes]
     on_cap = np.isclose(vertices[:, 2:], heights, rtol=0, atol=SAME_PLANE * cell).any(axis=1)
-    wall = mesh_area(vertices, faces[~on_cap[faces].all(axis=1)])
+    wall = Mesh(vertices, faces[~on_cap[faces].all(axis=1)]).area
     most = MOST_OFFSET_PIXELS * stack.pixel
-    missing = stack.volume - mesh_volume(vertices, faces)
+    missing = stack.volume - Mesh(vertices, faces).volume
     return float(np.clip(missing / max(wall, 1e-9), -most, most))
 
 
@@ -181,18 +180,6 @@ def _with_level_caps(
         z -= outwards * offset * np.clip(1 - away / CAP_CELLS, 0, 1)
         z[away < SAME_PLANE] = plane
     return np.column_stack([vertices[:, :2], z])
-
-
-def _count_bodies(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> int:
-    """Count the pieces of a mesh that are not the inside of a cavity."""
-    links = coo_array(
-        (np.ones(faces.size, bool), (faces.ravel(), np.roll(faces, 1, axis=1).ravel())),
-        shape=2 * (len(vertices),),
-    )
-    _, piece = connected_components(links, directed=False)
-    a, b, c = (vertices[faces[:, corner]] - vertices.mean(axis=0) for corner in range(3))
-    volume = np.bincount(piece[faces[:, 0]], np.einsum("fc,fc->f", a, np.cross(b, c)))
-    return int(np.count_nonzero(volume > 0))
 
 
 def _plane_to_world(frame: Frame, origin: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cccd.containers import Frame, Patch
+from cccd.containers import Frame
+from cccd.geometry.bsplines import Patch
+from cccd.geometry.mesh import Mesh
 
 __all__ = ["Surface"]
 
@@ -36,3 +38,8 @@ class Surface:
     faces: NDArray[np.int64]
     frame: Frame
     report: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def mesh(self) -> Mesh:
+        """Vertices and faces together."""
+        return Mesh(self.vertices, self.faces)

@@ -10,8 +10,9 @@ import numpy as np
 import shapely
 from scipy.spatial.transform import Rotation
 
-from cccd.containers import Curves, Frame, concatenate_ragged
+from cccd.containers import Curves, Frame
 from cccd.errors import InputError
+from cccd.geometry.arrays import concatenate_ragged
 from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SAME_POINT_VOXELS, SLICE_DIRECTION
 from cccd.volumes.grid import Volume
 

@@ -19,7 +19,8 @@ from pydicom.uid import ExplicitVRLittleEndian, RTStructureSetStorage, generate_
 
 from cccd.containers import Frame
 from cccd.errors import InputError
-from cccd.metrics import voxelise
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import voxelise
 from cccd.store import atomic_path
 from cccd.tolerances import CONTOUR_PLANE
 from cccd.volumes.grid import LPS_TO_RAS
@@ -43,7 +44,7 @@ def write_label_map(
     value : int
         Label of the voxels inside, 1 to 255.
     """
-    mask = voxelise(vertices, faces, frame, np.zeros(3), frame.shape)
+    mask = voxelise(Mesh(vertices, faces), frame.affine, frame.shape)
     image = nib.Nifti1Image(mask.astype(np.uint8) * np.uint8(value), frame.affine)
     image.set_sform(frame.affine, code=1)
     image.set_qform(frame.affine, code=1)

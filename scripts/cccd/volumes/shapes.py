@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from skimage.measure import marching_cubes
 
+from cccd.geometry.grid import ScalarGrid
 from cccd.tolerances import PROJECTION_MM
 
 __all__ = [
@@ -248,8 +248,8 @@ def mesh_field(field: Field, low: np.ndarray, high: np.ndarray, step: float) -> 
     low, high = np.asarray(low, float), np.asarray(high, float)
     shape = np.ceil((high - low) / step).astype(int) + 1
     values = sample_field(field, low, np.full(3, step), shape, coarse=2 * step)
-    vertices, faces, _, _ = marching_cubes(values, 0.0, spacing=(step,) * 3, gradient_direction="descent")
-    vertices = vertices.astype(float) + low
+    mesh = ScalarGrid.uniform(values, low, step).isosurface(0.0)
+    vertices = mesh.vertices
     loose = np.arange(len(vertices))
     for _ in range(_NEWTON_STEPS):
         points = vertices[loose].T
@@ -265,4 +265,4 @@ def mesh_field(field: Field, low: np.ndarray, high: np.ndarray, step: float) -> 
         # a vertex that strays farther than a part of its cube would fold the mesh
         move *= np.minimum(1, 0.3 * step / np.maximum(_length(move), 1e-12))
         vertices[loose] -= move.T
-    return vertices, faces.astype(np.int64)
+    return vertices, mesh.faces

@@ -3,13 +3,14 @@ import pytest
 from known_curves import bean, circle
 
 from cccd.comparisons.active_contour import b_spline_snake, image_snake, seed_circle
-from cccd.metrics import dice, rasterise_slice
+from cccd.geometry.raster import rasterise
+from cccd.metrics import dice
 
 SHAPE = (130, 150)
 
 
 def overlap(curve: np.ndarray, truth: np.ndarray) -> float:
-    return float(dice(rasterise_slice([truth], (0, 0), SHAPE), rasterise_slice([curve], (0, 0), SHAPE)))
+    return float(dice(rasterise([truth], (0, 0), SHAPE), rasterise([curve], (0, 0), SHAPE)))
 
 
 @pytest.mark.parametrize("radius", [15.0, 60.0])
@@ -21,7 +22,7 @@ def test_the_snake_wraps_a_circle_of_corners(radius):
 @pytest.mark.parametrize("radius", [12.0, 30.0, 55.0])
 def test_the_snake_finds_a_bright_bean(radius):
     truth = bean(200)
-    image = rasterise_slice([truth], (0, 0), SHAPE) * 100.0 + 20
+    image = rasterise([truth], (0, 0), SHAPE) * 100.0 + 20
     assert overlap(image_snake(image, truth.mean(0), radius), truth) > 0.95
 
 

@@ -2,9 +2,9 @@ import cv2
 import numpy as np
 import pytest
 
-from cccd.chaincode import is_simple
 from cccd.comparisons.baselines.decoders import DECODERS
 from cccd.comparisons.decoders import decode
+from cccd.geometry.polygons import RaggedPolygons
 from cccd.junctions.corruptions import contours_of, corrupt
 from cccd.junctions.scoring import score_slice
 
@@ -33,7 +33,7 @@ def test_a_clean_map_is_ordered_right(name):
 def test_the_curve_is_strictly_simple_whatever_the_map(name, kind):
     chain = run(name, corrupt(np.random.default_rng(1), organ(), kind))
     if len(chain):
-        assert is_simple(chain, np.array([0, len(chain)])).all()
+        assert RaggedPolygons.of([chain]).is_simple.all()
 
 
 @pytest.mark.parametrize("name", ["skeleton prune + tour + prizes", "circular shortest path (seeded)"])
@@ -53,4 +53,4 @@ def test_gaps_are_closed(name):
 @pytest.mark.parametrize("name", DECODERS)
 def test_a_map_that_encloses_nothing_gives_no_curve_that_is_not_simple(name):
     chain = decode(DECODERS[name].run, np.array([[5, 5], [5, 6], [9, 9], [12, 4]]), np.array([7.0, 6.0]))
-    assert len(chain) == 0 or is_simple(chain, np.array([0, len(chain)])).all()
+    assert len(chain) == 0 or RaggedPolygons.of([chain]).is_simple.all()

@@ -3,7 +3,8 @@
 import numpy as np
 
 from cccd.comparisons.corner_comparison import CCCD, compare_corners
-from cccd.containers import Curves, Frame, Structure, concatenate_ragged
+from cccd.containers import Curves, Frame, Structure
+from cccd.geometry.arrays import concatenate_ragged
 
 
 def test_corners_of_drawn_contours():

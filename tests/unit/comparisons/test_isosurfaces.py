@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 import yaml
 
-from cccd.chaincode import trace_mask
 from cccd.comparisons.isosurfaces import compare_isosurfaces
 from cccd.comparisons.point_meshes import ball_pivoting, poisson
 from cccd.comparisons.volume_meshes import distance_isosurface, flying_edges, marching_cubes, windowed_sinc
 from cccd.containers import Frame, Structure
-from cccd.metrics import curvature_per_area, is_closed_manifold, mesh_volume
 from cccd.surface import loft_surface
+from cccd.tracing import trace_mask
 
 SURFACE = yaml.safe_load((Path(__file__).parents[3] / "config" / "config.yaml").read_text())["surface"]
 METHODS = [
@@ -38,25 +37,25 @@ def structure():
 
 @pytest.mark.parametrize("make", [marching_cubes, flying_edges, distance_isosurface])
 def test_isosurfaces_lie_where_the_voxels_do(structure, make):
-    vertices, faces = make(structure)
-    assert is_closed_manifold(faces)
-    assert mesh_volume(vertices, faces) == pytest.approx(2.0 * structure.mask.sum(), rel=0.03)
+    mesh = make(structure)
+    assert mesh.is_closed_manifold
+    assert mesh.volume == pytest.approx(2.0 * structure.mask.sum(), rel=0.03)
     centre = structure.frame.affine[:3, :3] @ (9, 20, 20) + structure.frame.affine[:3, 3]
-    assert vertices.mean(axis=0) == pytest.approx(centre, abs=0.3)
+    assert mesh.vertices.mean(axis=0) == pytest.approx(centre, abs=0.3)
 
 
 def test_sinc_smooths(structure):
     rough = marching_cubes(structure)
-    assert curvature_per_area(*windowed_sinc(rough)) < 0.8 * curvature_per_area(*rough)
+    assert windowed_sinc(rough).curvature_per_area < 0.8 * rough.curvature_per_area
 
 
 @pytest.mark.parametrize("make", [ball_pivoting, poisson])
 def test_point_methods_come_near_the_ellipsoid(structure, make):
-    vertices, faces = make(trace_mask(structure))
+    mesh = make(trace_mask(structure))
     centre = structure.frame.affine[:3, :3] @ (9, 20, 20) + structure.frame.affine[:3, 3]
-    size = np.linalg.norm((vertices - centre) / (14, 15, 12), axis=1)
+    size = np.linalg.norm((mesh.vertices - centre) / (14, 15, 12), axis=1)
     assert np.median(np.abs(size - 1)) < 0.12
-    assert mesh_volume(vertices, faces) > 0
+    assert mesh.volume > 0
 
 
 def test_one_row_per_method(structure):

@@ -6,7 +6,6 @@ import pandas as pd
 import pytest
 from known_curves import bean
 
-from cccd.chaincode import trace_mask
 from cccd.comparisons import published
 from cccd.comparisons.active_contour_comparison import active_contour_figures, compare_active_contour
 from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
@@ -23,7 +22,8 @@ from cccd.comparisons.registry import COMPARISONS, ITEMS
 from cccd.comparisons.samples import choose_slices, to_bytes
 from cccd.comparisons.summary import Cohort, build_tables, write_notes
 from cccd.containers import Frame, Structure
-from cccd.metrics import rasterise_slice
+from cccd.geometry.raster import rasterise
+from cccd.tracing import trace_mask
 
 SETTINGS = {
     "corners": {"n_slices": 2, "min_contour_px": 30, "on_boundary_px": 1.5},
@@ -42,7 +42,7 @@ def make_structure(with_image: bool) -> Structure:
     """Seven slices of a bean that grows, stacked along the middle axis of a grid that is not cubic."""
     growth = 0.55 + 0.08 * np.arange(7)
     outlines = [scale * (bean(200) - (60, 70)) + (60, 70) for scale in growth]
-    mask = np.stack([rasterise_slice([outline], (0, 0), (125, 140)) for outline in outlines])
+    mask = np.stack([rasterise([outline], (0, 0), (125, 140)) for outline in outlines])
     rng = np.random.default_rng(5)
     image = np.where(mask, 100.0, 20.0) + rng.normal(0, 4, mask.shape)
     return Structure(

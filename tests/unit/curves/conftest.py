@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from cccd.chaincode import trace_stack
-from cccd.containers import Curves, Frame, concatenate_ragged
+from cccd.containers import Curves, Frame
+from cccd.geometry.arrays import concatenate_ragged
+from cccd.tracing import trace_stack
 
 SHAPE = (420, 420, 12)
 

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from cccd.chaincode import trace_stack
-from cccd.containers import Curves, concatenate_ragged
+from cccd.containers import Curves
 from cccd.curves import corners
 from cccd.curves.corners import DETECTORS, k_cosine, k_cosine_corners, sharp_corners
+from cccd.geometry.arrays import concatenate_ragged
+from cccd.tracing import trace_stack
 
 
 def rectangle(height, width, i=0, j=0):

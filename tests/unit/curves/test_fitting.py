@@ -5,12 +5,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from cccd.chaincode import is_simple, signed_areas, trace_stack
 from cccd.containers import Frame
 from cccd.curves import corner_splines, fit_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.knots import reference
 from cccd.curves.measures import area_dice, distances
+from cccd.tracing import trace_stack
 
 
 def uniform_least_squares(points, count):
@@ -55,7 +55,7 @@ def test_tolerance_is_kept_with_few_points(blob, seed, tolerance):
     assert distances(curves.points, curves.offsets, drawn).max() <= tolerance + 0.6  # and the steps
     if tolerance >= 0.5:
         assert len(splines.control_points) < 0.1 * len(curves.points)
-    kept = signed_areas(drawn.points, drawn.offsets) / signed_areas(curves.points, curves.offsets)
+    kept = drawn.polygons.signed_areas / curves.polygons.signed_areas
     assert kept == pytest.approx(1, abs=2e-3)
 
 
@@ -132,7 +132,7 @@ def test_splines_never_cross_themselves_however_small_or_ragged(seed, budget):
     curves = trace_stack(mask, (0, 0, 0), Frame(np.eye(4), 2, (60, 60, 4)))
     splines = fit_curves(curves, budget=budget)
     drawn = sample_splines(splines, 8)
-    assert is_simple(drawn.points, drawn.offsets).all()
+    assert drawn.polygons.is_simple.all()
     assert np.isfinite(splines.control_points).all()
     assert np.diff(splines.offsets).min(initial=4) >= 4
 
@@ -145,7 +145,7 @@ def test_acute_corners_do_not_fold(frame, budget):
         mask[layer] = (np.abs(i - 100 - 12 * np.sin(j / 30)) < slope * (j - 20)) & (j < 180)
     curves = trace_stack(mask, (0, 0, 0), frame)
     drawn = sample_splines(fit_curves(curves, budget=budget), 20)
-    assert is_simple(drawn.points, drawn.offsets).all()
+    assert drawn.polygons.is_simple.all()
 
 
 def test_thin_walls_are_not_crossed(frame):

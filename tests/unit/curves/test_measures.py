@@ -1,13 +1,14 @@
 import numpy as np
 import pytest
 
-from cccd.chaincode import trace_stack
-from cccd.containers import Curves, concatenate_ragged
+from cccd.containers import Curves
 from cccd.curves import corner_splines, describe_curves, fit_curves, measure_curves, sample_splines, sweep_k
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import area_dice, bytes_per_slice, distances
 from cccd.curves.repeatability import repeatability
-from cccd.metrics import dice, rasterise
+from cccd.geometry.arrays import concatenate_ragged
+from cccd.metrics import dice
+from cccd.tracing import trace_stack
 
 SETTINGS = {
     "method": "auto",
@@ -76,7 +77,7 @@ def test_sweep_has_the_paper_s_shape(blob):
 
     row = table.loc[("max", 5)]
     corner = k_cosine_corners(curves.points, curves.offsets, 5)
-    filled = rasterise(sample_splines(corner_splines(curves, corner)), (0, 0, 0), mask.shape)
+    filled = sample_splines(corner_splines(curves, corner)).rasterise((0, 0, 0), mask.shape)
     assert row["DSC (whole)"] == pytest.approx(dice(mask, filled))
     assert row["DSC"] == pytest.approx(np.median(dice(mask, filled, axis=(1, 2))))
     slices_pixels = 3 * 420 * 420  # rates are shares of the source's whole slices

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from cccd.curves import periodic
+from cccd.geometry.closed_splines import evaluate, extend_knots
 
 
 def random_spline(seed, count, repeated=False):
@@ -12,26 +13,7 @@ def random_spline(seed, count, repeated=False):
     breaks = np.sort(rng.uniform(0, 10, count))
     if repeated:
         breaks[1:3] = breaks[0]
-    return periodic.extend_knots(breaks, 10.0), rng.normal(size=(count, 2)), rng
-
-
-def scipy_curve(knots, control):
-    return BSpline(knots, np.vstack([control, control[:3]]), 3)
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(4, 30), st.booleans())
-def test_evaluation_agrees_with_scipy_and_closes(seed, count, repeated):
-    knots, control, _ = random_spline(seed, count, repeated)
-    assert len(knots) == count + 7
-    curve = scipy_curve(knots, control)
-    u = np.linspace(knots[3], knots[-4], 101)[:-1]
-    assert periodic.evaluate(knots, control, u) == pytest.approx(curve(u), abs=1e-9)
-    assert curve(knots[3]) == pytest.approx(curve(knots[-4]), abs=1e-9)
-    sampled = periodic.sample_ragged(
-        np.vstack([control, control]), np.array([0, count, 2 * count]), np.tile(knots, 2), np.array([7, 100])
-    )
-    assert sampled[7:] == pytest.approx(curve(u), abs=1e-9)
+    return extend_knots(breaks, 10.0), rng.normal(size=(count, 2)), rng
 
 
 @settings(max_examples=40, deadline=None)
@@ -51,7 +33,7 @@ def test_least_squares_is_that_of_the_wrapped_design_matrix(seed, count):
 def test_points_on_a_spline_give_it_back():
     knots, control, rng = random_spline(3, 12)
     u = np.sort(rng.uniform(knots[3], knots[-4], 300))
-    found = periodic.least_squares(knots, 12, periodic.evaluate(knots, control, u), u)
+    found = periodic.least_squares(knots, 12, evaluate(knots, control, u), u)
     assert found == pytest.approx(control, abs=1e-3)
 
 
@@ -59,7 +41,7 @@ def test_foot_points_are_nearest_points():
     angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     circle = 50 * np.column_stack([np.cos(angle), np.sin(angle)])
     breaks = np.arange(12) * 2 * np.pi / 12
-    knots = periodic.extend_knots(breaks, 2 * np.pi)
+    knots = extend_knots(breaks, 2 * np.pi)
     control = periodic.least_squares(knots, 12, circle, angle)
     rng = np.random.default_rng(0)
     away = rng.uniform(-5, 5, 60)
@@ -77,7 +59,7 @@ def test_sliding_along_tangents_beats_repeated_parameter_correction():
     shape = np.column_stack([80 * np.cos(angle), 30 * np.sin(angle) + 8 * np.sin(3 * angle)])
     step = np.linalg.norm(np.roll(shape, -1, axis=0) - shape, axis=1)
     start, period = np.cumsum(step) - step, step.sum()
-    knots = periodic.extend_knots(np.arange(14) * period / 14, period)
+    knots = extend_knots(np.arange(14) * period / 14, period)
 
     def rounds(count, sliding):
         u = start.copy()

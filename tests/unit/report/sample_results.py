@@ -9,11 +9,15 @@ import pandas as pd
 import trimesh
 
 from cccd.boundary import extract_boundaries
-from cccd.chaincode import chain_codes, trace_mask
-from cccd.containers import Frame, Patch, Splines, Structure
+from cccd.chaincode import chain_codes
+from cccd.containers import Frame, Splines, Structure
+from cccd.geometry.bsplines import Patch
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.ply import write_ply
 from cccd.report.render import render_surface
 from cccd.settings import BoundarySettings
 from cccd.store import write_boundaries, write_curves, write_json, write_patches, write_structure
+from cccd.tracing import trace_mask
 
 RADII = np.array([24.0, 30.0, 21.0])
 SPACING = np.array([1.0, 1.0, 2.0])
@@ -88,7 +92,7 @@ def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...]
     )
     mesh = trimesh.creation.icosphere(subdivisions=4)
     vertices = centre + mesh.vertices * radius(np.asarray(mesh.vertices))[:, None]
-    trimesh.Trimesh(vertices, mesh.faces, process=False).export(folder / "surface.ply")
+    write_ply(folder / "surface.ply", Mesh(np.array(vertices), np.array(mesh.faces)), "a test")
     u = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     v = np.linspace(0, np.pi, 14)
     sphere = np.stack(

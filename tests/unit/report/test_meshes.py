@@ -5,15 +5,9 @@ import pytest
 import trimesh
 
 from cccd.containers import Frame, Structure
-from cccd.report.meshes import (
-    Mesh,
-    mean_curvature,
-    outward,
-    reference_surface,
-    signed_distance,
-    simplify,
-    sort_spatially,
-)
+from cccd.geometry.distance import to_mesh
+from cccd.geometry.mesh import Mesh
+from cccd.report.meshes import mean_curvature, reference_surface, simplify, sort_spatially
 
 
 def sphere(radius, subdivisions=5):
@@ -22,27 +16,20 @@ def sphere(radius, subdivisions=5):
 
 
 def volume(mesh):
-    return trimesh.Trimesh(mesh.points, mesh.faces, process=False).volume
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).volume
 
 
 @pytest.mark.parametrize("radius", [5.0, 40.0])
 def test_mean_curvature_of_a_sphere_is_one_over_its_radius(radius):
     mesh = sphere(radius)
-    np.testing.assert_allclose(mean_curvature(mesh, mesh.points[::50]), 1 / radius, rtol=0.08)
+    np.testing.assert_allclose(mean_curvature(mesh, mesh.vertices[::50]), 1 / radius, rtol=0.08)
 
 
 def test_distance_is_positive_outside_and_negative_inside():
     offsets = np.array([-3.0, -0.5, 0.5, 8.0])
     direction = np.array([0.48, 0.6, 0.64])
-    measured = signed_distance(direction * (20 + offsets)[:, None], sphere(20.0))
+    measured = to_mesh(direction * (20 + offsets)[:, None], sphere(20.0))
     np.testing.assert_allclose(measured, offsets, atol=0.05)
-
-
-def test_outward_turns_an_inside_out_mesh_and_no_other():
-    mesh = sphere(3.0, 2)
-    moved = mesh.points + 100
-    np.testing.assert_array_equal(outward(moved, mesh.faces), mesh.faces)
-    assert volume(Mesh(moved, outward(moved, mesh.faces[:, ::-1]))) > 0
 
 
 def test_simplify_keeps_the_volume():
@@ -55,14 +42,14 @@ def test_simplify_keeps_the_volume():
 
 def test_sorting_changes_the_order_and_nothing_else():
     mesh = sphere(10.0, 3)
-    spare = Mesh(np.vstack([[[99.0, 99, 99]], mesh.points]), mesh.faces + 1)  # an unused vertex
+    spare = Mesh(np.vstack([[[99.0, 99, 99]], mesh.vertices]), mesh.faces + 1)  # an unused vertex
     ordered, order = sort_spatially(spare)
-    np.testing.assert_array_equal(spare.points[order], ordered.points)
-    assert len(ordered.points) == len(mesh.points)
-    corners = {tuple(map(tuple, face)) for face in mesh.points[mesh.faces]}
-    assert {tuple(map(tuple, face)) for face in ordered.points[ordered.faces]} == corners
+    np.testing.assert_array_equal(spare.vertices[order], ordered.vertices)
+    assert len(ordered.vertices) == len(mesh.vertices)
+    corners = {tuple(map(tuple, face)) for face in mesh.vertices[mesh.faces]}
+    assert {tuple(map(tuple, face)) for face in ordered.vertices[ordered.faces]} == corners
     first_use = np.sort(np.unique(ordered.faces.ravel(), return_index=True)[1])
-    np.testing.assert_array_equal(ordered.faces.ravel()[first_use], np.arange(len(ordered.points)))
+    np.testing.assert_array_equal(ordered.faces.ravel()[first_use], np.arange(len(ordered.vertices)))
 
 
 def test_reference_is_the_truth_where_there_is_one():
@@ -73,6 +60,6 @@ def test_reference_is_the_truth_where_there_is_one():
     assert "mask" in name
     assert volume(voxels) == pytest.approx(125, rel=0.1)
     truth = sphere(3.0, 2)
-    known = Structure("a", "b", frame, np.zeros(3, int), mask=mask, truth=(truth.points, truth.faces))
+    known = Structure("a", "b", frame, np.zeros(3, int), mask=mask, truth=(truth.vertices, truth.faces))
     assert reference_surface(known)[1] == "the analytic surface"
     assert reference_surface(Structure("a", "b", frame, np.zeros(3, int))) is None

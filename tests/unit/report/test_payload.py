@@ -59,5 +59,5 @@ def test_packing_a_sorted_mesh_takes_few_bytes_per_triangle():
 
     sphere = trimesh.creation.icosphere(subdivisions=6)
     mesh, _ = sort_spatially(Mesh(np.asarray(sphere.vertices), np.asarray(sphere.faces)))
-    text = pack({}, {"p": quantise(mesh.points, Grid(mesh.points)), "f": mesh.faces.astype(np.uint32)})
+    text = pack({}, {"p": quantise(mesh.vertices, Grid(mesh.vertices)), "f": mesh.faces.astype(np.uint32)})
     assert len(text) < 10 * len(mesh.faces)

@@ -5,6 +5,8 @@ import pytest
 import trimesh
 from PIL import Image
 
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.ply import write_ply
 from cccd.report import render
 
 
@@ -16,7 +18,8 @@ def bottle(tmp_path):
     knob = trimesh.creation.icosphere(subdivisions=3, radius=5)
     knob.apply_translation([0, 12, 0])
     path = tmp_path / "a name with spaces é.ply"
-    trimesh.util.concatenate([body, knob]).export(path)
+    both = trimesh.util.concatenate([body, knob])
+    write_ply(path, Mesh(np.array(both.vertices), np.array(both.faces)), "a test")
     return path
 
 

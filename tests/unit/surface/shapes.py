@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from cccd.chaincode import signed_areas, trace_mask
 from cccd.containers import Curves, Frame, Structure
+from cccd.geometry.polygons import RaggedPolygons
+from cccd.tracing import trace_mask
 
 SETTINGS = yaml.safe_load((Path(__file__).parents[3] / "config" / "config.yaml").read_text())["surface"]
 
@@ -57,6 +58,6 @@ def drawn(slices: dict[int, list[np.ndarray]], depth: int, spacing=(1.0, 1.0, 1.
         np.concatenate([points for _, points in outlines]),
         offsets,
         np.array([k for k, _ in outlines], np.int32),
-        signed_areas(np.concatenate([points for _, points in outlines]), offsets) < 0,
+        RaggedPolygons(np.concatenate([points for _, points in outlines]), offsets).signed_areas < 0,
         Frame(np.diag([*spacing, 1.0]), 2, (size, size, depth)),
     )

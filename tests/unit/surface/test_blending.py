@@ -4,7 +4,8 @@ from scipy import ndimage
 from shapes import SETTINGS, ball, curves_of, grid
 from skimage.measure import marching_cubes
 
-from cccd.metrics import is_closed_manifold, mesh_volume, self_intersections, voxelise
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import voxelise
 from cccd.surface import loft_surface
 from cccd.surface.blending import blended
 from cccd.surface.fields import Field
@@ -37,10 +38,10 @@ def cone(spacing=(0.8, 1.2), slope=0.15, thickness=10.0):
 def test_level_sets_of_a_sphere_are_spheres(cell, level):
     level_set = blended(*sphere_mesh(), NOWHERE, unknown, 5.0, cell)
     vertices, faces = level_set.mesh(level)
-    assert is_closed_manifold(faces)
-    assert len(self_intersections(vertices, faces)) == 0
+    assert Mesh(vertices, faces).is_closed_manifold
+    assert len(Mesh(vertices, faces).self_intersections()) == 0
     assert np.linalg.norm(vertices - 14.5, axis=1) == pytest.approx(8 + level, abs=0.08)
-    assert mesh_volume(vertices, faces) == pytest.approx(4 / 3 * np.pi * (8 + level) ** 3, rel=0.03)
+    assert Mesh(vertices, faces).volume == pytest.approx(4 / 3 * np.pi * (8 + level) ** 3, rel=0.03)
 
 
 def test_an_empty_level_set_has_no_mesh():
@@ -58,7 +59,7 @@ def test_the_guide_rules_at_seams_and_nowhere_else():
     away = np.linalg.norm(vertices - seam, axis=1)
     assert radius[away < 3] == pytest.approx(9, abs=0.05)
     assert radius[away > 9] == pytest.approx(8, abs=0.05)
-    assert is_closed_manifold(faces)
+    assert Mesh(vertices, faces).is_closed_manifold
 
 
 @pytest.mark.parametrize("thickness", [10.0, 60.0])
@@ -117,6 +118,6 @@ def test_an_open_vessel_runs_through_the_cut_end():
     mask &= ~((np.hypot(x - 25, y - 36) <= 4) & (z > 0))
     mask &= ~((np.abs(x - 25) <= 3) & (y > 34) & (z == 0))  # in the first slice it reaches the outside
     surface = loft_surface(curves_of(mask), SETTINGS)
-    assert is_closed_manifold(surface.faces)
-    inside = voxelise(surface.vertices, surface.faces, surface.frame, np.zeros(3), mask.shape)
+    assert surface.mesh.is_closed_manifold
+    inside = voxelise(surface.mesh, surface.frame.affine, mask.shape)
     assert not inside[25, 36].any()

@@ -9,7 +9,6 @@ from shapes import SETTINGS, curves_of, fork
 from cccd.errors import InputError
 from cccd.store import write_patches
 from cccd.surface import loft_surface
-from cccd.surface.evaluate import evaluate
 from cccd.surface.export import read_surface, write_surface
 
 
@@ -97,5 +96,5 @@ def test_step_reads_back_as_the_same_splines(surface, tmp_path):
         there = [face.Value(float(a), float(b)) for a, b in zip(u, v, strict=True)]
         assert face.IsUPeriodic()
         assert np.array([[p.X(), p.Y(), p.Z()] for p in there]) == pytest.approx(
-            evaluate(patch, u, v), abs=1e-7
+            patch.evaluate(u, v), abs=1e-7
         )

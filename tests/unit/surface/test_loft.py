@@ -5,28 +5,29 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from shapes import SETTINGS, ball, curves_of, fork, grid, structure_of
 
-from cccd.chaincode import trace_mask
 from cccd.containers import Curves, Frame
 from cccd.errors import InputError
-from cccd.metrics import dice, is_closed_manifold, mesh_volume, self_intersections, voxelise
+from cccd.geometry.raster import voxelise
+from cccd.metrics import dice
 from cccd.surface import loft_surface, measure_surface
+from cccd.tracing import trace_mask
 
 
 def assert_sound(surface):
-    assert is_closed_manifold(surface.faces)
-    assert len(self_intersections(surface.vertices, surface.faces)) == 0
-    assert mesh_volume(surface.vertices, surface.faces) > 0
+    assert surface.mesh.is_closed_manifold
+    assert len(surface.mesh.self_intersections()) == 0
+    assert surface.mesh.volume > 0
 
 
 def agreement(surface, mask):
-    return dice(mask, voxelise(surface.vertices, surface.faces, surface.frame, np.zeros(3), mask.shape))
+    return dice(mask, voxelise(surface.mesh, surface.frame.affine, mask.shape))
 
 
 def test_a_ball_keeps_its_volume_and_its_surface():
     mask = ball()
     surface = loft_surface(curves_of(mask), SETTINGS)
     assert_sound(surface)
-    assert mesh_volume(surface.vertices, surface.faces) == pytest.approx(mask.sum(), rel=0.01)
+    assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.01)
     radius = np.linalg.norm(surface.vertices - 30, axis=1)
     assert np.abs(radius - 20).mean() < 0.35
     assert agreement(surface, mask) > 0.98
@@ -90,7 +91,7 @@ def test_a_cavity_is_subtracted():
     surface = loft_surface(curves_of(mask), SETTINGS)
     assert_sound(surface)
     assert [patch.sign for patch in surface.patches] == [1, -1]
-    assert mesh_volume(surface.vertices, surface.faces) == pytest.approx(mask.sum(), rel=0.02)
+    assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.02)
 
 
 def test_a_tunnel_through_all_slices_stays_open():
@@ -123,7 +124,7 @@ def test_what_only_the_cut_slice_shows_is_kept():
     mask |= (x >= 28) & (x < 100) & (np.abs(y - 30) <= 10) & (z == 0)
     surface = loft_surface(curves_of(mask, (1.0, 1.0, 3.0)), SETTINGS)
     assert_sound(surface)
-    inside = voxelise(surface.vertices, surface.faces, surface.frame, np.zeros(3), mask.shape)
+    inside = voxelise(surface.mesh, surface.frame.affine, mask.shape)
     assert dice(mask[:, :, 0], inside[:, :, 0]) > 0.93
     assert surface.vertices[:, 2].min() == pytest.approx(-1.5)
 
@@ -150,7 +151,7 @@ def test_one_slice_is_a_lens():
     mask[:, :, :30] = mask[:, :, 31:] = False
     surface = loft_surface(curves_of(mask), SETTINGS)
     assert_sound(surface)
-    assert mesh_volume(surface.vertices, surface.faces) == pytest.approx(mask.sum(), rel=0.15)
+    assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.15)
 
 
 def test_a_single_triangle_is_enough():

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from cccd.containers import Curves, Frame, Structure
+from cccd.geometry.mesh import Mesh
 from cccd.surface.measure import measure_mesh, volume_warnings
 
 
@@ -24,7 +25,7 @@ def drawn_box(depth: int) -> Structure:
 def test_a_surface_that_lost_a_part_draws_a_warning(share, word):
     drawn = (10 * 20 - 4 * 4) * 3 * 5
     box = trimesh.creation.box((drawn * share / 100, 10, 10))
-    figures = measure_mesh(np.asarray(box.vertices), np.asarray(box.faces), drawn_box(5))
+    figures = measure_mesh(Mesh(np.asarray(box.vertices), np.asarray(box.faces)), drawn_box(5))
     assert figures["volume_bias"] == pytest.approx(share - 1)
     warnings = volume_warnings(figures)
     assert len(warnings) == (word is not None)

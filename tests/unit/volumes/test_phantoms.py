@@ -6,7 +6,8 @@ import trimesh
 from scans import row, settings
 
 from cccd.errors import InputError
-from cccd.metrics import voxelise
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import voxelise
 from cccd.tolerances import PROJECTION_MM
 from cccd.volumes import load_structure
 from cccd.volumes.phantoms import ORGANS
@@ -48,7 +49,7 @@ def test_mask_image_and_truth_agree(organ):
     assert mesh.euler_number == (0 if organ == "torus" else 2 * mesh.body_count)
     assert voxels == pytest.approx(mesh.volume, rel=0.02)
     # the mask is the voxels whose centres are inside
-    filled = voxelise(vertices, faces, structure.frame, structure.origin, structure.mask.shape)
+    filled = voxelise(Mesh(vertices, faces), structure.frame.affine, structure.mask.shape, structure.origin)
     assert np.count_nonzero(filled ^ structure.mask) <= 0.005 * filled.sum()
     # a margin on all sides
     assert not structure.mask[[0, -1]].any()

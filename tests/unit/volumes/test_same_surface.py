@@ -17,7 +17,8 @@ from scans import (
     write_structure_set,
 )
 
-from cccd.containers import Curves, concatenate_ragged
+from cccd.containers import Curves
+from cccd.geometry.arrays import concatenate_ragged
 from cccd.surface import loft_surface
 from cccd.volumes import load_structure
 

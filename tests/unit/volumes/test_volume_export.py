@@ -9,7 +9,8 @@ from scans import affine_of, dicom_affine, full, grey, inside, row, settings, wr
 
 from cccd.containers import Frame
 from cccd.errors import InputError
-from cccd.metrics import voxelise
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import voxelise
 from cccd.volumes import load_structure
 from cccd.volumes.export import cut_mesh, write_label_map, write_rtstruct
 
@@ -26,7 +27,7 @@ def frame_around(centre, spacing=(1.0, 1.3, 3.0), turn=(20, -30, 50), mirror=Tru
 
 
 def whole_grid(vertices, faces, frame):
-    return voxelise(vertices, faces, frame, np.zeros(3), frame.shape)
+    return voxelise(Mesh(vertices, faces), frame.affine, frame.shape)
 
 
 CENTRE = np.array((4.0, -7.0, 11.0))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from cccd.comparisons import point_meshes, volume_meshes
 from cccd.comparisons.baselines import Baseline
-from cccd.comparisons.volume_meshes import Mesh
 from cccd.containers import Curves, Structure
+from cccd.geometry.mesh import Mesh
 
 __all__ = ["SURFACES"]
 

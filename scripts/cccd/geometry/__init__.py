@@ -1,0 +1,20 @@
+"""What everything else speaks: meshes, ragged polygons, grids, B-splines, and what is measured on them.
+
+One of each. Nothing here knows an organ, a slice stack or a file of the pipeline; lengths are in the unit
+of the coordinates, mostly mm.
+
+=================  =================================================================================
+module             holds
+=================  =================================================================================
+``arrays``         types of arrays; ragged arrays: offsets, owners, neighbours on closed parts
+``mesh``           `Mesh`: volume, area, normals, dihedral angles, soundness, samples
+``collisions``     pairs of triangles that pass through each other
+``ply``            meshes to and from PLY files, in double precision
+``polygons``       `RaggedPolygons`: areas, lengths, resampling, simplicity
+``raster``         polygons to pixels, meshes to voxels
+``distance``       signed distances of masks, polygons and meshes
+``grid``           `ScalarGrid`: values on a grid and their isosurface
+``bsplines``       knots, basis functions, `Patch`: points, derivatives, curvature
+``closed_splines`` closed cubic curves, compiled: basis, pieces, values and derivatives
+=================  =================================================================================
+"""

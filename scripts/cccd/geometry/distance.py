@@ -1,0 +1,227 @@
+"""Signed distances, negative inside: to masks, polygons and meshes, at points and on grids."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from cccd.geometry._jit import jit
+from cccd.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, SingleArray
+from cccd.geometry.grid import ScalarGrid
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.raster import voxelise
+
+__all__ = ["grid_to_mesh", "near_polygons", "to_mask", "to_mesh", "unsigned_to_mesh"]
+
+_Point = tuple[float, float, float]
+
+
+# Of the plane -----------------------------------------------------------------------------------------
+
+
+def to_mask(mask: BoolArray, spacing: FloatArray) -> SingleArray:
+    """Signed distance of every pixel (I, J) to the border midway between centres inside and outside.
+
+    Parameters
+    ----------
+    mask : (I, J) bool
+        With at least one pixel inside and one outside.
+    spacing : (2,) float64
+        Edge lengths of a pixel along i and j.
+
+    Examples
+    --------
+    >>> to_mask(np.array([[False, False, True, True]]), np.ones(2)).tolist()
+    [[1.5, 0.5, -0.5, -1.5]]
+    """
+    inside = np.ascontiguousarray(mask, np.uint8)
+    if np.isclose(*spacing, rtol=1e-3):
+        to_outside, to_inside = _pixels_away(inside), _pixels_away(1 - inside)
+        signed = np.where(mask, 0.5 - to_outside, to_inside - 0.5) * spacing.mean()
+        return signed.astype(np.float32)
+    to_outside = ndimage.distance_transform_edt(inside, sampling=spacing)
+    to_inside = ndimage.distance_transform_edt(1 - inside, sampling=spacing)
+    half = spacing.min() / 2  # neighbours along the finer axis decide where most borders lie
+    return np.where(mask, half - to_outside, to_inside - half).astype(np.float32)
+
+
+def _pixels_away(inside: ByteArray) -> FloatArray:
+    """Distance in pixels to the nearest zero.
+
+    OpenCV's last bit depends on where the array lies in memory; the square is a whole number, and the
+    root of that is the same in every run.
+    """
+    away = cv2.distanceTransform(inside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE).astype(float)
+    return np.sqrt(np.rint(away**2))
+
+
+def near_polygons(
+    distance: SingleArray, polygons: RaggedPolygons, spacing: FloatArray, band: float
+) -> SingleArray:
+    """Distances (I, J) that are exact near polygons; what ``distance`` holds is kept further away.
+
+    Parameters
+    ----------
+    distance : (I, J) float32
+        Signed distances; their sign stays.
+    polygons : RaggedPolygons
+        In mm from the centre of the first pixel.
+    spacing : (2,) float64
+        Edge lengths of a pixel in mm.
+    band : float
+        Pixels within which distances are measured anew.
+    """
+    refined = distance.copy()
+    _refine(refined, polygons.points, polygons.offsets, spacing, band)
+    return refined
+
+
+@jit
+def _refine(
+    distance: SingleArray, points: FloatArray, offsets: IntArray, spacing: FloatArray, band: float
+) -> None:
+    height, width = distance.shape
+    reach_i, reach_j = band * spacing[0], band * spacing[1]
+    exact = np.full(distance.shape, np.inf)
+    for member in range(len(offsets) - 1):
+        first, last = offsets[member], offsets[member + 1]
+        for n in range(first, last):
+            ax, ay = points[n]
+            bx, by = points[n + 1] if n + 1 < last else points[first]
+            dx, dy = bx - ax, by - ay
+            length2 = dx * dx + dy * dy
+            i0 = max(0, int(np.ceil((min(ax, bx) - reach_i) / spacing[0])))
+            i1 = min(height - 1, int((max(ax, bx) + reach_i) / spacing[0]))
+            j0 = max(0, int(np.ceil((min(ay, by) - reach_j) / spacing[1])))
+            j1 = min(width - 1, int((max(ay, by) + reach_j) / spacing[1]))
+            for i in range(i0, i1 + 1):
+                px = i * spacing[0] - ax
+                for j in range(j0, j1 + 1):
+                    py = j * spacing[1] - ay
+                    share = 0.0
+                    if length2 > 0:
+                        share = min(1.0, max(0.0, (px * dx + py * dy) / length2))
+                    ex, ey = px - share * dx, py - share * dy
+                    gap = ex * ex + ey * ey
+                    if gap < exact[i, j]:
+                        exact[i, j] = gap
+    for i in range(height):
+        for j in range(width):
+            if exact[i, j] < np.inf:
+                distance[i, j] = np.copysign(np.sqrt(exact[i, j]), distance[i, j])
+
+
+# Of meshes --------------------------------------------------------------------------------------------
+
+
+def unsigned_to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:
+    """Distance (P,) of points (P, 3) to the nearest point on a mesh, open or closed."""
+    _, nearest = mesh.to_polydata().find_closest_cell(points, return_closest_point=True)
+    return np.linalg.norm(points - np.asarray(nearest), axis=1)
+
+
+def to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:
+    """Signed distance (P,) of points (P, 3) to a closed mesh, positive outside."""
+    import pyvista  # VTK takes a second to load
+
+    measured = pyvista.PolyData(points).compute_implicit_distance(mesh.to_polydata())
+    return np.asarray(measured["implicit_distance"])
+
+
+def grid_to_mesh(
+    mesh: Mesh, origin: FloatArray, spacing: float, shape: tuple[int, int, int], band: float
+) -> ScalarGrid:
+    """Signed distance to a closed mesh at the nodes of a grid, cut off at a band to either side of it.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        It may pass through itself.
+    origin, spacing, shape
+        The grid: its first node (3,), the distance between nodes, and their number (A, B, C).
+    band : float
+        Distances are kept up to this many nodes.
+
+    Returns
+    -------
+    ScalarGrid
+        float32, in the unit of the mesh.
+    """
+    grid = ScalarGrid.uniform(np.full(shape, band * spacing, np.float32), origin, spacing)
+    inside = voxelise(mesh, grid.affine, shape)
+    values = _nearest_triangle(
+        np.ascontiguousarray((mesh.vertices - origin) / spacing), mesh.faces, shape, band, spacing
+    )
+    np.negative(values, out=values, where=inside)
+    return ScalarGrid(values, grid.affine)
+
+
+@jit
+def _nearest_triangle(
+    vertices: FloatArray, faces: IntArray, shape: tuple[int, int, int], band: float, spacing: float
+) -> SingleArray:
+    """Distance (A, B, C) from each node to the nearest triangle, at most ``band`` nodes."""
+    field = np.full(shape, np.float32(band * spacing))
+    first, last = np.empty(3, np.int64), np.empty(3, np.int64)
+    for f in range(len(faces)):
+        a, b, c = _point(vertices, faces[f, 0]), _point(vertices, faces[f, 1]), _point(vertices, faces[f, 2])
+        for axis in range(3):
+            first[axis] = max(0, int(np.ceil(min(a[axis], b[axis], c[axis]) - band)))
+            last[axis] = min(field.shape[axis] - 1, int(max(a[axis], b[axis], c[axis]) + band))
+        for i in range(first[0], last[0] + 1):
+            for j in range(first[1], last[1] + 1):
+                for k in range(first[2], last[2] + 1):
+                    point = (float(i), float(j), float(k))
+                    distance = spacing * np.sqrt(_squared_distance(point, a, b, c))
+                    if distance < field[i, j, k]:
+                        field[i, j, k] = distance
+    return field
+
+
+@jit
+def _point(vertices: FloatArray, n: int) -> _Point:
+    return (vertices[n, 0], vertices[n, 1], vertices[n, 2])
+
+
+@jit
+def _along(a: _Point, share: float, b: _Point) -> _Point:
+    """Give ``a + share * b``."""
+    return (a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2])
+
+
+@jit
+def _dot(a: _Point, b: _Point) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@jit
+def _squared_distance(point: _Point, a: _Point, b: _Point, c: _Point) -> float:
+    """Squared distance from a point to a triangle (Ericson 2005, section 5.1.5)."""
+    ab, ac, ap = _along(b, -1.0, a), _along(c, -1.0, a), _along(point, -1.0, a)
+    d1, d2 = _dot(ab, ap), _dot(ac, ap)
+    if d1 <= 0 and d2 <= 0:
+        return _dot(ap, ap)
+    bp = _along(point, -1.0, b)
+    d3, d4 = _dot(ab, bp), _dot(ac, bp)
+    if d3 >= 0 and d4 <= d3:
+        return _dot(bp, bp)
+    if d1 * d4 - d3 * d2 <= 0 and d1 >= 0 and d3 <= 0 and d1 > d3:
+        rest = _along(ap, -d1 / (d1 - d3), ab)
+        return _dot(rest, rest)
+    cp = _along(point, -1.0, c)
+    d5, d6 = _dot(ab, cp), _dot(ac, cp)
+    if d6 >= 0 and d5 <= d6:
+        return _dot(cp, cp)
+    if d5 * d2 - d1 * d6 <= 0 and d2 >= 0 and d6 <= 0 and d2 > d6:
+        rest = _along(ap, -d2 / (d2 - d6), ac)
+        return _dot(rest, rest)
+    if d3 * d6 - d5 * d4 <= 0 and d4 >= d3 and d5 >= d6 and d4 - d3 + d5 - d6 > 0:
+        rest = _along(bp, -(d4 - d3) / (d4 - d3 + d5 - d6), _along(c, -1.0, b))
+        return _dot(rest, rest)
+    x = ab[1] * ac[2] - ab[2] * ac[1]
+    y = ab[2] * ac[0] - ab[0] * ac[2]
+    z = ab[0] * ac[1] - ab[1] * ac[0]
+    size = x * x + y * y + z * z
+    return (ap[0] * x + ap[1] * y + ap[2] * z) ** 2 / size if size > 0 else _dot(ap, ap)

@@ -1,0 +1,222 @@
+"""Triangle meshes and what is measured on them: volume, area, bending, soundness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.collisions import passing_pairs
+
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
+
+__all__ = ["Dihedrals", "Mesh"]
+
+
+class Dihedrals(NamedTuple):
+    """The inner edges of a mesh and how its faces bend along them."""
+
+    edges: IntArray  # (E, 2)
+    angles: FloatArray  # (E,) between the normals of the two faces, in radians
+    lengths: FloatArray  # (E,)
+    areas: FloatArray  # (E,) of the two faces together
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles, counter-clockwise seen from outside.
+
+    Attributes
+    ----------
+    vertices : (V, 3) float64
+        Mostly in world mm (RAS).
+    faces : (F, 3) int64
+
+    Examples
+    --------
+    >>> corner = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+    >>> tetrahedron = Mesh(corner, np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]))
+    >>> round(6 * tetrahedron.volume, 9), tetrahedron.is_closed_manifold
+    (1.0, True)
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+
+    @classmethod
+    def empty(cls) -> Mesh:
+        """Give the mesh without triangles."""
+        return cls(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
+
+    # Measures
+
+    @property
+    def volume(self) -> float:
+        """Volume inside a closed mesh by the divergence theorem; positive when it is oriented outwards."""
+        if len(self.faces) == 0:
+            return 0.0
+        a, opposite = self._spanned()
+        return float(np.einsum("fc,fc->", a, opposite)) / 6
+
+    @property
+    def area(self) -> float:
+        """Area of all faces."""
+        return float(self.face_areas.sum())
+
+    @cached_property
+    def face_normals(self) -> FloatArray:
+        """Normals (F, 3), as long as twice the area of their face."""
+        a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
+        return np.cross(b - a, c - a)
+
+    @property
+    def face_areas(self) -> FloatArray:
+        """Area (F,) of each face."""
+        return 0.5 * np.linalg.norm(self.face_normals, axis=1)
+
+    @property
+    def unit_normals(self) -> FloatArray:
+        """Normals (F, 3) of unit length; zero for a face without area."""
+        size = np.linalg.norm(self.face_normals, axis=1, keepdims=True)
+        return np.divide(self.face_normals, size, out=np.zeros_like(self.face_normals), where=size > 0)
+
+    @cached_property
+    def dihedrals(self) -> Dihedrals:
+        """Angles between the normals of faces that share an edge."""
+        faces, unit = self.faces, self.unit_normals
+        size = np.linalg.norm(self.face_normals, axis=1)
+        edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+        key = edges[:, 0] * (int(faces.max()) + 1) + edges[:, 1]
+        order = np.argsort(key, kind="stable")
+        pair = np.flatnonzero(key[order][1:] == key[order][:-1])
+        first, second = order[pair] // 3, order[pair + 1] // 3
+        edge = edges[order[pair]]
+        cosine = np.einsum("ec,ec->e", unit[first], unit[second])
+        sine = np.linalg.norm(np.cross(unit[first], unit[second]), axis=1)
+        angle = np.where((size[first] > 0) & (size[second] > 0), np.arctan2(sine, cosine), 0.0)
+        length = np.linalg.norm(self.vertices[edge[:, 1]] - self.vertices[edge[:, 0]], axis=1)
+        return Dihedrals(edge, angle, length, (size[first] + size[second]) / 2)
+
+    @property
+    def bending_per_area(self) -> float:
+        r"""Bending energy of the surface per area, in 1/mm^2.
+
+        The integral of :math:`k_1^2 + k_2^2 = (k_1 + k_2)^2 - 2 k_1 k_2` over the surface, divided by its
+        area. The first term is the discrete-shell energy :math:`\sum 3 \theta^2 l^2 / A` of Grinspun et
+        al. (2003): each edge of length l bends by its dihedral angle :math:`\theta` between two faces of
+        together area A. The second is :math:`4 \pi \chi` by Gauss and Bonnet, with the Euler
+        characteristic of the mesh. Slivers count as if they were as wide as a tenth of their edge.
+        """
+        edge, theta, length, area = self.dihedrals
+        if len(edge) == 0:
+            return 0.0
+        area = np.maximum(area, 0.1 * length**2)
+        shell = np.divide(3 * theta**2 * length**2, area, out=np.zeros_like(area), where=area > 0).sum()
+        euler = len(np.unique(self.faces)) - len(edge) + len(self.faces)
+        return float(max(shell - 4 * np.pi * euler, 0.0) / self.area)
+
+    @property
+    def curvature_per_area(self) -> float:
+        r"""Mean absolute curvature in 1/mm: the sum of :math:`|\theta| l` over all edges, by the area.
+
+        The dihedral angles of a mesh measure its total curvature without dividing by small faces, so this
+        figure is the one to compare between meshes of different make.
+        """
+        _, theta, length, _ = self.dihedrals
+        return float(np.sum(np.abs(theta) * length) / self.area)
+
+    # Soundness
+
+    @property
+    def is_closed_manifold(self) -> bool:
+        """Whether every edge belongs to two faces that run along it in opposite directions.
+
+        That is: closed, without edges of three faces, and consistently oriented. A vertex where two sheets
+        touch is not found by looking at edges, so the faces around each vertex must also form one fan.
+        """
+        faces = self.faces
+        if len(faces) == 0 or np.any(faces == np.roll(faces, 1, axis=1)):
+            return False
+        count = int(faces.max()) + 1
+        start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+        forward, backward = np.sort(start * count + end), end * count + start
+        if np.any(forward[1:] == forward[:-1]) or not np.array_equal(forward, np.sort(backward)):
+            return False
+        return _count_fans(faces) == len(np.unique(faces))
+
+    def self_intersections(self) -> IntArray:
+        """Pairs (K, 2) of triangles that pass through each other; see `cccd.geometry.collisions`."""
+        return passing_pairs(self.vertices, self.faces)
+
+    def count_bodies(self) -> int:
+        """Count the connected pieces that are not the inside of a cavity: those of positive volume."""
+        ends = self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel()
+        links = coo_array((np.ones(self.faces.size, bool), ends), shape=2 * (len(self.vertices),))
+        _, piece = connected_components(links, directed=False)
+        volume = np.bincount(piece[self.faces[:, 0]], np.einsum("fc,fc->f", *self._spanned()))
+        return int(np.count_nonzero(volume > 0))
+
+    # Other meshes and points from this one
+
+    def reversed(self) -> Mesh:
+        """Turn all faces round."""
+        return Mesh(self.vertices, np.ascontiguousarray(self.faces[:, ::-1]))
+
+    def outwards(self) -> Mesh:
+        """Turn a closed mesh's faces round when the volume that they enclose comes out negative."""
+        return self.reversed() if self.volume < 0 else self
+
+    def transformed(self, affine: FloatArray) -> Mesh:
+        """Apply an affine (4, 4); faces keep their outer side, also when it mirrors."""
+        moved = Mesh(self.vertices @ affine[:3, :3].T + affine[:3, 3], self.faces)
+        return moved.reversed() if np.linalg.det(affine[:3, :3]) < 0 else moved
+
+    def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Draw points (count, 3) uniformly by area."""
+        areas = self.face_areas
+        chosen = rng.choice(len(self.faces), size=count, p=areas / areas.sum())
+        r, s = np.sqrt(rng.random(count)), rng.random(count)
+        weights = np.column_stack([1 - r, r * (1 - s), r * s])
+        return np.einsum("pc,pcx->px", weights, self.vertices[self.faces[chosen]])
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        """Give the same vertices and faces as a ``trimesh.Trimesh``; nothing is merged."""
+        import trimesh  # loads half of SciPy
+
+        return trimesh.Trimesh(self.vertices, self.faces, process=False)
+
+    def to_polydata(self) -> pyvista.PolyData:
+        """Give the mesh as VTK's ``PolyData``."""
+        import pyvista  # VTK takes a second to load
+
+        return pyvista.PolyData.from_regular_faces(self.vertices, self.faces)
+
+    def _spanned(self) -> tuple[FloatArray, FloatArray]:
+        """First corners (F, 3) of the faces, seen from the mean of the vertices, and the others' product.
+
+        Their scalar product is six times the signed volume that a face spans with the mean.
+        """
+        a, b, c = (self.vertices[self.faces[:, corner]] - self.vertices.mean(axis=0) for corner in range(3))
+        return a, np.cross(b, c)
+
+
+def _count_fans(faces: IntArray) -> int:
+    """Count fans: corners joined with the neighbouring corner across an edge at the same vertex."""
+    count = int(faces.max()) + 1
+    corner = np.arange(faces.size)
+    following = corner // 3 * 3 + (corner + 1) % 3
+    preceding = corner // 3 * 3 + (corner + 2) % 3
+    vertex = faces.ravel()
+    leaving = vertex * count + vertex[following]
+    arriving = vertex * count + vertex[preceding]
+    order = np.argsort(leaving)
+    partner = order[np.searchsorted(leaving[order], arriving)]
+    links = coo_array((np.ones(faces.size, bool), (corner, partner)), shape=(faces.size, faces.size))
+    return int(connected_components(links, directed=False)[0])

@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from solids import sphere
+
+from cccd.containers import Curves, Frame
+from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.raster import rasterise, voxelise
+
+
+def curves_of(polygons, slices, shape=(40, 40, 5)):
+    ragged = RaggedPolygons.of([np.asarray(p, float) for p in polygons])
+    hole = np.zeros(len(polygons), bool)
+    return Curves(
+        ragged.points, ragged.offsets, np.asarray(slices, np.int32), hole, Frame(np.eye(4), 2, shape)
+    )
+
+
+def test_centres_on_the_polygon_are_inside():
+    square = [(2, 3), (2, 7), (5, 7), (5, 3)]
+    expected = np.zeros((9, 10), bool)
+    expected[2:6, 3:8] = True
+    assert np.array_equal(rasterise([square], (0, 0), (9, 10)), expected)
+    assert np.array_equal(rasterise([square[::-1]], (2, 3), (3, 3)), np.ones((3, 3), bool))
+
+
+def test_a_hole_keeps_its_border_and_loses_its_inside():
+    outer = [(0, 0), (0, 9), (9, 9), (9, 0)]
+    hole = [(3, 3), (6, 3), (6, 6), (3, 6)]
+    expected = np.ones((10, 10), bool)
+    expected[4:6, 4:6] = False
+    assert np.array_equal(rasterise([outer, hole], (0, 0), (10, 10)), expected)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_agrees_with_shapely_on_random_stars(seed, on_lattice):
+    rng = np.random.default_rng(seed)
+    polygons = []
+    for _ in range(3):
+        angle = np.sort(rng.random(rng.integers(3, 30))) * 2 * np.pi
+        radius = rng.uniform(2, 18, len(angle))
+        star = 15 + rng.uniform(-5, 5, 2) + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        polygons.append(np.rint(star) if on_lattice else star)
+    stack = curves_of(polygons, [4, 6, 6]).rasterise((4, 2, 3), (3, 25, 22))
+    i, j = np.meshgrid(np.arange(2, 27), np.arange(3, 25), indexing="ij")
+    grid = shapely.points(i, j)
+    shapes = [shapely.Polygon(polygon) for polygon in polygons]
+    usable = [shape.is_valid for shape in shapes]
+    if usable[0]:
+        assert np.array_equal(stack[0], shapely.intersects(shapes[0], grid))
+    assert not stack[1].any()
+    if usable[1] and usable[2]:
+        a, b = shapes[1:]
+        either = shapely.contains(a, grid) ^ shapely.contains(b, grid)
+        border = shapely.intersects(a.boundary, grid) | shapely.intersects(b.boundary, grid)
+        assert np.array_equal(stack[2], either | border)
+
+
+def test_a_disc_keeps_its_area_and_outside_parts_are_cut_off():
+    angle = np.linspace(0, 2 * np.pi, 7200, endpoint=False)
+    disc = 50.3 * np.column_stack([np.cos(angle), np.sin(angle)])
+    half = rasterise([disc], (0, -60), (60, 121))
+    i, j = np.meshgrid(np.arange(60), np.arange(-60, 61), indexing="ij")
+    assert np.array_equal(half, np.hypot(i, j) < 50.3)
+    assert not curves_of([disc], [9]).rasterise((0, 0, 0), (3, 4, 4)).any()
+    assert rasterise([], (0, 0), (2, 3)).shape == (2, 3)
+
+
+@pytest.mark.parametrize("mirror", [1, -1])
+def test_voxels_of_a_sphere(mirror):
+    affine = np.diag([mirror * 0.5, 0.7, 1.0, 1.0])
+    shape = (60, 60, 40)
+    centre = affine[:3, :3] @ (30, 30, 20)
+    mesh = sphere(9.3, centre)
+    index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
+    inside = np.linalg.norm(index @ affine[:3, :3].T - centre, axis=-1) <= 9.3
+    found = voxelise(mesh, affine, shape)
+    assert np.count_nonzero(found ^ inside) < 0.01 * inside.sum()
+    part = voxelise(mesh, affine, (20, 30, 10), (20, 10, 15))
+    assert np.array_equal(part, found[20:40, 10:40, 15:25])
