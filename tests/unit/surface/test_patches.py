@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from shapes import ellipse
 
-from cccd.surface.evaluate import evaluate
 from cccd.surface.fitting import fit_samples
 from cccd.surface.patches import _patch
 from cccd.surface.refinement import fit_within_budget
@@ -64,7 +63,7 @@ def fitted(tube, size=(16, 6), around=96):
 
 def on_patch(patch, count=400):
     rng = np.random.default_rng(0)
-    return evaluate(patch, rng.random(count), rng.random(count) * patch.knots_v[-1])
+    return patch.evaluate(rng.random(count), rng.random(count) * patch.knots_v[-1])
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.3, -0.5])
@@ -87,7 +86,7 @@ def test_sections_keep_their_area():
     tube = Tube(sections, (None, None), False, 0, ("cut", "cut"))
     _, _, patch = fitted(tube, (8, 5))
     u = np.arange(500) / 500
-    middle = evaluate(patch, u, np.full(500, patch.knots_v[-1] / 2))[:, :2]
+    middle = patch.evaluate(u, np.full(500, patch.knots_v[-1] / 2))[:, :2]
     assert signed_area(middle) == pytest.approx(signed_area(outline), rel=2e-3)
 
 
