@@ -3,7 +3,7 @@
 import shutil
 
 from cccd.job import job
-from cccd.junctions import load_model
+from cccd.junctions.checkpoint import load_model
 from cccd.store import atomic_path
 
 with job(snakemake.log[0], "pretrained GNN"):

@@ -3,7 +3,7 @@
 from cccd.curves import describe_curves
 from cccd.curves.ordering import order_structure
 from cccd.job import job
-from cccd.junctions import load_model
+from cccd.junctions.checkpoint import load_model
 from cccd.store import read_boundaries, read_structure, write_curves
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from cccd.job import job
-from cccd.junctions import train_model
+from cccd.junctions.loop import train_model
 
 with job(snakemake.log[0], "GNN training"):
     train_model(

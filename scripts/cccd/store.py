@@ -13,6 +13,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
@@ -23,6 +24,7 @@ from cccd.errors import InputError
 from cccd.geometry.bsplines import Patch
 
 __all__ = [
+    "GraphSplit",
     "atomic_path",
     "read_boundaries",
     "read_curves",
@@ -327,34 +329,87 @@ def read_splines(path: str | Path) -> Splines:
 # graphs.h5 ------------------------------------------------------------------------------------------
 
 
-def write_graphs(
-    path: str | Path, splits: Mapping[str, Mapping[str, np.ndarray]], attributes: Mapping[str, int | str]
-) -> None:
-    """Write ``graphs.h5``: one group of ragged columns per split (training, validation, test).
+@dataclass(frozen=True, eq=False)
+class GraphSplit:
+    """Graphs of one split of ``graphs.h5``, ragged.
 
-    Columns are named by their path in the group, e.g. ``links/nodes (L, 2)`` with ``links/offsets
-    (G + 1,)`` and ``links/label (L,)``, +1 for true links and -1 for others (section 4.2).
+    Attributes
+    ----------
+    pixels : (P, 2) int16
+        Boundary pixels (i, j); ``pixel_offsets`` (G + 1,) say where each graph begins.
+    links : (L, 2) int16
+        The two nodes of each link, counted within its graph; ``link_offsets`` (G + 1,).
+    link_labels : (L,) int8
+        +1 for true links and -1 for others (section 4.2).
+    inside_shares : (T,) uint8
+        Share of each triangle inside, in steps of 1/255; ``triangle_offsets`` (G + 1,).
+    contours : (Q, 2) int16
+        Points of the true contours; ``contour_offsets`` (C + 1,), and ``contour_graph`` (C,), whose each is.
+    image_values : (N,) uint8
+        Grey slices, of the graphs that have one; ``image_offsets`` (G + 1,).
+    shape : (G, 2) int32
+        Of each slice.
+    kind : (G,) uint8
+        Number of its kind in the file's attribute ``kinds``.
     """
+
+    pixels: np.ndarray
+    pixel_offsets: np.ndarray
+    links: np.ndarray
+    link_labels: np.ndarray
+    link_offsets: np.ndarray
+    inside_shares: np.ndarray
+    triangle_offsets: np.ndarray
+    contours: np.ndarray
+    contour_offsets: np.ndarray
+    contour_graph: np.ndarray
+    image_values: np.ndarray
+    image_offsets: np.ndarray
+    shape: np.ndarray
+    kind: np.ndarray
+
+    @property
+    def graph_bytes(self) -> int:
+        """Bytes of graphs and labels; grey slices are not part of a graph."""
+        return sum(column.nbytes for name, column in vars(self).items() if not name.startswith("image"))
+
+
+# Where the columns of a `GraphSplit` stand in the split's group.
+_GRAPH_PATHS = {
+    "pixels": "pixels/points",
+    "pixel_offsets": "pixels/offsets",
+    "links": "links/nodes",
+    "link_labels": "links/label",
+    "link_offsets": "links/offsets",
+    "inside_shares": "triangles/inside",
+    "triangle_offsets": "triangles/offsets",
+    "contours": "contours/points",
+    "contour_offsets": "contours/offsets",
+    "contour_graph": "contours/graph",
+    "image_values": "images/values",
+    "image_offsets": "images/offsets",
+    "shape": "shape",
+    "kind": "kind",
+}
+
+
+def write_graphs(
+    path: str | Path, splits: Mapping[str, GraphSplit], attributes: Mapping[str, int | str]
+) -> None:
+    """Write ``graphs.h5``: one group per split (training, validation, test), and what is known of all."""
     with _create(path) as file:
         for name, value in attributes.items():
             file.attrs[name] = value
         for split, columns in splits.items():
             group = file.create_group(split)
-            for name, column in columns.items():
-                _put(group, name, column)
+            for name, place in _GRAPH_PATHS.items():
+                _put(group, place, getattr(columns, name))
 
 
-def read_graphs(path: str | Path, split: str) -> dict[str, np.ndarray]:
-    """Read the ragged columns of one split of ``graphs.h5``."""
-    columns: dict[str, np.ndarray] = {}
-
-    def collect(name: str, item: h5py.Group | h5py.Dataset) -> None:
-        if isinstance(item, h5py.Dataset):
-            columns[name] = item[:]
-
+def read_graphs(path: str | Path, split: str) -> GraphSplit:
+    """Read one split of ``graphs.h5``."""
     with _open(path) as file:
-        file[split].visititems(collect)
-    return columns
+        return GraphSplit(**{name: file[split][place][:] for name, place in _GRAPH_PATHS.items()})
 
 
 def read_graph_facts(path: str | Path) -> tuple[dict[str, int], dict]:

@@ -61,3 +61,12 @@ SAME_POINT_VOXELS = 1e-6
 
 #: A surface whose volume differs from its organ's by more than this share gets a warning.
 VOLUME_BIAS = 0.05
+
+#: Grey values that span no more than this, in their own units, have no contrast to scale by.
+CONTRAST = 1e-6
+
+#: Triangles and radii smaller than this, in pixels, count as this small where they divide or weigh.
+LEAST_PX = 1e-6
+
+#: Capacities up to this are used up when a minimum cut is sought (energies are of the order of one).
+FLOW = 1e-9

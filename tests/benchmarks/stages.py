@@ -11,17 +11,19 @@ from organ import make_organ
 from scipy.interpolate import splprep
 
 from cccd.boundary import extract_boundaries
+from cccd.chaincode import trace_mask
 from cccd.comparisons.volume_meshes import flying_edges, windowed_sinc
-from cccd.containers import Boundaries
+from cccd.containers import Boundaries, concatenate_ragged
 from cccd.curves import describe_curves
 from cccd.curves.ordering import order_structure
-from cccd.geometry.arrays import concatenate_ragged
-from cccd.junctions import load_model, order_boundaries, training
+from cccd.junctions import order_boundaries
+from cccd.junctions.checkpoint import load_model
 from cccd.junctions.corruptions import corrupt
-from cccd.junctions.samples import draw_sample
+from cccd.junctions.data import label_maps
+from cccd.junctions.loss import total_loss
+from cccd.junctions.synthetic_maps import draw_map
 from cccd.settings import BoundarySettings
 from cccd.surface import loft_surface, measure_surface
-from cccd.tracing import trace_mask
 
 __all__ = ["STAGES"]
 
@@ -51,15 +53,15 @@ def junctions(slices: int, settings: dict) -> Methods:
 
 def network(slices: int, settings: dict) -> Methods:
     """The junction network on damaged maps, on the GPU beside the CPU where there is one."""
-    maps = [draw_sample(np.random.default_rng([settings["seed"], n]), "mixed") for n in range(slices)]
-    examples = training._examples(maps, [False] * slices)
+    maps = [draw_map(np.random.default_rng([settings["seed"], n]), "mixed") for n in range(slices)]
+    examples = label_maps(maps, [False] * slices)
     methods = {}
     for device in ("CPU", "CUDA") if torch.cuda.is_available() else ("CPU",):
         model, there = load_model(MODEL).to(device.lower()), examples.to(device.lower())
 
         def step(model=model, there=there) -> None:
             model.zero_grad()
-            training._loss(model.train(), there).backward()
+            total_loss(model.train()(there.batch), there).backward()
 
         methods[f"prediction, {device}"] = partial(model.predict, there.batch)
         methods[f"step of training, {device}"] = step

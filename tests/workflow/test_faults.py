@@ -60,7 +60,7 @@ WRITERS = {
         for suffix in ("ply", "stl", "vtp", "glb")
     },
     "picture.png": "from cccd.report import render; render.render_surface(done / 'surface.ply', path)",
-    "model.pt": "from cccd.junctions import training; training._save(path, {'a': 'x' * 9999})",
+    "model.pt": "from cccd.junctions import checkpoint; checkpoint.save_content(path, {'a': 'x' * 9999})",
 }
 
 

@@ -17,7 +17,7 @@ import pytest
 import torch
 
 from cccd.errors import InputError
-from cccd.junctions import load_model
+from cccd.junctions.checkpoint import load_model
 from cccd.report.page import build_report
 
 ROOT = Path(__file__).parents[2]

@@ -17,21 +17,17 @@ import pandas as pd
 from cccd.chaincode import isolated_corners
 from cccd.comparisons.baselines.decoders import DECODERS
 from cccd.comparisons.decoders import decode
-from cccd.containers import Boundaries, Frame
-from cccd.geometry.arrays import concatenate_ragged
-from cccd.junctions import load_model, order_boundaries
+from cccd.containers import Boundaries, Frame, concatenate_ragged
+from cccd.junctions import order_boundaries
+from cccd.junctions.checkpoint import load_model
 from cccd.junctions.corruptions import KINDS
-from cccd.junctions.decoding import fill_inside
-from cccd.junctions.features import measure
-from cccd.junctions.inference import (
-    curves_from_masks,
-    label_inside,
-    predict_masks,
-)
-from cccd.junctions.network import JunctionNetwork, make_batch
-from cccd.junctions.reading import read_map
-from cccd.junctions.samples import ALL_KINDS, Sample, draw_sample, inside_shares, link_labels, truth_mask
+from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
+from cccd.junctions.inference import Predictor, predict_masks
+from cccd.junctions.labels import inside_shares, link_labels
+from cccd.junctions.network import JunctionNetwork
+from cccd.junctions.observation import observe
 from cccd.junctions.scoring import SliceScore, score_slice
+from cccd.junctions.synthetic_maps import ALL_KINDS, RandomStream, SyntheticMap, draw_map, truth_mask
 from cccd.store import atomic_path, write_table
 
 __all__ = ["compare_decoders", "draw_worst", "evaluate", "network_decoder"]
@@ -40,16 +36,15 @@ __all__ = ["compare_decoders", "draw_worst", "evaluate", "network_decoder"]
 TEN = tuple(kind for kind in KINDS if kind != "everything")
 
 _FRAME = Frame(np.eye(4), 2, (1, 1, 1))
-_EVALUATION = 9  # random stream
 
 #: Orders a batch of maps: a list of closed chains (n, 2) for each.
-Decoder = Callable[[Sequence[Sample]], list[list[np.ndarray]]]
+Decoder = Callable[[Sequence[SyntheticMap]], list[list[np.ndarray]]]
 
 
-def network_decoder(model: JunctionNetwork | None, grey: bool = True) -> Decoder:
+def network_decoder(model: Predictor | None, grey: bool = True) -> Decoder:
     """Join the network (``None``: no network) and its decoder; without ``grey`` no images are shown."""
 
-    def run(samples: Sequence[Sample]) -> list[list[np.ndarray]]:
+    def run(samples: Sequence[SyntheticMap]) -> list[list[np.ndarray]]:
         greys = [sample.image if grey else None for sample in samples]
         return _chains(*predict_masks([sample.pixels for sample in samples], model, greys))
 
@@ -57,45 +52,44 @@ def network_decoder(model: JunctionNetwork | None, grey: bool = True) -> Decoder
 
 
 def _chains(masks: np.ndarray, origin: np.ndarray) -> list[list[np.ndarray]]:
-    chains = [list(curves_from_masks(mask[None], (0, *origin), _FRAME)) for mask in masks]
-    return [[chain for chain in found if len(chain)] for found in chains]
+    return [list(closed_chains(mask[None], origin, [0], _FRAME)) for mask in masks]
 
 
-def _by_true_labels(samples: Sequence[Sample]) -> list[list[np.ndarray]]:
+def _by_true_labels(samples: Sequence[SyntheticMap]) -> list[list[np.ndarray]]:
     """Decode what a network without fault would say."""
     chains: list[list[np.ndarray]] = []
     for sample in samples:
-        graph, _ = read_map(sample.pixels, sample.image)
+        graph = observe(sample.pixels, sample.image).graph
         inside = inside_shares(graph, sample.contours)
         logits = 20 * (inside - 0.5), np.where(link_labels(graph, inside), 10.0, -10.0)
-        chains += _chains(*fill_inside(graph, label_inside(graph, *logits)))
+        chains += _chains(*fill_inside(graph, label_inside(graph, logits)))
     return chains
 
 
 def _classical(decoder: Callable) -> Decoder:
-    def run(samples: Sequence[Sample]) -> list[list[np.ndarray]]:
+    def run(samples: Sequence[SyntheticMap]) -> list[list[np.ndarray]]:
         chains = [decode(decoder, sample.pixels, _seed_point(sample)) for sample in samples]
         return [[chain] if len(chain) else [] for chain in chains]
 
     return run
 
 
-def _seed_point(sample: Sample) -> np.ndarray:
+def _seed_point(sample: SyntheticMap) -> np.ndarray:
     """Find the point deepest inside the organ: what an ideal user would click."""
     depth = cv2.distanceTransform(truth_mask(sample), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return np.array(np.unravel_index(np.argmax(depth), depth.shape))
 
 
-def _single(rng: np.random.Generator, kind: str) -> Sample:
+def _single(rng: np.random.Generator, kind: str) -> SyntheticMap:
     """Draw a map of one organ without holes, as the classical decoders expect; severity 1."""
     while True:
-        sample = draw_sample(rng, kind, 1.0)
+        sample = draw_map(rng, kind, 1.0)
         if len(sample.contours) == 1:
             return sample
 
 
 def compare_decoders(
-    decoders: Mapping[str, Decoder], maps: Mapping[str, Sequence[Sample]]
+    decoders: Mapping[str, Decoder], maps: Mapping[str, Sequence[SyntheticMap]]
 ) -> tuple[pd.DataFrame, dict[str, dict[str, list[SliceScore]]]]:
     """Score every decoder on the same maps.
 
@@ -142,7 +136,7 @@ def compare_decoders(
     return pd.concat([table, mean[table.columns]], ignore_index=True), scores
 
 
-def _isolated(samples: Sequence[Sample], model: JunctionNetwork) -> tuple[float, float]:
+def _isolated(samples: Sequence[SyntheticMap], model: JunctionNetwork) -> tuple[float, float]:
     """Isolated corners per map (Figure 4) before and after ordering by the network."""
     points, offsets = concatenate_ragged([sample.pixels for sample in samples])
     frame = Frame(np.eye(4), 2, (1, 1, len(samples)))
@@ -155,7 +149,9 @@ def _isolated(samples: Sequence[Sample], model: JunctionNetwork) -> tuple[float,
 _MOST_OF_A_KIND = 2
 
 
-def draw_worst(path: str | Path, model: JunctionNetwork, samples: Sequence[Sample], count: int = 10) -> None:
+def draw_worst(
+    path: str | Path, model: JunctionNetwork, samples: Sequence[SyntheticMap], count: int = 10
+) -> None:
     """Draw the maps that come out worst: the map, the network's links, the curve and the truth."""
     chains = network_decoder(model)(samples)
     scored = [score_slice(c, s.contours) for c, s in zip(chains, samples, strict=True)]
@@ -172,11 +168,12 @@ def draw_worst(path: str | Path, model: JunctionNetwork, samples: Sequence[Sampl
     )
     for n, row in zip(order, axes, strict=True):
         sample = samples[n]
-        graph, grey = read_map(sample.pixels, sample.image)
-        _, link = model.predict(make_batch(graph, measure(graph, [grey])))
+        seen = observe(sample.pixels, sample.image)
+        graph = seen.graph
+        _, link = model.logits(graph, [seen.intensity])
         if sample.image is not None:
             row[0].imshow(sample.image, cmap="gray")
-        ink = "k" if grey is None else "tab:red"
+        ink = "k" if sample.image is None else "tab:red"
         row[0].plot(sample.pixels[:, 1], sample.pixels[:, 0], ".", ms=1.5, color=ink)
         row[0].set_title(f"{sample.kind}: map", fontsize=8)
         probability = 1 / (1 + np.exp(-link))
@@ -223,7 +220,7 @@ def evaluate(
     """
     maps = {}
     for number, kind in enumerate(ALL_KINDS):
-        rng = np.random.default_rng([seed, _EVALUATION, number])
+        rng = np.random.default_rng([seed, RandomStream.EVALUATION, number])
         maps[kind] = [_single(rng, kind) for _ in range(settings["test_maps"])]
     networks = {name: load_model(path) for name, path in models.items()}
     decoders = {f"GNN, {name}": network_decoder(network) for name, network in networks.items()}

@@ -1,10 +1,34 @@
-"""Junctions: which pixels and links of a dirty boundary map belong to the organ's closed curves.
+"""Junctions: which pixels and links of a noisy boundary map belong to the organ's closed curves.
 
 Delaunay links of the boundary pixels are classified by a graph network (eq. 11); a minimum cut then
 labels what lies inside, and the border of the inside is closed and simple whatever the network says.
+Only the network and its training import torch.
+
+==================== ===============================================================================
+module               holds
+==================== ===============================================================================
+``delaunay``         the graph: pixels, links and triangles of a Delaunay triangulation, ghost points
+``branches``         branches of a boundary map and their good continuation
+``intensity``        grey slices as the network reads them, and edges that the map lacks
+``observation``      a slice's map and image to its graph
+``columns``          tables of features with named columns
+``features``         what the network reads at nodes, links and triangles
+``batch``            graph and features as tensors
+``layers``           message passing
+``network``          the network
+``energy``           unary and pairwise terms, for training and inference
+``cut``              the labelling of least energy, by minimum cut
+``decoding``         labelled triangles to closed chains
+``inference``        the forward path, batched over slices
+``ordering``         a volume's boundary pixels to curves
+``random_masks``     synthetic organs; ``synthetic_images``, ``corruptions``, ``synthetic_maps``, ``labels``:
+                     images, noisy boundary maps and labels of them
+``frozen_graphs``    ``graphs.h5``: graphs drawn once
+``data``             labelled batches; ``loss``, ``loop``, ``checkpoint``: the rest of the training
+``scoring``          when an ordered slice counts as correct
+==================== ===============================================================================
 """
 
-from cccd.junctions.inference import order_boundaries
-from cccd.junctions.training import generate_graphs, load_model, train_model
+from cccd.junctions.ordering import order_boundaries
 
-__all__ = ["generate_graphs", "load_model", "order_boundaries", "train_model"]
+__all__ = ["order_boundaries"]

@@ -1,62 +1,73 @@
 """Branches of a boundary map: the stretches of pixels between its junctions and its ends.
 
-Strokes are branches that go on straight across junctions and gaps, as the eye follows them: the line that
-crosses a border, and the border that it crosses.
+Good-continuation groups are branches that go on straight across junctions and gaps, as the eye follows them
+(Wertheimer 1923): the line that crosses a border, and the border that it crosses.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from cccd.chaincode import DIRECTIONS
+from cccd.geometry._jit import jit
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from cccd.junctions.columns import Column, FeatureSchema
+from cccd.tolerances import ROUNDING
 
-__all__ = ["BRANCH_MEASURES", "Branches", "find_branches", "join_nodes"]
+__all__ = ["SHAPE_COLUMNS", "Branches", "connected_nodes", "find_branches"]
 
 # A branch's direction at a pixel is read off its pixels up to this far away.
 _REACH_PX = 6
 
-# Two ends are one stroke's if the cosine of the turn between them is at least so large, across a junction
+# Two ends continue each other if the cosine of the turn between them is at least so large, across a junction
 # and across a gap; and if each has a direction at all.
 _STRAIGHT = (0.7, 0.8)
 _LEAST_DIRECTION = 0.3
 
-# A branch between junctions no longer than this belongs to them.
-_KNOT_PX = 3
+# A branch between junctions no longer than this belongs to their cluster.
+_CLUSTER_PX = 3
 
-#: Columns of `Branches.measures`, for branches and for strokes.
-BRANCH_MEASURES = 5
+#: What is measured of a branch, and of a group: lines drawn by hand are straight, borders seldom.
+SHAPE_COLUMNS = FeatureSchema(
+    Column("size", "log pixels / 4", "number of its pixels"),
+    Column("dead_ends", "ends / 2", "its dead ends, 2 at most"),
+    Column("junction_contacts", "pixels / 2", "its pixels beside junctions, 2 at most"),
+    Column("spread_across", "log pixels", "spread across its main direction (RMS, and 0.2)"),
+    Column("spread_along", "log pixels / 4", "spread along its main direction (RMS, and 0.2)"),
+)
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Branches:
-    """Branches and strokes of a map's pixels.
+    """Branches and good-continuation groups of a boundary map's pixels.
 
     Attributes
     ----------
-    labels : (2, N) int64 array
-        Lowest pixel of the branch, and of the stroke, that each pixel is part of.
-    measures : (N, 2 BRANCH_MEASURES) array
-        Of each pixel's branch, then of its stroke: logarithm of its pixels; its dead ends; its pixels
-        beside junctions (both up to 2); logarithms of its spread across and along its main direction:
-        lines drawn by hand are straight, borders seldom.
+    branch, group : (N,) int64 array
+        Lowest pixel of the branch, and of the group, that each pixel is part of.
+    branch_shape, group_shape : (N, SHAPE_COLUMNS.width) array
+        `SHAPE_COLUMNS` of each pixel's branch, and of its group.
     outward : (N, 2) array
         Where the branch points at each of its pixels: about 1 long at its ends, short in between.
     """
 
-    labels: np.ndarray
-    measures: np.ndarray
-    outward: np.ndarray
+    branch: IntArray
+    group: IntArray
+    branch_shape: FloatArray
+    group_shape: FloatArray
+    outward: FloatArray
 
 
-def find_branches(pixels: np.ndarray, links: np.ndarray, gaps: np.ndarray) -> Branches:
-    """Find branches and strokes.
+def find_branches(pixels: AnyArray, links: AnyArray, gaps: AnyArray) -> Branches:
+    """Find branches and good-continuation groups.
 
     A junction is a pixel around which at least three runs of neighbours are met (Rutovitz 1966). Branches
-    end before junctions; touching junctions are a branch of their own. At a junction, and across a gap,
-    the ends that go on best in each other are joined first, each at most once.
+    end before junctions; touching junctions are a branch of their own. At a junction cluster, and across a
+    gap, the ends that continue each other best are joined first, each at most once.
 
     Parameters
     ----------
@@ -65,7 +76,7 @@ def find_branches(pixels: np.ndarray, links: np.ndarray, gaps: np.ndarray) -> Br
     links : (L, 2) int array
         Pairs of 8-neighbours that keep together what is 8-connected.
     gaps : (G, 2) int array
-        Pairs of pixels across which a stroke may go on.
+        Pairs of pixels across which a group may go on.
     """
     neighbour = _neighbours(pixels)
     present = neighbour >= 0
@@ -76,18 +87,27 @@ def find_branches(pixels: np.ndarray, links: np.ndarray, gaps: np.ndarray) -> Br
     beside = (present & junction[neighbour]).any(axis=0)
     a, b = links.T
     alike = junction[a] == junction[b]
-    branches = join_nodes(len(pixels), links[alike & (junction[a] | ~(beside[a] & beside[b]))])
-    outward = _outward(pixels, branches)
+    branch = connected_nodes(len(pixels), links[alike & (junction[a] | ~(beside[a] & beside[b]))])
+    outward = _outward(pixels, branch)
     # what is left of a branch between two junctions side by side has no direction
-    size = np.bincount(branches, minlength=len(pixels))
-    free = np.bincount(branches, ~beside | dead_end, minlength=len(pixels))
-    knot = junction | ((size <= _KNOT_PX) & (free == 0))[branches]
-    strokes, loose = _strokes(pixels, branches, knot, dead_end, outward, links, gaps)
-    measures = [_measure(pixels, branches, dead_end, beside), _measure(pixels, strokes, loose, beside)]
-    return Branches(np.stack([branches, strokes]), np.hstack(measures), outward)
+    size = np.bincount(branch, minlength=len(pixels))
+    free = np.bincount(branch, ~beside | dead_end, minlength=len(pixels))
+    cluster = junction | ((size <= _CLUSTER_PX) & (free == 0))[branch]
+    ends = _ends(branch, cluster, dead_end, outward, links)
+    pairs = _continuations(ends, pixels, dead_end, gaps)
+    group = connected_nodes(len(pixels), ends.branch[pairs])[branch]
+    loose = dead_end.copy()
+    loose[ends.pixel[pairs[ends.pixel[pairs] >= 0]]] = False
+    return Branches(
+        branch,
+        group,
+        _shape(pixels, branch, dead_end, beside),
+        _shape(pixels, group, loose, beside),
+        outward,
+    )
 
 
-def _neighbours(pixels: np.ndarray) -> np.ndarray:
+def _neighbours(pixels: AnyArray) -> IntArray:
     """Index (8, N) of each pixel's neighbours by Freeman code, in turn around it; -1 where there is none."""
     low = pixels.min(axis=0) - 1
     raster = np.full(pixels.max(axis=0) - low + 2, -1)
@@ -96,96 +116,90 @@ def _neighbours(pixels: np.ndarray) -> np.ndarray:
     return raster.ravel()[(pixels - low) @ (width, 1) + (DIRECTIONS @ (width, 1))[:, None]]
 
 
-def _strokes(
-    pixels: np.ndarray,
-    branches: np.ndarray,
-    knot: np.ndarray,
-    dead_end: np.ndarray,
-    outward: np.ndarray,
-    links: np.ndarray,
-    gaps: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest pixel (N,) of each pixel's stroke, and the dead ends (N,) that remain."""
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """Ends of branches: those at junction clusters, cluster by cluster, then the dead ends by pixel."""
+
+    branch: IntArray  # (E,)
+    cluster: IntArray  # (E,) -1 for dead ends
+    pixel: IntArray  # (E,) dead ends' own; -1 at clusters
+    heading: FloatArray  # (E, 2) unit vector, or zero for ends without a direction
+
+
+def _ends(
+    branch: IntArray, cluster: BoolArray, dead_end: BoolArray, outward: FloatArray, links: AnyArray
+) -> _Ends:
+    count = len(branch)
+    a, b = links.T
+    cluster_of = connected_nodes(count, links[cluster[a] & cluster[b]])
+    across = links[cluster[a] != cluster[b]]
+    tip, at = np.where(cluster[across[:, :1]], across[:, ::-1], across).T
+    keys, end = np.unique(cluster_of[at] * count + branch[tip], return_inverse=True)
+    size = np.bincount(end, minlength=len(keys))
+    mean = [np.bincount(end, outward[tip, axis], minlength=len(keys)) / size for axis in range(2)]
     dead = np.flatnonzero(dead_end)
-    place, owner, heading = _ends_at_knots(branches, knot, outward, links)
-    met = len(owner)  # the ends at knots come first, then the dead ends
-    owner = np.concatenate([owner, branches[dead]])
-    heading = np.vstack([heading, outward[dead]])
+    heading = np.vstack([np.column_stack(mean), outward[dead]])
     length = np.hypot(*heading.T)
-    heading = heading * ((length >= _LEAST_DIRECTION) / np.maximum(length, 1e-9))[:, None]
-
-    first, second = _pairs(place)
-    straight = -np.einsum("pc,pc->p", heading[first], heading[second])
-
-    faced = gaps[dead_end[gaps[:, 0]] & dead_end[gaps[:, 1]]]
-    step = (pixels[faced[:, 1]] - pixels[faced[:, 0]]).astype(float)
-    step /= np.hypot(*step.T)[:, None]
-    one, other = (met + np.searchsorted(dead, faced[:, end]) for end in range(2))
-    along = np.minimum(
-        np.einsum("gc,gc->g", heading[one], step), np.einsum("gc,gc->g", heading[other], -step)
+    return _Ends(
+        np.concatenate([keys % count, branch[dead]]),
+        np.concatenate([keys // count, np.full(len(dead), -1)]),
+        np.concatenate([np.full(len(keys), -1), dead]),
+        heading * ((length >= _LEAST_DIRECTION) / np.maximum(length, ROUNDING))[:, None],
     )
 
-    first, second = np.concatenate([first, one]), np.concatenate([second, other])
-    fit = np.concatenate([straight, along])
+
+def _continuations(ends: _Ends, pixels: AnyArray, dead_end: BoolArray, gaps: AnyArray) -> IntArray:
+    """Pairs (P, 2) of ends that continue each other, at a junction cluster or across a gap."""
+    at_clusters = _pairs_at_one_place(ends.cluster[ends.cluster >= 0])
+    one, other = (ends.heading[at_clusters[:, end]] for end in range(2))
+    straight = -np.einsum("pc,pc->p", one, other)
+
+    faced = gaps[dead_end[gaps[:, 0]] & dead_end[gaps[:, 1]]]
+    across = np.searchsorted(ends.pixel, faced)  # -1 of the other ends comes first
+    step = (pixels[faced[:, 1]] - pixels[faced[:, 0]]).astype(float)
+    step /= np.hypot(*step.T)[:, None]
+    one, other = (ends.heading[across[:, end]] for end in range(2))
+    along = np.minimum(np.einsum("gc,gc->g", one, step), np.einsum("gc,gc->g", other, -step))
+
+    pairs, fit = np.concatenate([at_clusters, across]), np.concatenate([straight, along])
     good = np.flatnonzero(fit > np.repeat(_STRAIGHT, [len(straight), len(along)]))
-    best = good[np.argsort(-fit[good], kind="stable")]
-    used, joined = _match(first[best], second[best], len(owner))
-    pairs = np.column_stack([owner[first[best]], owner[second[best]]])
-    loose = dead_end.copy()
-    loose[dead[used[met:]]] = False
-    return join_nodes(len(pixels), pairs[joined])[branches], loose
+    best = pairs[good[np.argsort(-fit[good], kind="stable")]]
+    return best[_match(best, len(ends.branch))]
 
 
-def _ends_at_knots(
-    branches: np.ndarray, knot: np.ndarray, outward: np.ndarray, links: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Knot and branch (E,) of each end of a branch at a knot, by knots, and where it points (E, 2)."""
-    count = len(branches)
-    a, b = links.T
-    knots = join_nodes(count, links[knot[a] & knot[b]])
-    across = links[knot[a] != knot[b]]
-    tip, at = np.where(knot[across[:, :1]], across[:, ::-1], across).T
-    keys, end = np.unique(knots[at] * count + branches[tip], return_inverse=True)
-    size = np.bincount(end, minlength=len(keys))
-    heading = [np.bincount(end, outward[tip, axis], minlength=len(keys)) / size for axis in range(2)]
-    return keys // count, keys % count, np.column_stack(heading)
+def _shape(pixels: AnyArray, part: IntArray, dead_end: BoolArray, beside: BoolArray) -> FloatArray:
+    """`SHAPE_COLUMNS` (N, width) of the part that each pixel belongs to."""
 
-
-def _measure(pixels: np.ndarray, group: np.ndarray, dead_end: np.ndarray, beside: np.ndarray) -> np.ndarray:
-    """Measures (N, BRANCH_MEASURES) of the group that each pixel is part of."""
-
-    def total(values):
-        return np.bincount(group, values, minlength=len(pixels))
+    def total(values: AnyArray) -> FloatArray:
+        return np.bincount(part, values, minlength=len(pixels))
 
     count = np.maximum(total(np.ones(len(pixels))), 1)
     i, j = (pixels - pixels.mean(axis=0)).T
     mean_i, mean_j = total(i) / count, total(j) / count
-    di, dj = i - mean_i[group], j - mean_j[group]
+    di, dj = i - mean_i[part], j - mean_j[part]
     ii, jj, ij = total(di * di) / count, total(dj * dj) / count, total(di * dj) / count
     half, apart = (ii + jj) / 2, np.hypot((ii - jj) / 2, ij)
-    measures = np.column_stack(
-        [
-            np.log(count) / 4,
-            np.minimum(total(dead_end), 2) / 2,
-            np.minimum(total(beside), 2) / 2,
-            np.log(np.sqrt(np.maximum(half - apart, 0)) + 0.2),
-            np.log(np.sqrt(half + apart) + 0.2) / 4,
-        ]
-    )
-    return measures[group]
+    shape = {
+        "size": np.log(count) / 4,
+        "dead_ends": np.minimum(total(dead_end), 2) / 2,
+        "junction_contacts": np.minimum(total(beside), 2) / 2,
+        "spread_across": np.log(np.sqrt(np.maximum(half - apart, 0)) + 0.2),
+        "spread_along": np.log(np.sqrt(half + apart) + 0.2) / 4,
+    }
+    return SHAPE_COLUMNS.assemble(shape, np.float64)[part]
 
 
-def _outward(pixels: np.ndarray, branches: np.ndarray) -> np.ndarray:
+def _outward(pixels: AnyArray, branch: IntArray) -> FloatArray:
     """Where a branch points at each of its pixels (N, 2)."""
     low = pixels.min(axis=0) - _REACH_PX
     raster = np.full(pixels.max(axis=0) - low + 1 + _REACH_PX, -1, np.int32)
-    raster[tuple((pixels - low).T)] = branches
-    return _away(raster, pixels - low, _REACH_PX) * (2 / _REACH_PX)
+    raster[tuple((pixels - low).T)] = branch
+    return _from_mean_place(raster, pixels - low, _REACH_PX) * (2 / _REACH_PX)
 
 
-@numba.njit(cache=True)
-def _away(raster, places, reach):
-    # from the mean place of the branch's pixels in a window to the pixel
+@jit
+def _from_mean_place(raster: AnyArray, places: AnyArray, reach: int) -> FloatArray:
+    # from the mean place of the branch's pixels in a window to each pixel (N, 2)
     away = np.zeros((len(places), 2))
     for n in range(len(places)):
         i, j = places[n]
@@ -201,49 +215,49 @@ def _away(raster, places, reach):
     return away
 
 
-@numba.njit(cache=True)
-def join_nodes(count, links):
-    """Lowest node (count,) of all that links (L, 2) join with each: union-find with path halving."""
-    above = np.arange(count)
-    for n in range(len(links)):
-        a, b = links[n]
-        while above[a] != a:
-            above[a] = above[above[a]]
-            a = above[a]
-        while above[b] != b:
-            above[b] = above[above[b]]
-            b = above[b]
-        above[max(a, b)] = min(a, b)
-    for node in range(count):
-        above[node] = above[above[node]]
-    return above
+def connected_nodes(count: int, links: AnyArray) -> IntArray:
+    """Lowest node (count,) of all that links (L, 2) join with each.
+
+    Examples
+    --------
+    >>> connected_nodes(5, np.array([[4, 2], [0, 1]])).tolist()
+    [0, 0, 2, 3, 2]
+    """
+    joined = coo_array((np.ones(len(links), np.int8), tuple(links.T)), shape=(count, count))
+    parts, part = connected_components(joined, directed=False)
+    lowest = np.empty(parts, np.int64)
+    lowest[part[::-1]] = np.arange(count)[::-1]  # of equal parts the last that is written stays
+    return lowest[part]
 
 
-@numba.njit(cache=True)
-def _pairs(place):
-    # all pairs of ends at the same place, which stand together
+@jit
+def _pairs_at_one_place(place: IntArray) -> IntArray:
+    # all pairs (P, 2) of ends at the same place; ends of one place stand together
     count, total = len(place), 0
-    for _ in range(2):  # first counted, then written
-        one, other = np.empty(total, np.int64), np.empty(total, np.int64)
-        written = 0
-        for a in range(count):
-            b = a + 1
-            while b < count and place[b] == place[a]:
-                if written < total:
-                    one[written], other[written] = a, b
-                written += 1
-                b += 1
-        total = written
-    return one, other
+    begin = 0
+    for end in range(1, count + 1):
+        if end == count or place[end] != place[begin]:
+            total += (end - begin) * (end - begin - 1) // 2
+            begin = end
+    pairs = np.empty((total, 2), np.int64)
+    written = 0
+    for a in range(count):
+        b = a + 1
+        while b < count and place[b] == place[a]:
+            pairs[written, 0], pairs[written, 1] = a, b
+            written += 1
+            b += 1
+    return pairs
 
 
-@numba.njit(cache=True)
-def _match(first, second, count):
-    # greedily, each end once
+@jit
+def _match(pairs: IntArray, count: int) -> BoolArray:
+    # which pairs (P,) are joined, greedily in order, each of the ends once
     used = np.zeros(count, np.bool_)
-    joined = np.zeros(len(first), np.bool_)
-    for n in range(len(first)):
-        if not used[first[n]] and not used[second[n]]:
-            used[first[n]] = used[second[n]] = True
+    joined = np.zeros(len(pairs), np.bool_)
+    for n in range(len(pairs)):
+        first, second = pairs[n]
+        if not used[first] and not used[second]:
+            used[first] = used[second] = True
             joined[n] = True
-    return used, joined
+    return joined

@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+
+from cccd.geometry._jit import jit
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, RealArray
+from cccd.tolerances import FLOW
 
 __all__ = ["minimum_cut"]
 
 
 def minimum_cut(
-    inside_gain: np.ndarray,
-    link_cost: np.ndarray,
-    neighbours: np.ndarray,
-    side_links: np.ndarray,
-    offsets: np.ndarray,
-) -> np.ndarray:
-    """Label cells so that lost gains plus the costs of links between unlike cells are least.
+    unary: RealArray,
+    pairwise: RealArray,
+    neighbours: AnyArray,
+    triangle_links: AnyArray,
+    offsets: IntArray,
+) -> BoolArray:
+    """Label triangles so that unary energies inside and pairwise ones along the border are least.
 
     Parameters
     ----------
-    inside_gain : (T,) array
-        What labelling a cell inside gains over outside; negative where outside is better.
-    link_cost : (L,) array, not negative
-        Cost of the border running along a link.
-    neighbours, side_links : (T, 3) int32 arrays
-        See `cccd.junctions.complexes.Complex`.
+    unary : (T,) array
+        What a triangle inside costs; negative where inside is better.
+    pairwise : (L,) array, not negative
+        What the border costs where it runs along a link.
+    neighbours, triangle_links : (T, 3) int32 arrays
+        See `cccd.junctions.delaunay.DelaunayGraph`.
     offsets : (S + 1,) int64 array
         Slices are independent of each other; the batch is solved slice by slice.
 
@@ -36,103 +39,145 @@ def minimum_cut(
     Notes
     -----
     Maximum flow by Dinic (1970) with shortest augmenting paths; by the max-flow min-cut theorem the
-    cells that the source still reaches are inside (Greig, Porteous and Seheult 1989).
+    triangles that the source still reaches are inside (Greig, Porteous and Seheult 1989).
+    `scipy.sparse.csgraph.maximum_flow` takes whole-number capacities only.
+
+    Examples
+    --------
+    Two triangles side by side: the second follows the first where the link between them costs more.
+
+    >>> neighbours = np.array([(1, -1, -1), (0, -1, -1)])
+    >>> links = np.array([(0, -1, -1), (0, -1, -1)])
+    >>> [minimum_cut([-2, 1], [cost], neighbours, links, np.array([0, 2])).tolist() for cost in (0.5, 1.5)]
+    [[True, False], [True, True]]
     """
-    return _cut(
-        np.ascontiguousarray(inside_gain, np.float64),
-        np.ascontiguousarray(link_cost, np.float64),
-        neighbours,
-        side_links,
-        offsets,
-    )
+    unary = np.ascontiguousarray(unary, np.float64)
+    pairwise = np.ascontiguousarray(pairwise, np.float64)
+    capacity = np.append(pairwise, 0.0)[triangle_links]  # -1, beyond the ghost points, takes the last
+    return _cut_slices(unary, capacity, neighbours, offsets)
 
 
-@numba.njit(cache=True)
-def _cut(gain, cost, neighbours, side_links, offsets):
-    count = len(gain)
-    tiny = 1e-9
-    inside = np.zeros(count, np.bool_)
-    residual = np.zeros((count, 3))
-    back = np.zeros((count, 3), np.int8)  # the neighbour's side that leads here
-    for cell in range(count):
+@jit
+def _cut_slices(
+    unary: FloatArray, capacity: FloatArray, neighbours: AnyArray, offsets: IntArray
+) -> BoolArray:
+    inside = np.zeros(len(unary), np.bool_)
+    for n in range(len(offsets) - 1):
+        low, high = offsets[n], offsets[n + 1]
+        inside[low:high] = _cut(unary[low:high], capacity[low:high], neighbours[low:high] - low)
+    return inside
+
+
+@jit
+def _cut(unary: FloatArray, capacity: FloatArray, neighbours: AnyArray) -> BoolArray:
+    # of one slice; neighbours that are none are negative
+    residual = capacity.copy()
+    reverse = _reverse_sides(neighbours)
+    source, sink = np.maximum(-unary, 0.0), np.maximum(unary, 0.0)
+    while True:
+        level = _levels(source, residual, neighbours)
+        if not np.any((level >= 0) & (sink > FLOW)):
+            return level >= 0
+        _block(source, sink, residual, level, neighbours, reverse)
+
+
+@jit
+def _reverse_sides(neighbours: AnyArray) -> AnyArray:
+    # the neighbour's side (T, 3) that leads back here
+    reverse = np.zeros(neighbours.shape, np.int8)
+    for cell in range(len(neighbours)):
         for side in range(3):
             beyond = neighbours[cell, side]
-            if beyond >= 0:
-                residual[cell, side] = cost[side_links[cell, side]]
-                for other in range(3):
-                    if neighbours[beyond, other] == cell:
-                        back[cell, side] = other
-    source = np.maximum(gain, 0.0)
-    sink = np.maximum(-gain, 0.0)
-    level = np.empty(count, np.int32)
-    turn = np.empty(count, np.int8)
-    queue = np.empty(count, np.int32)
-    path = np.empty(count + 1, np.int32)
-    for part in range(len(offsets) - 1):
-        low, high = offsets[part], offsets[part + 1]
-        while True:
-            level[low:high] = -1
-            turn[low:high] = 0
-            head, tail = 0, 0
-            for cell in range(low, high):
-                if source[cell] > tiny:
-                    level[cell] = 0
-                    queue[tail] = cell
-                    tail += 1
-            reached = False
-            while head < tail:
-                cell = queue[head]
-                head += 1
-                if sink[cell] > tiny:
-                    reached = True
-                for side in range(3):
-                    beyond = neighbours[cell, side]
-                    if beyond >= 0 and level[beyond] < 0 and residual[cell, side] > tiny:
-                        level[beyond] = level[cell] + 1
-                        queue[tail] = beyond
-                        tail += 1
-            if not reached:
+            for other in range(3):
+                if beyond >= 0 and neighbours[beyond, other] == cell:
+                    reverse[cell, side] = other
+    return reverse
+
+
+@jit
+def _levels(source: FloatArray, residual: FloatArray, neighbours: AnyArray) -> AnyArray:
+    # steps (T,) from the nearest source along capacities that are left; -1 out of reach
+    level = np.full(len(source), -1, np.int32)
+    queue = np.empty(len(source), np.int32)
+    head, tail = 0, 0
+    for cell in range(len(source)):
+        if source[cell] > FLOW:
+            level[cell] = 0
+            queue[tail] = cell
+            tail += 1
+    while head < tail:
+        cell = queue[head]
+        head += 1
+        for side in range(3):
+            beyond = neighbours[cell, side]
+            if beyond >= 0 and level[beyond] < 0 and residual[cell, side] > FLOW:
+                level[beyond] = level[cell] + 1
+                queue[tail] = beyond
+                tail += 1
+    return level
+
+
+@jit
+def _block(
+    source: FloatArray,
+    sink: FloatArray,
+    residual: FloatArray,
+    level: AnyArray,
+    neighbours: AnyArray,
+    reverse: AnyArray,
+) -> None:
+    # pushes flow in place along rising levels until every way is blocked, stepping back at dead ends
+    turn = np.zeros(len(source), np.int8)
+    path = np.empty(len(source) + 1, np.int32)
+    for start in range(len(source)):
+        if level[start] != 0:
+            continue
+        path[0], depth = start, 0
+        while source[start] > FLOW:
+            cell = path[depth]
+            if sink[cell] > FLOW:
+                _push(source, sink, residual, path[: depth + 1], turn, reverse)
+                depth = 0
+                continue
+            turn[cell] = _next_side(cell, turn[cell], residual, level, neighbours)
+            if turn[cell] < 3:
+                depth += 1
+                path[depth] = neighbours[cell, turn[cell]]
+            elif depth > 0:
+                depth -= 1
+                turn[path[depth]] += 1
+            else:
                 break
-            for start in range(low, high):
-                # blocking flow: walk forward along rising levels, step back at dead ends
-                while level[start] == 0 and source[start] > tiny:
-                    path[0] = start
-                    depth = 0
-                    while True:
-                        cell = path[depth]
-                        if sink[cell] > tiny:
-                            break
-                        moved = False
-                        while turn[cell] < 3:
-                            side = turn[cell]
-                            beyond = neighbours[cell, side]
-                            if (
-                                beyond >= 0
-                                and residual[cell, side] > tiny
-                                and level[beyond] == level[cell] + 1
-                            ):
-                                depth += 1
-                                path[depth] = beyond
-                                moved = True
-                                break
-                            turn[cell] += 1
-                        if not moved:
-                            if depth == 0:
-                                break
-                            depth -= 1
-                            turn[path[depth]] += 1
-                    cell = path[depth]
-                    if sink[cell] <= tiny:
-                        break
-                    flow = min(source[start], sink[cell])
-                    for step in range(depth):
-                        flow = min(flow, residual[path[step], turn[path[step]]])
-                    source[start] -= flow
-                    sink[cell] -= flow
-                    for step in range(depth):
-                        here, side = path[step], turn[path[step]]
-                        residual[here, side] -= flow
-                        residual[path[step + 1], back[here, side]] += flow
-        for cell in range(low, high):
-            inside[cell] = level[cell] >= 0
-    return inside
+
+
+@jit
+def _next_side(cell: int, side: int, residual: FloatArray, level: AnyArray, neighbours: AnyArray) -> int:
+    # the next side that leads one level up; 3 when there is none
+    while side < 3:
+        beyond = neighbours[cell, side]
+        if beyond >= 0 and residual[cell, side] > FLOW and level[beyond] == level[cell] + 1:
+            break
+        side += 1
+    return side
+
+
+@jit
+def _push(
+    source: FloatArray,
+    sink: FloatArray,
+    residual: FloatArray,
+    path: AnyArray,
+    turn: AnyArray,
+    reverse: AnyArray,
+) -> None:
+    # takes what flows along the path out of its capacities, in place
+    start, end, steps = path[0], path[-1], len(path) - 1
+    flow = min(source[start], sink[end])
+    for step in range(steps):
+        flow = min(flow, residual[path[step], turn[path[step]]])
+    source[start] -= flow
+    sink[end] -= flow
+    for step in range(steps):
+        here, side = path[step], turn[path[step]]
+        residual[here, side] -= flow
+        residual[path[step + 1], reverse[here, side]] += flow

@@ -2,40 +2,173 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
 import cv2
-import numba
 import numpy as np
 
-from cccd.junctions.complexes import Complex
+from cccd.boundary import outline
+from cccd.chaincode import signed_areas, trace_stack
+from cccd.containers import Curves, Frame
+from cccd.geometry._jit import jit
+from cccd.geometry.arrays import (
+    AnyArray,
+    BoolArray,
+    IntArray,
+    concatenate_ragged,
+    offsets_of,
+    split_ragged,
+)
+from cccd.junctions.delaunay import DelaunayGraph, fragments
+from cccd.junctions.energy import Logits, inference_energy, least_energy
 
-__all__ = ["border_loops", "fill_inside"]
+__all__ = [
+    "Outline",
+    "border_loops",
+    "closed_chains",
+    "fill_inside",
+    "fill_loops",
+    "find_outline",
+    "label_inside",
+]
+
+#: A loop smaller than this many pixels, or than this share of its slice's largest, is debris.
+SMALLEST_LOOP_PX = 6.0
+SMALLEST_LOOP_SHARE = 0.005
+
+# Pixels of an outline's tips, which enclose nothing: where more are left, something else is.
+_TIP_PX = 1
 
 
-def border_loops(graph: Complex, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Trace closed loops of links that part inside from outside triangles.
+# Labels -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """What 8-neighbours of a boundary map enclose.
+
+    Attributes
+    ----------
+    enclosed : (T,) bool
+        Triangles that are enclosed an odd number of times.
+    exact : bool
+        Whether the map is just the outline of these. Fragments as small as debris are left out, and an
+        outline may end in a tip one pixel wide.
+    """
+
+    enclosed: BoolArray
+    exact: bool
+
+
+def find_outline(graph: DelaunayGraph) -> Outline:
+    """Find what a slice's boundary map encloses already, and whether nothing else is in it."""
+    fragment = fragments(graph)
+    debris = graph.observed & (np.bincount(fragment)[fragment] < SMALLEST_LOOP_PX)
+    enclosed = (graph.depths[:, 0] % 2 == 1) & ~debris[graph.triangles].any(axis=1)
+    masks, origin = fill_inside(graph, enclosed)
+    observed = np.zeros_like(masks[0])
+    i, j = (graph.points[graph.observed & ~debris].astype(np.int64) - origin).T
+    observed[i, j] = True
+    around = outline(masks)[0]
+    left = np.count_nonzero(observed & ~around)
+    return Outline(enclosed, bool(masks.any() and (around <= observed).all() and left <= _TIP_PX))
+
+
+def label_inside(graph: DelaunayGraph, logits: Logits) -> BoolArray:
+    """Inside triangles (T,) of one slice: those of the least energy that the logits give.
+
+    Maps that are outlines already are taken as they are; so are closed curves where the cut finds nothing.
+    """
+    outline = find_outline(graph)
+    cut = least_energy(graph, inference_energy(graph, logits))
+    return cut if cut.any() and not outline.exact else outline.enclosed
+
+
+# Loops ------------------------------------------------------------------------------------------------
+
+
+def border_loops(graph: DelaunayGraph, inside: BoolArray) -> list[list[IntArray]]:
+    """Trace the closed loops of links between inside and outside triangles.
 
     Parameters
     ----------
-    graph : Complex
+    graph : DelaunayGraph
     inside : (T,) bool array
 
     Returns
     -------
-    nodes : (N,) int64 array
-        Nodes along the loops, inside on the left.
-    offsets : (C + 1,) int64 array
-    slices : (C,) int64 array
-        Slice of each loop, ascending.
+    list of list of (n, 2) int64 array
+        For each slice, pixels (i, j) along the loops, inside on the left.
     """
-    nodes, ends, first = _loops(graph.triangles, graph.neighbours, np.ascontiguousarray(inside))
-    slices = np.searchsorted(graph.triangle_offsets, first, side="right") - 1
-    return nodes, np.concatenate([[0], ends]), slices
+    nodes, sizes, first = _trace(graph.triangles, graph.neighbours, np.ascontiguousarray(inside))
+    loops = split_ragged(graph.points[nodes].astype(np.int64), offsets_of(sizes))
+    bounds = np.searchsorted(first, graph.triangle_offsets)
+    return [loops[low:high] for low, high in pairwise(bounds)]
 
 
-def fill_inside(graph: Complex, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels enclosed by the border of the inside triangles, the border's own pixels included.
+@jit
+def _trace(
+    triangles: AnyArray, neighbours: AnyArray, inside: BoolArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    # half-edges lie opposite a triangle's node; nodes along all loops, the loops' sizes and first triangles
+    count = len(triangles)
+    done = np.zeros((count, 3), np.bool_)
+    nodes = np.empty(3 * count, np.int64)
+    sizes = np.zeros(count, np.int64)
+    first = np.empty(count, np.int64)
+    written, loops = 0, 0
+    for start in range(3 * count):
+        cell, side = start // 3, start % 3
+        beyond = neighbours[cell, side]
+        if not inside[cell] or done[cell, side] or (beyond >= 0 and inside[beyond]):
+            continue
+        first[loops] = cell
+        while not done[cell, side]:
+            done[cell, side] = True
+            nodes[written] = triangles[cell, (side + 1) % 3]
+            written += 1
+            sizes[loops] += 1
+            cell, side = _following(cell, side, triangles, neighbours, inside)
+        loops += 1
+    return nodes[:written], sizes[:loops], first[:loops]
 
-    Gap links become lines of 8-connected pixels (Bresenham 1965).
+
+@jit
+def _following(
+    cell: int, side: int, triangles: AnyArray, neighbours: AnyArray, inside: BoolArray
+) -> tuple[int, int]:
+    # the border's next half-edge: the next side at the head node, in the same triangle or across it if inside
+    head = triangles[cell, (side + 2) % 3]
+    while True:
+        turn = 0
+        while triangles[cell, (turn + 1) % 3] != head:
+            turn += 1
+        beyond = neighbours[cell, turn]
+        if beyond < 0 or not inside[beyond]:
+            return cell, turn
+        cell = beyond
+
+
+# Masks and chains -------------------------------------------------------------------------------------
+
+
+def fill_loops(loops: Sequence[Sequence[IntArray]], origin: IntArray, shape: Sequence[int]) -> BoolArray:
+    """Pixels (S, I, J) enclosed by each slice's loops, the loops' own pixels included.
+
+    Gap links become lines of 8-connected pixels (Bresenham 1965). ``origin`` is the pixel of
+    ``masks[:, 0, 0]``.
+    """
+    masks = np.zeros((len(loops), *shape), np.uint8)
+    for mask, around in zip(masks, loops, strict=True):
+        if around:
+            cv2.fillPoly(mask, [(loop - origin)[:, ::-1].astype(np.int32) for loop in around], 1)
+    return masks.astype(bool)
+
+
+def fill_inside(graph: DelaunayGraph, inside: BoolArray) -> tuple[BoolArray, IntArray]:
+    """Pixels enclosed by the border of the inside triangles (T,), the border's own pixels included.
 
     Returns
     -------
@@ -43,53 +176,30 @@ def fill_inside(graph: Complex, inside: np.ndarray) -> tuple[np.ndarray, np.ndar
     origin : (2,) int64 array
         Pixel (i, j) of ``masks[:, 0, 0]``.
     """
-    pixels = graph.points[~graph.ring].astype(np.int64)
+    pixels = graph.points[~graph.ghost].astype(np.int64)
     origin = pixels.min(axis=0) - 1
     shape = pixels.max(axis=0) + 2 - origin
-    count = len(graph.triangle_offsets) - 1
-    masks = np.zeros((count, *shape), np.uint8)
-    nodes, offsets, slices = border_loops(graph, inside)
-    corners = (graph.points[nodes].astype(np.int64) - origin)[:, ::-1].astype(np.int32)
-    loops = np.split(corners, offsets[1:-1]) if len(slices) else []
-    parts = np.searchsorted(slices, np.arange(count + 1))
-    for layer in range(count):
-        if parts[layer] < parts[layer + 1]:
-            cv2.fillPoly(masks[layer], loops[parts[layer] : parts[layer + 1]], 1)
-    return masks.astype(bool), origin
+    return fill_loops(border_loops(graph, inside), origin, shape), origin
 
 
-@numba.njit(cache=True)
-def _loops(triangles, neighbours, inside):
-    # half-edges lie opposite a triangle's node; the successor is found by turning around the head node
-    count = len(triangles)
-    done = np.zeros((count, 3), np.bool_)
-    nodes = np.empty(3 * count, np.int64)
-    ends = np.empty(count, np.int64)
-    first = np.empty(count, np.int64)
-    written, loops = 0, 0
-    for start in range(count):
-        if not inside[start]:
-            continue
-        for start_side in range(3):
-            beyond = neighbours[start, start_side]
-            if done[start, start_side] or (beyond >= 0 and inside[beyond]):
-                continue
-            first[loops] = start
-            cell, side = start, start_side
-            while not done[cell, side]:
-                done[cell, side] = True
-                nodes[written] = triangles[cell, (side + 1) % 3]
-                written += 1
-                head = triangles[cell, (side + 2) % 3]
-                while True:  # the next side at the head, in the same triangle, then across it if inside
-                    turn = 0
-                    while triangles[cell, (turn + 1) % 3] != head:
-                        turn += 1
-                    beyond = neighbours[cell, turn]
-                    side = turn
-                    if beyond < 0 or not inside[beyond]:
-                        break
-                    cell = beyond
-            ends[loops] = written
-            loops += 1
-    return nodes[:written], ends[:loops], first[:loops]
+def closed_chains(masks: BoolArray, origin: IntArray, numbers: AnyArray, frame: Frame) -> Curves:
+    """Strictly simple closed pixel chains around masks, without debris.
+
+    Parameters
+    ----------
+    masks : (S, I, J) bool array
+    origin : (2,) int array
+        Source pixel (i, j) of ``masks[:, 0, 0]``.
+    numbers : (S,) int array
+        Source slice k of each mask.
+    frame : Frame
+        Of the source volume.
+    """
+    traced = trace_stack(masks, (0, *origin), frame)
+    area = np.abs(signed_areas(traced.points, traced.offsets))
+    largest = np.zeros(len(masks))
+    np.maximum.at(largest, traced.slice, area)
+    kept = area >= np.maximum(SMALLEST_LOOP_PX, SMALLEST_LOOP_SHARE * largest[traced.slice])
+    points, offsets = concatenate_ragged([loop for loop, keep in zip(traced, kept, strict=True) if keep])
+    numbers = np.asarray(numbers, np.int32)[traced.slice[kept]]
+    return Curves(points, offsets, numbers, traced.hole[kept], frame)

@@ -1,4 +1,8 @@
-"""What the network reads at nodes, links and triangles: occupancy, geometry, regions and grey values."""
+"""What the network reads at nodes, links and triangles: occupancy, geometry, regions and intensities.
+
+The columns of the three tables are `NODES`, `LINKS` and `TRIANGLES`; the shipped weights were trained on
+exactly these, so the constants here are part of their definition and no settings.
+"""
 
 from __future__ import annotations
 
@@ -8,108 +12,187 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from cccd.junctions.branches import BRANCH_MEASURES, find_branches
-from cccd.junctions.complexes import REGION_GAPS_PX, Complex, fragments
+from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray, SingleArray, owners_of
+from cccd.junctions.branches import SHAPE_COLUMNS, find_branches
+from cccd.junctions.columns import Column, FeatureSchema
+from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph, fragments
+from cccd.junctions.intensity import BLURS, IntensitySlice, sample_channels
+from cccd.tolerances import LEAST_PX
 
-__all__ = ["LINK_FEATURES", "NODE_FEATURES", "TRIANGLE_FEATURES", "Features", "measure", "normalised_grey"]
+__all__ = ["INTENSITIES", "LINKS", "NODES", "TRIANGLES", "GraphFeatures", "measure_features"]
 
 # Occupancy around a node: half width in samples, step in pixels (and the box that is averaged).
 _SCALES = ((4, 1), (3, 3), (3, 9))
-_GREY_STEPS = 2  # half width of the 5x5 grey patch, in samples two pixels apart
-_OCCUPANCY = sum((2 * half + 1) ** 2 for half, _ in _SCALES)
-_GREY = (2 * _GREY_STEPS + 1) ** 2
 
-# Scales of `REGION_GAPS_PX` whose regions have their grey values measured.
-_TONED = (0, 2)
+# Half width of the 5x5 intensity patch, in samples, and their step in pixels.
+_PATCH = (2, 2)
 
-# Blurs of the equalised grey in pixels, and how far to either side of a link each is read.
-_BLURS = ((1.0, 1.5), (2.5, 3.5))
+# Scales of `REGION_GAPS_PX` whose regions have their intensities measured.
+_REGIONAL = (0, 2)
 
 # Around slices on one raster: more than the farthest sample of a patch and half its box.
 _APART_PX = 40
 
-# Bins of grey values that are ranked.
-_BINS = 1024
 
-#: Grey values that the network compares with the organ's: one per blur.
-TONES = len(_BLURS)
-NODE_FEATURES = _OCCUPANCY + _GREY + 2
-TRIANGLE_FEATURES = 8 + 4 * len(REGION_GAPS_PX) + TONES + 1 + 2 * len(_TONED)
-LINK_FEATURES = 12 + 2 * len(REGION_GAPS_PX) + 3 + 2 * TONES + 4 + 4 * BRANCH_MEASURES + 4
+# Columns ----------------------------------------------------------------------------------------------
 
 
-@dataclass
-class Features:
-    """Inputs of the network for a `Complex`.
+def _patch_parts(half: int, step: int) -> tuple[str, ...]:
+    """Name the samples of a patch by their place from its centre, in pixels."""
+    steps = range(-half * step, half * step + 1, step)
+    return tuple(f"{di:+d},{dj:+d}" for di in steps for dj in steps)
+
+
+_GAPS = tuple(f"{gap:g} px" for gap in REGION_GAPS_PX)
+_BLURRED = tuple(f"blur {blur:g} px" for blur, _ in BLURS)
+
+#: What the network reads at a node, in steps of 1/255.
+NODES = FeatureSchema(
+    *(
+        Column(f"occupancy_{step}px", "share", "observed pixels in boxes this wide", _patch_parts(half, step))
+        for half, step in _SCALES
+    ),
+    Column("intensity", "quantile", "scaled intensity around the node", _patch_parts(*_PATCH)),
+    Column("has_image", "0 or 1", "the slice has an image"),
+    Column("unobserved", "0 or 1", "an edge of the image, no pixel of the boundary map"),
+)
+
+#: What the network reads at a triangle.
+TRIANGLES = FeatureSchema(
+    Column("area", "log(1 + px^2)", "its area"),
+    Column("longest_side", "log px", "its longest side"),
+    Column("shortest_side", "log px", "its shortest side"),
+    Column("compactness", "1", "area by the longest side's square"),
+    Column("outer", "0 or 1", "it touches a ghost point"),
+    Column("intensity_mean", "quantile - 0.5", "scaled intensity, mean of four samples"),
+    Column("intensity_spread", "quantile", "scaled intensity, standard deviation of four samples"),
+    Column("has_image", "0 or 1", "its slice has an image"),
+    Column("enclosed", "0 or 1", "walls up to this long lie between it and the outside", _GAPS),
+    Column("depth", "walls / 3", "number of such walls, 6 at most", _GAPS),
+    Column("region_area", "log(1 + px^2) / 4", "area that such walls enclose with it", _GAPS),
+    Column("region_share", "log / 4", "that area (and 1 px^2) by the slice's", _GAPS),
+    Column("equalised_mean", "rank - 0.5", "equalised intensity, mean of four samples", _BLURRED),
+    Column("equalised_spread", "rank", "equalised intensity, standard deviation of four samples"),
+    *(
+        Column(f"region_{_GAPS[g]}_equalised_{kind}", "rank", f"{kind} of equalised intensity in its region")
+        for g in _REGIONAL
+        for kind in ("mean", "spread")
+    ),
+)
+
+#: What the network reads at a link.
+LINKS = FeatureSchema(
+    Column("length", "log px", "its length"),
+    Column("short", "0 or 1", "it joins 8-neighbours"),
+    Column("direction_2", "1", "twice the angle of its direction", ("cos", "sin")),
+    Column("direction_4", "1", "four times the angle of its direction", ("cos", "sin")),
+    Column("triangle_area", "log(1 + px^2)", "areas of its two triangles", ("smaller", "larger")),
+    Column("intensity_difference", "quantile", "between its triangles, scaled"),
+    Column("intensity_step", "quantile", "across its middle, scaled"),
+    Column("has_image", "0 or 1", "its slice has an image"),
+    Column("outer", "0 or 1", "one of its triangles touches a ghost point"),
+    Column("same_region", "0 or 1", "its triangles share a region", _GAPS),
+    Column("depth_difference", "walls", "between its triangles, 2 at most", _GAPS),
+    Column("fragment_size", "log pixels / 4", "of the 8-connected fragments it joins", ("smaller", "larger")),
+    Column("same_fragment", "0 or 1", "it joins a fragment with itself"),
+    *(
+        Column(f"equalised_step_{part}", "rank", "across it, at three places along it", ("mean", "least"))
+        for part in _BLURRED
+    ),
+    Column("slope", "rank", "of the gradient's magnitude, at three places along it", ("mean", "least")),
+    Column("equalised_difference", "rank", "between its triangles, least blur"),
+    Column("unobserved_ends", "nodes", "ends that are no pixel of the boundary map"),
+    *(
+        Column(f"{part}_{of}_{c.name}", c.unit, f"{part} at both ends: {c.meaning}")
+        for part in ("sum", "difference")
+        for of in ("branch", "group")
+        for c in SHAPE_COLUMNS.columns
+    ),
+    Column("same_branch", "0 or 1", "it joins a branch with itself"),
+    Column("same_group", "0 or 1", "it joins a good-continuation group with itself"),
+    Column("continuation", "cosine", "how well both ends' branches point along it", ("worse", "better")),
+)
+
+#: Intensities of a triangle that the network compares with the organ's: one per blur.
+INTENSITIES = TRIANGLES["equalised_mean"]
+
+
+@dataclass(frozen=True, eq=False)
+class GraphFeatures:
+    """Inputs of the network for a `DelaunayGraph`.
 
     Attributes
     ----------
-    nodes : (V, NODE_FEATURES) uint8
-        Occupancy and grey patches, 255 standing for 1; zero at ring nodes.
-    links : (L, LINK_FEATURES) float32
-    triangles : (T, TRIANGLE_FEATURES) float32
-    tones : (T, TONES) float32
-        Equalised grey values, 0 where there is no image.
-    branches : (2, V) int64
-        Branch, and stroke, that each node is part of; what is no pixel of the map stands alone.
+    nodes : (V, NODES.width) uint8
+        255 stands for 1; zero at ghost points.
+    links : (L, LINKS.width) float32
+    triangles : (T, TRIANGLES.width) float32
+    branch, group : (V,) int64
+        Branch, and good-continuation group, that each node is part of; what is no pixel of the map stands
+        alone.
     """
 
-    nodes: np.ndarray
-    links: np.ndarray
-    triangles: np.ndarray
-    tones: np.ndarray
-    branches: np.ndarray
+    nodes: ByteArray
+    links: SingleArray
+    triangles: SingleArray
+    branch: IntArray
+    group: IntArray
 
 
-@dataclass
-class Grey:
-    """A grey slice around a map's pixels.
+def measure_features(graph: DelaunayGraph, intensities: Sequence[IntensitySlice | None]) -> GraphFeatures:
+    """Measure the features of a batch of slices.
 
-    Attributes
+    Parameters
     ----------
-    scaled : (I, J) uint8
-        1 % and 99 % quantiles at 0 and 255.
-    blurred : (I, J) float32
-        In the image's own units.
-    channels : (I, J, 2 + TONES) uint8
-        ``scaled``; ranks among the grey values, so that bone and air beside it leave an organ its
-        contrast, one per blur; and the rank of the gradient's magnitude.
-    origin : (2,) int array
-        Pixel of the arrays' first elements.
+    graph : DelaunayGraph
+    intensities : sequence of IntensitySlice or None
+        From `cccd.junctions.intensity.normalised_intensity`, for every slice.
     """
-
-    scaled: np.ndarray
-    blurred: np.ndarray
-    channels: np.ndarray
-    origin: np.ndarray
-
-
-def _ranks(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Give each value (I, J) its rank among all, 0 to 255; alike ones rank in the middle of their own."""
-    bins = np.clip((values - low) * ((_BINS - 1) / max(high - low, 1e-6)), 0, _BINS - 1).astype(np.uint16)
-    counts = np.bincount(bins.ravel(), minlength=_BINS)
-    middle = np.cumsum(counts) - counts / 2
-    return (middle * (255 / values.size)).astype(np.uint8)[bins]
-
-
-def normalised_grey(image: np.ndarray, pixels: np.ndarray) -> Grey:
-    """Normalise a grey slice (I, J) around the pixels (N, 2)."""
-    low = np.clip(pixels.min(axis=0) - 12, 0, np.array(image.shape) - 1)
-    high = np.maximum(pixels.max(axis=0) + 13, low + 1)
-    around = np.ascontiguousarray(image[low[0] : high[0], low[1] : high[1]], np.float32)
-    darkest, dark, bright, brightest = np.percentile(around, (0.2, 1, 99, 99.8))
-    scaled = np.clip((around - dark) * (255 / max(bright - dark, 1e-6)), 0, 255).astype(np.uint8)
-    scaled = cv2.GaussianBlur(scaled, (0, 0), 0.8)
-    blurred = cv2.GaussianBlur(around, (0, 0), _BLURS[0][0])
-    ranks = _ranks(blurred, darkest, brightest)
-    rest = np.sqrt(_BLURS[1][0] ** 2 - _BLURS[0][0] ** 2)
-    slope = cv2.magnitude(*(cv2.Sobel(blurred, cv2.CV_32F, *order) for order in ((1, 0), (0, 1))))
-    steep = _ranks(slope, 0.0, 2 * float(brightest - darkest))
-    channels = np.dstack([scaled, ranks, cv2.GaussianBlur(ranks, (0, 0), rest), steep])
-    return Grey(scaled, blurred, channels, low)
+    places = _side_by_side(graph)
+    inside = _triangle_intensities(graph, intensities)
+    branch, group, continuation = _link_branches(graph, places)
+    triangles = TRIANGLES.assemble(
+        {
+            **_triangle_shapes(graph),
+            "has_image": _per_member(intensities, graph.triangle_offsets),
+            **inside,
+            **_triangle_regions(graph),
+            **_regional_intensities(graph, inside),
+        },
+        np.float32,
+    )
+    links = LINKS.assemble(
+        {
+            **_link_shapes(graph),
+            "has_image": _per_member(intensities, graph.link_offsets),
+            **_link_sides(graph, inside),
+            **_link_intensities(graph, intensities),
+            **_link_fragments(graph),
+            **continuation,
+        },
+        np.float32,
+    )
+    return GraphFeatures(_node_features(graph, places, intensities), links, triangles, branch, group)
 
 
-def _patches(raster: np.ndarray, at: np.ndarray, half: int, step: int) -> np.ndarray:
+def _per_member(intensities: Sequence[IntensitySlice | None], offsets: IntArray) -> BoolArray:
+    """Whether the slice of each node, link or triangle has an image."""
+    return np.array([intensity is not None for intensity in intensities])[owners_of(offsets)]
+
+
+def _with_image(
+    intensities: Sequence[IntensitySlice | None], offsets: IntArray
+) -> Iterator[tuple[IntensitySlice, slice]]:
+    """Images there are, and where their slices' nodes, links or triangles stand."""
+    for n, intensity in enumerate(intensities):
+        if intensity is not None:
+            yield intensity, slice(offsets[n], offsets[n + 1])
+
+
+# Nodes ------------------------------------------------------------------------------------------------
+
+
+def _patches(raster: ByteArray, at: IntArray, half: int, step: int) -> ByteArray:
     """Take samples (N, (2 half + 1)^2) of a raster around places (N, 2), zero beyond its border."""
     margin = half * step
     padded = np.pad(raster, margin)
@@ -119,11 +202,11 @@ def _patches(raster: np.ndarray, at: np.ndarray, half: int, step: int) -> np.nda
     return padded.ravel()[centre[:, None] + window]
 
 
-def _side_by_side(graph: Complex) -> np.ndarray:
-    """Places (N, 2) of all nodes but the rings' on one raster, so far apart that no slice sees another."""
-    inner = ~graph.ring
+def _side_by_side(graph: DelaunayGraph) -> IntArray:
+    """Places (N, 2) of all nodes but ghost points on one raster, so far apart that no slice sees another."""
+    inner = ~graph.ghost
     pixels = graph.points[inner].astype(np.int64)
-    slices = np.repeat(np.arange(len(graph.node_offsets) - 1), np.diff(graph.node_offsets))[inner]
+    slices = owners_of(graph.node_offsets)[inner]
     first = np.searchsorted(slices, np.arange(slices[-1] + 1))
     low, high = np.minimum.reduceat(pixels, first) - _APART_PX, np.maximum.reduceat(pixels, first)
     width = high[:, 1] - low[:, 1]
@@ -131,232 +214,205 @@ def _side_by_side(graph: Complex) -> np.ndarray:
     return pixels - low[slices]
 
 
-def _seen(graph: Complex, greys: Sequence[Grey | None], kind: str) -> Iterator[tuple[Grey, slice]]:
-    """Grey slices there are, and where their nodes, links or triangles stand."""
-    offsets = getattr(graph, f"{kind}_offsets")
-    for n, grey in enumerate(greys):
-        if grey is not None:
-            yield grey, slice(offsets[n], offsets[n + 1])
-
-
-def _node_features(graph: Complex, places: np.ndarray, greys: Sequence[Grey | None]) -> np.ndarray:
-    inner = ~graph.ring
-    drawn = graph.drawn[inner]
+def _node_features(
+    graph: DelaunayGraph, places: IntArray, intensities: Sequence[IntensitySlice | None]
+) -> ByteArray:
+    inner = ~graph.ghost
+    observed = graph.observed[inner]
     raster = np.zeros(places.max(axis=0) + _APART_PX, np.uint8)
-    raster[tuple(places[drawn].T)] = 255
-    columns = []
+    raster[tuple(places[observed].T)] = 255
+    columns: dict[str, AnyArray] = {}
     for half, step in _SCALES:
         # the mean over a box says how much of it is occupied; coarse boxes hold little, hence the gain
         seen = raster if step == 1 else cv2.blur(raster, (step, step), borderType=cv2.BORDER_CONSTANT)
-        columns.append(_patches(cv2.multiply(seen, 1 if step == 1 else min(step, 4)), places, half, step))
-    nodes = np.zeros((len(graph.points), NODE_FEATURES), np.uint8)
-    nodes[inner, :_OCCUPANCY] = np.hstack(columns)
-    for grey, own in _seen(graph, greys, "node"):
-        at = graph.points[own][inner[own]].astype(np.int64) - grey.origin
-        nodes[own][inner[own], _OCCUPANCY:-2] = _patches(grey.scaled, at, _GREY_STEPS, 2)
-        nodes[own][inner[own], -2] = 255
-    nodes[inner, -1] = np.where(drawn, 0, 255)
+        gained = cv2.multiply(seen, 1 if step == 1 else min(step, 4))
+        columns[f"occupancy_{step}px"] = _patches(gained, places, half, step)
+    patches = np.zeros((len(graph.points), NODES["intensity"].stop - NODES["intensity"].start), np.uint8)
+    for intensity, own in _with_image(intensities, graph.node_offsets):
+        at = graph.points[own][inner[own]].astype(np.int64) - intensity.origin
+        patches[own][inner[own]] = _patches(intensity.scaled, at, *_PATCH)
+    columns["intensity"] = patches[inner]
+    columns["has_image"] = 255 * _per_member(intensities, graph.node_offsets)[inner]
+    columns["unobserved"] = np.where(observed, 0, 255)
+    nodes = np.zeros((len(graph.points), NODES.width), np.uint8)
+    nodes[inner] = NODES.assemble(columns, np.uint8)
     return nodes
 
 
-def _sample(grey: Grey, points: np.ndarray) -> np.ndarray:
-    """Channels (..., 2 + TONES) in 0..1 at the pixels nearest to points (..., 2), the border's beyond it."""
-    at = np.rint(points - grey.origin).astype(np.int64)
-    rows, columns, channels = grey.channels.shape
-    flat = np.clip(at[..., 0], 0, rows - 1) * columns + np.clip(at[..., 1], 0, columns - 1)
-    return grey.channels.reshape(-1, channels)[flat].astype(np.float32) / 255
+# Triangles --------------------------------------------------------------------------------------------
 
 
-def _triangle_greys(
-    graph: Complex, greys: Sequence[Grey | None]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Grey values of triangles; zeros where there is no image.
-
-    Returns
-    -------
-    tone : (T, 2) array
-        Mean and spread as scaled.
-    tones : (T, TONES) array
-        Means as equalised.
-    shades : (T, 1 + 2 len(_TONED)) array
-        Spread as equalised, and mean and spread of each region that the triangle is part of.
-    """
-    mean, spread = (np.zeros((len(graph.triangles), 2 + TONES)) for _ in range(2))
-    for grey, own in _seen(graph, greys, "triangle"):
-        corners = graph.points[graph.triangles[own]]
-        centre = corners.mean(axis=1, keepdims=True)
-        samples = _sample(grey, np.concatenate([centre, (corners + centre) / 2], axis=1))
-        mean[own], spread[own] = samples.mean(axis=1) - 0.5, samples.std(axis=1)
-    tone, spread_of_tone = mean[:, 1], spread[:, 1]
-    weight = np.where(graph.outer, 1e-6, graph.areas + 1e-6)
-    regional = []
-    for g in _TONED:
-        region = graph.regions[:, g]
-        total = np.bincount(region, weight)
-        average = np.bincount(region, weight * tone) / total
-        square = np.bincount(region, weight * (tone**2 + spread_of_tone**2)) / total
-        regional += [average[region], np.sqrt(np.maximum(square - average**2, 0))[region]]
-    shades = np.column_stack([spread_of_tone, *regional])
-    return np.column_stack([mean[:, 0], spread[:, 0]]), mean[:, 1 : 1 + TONES], shades
-
-
-def _link_greys(graph: Complex, greys: Sequence[Grey | None]) -> np.ndarray:
-    """Grey values across and along links (L, 3 + 2 TONES); zeros where there is no image.
-
-    The step of the scaled grey across a link's middle; then of three places along the link the size of the
-    mean step and the least step, per blur, and mean and least rank of the slope.
-    """
-    found = np.zeros((len(graph.links), 3 + 2 * TONES))
-    for grey, own in _seen(graph, greys, "link"):
-        a, b = (graph.points[graph.links[own, end]] for end in (0, 1))
-        step = b - a
-        normal = np.column_stack([-step[:, 1], step[:, 0]]) / np.hypot(step[:, 0], step[:, 1])[:, None]
-        places = a[:, None] + step[:, None] * np.array([1 / 6, 1 / 2, 5 / 6])[:, None]
-        columns = []
-        for channel, (_, reach) in enumerate(_BLURS, 1):
-            beside = reach * normal[:, None]
-            across = _sample(grey, places + beside) - _sample(grey, places - beside)
-            if channel == 1:
-                columns.append(np.abs(across[:, 1, 0]))
-            columns += _mean_and_least(across[..., channel])
-        found[own] = np.column_stack([*columns, *_mean_and_least(_sample(grey, places)[..., -1])])
-    return found
-
-
-def _mean_and_least(steps: np.ndarray) -> list[np.ndarray]:
-    """Size of the mean and least size of three steps (L, 3)."""
-    first, second, third = steps.T
-    least = np.minimum(np.minimum(np.abs(first), np.abs(second)), np.abs(third))
-    return [np.abs(first + second + third) / 3, least]
-
-
-def _fragment_sizes(graph: Complex) -> np.ndarray:
-    """Pixels in the 8-connected fragments that links join: fewer, more, and whether they are one (L, 3)."""
-    fragment = fragments(graph)
-    size = np.log(np.bincount(fragment)[fragment]) / 4
-    ends = size[graph.links]
-    same = fragment[graph.links[:, 0]] == fragment[graph.links[:, 1]]
-    return np.column_stack([ends.min(axis=1), ends.max(axis=1), same])
-
-
-def _link_branches(
-    graph: Complex, places: np.ndarray, step: np.ndarray, length: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Branches and strokes (2, V) of all nodes, and what they say of the links between them.
-
-    Sums and differences of the measures of branches and strokes at both ends, whether they are one, and how
-    well each branch points along the link: the worse end first.
-    """
-    drawn = graph.drawn
-    number = np.cumsum(drawn) - 1  # among the maps' pixels
-    a, b = graph.links.T
-    pixels = places[drawn[~graph.ring]]
-    short = length <= REGION_GAPS_PX[0]
-    within = drawn[a] & drawn[b]
-    found = find_branches(
-        pixels,
-        number[graph.links[within & short]],
-        number[graph.links[within & ~short & (length <= REGION_GAPS_PX[-1])]],
-    )
-    measures = np.zeros((len(drawn), 2 * BRANCH_MEASURES))
-    pointing = np.zeros((len(drawn), 2))
-    measures[drawn], pointing[drawn] = found.measures, found.outward
-    labels = np.tile(np.arange(len(drawn)) + len(pixels), (2, 1))
-    labels[:, drawn] = found.labels
-    direction = step / length[:, None]
-    one = np.einsum("lc,lc->l", pointing[a], direction)
-    other = np.einsum("lc,lc->l", pointing[b], -direction)
-    columns = [
-        measures[a] + measures[b],
-        np.abs(measures[a] - measures[b]),
-        (labels[:, a] == labels[:, b]).T,
-        np.minimum(one, other),
-        np.maximum(one, other),
-    ]
-    return labels, np.column_stack(columns)
-
-
-def _longest_and_shortest(graph: Complex) -> tuple[np.ndarray, np.ndarray]:
-    """Find the lengths (T,) of the longest and the shortest side of each triangle."""
+def _triangle_shapes(graph: DelaunayGraph) -> dict[str, AnyArray]:
     one, other, third = (graph.points[graph.triangles[:, n]] for n in range(3))
     a, b, c = (np.hypot(*step.T) for step in (one - other, other - third, third - one))
-    return np.maximum(np.maximum(a, b), c), np.minimum(np.minimum(a, b), c)
+    longest = np.maximum(np.maximum(a, b), c)
+    return {
+        "area": np.log1p(graph.areas),
+        "longest_side": np.log(longest),
+        "shortest_side": np.log(np.minimum(np.minimum(a, b), c)),
+        "compactness": graph.areas / longest**2,
+        "outer": graph.outer,
+    }
 
 
-def measure(graph: Complex, greys: Sequence[Grey | None]) -> Features:
-    """Measure the features of a batch of slices.
-
-    Parameters
-    ----------
-    graph : Complex
-    greys : sequence of Grey or None
-        From `normalised_grey`, for every slice.
-    """
-    a, b = (graph.points[graph.links[:, end]] for end in (0, 1))
-    step = b - a
-    length = np.hypot(step[:, 0], step[:, 1])
-    angle = np.arctan2(step[:, 0], step[:, 1])
-    area, outer = graph.areas, graph.outer
-    longest, shortest = _longest_and_shortest(graph)
-    scales = len(REGION_GAPS_PX)
-    inner_area = np.where(outer, 0, area)
-    region_area = np.empty((len(area), scales), np.float32)
-    for g in range(scales):
-        region_area[:, g] = np.bincount(graph.regions[:, g], inner_area)[graph.regions[:, g]]
-    hull_area = np.maximum(np.add.reduceat(inner_area, graph.triangle_offsets[:-1]), 1)
-    hull_area = np.repeat(hull_area, np.diff(graph.triangle_offsets))[:, None]
-    has_grey = np.array([grey is not None for grey in greys])
-    left, right = graph.sides.T
-    log_area = np.log1p(area)
-    tone, tones, shades = _triangle_greys(graph, greys)
-    link_greys = _link_greys(graph, greys)
+def _triangle_regions(graph: DelaunayGraph) -> dict[str, AnyArray]:
+    """Measure, at each scale of `REGION_GAPS_PX`, how deep a triangle lies and how large its region is."""
     depth = graph.depths.astype(np.float32)
-    places = _side_by_side(graph)
-    branches, link_branches = _link_branches(graph, places, step, length)
-    triangles = np.column_stack(
-        [
-            log_area,
-            np.log(longest),
-            np.log(shortest),
-            area / longest**2,
-            outer,
-            tone,
-            np.repeat(has_grey, np.diff(graph.triangle_offsets)),
-            np.minimum(depth, 1),
-            np.minimum(depth, 6) / 3,
-            np.log1p(region_area) / 4,
-            np.log((region_area + 1) / hull_area) / 4,
-            tones,
-            shades,
-        ]
-    )
-    links = np.column_stack(
-        [
-            np.log(length),
-            length <= REGION_GAPS_PX[0],
-            np.cos(2 * angle),
-            np.sin(2 * angle),
-            np.cos(4 * angle),
-            np.sin(4 * angle),
-            np.minimum(log_area[left], log_area[right]),
-            np.maximum(log_area[left], log_area[right]),
-            np.abs(tone[left, 0] - tone[right, 0]),
-            link_greys[:, 0],
-            np.repeat(has_grey, np.diff(graph.link_offsets)),
-            outer[left] | outer[right],
-            graph.regions[left] == graph.regions[right],
-            np.minimum(np.abs(depth[left] - depth[right]), 2),
-            _fragment_sizes(graph),
-            link_greys[:, 1:],
-            np.abs(tones[left, 0] - tones[right, 0]),
-            2.0 - graph.drawn[graph.links[:, 0]] - graph.drawn[graph.links[:, 1]],
-            link_branches,
-        ]
-    )
-    return Features(
-        _node_features(graph, places, greys),
-        links.astype(np.float32),
-        triangles.astype(np.float32),
-        tones.astype(np.float32),
-        branches,
-    )
+    inner_area = np.where(graph.outer, 0, graph.areas)
+    area = np.empty(graph.regions.shape, np.float32)
+    for g, region in enumerate(graph.regions.T):
+        area[:, g] = np.bincount(region, inner_area)[region]
+    slice_area = np.maximum(np.add.reduceat(inner_area, graph.triangle_offsets[:-1]), 1)
+    return {
+        "enclosed": np.minimum(depth, 1),
+        "depth": np.minimum(depth, 6) / 3,
+        "region_area": np.log1p(area) / 4,
+        "region_share": np.log((area + 1) / slice_area[owners_of(graph.triangle_offsets)][:, None]) / 4,
+    }
+
+
+def _triangle_intensities(
+    graph: DelaunayGraph, intensities: Sequence[IntensitySlice | None]
+) -> dict[str, AnyArray]:
+    """Mean and spread of four samples of each triangle; zeros where there is no image."""
+    mean, spread = (np.zeros((len(graph.triangles), 2 + len(BLURS))) for _ in range(2))
+    for intensity, own in _with_image(intensities, graph.triangle_offsets):
+        corners = graph.points[graph.triangles[own]]
+        centre = corners.mean(axis=1, keepdims=True)
+        samples = sample_channels(intensity, np.concatenate([centre, (corners + centre) / 2], axis=1))
+        mean[own], spread[own] = samples.mean(axis=1) - 0.5, samples.std(axis=1)
+    return {
+        "intensity_mean": mean[:, 0],
+        "intensity_spread": spread[:, 0],
+        "equalised_mean": mean[:, 1:-1],
+        "equalised_spread": spread[:, 1],
+    }
+
+
+def _regional_intensities(graph: DelaunayGraph, inside: dict[str, AnyArray]) -> dict[str, AnyArray]:
+    """Mean and spread of the least blurred equalised intensity over each triangle's region."""
+    value, spread = inside["equalised_mean"][:, 0], inside["equalised_spread"]
+    weight = np.where(graph.outer, LEAST_PX, graph.areas + LEAST_PX)
+    columns: dict[str, AnyArray] = {}
+    for g in _REGIONAL:
+        region = graph.regions[:, g]
+        total = np.bincount(region, weight)
+        mean = np.bincount(region, weight * value) / total
+        square = np.bincount(region, weight * (value**2 + spread**2)) / total
+        columns[f"region_{_GAPS[g]}_equalised_mean"] = mean[region]
+        deviation = np.sqrt(np.maximum(square - mean**2, 0))
+        columns[f"region_{_GAPS[g]}_equalised_spread"] = deviation[region]
+    return columns
+
+
+# Links ------------------------------------------------------------------------------------------------
+
+
+def _steps(graph: DelaunayGraph) -> FloatArray:
+    """Give the vectors (L, 2) from each link's first node to its second."""
+    return graph.points[graph.links[:, 1]] - graph.points[graph.links[:, 0]]
+
+
+def _link_shapes(graph: DelaunayGraph) -> dict[str, AnyArray]:
+    step = _steps(graph)
+    angle = np.arctan2(step[:, 0], step[:, 1])
+    return {
+        "length": np.log(graph.link_lengths),
+        "short": graph.link_lengths <= REGION_GAPS_PX[0],
+        "direction_2": np.column_stack([np.cos(2 * angle), np.sin(2 * angle)]),
+        "direction_4": np.column_stack([np.cos(4 * angle), np.sin(4 * angle)]),
+        "unobserved_ends": 2.0 - graph.observed[graph.links[:, 0]] - graph.observed[graph.links[:, 1]],
+    }
+
+
+def _link_sides(graph: DelaunayGraph, inside: dict[str, AnyArray]) -> dict[str, AnyArray]:
+    """Compare the two triangles that share a link."""
+    left, right = graph.link_triangles.T
+    area = np.log1p(graph.areas)
+    depth = graph.depths.astype(np.float32)
+    intensity, equalised = inside["intensity_mean"], inside["equalised_mean"][:, 0]
+    return {
+        "triangle_area": np.column_stack(
+            [np.minimum(area[left], area[right]), np.maximum(area[left], area[right])]
+        ),
+        "intensity_difference": np.abs(intensity[left] - intensity[right]),
+        "equalised_difference": np.abs(equalised[left] - equalised[right]),
+        "outer": graph.outer[left] | graph.outer[right],
+        "same_region": graph.regions[left] == graph.regions[right],
+        "depth_difference": np.minimum(np.abs(depth[left] - depth[right]), 2),
+    }
+
+
+def _link_intensities(
+    graph: DelaunayGraph, intensities: Sequence[IntensitySlice | None]
+) -> dict[str, AnyArray]:
+    """Intensity across and along links, at three places of each; zeros where there is no image."""
+    count = len(graph.links)
+    middle = np.zeros(count)
+    across, slope = np.zeros((len(BLURS), count, 2)), np.zeros((count, 2))
+    steps, lengths = _steps(graph), graph.link_lengths
+    for intensity, own in _with_image(intensities, graph.link_offsets):
+        step = steps[own]
+        normal = np.column_stack([-step[:, 1], step[:, 0]]) / lengths[own, None]
+        start = graph.points[graph.links[own, 0]]
+        places = start[:, None] + step[:, None] * np.array([1 / 6, 1 / 2, 5 / 6])[:, None]
+        for n, (_, reach) in enumerate(BLURS):
+            beside = reach * normal[:, None]
+            change = sample_channels(intensity, places + beside) - sample_channels(intensity, places - beside)
+            across[n, own] = _mean_and_least(change[..., n + 1])
+            if n == 0:
+                middle[own] = np.abs(change[:, 1, 0])
+        slope[own] = _mean_and_least(sample_channels(intensity, places)[..., -1])
+    named = {f"equalised_step_{part}": column for part, column in zip(_BLURRED, across, strict=True)}
+    return {"intensity_step": middle, "slope": slope, **named}
+
+
+def _mean_and_least(steps: SingleArray) -> SingleArray:
+    """Size of the mean, and the least size (L, 2), of three steps (L, 3)."""
+    first, second, third = steps.T
+    least = np.minimum(np.minimum(np.abs(first), np.abs(second)), np.abs(third))
+    return np.column_stack([np.abs(first + second + third) / 3, least])
+
+
+def _link_fragments(graph: DelaunayGraph) -> dict[str, AnyArray]:
+    """Pixels in the 8-connected fragments that links join, and whether they are one."""
+    fragment = fragments(graph)
+    ends = (np.log(np.bincount(fragment)[fragment]) / 4)[graph.links]
+    return {
+        "fragment_size": np.column_stack([ends.min(axis=1), ends.max(axis=1)]),
+        "same_fragment": fragment[graph.links[:, 0]] == fragment[graph.links[:, 1]],
+    }
+
+
+def _link_branches(graph: DelaunayGraph, places: IntArray) -> tuple[IntArray, IntArray, dict[str, AnyArray]]:
+    """Branch and group (V,) of all nodes, and what they say of the links between them."""
+    observed, length = graph.observed, graph.link_lengths
+    number = np.cumsum(observed) - 1  # among the maps' pixels
+    a, b = graph.links.T
+    short = length <= REGION_GAPS_PX[0]
+    within = observed[a] & observed[b]
+    gaps = within & ~short & (length <= REGION_GAPS_PX[-1])
+    pixels = places[observed[~graph.ghost]]
+    found = find_branches(pixels, number[graph.links[within & short]], number[graph.links[gaps]])
+
+    columns: dict[str, AnyArray] = {}
+    labels: list[IntArray] = []
+    shapes = {"branch": (found.branch, found.branch_shape), "group": (found.group, found.group_shape)}
+    for name, (part, shape) in shapes.items():
+        label = np.arange(len(observed)) + len(pixels)
+        label[observed] = part
+        labels.append(label)
+        columns[f"same_{name}"] = label[a] == label[b]
+        measured = np.zeros((len(observed), SHAPE_COLUMNS.width))
+        measured[observed] = shape
+        both, apart = measured[a] + measured[b], np.abs(measured[a] - measured[b])
+        for n, column in enumerate(SHAPE_COLUMNS.names):
+            columns[f"sum_{name}_{column}"] = both[:, n]
+            columns[f"difference_{name}_{column}"] = apart[:, n]
+    outward = np.zeros((len(observed), 2))
+    outward[observed] = found.outward
+    direction = _steps(graph) / length[:, None]
+    one = np.einsum("lc,lc->l", outward[a], direction)
+    other = np.einsum("lc,lc->l", outward[b], -direction)
+    columns["continuation"] = np.column_stack([np.minimum(one, other), np.maximum(one, other)])
+    return labels[0], labels[1], columns

@@ -2,11 +2,10 @@ import cv2
 import numpy as np
 import pytest
 
-from cccd.junctions.complexes import build_complex, join_complexes
 from cccd.junctions.corruptions import contours_of
-from cccd.junctions.features import LINK_FEATURES, NODE_FEATURES, TRIANGLE_FEATURES, measure, normalised_grey
-
-FRAGMENTS = slice(-35, -32)
+from cccd.junctions.delaunay import build_graph, join_graphs
+from cccd.junctions.features import INTENSITIES, LINKS, NODES, TRIANGLES, measure_features
+from cccd.junctions.intensity import normalised_intensity
 
 
 def disc():
@@ -17,12 +16,12 @@ def disc():
 
 def test_no_image_reads_as_zeros():
     pixels = contours_of(disc())[0]
-    graph = build_complex(pixels)
-    features = measure(graph, [None])
-    assert features.nodes.shape == (len(graph.points), NODE_FEATURES)
-    assert features.links.shape == (len(graph.links), LINK_FEATURES)
-    assert features.triangles.shape == (len(graph.triangles), TRIANGLE_FEATURES)
-    assert not features.tones.any()
+    graph = build_graph(pixels)
+    features = measure_features(graph, [None])
+    assert features.nodes.shape == (len(graph.points), NODES.width)
+    assert features.links.shape == (len(graph.links), LINKS.width)
+    assert features.triangles.shape == (len(graph.triangles), TRIANGLES.width)
+    assert not features.triangles[:, INTENSITIES].any()
 
 
 def test_bone_and_air_leave_an_organ_its_contrast():
@@ -32,38 +31,42 @@ def test_bone_and_air_leave_an_organ_its_contrast():
     beside[:12], beside[-12:] = 1500, -1000
     pixels = contours_of(mask)[0]
     for shown in (image, beside):
-        ranks = normalised_grey(shown, pixels).channels[..., 1].astype(float)
+        ranks = normalised_intensity(shown, pixels).channels[..., 1].astype(float)
         assert ranks[35:45, 35:45].mean() - ranks[35:45, 6:14].mean() > 80
 
 
 def test_grey_values_are_read_where_the_image_has_them():
     mask = disc()
     pixels = contours_of(mask)[0]
-    graph = build_complex(pixels)
-    tones = measure(graph, [normalised_grey(mask.astype(np.float32), pixels)]).tones
+    graph = build_graph(pixels)
+    seen = normalised_intensity(mask.astype(np.float32), pixels)
+    values = measure_features(graph, [seen]).triangles[:, INTENSITIES]
     centre = graph.points[graph.triangles].mean(axis=1)
     far = np.hypot(*(centre - 40).T)
-    assert tones[far < 12].min() > tones[(far > 30) & ~graph.outer].max(initial=tones[graph.outer].max())
+    assert values[far < 12].min() > values[(far > 30) & ~graph.outer].max(initial=values[graph.outer].max())
 
 
 def test_neither_units_nor_place_of_the_image_change_what_is_read():
     mask = disc()
     image = np.random.default_rng(0).normal(0, 1, mask.shape) + mask
     pixels = contours_of(mask)[0]
-    here = measure(build_complex(pixels), [normalised_grey(image, pixels)])
+    here = measure_features(build_graph(pixels), [normalised_intensity(image, pixels)])
     moved = pixels + np.array([9, 17])
     wide = 1000 * np.pad(image, ((9, 3), (17, 5))) - 7
-    there = measure(build_complex(moved), [normalised_grey(wide, moved)])
+    there = measure_features(build_graph(moved), [normalised_intensity(wide, moved)])
     assert np.array_equal(here.nodes, there.nodes)
-    assert np.sort(here.tones, axis=0) == pytest.approx(np.sort(there.tones, axis=0), abs=0.02)
+    values, moved_values = (np.sort(part.triangles[:, INTENSITIES], axis=0) for part in (here, there))
+    assert values == pytest.approx(moved_values, abs=0.02)
 
 
 def test_a_fragment_is_known_by_its_size():
     ring = contours_of(disc())[0]
-    graph = build_complex(np.vstack([ring, [[2, 2], [2, 3]]]))
-    fewer, more, one = measure(graph, [None]).links[:, FRAGMENTS].T
+    graph = build_graph(np.vstack([ring, [[2, 2], [2, 3]]]))
+    links = measure_features(graph, [None]).links
+    fewer, more = links[:, LINKS["fragment_size"]].T
+    one = links[:, LINKS["same_fragment"]]
     ends = graph.links >= len(ring)
-    inner = ~graph.ring[graph.links].any(axis=1)
+    inner = ~graph.ghost[graph.links].any(axis=1)
     within, across = inner & ~ends.any(axis=1), inner & (ends.sum(axis=1) == 1)
     assert one[within].all()
     assert not one[across].any()
@@ -77,16 +80,18 @@ def test_a_slice_reads_the_same_alone_and_among_others():
         np.unique(rng.integers(low, high, (90, 2)), axis=0) for low, high in ((0, 30), (7, 80), (3, 50))
     ]
     image = rng.normal(0, 1, (80, 80))
-    greys = [None, normalised_grey(image, slices[1]), None]
-    graphs = [build_complex(pixels) for pixels in slices]
-    together = measure(join_complexes(graphs), greys)
-    apart = [measure(graph, [grey]) for graph, grey in zip(graphs, greys, strict=True)]
-    for name in ("nodes", "links", "triangles", "tones"):
+    intensities = [None, normalised_intensity(image, slices[1]), None]
+    graphs = [build_graph(pixels) for pixels in slices]
+    together = measure_features(join_graphs(graphs), intensities)
+    apart = [
+        measure_features(graph, [intensity]) for graph, intensity in zip(graphs, intensities, strict=True)
+    ]
+    for name in ("nodes", "links", "triangles"):
         expected = np.concatenate([getattr(part, name) for part in apart])
         np.testing.assert_allclose(getattr(together, name), expected, rtol=1e-4, atol=1e-5)
     # a branch is the same set of pixels, and none reaches over two slices
     of = np.repeat(np.arange(3), [len(graph.points) for graph in graphs])
-    for which in range(2):
-        pairs = np.unique(np.column_stack([together.branches[which], of]), axis=0)
-        assert len(pairs) == sum(len(np.unique(part.branches[which])) for part in apart)
+    for which in ("branch", "group"):
+        pairs = np.unique(np.column_stack([getattr(together, which), of]), axis=0)
+        assert len(pairs) == sum(len(np.unique(getattr(part, which))) for part in apart)
         assert len(np.unique(pairs[:, 0])) == len(pairs)

@@ -6,16 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cccd.chaincode import on_pixel_chain
-from cccd.containers import Boundaries, Frame
-from cccd.geometry.arrays import concatenate_ragged
-from cccd.junctions import load_model, order_boundaries
-from cccd.junctions.complexes import build_complex
+from cccd.chaincode import is_simple, on_pixel_chain, signed_areas
+from cccd.containers import Boundaries, Frame, concatenate_ragged
+from cccd.junctions import order_boundaries
+from cccd.junctions.checkpoint import load_model
 from cccd.junctions.corruptions import contours_of
-from cccd.junctions.decoding import fill_inside
-from cccd.junctions.inference import curves_from_masks, label_inside
-from cccd.junctions.samples import draw_sample
+from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
+from cccd.junctions.delaunay import build_graph
 from cccd.junctions.scoring import score_slice
+from cccd.junctions.synthetic_maps import draw_map
 
 FRAME = Frame(np.eye(4), 2, (200, 200, 50))
 SHIPPED = Path(__file__).parents[3] / "workflow" / "models" / "junctions.pt"
@@ -43,13 +42,13 @@ def blob(hole=False):
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.95))
 def test_any_labelling_gives_closed_strictly_simple_pixel_chains(seed, share):
     rng = np.random.default_rng(seed)
-    graph = build_complex(np.unique(rng.integers(0, 25, (60, 2)), axis=0))
+    graph = build_graph(np.unique(rng.integers(0, 25, (60, 2)), axis=0))
     inside = (rng.random(len(graph.triangles)) < share) & ~graph.outer
     masks, origin = fill_inside(graph, inside)
-    curves = curves_from_masks(masks, (0, *origin), FRAME)
-    assert curves.polygons.is_simple.all()
+    curves = closed_chains(masks, origin, [0], FRAME)
+    assert is_simple(curves.points, curves.offsets).all()
     assert on_pixel_chain(curves.points, curves.offsets).all()
-    assert ((curves.polygons.signed_areas < 0) == curves.hole).all()
+    assert ((signed_areas(curves.points, curves.offsets) < 0) == curves.hole).all()
 
 
 def test_a_clean_map_is_ordered_right_even_without_a_network():
@@ -76,11 +75,11 @@ def sliver():
 def test_an_outline_is_taken_as_it_is_whatever_the_logits_say(mask, tip):
     chains = contours_of(mask)
     extra = [chains[0][0] - (n, 0) for n in range(1, tip + 1)] + [(2, 2), (2, 3)]  # a tip, and a speck
-    graph = build_complex(raster_order(np.vstack([*chains, extra])))
+    graph = build_graph(raster_order(np.vstack([*chains, extra])))
     rng = np.random.default_rng(0)
-    inside = label_inside(graph, rng.normal(0, 9, len(graph.triangles)), rng.normal(0, 9, len(graph.links)))
+    inside = label_inside(graph, (rng.normal(0, 9, len(graph.triangles)), rng.normal(0, 9, len(graph.links))))
     masks, origin = fill_inside(graph, inside)
-    curves = curves_from_masks(masks, (0, *origin), FRAME)
+    curves = closed_chains(masks, origin, [0], FRAME)
     assert {tuple(p) for p in curves.points.astype(int)} == {tuple(p) for p in np.vstack(chains)}
 
 
@@ -89,21 +88,21 @@ def test_a_spur_or_a_chord_makes_it_no_outline():
     rows = np.arange(chain[:, 0].min() + 1, chain[:, 0].max())
     chord = np.column_stack([rows, np.full(len(rows), 45)])
     for extra in (chord, chord[: len(chord) // 3]):
-        graph = build_complex(raster_order(np.vstack([chain, extra])))
+        graph = build_graph(raster_order(np.vstack([chain, extra])))
         # the cut's say counts: the part left of the chord, or of where it would go on
         left = graph.points[graph.triangles][..., 1].max(axis=1) <= 45
         wanted = left & (graph.depths[:, 0] == 1)
-        found = label_inside(graph, np.where(wanted, 9.0, -9.0), np.full(len(graph.links), 9.0))
+        found = label_inside(graph, (np.where(wanted, 9.0, -9.0), np.full(len(graph.links), 9.0)))
         assert (found == wanted).all()
 
 
 def test_closed_curves_are_kept_where_the_cut_finds_nothing():
     chain = contours_of(blob())[0]
     spur = chain[0] + np.column_stack([-np.arange(1, 9), np.zeros(8, int)])
-    graph = build_complex(raster_order(np.vstack([chain, spur])))
-    inside = label_inside(graph, np.full(len(graph.triangles), -9.0), np.zeros(len(graph.links)))
+    graph = build_graph(raster_order(np.vstack([chain, spur])))
+    inside = label_inside(graph, (np.full(len(graph.triangles), -9.0), np.zeros(len(graph.links))))
     masks, origin = fill_inside(graph, inside)
-    curves = curves_from_masks(masks, (0, *origin), FRAME)
+    curves = closed_chains(masks, origin, [0], FRAME)
     assert score_slice(list(curves), [chain]).correct
 
 
@@ -114,7 +113,7 @@ def test_a_gap_is_bridged_by_neighbouring_pixels():
     assert score_slice(list(curves), [chain]).correct
 
 
-def test_slices_without_a_closed_boundary_are_told_by_number_and_the_rest_goes_on():
+def test_slices_without_a_closed_boundary_are_reported_by_number_and_the_rest_goes_on():
     line = np.column_stack([np.arange(5, 40), np.full(35, 9)])
     chain = raster_order(contours_of(blob())[0])
     empty = np.zeros((0, 2))
@@ -158,7 +157,7 @@ def test_the_shipped_model_finds_components_and_holes(shipped):
 @pytest.mark.parametrize(("kind", "share"), [("clean", 0.9), ("spurs", 0.8), ("blocks", 0.8), ("pinch", 0.8)])
 def test_the_shipped_model_repairs_maps_it_was_not_trained_on(shipped, kind, share):
     rng = np.random.default_rng(987_654)
-    samples = [draw_sample(rng, kind, 1.0) for _ in range(16)]
+    samples = [draw_map(rng, kind, 1.0) for _ in range(16)]
     curves, _ = order_boundaries(boundaries([sample.pixels for sample in samples]), shipped)
     chains = [list(curves)[n] for n in range(len(curves))]
     scores = [
@@ -170,7 +169,7 @@ def test_the_shipped_model_repairs_maps_it_was_not_trained_on(shipped, kind, sha
 
 def test_neither_batch_nor_place_changes_the_result(shipped):
     rng = np.random.default_rng(3)
-    maps = [draw_sample(rng, "mixed", 1.0).pixels for _ in range(5)]
+    maps = [draw_map(rng, "mixed", 1.0).pixels for _ in range(5)]
     together, _ = order_boundaries(boundaries(maps), shipped)
     alone, _ = order_boundaries(boundaries([maps[3] + np.array([40, 17])]), shipped)
     mine = np.concatenate([c for c, k in zip(together, together.slice, strict=True) if k == 3])
@@ -179,7 +178,7 @@ def test_neither_batch_nor_place_changes_the_result(shipped):
 
 def test_an_image_is_read_where_its_origin_says(shipped):
     rng = np.random.default_rng(4)
-    sample = draw_sample(rng, "canny", 1.0)
+    sample = draw_map(rng, "canny", 1.0)
     here, _ = order_boundaries(boundaries([sample.pixels]), shipped, sample.image[None])
     shifted = boundaries([sample.pixels + np.array([11, 5])], [30])
     there, _ = order_boundaries(shifted, shipped, sample.image[None], (30, 11, 5))

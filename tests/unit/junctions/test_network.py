@@ -2,14 +2,15 @@ import numpy as np
 import pytest
 import torch
 
-from cccd.junctions.complexes import build_complex
-from cccd.junctions.features import measure
-from cccd.junctions.network import Convolution, JunctionNetwork, make_batch
+from cccd.junctions.batch import make_batch
+from cccd.junctions.delaunay import build_graph
+from cccd.junctions.layers import GatedConvolution
+from cccd.junctions.network import JunctionNetwork
 
 
 def layer(width_in=5, width_out=4, heads=1):
     torch.manual_seed(0)
-    convolution = Convolution(width_in, width_out, 0.0, heads)
+    convolution = GatedConvolution(width_in, width_out, 0.0, heads)
     with torch.no_grad():
         for parameter in convolution.parameters():
             parameter.normal_()
@@ -63,7 +64,7 @@ def test_three_sides_and_a_list_of_links_agree():
 
 
 def test_dropout_acts_in_training_only():
-    convolution = Convolution(5, 4, 0.5)
+    convolution = GatedConvolution(5, 4, 0.5)
     x = torch.randn(50, 5)
     convolution.train()
     assert not torch.equal(convolution.messages(x), convolution.messages(x))
@@ -73,9 +74,9 @@ def test_dropout_acts_in_training_only():
 
 def test_every_link_and_triangle_gets_one_logit_and_every_weight_a_gradient():
     rng = np.random.default_rng(0)
-    graph = build_complex(np.unique(rng.integers(0, 40, (90, 2)), axis=0))
-    batch = make_batch(graph, measure(graph, [None]))
-    model = JunctionNetwork(width=16, link_width=8, rounds=2, heads=4)
+    graph = build_graph(np.unique(rng.integers(0, 40, (90, 2)), axis=0))
+    batch = make_batch(graph, [None])
+    model = JunctionNetwork(width=16, link_width=8, message_layers=2, heads=4)
     inside, link = model(batch)
     assert inside.shape == (len(graph.triangles),)
     assert link.shape == (len(graph.links),)
@@ -87,8 +88,8 @@ def test_every_link_and_triangle_gets_one_logit_and_every_weight_a_gradient():
 def test_a_gpu_gives_what_the_cpu_gives():
     torch.manual_seed(0)
     rng = np.random.default_rng(0)
-    graph = build_complex(np.unique(rng.integers(0, 60, (300, 2)), axis=0))
-    batch = make_batch(graph, measure(graph, [None]))
+    graph = build_graph(np.unique(rng.integers(0, 60, (300, 2)), axis=0))
+    batch = make_batch(graph, [None])
     model = JunctionNetwork()
     here = model.predict(batch)
     for ours, theirs in zip(here, model.to("cuda").predict(batch), strict=True):

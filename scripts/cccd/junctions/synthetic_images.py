@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from cccd.boundary import edge_map
-from cccd.junctions.shapes import smooth_noise
+from cccd.junctions.random_masks import smooth_noise
 from cccd.settings import BoundarySettings
 
 __all__ = ["canny_map", "draw_image"]

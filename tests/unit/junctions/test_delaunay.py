@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cccd.junctions.complexes import REGION_GAPS_PX, build_complex, join_complexes
 from cccd.junctions.corruptions import contours_of
+from cccd.junctions.delaunay import REGION_GAPS_PX, build_graph, join_graphs
 
 
 def disc(radius: int) -> np.ndarray:
@@ -22,41 +22,41 @@ pixel_sets = st.sets(st.tuples(st.integers(0, 12), st.integers(0, 12)), min_size
 @settings(max_examples=50, deadline=None)
 @given(pixel_sets)
 def test_is_a_triangulation_of_all_pixels(pixels):
-    graph = build_complex(np.array(sorted(pixels)))
+    graph = build_graph(np.array(sorted(pixels)))
     assert set(graph.triangles.ravel()) == set(range(len(graph.points)))
     # Euler: V - E + F = 2 with the outer face; links beyond the outermost triangles are not listed
     border = int((graph.neighbours < 0).sum())
     assert len(graph.points) - (len(graph.links) + border) + len(graph.triangles) + 1 == 2
-    hull = graph.points[graph.ring]
+    hull = graph.points[graph.ghost]
     i, j = hull.T
     area = abs(np.dot(i, np.roll(j, 1)) - np.dot(j, np.roll(i, 1))) / 2
     assert graph.areas.sum() == pytest.approx(area)
 
 
 def test_links_know_their_triangles_and_triangles_their_links():
-    graph = build_complex(ring(9))
+    graph = build_graph(ring(9))
     for side in range(3):
-        link = graph.side_links[:, side]
+        link = graph.triangle_links[:, side]
         has = link >= 0
         ends = np.sort(graph.links[link[has]], axis=1)
         opposite = np.delete(np.arange(3), side)
         assert np.array_equal(ends, np.sort(graph.triangles[has][:, opposite], axis=1))
-        both = graph.sides[link[has]]
+        both = graph.link_triangles[link[has]]
         assert ((both == np.flatnonzero(has)[:, None]).sum(axis=1) == 1).all()
 
 
 def test_links_between_neighbouring_pixels_of_a_chain_are_candidates():
     chain = contours_of(disc(14))[0]
-    graph = build_complex(chain)
+    graph = build_graph(chain)
     present = {tuple(sorted(link)) for link in graph.links.tolist()}
     wanted = {tuple(sorted((n, (n + 1) % len(chain)))) for n in range(len(chain))}
     assert wanted <= present
 
 
 def test_inside_of_a_closed_chain_is_one_region_one_wall_deep():
-    graph = build_complex(ring(12))
+    graph = build_graph(ring(12))
     centroid = graph.points[graph.triangles].mean(axis=1)
-    inside = np.linalg.norm(centroid - graph.points[~graph.ring].mean(axis=0), axis=1) < 10
+    inside = np.linalg.norm(centroid - graph.points[~graph.ghost].mean(axis=0), axis=1) < 10
     assert (graph.depths[inside, 0] == 1).all()
     assert len(np.unique(graph.regions[inside, 0])) == 1
     assert (graph.depths[graph.outer] == 0).all()
@@ -66,15 +66,15 @@ def test_inside_of_a_closed_chain_is_one_region_one_wall_deep():
 def test_a_gap_is_closed_by_walls_as_long_as_it_is(missing):
     chain = contours_of(disc(25))[0]
     width = np.linalg.norm(chain[missing] - chain[-1])
-    graph = build_complex(chain[missing:])
+    graph = build_graph(chain[missing:])
     middle = np.argmax(np.where(graph.outer, 0, graph.areas))
     for scale, wall in enumerate(REGION_GAPS_PX):
         assert (graph.depths[middle, scale] > 0) == (width <= wall)
 
 
 def test_joining_keeps_slices_apart_and_in_order():
-    parts = [build_complex(ring(n)) for n in (5, 8, 11)]
-    joined = join_complexes(parts)
+    parts = [build_graph(ring(n)) for n in (5, 8, 11)]
+    joined = join_graphs(parts)
     for n, part in enumerate(parts):
         low, high = joined.triangle_offsets[n : n + 2]
         node = joined.node_offsets[n]
@@ -91,7 +91,7 @@ def test_joining_keeps_slices_apart_and_in_order():
 
 
 def test_memory_grows_with_the_number_of_links():
-    small, large = build_complex(ring(50)), build_complex(ring(400))
+    small, large = build_graph(ring(50)), build_graph(ring(400))
     per_link = [graph.nbytes / len(graph.links) for graph in (small, large)]
     assert len(large.links) > 7 * len(small.links)
     assert per_link[1] == pytest.approx(per_link[0], rel=0.1)

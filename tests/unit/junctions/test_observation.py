@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd.junctions.corruptions import contours_of
-from cccd.junctions.features import normalised_grey
-from cccd.junctions.reading import image_edges, read_map
+from cccd.junctions.intensity import image_edges, normalised_intensity
+from cccd.junctions.observation import observe
 
 
 def scene():
@@ -22,7 +22,7 @@ def test_edges_fill_what_a_map_leaves_open():
     chain = contours_of(mask)[0]
     left, right = chain[:, 1] < 40, chain[:, 1] > 68
     pixels, missing = chain[left | right], chain[(chain[:, 1] > 42) & (chain[:, 1] < 66)]
-    edges = image_edges(normalised_grey(image, pixels), pixels)
+    edges = image_edges(normalised_intensity(image, pixels), pixels)
     apart = np.linalg.norm(missing[:, None] - edges, axis=2).min(axis=1)
     assert apart.max() <= 3
 
@@ -30,9 +30,9 @@ def test_edges_fill_what_a_map_leaves_open():
 def test_without_an_image_the_graph_is_the_map_alone():
     mask, _ = scene()
     chain = contours_of(mask)[0]
-    graph, grey = read_map(chain, None)
-    assert grey is None
-    assert np.array_equal(graph.drawn, ~graph.ring)
+    seen = observe(chain)
+    assert seen.intensity is None
+    assert np.array_equal(seen.graph.observed, ~seen.graph.ghost)
 
 
 @settings(max_examples=20, deadline=None)
@@ -41,8 +41,8 @@ def test_no_edge_touches_another_or_the_map(seed):
     rng = np.random.default_rng(seed)
     image = cv2.GaussianBlur(rng.normal(0, 1, (50, 60)), (0, 0), 2)
     pixels = np.unique(rng.integers(5, 45, (80, 2)), axis=0)
-    graph, _ = read_map(pixels, image)
-    edges = graph.points[~graph.drawn & ~graph.ring]
+    graph = observe(pixels, image).graph
+    edges = graph.points[~graph.observed & ~graph.ghost]
     assert len(edges)
     apart = np.abs(edges[:, None] - np.vstack([edges, pixels])).max(axis=2)
     apart[np.arange(len(edges)), np.arange(len(edges))] = 9
@@ -52,6 +52,6 @@ def test_no_edge_touches_another_or_the_map(seed):
 def test_a_map_may_reach_beyond_its_image_and_an_image_may_be_blank():
     chain = contours_of(scene()[0])[0]
     _, image = scene()
-    edges = image_edges(normalised_grey(image[:, :50], chain), chain)
+    edges = image_edges(normalised_intensity(image[:, :50], chain), chain)
     assert edges[:, 1].max() < 50
-    assert len(image_edges(normalised_grey(np.ones((90, 90)), chain), chain)) == 0
+    assert len(image_edges(normalised_intensity(np.ones((90, 90)), chain), chain)) == 0

@@ -5,9 +5,12 @@ import pytest
 import torch
 
 from cccd.errors import InputError
-from cccd.junctions import generate_graphs, load_model, train_model, training
-from cccd.junctions.complexes import build_complex
-from cccd.junctions.training import read_samples
+from cccd.junctions import loop
+from cccd.junctions.checkpoint import load_model
+from cccd.junctions.delaunay import build_graph
+from cccd.junctions.frozen_graphs import generate_graphs, pack_graphs, read_maps
+from cccd.junctions.loop import train_model
+from cccd.junctions.synthetic_maps import draw_large_map
 from cccd.store import read_graphs
 
 SETTINGS = {
@@ -46,9 +49,7 @@ def same(one, other):
 
 def stop_after(monkeypatch, epochs):
     """Let the process die, as by a kill, when so many epochs are in their checkpoints."""
-    from cccd.junctions import training
-
-    run = training._run_epoch
+    run = loop._run_epoch
     done = []
 
     def dying(*arguments):
@@ -57,16 +58,16 @@ def stop_after(monkeypatch, epochs):
         done.append(1)
         return run(*arguments)
 
-    monkeypatch.setattr(training, "_run_epoch", dying)
+    monkeypatch.setattr(loop, "_run_epoch", dying)
 
 
 def test_graphs_are_the_same_for_a_seed_and_sparse(graphs, tmp_path):
     again = tmp_path / "again.h5"
     generate_graphs(SETTINGS, 1, again)
     assert again.read_bytes() == graphs.read_bytes()
-    columns = read_graphs(graphs, "training")
-    assert set(np.unique(columns["links/label"])) == {-1, 1}
-    assert len(columns["links/nodes"]) < 3.2 * (len(columns["pixels/points"]) + 12 * 6)
+    split = read_graphs(graphs, "training")
+    assert set(np.unique(split.link_labels)) == {-1, 1}
+    assert len(split.links) < 3.2 * (len(split.pixels) + 12 * 6)
 
 
 def test_graphs_of_the_papers_size_take_a_two_hundredth_of_dense_matrices(graphs):
@@ -79,17 +80,16 @@ def test_graphs_of_the_papers_size_take_a_two_hundredth_of_dense_matrices(graphs
 def test_stored_bytes_grow_with_the_number_of_links():
     per_link = []
     for size in (400, 3600):
-        sample = training.large_maps(0, 1, size)[0]
-        assert len(sample.pixels) == size
-        columns = training._pack([sample])
-        per_link.append(training._nbytes(columns) / len(columns["links/nodes"]))
+        large = draw_large_map(np.random.default_rng(0), size)
+        assert len(large.pixels) == size
+        split = pack_graphs([large])
+        per_link.append(split.graph_bytes / len(split.links))
     assert per_link[1] == pytest.approx(per_link[0], rel=0.1)
 
 
 def test_stored_links_are_those_of_the_rebuilt_graph(graphs):
-    columns = read_graphs(graphs, "test")
-    rebuilt = np.concatenate([build_complex(sample.pixels).links for sample in read_samples(graphs, "test")])
-    assert np.array_equal(rebuilt, columns["links/nodes"])
+    rebuilt = np.concatenate([build_graph(drawn.pixels).links for drawn in read_maps(graphs, "test")])
+    assert np.array_equal(rebuilt, read_graphs(graphs, "test").links)
 
 
 def test_a_killed_run_goes_on_as_if_nothing_had_happened(graphs, tmp_path, monkeypatch):
@@ -127,7 +127,7 @@ def test_training_stops_when_validation_gets_no_better(graphs, tmp_path):
     assert len(history) < 8
 
 
-def test_history_tells_what_was_promised(graphs, tmp_path):
+def test_history_reports_what_was_promised(graphs, tmp_path):
     _, history = train(graphs, tmp_path, epochs=1)
     wanted = {"epoch", "loss", "link_precision", "link_recall", "link_f1", "validation_correct", "seconds"}
     assert wanted <= set(history)
@@ -141,20 +141,20 @@ def test_training_starts_from_given_weights(graphs, tmp_path):
     assert torch.allclose(kept[name], first[name], atol=1e-6)
 
 
-def test_a_network_with_fewer_exchanges_and_features_can_be_started_from(graphs, tmp_path):
+def test_a_network_with_fewer_layers_and_features_can_be_started_from(graphs, tmp_path):
     train(graphs, tmp_path / "first")
     path = tmp_path / "first" / "model.pt"
     content = torch.load(path, weights_only=True)
-    name = "triangle.1.weight"
+    name = "triangle_encoder.1.weight"
     content["weights"][name] = content["weights"][name][:, :-3]
     for key in ("weight", "bias", "running_mean", "running_var"):
-        content["weights"][f"triangle.0.{key}"] = content["weights"][f"triangle.0.{key}"][:-3]
+        content["weights"][f"triangle_encoder.0.{key}"] = content["weights"][f"triangle_encoder.0.{key}"][:-3]
     torch.save(content, path)
     changes = {"start": str(path), "epochs": 1, "learning_rate": 1e-12, "rounds": 2}
     grown, _ = train(graphs, tmp_path / "second", **changes)
     assert torch.allclose(grown[name][:, :-3], content["weights"][name], atol=1e-6)
     assert grown[name][:, -3:].abs().max() < 1e-6
-    assert "rounds.1.give.weight" in grown
+    assert "message_layers.1.triangle_messages.weight" in grown
 
 
 @pytest.mark.parametrize(("key", "other"), [("width", 16), ("rounds", 1)])

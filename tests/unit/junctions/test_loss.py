@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from cccd.junctions import training
-from cccd.junctions.samples import Sample
+from cccd.junctions import loss
+from cccd.junctions.data import label_maps
+from cccd.junctions.synthetic_maps import SyntheticMap
 
 SQUARE = np.array([(0, 0), (0, 4), (4, 4), (4, 0)])
 
@@ -14,20 +15,20 @@ SQUARE = np.array([(0, 0), (0, 4), (4, 4), (4, 0)])
 def examples():
     """A square whose middle pixel belongs to nothing: four triangles inside."""
     pixels = np.vstack([SQUARE, [(2, 2)]]).astype(np.int32) + 20
-    return training._examples([Sample(pixels, [SQUARE.astype(np.int32) + 20], "clean", (45, 45))], [False])
+    return label_maps([SyntheticMap(pixels, [SQUARE.astype(np.int32) + 20], "clean", (45, 45))], [False])
 
 
 def energy(examples, inside, link, labels):
     graph = examples.graph
-    gain = np.asarray(inside) * examples.extent.numpy()
-    cost = examples.length.numpy() * np.logaddexp(0, -np.asarray(link))
-    border = labels[graph.sides[:, 0]] != labels[graph.sides[:, 1]]
+    gain = np.asarray(inside) * examples.energy_weights.unary.numpy()
+    cost = examples.energy_weights.pairwise.numpy() * np.logaddexp(0, -np.asarray(link))
+    border = labels[graph.link_triangles[:, 0]] != labels[graph.link_triangles[:, 1]]
     return (gain * labels).sum() - (cost * border).sum()
 
 
 def test_it_is_the_margin_by_which_the_best_of_all_labellings_beats_the_true_one(examples):
     rng = np.random.default_rng(0)
-    graph, extent = examples.graph, examples.extent.numpy()
+    graph, extent = examples.graph, examples.energy_weights.unary.numpy()
     free = np.flatnonzero(~graph.outer)
     truth = (examples.inside.numpy() > 0.5) & ~graph.outer
     for _ in range(20):
@@ -36,21 +37,19 @@ def test_it_is_the_margin_by_which_the_best_of_all_labellings_beats_the_true_one
         for chosen in product([False, True], repeat=len(free)):
             labels = np.zeros(len(graph.triangles), bool)
             labels[free] = chosen
-            wrong = (
-                training._MARGIN * extent * (1 - 2 * examples.inside.numpy()) * (labels.astype(float) - truth)
-            )
+            wrong = loss._MARGIN * extent * (1 - 2 * examples.inside.numpy()) * (labels.astype(float) - truth)
             best = max(best, energy(examples, inside, link, labels) + wrong.sum())
         expected = (best - energy(examples, inside, link, truth)) / extent.sum()
-        found = training._cut_loss(torch.from_numpy(inside).float(), torch.from_numpy(link).float(), examples)
+        found = loss.cut_loss(torch.from_numpy(inside).float(), torch.from_numpy(link).float(), examples)
         assert float(found) == pytest.approx(expected, rel=1e-4, abs=1e-5)
 
 
 def test_it_is_zero_for_sure_and_right_logits_and_falls_along_its_gradient(examples):
     sure = torch.where(examples.inside > 0.5, 9.0, -9.0)
     links = torch.where(examples.true > 0.5, 9.0, -9.0)
-    assert float(training._cut_loss(sure, links, examples)) == pytest.approx(0, abs=1e-4)
+    assert float(loss.cut_loss(sure, links, examples)) == pytest.approx(0, abs=1e-4)
     wrong = (-sure / 9).requires_grad_()
-    loss = training._cut_loss(wrong, links, examples)
-    loss.backward()
+    found = loss.cut_loss(wrong, links, examples)
+    found.backward()
     better = (wrong - 0.1 * wrong.grad).detach()
-    assert training._cut_loss(better, links, examples) < loss
+    assert loss.cut_loss(better, links, examples) < found

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
-from cccd.junctions.complexes import build_complex
 from cccd.junctions.corruptions import KINDS, contours_of, corrupt
 from cccd.junctions.decoding import fill_inside
-from cccd.junctions.samples import ALL_KINDS, draw_sample, inside_shares, link_labels, truth_mask
-from cccd.junctions.shapes import draw_mask
+from cccd.junctions.delaunay import build_graph
+from cccd.junctions.labels import inside_shares, link_labels
+from cccd.junctions.random_masks import draw_mask
+from cccd.junctions.synthetic_maps import ALL_KINDS, draw_map, truth_mask
 
 
 def square(size=21):
@@ -16,7 +17,7 @@ def square(size=21):
 
 @pytest.mark.parametrize("kind", ALL_KINDS)
 def test_a_seed_gives_the_same_map_every_time(kind):
-    one, other = (draw_sample(np.random.default_rng(5), kind) for _ in range(2))
+    one, other = (draw_map(np.random.default_rng(5), kind) for _ in range(2))
     assert np.array_equal(one.pixels, other.pixels)
     assert all(np.array_equal(a, b) for a, b in zip(one.contours, other.contours, strict=True))
     assert (one.image is None) == (other.image is None)
@@ -54,14 +55,14 @@ def test_a_map_without_corruption_is_the_masks_border():
 def test_shares_of_a_square_add_up_to_its_area():
     contours = contours_of(square())
     pixels = np.unique(np.vstack([contours[0], [[3, 3], [50, 50], [25, 25]]]), axis=0)
-    graph = build_complex(pixels)
+    graph = build_graph(pixels)
     shares = inside_shares(graph, contours)
     assert (shares * graph.areas).sum() == pytest.approx(400, rel=0.02)
 
 
 def test_true_links_of_a_clean_map_are_its_chain():
     contour = contours_of(square())[0]
-    graph = build_complex(contour)
+    graph = build_graph(contour)
     true = graph.links[link_labels(graph, inside_shares(graph, [contour]))]
     wanted = {tuple(sorted((n, (n + 1) % len(contour)))) for n in range(len(contour))}
     assert {tuple(sorted(link)) for link in true.tolist()} == wanted
@@ -69,8 +70,8 @@ def test_true_links_of_a_clean_map_are_its_chain():
 
 @pytest.mark.parametrize("kind", ["clean", "spurs", "bridges", "blocks", "pinch", "noise"])
 def test_true_labels_decode_to_the_truth(kind):
-    sample = draw_sample(np.random.default_rng(8), kind, 1.0)
-    graph = build_complex(sample.pixels)
+    sample = draw_map(np.random.default_rng(8), kind, 1.0)
+    graph = build_graph(sample.pixels)
     masks, origin = fill_inside(graph, inside_shares(graph, sample.contours) > 0.5)
     truth = truth_mask(sample)
     placed = np.zeros(np.maximum(truth.shape, origin + masks.shape[1:]), bool)

@@ -1,0 +1,148 @@
+"""Files of a training: checkpoints that a killed run goes on from, and the model that comes out."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from cccd.errors import InputError
+from cccd.junctions.network import JunctionNetwork
+from cccd.store import atomic_path
+
+__all__ = ["Checkpoints", "fingerprint", "load_model", "save_model", "start_from"]
+
+logger = logging.getLogger(__name__)
+
+# How many checkpoints are kept: the newest may be torn.
+_KEPT = 2
+
+# Weights of a message-passing layer that carry its messages.
+_CARRYING = (
+    ".triangle_messages.weight", ".link_messages.weight", ".link_messages.bias", ".contrast.weight",
+    ".gate.weight", ".gate.bias",
+)  # fmt: skip
+
+# Messages of layers and features that a network is started without are this much weaker at first.
+_FAINT = 0.1
+
+
+def save_content(path: Path, content: Mapping[str, Any]) -> None:
+    """Write tensors and plain values, all or nothing."""
+    buffer = io.BytesIO()  # torch reports a full disk as an internal error
+    torch.save(content, buffer)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(buffer.getbuffer())
+
+
+def fingerprint(graphs_path: str | Path, settings: Mapping[str, Any], seed: int) -> str:
+    """Digest what a checkpoint must have in common with a run to be resumed by it."""
+    graphs = hashlib.sha256(Path(graphs_path).read_bytes()).hexdigest()
+    chosen = {key: value for key, value in settings.items() if key != "pretrained"}
+    return hashlib.sha256(json.dumps([graphs, chosen, seed], sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Checkpoints:
+    """Checkpoints of one run, an epoch each, in a folder.
+
+    Attributes
+    ----------
+    folder : path
+    fingerprint : str
+        Of the run that they belong to.
+    """
+
+    folder: Path
+    fingerprint: str
+
+    def _newest_first(self) -> list[Path]:
+        return sorted(self.folder.glob("epoch_*.pt"), reverse=True)
+
+    def save(self, epoch: int, state: Mapping[str, Any]) -> None:
+        """Write an epoch's state; all but the newest two are deleted."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        save_content(self.folder / f"epoch_{epoch:04d}.pt", {"fingerprint": self.fingerprint, **state})
+        for old in self._newest_first()[_KEPT:]:
+            old.unlink()
+
+    def newest(self) -> dict[str, Any] | None:
+        """Read the newest state that is whole and belongs to this run."""
+        for path in self._newest_first():
+            try:
+                state = torch.load(path, weights_only=True, map_location="cpu")
+                if state["fingerprint"] == self.fingerprint:
+                    logger.info("resuming after %s", path.name)
+                    return state
+            except Exception as error:  # whatever a torn file makes the reader raise
+                logger.warning("%s cannot be read (%s); trying the one before", path.name, error)
+        return None
+
+
+def save_model(
+    path: str | Path, sizes: Mapping[str, int | float], weights: Mapping[str, torch.Tensor], seed: int
+) -> None:
+    """Write ``model.pt``: what `load_model` reads."""
+    save_content(Path(path), {"sizes": dict(sizes), "weights": dict(weights), "seed": seed})
+
+
+def _read_model(path: str | Path) -> dict[str, Any]:
+    try:
+        content = torch.load(path, weights_only=True, map_location="cpu")
+        return {key: content[key] for key in ("sizes", "weights")}
+    except Exception as error:  # torch raises many kinds
+        raise _foreign(path, type(error).__name__) from error
+
+
+def _foreign(path: str | Path, why: str) -> InputError:
+    problem = f"not a junction model of this version ({why})"
+    return InputError(str(path), problem, "name another in gnn.pretrained, or train one")
+
+
+def load_model(path: str | Path) -> JunctionNetwork:
+    """Read a trained network, ready for prediction, on the CPU or on the GPU where there is one.
+
+    Raises
+    ------
+    InputError
+        When the file is not one that `save_model` wrote.
+    """
+    content = _read_model(path)
+    try:
+        model = JunctionNetwork(**content["sizes"])
+        model.load_state_dict(content["weights"])
+    except (TypeError, RuntimeError) as error:
+        raise _foreign(path, "its weights do not fit") from error
+    return model.eval().to("cuda" if torch.cuda.is_available() else "cpu")
+
+
+@torch.no_grad()
+def start_from(model: JunctionNetwork, path: str | Path) -> None:
+    """Put a file's weights into a network; what is new (features, messages, layers) hardly acts at first.
+
+    Raises
+    ------
+    InputError
+        When weights of the file would be lost.
+    """
+    content = _read_model(path)
+    for key in ("width", "link_width", "pixel_layers", "heads", "message_layers"):
+        old, new = content["sizes"].get(key), model.sizes[key]
+        if old != new and (key != "message_layers" or old is None or old > new):  # layers may be added
+            hint = f"set gnn.{key} to {old}, or gnn.start to null"
+            raise InputError(str(path), f"its {key} is not {new}", hint)
+    for name, value in model.state_dict().items():
+        if name.endswith(_CARRYING):
+            value.mul_(_FAINT)
+        old = content["weights"].get(name)
+        if old is not None:
+            if value.ndim == 2:
+                value[:, old.shape[1] :] = 0  # what the old network did not read
+            value[tuple(slice(n) for n in old.shape)] = old

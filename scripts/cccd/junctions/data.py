@@ -1,0 +1,136 @@
+"""What training reads: graphs with labels and weights, in batches that a seed determines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils.data import Dataset
+
+from cccd.geometry.arrays import AnyArray
+from cccd.junctions.batch import GraphBatch, make_batch
+from cccd.junctions.delaunay import DelaunayGraph, join_graphs
+from cccd.junctions.energy import EnergyWeights, energy_weights
+from cccd.junctions.labels import inside_shares, link_labels
+from cccd.junctions.observation import observe
+from cccd.junctions.synthetic_maps import ALL_KINDS, KIND_WEIGHTS, RandomStream, SyntheticMap, draw_map
+
+__all__ = ["EpochBatches", "Examples", "label_maps"]
+
+# Share of training maps whose image is hidden from the network, so that it does without as well.
+_HIDDEN_IMAGES = 0.3
+
+# A triangle's cross entropy weighs as much as the square root of its area, within these bounds in pixels.
+_EXTENT_PX = (0.7, 12)
+
+
+@dataclass(frozen=True, eq=False)
+class Examples:
+    """A batch with its labels and weights; every slice weighs the same.
+
+    Attributes
+    ----------
+    graph : DelaunayGraph
+    batch : GraphBatch
+    inside : (T,)
+        Share of the triangle's area inside.
+    inside_weight : (T,)
+        Of a triangle's cross entropy.
+    true : (L,)
+        1 for links of the best border, else 0.
+    true_weight : (L,)
+        Of a link's cross entropy.
+    energy_weights : EnergyWeights
+        Of the triangles' and links' logits in the energy.
+    """
+
+    graph: DelaunayGraph
+    batch: GraphBatch
+    inside: Tensor
+    inside_weight: Tensor
+    true: Tensor
+    true_weight: Tensor
+    energy_weights: EnergyWeights[Tensor]
+
+    def to(self, device: torch.device | str) -> Examples:
+        """Move all tensors; the graph stays."""
+        weights = self.energy_weights
+        return Examples(
+            self.graph,
+            self.batch.to(device),
+            *(part.to(device) for part in (self.inside, self.inside_weight, self.true, self.true_weight)),
+            EnergyWeights(weights.unary.to(device), weights.pairwise.to(device)),
+        )
+
+
+def label_maps(maps: Sequence[SyntheticMap], hide_image: Sequence[bool] | AnyArray) -> Examples:
+    """Observe maps, with or without their images, and label their graphs, joined to one batch."""
+    slices = [
+        observe(drawn.pixels, None if hidden else drawn.image)
+        for drawn, hidden in zip(maps, hide_image, strict=True)
+    ]
+    inside = np.concatenate(
+        [inside_shares(seen.graph, drawn.contours) for seen, drawn in zip(slices, maps, strict=True)]
+    )
+    graph = join_graphs([seen.graph for seen in slices])
+    link_counts = np.diff(graph.link_offsets)
+    weights = energy_weights(graph)
+    return Examples(
+        graph,
+        make_batch(graph, [seen.intensity for seen in slices]),
+        _real(inside),
+        _real(np.concatenate([_triangle_weights(seen.graph) for seen in slices]) / len(maps)),
+        _real(link_labels(graph, inside)),
+        _real(np.repeat(1 / link_counts, link_counts) / len(maps)),
+        EnergyWeights(_real(weights.unary), _real(weights.pairwise)),
+    )
+
+
+def _triangle_weights(graph: DelaunayGraph) -> AnyArray:
+    """Weights (T,) that follow a triangle's extent, as in the energy; what touches a ghost point is known."""
+    weight = np.where(graph.outer, 0, np.clip(np.sqrt(graph.areas), *_EXTENT_PX))
+    return weight / weight.sum()
+
+
+def _real(array: AnyArray) -> Tensor:
+    return torch.from_numpy(np.asarray(array, np.float32))
+
+
+class EpochBatches(Dataset[Examples]):
+    """Batches of one epoch: the frozen maps in a new order, among fresh ones drawn from the seed.
+
+    Parameters
+    ----------
+    frozen : sequence of SyntheticMap
+    settings : mapping
+        ``fresh_maps`` and ``batch_size``.
+    seed, epoch : int
+    """
+
+    def __init__(self, frozen: Sequence[SyntheticMap], settings: Mapping[str, Any], seed: int, epoch: int):
+        self.frozen, self.seed, self.epoch = frozen, seed, epoch
+        order = np.random.default_rng([seed, RandomStream.MAP_ORDER, epoch])
+        total = len(frozen) + settings["fresh_maps"]
+        size = settings["batch_size"]
+        shuffled = order.permutation(total)
+        self.batches = [shuffled[n : n + size] for n in range(0, total - size + 1, size)] or [shuffled]
+        weights = np.array([KIND_WEIGHTS[kind] for kind in ALL_KINDS], float)
+        self.kinds = order.choice(len(ALL_KINDS), total, p=weights / weights.sum())
+
+    def __len__(self) -> int:
+        return len(self.batches)
+
+    def __getitem__(self, index: int) -> Examples:
+        maps = [self._map(int(number)) for number in self.batches[index]]
+        hiding = np.random.default_rng([self.seed, RandomStream.HIDDEN_IMAGES, self.epoch, index])
+        return label_maps(maps, hiding.random(len(maps)) < _HIDDEN_IMAGES)
+
+    def _map(self, number: int) -> SyntheticMap:
+        if number < len(self.frozen):
+            return self.frozen[number]
+        rng = np.random.default_rng([self.seed, RandomStream.FRESH_MAPS, self.epoch, number])
+        return draw_map(rng, ALL_KINDS[self.kinds[number]])

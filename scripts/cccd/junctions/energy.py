@@ -1,0 +1,114 @@
+"""The energy of a labelling, whose least is the answer: one definition for training and for inference.
+
+A labelling says of every triangle of a `DelaunayGraph` whether it is inside. It costs the unary energy of
+every triangle inside, and the pairwise energy of every link between two triangles that differ, along which
+the border runs::
+
+    E(y) = sum_t unary[t] y[t]  +  sum_l pairwise[l] [y differs across l]
+
+    unary[t]    = -area[t]^p            * logit(t is inside)
+    pairwise[l] =  cost * length[l]     * softplus(-logit(l is true))
+
+Pairwise energies are not negative, so that the least energy is found exactly by a minimum cut
+(`cccd.junctions.cut`). The loss of the training (`cccd.junctions.loss`) compares energies of the same terms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+
+import numpy as np
+
+from cccd.geometry.arrays import BoolArray, FloatArray
+from cccd.junctions.cut import minimum_cut
+from cccd.junctions.delaunay import DelaunayGraph
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+__all__ = ["Energy", "EnergyWeights", "Logits", "energy_weights", "inference_energy", "least_energy"]
+
+_Numbers = TypeVar("_Numbers", FloatArray, "Tensor")
+
+#: Cost of a pixel of border per nat of doubt about its link, against a triangle's logit times this power of
+#: its area: chosen on the frozen validation graphs.
+BORDER_COST = 1.0
+AREA_POWER = 0.75
+
+#: Unary energy of the triangles at the ghost points: above all that the others can gain.
+_NEVER_INSIDE = 1e9
+
+#: Logits that triangles (T,) are inside and that links (L,) are true.
+Logits = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyWeights(Generic[_Numbers]):
+    """What multiplies the logits' terms.
+
+    Attributes
+    ----------
+    unary : (T,)
+        A triangle's area to a power; 0 at the ghost points, where nothing is left to decide.
+    pairwise : (L,)
+        A link's length times the cost of a pixel of border.
+    """
+
+    unary: _Numbers
+    pairwise: _Numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Energy(Generic[_Numbers]):
+    """Unary (T,) and pairwise (L,) terms, as arrays or as tensors."""
+
+    unary: _Numbers
+    pairwise: _Numbers
+
+    @classmethod
+    def of_logits(
+        cls,
+        weights: EnergyWeights[_Numbers],
+        inside_logit: _Numbers,
+        link_logit: _Numbers,
+        softplus: Callable[[_Numbers], _Numbers],
+    ) -> Energy[_Numbers]:
+        """Weigh what a network says of triangles (T,) and links (L,)."""
+        return cls(-(weights.unary * inside_logit), weights.pairwise * softplus(-link_logit))
+
+    def difference(self, labels: _Numbers, others: _Numbers, link_triangles: Any) -> Any:
+        """Energy of one labelling less that of another.
+
+        Parameters
+        ----------
+        labels, others : (T,)
+            0 and 1.
+        link_triangles : (2, L)
+            The two triangles of each link.
+        """
+        first, second = link_triangles
+        border = abs(labels[first] - labels[second]) - abs(others[first] - others[second])
+        return (self.unary * (labels - others)).sum() + (self.pairwise * border).sum()
+
+
+def energy_weights(graph: DelaunayGraph) -> EnergyWeights[FloatArray]:
+    """Weights of a graph's terms."""
+    extent = np.where(graph.outer, 0, graph.areas**AREA_POWER)
+    return EnergyWeights(extent, BORDER_COST * graph.link_lengths)
+
+
+def _softplus(values: FloatArray) -> FloatArray:
+    return cast(FloatArray, np.logaddexp(0, values))
+
+
+def inference_energy(graph: DelaunayGraph, logits: Logits) -> Energy[FloatArray]:
+    """Energy that a network's logits, or the prior's, give a graph."""
+    return Energy.of_logits(energy_weights(graph), *logits, _softplus)
+
+
+def least_energy(graph: DelaunayGraph, energy: Energy[FloatArray]) -> BoolArray:
+    """Inside triangles (T,) of the least energy; those at the ghost points are outside."""
+    unary = np.where(graph.outer, _NEVER_INSIDE, energy.unary)
+    return minimum_cut(unary, energy.pairwise, graph.neighbours, graph.triangle_links, graph.triangle_offsets)

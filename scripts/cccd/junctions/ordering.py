@@ -1,0 +1,74 @@
+"""From a volume's boundary pixels to ordered curves, and what is counted on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cccd.chaincode import broken_links, isolated_corners, junction_pixels
+from cccd.containers import Boundaries, Curves
+from cccd.geometry.arrays import IntArray, RealArray, owners_of, sum_per_part
+from cccd.junctions.decoding import closed_chains
+from cccd.junctions.inference import Predictor, predict_masks
+
+__all__ = ["order_boundaries"]
+
+
+def order_boundaries(
+    boundaries: Boundaries,
+    model: Predictor | None,
+    image: RealArray | None = None,
+    image_origin: Sequence[int] | IntArray = (0, 0, 0),
+) -> tuple[Curves, dict[str, Any]]:
+    """Order every slice's boundary pixels into closed, strictly simple 8-connected pixel chains.
+
+    Parameters
+    ----------
+    boundaries : Boundaries
+    model : Predictor or None
+        From `cccd.junctions.checkpoint.load_model`; ``None`` lets the decoder decide by walls and gaps alone.
+    image : (S, I, J) array, optional
+        Grey slices, used where given.
+    image_origin : (3,) int
+        Source index (k, i, j) of the image's first voxel.
+
+    Returns
+    -------
+    curves : Curves
+    report : dict
+        Plain JSON. ``slices``: per slice its number ``k``, ``pixels``, ``junctions``, ``isolated_before``
+        and ``isolated_after`` (Figure 4, in the map and in the ordered chains), ``outer`` and ``holes``;
+        ``unclosed``: the numbers of slices that have no closed boundary; and the totals.
+    """
+    first, *corner = np.asarray(image_origin) if image is not None else np.zeros(3, np.int64)
+    filled = [n for n, pixels in enumerate(boundaries) if len(pixels)]
+    numbers = boundaries.slice[filled]
+    maps = [pixels - corner for pixels in boundaries if len(pixels)]
+    count = 0 if image is None else len(image)
+    images = [image[k - first] if image is not None and 0 <= k - first < count else None for k in numbers]
+    masks, origin = predict_masks(maps, model, images)
+    curves = closed_chains(masks, origin + corner, numbers, boundaries.frame)
+    return curves, _report(boundaries, curves)
+
+
+def _report(boundaries: Boundaries, curves: Curves) -> dict[str, Any]:
+    count = len(boundaries)
+    of = np.searchsorted(boundaries.slice, curves.slice)
+    broken = of[owners_of(curves.offsets)[broken_links(curves.points, curves.offsets)]]
+    counts = {
+        "pixels": np.diff(boundaries.offsets),
+        "junctions": sum_per_part(junction_pixels(boundaries), boundaries.offsets),
+        "isolated_before": sum_per_part(isolated_corners(boundaries), boundaries.offsets),
+        "isolated_after": np.bincount(broken, minlength=count),
+        "outer": np.bincount(of[~curves.hole], minlength=count),
+        "holes": np.bincount(of[curves.hole], minlength=count),
+    }
+    slices = [
+        {"k": int(k), **{name: int(values[n]) for name, values in counts.items()}}
+        for n, k in enumerate(boundaries.slice)
+    ]
+    unclosed = boundaries.slice[counts["outer"] == 0]
+    totals = {name: int(values.sum()) for name, values in counts.items()}
+    return {"slices": slices, "unclosed": [int(k) for k in unclosed], **totals}
