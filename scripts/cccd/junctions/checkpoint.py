@@ -15,6 +15,7 @@ import torch
 
 from cccd.errors import InputError
 from cccd.junctions.network import JunctionNetwork
+from cccd.settings import NetworkSettings
 from cccd.store import atomic_path
 
 __all__ = ["Checkpoints", "fingerprint", "load_model", "save_model", "start_from"]
@@ -30,9 +31,6 @@ _CARRYING = (
     ".gate.weight", ".gate.bias",
 )  # fmt: skip
 
-# Messages of layers and features that a network is started without are this much weaker at first.
-_FAINT = 0.1
-
 
 def save_content(path: Path, content: Mapping[str, Any]) -> None:
     """Write tensors and plain values, all or nothing."""
@@ -42,10 +40,10 @@ def save_content(path: Path, content: Mapping[str, Any]) -> None:
         temporary.write_bytes(buffer.getbuffer())
 
 
-def fingerprint(graphs_path: str | Path, settings: Mapping[str, Any], seed: int) -> str:
+def fingerprint(graphs_path: str | Path, settings: NetworkSettings, seed: int) -> str:
     """Digest what a checkpoint must have in common with a run to be resumed by it."""
     graphs = hashlib.sha256(Path(graphs_path).read_bytes()).hexdigest()
-    chosen = {key: value for key, value in settings.items() if key != "pretrained"}
+    chosen = settings.model_dump(mode="json", exclude={"pretrained", "test_maps"})
     return hashlib.sha256(json.dumps([graphs, chosen, seed], sort_keys=True).encode()).hexdigest()
 
 
@@ -124,8 +122,11 @@ def load_model(path: str | Path) -> JunctionNetwork:
 
 
 @torch.no_grad()
-def start_from(model: JunctionNetwork, path: str | Path) -> None:
-    """Put a file's weights into a network; what is new (features, messages, layers) hardly acts at first.
+def start_from(model: JunctionNetwork, path: str | Path, new_messages: float) -> None:
+    """Put a file's weights into a network, in place.
+
+    What is new (features, messages, layers) hardly acts at first: its messages are scaled
+    by ``new_messages``.
 
     Raises
     ------
@@ -140,7 +141,7 @@ def start_from(model: JunctionNetwork, path: str | Path) -> None:
             raise InputError(str(path), f"its {key} is not {new}", hint)
     for name, value in model.state_dict().items():
         if name.endswith(_CARRYING):
-            value.mul_(_FAINT)
+            value.mul_(new_messages)
         old = content["weights"].get(name)
         if old is not None:
             if value.ndim == 2:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -17,15 +16,10 @@ from cccd.junctions.delaunay import DelaunayGraph, join_graphs
 from cccd.junctions.energy import EnergyWeights, energy_weights
 from cccd.junctions.labels import inside_shares, link_labels
 from cccd.junctions.observation import observe
-from cccd.junctions.synthetic_maps import ALL_KINDS, KIND_WEIGHTS, RandomStream, SyntheticMap, draw_map
+from cccd.junctions.synthetic_maps import ALL_KINDS, RandomStream, SyntheticMap, draw_map
+from cccd.settings import LossSettings, NetworkSettings
 
 __all__ = ["EpochBatches", "Examples", "label_maps"]
-
-# Share of training maps whose image is hidden from the network, so that it does without as well.
-_HIDDEN_IMAGES = 0.3
-
-# A triangle's cross entropy weighs as much as the square root of its area, within these bounds in pixels.
-_EXTENT_PX = (0.7, 12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +61,12 @@ class Examples:
         )
 
 
-def label_maps(maps: Sequence[SyntheticMap], hide_image: Sequence[bool] | AnyArray) -> Examples:
+def label_maps(
+    maps: Sequence[SyntheticMap], hide_image: Sequence[bool] | AnyArray, settings: NetworkSettings
+) -> Examples:
     """Observe maps, with or without their images, and label their graphs, joined to one batch."""
     slices = [
-        observe(drawn.pixels, None if hidden else drawn.image)
+        observe(drawn.pixels, None if hidden else drawn.image, settings.inference)
         for drawn, hidden in zip(maps, hide_image, strict=True)
     ]
     inside = np.concatenate(
@@ -78,21 +74,22 @@ def label_maps(maps: Sequence[SyntheticMap], hide_image: Sequence[bool] | AnyArr
     )
     graph = join_graphs([seen.graph for seen in slices])
     link_counts = np.diff(graph.link_offsets)
-    weights = energy_weights(graph)
+    weights = energy_weights(graph, settings.inference)
     return Examples(
         graph,
         make_batch(graph, [seen.intensity for seen in slices]),
         _real(inside),
-        _real(np.concatenate([_triangle_weights(seen.graph) for seen in slices]) / len(maps)),
+        _real(np.concatenate([_triangle_weights(seen.graph, settings.loss) for seen in slices]) / len(maps)),
         _real(link_labels(graph, inside)),
         _real(np.repeat(1 / link_counts, link_counts) / len(maps)),
         EnergyWeights(_real(weights.unary), _real(weights.pairwise)),
     )
 
 
-def _triangle_weights(graph: DelaunayGraph) -> AnyArray:
+def _triangle_weights(graph: DelaunayGraph, settings: LossSettings) -> AnyArray:
     """Weights (T,) that follow a triangle's extent, as in the energy; what touches a ghost point is known."""
-    weight = np.where(graph.outer, 0, np.clip(np.sqrt(graph.areas), *_EXTENT_PX))
+    extent = np.clip(np.sqrt(graph.areas), settings.least_extent_px, settings.largest_extent_px)
+    weight = np.where(graph.outer, 0, extent)
     return weight / weight.sum()
 
 
@@ -106,19 +103,18 @@ class EpochBatches(Dataset[Examples]):
     Parameters
     ----------
     frozen : sequence of SyntheticMap
-    settings : mapping
-        ``fresh_maps`` and ``batch_size``.
+    settings : NetworkSettings
     seed, epoch : int
     """
 
-    def __init__(self, frozen: Sequence[SyntheticMap], settings: Mapping[str, Any], seed: int, epoch: int):
-        self.frozen, self.seed, self.epoch = frozen, seed, epoch
+    def __init__(self, frozen: Sequence[SyntheticMap], settings: NetworkSettings, seed: int, epoch: int):
+        self.frozen, self.settings, self.seed, self.epoch = frozen, settings, seed, epoch
         order = np.random.default_rng([seed, RandomStream.MAP_ORDER, epoch])
-        total = len(frozen) + settings["fresh_maps"]
-        size = settings["batch_size"]
+        total = len(frozen) + settings.fresh_maps
+        size = settings.batch_size
         shuffled = order.permutation(total)
         self.batches = [shuffled[n : n + size] for n in range(0, total - size + 1, size)] or [shuffled]
-        weights = np.array([KIND_WEIGHTS[kind] for kind in ALL_KINDS], float)
+        weights = np.array([getattr(settings.kind_weights, kind) for kind in ALL_KINDS])
         self.kinds = order.choice(len(ALL_KINDS), total, p=weights / weights.sum())
 
     def __len__(self) -> int:
@@ -127,7 +123,7 @@ class EpochBatches(Dataset[Examples]):
     def __getitem__(self, index: int) -> Examples:
         maps = [self._map(int(number)) for number in self.batches[index]]
         hiding = np.random.default_rng([self.seed, RandomStream.HIDDEN_IMAGES, self.epoch, index])
-        return label_maps(maps, hiding.random(len(maps)) < _HIDDEN_IMAGES)
+        return label_maps(maps, hiding.random(len(maps)) < self.settings.hidden_images, self.settings)
 
     def _map(self, number: int) -> SyntheticMap:
         if number < len(self.frozen):

@@ -23,6 +23,7 @@ from cccd.geometry.arrays import (
 )
 from cccd.junctions.delaunay import DelaunayGraph, fragments
 from cccd.junctions.energy import Logits, inference_energy, least_energy
+from cccd.settings import InferenceSettings
 
 __all__ = [
     "Outline",
@@ -33,13 +34,6 @@ __all__ = [
     "find_outline",
     "label_inside",
 ]
-
-#: A loop smaller than this many pixels, or than this share of its slice's largest, is debris.
-SMALLEST_LOOP_PX = 6.0
-SMALLEST_LOOP_SHARE = 0.005
-
-# Pixels of an outline's tips, which enclose nothing: where more are left, something else is.
-_TIP_PX = 1
 
 
 # Labels -----------------------------------------------------------------------------------------------
@@ -55,17 +49,17 @@ class Outline:
         Triangles that are enclosed an odd number of times.
     exact : bool
         Whether the map is just the outline of these. Fragments as small as debris are left out, and an
-        outline may end in a tip one pixel wide.
+        outline may end in a tip of ``tip_px`` pixels, which enclose nothing.
     """
 
     enclosed: BoolArray
     exact: bool
 
 
-def find_outline(graph: DelaunayGraph) -> Outline:
+def find_outline(graph: DelaunayGraph, settings: InferenceSettings) -> Outline:
     """Find what a slice's boundary map encloses already, and whether nothing else is in it."""
     fragment = fragments(graph)
-    debris = graph.observed & (np.bincount(fragment)[fragment] < SMALLEST_LOOP_PX)
+    debris = graph.observed & (np.bincount(fragment)[fragment] < settings.smallest_loop_px)
     enclosed = (graph.depths[:, 0] % 2 == 1) & ~debris[graph.triangles].any(axis=1)
     masks, origin = fill_inside(graph, enclosed)
     observed = np.zeros_like(masks[0])
@@ -73,16 +67,16 @@ def find_outline(graph: DelaunayGraph) -> Outline:
     observed[i, j] = True
     around = outline(masks)[0]
     left = np.count_nonzero(observed & ~around)
-    return Outline(enclosed, bool(masks.any() and (around <= observed).all() and left <= _TIP_PX))
+    return Outline(enclosed, bool(masks.any() and (around <= observed).all() and left <= settings.tip_px))
 
 
-def label_inside(graph: DelaunayGraph, logits: Logits) -> BoolArray:
+def label_inside(graph: DelaunayGraph, logits: Logits, settings: InferenceSettings) -> BoolArray:
     """Inside triangles (T,) of one slice: those of the least energy that the logits give.
 
     Maps that are outlines already are taken as they are; so are closed curves where the cut finds nothing.
     """
-    outline = find_outline(graph)
-    cut = least_energy(graph, inference_energy(graph, logits))
+    outline = find_outline(graph, settings)
+    cut = least_energy(graph, inference_energy(graph, logits, settings))
     return cut if cut.any() and not outline.exact else outline.enclosed
 
 
@@ -182,7 +176,9 @@ def fill_inside(graph: DelaunayGraph, inside: BoolArray) -> tuple[BoolArray, Int
     return fill_loops(border_loops(graph, inside), origin, shape), origin
 
 
-def closed_chains(masks: BoolArray, origin: IntArray, numbers: AnyArray, frame: Frame) -> Curves:
+def closed_chains(
+    masks: BoolArray, origin: IntArray, numbers: AnyArray, frame: Frame, settings: InferenceSettings
+) -> Curves:
     """Strictly simple closed pixel chains around masks, without debris.
 
     Parameters
@@ -194,12 +190,15 @@ def closed_chains(masks: BoolArray, origin: IntArray, numbers: AnyArray, frame: 
         Source slice k of each mask.
     frame : Frame
         Of the source volume.
+    settings : InferenceSettings
+        What counts as debris.
     """
     traced = trace_stack(masks, (0, *origin), frame)
     area = np.abs(signed_areas(traced.points, traced.offsets))
     largest = np.zeros(len(masks))
     np.maximum.at(largest, traced.slice, area)
-    kept = area >= np.maximum(SMALLEST_LOOP_PX, SMALLEST_LOOP_SHARE * largest[traced.slice])
+    debris = np.maximum(settings.smallest_loop_px, settings.smallest_loop_share * largest)
+    kept = area >= debris[traced.slice]
     points, offsets = concatenate_ragged([loop for loop, keep in zip(traced, kept, strict=True) if keep])
     numbers = np.asarray(numbers, np.int32)[traced.slice[kept]]
     return Curves(points, offsets, numbers, traced.hole[kept], frame)

@@ -6,8 +6,8 @@ the border runs::
 
     E(y) = sum_t unary[t] y[t]  +  sum_l pairwise[l] [y differs across l]
 
-    unary[t]    = -area[t]^p            * logit(t is inside)
-    pairwise[l] =  cost * length[l]     * softplus(-logit(l is true))
+    unary[t]    = -area[t]^area_power       * logit(t is inside)
+    pairwise[l] =  border_cost * length[l]  * softplus(-logit(l is true))
 
 Pairwise energies are not negative, so that the least energy is found exactly by a minimum cut
 (`cccd.junctions.cut`). The loss of the training (`cccd.junctions.loss`) compares energies of the same terms.
@@ -24,6 +24,7 @@ import numpy as np
 from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.junctions.cut import minimum_cut
 from cccd.junctions.delaunay import DelaunayGraph
+from cccd.settings import InferenceSettings
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -31,11 +32,6 @@ if TYPE_CHECKING:
 __all__ = ["Energy", "EnergyWeights", "Logits", "energy_weights", "inference_energy", "least_energy"]
 
 _Numbers = TypeVar("_Numbers", FloatArray, "Tensor")
-
-#: Cost of a pixel of border per nat of doubt about its link, against a triangle's logit times this power of
-#: its area: chosen on the frozen validation graphs.
-BORDER_COST = 1.0
-AREA_POWER = 0.75
 
 #: Unary energy of the triangles at the ghost points: above all that the others can gain.
 _NEVER_INSIDE = 1e9
@@ -93,19 +89,19 @@ class Energy(Generic[_Numbers]):
         return (self.unary * (labels - others)).sum() + (self.pairwise * border).sum()
 
 
-def energy_weights(graph: DelaunayGraph) -> EnergyWeights[FloatArray]:
+def energy_weights(graph: DelaunayGraph, settings: InferenceSettings) -> EnergyWeights[FloatArray]:
     """Weights of a graph's terms."""
-    extent = np.where(graph.outer, 0, graph.areas**AREA_POWER)
-    return EnergyWeights(extent, BORDER_COST * graph.link_lengths)
+    extent = np.where(graph.outer, 0, graph.areas**settings.area_power)
+    return EnergyWeights(extent, settings.border_cost * graph.link_lengths)
 
 
 def _softplus(values: FloatArray) -> FloatArray:
     return cast(FloatArray, np.logaddexp(0, values))
 
 
-def inference_energy(graph: DelaunayGraph, logits: Logits) -> Energy[FloatArray]:
+def inference_energy(graph: DelaunayGraph, logits: Logits, settings: InferenceSettings) -> Energy[FloatArray]:
     """Energy that a network's logits, or the prior's, give a graph."""
-    return Energy.of_logits(energy_weights(graph), *logits, _softplus)
+    return Energy.of_logits(energy_weights(graph, settings), *logits, _softplus)
 
 
 def least_energy(graph: DelaunayGraph, energy: Energy[FloatArray]) -> BoolArray:

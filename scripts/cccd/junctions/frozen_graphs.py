@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,12 +13,12 @@ from cccd.junctions.delaunay import build_graph
 from cccd.junctions.labels import inside_shares, link_labels
 from cccd.junctions.synthetic_maps import (
     ALL_KINDS,
-    KIND_WEIGHTS,
     RandomStream,
     SyntheticMap,
     draw_large_map,
     draw_map,
 )
+from cccd.settings import GraphSettings, KindWeights
 from cccd.store import GraphSplit, read_graphs, write_graphs
 from cccd.tolerances import ROUNDING
 
@@ -36,17 +35,20 @@ PAPER_GRAPHS, PAPER_NODES = 209, 1917
 _PAPER_SHOWN = 4
 
 
-def generate_graphs(settings: Mapping[str, Any], seed: int, path: str | Path) -> None:
+def generate_graphs(settings: GraphSettings, weights: KindWeights, seed: int, path: str | Path) -> None:
     """Draw the frozen training, validation and test graphs and write ``graphs.h5``.
 
     Parameters
     ----------
-    settings : mapping
-        ``graphs``: how many of each split; the other keys of the ``gnn`` section are not looked at.
+    settings : GraphSettings
+        How many of each split.
+    weights : KindWeights
+        How often each kind is drawn.
     seed : int
     path : path
     """
-    maps = {split: _draw_split(settings["graphs"][split], seed, n) for n, split in enumerate(SPLITS)}
+    counts = {"training": settings.training, "validation": settings.validation, "test": settings.test}
+    maps = {split: _draw_split(counts[split], weights, seed, n) for n, split in enumerate(SPLITS)}
     splits = {split: pack_graphs(drawn) for split, drawn in maps.items()}
     nodes = [len(drawn.pixels) for split in maps.values() for drawn in split]
     streams = [np.random.default_rng([seed, RandomStream.LARGE_MAPS, n]) for n in range(_PAPER_SHOWN)]
@@ -64,10 +66,10 @@ def generate_graphs(settings: Mapping[str, Any], seed: int, path: str | Path) ->
     logger.info("graphs: %s; %d bytes on disk", attributes, Path(path).stat().st_size)
 
 
-def _draw_split(count: int, seed: int, number: int) -> list[SyntheticMap]:
-    """Draw maps of kinds in the proportions of `KIND_WEIGHTS`, the same for every split."""
-    weights = np.cumsum([KIND_WEIGHTS[kind] for kind in ALL_KINDS])
-    kinds = np.searchsorted(weights, (np.arange(count) + 0.5) / max(count, 1) * weights[-1])
+def _draw_split(count: int, weights: KindWeights, seed: int, number: int) -> list[SyntheticMap]:
+    """Draw maps of kinds in the proportions of their weights, the same for every split."""
+    bounds = np.cumsum([getattr(weights, kind) for kind in ALL_KINDS])
+    kinds = np.searchsorted(bounds, (np.arange(count) + 0.5) / max(count, 1) * bounds[-1])
     streams = [np.random.default_rng([seed, RandomStream.FROZEN_MAPS, number, n]) for n in range(count)]
     return [draw_map(rng, ALL_KINDS[kind]) for rng, kind in zip(streams, kinds, strict=True)]
 

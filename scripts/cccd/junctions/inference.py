@@ -13,11 +13,12 @@ from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph, join_graphs
 from cccd.junctions.energy import Logits, inference_energy, least_energy
 from cccd.junctions.intensity import IntensitySlice
 from cccd.junctions.observation import ObservedSlice, observe
+from cccd.settings import InferenceSettings
 
-__all__ = ["PRIOR", "Predictor", "infer_inside", "predict_masks"]
+__all__ = ["DEFAULTS", "PRIOR", "Predictor", "infer_inside", "predict_masks"]
 
-#: Slices that are read by the network at once: enough to share overheads, few enough to stay in the cache.
-SLICES_PER_BATCH = 8
+#: What the shipped weights were trained and measured with.
+DEFAULTS = InferenceSettings()
 
 # The prior: triangles walled in by links up to this of `REGION_GAPS_PX` are inside; longer links cost more.
 _PRIOR_SCALE = 2
@@ -50,7 +51,9 @@ class Prior:
 PRIOR = Prior()
 
 
-def infer_inside(slices: Sequence[ObservedSlice], predictor: Predictor) -> list[BoolArray]:
+def infer_inside(
+    slices: Sequence[ObservedSlice], predictor: Predictor, settings: InferenceSettings
+) -> list[BoolArray]:
     """Inside triangles (T,) of every slice; the predictor is asked of maps that are no outlines already.
 
     Parameters
@@ -58,14 +61,16 @@ def infer_inside(slices: Sequence[ObservedSlice], predictor: Predictor) -> list[
     slices : sequence of ObservedSlice
         They are joined to one batch.
     predictor : Predictor
+    settings : InferenceSettings
     """
-    outlines = [find_outline(observed.graph) for observed in slices]
+    outlines = [find_outline(observed.graph, settings) for observed in slices]
     doubtful = [observed for observed, outline in zip(slices, outlines, strict=True) if not outline.exact]
     if not doubtful:
         return [outline.enclosed for outline in outlines]
     batch = join_graphs([observed.graph for observed in doubtful])
     logits = predictor.logits(batch, [observed.intensity for observed in doubtful])
-    cuts = iter(split_ragged(least_energy(batch, inference_energy(batch, logits)), batch.triangle_offsets))
+    cut = least_energy(batch, inference_energy(batch, logits, settings))
+    cuts = iter(split_ragged(cut, batch.triangle_offsets))
     inside: list[BoolArray] = []
     for outline in outlines:
         cut = outline.enclosed if outline.exact else next(cuts)
@@ -76,7 +81,10 @@ def infer_inside(slices: Sequence[ObservedSlice], predictor: Predictor) -> list[
 
 
 def predict_masks(
-    maps: Sequence[AnyArray], predictor: Predictor | None, images: Sequence[RealArray | None]
+    maps: Sequence[AnyArray],
+    predictor: Predictor | None,
+    images: Sequence[RealArray | None],
+    settings: InferenceSettings = DEFAULTS,
 ) -> tuple[BoolArray, IntArray]:
     """Fill what each slice's boundary map encloses.
 
@@ -88,6 +96,7 @@ def predict_masks(
         ``None``: the decoder alone, by its prior; it looks at no image.
     images : sequence of (I, J) arrays or None
         Grey slice of each, in the pixels' coordinates.
+    settings : InferenceSettings
 
     Returns
     -------
@@ -97,10 +106,10 @@ def predict_masks(
     """
     shown = [None] * len(maps) if predictor is None else images
     loops: list[list[IntArray]] = []
-    for begin in range(0, len(maps), SLICES_PER_BATCH):
-        batch = slice(begin, begin + SLICES_PER_BATCH)
-        slices = [observe(*both) for both in zip(maps[batch], shown[batch], strict=True)]
-        inside = infer_inside(slices, predictor or PRIOR)
+    for begin in range(0, len(maps), settings.slices_per_batch):
+        batch = slice(begin, begin + settings.slices_per_batch)
+        slices = [observe(*both, settings) for both in zip(maps[batch], shown[batch], strict=True)]
+        inside = infer_inside(slices, predictor or PRIOR, settings)
         for observed, within in zip(slices, inside, strict=True):
             loops += border_loops(observed.graph, within)
     corners = np.concatenate([np.zeros((0, 2), np.int64), *(loop for around in loops for loop in around)])

@@ -10,6 +10,7 @@ import numpy as np
 from cccd.boundary import gradient_ridges
 from cccd.geometry.arrays import AnyArray, ByteArray, IntArray, RealArray, SingleArray
 from cccd.junctions.delaunay import HASHES, pixel_hash
+from cccd.settings import InferenceSettings
 from cccd.tolerances import CONTRAST
 
 __all__ = ["BLURS", "IntensitySlice", "image_edges", "normalised_intensity", "sample_channels"]
@@ -19,14 +20,6 @@ BLURS = ((1.0, 1.5), (2.5, 3.5))
 
 # Bins of grey values that are ranked.
 _BINS = 1024
-
-# Least slope of an edge, in medians of the slice; shorter ridges than this many pixels are noise.
-_LEAST_SLOPE = 1.25
-_SHORTEST_PX = 4
-
-# An edge's slope counts half at this distance from the map; at most so many edges, and per pixel of the map.
-_HALF_AWAY_PX = 8.0
-_MOST_EDGES = (60, 0.75)
 
 # Edges nearer than this to a pixel of the map touch it.
 _TOUCHING_PX = 1.9
@@ -88,7 +81,7 @@ def sample_channels(intensity: IntensitySlice, points: AnyArray) -> SingleArray:
     return intensity.channels.reshape(-1, channels)[flat].astype(np.float32) / 255
 
 
-def image_edges(intensity: IntensitySlice, pixels: AnyArray) -> IntArray:
+def image_edges(intensity: IntensitySlice, pixels: AnyArray, settings: InferenceSettings) -> IntArray:
     """Find places on edges of a grey slice that the boundary map lacks.
 
     An edge detector with one threshold leaves out what is weak beside the strongest edges of the slice.
@@ -100,6 +93,7 @@ def image_edges(intensity: IntensitySlice, pixels: AnyArray) -> IntArray:
     intensity : IntensitySlice
     pixels : (N, 2) int array
         The boundary map (i, j).
+    settings : InferenceSettings
 
     Returns
     -------
@@ -108,9 +102,9 @@ def image_edges(intensity: IntensitySlice, pixels: AnyArray) -> IntArray:
     """
     shape = intensity.blurred.shape
     slope, thin = (part[0] for part in gradient_ridges(intensity.blurred[None], 0.0))
-    ridge = (thin & (slope > _LEAST_SLOPE * np.median(slope))).astype(np.uint8)
+    ridge = (thin & (slope > settings.edge_slope * np.median(slope))).astype(np.uint8)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(ridge, connectivity=8)
-    long = stats[:, cv2.CC_STAT_AREA] >= _SHORTEST_PX
+    long = stats[:, cv2.CC_STAT_AREA] >= settings.shortest_edge_px
     long[0] = False
     empty = np.ones(shape, np.uint8)
     local = pixels - intensity.origin
@@ -118,9 +112,10 @@ def image_edges(intensity: IntensitySlice, pixels: AnyArray) -> IntArray:
     away = cv2.distanceTransform(empty, cv2.DIST_L2, 3)
     kept = _apart(np.where(long[labels] & (away > _TOUCHING_PX), slope, 0))
     places = np.argwhere(kept)
-    most = int(_MOST_EDGES[0] + _MOST_EDGES[1] * len(pixels))
+    most = int(settings.most_edges + settings.most_edges_per_pixel * len(pixels))
     if len(places) > most:
-        worth = slope[kept] * _HALF_AWAY_PX / (_HALF_AWAY_PX + away[kept])
+        half = settings.edge_half_away_px
+        worth = slope[kept] * half / (half + away[kept])
         places = places[np.sort(np.argsort(-worth, kind="stable")[:most])]
     return places + intensity.origin
 

@@ -27,6 +27,7 @@ from cccd.junctions.loss import total_loss
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.scoring import SliceScore, score_slice
 from cccd.junctions.synthetic_maps import SyntheticMap
+from cccd.settings import InferenceSettings, NetworkSettings
 from cccd.store import atomic_path
 
 __all__ = ["train_model", "validate"]
@@ -35,16 +36,10 @@ logger = logging.getLogger(__name__)
 
 _FLAT = Frame(np.eye(4), 2, (1, 1, 1))
 
-# Optimiser (Loshchilov and Hutter 2019), share of the cycle (Smith and Topin 2019) that the learning rate
-# rises, and the largest norm of a step's gradient.
-_WEIGHT_DECAY = 1e-4
-_RISING = 0.1
-_GRADIENT_NORM = 1.0
-
 
 def train_model(
     graphs_path: str | Path,
-    settings: Mapping[str, Any],
+    settings: NetworkSettings,
     seed: int,
     checkpoint_dir: str | Path,
     model_path: str | Path,
@@ -57,8 +52,7 @@ def train_model(
     ----------
     graphs_path : path
         From `cccd.junctions.frozen_graphs.generate_graphs`.
-    settings : mapping
-        The ``gnn`` section of the configuration.
+    settings : NetworkSettings
     seed : int
     checkpoint_dir : path
         One checkpoint per epoch (model, optimiser, scheduler, random state); the last two are kept.
@@ -77,18 +71,18 @@ def train_model(
     frozen, validation = (read_maps(graphs_path, split) for split in ("training", "validation"))
     if not frozen or not validation:
         raise InputError("config gnn.graphs", "training or validation is empty", "draw at least one of each")
-    examples = [label_maps([drawn], [False]) for drawn in validation]
+    examples = [label_maps([drawn], [False], settings) for drawn in validation]
     run = _Run.start(settings, len(EpochBatches(frozen, settings, seed, 0)))
     checkpoints = Checkpoints(Path(checkpoint_dir), fingerprint(graphs_path, settings, seed))
     state = checkpoints.newest()
     if state is not None:
         run.restore(state)
-    for epoch in range(len(run.history), settings["epochs"]):
-        if run.is_stuck(epoch, settings["patience"]):
+    for epoch in range(len(run.history), settings.epochs):
+        if run.is_stuck(epoch, settings.patience):
             break
         begun = time.perf_counter()
         loss = _run_epoch(run, EpochBatches(frozen, settings, seed, epoch), threads)
-        row = {"epoch": epoch, "loss": loss, **validate(run.model, validation, examples)}
+        row = {"epoch": epoch, "loss": loss, **validate(run.model, validation, examples, settings.inference)}
         seconds = round(time.perf_counter() - begun, 2)
         run.record({**row, "seconds": seconds, "device": run.device_name(threads)})
         checkpoints.save(epoch, run.state())
@@ -109,25 +103,27 @@ class _Run:
     best: dict[str, Any] = field(default_factory=lambda: {"score": -1.0, "epoch": -1, "weights": None})
 
     @classmethod
-    def start(cls, settings: Mapping[str, Any], steps_per_epoch: int) -> _Run:
+    def start(cls, settings: NetworkSettings, steps_per_epoch: int) -> _Run:
         """Build a network, perhaps on given weights, and what moves them."""
         model = JunctionNetwork(
-            width=settings["width"],
-            link_width=settings["link_width"],
-            pixel_layers=settings["pixel_layers"],
-            message_layers=settings["rounds"],
-            heads=settings["heads"],
-            dropout=settings["dropout"],
+            width=settings.width,
+            link_width=settings.link_width,
+            pixel_layers=settings.pixel_layers,
+            message_layers=settings.message_layers,
+            heads=settings.heads,
+            dropout=settings.dropout,
         ).to("cuda" if torch.cuda.is_available() else "cpu")
-        if settings["start"]:
-            start_from(model, settings["start"])
-        peak = settings["learning_rate"]
-        optimiser = torch.optim.AdamW(model.parameters(), lr=peak, weight_decay=_WEIGHT_DECAY)
+        if settings.start:
+            start_from(model, settings.start, settings.optimiser.new_messages)
+        peak = settings.learning_rate
+        optimiser = torch.optim.AdamW(
+            model.parameters(), lr=peak, weight_decay=settings.optimiser.weight_decay
+        )
         schedule = torch.optim.lr_scheduler.OneCycleLR(
             optimiser,
             peak,
-            total_steps=settings["epochs"] * steps_per_epoch + 1,
-            pct_start=_RISING,
+            total_steps=settings.epochs * steps_per_epoch + 1,
+            pct_start=settings.optimiser.rising,
             cycle_momentum=False,
         )
         return cls(model, optimiser, schedule)
@@ -190,10 +186,10 @@ def _run_epoch(run: _Run, batches: EpochBatches, threads: int) -> float:
     for examples in tqdm(loader, desc=f"epoch {batches.epoch}", unit="batch", mininterval=2):
         if run.device.type != "cpu":
             examples = examples.to(run.device)
-        loss = total_loss(run.model(examples.batch), examples)
+        loss = total_loss(run.model(examples.batch), examples, batches.settings.loss)
         run.optimiser.zero_grad(set_to_none=True)
         loss.backward()
-        nn.utils.clip_grad_norm_(run.model.parameters(), _GRADIENT_NORM)
+        nn.utils.clip_grad_norm_(run.model.parameters(), batches.settings.optimiser.gradient_norm)
         run.optimiser.step()
         run.schedule.step()
         total += float(loss.detach())
@@ -201,7 +197,10 @@ def _run_epoch(run: _Run, batches: EpochBatches, threads: int) -> float:
 
 
 def validate(
-    model: JunctionNetwork, maps: Sequence[SyntheticMap], prepared: Sequence[Examples]
+    model: JunctionNetwork,
+    maps: Sequence[SyntheticMap],
+    prepared: Sequence[Examples],
+    settings: InferenceSettings,
 ) -> dict[str, float]:
     """Link precision, recall and F1, and the share of slices that the decoder gets right."""
     true_positive = positive = true = 0.0
@@ -212,8 +211,9 @@ def validate(
         true_positive += np.count_nonzero(predicted & label)
         positive += np.count_nonzero(predicted)
         true += np.count_nonzero(label)
-        masks, origin = fill_inside(examples.graph, label_inside(examples.graph, logits))
-        scores.append(score_slice(list(closed_chains(masks, origin, [0], _FLAT)), drawn.contours))
+        masks, origin = fill_inside(examples.graph, label_inside(examples.graph, logits, settings))
+        curves = closed_chains(masks, origin, np.zeros(1, np.int64), _FLAT, settings)
+        scores.append(score_slice(list(curves), drawn.contours))
     precision, recall = true_positive / max(positive, 1), true_positive / max(true, 1)
     return {
         "link_precision": float(precision),

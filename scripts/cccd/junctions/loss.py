@@ -8,15 +8,12 @@ from torch import Tensor, nn
 from cccd.geometry.arrays import FloatArray
 from cccd.junctions.data import Examples
 from cccd.junctions.energy import Energy, least_energy
+from cccd.settings import LossSettings
 
 __all__ = ["cut_loss", "total_loss"]
 
-# Nats by which the true labelling should win, and what its loss weighs beside the cross entropies.
-_MARGIN = 2.0
-_CUT_WEIGHT = 4.0
 
-
-def total_loss(logits: tuple[Tensor, Tensor], examples: Examples) -> Tensor:
+def total_loss(logits: tuple[Tensor, Tensor], examples: Examples, settings: LossSettings) -> Tensor:
     """Mean over slices of the triangles' and the links' cross entropy, and the loss of the cut.
 
     Parameters
@@ -24,25 +21,25 @@ def total_loss(logits: tuple[Tensor, Tensor], examples: Examples) -> Tensor:
     logits : tuple of (T,) and (L,)
         That a triangle is inside and that a link is true.
     examples : Examples
+    settings : LossSettings
     """
     inside, link = logits
     cross_entropy = nn.functional.binary_cross_entropy_with_logits
     triangles = cross_entropy(inside, examples.inside, examples.inside_weight, reduction="sum")
     links = cross_entropy(link, examples.true, examples.true_weight, reduction="sum")
-    return triangles + links + _CUT_WEIGHT * cut_loss(inside, link, examples)
+    return triangles + links + settings.cut_weight * cut_loss(inside, link, examples, settings.margin)
 
 
-def cut_loss(inside: Tensor, link: Tensor, examples: Examples) -> Tensor:
+def cut_loss(inside: Tensor, link: Tensor, examples: Examples, margin: float) -> Tensor:
     """How much more energy the true labels have than the least: the structured hinge loss.
 
-    The least is sought with every wrong triangle `_MARGIN` nats cheaper, so that the true labels win by a
+    The least is sought with every wrong triangle ``margin`` nats cheaper, so that the true labels win by a
     margin (Tsochantaridis et al. 2005; Szummer, Kohli and Hoiem 2008 for graph cuts). Mean over triangles
     by extent. The energy is that of inference: `cccd.junctions.energy`.
     """
     extent, share = examples.energy_weights.unary, examples.inside
     energy = Energy.of_logits(examples.energy_weights, inside, link, nn.functional.softplus)
-    margin = _MARGIN * extent * (1 - 2 * share)
-    cheapened = Energy(energy.unary - margin, energy.pairwise)
+    cheapened = Energy(energy.unary - margin * extent * (1 - 2 * share), energy.pairwise)
     least = least_energy(examples.graph, Energy(_doubles(cheapened.unary), _doubles(cheapened.pairwise)))
     truth = (share > 0.5) & (extent > 0)
     found = torch.from_numpy(least).to(inside.device)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from cccd.geometry.arrays import AnyArray, RealArray
 from cccd.junctions.delaunay import DelaunayGraph, build_graph
 from cccd.junctions.intensity import IntensitySlice, image_edges, normalised_intensity
+from cccd.settings import InferenceSettings
 
 __all__ = ["ObservedSlice", "observe"]
 
@@ -19,7 +20,7 @@ class ObservedSlice:
     intensity: IntensitySlice | None = None
 
 
-def observe(pixels: AnyArray, image: RealArray | None = None) -> ObservedSlice:
+def observe(pixels: AnyArray, image: RealArray | None, settings: InferenceSettings) -> ObservedSlice:
     """Triangulate a boundary map's pixels (N, 2), and further edges of its grey slice (I, J) if it has one.
 
     The pixels index the image.
@@ -27,4 +28,4 @@ def observe(pixels: AnyArray, image: RealArray | None = None) -> ObservedSlice:
     if image is None:
         return ObservedSlice(build_graph(pixels))
     intensity = normalised_intensity(image, pixels)
-    return ObservedSlice(build_graph(pixels, image_edges(intensity, pixels)), intensity)
+    return ObservedSlice(build_graph(pixels, image_edges(intensity, pixels, settings)), intensity)

@@ -11,7 +11,8 @@ from cccd.chaincode import broken_links, isolated_corners, junction_pixels
 from cccd.containers import Boundaries, Curves
 from cccd.geometry.arrays import IntArray, RealArray, owners_of, sum_per_part
 from cccd.junctions.decoding import closed_chains
-from cccd.junctions.inference import Predictor, predict_masks
+from cccd.junctions.inference import DEFAULTS, Predictor, predict_masks
+from cccd.settings import InferenceSettings
 
 __all__ = ["order_boundaries"]
 
@@ -21,6 +22,7 @@ def order_boundaries(
     model: Predictor | None,
     image: RealArray | None = None,
     image_origin: Sequence[int] | IntArray = (0, 0, 0),
+    settings: InferenceSettings = DEFAULTS,
 ) -> tuple[Curves, dict[str, Any]]:
     """Order every slice's boundary pixels into closed, strictly simple 8-connected pixel chains.
 
@@ -33,6 +35,8 @@ def order_boundaries(
         Grey slices, used where given.
     image_origin : (3,) int
         Source index (k, i, j) of the image's first voxel.
+    settings : InferenceSettings
+        Section ``gnn.inference`` of the configuration.
 
     Returns
     -------
@@ -48,8 +52,8 @@ def order_boundaries(
     maps = [pixels - corner for pixels in boundaries if len(pixels)]
     count = 0 if image is None else len(image)
     images = [image[k - first] if image is not None and 0 <= k - first < count else None for k in numbers]
-    masks, origin = predict_masks(maps, model, images)
-    curves = closed_chains(masks, origin + corner, numbers, boundaries.frame)
+    masks, origin = predict_masks(maps, model, images, settings)
+    curves = closed_chains(masks, origin + corner, numbers, boundaries.frame, settings)
     return curves, _report(boundaries, curves)
 
 

@@ -16,7 +16,6 @@ from cccd.junctions.synthetic_images import canny_map, draw_image
 
 __all__ = [
     "ALL_KINDS",
-    "KIND_WEIGHTS",
     "RandomStream",
     "SyntheticMap",
     "draw_large_map",
@@ -26,12 +25,6 @@ __all__ = [
 
 #: Corruptions of true contours, and edge maps of grey images inside a band and without one.
 ALL_KINDS = (*KINDS, "canny", "canny_whole")
-
-#: How often each kind is drawn for training; the ones that are hard count more.
-KIND_WEIGHTS = {
-    "clean": 1, "spurs": 1, "bridges": 2, "pinch": 1, "blocks": 1, "gaps": 3, "noise": 2, "double": 3,
-    "thick": 4, "mixed": 8, "everything": 2, "canny": 9, "canny_whole": 0.5,
-}  # fmt: skip
 
 # Larger maps (edge maps of noise, mostly) teach nothing and cost much.
 _MOST_PIXELS = 2500

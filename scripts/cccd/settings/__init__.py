@@ -9,7 +9,14 @@ from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.comparisons import ComparisonSettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings, PhantomSettings, RegionSettings
-from cccd.settings.junctions import GraphSettings, NetworkSettings
+from cccd.settings.junctions import (
+    GraphSettings,
+    InferenceSettings,
+    KindWeights,
+    LossSettings,
+    NetworkSettings,
+    OptimiserSettings,
+)
 from cccd.settings.messages import choices, describe, nearest
 from cccd.settings.report import ReportSettings
 from cccd.settings.root import Settings
@@ -24,8 +31,12 @@ __all__ = [
     "CurveSettings",
     "GraphSettings",
     "ImportSettings",
+    "InferenceSettings",
+    "KindWeights",
     "LoftSettings",
+    "LossSettings",
     "NetworkSettings",
+    "OptimiserSettings",
     "PhantomSettings",
     "RegionSettings",
     "ReportSettings",
