@@ -2,6 +2,8 @@
 
 from cccd.job import job
 from cccd.junctions.frozen_graphs import generate_graphs
+from cccd.settings import NetworkSettings
 
 with job(snakemake.log[0], "training graphs"):
-    generate_graphs(snakemake.params.settings, snakemake.params.seed, snakemake.output[0])
+    settings = NetworkSettings(**snakemake.params.settings)
+    generate_graphs(settings.graphs, settings.kind_weights, snakemake.params.seed, snakemake.output[0])

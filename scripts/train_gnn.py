@@ -4,11 +4,13 @@ from pathlib import Path
 
 from cccd.job import job
 from cccd.junctions.loop import train_model
+from cccd.settings import NetworkSettings
 
 with job(snakemake.log[0], "GNN training"):
+    start = snakemake.input.start[0] if snakemake.input.start else None
     train_model(
         snakemake.input.graphs,
-        {**snakemake.params.settings, "start": snakemake.input.start[0] if snakemake.input.start else None},
+        NetworkSettings(**snakemake.params.settings, start=start),
         seed=snakemake.params.seed,
         checkpoint_dir=Path(snakemake.output.model).parent / "checkpoints",
         model_path=snakemake.output.model,

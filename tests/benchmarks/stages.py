@@ -22,7 +22,7 @@ from cccd.junctions.corruptions import corrupt
 from cccd.junctions.data import label_maps
 from cccd.junctions.loss import total_loss
 from cccd.junctions.synthetic_maps import draw_map
-from cccd.settings import BoundarySettings
+from cccd.settings import BoundarySettings, LossSettings, NetworkSettings
 from cccd.surface import loft_surface, measure_surface
 
 __all__ = ["STAGES"]
@@ -54,14 +54,14 @@ def junctions(slices: int, settings: dict) -> Methods:
 def network(slices: int, settings: dict) -> Methods:
     """The junction network on damaged maps, on the GPU beside the CPU where there is one."""
     maps = [draw_map(np.random.default_rng([settings["seed"], n]), "mixed") for n in range(slices)]
-    examples = label_maps(maps, [False] * slices)
+    examples = label_maps(maps, [False] * slices, NetworkSettings())
     methods = {}
     for device in ("CPU", "CUDA") if torch.cuda.is_available() else ("CPU",):
         model, there = load_model(MODEL).to(device.lower()), examples.to(device.lower())
 
         def step(model=model, there=there) -> None:
             model.zero_grad()
-            total_loss(model.train()(there.batch), there).backward()
+            total_loss(model.train()(there.batch), there, LossSettings()).backward()
 
         methods[f"prediction, {device}"] = partial(model.predict, there.batch)
         methods[f"step of training, {device}"] = step

@@ -17,7 +17,7 @@ rule generate_graphs:
         runtime=minutes(20),
     params:
         library=library("generate_graphs"),
-        settings=pick("gnn", "graphs"),
+        settings=pick("gnn", "graphs", "kind_weights"),
         seed=config["seed"],
     script:
         "../../scripts/generate_graphs.py"

@@ -22,7 +22,7 @@ from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.corruptions import KINDS
 from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
-from cccd.junctions.inference import Predictor, predict_masks
+from cccd.junctions.inference import DEFAULTS, Predictor, predict_masks
 from cccd.junctions.labels import inside_shares, link_labels
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.observation import observe
@@ -52,17 +52,18 @@ def network_decoder(model: Predictor | None, grey: bool = True) -> Decoder:
 
 
 def _chains(masks: np.ndarray, origin: np.ndarray) -> list[list[np.ndarray]]:
-    return [list(closed_chains(mask[None], origin, [0], _FRAME)) for mask in masks]
+    first = np.zeros(1, np.int64)
+    return [list(closed_chains(mask[None], origin, first, _FRAME, DEFAULTS)) for mask in masks]
 
 
 def _by_true_labels(samples: Sequence[SyntheticMap]) -> list[list[np.ndarray]]:
     """Decode what a network without fault would say."""
     chains: list[list[np.ndarray]] = []
     for sample in samples:
-        graph = observe(sample.pixels, sample.image).graph
+        graph = observe(sample.pixels, sample.image, DEFAULTS).graph
         inside = inside_shares(graph, sample.contours)
         logits = 20 * (inside - 0.5), np.where(link_labels(graph, inside), 10.0, -10.0)
-        chains += _chains(*fill_inside(graph, label_inside(graph, logits)))
+        chains += _chains(*fill_inside(graph, label_inside(graph, logits, DEFAULTS)))
     return chains
 
 
@@ -168,7 +169,7 @@ def draw_worst(
     )
     for n, row in zip(order, axes, strict=True):
         sample = samples[n]
-        seen = observe(sample.pixels, sample.image)
+        seen = observe(sample.pixels, sample.image, DEFAULTS)
         graph = seen.graph
         _, link = model.logits(graph, [seen.intensity])
         if sample.image is not None:

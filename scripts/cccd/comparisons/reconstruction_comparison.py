@@ -53,7 +53,8 @@ def compare_reconstruction(
     seed : int
         Of the jitter.
     model : torch module, optional
-        From `cccd.junctions.load_model`; CCCD orders the dense boundary with it, or by its decoder alone.
+        From `cccd.junctions.checkpoint.load_model`; CCCD orders the dense boundary with it, or by its decoder
+        alone.
 
     Returns
     -------

@@ -45,7 +45,7 @@ INPUTS = {
     "structure": Input(("structure.h5",), "cccd.store.read_structure"),
     "curves": Input(("curves.h5",), "cccd.store.read_curves"),
     "surface": Input(("surface.h5", "surface.ply"), "cccd.surface.export.read_surface"),
-    "model": Input(("gnn/model.pt",), "cccd.junctions.load_model", shared=True),
+    "model": Input(("gnn/model.pt",), "cccd.junctions.checkpoint.load_model", shared=True),
 }
 
 

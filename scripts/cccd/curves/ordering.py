@@ -30,7 +30,7 @@ def order_structure(
     boundaries : Boundaries
         Its boundary pixels.
     model : torch module
-        From `cccd.junctions.load_model`.
+        From `cccd.junctions.checkpoint.load_model`.
     ordering : {"auto", "gnn"}
         ``auto`` traces a mask exactly; ``gnn`` lets the GNN order in any case, as the paper does.
 

@@ -13,6 +13,7 @@ from cccd.junctions.checkpoint import load_model
 from cccd.junctions.corruptions import contours_of
 from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
 from cccd.junctions.delaunay import build_graph
+from cccd.junctions.inference import DEFAULTS
 from cccd.junctions.scoring import score_slice
 from cccd.junctions.synthetic_maps import draw_map
 
@@ -45,7 +46,7 @@ def test_any_labelling_gives_closed_strictly_simple_pixel_chains(seed, share):
     graph = build_graph(np.unique(rng.integers(0, 25, (60, 2)), axis=0))
     inside = (rng.random(len(graph.triangles)) < share) & ~graph.outer
     masks, origin = fill_inside(graph, inside)
-    curves = closed_chains(masks, origin, [0], FRAME)
+    curves = closed_chains(masks, origin, np.zeros(1, int), FRAME, DEFAULTS)
     assert is_simple(curves.points, curves.offsets).all()
     assert on_pixel_chain(curves.points, curves.offsets).all()
     assert ((signed_areas(curves.points, curves.offsets) < 0) == curves.hole).all()
@@ -77,9 +78,11 @@ def test_an_outline_is_taken_as_it_is_whatever_the_logits_say(mask, tip):
     extra = [chains[0][0] - (n, 0) for n in range(1, tip + 1)] + [(2, 2), (2, 3)]  # a tip, and a speck
     graph = build_graph(raster_order(np.vstack([*chains, extra])))
     rng = np.random.default_rng(0)
-    inside = label_inside(graph, (rng.normal(0, 9, len(graph.triangles)), rng.normal(0, 9, len(graph.links))))
+    inside = label_inside(
+        graph, (rng.normal(0, 9, len(graph.triangles)), rng.normal(0, 9, len(graph.links))), DEFAULTS
+    )
     masks, origin = fill_inside(graph, inside)
-    curves = closed_chains(masks, origin, [0], FRAME)
+    curves = closed_chains(masks, origin, np.zeros(1, int), FRAME, DEFAULTS)
     assert {tuple(p) for p in curves.points.astype(int)} == {tuple(p) for p in np.vstack(chains)}
 
 
@@ -92,7 +95,7 @@ def test_a_spur_or_a_chord_makes_it_no_outline():
         # the cut's say counts: the part left of the chord, or of where it would go on
         left = graph.points[graph.triangles][..., 1].max(axis=1) <= 45
         wanted = left & (graph.depths[:, 0] == 1)
-        found = label_inside(graph, (np.where(wanted, 9.0, -9.0), np.full(len(graph.links), 9.0)))
+        found = label_inside(graph, (np.where(wanted, 9.0, -9.0), np.full(len(graph.links), 9.0)), DEFAULTS)
         assert (found == wanted).all()
 
 
@@ -100,9 +103,9 @@ def test_closed_curves_are_kept_where_the_cut_finds_nothing():
     chain = contours_of(blob())[0]
     spur = chain[0] + np.column_stack([-np.arange(1, 9), np.zeros(8, int)])
     graph = build_graph(raster_order(np.vstack([chain, spur])))
-    inside = label_inside(graph, (np.full(len(graph.triangles), -9.0), np.zeros(len(graph.links))))
+    inside = label_inside(graph, (np.full(len(graph.triangles), -9.0), np.zeros(len(graph.links))), DEFAULTS)
     masks, origin = fill_inside(graph, inside)
-    curves = closed_chains(masks, origin, [0], FRAME)
+    curves = closed_chains(masks, origin, np.zeros(1, int), FRAME, DEFAULTS)
     assert score_slice(list(curves), [chain]).correct
 
 

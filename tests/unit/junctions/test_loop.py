@@ -11,6 +11,7 @@ from cccd.junctions.delaunay import build_graph
 from cccd.junctions.frozen_graphs import generate_graphs, pack_graphs, read_maps
 from cccd.junctions.loop import train_model
 from cccd.junctions.synthetic_maps import draw_large_map
+from cccd.settings import NetworkSettings
 from cccd.store import read_graphs
 
 SETTINGS = {
@@ -25,21 +26,24 @@ SETTINGS = {
     "width": 8,
     "link_width": 8,
     "pixel_layers": 1,
-    "rounds": 1,
+    "message_layers": 1,
     "heads": 2,
 }
+
+
+NETWORK = NetworkSettings(**SETTINGS)
 
 
 @pytest.fixture(scope="module")
 def graphs(tmp_path_factory):
     path = tmp_path_factory.mktemp("graphs") / "graphs.h5"
-    generate_graphs(SETTINGS, 1, path)
+    generate_graphs(NETWORK.graphs, NETWORK.kind_weights, 1, path)
     return path
 
 
 def train(graphs, folder, **changes):
     model, history = folder / "model.pt", folder / "history.csv"
-    train_model(graphs, SETTINGS | changes, 3, folder / "checkpoints", model, history)
+    train_model(graphs, NETWORK.model_copy(update=changes), 3, folder / "checkpoints", model, history)
     return torch.load(model, weights_only=True)["weights"], pd.read_csv(history)
 
 
@@ -63,7 +67,7 @@ def stop_after(monkeypatch, epochs):
 
 def test_graphs_are_the_same_for_a_seed_and_sparse(graphs, tmp_path):
     again = tmp_path / "again.h5"
-    generate_graphs(SETTINGS, 1, again)
+    generate_graphs(NETWORK.graphs, NETWORK.kind_weights, 1, again)
     assert again.read_bytes() == graphs.read_bytes()
     split = read_graphs(graphs, "training")
     assert set(np.unique(split.link_labels)) == {-1, 1}
@@ -150,22 +154,22 @@ def test_a_network_with_fewer_layers_and_features_can_be_started_from(graphs, tm
     for key in ("weight", "bias", "running_mean", "running_var"):
         content["weights"][f"triangle_encoder.0.{key}"] = content["weights"][f"triangle_encoder.0.{key}"][:-3]
     torch.save(content, path)
-    changes = {"start": str(path), "epochs": 1, "learning_rate": 1e-12, "rounds": 2}
+    changes = {"start": str(path), "epochs": 1, "learning_rate": 1e-12, "message_layers": 2}
     grown, _ = train(graphs, tmp_path / "second", **changes)
     assert torch.allclose(grown[name][:, :-3], content["weights"][name], atol=1e-6)
     assert grown[name][:, -3:].abs().max() < 1e-6
     assert "message_layers.1.triangle_messages.weight" in grown
 
 
-@pytest.mark.parametrize(("key", "other"), [("width", 16), ("rounds", 1)])
+@pytest.mark.parametrize(("key", "other"), [("width", 16), ("message_layers", 1)])
 def test_a_start_that_would_lose_weights_is_refused(graphs, tmp_path, key, other):
-    train(graphs, tmp_path / "first", epochs=1, rounds=2)
+    train(graphs, tmp_path / "first", epochs=1, message_layers=2)
     with pytest.raises(InputError, match=key):
         train(
             graphs,
             tmp_path / "second",
             start=str(tmp_path / "first" / "model.pt"),
-            **{"rounds": 2, key: other},
+            **{"message_layers": 2, key: other},
         )
 
 

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from cccd.junctions import loss
 from cccd.junctions.data import label_maps
+from cccd.junctions.loss import cut_loss
 from cccd.junctions.synthetic_maps import SyntheticMap
+from cccd.settings import NetworkSettings
 
+MARGIN = 2.0
 SQUARE = np.array([(0, 0), (0, 4), (4, 4), (4, 0)])
 
 
@@ -15,7 +17,9 @@ SQUARE = np.array([(0, 0), (0, 4), (4, 4), (4, 0)])
 def examples():
     """A square whose middle pixel belongs to nothing: four triangles inside."""
     pixels = np.vstack([SQUARE, [(2, 2)]]).astype(np.int32) + 20
-    return label_maps([SyntheticMap(pixels, [SQUARE.astype(np.int32) + 20], "clean", (45, 45))], [False])
+    return label_maps(
+        [SyntheticMap(pixels, [SQUARE.astype(np.int32) + 20], "clean", (45, 45))], [False], NetworkSettings()
+    )
 
 
 def energy(examples, inside, link, labels):
@@ -37,19 +41,19 @@ def test_it_is_the_margin_by_which_the_best_of_all_labellings_beats_the_true_one
         for chosen in product([False, True], repeat=len(free)):
             labels = np.zeros(len(graph.triangles), bool)
             labels[free] = chosen
-            wrong = loss._MARGIN * extent * (1 - 2 * examples.inside.numpy()) * (labels.astype(float) - truth)
+            wrong = MARGIN * extent * (1 - 2 * examples.inside.numpy()) * (labels.astype(float) - truth)
             best = max(best, energy(examples, inside, link, labels) + wrong.sum())
         expected = (best - energy(examples, inside, link, truth)) / extent.sum()
-        found = loss.cut_loss(torch.from_numpy(inside).float(), torch.from_numpy(link).float(), examples)
+        found = cut_loss(torch.from_numpy(inside).float(), torch.from_numpy(link).float(), examples, MARGIN)
         assert float(found) == pytest.approx(expected, rel=1e-4, abs=1e-5)
 
 
 def test_it_is_zero_for_sure_and_right_logits_and_falls_along_its_gradient(examples):
     sure = torch.where(examples.inside > 0.5, 9.0, -9.0)
     links = torch.where(examples.true > 0.5, 9.0, -9.0)
-    assert float(loss.cut_loss(sure, links, examples)) == pytest.approx(0, abs=1e-4)
+    assert float(cut_loss(sure, links, examples, MARGIN)) == pytest.approx(0, abs=1e-4)
     wrong = (-sure / 9).requires_grad_()
-    found = loss.cut_loss(wrong, links, examples)
+    found = cut_loss(wrong, links, examples, MARGIN)
     found.backward()
     better = (wrong - 0.1 * wrong.grad).detach()
-    assert loss.cut_loss(better, links, examples) < found
+    assert cut_loss(better, links, examples, MARGIN) < found

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd.junctions.corruptions import contours_of
+from cccd.junctions.inference import DEFAULTS
 from cccd.junctions.intensity import image_edges, normalised_intensity
 from cccd.junctions.observation import observe
 
@@ -22,7 +23,7 @@ def test_edges_fill_what_a_map_leaves_open():
     chain = contours_of(mask)[0]
     left, right = chain[:, 1] < 40, chain[:, 1] > 68
     pixels, missing = chain[left | right], chain[(chain[:, 1] > 42) & (chain[:, 1] < 66)]
-    edges = image_edges(normalised_intensity(image, pixels), pixels)
+    edges = image_edges(normalised_intensity(image, pixels), pixels, DEFAULTS)
     apart = np.linalg.norm(missing[:, None] - edges, axis=2).min(axis=1)
     assert apart.max() <= 3
 
@@ -30,7 +31,7 @@ def test_edges_fill_what_a_map_leaves_open():
 def test_without_an_image_the_graph_is_the_map_alone():
     mask, _ = scene()
     chain = contours_of(mask)[0]
-    seen = observe(chain)
+    seen = observe(chain, None, DEFAULTS)
     assert seen.intensity is None
     assert np.array_equal(seen.graph.observed, ~seen.graph.ghost)
 
@@ -41,7 +42,7 @@ def test_no_edge_touches_another_or_the_map(seed):
     rng = np.random.default_rng(seed)
     image = cv2.GaussianBlur(rng.normal(0, 1, (50, 60)), (0, 0), 2)
     pixels = np.unique(rng.integers(5, 45, (80, 2)), axis=0)
-    graph = observe(pixels, image).graph
+    graph = observe(pixels, image, DEFAULTS).graph
     edges = graph.points[~graph.observed & ~graph.ghost]
     assert len(edges)
     apart = np.abs(edges[:, None] - np.vstack([edges, pixels])).max(axis=2)
@@ -52,6 +53,6 @@ def test_no_edge_touches_another_or_the_map(seed):
 def test_a_map_may_reach_beyond_its_image_and_an_image_may_be_blank():
     chain = contours_of(scene()[0])[0]
     _, image = scene()
-    edges = image_edges(normalised_intensity(image[:, :50], chain), chain)
+    edges = image_edges(normalised_intensity(image[:, :50], chain), chain, DEFAULTS)
     assert edges[:, 1].max() < 50
-    assert len(image_edges(normalised_intensity(np.ones((90, 90)), chain), chain)) == 0
+    assert len(image_edges(normalised_intensity(np.ones((90, 90)), chain), chain, DEFAULTS)) == 0
