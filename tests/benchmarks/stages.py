@@ -11,11 +11,11 @@ from organ import make_organ
 from scipy.interpolate import splprep
 
 from cccd.boundary import extract_boundaries
-from cccd.chaincode import trace_mask
 from cccd.comparisons.volume_meshes import flying_edges, windowed_sinc
-from cccd.containers import Boundaries, concatenate_ragged
+from cccd.containers import Boundaries
 from cccd.curves import describe_curves
 from cccd.curves.ordering import order_structure
+from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.corruptions import corrupt
@@ -24,6 +24,7 @@ from cccd.junctions.loss import total_loss
 from cccd.junctions.synthetic_maps import draw_map
 from cccd.settings import BoundarySettings, LossSettings, NetworkSettings
 from cccd.surface import loft_surface, measure_surface
+from cccd.tracing import trace_mask
 
 __all__ = ["STAGES"]
 

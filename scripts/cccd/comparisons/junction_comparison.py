@@ -17,7 +17,8 @@ import pandas as pd
 from cccd.chaincode import isolated_corners
 from cccd.comparisons.baselines.decoders import DECODERS
 from cccd.comparisons.decoders import decode
-from cccd.containers import Boundaries, Frame, concatenate_ragged
+from cccd.containers import Boundaries, Frame
+from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.corruptions import KINDS

@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 
 from cccd.boundary import outline
-from cccd.chaincode import signed_areas, trace_stack
 from cccd.containers import Curves, Frame
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import (
@@ -24,6 +23,7 @@ from cccd.geometry.arrays import (
 from cccd.junctions.delaunay import DelaunayGraph, fragments
 from cccd.junctions.energy import Logits, inference_energy, least_energy
 from cccd.settings import InferenceSettings
+from cccd.tracing import trace_stack
 
 __all__ = [
     "Outline",
@@ -194,7 +194,7 @@ def closed_chains(
         What counts as debris.
     """
     traced = trace_stack(masks, (0, *origin), frame)
-    area = np.abs(signed_areas(traced.points, traced.offsets))
+    area = np.abs(traced.polygons.signed_areas)
     largest = np.zeros(len(masks))
     np.maximum.at(largest, traced.slice, area)
     debris = np.maximum(settings.smallest_loop_px, settings.smallest_loop_share * largest)

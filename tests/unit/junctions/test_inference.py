@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cccd.chaincode import is_simple, on_pixel_chain, signed_areas
-from cccd.containers import Boundaries, Frame, concatenate_ragged
+from cccd.chaincode import on_pixel_chain
+from cccd.containers import Boundaries, Frame
+from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.corruptions import contours_of
@@ -47,9 +48,9 @@ def test_any_labelling_gives_closed_strictly_simple_pixel_chains(seed, share):
     inside = (rng.random(len(graph.triangles)) < share) & ~graph.outer
     masks, origin = fill_inside(graph, inside)
     curves = closed_chains(masks, origin, np.zeros(1, int), FRAME, DEFAULTS)
-    assert is_simple(curves.points, curves.offsets).all()
+    assert curves.polygons.is_simple.all()
     assert on_pixel_chain(curves.points, curves.offsets).all()
-    assert ((signed_areas(curves.points, curves.offsets) < 0) == curves.hole).all()
+    assert ((curves.polygons.signed_areas < 0) == curves.hole).all()
 
 
 def test_a_clean_map_is_ordered_right_even_without_a_network():
