@@ -1,8 +1,17 @@
-"""Everything measured on one structure."""
+"""Everything measured on one structure, and what the page's viewer shows of it."""
 
+from cccd.comparisons.view import make_view
 from cccd.curves import measure_curves
 from cccd.job import job
-from cccd.store import read_curve_report, read_curves, read_splines, read_structure, write_json
+from cccd.store import (
+    read_boundaries,
+    read_curve_report,
+    read_curves,
+    read_splines,
+    read_structure,
+    write_json,
+    write_view,
+)
 from cccd.surface.export import read_surface
 from cccd.surface.measure import measure_surface, volume_warnings
 
@@ -20,4 +29,8 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
         "ordering": {key: value for key, value in ordering.items() if key != "slices"},
         "warnings": [*structure.warnings, *surface.report["warnings"], *volume_warnings(figures)],
     }
-    write_json(snakemake.output[0], metrics)
+    write_json(snakemake.output.metrics, metrics)
+    boundaries = read_boundaries(snakemake.input.boundaries)
+    triangles = snakemake.params.viewer_triangles
+    view = make_view(structure, boundaries, curves, surface.mesh, triangles)
+    write_view(snakemake.output.view, view)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cccd.geometry.arrays import split_ragged
+from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
 
@@ -25,6 +26,7 @@ __all__ = [
     "SliceFigure",
     "Splines",
     "Structure",
+    "View",
 ]
 
 
@@ -269,3 +271,29 @@ class SliceFigure:
     columns: int = 0
     window: np.ndarray | None = None
     image: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class View:
+    """What the page's viewer shows of one structure beside its curves and control nets.
+
+    Attributes
+    ----------
+    meshes : dict of str to Mesh
+        Made small: ``surface`` and, of a mask, ``cubes``: marching cubes on it.
+    values : dict of str to (V,) float
+        At the surface's vertices: ``curvature`` in 1/mm and, with a reference, ``distance`` in mm.
+    triangles : int
+        Of the whole surface.
+    reference : str
+        What ``distance`` is measured to; empty without it.
+    flags : dict of str to (P,) bool
+        ``junctions`` and ``isolated_before`` of the boundary's pixels, ``isolated_after`` of the curves'
+        points.
+    """
+
+    meshes: dict[str, Mesh]
+    values: dict[str, np.ndarray]
+    triangles: int
+    reference: str
+    flags: dict[str, np.ndarray]

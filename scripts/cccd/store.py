@@ -19,9 +19,19 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from cccd.containers import Boundaries, Curves, Frame, Panel, SliceFigure, Splines, Structure
+from cccd.containers import (
+    Boundaries,
+    Curves,
+    Frame,
+    Panel,
+    SliceFigure,
+    Splines,
+    Structure,
+    View,
+)
 from cccd.errors import InputError
 from cccd.geometry.bsplines import Patch
+from cccd.geometry.mesh import Mesh
 
 __all__ = [
     "GraphSplit",
@@ -36,6 +46,7 @@ __all__ = [
     "read_splines",
     "read_structure",
     "read_table",
+    "read_view",
     "write_boundaries",
     "write_curves",
     "write_figures",
@@ -44,6 +55,7 @@ __all__ = [
     "write_patches",
     "write_structure",
     "write_table",
+    "write_view",
 ]
 
 
@@ -457,6 +469,35 @@ def read_figure(path: str | Path, name: str) -> SliceFigure | None:
         ]
         window, image = (group[key][:] if key in group else None for key in ("window", "image"))
         return SliceFigure(panels, int(group.attrs["columns"]), window, image)
+
+
+# view.h5 --------------------------------------------------------------------------------------------
+
+
+def write_view(path: str | Path, view: View) -> None:
+    """Write ``view.h5``: small meshes, values at the surface's vertices, flags of pixels and points."""
+    with _create(path) as file:
+        file.attrs["triangles"] = view.triangles
+        file.attrs["reference"] = view.reference
+        for name, mesh in view.meshes.items():
+            _put(file, f"meshes/{name}/vertices", mesh.vertices, np.float32)
+            _put(file, f"meshes/{name}/faces", mesh.faces, np.int32)
+        for name, values in view.values.items():
+            _put(file, f"values/{name}", values, np.float32)
+        for name, flags in view.flags.items():
+            _put(file, f"flags/{name}", flags, bool)
+
+
+def read_view(path: str | Path) -> View:
+    """Read ``view.h5``."""
+    with _open(path) as file:
+        meshes = {
+            name: Mesh(group["vertices"][:].astype(float), group["faces"][:].astype(np.int64))
+            for name, group in file["meshes"].items()
+        }
+        values = {name: column[:].astype(float) for name, column in file["values"].items()}
+        flags = {name: column[:] for name, column in file.get("flags", {}).items()}
+        return View(meshes, values, int(file.attrs["triangles"]), str(file.attrs["reference"]), flags)
 
 
 # surface.h5 -----------------------------------------------------------------------------------------

@@ -68,14 +68,16 @@ for comparison in COMPARISONS.values():
 
 
 rule measure_structure:
-    """Everything measured on one structure, in one JSON."""
+    """Everything measured on one structure, in one JSON, and what the page's viewer shows of it."""
     input:
         structure="results/{case}/{organ}/structure.h5",
+        boundaries="results/{case}/{organ}/boundaries.h5",
         curves="results/{case}/{organ}/curves.h5",
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",
     output:
-        "results/{case}/{organ}/metrics.json",
+        metrics="results/{case}/{organ}/metrics.json",
+        view="results/{case}/{organ}/view.h5",
     log:
         "logs/{case}/{organ}/measure_structure.log",
     benchmark:
@@ -90,5 +92,6 @@ rule measure_structure:
         runtime=minutes(20),
     params:
         library=library("measure_structure"),
+        viewer_triangles=config["report"]["viewer_triangles"],
     script:
         "../../scripts/measure_structure.py"

@@ -47,7 +47,7 @@ SHOWN = [
     "boundaries.h5",
     "curves.h5",
     "surface.h5",
-    "surface.ply",
+    "view.h5",
     "picture.png",
     "metrics.json",
     *(f"comparisons/{name}.csv" for name in COMPARISONS),

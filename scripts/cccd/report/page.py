@@ -157,7 +157,7 @@ def _structure_views(results: Results, index: bool, config: Mapping[str, Any]) -
     if not index:
         for view in views:
             files = results.files(view.case, view.organ)
-            view.scene = build_scene(files, config["report"]["viewer_triangles"])
+            view.scene = build_scene(files)
     return views
 
 
@@ -206,7 +206,7 @@ def build_structure_page(
     found = Results(results, [(case, organ)])
     view = _structure_view(found, case, organ, _CARD_WIDTH)
     files = found.files(case, organ)
-    view.scene = build_scene(files, config["report"]["viewer_triangles"])
+    view.scene = build_scene(files)
     rows = {name: files.rows(name) for name in sorted(COMPARISONS)}
     comparisons = [
         (words(name)[0], table(name, frame)) for name, frame in rows.items() if frame is not None

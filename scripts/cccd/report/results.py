@@ -27,7 +27,6 @@ class StructureFiles:
     def __init__(self, folder: Path):
         self.folder = folder
         self.picture = folder / "picture.png"
-        self.mesh = folder / "surface.ply"
 
     def metrics(self) -> dict[str, Any] | None:
         """Read everything measured on it."""
@@ -60,6 +59,10 @@ class StructureFiles:
     def patches(self):
         """Read the control nets."""
         return _if_there(store.read_patches, self.folder / "surface.h5")
+
+    def view(self):
+        """Read the small meshes and what colours them."""
+        return _if_there(store.read_view, self.folder / "view.h5")
 
     def rows(self, name: str) -> pd.DataFrame | None:
         """Read the rows of a comparison."""

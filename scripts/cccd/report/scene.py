@@ -4,26 +4,15 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline
 
-from cccd.chaincode import broken_links, isolated_corners, junction_pixels, on_pixel_chain
-from cccd.containers import Boundaries, Curves, Frame, Splines, Structure
+from cccd.containers import Boundaries, Curves, Frame, Splines, Structure, View
 from cccd.geometry.bsplines import Patch
-from cccd.geometry.distance import to_mesh
-from cccd.geometry.mesh import Mesh
-from cccd.geometry.ply import read_ply
-from cccd.report.meshes import (
-    mean_curvature,
-    reference_surface,
-    simplify,
-    sort_spatially,
-    voxel_surface,
-)
 from cccd.report.payload import Grid, pack, quantise
 from cccd.report.results import StructureFiles
 
@@ -92,27 +81,43 @@ def colour_stops(count: int = 65) -> dict[str, list[list[int]]]:
     }
 
 
-def build_scene(files: StructureFiles, triangles: int) -> Scene | None:
-    """Read one structure's files and pack what there is of them; None when there is nothing to show.
+@dataclass
+class _Piece:
+    """Part of a scene: JSON values and arrays for the viewer, and what the page says about them."""
 
-    Parameters
-    ----------
-    files : StructureFiles
-    triangles : int
-        Each mesh is simplified to at most this many triangles.
-    """
-    structure = files.structure()
-    scene = Scene("")
-    meta: dict[str, Any] = {}
-    arrays: dict[str, np.ndarray] = {}
-    if files.mesh.is_file():
-        _add_meshes(scene, meta, arrays, read_ply(files.mesh), structure, triangles)
-    _add_net(scene, meta, arrays, files.patches())
+    meta: dict[str, Any] = field(default_factory=dict)
+    arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    parts: set[str] = field(default_factory=set)
+    legends: list[Legend] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def build_scene(files: StructureFiles) -> Scene | None:
+    """Pack what there is of one structure's files; None when there is nothing to show."""
+    structure, view, patches = files.structure(), files.view(), files.patches()
     boundaries, curves = files.boundaries(), files.curves()
-    if structure is not None and (boundaries is not None or curves is not None):
-        _add_slices(scene, meta, arrays, structure, boundaries, curves, files.splines(), files.corners())
-    if not arrays:
+    pieces = [_pack_meshes(view)] if view is not None else []
+    pieces += [_pack_nets(patches)] if patches else []
+    scene = Scene("")
+    found = [part for part in (boundaries, curves) if part is not None and len(part)]
+    if structure is not None and found:
+        window = _Window.around(structure, found)
+        flags = view.flags if view is not None else {}
+        picture, right, down = _display(structure.frame, window.low, window.high)
+        scene.sides = _letters(right, down)
+        tiles, tile = _tiles(structure, window.k, picture)
+        scene.sprite = _webp(tiles) if tiles is not None else None
+        pieces += [_pack_layout(window, structure.frame, {**picture, "tile": tile})]
+        pieces += [_pack_boundaries(window, boundaries, flags)] if boundaries is not None else []
+        pieces += [_pack_curves(window, curves, files, flags)] if curves is not None else []
+    if not pieces:
         return None
+    for piece in pieces:
+        scene.parts |= piece.parts
+        scene.legends += piece.legends
+        scene.notes += piece.notes
+    meta = {key: value for piece in pieces for key, value in piece.meta.items()}
+    arrays = {key: value for piece in pieces for key, value in piece.arrays.items()}
     scene.data = pack(meta, arrays)
     return scene
 
@@ -120,54 +125,31 @@ def build_scene(files: StructureFiles, triangles: int) -> Scene | None:
 # The surface ------------------------------------------------------------------------------------------
 
 
-def _add_meshes(
-    scene: Scene,
-    meta: dict,
-    arrays: dict,
-    surface: Mesh,
-    structure: Structure | None,
-    triangles: int,
-) -> None:
-    shown, _ = sort_spatially(simplify(surface, triangles))
-    cubes = voxel_surface(structure) if structure is not None else None
-    reference = reference_surface(structure) if structure is not None else None
-    small_cubes = sort_spatially(simplify(cubes, triangles))[0] if cubes is not None else None
-    meshes = {"surface": shown} | ({"cubes": small_cubes} if small_cubes is not None else {})
-    grid = Grid(np.concatenate([mesh.vertices for mesh in meshes.values()]))
-    meta["mm"] = grid
-    for name, mesh in meshes.items():
-        arrays[f"{name}_points"] = quantise(mesh.vertices, grid)
-        arrays[f"{name}_faces"] = mesh.faces.astype(np.uint32)
-        scene.parts.add(name)
-    _add_values(
-        scene, arrays, "curvature", mean_curvature(surface, shown.vertices),
-        ("Mean curvature", "per mm", "hollow", "domed"), 95,
-    )  # fmt: skip
-    if reference is not None:
-        mesh, name = reference
-        _add_values(
-            scene, arrays, "distance", to_mesh(shown.vertices, mesh),
-            (f"Distance to {name}", "mm", "inside", "outside"), 98,
-        )  # fmt: skip
-    if len(shown.faces) < len(surface.faces):
-        scene.notes.append(
-            f"Simplified for this page from {len(surface.faces):,} to {len(shown.faces):,} triangles."
+def _pack_meshes(view: View) -> _Piece:
+    grid = Grid(np.concatenate([mesh.vertices for mesh in view.meshes.values()]))
+    piece = _Piece({"mm": grid}, parts=set(view.meshes))
+    for name, mesh in view.meshes.items():
+        piece.arrays[f"{name}_points"] = quantise(mesh.vertices, grid)
+        piece.arrays[f"{name}_faces"] = mesh.faces.astype(np.uint32)
+    shown = view.meshes["surface"]
+    scales = {"curvature": ("Mean curvature", "per mm", "hollow", "domed", 95)}
+    if view.reference:
+        distance = {"distance": (f"Distance to {view.reference}", "mm", "inside", "outside", 98)}
+        scales = distance | scales
+    for name, (title, unit, low, high, percentile) in scales.items():
+        limit = _round_up(float(np.percentile(np.abs(view.values[name]), percentile)))
+        piece.arrays[f"surface_{name}"] = _as_bytes(view.values[name] / limit)
+        piece.legends.append(Legend(name, title, limit, unit, low, high))
+    if len(shown.faces) < view.triangles:
+        piece.notes.append(
+            f"Simplified for this page from {view.triangles:,} to {len(shown.faces):,} triangles."
         )
+    return piece
 
 
-def _add_values(
-    scene: Scene,
-    arrays: dict,
-    key: str,
-    values: np.ndarray,
-    words: tuple[str, str, str, str],
-    percentile: float,
-) -> None:
-    """Values at the surface's vertices as bytes on a symmetric scale that spans the given percentile."""
-    limit = _round_up(float(np.percentile(np.abs(values), percentile)))
-    arrays[f"surface_{key}"] = np.rint(np.clip(values / limit, -1, 1) * 127.5 + 127.5).astype(np.uint8)
-    title, unit, low, high = words
-    scene.legends.insert(0, Legend(key, title, limit, unit, low, high))
+def _as_bytes(shares: np.ndarray) -> np.ndarray:
+    """Write values from -1 to 1 as bytes, those beyond as the nearer end."""
+    return np.rint(np.clip(shares, -1, 1) * 127.5 + 127.5).astype(np.uint8)
 
 
 def _round_up(value: float) -> float:
@@ -178,13 +160,10 @@ def _round_up(value: float) -> float:
     return float(next(n * power for n in (1, 1.5, 2, 3, 5, 7, 10) if n * power >= value * (1 - 1e-12)))
 
 
-def _add_net(scene: Scene, meta: dict, arrays: dict, patches: list[Patch] | None) -> None:
-    if not patches:
-        return
+def _pack_nets(patches: list[Patch]) -> _Piece:
     points = np.concatenate([patch.control_points.reshape(-1, 3) for patch in patches])
-    meta["net_mm"] = Grid(points)
-    arrays["net_points"] = quantise(points, meta["net_mm"])
-    meta["patches"] = [
+    grid = Grid(points)
+    layout = [
         {
             "nu": patch.control_points.shape[0],
             "nv": patch.control_points.shape[1],
@@ -193,67 +172,73 @@ def _add_net(scene: Scene, meta: dict, arrays: dict, patches: list[Patch] | None
         }
         for patch in patches
     ]
-    scene.parts.add("net")
+    return _Piece({"net_mm": grid, "patches": layout}, {"net_points": quantise(points, grid)}, {"net"})
 
 
 # The slices -------------------------------------------------------------------------------------------
 
 
-def _add_slices(
-    scene: Scene,
-    meta: dict,
-    arrays: dict,
-    structure: Structure,
-    boundaries: Boundaries | None,
-    curves: Curves | None,
-    splines: Splines | None,
-    corners: tuple[np.ndarray, np.ndarray] | None,
-) -> None:
-    found = [part.slice for part in (boundaries, curves) if part is not None and len(part)]
-    if not found:
-        return
-    every = np.concatenate(found)
-    k = np.arange(every.min(), every.max() + 1)
-    points = [part.points for part in (boundaries, curves) if part is not None]
-    low, high = _window(structure, np.concatenate(points).astype(float))
-    pixels = Grid(np.array([low - 1.0, high + 1.0]), _PIXEL_STEP)
-    frame = structure.frame
-    meta |= {"pixels": pixels, "stack_affine": frame.stack_affine.tolist()}
+@dataclass(frozen=True)
+class _Window:
+    """The slices ``k`` and the pixels from ``low`` to ``high`` that the page shows, and their grid."""
 
-    def add(name: str, where: np.ndarray, owner: np.ndarray) -> None:
-        arrays[f"{name}_points"] = quantise(where.reshape(-1, 2), pixels)
-        arrays[f"{name}_offsets"] = np.searchsorted(owner, [*k, k[-1] + 1]).astype(np.uint32)
+    k: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    pixels: Grid
 
-    if boundaries is not None:
-        owner = np.repeat(boundaries.slice, np.diff(boundaries.offsets))
-        add("boundary", boundaries.points, owner)
-        for name, flags in (
-            ("junctions", junction_pixels(boundaries)),
-            ("isolated_before", isolated_corners(boundaries)),
-        ):
-            add(name, boundaries.points[flags], owner[flags])
-    if curves is not None and splines is not None and corners is not None:
-        owner = np.repeat(curves.slice, np.diff(curves.offsets))
-        if on_pixel_chain(curves.points, curves.offsets).any():  # contours as given have no chain code
-            broken = broken_links(curves.points, curves.offsets)
-            add("isolated_after", curves.points[broken], owner[broken])
-        add("corners", corners[0], np.repeat(curves.slice, np.diff(corners[1])))
-        line, offsets = _evaluate(splines)
-        arrays["curve_points"] = quantise(line, pixels)
-        arrays["curve_offsets"] = offsets.astype(np.uint32)
-        arrays["curve_slice"] = splines.slice.astype(np.uint32)
-        scene.parts.add("curves")
-    picture, right, down = _display(frame, low, high)
-    layout = {"k": k.tolist(), **picture}
-    tiles, tile = _tiles(structure, k, low, high, picture)
-    if tiles is not None:
-        scene.sprite = _webp(tiles)
-    meta["slices"] = layout | {"tile": tile}
-    scene.sides = _letters(right, down)
-    scene.parts.add("slices")
+    @classmethod
+    def around(cls, structure: Structure, found: Sequence[Boundaries | Curves]) -> _Window:
+        """Show every slice on which there is something, and the structure's whole crop."""
+        every = np.concatenate([part.slice for part in found])
+        low, high = _extent(structure, np.concatenate([part.points for part in found]).astype(float))
+        pixels = Grid(np.array([low - 1.0, high + 1.0]), _PIXEL_STEP)
+        return cls(np.arange(every.min(), every.max() + 1), low, high, pixels)
+
+    def per_slice(self, name: str, points: np.ndarray, owner: np.ndarray) -> dict[str, np.ndarray]:
+        """Pack points (P, 2) that belong to the slices ``owner`` (P,)."""
+        return {
+            f"{name}_points": quantise(points.reshape(-1, 2), self.pixels),
+            f"{name}_offsets": np.searchsorted(owner, [*self.k, self.k[-1] + 1]).astype(np.uint32),
+        }
 
 
-def _window(structure: Structure, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _pack_boundaries(window: _Window, boundaries: Boundaries, flags: Mapping[str, np.ndarray]) -> _Piece:
+    owner = np.repeat(boundaries.slice, np.diff(boundaries.offsets))
+    arrays = window.per_slice("boundary", boundaries.points, owner)
+    for name in ("junctions", "isolated_before"):
+        if name in flags:
+            arrays |= window.per_slice(name, boundaries.points[flags[name]], owner[flags[name]])
+    return _Piece(arrays=arrays)
+
+
+def _pack_curves(
+    window: _Window, curves: Curves, files: StructureFiles, flags: Mapping[str, np.ndarray]
+) -> _Piece:
+    arrays = {}
+    if "isolated_after" in flags:
+        owner, stuck = np.repeat(curves.slice, np.diff(curves.offsets)), flags["isolated_after"]
+        arrays |= window.per_slice("isolated_after", curves.points[stuck], owner[stuck])
+    points, offsets = files.corners()
+    arrays |= window.per_slice("corners", points, np.repeat(curves.slice, np.diff(offsets)))
+    splines = files.splines()
+    line, offsets = _evaluate(splines)
+    arrays["curve_points"] = quantise(line, window.pixels)
+    arrays["curve_offsets"] = offsets.astype(np.uint32)
+    arrays["curve_slice"] = splines.slice.astype(np.uint32)
+    return _Piece(arrays=arrays, parts={"curves"})
+
+
+def _pack_layout(window: _Window, frame: Frame, picture: Mapping[str, Any]) -> _Piece:
+    meta = {
+        "pixels": window.pixels,
+        "stack_affine": frame.stack_affine.tolist(),
+        "slices": {"k": window.k.tolist(), **picture},
+    }
+    return _Piece(meta, parts={"slices"})
+
+
+def _extent(structure: Structure, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First and last pixel (i, j) shown: the structure's crop, or what the points cover."""
     for name in ("image", "mask", "boundary"):
         stack = structure.stack(name)
@@ -323,9 +308,7 @@ def _letters(right: np.ndarray, down: np.ndarray) -> dict[str, str]:
     return {"right": letter(right), "left": letter(-right), "bottom": letter(down), "top": letter(-down)}
 
 
-def _tiles(
-    structure: Structure, k: np.ndarray, low: np.ndarray, high: np.ndarray, picture: Mapping[str, Any]
-) -> tuple[np.ndarray | None, dict]:
+def _tiles(structure: Structure, k: np.ndarray, picture: Mapping[str, Any]) -> tuple[np.ndarray | None, dict]:
     """Lay the slices side by side in one 8-bit image, each as it lies on the screen; tell the arrangement."""
     stack = structure.stack("image")
     if stack is None:

@@ -6,16 +6,11 @@ import numpy as np
 from matplotlib.collections import LineCollection
 
 from cccd.geometry.bsplines import Patch
-from cccd.geometry.ply import read_ply
-from cccd.report.meshes import simplify, voxel_surface
 from cccd.report.render import VIEWS, frame_view, paint_mesh
 from cccd.report.results import StructureFiles
 from cccd.report.svg import axes, style, to_svg
 
 __all__ = ["draw_surface_still"]
-
-#: Painting is slow: each mesh is simplified to this many triangles, about one per pixel.
-_TRIANGLES = 60_000
 
 _NET_COLOUR = "#0072b2"
 
@@ -29,24 +24,21 @@ def draw_surface_still(key: str, files: StructureFiles) -> str | None:
         Id of the figure.
     files : StructureFiles
     """
-    structure, patches = files.structure(), files.patches()
-    if structure is None or patches is None or not files.mesh.is_file():
+    view, patches = files.view(), files.patches()
+    if view is None or patches is None:
         return None
-    surface = read_ply(files.mesh)
-    cubes = voxel_surface(structure)
-    panels = [("c  control net", surface, patches)]
-    panels.insert(0, ("b  spline surface", surface, []))
-    if cubes is not None:
-        panels.insert(0, ("a  marching cubes", cubes, []))
-    view = VIEWS[0]
-    up = np.array(view.up)
-    across = np.stack([np.cross(up, view.towards), up], axis=1)  # (3, 2): world to picture
+    surface = view.meshes["surface"]
+    panels = [("b  spline surface", surface, []), ("c  control net", surface, patches)]
+    if "cubes" in view.meshes:
+        panels.insert(0, ("a  marching cubes", view.meshes["cubes"], []))
+    side = VIEWS[0]
+    up = np.array(side.up)
+    across = np.stack([np.cross(up, side.towards), up], axis=1)  # (3, 2): world to picture
     with style():
         figure, grid = axes(3.0 * len(panels), 3.2, columns=len(panels))
         for axis, (title, mesh, nets) in zip(np.atleast_1d(grid), panels, strict=True):
             centre = frame_view(axis, surface.vertices)
-            small = simplify(mesh, _TRIANGLES)
-            paint_mesh(axis, small.vertices, small.faces, centre, view, rasterized=True)
+            paint_mesh(axis, mesh.vertices, mesh.faces, centre, side, rasterized=True)
             lines = [(line - centre) @ across for patch in nets for line in _net_lines(patch)]
             axis.add_collection(
                 LineCollection(lines, colors=_NET_COLOUR, linewidths=0.35, alpha=0.7, rasterized=True)

@@ -10,13 +10,24 @@ import trimesh
 
 from cccd.boundary import extract_boundaries
 from cccd.chaincode import chain_codes
+from cccd.comparisons.view import make_view
 from cccd.containers import Frame, Splines, Structure
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.ply import write_ply
+from cccd.geometry.ply import read_ply, write_ply
 from cccd.report.render import render_surface
 from cccd.settings import BoundarySettings
-from cccd.store import write_boundaries, write_curves, write_json, write_patches, write_structure
+from cccd.store import (
+    read_boundaries,
+    read_curves,
+    read_structure,
+    write_boundaries,
+    write_curves,
+    write_json,
+    write_patches,
+    write_structure,
+    write_view,
+)
 from cccd.tracing import trace_mask
 
 RADII = np.array([24.0, 30.0, 21.0])
@@ -93,6 +104,7 @@ def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...]
     mesh = trimesh.creation.icosphere(subdivisions=4)
     vertices = centre + mesh.vertices * radius(np.asarray(mesh.vertices))[:, None]
     write_ply(folder / "surface.ply", Mesh(np.array(vertices), np.array(mesh.faces)), "a test")
+    write_sample_view(folder, 8000)
     u = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     v = np.linspace(0, np.pi, 14)
     sphere = np.stack(
@@ -104,6 +116,18 @@ def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...]
     write_json(
         folder / "metrics.json", make_metrics(case, organ, np.random.default_rng(len(case + organ)), warnings)
     )
+
+
+def write_sample_view(folder: Path, triangles: int) -> None:
+    """What the viewer shows of the structure in a folder, each mesh of at most so many triangles."""
+    view = make_view(
+        read_structure(folder / "structure.h5"),
+        read_boundaries(folder / "boundaries.h5"),
+        read_curves(folder / "curves.h5"),
+        read_ply(folder / "surface.ply"),
+        triangles,
+    )
+    write_view(folder / "view.h5", view)
 
 
 def make_metrics(case: str, organ: str, rng: np.random.Generator, warnings: tuple[str, ...] = ()) -> dict:

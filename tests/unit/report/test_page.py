@@ -126,7 +126,7 @@ def test_nothing_at_all_still_makes_a_page(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["structure.h5", "boundaries.h5", "curves.h5", "surface.h5", "surface.ply",
-                                  "metrics.json", "picture.png"])  # fmt: skip
+                                  "metrics.json", "picture.png", "view.h5"])  # fmt: skip
 def test_each_file_may_be_absent(tmp_path, results, name):
     import shutil
 

@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 from PIL import Image
-from sample_results import BOUNDARIES, write_results
+from sample_results import BOUNDARIES, write_results, write_sample_view
 from test_payload import unpack
 
 from cccd.boundary import extract_boundaries
@@ -23,8 +23,13 @@ def folder(tmp_path_factory):
     return root
 
 
+def scene_of(folder, triangles):
+    write_sample_view(folder, triangles)
+    return build_scene(StructureFiles(folder))
+
+
 def test_meshes_and_net_share_the_world(folder):
-    scene = build_scene(StructureFiles(folder), 4000)
+    scene = scene_of(folder, 4000)
     assert scene.parts == {"surface", "cubes", "net", "curves", "slices"}
     meta, arrays = unpack(scene.data)
     world = {
@@ -45,7 +50,7 @@ def test_meshes_and_net_share_the_world(folder):
 
 
 def test_distance_colours_are_small_for_the_true_surface(folder):
-    scene = build_scene(StructureFiles(folder), 20_000)
+    scene = scene_of(folder, 20_000)
     _, arrays = unpack(scene.data)
     legend = next(one for one in scene.legends if one.name == "distance")
     distance = (arrays["surface_distance"].astype(float) / 127.5 - 1) * legend.limit
@@ -54,7 +59,7 @@ def test_distance_colours_are_small_for_the_true_surface(folder):
 
 
 def test_overlays_are_counted_per_slice(folder):
-    _, arrays = unpack(build_scene(StructureFiles(folder), 2000).data)
+    _, arrays = unpack(scene_of(folder, 2000).data)
     offsets = arrays["boundary_offsets"].ravel().astype(int)
     assert offsets[-1] == len(arrays["boundary_points"])
     assert (np.diff(offsets) > 0).all()
@@ -62,7 +67,7 @@ def test_overlays_are_counted_per_slice(folder):
 
 
 def test_sprite_shows_the_organ_where_the_boundary_is(folder):
-    scene = build_scene(StructureFiles(folder), 2000)
+    scene = scene_of(folder, 2000)
     meta, arrays = unpack(scene.data)
     layout = meta["slices"]
     tile = layout["tile"]
@@ -91,13 +96,13 @@ def test_boundary_alone_makes_a_scene_without_a_mask(tmp_path):
         rings[part[:, 0], part[:, 1], k] = True
     write_structure(tmp_path / "structure.h5", Structure("a", "b", frame, np.zeros(3, int), boundary=rings))
     write_boundaries(tmp_path / "boundaries.h5", boundaries)
-    scene = build_scene(StructureFiles(tmp_path), 1000)
+    scene = build_scene(StructureFiles(tmp_path))
     assert scene.parts == {"slices"}
     assert scene.sprite is None
 
 
 def test_empty_folder_has_no_scene(tmp_path):
-    assert build_scene(StructureFiles(tmp_path), 1000) is None
+    assert build_scene(StructureFiles(tmp_path)) is None
 
 
 AXES = {

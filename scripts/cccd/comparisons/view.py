@@ -1,4 +1,8 @@
-"""Meshes made small for the page, and what colours them: distance to the reference, curvature."""
+"""What the page's viewer shows of one structure, computed once: meshes made small, and what colours them.
+
+The surface's vertices carry their distance to the reference and the mean curvature; boundary pixels and
+curve points carry whether a greedy chain code gets stuck on them.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,14 @@ import fast_simplification
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cccd.containers import Structure
+from cccd.chaincode import broken_links, isolated_corners, junction_pixels, on_pixel_chain
+from cccd.containers import Boundaries, Curves, Structure, View
+from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.surface.measure import mask_surface
 
 __all__ = [
+    "make_view",
     "mean_curvature",
     "reference_surface",
     "simplify",
@@ -78,3 +85,43 @@ def mean_curvature(mesh: Mesh, at: np.ndarray) -> np.ndarray:
     values = np.asarray(mesh.to_polydata().curvature("mean"))
     _, nearest = cKDTree(mesh.vertices).query(at, k=min(12, len(mesh.vertices)))
     return np.median(values[nearest.reshape(len(at), -1)], axis=1)
+
+
+def make_view(
+    structure: Structure, boundaries: Boundaries | None, curves: Curves, surface: Mesh, triangles: int
+) -> View:
+    """Make what the viewer shows of one structure.
+
+    Parameters
+    ----------
+    structure : Structure
+        Its truth or its mask is the reference; without either no distance is measured.
+    boundaries : Boundaries or None
+        The boundary's pixels as they were found, if there are any.
+    curves : Curves
+        The ordered curves.
+    surface : Mesh
+        In mm RAS.
+    triangles : int
+        Each mesh is simplified to at most this many.
+    """
+    whole, cubes = surface.outwards(), voxel_surface(structure)
+    shown, _ = sort_spatially(simplify(whole, triangles))
+    values = {"curvature": mean_curvature(whole, shown.vertices)}
+    reference, name = reference_surface(structure) or (None, "")
+    if reference is not None:
+        values["distance"] = to_mesh(shown.vertices, reference)
+    meshes = {"surface": shown}
+    if cubes is not None:
+        meshes["cubes"] = sort_spatially(simplify(cubes, triangles))[0]
+    return View(meshes, values, len(whole.faces), name, _stuck(boundaries, curves))
+
+
+def _stuck(boundaries: Boundaries | None, curves: Curves) -> dict[str, np.ndarray]:
+    """Flag the boundary's junction pixels and isolated corners (P,), and the curves' broken links (Q,)."""
+    flags = {}
+    if boundaries is not None:
+        flags = {"junctions": junction_pixels(boundaries), "isolated_before": isolated_corners(boundaries)}
+    if on_pixel_chain(curves.points, curves.offsets).any():  # contours as given have no chain code
+        flags["isolated_after"] = broken_links(curves.points, curves.offsets)
+    return flags

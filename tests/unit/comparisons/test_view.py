@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from cccd.comparisons.view import mean_curvature, reference_surface, simplify, sort_spatially
 from cccd.containers import Frame, Structure
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.report.meshes import mean_curvature, reference_surface, simplify, sort_spatially
 
 
 def sphere(radius, subdivisions=5):
