@@ -4,7 +4,7 @@ from pathlib import Path
 
 from cccd.job import job
 from cccd.surface.export import read_surface
-from cccd.volumes.export import write_label_map, write_rtstruct
+from cccd.volumes.clinical_export import write_label_map, write_rtstruct
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)

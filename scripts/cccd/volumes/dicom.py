@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from pathlib import Path
 
-import highdicom
 import numpy as np
 import pydicom
 from pydicom.errors import InvalidDicomError
@@ -236,6 +235,8 @@ def _lone_thickness(path: Path) -> float:
 
 def _read_multiframe(path: Path) -> Volume:
     """Read an enhanced (multi-frame) CT or MR."""
+    import highdicom  # slow to import, and few inputs need it
+
     with guarded(path.name, "no volume can be made of its frames", "export it again"):
         volume = highdicom.imread(path).get_volume().flip_spatial(0)  # slices along the normal, as a series'
     frame = str(volume.frame_of_reference_uid or "")
@@ -269,6 +270,8 @@ def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volum
     InputError
         Not a SEG, no such segment, frames that form no volume, or slices that the series does not have.
     """
+    import highdicom  # slow to import, and few inputs need it
+
     location = path.name
     with guarded(location, "not a readable DICOM SEG", "export the segmentation again"):
         seg = highdicom.seg.segread(path)
@@ -309,7 +312,7 @@ def pick(names: dict[int, str], label: str, organ: str, location: str, kind: str
     names : dict of int to str
         What there is.
     label : str
-        Numbers, one name, or several names parted by commas; empty takes the only one or the one
+        Numbers, one name, or several names separated by commas; empty takes the only one or the one
         that is called like the organ.
     organ : str
         The row's organ.

@@ -6,6 +6,7 @@ All affines are RAS millimetres of voxel centres: ``world = affine @ (a, b, c, 1
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from scipy import ndimage
@@ -20,8 +21,8 @@ __all__ = [
     "check_affine",
     "crop",
     "find_slice_axis",
+    "interpolate_on_grid",
     "on_grid",
-    "resample",
     "same_grid",
 ]
 
@@ -40,9 +41,9 @@ class Volume:
     affine : (4, 4) float64
         Index to world mm (RAS).
     location : str
-        What messages call it: file or folder name.
+        Its name in messages: that of the file or folder.
     names : dict of int to str
-        Names of labels where the file tells them.
+        Names of labels where the file holds them.
     instances : tuple of str
         SOP instance UIDs of a DICOM series.
     frame_of_reference : str
@@ -59,14 +60,32 @@ class Volume:
     frame_of_reference: str = ""
     warnings: list[str] = field(default_factory=list)
 
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Voxels along each axis."""
+        a, b, c = self.data.shape
+        return a, b, c
+
 
 def check_affine(affine: np.ndarray, location: str) -> np.ndarray:
-    """Refuse an affine that is no scanner grid: not finite, without extent, or sheared.
+    """Refuse an affine that is no scanner grid.
+
+    Parameters
+    ----------
+    affine : (4, 4) float
+        Index to world mm.
+    location : str
+        What messages name.
+
+    Returns
+    -------
+    (4, 4) float64
+        The same affine.
 
     Raises
     ------
     InputError
-        Names ``location``.
+        Not finite, voxels without extent, or axes not at right angles to `ORTHOGONALITY`.
     """
     affine = np.asarray(affine, float)
     if affine.shape != (4, 4) or not np.isfinite(affine).all():
@@ -75,7 +94,7 @@ def check_affine(affine: np.ndarray, location: str) -> np.ndarray:
     if (spacing <= 0).any():
         sizes = " x ".join(f"{size:g}" for size in spacing)
         raise InputError(
-            location, f"its voxels have no extent ({sizes} mm)", "mend the spacing in its header"
+            location, f"its voxels have no extent ({sizes} mm)", "correct the spacing in its header"
         )
     directions = affine[:3, :3] / spacing
     cosines = np.abs(directions.T @ directions - np.eye(3))
@@ -89,9 +108,22 @@ def check_affine(affine: np.ndarray, location: str) -> np.ndarray:
 
 
 def find_slice_axis(affine: np.ndarray, choice: str | int = "auto") -> int:
-    """Choose the axis along which slices run.
+    """Choose the axis along which slices run: 0, 1 or 2.
 
-    The thickest spacing wins; among equals, the axis nearest to superior-inferior.
+    Parameters
+    ----------
+    affine : (4, 4) float64
+        Index to world mm (RAS).
+    choice : "auto" or int
+        The axis itself, or ``"auto"``: the axis of the largest spacing, and among those equal to
+        `SAME_SPACING` the one nearest to superior-inferior.
+
+    Examples
+    --------
+    >>> find_slice_axis(np.diag([0.8, 5.0, 0.8, 1.0]))
+    1
+    >>> find_slice_axis(np.eye(4))
+    2
     """
     if choice != "auto":
         return int(choice)
@@ -102,7 +134,7 @@ def find_slice_axis(affine: np.ndarray, choice: str | int = "auto") -> int:
 
 
 def same_grid(first: np.ndarray, second: np.ndarray, shape: tuple[int, ...]) -> bool:
-    """Tell whether two affines agree at every corner of a grid to `SAME_GRID_VOXELS` of a voxel."""
+    """Whether two affines (4, 4) agree at every corner of a grid to `SAME_GRID_VOXELS` of a voxel."""
     corners = np.stack(np.meshgrid(*[(0, max(n - 1, 1)) for n in shape], indexing="ij"), -1).reshape(-1, 3)
     shift = corners @ (first - second)[:3, :3].T + (first - second)[:3, 3]
     size = np.linalg.norm(first[:3, :3], axis=0).min()
@@ -112,16 +144,16 @@ def same_grid(first: np.ndarray, second: np.ndarray, shape: tuple[int, ...]) -> 
 def on_grid(
     volume: Volume, affine: np.ndarray, shape: tuple[int, ...], fill: float | None = None
 ) -> Volume | None:
-    """Bring ``volume`` to another grid by reordering, flipping, cutting and padding alone.
+    """Move ``volume`` to another grid by reordering, flipping, cropping and padding alone.
 
     Parameters
     ----------
     volume : Volume
         What to move.
     affine : (4, 4) float
-        The grid it shall lie on.
-    shape : (3,) int
-        That grid's shape.
+        The other grid's index to world mm (RAS).
+    shape : tuple of int
+        The other grid's shape.
     fill : float, optional
         Value of voxels that ``volume`` does not cover; without it the volume has to cover the grid. Voxels
         beyond the grid must then equal it as well, so that nothing of a mask is cut off.
@@ -162,8 +194,26 @@ def on_grid(
     return replace(volume, data=placed, affine=affine)
 
 
-def resample(volume: Volume, affine: np.ndarray, shape: tuple[int, ...], order: int) -> Volume:
-    """Interpolate ``volume`` on another grid: ``order`` 0 for labels, 1 for grey values."""
+def interpolate_on_grid(
+    volume: Volume, affine: np.ndarray, shape: tuple[int, ...], order: Literal[0, 1]
+) -> Volume:
+    """Interpolate ``volume`` on another grid; beyond its faces the nearest voxels go on.
+
+    Parameters
+    ----------
+    volume : Volume
+        What to interpolate.
+    affine : (4, 4) float64
+        The other grid's index to world mm (RAS).
+    shape : tuple of int
+        The other grid's shape.
+    order : 0 or 1
+        0 takes the nearest voxel (labels), 1 interpolates linearly (grey values).
+
+    See Also
+    --------
+    on_grid : The same without interpolation, where the voxels coincide.
+    """
     relation = np.linalg.inv(volume.affine) @ affine
     data = ndimage.affine_transform(
         volume.data, relation[:3, :3], relation[:3, 3], tuple(shape), order=order, mode="nearest"
@@ -172,13 +222,27 @@ def resample(volume: Volume, affine: np.ndarray, shape: tuple[int, ...], order: 
 
 
 def bounding_box(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and last index (3,) of the voxels that are set."""
+    """First and last index (3,) int64 of the voxels set in a mask (a, b, c), which holds at least one."""
     spans = [np.flatnonzero(mask.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
     return np.array([span[0] for span in spans]), np.array([span[-1] for span in spans])
 
 
 def crop(array: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Cut out ``array[first:last + 1]``; beyond the array's faces a mask is False and grey values go on."""
+    """Crop an array to ``array[first:last + 1]``.
+
+    Parameters
+    ----------
+    array : (a, b, c) bool or float
+        A mask or grey values.
+    first, last : (3,) int
+        First and last index of the crop, which may lie beyond the array's faces: a mask is False there, grey
+        values are those on the face.
+
+    Examples
+    --------
+    >>> crop(np.ones((1, 1, 2), bool), np.array([0, 0, -1]), np.array([0, 0, 1])).ravel().tolist()
+    [False, True, True]
+    """
     first, last, shape = np.asarray(first), np.asarray(last), np.array(array.shape)
     inside = tuple(slice(max(a, 0), b + 1) for a, b in zip(first, last, strict=True))
     beyond = [(max(-a, 0), max(b + 1 - n, 0)) for a, b, n in zip(first, last, shape, strict=True)]

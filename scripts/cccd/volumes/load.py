@@ -19,7 +19,7 @@ from cccd.sidecar_files import voxel_files
 from cccd.tolerances import LABEL_VALUE
 from cccd.volumes.contours import contour_frame, order_contours
 from cccd.volumes.dicom import dicom_modality, pick, read_rtstruct, read_seg, read_series
-from cccd.volumes.grid import Volume, bounding_box, crop, find_slice_axis, on_grid, resample
+from cccd.volumes.grid import Volume, bounding_box, crop, find_slice_axis, interpolate_on_grid, on_grid
 from cccd.volumes.phantoms import make_phantom
 from cccd.volumes.readers import SUFFIXES, read_volume
 from cccd.volumes.regions import find_region
@@ -209,7 +209,7 @@ def _bring(volume: Volume, grid: Volume, allowed: bool, notes: list[str]) -> np.
             "give matching files, or set import: resample: true to interpolate",
         )
     notes.append(f"{volume.location}: interpolated on the grid of {grid.location}")
-    return resample(volume, grid.affine, grid.data.shape, order=0 if binary else 1).data
+    return interpolate_on_grid(volume, grid.affine, grid.data.shape, order=0 if binary else 1).data
 
 
 def _describe(volume: Volume) -> str:

@@ -1,7 +1,7 @@
 """CT-like phantoms whose true surface is known.
 
-An organ is the zero set of a smooth field (`cccd.volumes.shapes`), varied by the seed. The scan of it
-has the grid of a LiTS volume, partial volume through the thick slices, the scanner's blur and noise, and
+An organ is the zero set of a smooth function (`cccd.volumes.implicit_solids`), varied by the seed. Its
+scan has the grid of a LiTS volume, partial volume through the thick slices, the scanner's blur and noise, and
 the neighbours that a CT shows around the organ. The mask holds the voxels whose centres lie inside.
 """
 
@@ -18,15 +18,15 @@ from scipy.spatial.transform import Rotation
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.settings import PhantomSettings, nearest
-from cccd.volumes.shapes import (
-    Field,
+from cccd.volumes.implicit_solids import (
+    ImplicitFunction,
     capsule,
     ellipsoid,
-    enlarge,
     half_space,
+    interpolate_lattice,
     intersection,
-    mesh_field,
-    sample_field,
+    mesh_zero_set,
+    sample_lattice,
     subtraction,
     torus,
     union,
@@ -42,36 +42,40 @@ _MATRIX, _SUBSLICES = 512, 5
 _AIR, _LUNG, _FAT, _MUSCLE, _LIVER, _BLOOD, _BONE = -1000.0, -850.0, -95.0, 50.0, 105.0, 155.0, 380.0
 
 
+#: What fills a solid, and its attenuation in HU.
+Tissue = tuple[ImplicitFunction, float]
+
+
 @dataclass(frozen=True)
 class Anatomy:
     """What is scanned: the organ, and its neighbours in the order in which they cover each other.
 
     Attributes
     ----------
-    organ : Field
-        The organ's surface.
-    low, high : (3,) float
+    organ : ImplicitFunction
+        The organ.
+    bbox_min, bbox_max : (3,) float
         A box around the organ, mm.
     mesh_step : float
         Edge of the cubes that triangulate the organ, mm.
     hu : float
         The organ's attenuation.
-    around : list of (Field, float)
-        Neighbours and their HU, the hindmost first.
-    within : list of (Field, float)
-        Vessels inside the organ and their HU.
+    around : list of Tissue
+        Neighbours; the later cover the earlier.
+    within : list of Tissue
+        Vessels inside the organ.
     """
 
-    organ: Field
-    low: np.ndarray
-    high: np.ndarray
+    organ: ImplicitFunction
+    bbox_min: np.ndarray
+    bbox_max: np.ndarray
     mesh_step: float
     hu: float
-    around: list[tuple[Field, float]]
-    within: list[tuple[Field, float]]
+    around: list[Tissue]
+    within: list[Tissue]
 
 
-def _ribs(cage: Field) -> Field:
+def _ribs(cage: ImplicitFunction) -> ImplicitFunction:
     """Twelve oblique bars in the shell around ``cage``, 24 mm apart."""
 
     def field(points: np.ndarray) -> np.ndarray:
@@ -82,8 +86,8 @@ def _ribs(cage: Field) -> Field:
     return field
 
 
-def _trunk(width: float, depth: float) -> list[tuple[Field, float]]:
-    """Skin, fat, muscle, ribs and spine."""
+def _trunk(width: float, depth: float) -> list[Tissue]:
+    """Skin, fat, muscle, ribs and spine of a trunk with semi-axes ``width`` and ``depth`` mm."""
     cage = ellipsoid((0, 5, 0), (width, depth, 900))
     skin = ellipsoid((0, 0, 0), (width + 32, depth + 30, 1200))
     vertebra = union(
@@ -106,8 +110,8 @@ def _trunk(width: float, depth: float) -> list[tuple[Field, float]]:
     ]
 
 
-def _tree(rng: np.random.Generator, root: np.ndarray, tips: np.ndarray, radius: float) -> Field:
-    """Vessels: from a root over a common stem to each tip, tapering at every fork."""
+def _tree(rng: np.random.Generator, root: np.ndarray, tips: np.ndarray, radius: float) -> ImplicitFunction:
+    """Vessels from ``root`` (3,) mm over a common stem to each of ``tips`` (n, 3), thinner after a fork."""
     stem = root + 0.35 * (tips.mean(axis=0) - root)
     pieces = [capsule(root, stem, radius)]
     for tip in tips:
@@ -117,16 +121,11 @@ def _tree(rng: np.random.Generator, root: np.ndarray, tips: np.ndarray, radius: 
 
 
 def _liver(rng: np.random.Generator) -> Anatomy:
-    around = _trunk(142, 90)
     size = rng.normal(1, 0.04, (2, 3))
     shift = rng.normal(0, 3, (2, 3))
     lean = Rotation.from_rotvec([0, np.deg2rad(rng.normal(-14, 3)), 0]).as_matrix()
     right = ellipsoid(np.array((70, 0, 0)) + shift[0], np.array((70, 80, 84)) * size[0])
     left = ellipsoid(np.array((-22, 36, 30)) + shift[1], np.array((76, 40, 33)) * size[1], lean)
-    gallbladder = ellipsoid(np.array((44, 36, -58)) + shift[0], (13, 22, 24))
-    kidney = ellipsoid((64, -58, -62), (27, 25, 50))
-    vena_cava = capsule((22, -46, -300), (22, -42, 300), 12)
-    aorta = capsule((-12, -52, -300), (-10, -52, 300), 10)
     body = intersection(union(right, left, radius=26), ellipsoid((0, 5, 0), (137, 85, 600)), radius=8)
     organ = subtraction(
         body,
@@ -144,6 +143,16 @@ def _liver(rng: np.random.Generator) -> Anatomy:
     hepatic = _tree(
         rng, np.array((22.0, -40, 58)), np.array([(75.0, 10, 35), (20, 50, 40), (95, -40, 45)]), 5.5
     )
+    gallbladder = ellipsoid(np.array((44, 36, -58)) + shift[0], (13, 22, 24))
+    around = _trunk(142, 90) + _liver_neighbours(gallbladder)
+    within = [(portal, _BLOOD), (hepatic, _BLOOD)]
+    return Anatomy(
+        organ, np.array((-120, -100, -110)), np.array((160, 105, 115)), 2.0, _LIVER, around, within
+    )
+
+
+def _liver_neighbours(gallbladder: ImplicitFunction) -> list[Tissue]:
+    """Organs of the upper abdomen, the lower lungs and the heart."""
     stomach = ellipsoid((-62, 18, 5), (46, 36, 58))
     lungs = subtraction(
         intersection(ellipsoid((0, 5, 0), (139, 87, 900)), half_space((0, 0, 12), (0, 0, -1))),
@@ -153,29 +162,24 @@ def _liver(rng: np.random.Generator) -> Anatomy:
     spleen = subtraction(
         ellipsoid((-98, -42, 8), (30, 40, 52)), ellipsoid((-58, -20, 5), (36, 36, 60)), radius=5
     )
-    around += [
+    return [
         (lungs, _LUNG),
         (ellipsoid((-20, 30, 120), (58, 44, 58)), 120.0),  # heart
         (spleen, 115.0),
-        (ellipsoid((-66, -58, -52), (27, 24, 50)), 165.0),
-        (kidney, 165.0),
+        (ellipsoid((-66, -58, -52), (27, 24, 50)), 165.0),  # kidney
+        (ellipsoid((64, -58, -62), (27, 25, 50)), 165.0),  # the other kidney
         (ellipsoid((64, -54, -62), (11, 12, 26)), _FAT),
         (ellipsoid((-5, 8, -45), (60, 16, 14)), 85.0),  # pancreas
         (stomach, 35.0),
         (intersection(stomach, half_space((0, 34, 0), (0, -1, 0))), _AIR),
         (gallbladder, 12.0),
         (ellipsoid((0, 20, -95), (95, 40, 26)), 30.0),  # bowel
-        (aorta, 190.0),
-        (vena_cava, _BLOOD),
+        (capsule((-12, -52, -300), (-10, -52, 300), 10), 190.0),  # aorta
+        (capsule((22, -46, -300), (22, -42, 300), 12), _BLOOD),  # vena cava
     ]
-    within = [(portal, _BLOOD), (hepatic, _BLOOD)]
-    return Anatomy(
-        organ, np.array((-120, -100, -110)), np.array((160, 105, 115)), 2.0, _LIVER, around, within
-    )
 
 
 def _lungs(rng: np.random.Generator) -> Anatomy:
-    around = _trunk(138, 94)
     size = rng.normal(1, 0.03, (2, 3))
     shift = rng.normal(0, 2.5, (2, 3))
     wall = ellipsoid((0, 2, -20), (134, 90, 260))
@@ -190,47 +194,57 @@ def _lungs(rng: np.random.Generator) -> Anatomy:
     )
     mediastinum = ellipsoid((0, 30, 0), (30, 84, 170))
     spine = capsule((0, -84, -300), (0, -84, 300), 30)
-    aorta = capsule((-22, -52, -300), (-20, -52, 40), 12)
     sides = []
-    for side, centre, radii, tilt in (
-        (0, (72, -6, -6), (64, 88, 136), 0.75),
-        (1, (-74, -8, -8), (60, 86, 132), 0.9),
+    for side, sign, centre, radii, tilt in (
+        (0, 1, (72, -6, -6), (64, 88, 136), 0.75),
+        (1, -1, (-74, -8, -8), (60, 86, 132), 0.9),
     ):
-        sign = 1 if side == 0 else -1
         body = intersection(
             ellipsoid(np.array(centre) + shift[side], np.array(radii) * size[side]), wall, radius=10
         )
         hilum = np.array((sign * 42.0, -8, 0)) + shift[side]
-        # the oblique fissure parts the lobes everywhere but around the hilum, where they hang together
-        normal = np.array((0.0, tilt, 1.0)) / np.hypot(tilt, 1)
-        middle = hilum + np.array((0, 10, -12))
-
-        def fissure(points, middle=middle, normal=normal):
-            x, y, z = points
-            height = (y - middle[1]) * normal[1] + (z - middle[2]) * normal[2]
-            return np.abs(height + 2.5 * np.sin(x / 18)) - 1.9
-
+        # the oblique fissure separates the lobes everywhere but around the hilum
         root = ellipsoid(hilum + np.array((sign * 6, 0, 0)), (52, 40, 36))
+        fissure = subtraction(_fissure(hilum + np.array((0, 10, -12)), tilt), root, radius=1)
         body = subtraction(body, mediastinum, spine, heart, domes[side], radius=9)
         body = subtraction(body, ellipsoid(hilum - np.array((sign * 22, 0, 0)), (24, 20, 28)), radius=8)
-        sides.append(subtraction(body, subtraction(fissure, root, radius=1), radius=2))
+        sides.append(subtraction(body, fissure, radius=2))
     organ = warped(union(*sides), rng, 1.5, 100)
-    vessels = []
+    within = []
     for sign in (1, -1):
         tips = np.column_stack(
             [sign * rng.uniform(55, 115, 12), rng.uniform(-65, 55, 12), rng.uniform(-70, 95, 12)]
         )
-        vessels.append(_tree(rng, np.array((sign * 30.0, -8, 0)), tips, 7))
-    chest = ellipsoid((0, 5, 0), (130, 88, 900))
-    around += [
-        (chest, 45.0),
+        within.append((_tree(rng, np.array((sign * 30.0, -8, 0)), tips, 7), 20.0))
+    around = _trunk(138, 94) + _lung_neighbours(mediastinum, heart, domes)
+    return Anatomy(organ, np.array((-150, -110, -160)), np.array((150, 110, 145)), 2.0, _LUNG, around, within)
+
+
+def _fissure(middle: np.ndarray, tilt: float) -> ImplicitFunction:
+    """Wavy sheet 3.8 mm thick through ``middle`` (3,) mm, rising against the second axis by ``tilt``."""
+    normal = np.array((0.0, tilt, 1.0)) / np.hypot(tilt, 1)
+
+    def distance(points: np.ndarray) -> np.ndarray:
+        x, y, z = points
+        height = (y - middle[1]) * normal[1] + (z - middle[2]) * normal[2]
+        return np.abs(height + 2.5 * np.sin(x / 18)) - 1.9
+
+    return distance
+
+
+def _lung_neighbours(
+    mediastinum: ImplicitFunction, heart: ImplicitFunction, domes: list[ImplicitFunction]
+) -> list[Tissue]:
+    """Chest wall, heart and great vessels, airways, and what lies under the domes of the diaphragm."""
+    return [
+        (ellipsoid((0, 5, 0), (130, 88, 900)), 45.0),  # chest wall
         (mediastinum, 40.0),
         (ellipsoid((0, 62, 40), (16, 16, 70)), _FAT),
         (heart, 130.0),
         (domes[0], _LIVER),
         (domes[1], 70.0),
         (capsule((0, -52, -110), (0, -38, 150), 7), 30.0),  # oesophagus
-        (aorta, 200.0),
+        (capsule((-22, -52, -300), (-20, -52, 40), 12), 200.0),  # aorta
         (torus((-5, -20, 40), 30, 12, 0), 200.0),  # arch
         (capsule((14, 15, 0), (16, 12, 140), 10), 180.0),  # superior vena cava
         (capsule((0, -22, 15), (0, -20, 300), 9), _AIR),  # trachea and main bronchi
@@ -239,21 +253,21 @@ def _lungs(rng: np.random.Generator) -> Anatomy:
         (capsule((0, -86, -900), (0, -86, 900), 20), 220.0),
         (ellipsoid((0, -108, 0), (9, 8, 900)), 20.0),
     ]
-    within = [(vessel, 20.0) for vessel in vessels]
-    return Anatomy(organ, np.array((-150, -110, -160)), np.array((150, 110, 145)), 2.0, _LUNG, around, within)
 
 
 def _kidney(rng: np.random.Generator) -> Anatomy:
-    turn = Rotation.from_rotvec(np.deg2rad(rng.normal((0, 12, 20), 3))).as_matrix()
+    rotation = Rotation.from_rotvec(np.deg2rad(rng.normal((0, 12, 20), 3))).as_matrix()
     radii = np.array((27, 24, 54)) * rng.normal(1, 0.04, 3)
-    organ = subtraction(ellipsoid((0, 0, 0), radii, turn), ellipsoid((-26, 4, 0), (22, 13, 20)), radius=6)
+    organ = subtraction(ellipsoid((0, 0, 0), radii, rotation), ellipsoid((-26, 4, 0), (22, 13, 20)), radius=6)
     organ = warped(organ, rng, 0.8, 60)
     around = [(ellipsoid((0, 0, 0), (70, 70, 90)), _FAT), (ellipsoid((-45, -30, 0), (28, 24, 300)), _MUSCLE)]
     return Anatomy(organ, np.full(3, -75.0), np.full(3, 75.0), 1.0, 165.0, around, [])
 
 
-def _simple(shape: Callable[[np.random.Generator], Field]) -> Callable[[np.random.Generator], Anatomy]:
-    """Wrap a small shape around the origin, in fat."""
+def _simple(
+    shape: Callable[[np.random.Generator], ImplicitFunction],
+) -> Callable[[np.random.Generator], Anatomy]:
+    """Anatomy of a small solid around the origin, in fat."""
 
     def anatomy(rng: np.random.Generator) -> Anatomy:
         fat = ellipsoid((0, 0, 0), (90, 90, 90))
@@ -262,23 +276,23 @@ def _simple(shape: Callable[[np.random.Generator], Field]) -> Callable[[np.rando
     return anatomy
 
 
-def _sphere(rng: np.random.Generator) -> Field:
+def _sphere(rng: np.random.Generator) -> ImplicitFunction:
     return ellipsoid(rng.uniform(-1, 1, 3), np.full(3, rng.uniform(18, 22)))
 
 
-def _torus(rng: np.random.Generator) -> Field:
-    """Upright, so that its slices go from one contour to two and back."""
+def _torus(rng: np.random.Generator) -> ImplicitFunction:
+    """Torus around the first axis: along the slices one contour becomes two and one again."""
     return torus(rng.uniform(-1, 1, 3), rng.uniform(27, 30), rng.uniform(11, 13), axis=0)
 
 
-def _two_spheres(rng: np.random.Generator) -> Field:
+def _two_spheres(rng: np.random.Generator) -> ImplicitFunction:
     shift = rng.uniform(-1, 1, (2, 3))
     return union(
         ellipsoid(shift[0] + (26, 0, 0), (18, 18, 18)), ellipsoid(shift[1] - (26, 0, 5), (14, 14, 14))
     )
 
 
-def _shell(rng: np.random.Generator) -> Field:
+def _shell(rng: np.random.Generator) -> ImplicitFunction:
     centre = rng.uniform(-1, 1, 3)
     return subtraction(ellipsoid(centre, (26, 26, 26)), ellipsoid(centre, (13, 13, 13)))
 
@@ -296,16 +310,25 @@ ORGANS: dict[str, Callable[[np.random.Generator], Anatomy]] = {
 
 
 def _generator(seed: int, case: str, organ: str) -> np.random.Generator:
-    """Give every case and organ its own stream, the same on every machine."""
+    """Random numbers of a case and organ, the same on every machine."""
     words = np.frombuffer(hashlib.sha256(f"{case}/{organ}".encode()).digest(), "<u4")
     return np.random.default_rng([seed, *words.tolist()])
 
 
-def _cover(image: np.ndarray, field: Field, hu: float, origin: np.ndarray, step: np.ndarray) -> None:
-    """Paint a neighbour over the image in place, with an edge one pixel wide."""
-    values = sample_field(field, origin, step, image.shape, exact=False)
-    share = np.clip(0.5 - values / abs(step[0]), 0, 1)
-    image += share * (np.float32(hu) - image)
+def _paint(
+    background: float,
+    tissues: list[Tissue],
+    origin: np.ndarray,
+    step: np.ndarray,
+    shape: np.ndarray,
+) -> np.ndarray:
+    """HU (shape) of tissues that cover one another in their order, each with an edge one pixel wide."""
+    image = np.full(shape, background, np.float32)
+    for solid, hu in tissues:
+        values = sample_lattice(solid, origin, step, shape, exact=False)
+        share = np.clip(0.5 - values / abs(step[0]), 0, 1)
+        image += share * (np.float32(hu) - image)
+    return image
 
 
 def _scan(
@@ -316,26 +339,23 @@ def _scan(
     origin = frame.affine[:3, 3] + step * first
     fine_step = np.array([step[0], step[1], step[2] / _SUBSLICES])
     fine_origin = origin - np.array([0, 0, step[2] * (_SUBSLICES - 1) / (2 * _SUBSLICES)])
-    fine_shape = shape * (1, 1, _SUBSLICES)
-    values = sample_field(anatomy.organ, fine_origin, fine_step, fine_shape)
+    fine_shape = shape * np.array([1, 1, _SUBSLICES])
+    values = sample_lattice(anatomy.organ, fine_origin, fine_step, fine_shape)
     mask = values[:, :, _SUBSLICES // 2 :: _SUBSLICES] < 0
     share = np.clip(0.5 - values / abs(step[0]), 0, 1)
     share = share.reshape(*shape, _SUBSLICES).mean(-1, dtype=np.float32)
     # what surrounds the organ carries no ground truth: every other pixel is enough
     half = np.array([2, 2, 1])
     rough_shape = -(-shape // half)
-    around = np.full(rough_shape, _AIR, np.float32)
-    for field, hu in anatomy.around:
-        _cover(around, field, hu, origin, step * half)
-    within = np.full(rough_shape, anatomy.hu, np.float32)
-    for field, hu in anatomy.within:
-        _cover(within, field, hu, origin, step * half)
-    around, within = (enlarge(image, half, shape) for image in (around, within))
+    around, within = (
+        interpolate_lattice(_paint(hu, tissues, origin, step * half, rough_shape), half, shape)
+        for hu, tissues in ((_AIR, anatomy.around), (anatomy.hu, anatomy.within))
+    )
     return around + share * (within - around), mask
 
 
 def _noise(rng: np.random.Generator, shape: np.ndarray, hu: float) -> np.ndarray:
-    """Give CT noise of standard deviation ``hu``: grainy in the slice, independent between slices."""
+    """CT noise of standard deviation ``hu``: grainy in the slice, independent between slices."""
     grain = ndimage.gaussian_filter(rng.standard_normal(tuple(shape), dtype=np.float32), (0.7, 0.7, 0))
     return grain * np.float32(hu / max(grain.std(), 1e-6))
 
@@ -358,7 +378,7 @@ def make_phantom(
     settings : PhantomSettings
         How it is scanned.
     seed : int
-        With ``case`` and ``organ`` it decides everything random.
+        With ``case`` and ``organ`` it determines everything random.
     margin_voxels : int
         Voxels left around the organ.
     location : str
@@ -367,7 +387,7 @@ def make_phantom(
     Returns
     -------
     Structure
-        With image, mask and truth. Index a runs to the left, b to the back, c to the head.
+        With image (HU), mask and truth (mm, RAS). Indices run to the left, the back and the head.
 
     Raises
     ------
@@ -380,15 +400,15 @@ def make_phantom(
     anatomy = ORGANS[organ](rng)
     spacing = np.asarray(settings.spacing_mm)
     step = spacing * (-1, -1, 1)
-    slices = int(np.ceil((anatomy.high[2] - anatomy.low[2]) / spacing[2])) + 2 * margin_voxels
+    slices = int(np.ceil((anatomy.bbox_max[2] - anatomy.bbox_min[2]) / spacing[2])) + 2 * margin_voxels
     shape = np.array([_MATRIX, _MATRIX, slices])
-    middle = np.array([0.0, 0.0, (anatomy.low[2] + anatomy.high[2]) / 2])
+    middle = np.array([0.0, 0.0, (anatomy.bbox_min[2] + anatomy.bbox_max[2]) / 2])
     affine = np.diag([*step, 1.0])
     # a random part of a voxel, so that nothing is aligned with the grid
     affine[:3, 3] = middle - step * ((shape - 1) / 2 + rng.uniform(-0.5, 0.5, 3))
     frame = Frame(affine, 2, (_MATRIX, _MATRIX, slices))
 
-    vertices, faces = mesh_field(anatomy.organ, anatomy.low, anatomy.high, anatomy.mesh_step)
+    vertices, faces = mesh_zero_set(anatomy.organ, anatomy.bbox_min, anatomy.bbox_max, anatomy.mesh_step)
     index = (vertices - affine[:3, 3]) / step
     first = np.floor(index.min(axis=0)).astype(int) - margin_voxels
     last = np.ceil(index.max(axis=0)).astype(int) + margin_voxels

@@ -8,7 +8,15 @@ from scans import affine_of, full, row, settings, write_itk, write_nifti
 
 from cccd.errors import InputError
 from cccd.volumes import load_structure
-from cccd.volumes.grid import Volume, check_affine, crop, find_slice_axis, on_grid, resample, same_grid
+from cccd.volumes.grid import (
+    Volume,
+    check_affine,
+    crop,
+    find_slice_axis,
+    interpolate_on_grid,
+    on_grid,
+    same_grid,
+)
 
 CENTRE, RADIUS = np.array((-5.0, 30.0, 40.0)), 15.0
 
@@ -106,7 +114,7 @@ def test_resample_is_exact_for_linear_fields():
     source, target = affine_of(turn=(10, 20, 30)), affine_of(spacing=(1, 1, 1), turn=(10, 20, 30))
     index = np.stack(np.indices((10, 10, 10)), -1)
     field = (index @ source[:3, :3].T + source[:3, 3]) @ (1.0, -2.0, 0.5)
-    moved = resample(Volume(field, source, "x"), target, (8, 8, 8), order=1)
+    moved = interpolate_on_grid(Volume(field, source, "x"), target, (8, 8, 8), order=1)
     expected = (np.stack(np.indices((8, 8, 8)), -1) @ target[:3, :3].T + target[:3, 3]) @ (1.0, -2.0, 0.5)
     np.testing.assert_allclose(moved.data, expected, atol=1e-9)
 

@@ -10,18 +10,18 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.tolerances import PROJECTION_MM
 from cccd.volumes import load_structure
-from cccd.volumes.phantoms import ORGANS
-from cccd.volumes.shapes import (
+from cccd.volumes.implicit_solids import (
     capsule,
     ellipsoid,
     half_space,
     intersection,
-    mesh_field,
-    sample_field,
+    mesh_zero_set,
+    sample_lattice,
     subtraction,
     torus,
     union,
 )
+from cccd.volumes.phantoms import ORGANS
 
 COARSE = {"spacing_mm": [2.0, 2.0, 6.0], "blur_mm": 0.7, "noise_hu": 12.0}
 
@@ -133,7 +133,7 @@ def test_boolean_operations_agree_with_logic():
 def test_sampling_is_exact_at_the_surface():
     field = union(ellipsoid((0, 0, 0), (12, 9, 15)), ellipsoid((15, 0, 0), (8, 8, 8)), radius=5)
     origin, step, shape = np.full(3, -25.0), np.array((0.7, 0.7, 1.1)), (70, 70, 50)
-    values = sample_field(field, origin, step, shape)
+    values = sample_lattice(field, origin, step, shape)
     exact = field(origin.reshape(3, 1, 1, 1) + step.reshape(3, 1, 1, 1) * np.indices(shape))
     clear = np.abs(exact) > 1e-4
     np.testing.assert_array_equal((values < 0)[clear], (exact < 0)[clear])
@@ -143,7 +143,7 @@ def test_sampling_is_exact_at_the_surface():
 
 def test_mesh_lies_on_the_zero_set():
     field = ellipsoid((1, -2, 3), (15, 15, 15))
-    vertices, faces = mesh_field(field, np.full(3, -20.0), np.full(3, 22.0), 2.0)
+    vertices, faces = mesh_zero_set(field, np.full(3, -20.0), np.full(3, 22.0), 2.0)
     assert np.abs(field(vertices.T)).max() < PROJECTION_MM
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     assert mesh.is_watertight
