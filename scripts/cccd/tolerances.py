@@ -41,17 +41,21 @@ CONTOUR_AREA = 1e-3
 #: Contours nearer than this along the normal lie in one plane (coordinates are written with few digits).
 SAME_PLANE_MM = 0.01
 
-#: A pixel boundary's staircase is smoothed over this many fitting tolerances (and no more than the
-#: pixels below) to make the reference of the automatic fit.
-STAIRCASE_TOLERANCES = 3.0
-STAIRCASE_PX = 1.5
+#: Weight of a control polygon's bending against the data's; it only decides what the data leave open.
+RIDGE = 1e-7
 
-#: A corner is sharp when straight arms of this length meet in it ...
-SHARP_ARM_PX = 6
-#: ... that deviate from straight by no more than the digitisation of a straight line ...
-SHARP_STRAIGHT_PX = 0.5
-#: ... and turn by at least this angle in degrees.
-SHARP_TURN_DEG = 60.0
+#: Samples of a curve to be fitted lie at least this far apart.
+LEAST_SPACING_PX = 0.1
+
+#: Spans between a curve's knots that are shorter than this are not halved.
+LEAST_SPAN_PX = 0.05
+
+#: Samples per pixel, and per span at least, at which a spline is checked for crossings ...
+CHECKED_PER_PIXEL = 3.0
+CHECKED_PER_SPAN = 12
+#: ... and where these turn by more than this (radians), the gaps beside are quartered, so many times.
+CHECKED_TURN = 0.5
+CHECKED_CLOSER = 3
 
 #: Values of a floating-point label map may differ by this from whole numbers.
 LABEL_VALUE = 1e-3

@@ -28,9 +28,10 @@ from cccd.curves import describe_curves, fit_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import distances
 from cccd.geometry.arrays import concatenate_ragged
+from cccd.settings import CurveSettings
 from cccd.tracing import trace_stack
 
-SETTINGS = {"method": "auto", "tolerance_px": 0.5, "max_control_points": None, "k": 7, "criterion": "max"}
+SETTINGS = CurveSettings()
 SIZES = (250, 500, 1000, 2000, 4000)
 BATCH = 32
 

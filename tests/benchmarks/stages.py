@@ -22,7 +22,7 @@ from cccd.junctions.corruptions import corrupt
 from cccd.junctions.data import label_maps
 from cccd.junctions.loss import total_loss
 from cccd.junctions.synthetic_maps import draw_map
-from cccd.settings import BoundarySettings, LossSettings, NetworkSettings
+from cccd.settings import BoundarySettings, CurveSettings, LossSettings, NetworkSettings
 from cccd.surface import loft_surface, measure_surface
 from cccd.tracing import trace_mask
 
@@ -72,9 +72,10 @@ def network(slices: int, settings: dict) -> Methods:
 def curves(slices: int, settings: dict) -> Methods:
     """Chain codes, corners and closed splines, beside a smoothing spline of every curve."""
     traced = trace_mask(make_organ(slices))
-    paper = settings["curves"] | {"method": "corners"}
+    few = CurveSettings(**settings["curves"])
+    paper = few.model_copy(update={"method": "corners"})
     # splprep bounds the sum of squares: the tolerance that ours has at every point
-    allowed = settings["curves"]["tolerance_px"] ** 2
+    allowed = few.tolerance_px**2
 
     def smooth() -> None:
         for points in traced:
@@ -82,7 +83,7 @@ def curves(slices: int, settings: dict) -> Methods:
             splprep(closed.T, s=allowed * len(points), per=True)
 
     return {
-        "few knots (default)": lambda: describe_curves(traced, settings["curves"]),
+        "few knots (default)": lambda: describe_curves(traced, few),
         "corners as control points": lambda: describe_curves(traced, paper),
         "splprep": smooth,
     }
@@ -107,7 +108,7 @@ def pipeline(slices: int, settings: dict) -> Methods:
     def reconstruct(ordering: str) -> None:
         boundaries = extract_boundaries(organ, BoundarySettings(**settings["boundaries"]))
         ordered, _ = order_structure(organ, boundaries, model, ordering)
-        describe_curves(ordered, settings["curves"])
+        describe_curves(ordered, CurveSettings(**settings["curves"]))
         measure_surface(loft_surface(ordered, settings["surface"]), organ)
 
     return {

@@ -12,7 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from cccd.geometry.arrays import predecessors, successors
-from cccd.tolerances import ROUNDING, SHARP_ARM_PX, SHARP_STRAIGHT_PX, SHARP_TURN_DEG
+from cccd.settings.curves import SharpCornerSettings
+from cccd.tolerances import ROUNDING
 
 __all__ = [
     "CRITERIA",
@@ -236,26 +237,26 @@ def cheng_hsu(
 # Sharp corners of the shape itself --------------------------------------------------------------------
 
 
-def sharp_corners(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+def sharp_corners(points: np.ndarray, offsets: np.ndarray, settings: SharpCornerSettings) -> np.ndarray:
     """Points (P,) bool where two straight arms meet at an angle: corners that a spline should keep.
 
-    Arms are `SHARP_ARM_PX` links long and straight within the digitisation; they turn by at least
-    `SHARP_TURN_DEG`. A round outline passes only where its radius is below the arms' length.
+    Arms of ``arm_px`` links are straight within ``straight_px`` and turn by ``turn_deg`` at least. A round
+    outline passes only where its radius is below the arms' length.
     """
     ring = Ring(offsets)
-    backward, straight_behind = _arm(points, ring, -1)
-    forward, straight_ahead = _arm(points, ring, 1)
+    backward, straight_behind = _arm(points, ring, -settings.arm_px, settings.straight_px)
+    forward, straight_ahead = _arm(points, ring, settings.arm_px, settings.straight_px)
     cosine = np.clip(-(forward * backward).sum(axis=1), -1, 1)
     turn = np.round(np.degrees(np.arccos(cosine)), 9)
-    reach = np.full(len(points), SHARP_ARM_PX)
-    fits = straight_behind & straight_ahead & (ring.size >= 4 * SHARP_ARM_PX)
+    reach = np.full(len(points), settings.arm_px)
+    fits = straight_behind & straight_ahead & (ring.size >= 4 * settings.arm_px)
     turn = np.where(fits, turn, 0)
-    return local_extrema(turn, reach, ring) & (turn >= SHARP_TURN_DEG)
+    return local_extrema(turn, reach, ring) & (turn >= settings.turn_deg)
 
 
-def _arm(points: np.ndarray, ring: Ring, sense: int) -> tuple[np.ndarray, np.ndarray]:
+def _arm(points: np.ndarray, ring: Ring, links: int, straight_px: float) -> tuple[np.ndarray, np.ndarray]:
     """Direction (P, 2) of the line through an arm's points, outwards, and whether they lie straight."""
-    shifts = [ring.at(sense * step) for step in range(SHARP_ARM_PX + 1)]
+    shifts = [ring.at(int(np.sign(links)) * step) for step in range(abs(links) + 1)]
     centre = sum(points[shift] for shift in shifts) / len(shifts)
     xx, xy, yy = np.zeros((3, len(points)))
     for shift in shifts:
@@ -269,7 +270,7 @@ def _arm(points: np.ndarray, ring: Ring, sense: int) -> tuple[np.ndarray, np.nda
     deviation = np.zeros(len(points))
     for shift in shifts:
         deviation = np.maximum(deviation, np.abs(((points[shift] - centre) * normal).sum(axis=1)))
-    return direction, deviation <= SHARP_STRAIGHT_PX
+    return direction, deviation <= straight_px
 
 
 def _directions(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from cccd.chaincode import chain_codes, on_pixel_chain
@@ -12,22 +9,20 @@ from cccd.containers import Curves, Splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines, fit_curves
 from cccd.geometry.arrays import offsets_of, sum_per_part
+from cccd.settings import CurveSettings
 
 __all__ = ["describe_curves"]
 
 
 def describe_curves(
-    curves: Curves, settings: Mapping[str, Any]
+    curves: Curves, settings: CurveSettings
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], Splines, dict]:
     """Chain codes, corners and splines of every curve.
 
     Parameters
     ----------
     curves : Curves
-    settings : mapping
-        ``method``: ``"auto"`` fits splines within ``tolerance_px``, or with at most
-        ``max_control_points`` per curve (a share of its points below 1) when that is not None;
-        ``"corners"`` takes the corners as control points. ``k`` and ``criterion`` rule the corners.
+    settings : CurveSettings
 
     Returns
     -------
@@ -43,14 +38,14 @@ def describe_curves(
     """
     chained = bool(on_pixel_chain(curves.points, curves.offsets).all())
     codes = chain_codes(curves.points, curves.offsets) if chained else np.zeros(0, np.uint8)
-    corner = k_cosine_corners(curves.points, curves.offsets, settings["k"], settings["criterion"])
+    corner = k_cosine_corners(curves.points, curves.offsets, settings.k, settings.criterion)
     corner_offsets = offsets_of(sum_per_part(corner, curves.offsets).astype(np.int64))
-    if settings["method"] == "corners":
+    if settings.method == "corners":
         splines = corner_splines(curves, corner)
     else:
-        splines = fit_curves(curves, settings["tolerance_px"], settings["max_control_points"])
+        splines = fit_curves(curves, settings)
     report = {
-        "method": settings["method"],
+        "method": settings.method,
         "curves": len(curves),
         "points": len(curves.points),
         "corners": int(corner.sum()),

@@ -18,71 +18,44 @@ from cccd.curves.knots import FEWEST, fit_closed_spline
 from cccd.geometry.arrays import concatenate_ragged, offsets_of, ranks_of, sum_per_part
 from cccd.geometry.closed_splines import DEGREE, evaluate, sample_ragged
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.tolerances import STAIRCASE_PX, STAIRCASE_TOLERANCES
+from cccd.settings.curves import CurveSettings, FittingSettings
+from cccd.tolerances import CHECKED_CLOSER, CHECKED_PER_PIXEL, CHECKED_PER_SPAN, CHECKED_TURN
 
 __all__ = ["corner_splines", "fit_curves", "sample_splines", "uniform_knots"]
 
-#: Samples per pixel, and per span at least, at which a spline is checked for crossings.
-_CHECKED_PER_PIXEL = 3.0
-_CHECKED_PER_SPAN = 12
-
-#: Where the samples turn by more than this (radians), the gaps beside are quartered, so many times.
-_TURN, _CLOSER = 0.5, 3
-
-#: How a curve is fitted, and fitted again while it crosses itself or its neighbour: weight of the
-#: tangential distance (at 1 a fit folds less easily), share of the tolerance, multiple of the budget.
-_ATTEMPTS = (
-    (0.03, 1.0, 1.0),
-    (0.3, 1.0, 1.0),
-    (1.0, 1.0, 1.0),
-    (1.0, 0.7, 1.25),
-    (1.0, 0.5, 1.5),
-    (1.0, 0.25, 2.0),
-    (1.0, 0.1, 4.0),
-)
+#: What holds when nobody says otherwise.
+_DEFAULTS = CurveSettings()
 
 
-def fit_curves(curves: Curves, tolerance_px: float = 0.5, budget: int | float | None = None) -> Splines:
+def fit_curves(curves: Curves, settings: CurveSettings = _DEFAULTS) -> Splines:
     """Fit a closed cubic spline to every curve.
 
     Parameters
     ----------
     curves : Curves
         Ordered closed curves; pixel chains or any polygons.
-    tolerance_px : float
-        Largest distance in pixels between the curve and the reference (see the module): the fewest
-        control points that keep it are sought. Ignored when a budget is given.
-    budget : int or float, optional
-        Most control points per curve; below 1, as a share of the curve's points. Then each curve is the
-        best for that many, and never has more than half as many as points (at least 4).
+    settings : CurveSettings
+        ``tolerance_px`` is the largest distance between the curve and the reference (see the module): the
+        fewest control points that keep it are sought. With ``max_control_points`` each curve is the best
+        for that many, and never has more than half as many as points (at least 4).
 
     Returns
     -------
     Splines
         One per curve, none of which crosses itself, or another curve that its own does not touch. A fit
         that does is repeated more stiffly, then with more control points, to which a budget yields.
-
-    Raises
-    ------
-    ValueError
-        When the tolerance or the budget is not positive.
     """
-    if not tolerance_px > 0 or (budget is not None and not budget > 0):
-        raise ValueError("tolerance and budget must be positive")
     sizes = np.diff(curves.offsets)
-    sharp = sharp_corners(curves.points, curves.offsets)
-    if budget is None:
-        target = np.zeros(len(curves), np.int64)
-    else:
-        most = np.floor(budget * sizes) if budget < 1 else np.full(len(curves), budget)
-        target = np.clip(most, FEWEST, np.maximum(sizes // 2, FEWEST)).astype(np.int64)
+    sharp = sharp_corners(curves.points, curves.offsets, settings.fitting.sharp)
+    target = _budget(sizes, settings.max_control_points)
     apart = _pairs_apart(curves)
     wrong = np.ones(len(curves), bool)
     splines = None
-    for sliding, share, multiple in _ATTEMPTS:
+    for sliding, share, multiple in settings.fitting.attempts:
         wanted = np.floor(multiple * target[wrong]).astype(np.int64)
         own = sharp[np.repeat(wrong, sizes)]
-        fresh = _fit(_subset(curves, wrong), own, share * tolerance_px, wanted, sliding)
+        tolerance = share * settings.tolerance_px
+        fresh = _fit(_subset(curves, wrong), own, tolerance, wanted, sliding, settings.fitting)
         splines = fresh if splines is None else _replace(splines, wrong, fresh)
         wrong = _crossing(splines, apart)
         if not wrong.any():
@@ -90,16 +63,34 @@ def fit_curves(curves: Curves, tolerance_px: float = 0.5, budget: int | float | 
     return _replace(splines, wrong, _polygon_splines(_subset(curves, wrong)))
 
 
-def _fit(curves: Curves, sharp: np.ndarray, tolerance: float, target: np.ndarray, sliding: float) -> Splines:
-    length = curves.polygons.lengths
+def _budget(sizes: np.ndarray, most: float | None) -> np.ndarray:
+    """Control points (C,) wanted of curves of so many points; 0 where the tolerance decides."""
+    if most is None:
+        return np.zeros(len(sizes), np.int64)
+    wanted = np.floor(most * sizes) if most < 1 else np.full(len(sizes), most)
+    return np.clip(wanted, FEWEST, np.maximum(sizes // 2, FEWEST)).astype(np.int64)
+
+
+def _fit(
+    curves: Curves,
+    sharp: np.ndarray,
+    tolerance: float,
+    target: np.ndarray,
+    sliding: float,
+    settings: FittingSettings,
+) -> Splines:
+    steps = settings.reference
+    widest = min(steps.staircase_tolerances * tolerance, steps.staircase_px)
     # what is small keeps its shape: the filter must not reach round it
-    sigma = np.minimum(min(STAIRCASE_TOLERANCES * tolerance, STAIRCASE_PX), length / 24)
+    sigma = np.minimum(widest, curves.polygons.lengths / steps.widths_around)
     fits = []
     for polygon, begin, width, count in zip(curves, curves.offsets, sigma, target, strict=False):
         corners = sharp[begin : begin + len(polygon)]
         if 0 < count < 2 * DEGREE * np.count_nonzero(corners):  # corners would take most of the budget
             corners = np.zeros(len(polygon), bool)
-        fits.append(fit_closed_spline(polygon, corners, tolerance, 0.0 if count else width, count, sliding))
+        fits.append(
+            fit_closed_spline(polygon, corners, tolerance, 0.0 if count else width, count, sliding, settings)
+        )
     control, offsets = concatenate_ragged([fit[0] for fit in fits])
     return _splines(control, offsets, np.concatenate([np.zeros(0), *(fit[1] for fit in fits)]), curves)
 
@@ -201,11 +192,11 @@ def _line(control: np.ndarray, knots: np.ndarray) -> np.ndarray:
     """Points (N, 2) along a spline, ever closer where it turns: no fold is small between two of them."""
     u = _looks(knots)
     points = evaluate(knots, control, u)
-    for _ in range(_CLOSER):
+    for _ in range(CHECKED_CLOSER):
         step = np.roll(points, -1, axis=0) - points
         before = np.roll(step, 1, axis=0)
         across = before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0]
-        bent = np.abs(np.arctan2(across, (before * step).sum(axis=1))) > _TURN
+        bent = np.abs(np.arctan2(across, (before * step).sum(axis=1))) > CHECKED_TURN
         begin = np.flatnonzero(bent | np.roll(bent, -1))
         if not len(begin):
             break
@@ -222,7 +213,7 @@ def _looks(knots: np.ndarray) -> np.ndarray:
     looks close in on the repeated knot.
     """
     begin, length = knots[DEGREE : -DEGREE - 1], np.diff(knots[DEGREE:-DEGREE])
-    looks = np.where(length > 0, np.maximum(np.ceil(_CHECKED_PER_PIXEL * length), _CHECKED_PER_SPAN), 0)
+    looks = np.where(length > 0, np.maximum(np.ceil(CHECKED_PER_PIXEL * length), CHECKED_PER_SPAN), 0)
     looks = looks.astype(int)
     u = np.repeat(begin, looks) + ranks_of(looks) * np.repeat(length / np.maximum(looks, 1), looks)
     sharp = np.unique(begin[length == 0])

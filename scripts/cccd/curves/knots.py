@@ -24,55 +24,26 @@ from cccd.geometry.closed_splines import (
     value_at,
     values_of_basis,
 )
-from cccd.tolerances import STAIRCASE_PX
+from cccd.settings.curves import FittingSettings, KnotSettings
+from cccd.tolerances import LEAST_SPACING_PX, LEAST_SPAN_PX, RIDGE
 
 __all__ = ["FEWEST", "fit_closed_spline"]
 
 #: Control points a closed cubic spline needs.
 FEWEST = 4
 
-#: Control points to either side of a removed knot that its removal is taken to move.
+#: Control points to either side of a removed knot that its removal is taken to move. What a cubic spline
+#: feels of a change falls to 27 % from one control point to the next: to 0.04 % over six ...
 _REACH = 6
+
+#: ... and to 1e-9 over the rows by which the closed band is unrolled at either end: its factor settles.
+_RUN_IN = 16
 
 #: Spans to either side over which the removal's effect on the distances is summed.
 _NEAR = 4
 
-#: Rows by which the closed band is unrolled at either end, so that its factor settles.
-_RUN_IN = 16
-
-#: Share of the removable knots that may go in one round.
-_SHARE = 0.35
-
-#: Passes of removal within a tolerance: rounds of closer fitting each, and the share of the knots that
-#: may go at once.
-_PASSES = ((0, 0.25), (2, 0.1))
-
-#: Closer fits once fewer than this many times the wanted number of knots are left ...
-_FINE = 1.3
-
-#: ... and at most so many rounds of them at the end.
-_LAST = 6
-
-#: Rounds of reweighting, tried where the largest distance is at most so many tolerances.
-_LEVELLING = 3
-_WITHIN_LEVELLING = 1.4
-
-#: Rounds of reweighting by the inverse distance in pixels, and the least distance taken.
-_FLATTENING = 5
-_FLAT_PX = 0.08
-
-#: Up to so many knots, one more or less is a large share.
-_SMALL = 16
-
-#: Samples of the reference at least, and how many times finer it is filtered.
-_LEAST = 24
+#: How many times finer than its samples a curve is filtered.
 _FINER = 3
-
-#: Spans shorter than this, in pixels, are not halved.
-_LEAST_SPAN = 0.05
-
-#: Share of the tolerance that is kept at the samples, for between them a little more may be needed.
-_AT_SAMPLES = 0.97
 
 
 class _Fit(NamedTuple):
@@ -83,6 +54,15 @@ class _Fit(NamedTuple):
     control: np.ndarray  # (n, 2)
     parameters: np.ndarray  # (m,) of the points' foot points
     distance: np.ndarray  # (m,) from the points to the curve
+
+
+class _Task(NamedTuple):
+    """What is to be fitted, and how."""
+
+    points: np.ndarray  # (m, 2)
+    period: float  # length of the closed polygon through them
+    sliding: float  # weight of the tangential distance
+    settings: KnotSettings
 
 
 @jit
@@ -138,7 +118,7 @@ def _removal_costs(knots, control, points, parameters, kept):
     for s in range(count - 1, -1, -1):
         if begin[s] == total:
             begin[s] = begin[s + 1]
-    factor = _unrolled_factor(cyclic, 1e-7 * total / count)
+    factor = _unrolled_factor(cyclic, RIDGE * total / count)
 
     cost = np.full(count, np.inf)
     peak = np.full(count, np.inf)
@@ -206,31 +186,30 @@ def _unrolled_factor(cyclic, ridge):
     return factor
 
 
-def _fit(
-    breaks: np.ndarray,
-    period: float,
-    points: np.ndarray,
-    parameters: np.ndarray,
-    rounds: int,
-    sliding: float,
-) -> _Fit:
+def _fit(task: _Task, breaks: np.ndarray, parameters: np.ndarray, rounds: int) -> _Fit:
     """Least squares at the given parameters, then ``rounds`` of distance minimisation along normals."""
-    knots, parameters = extend_knots(breaks, period), parameters.copy()
-    control = least_squares(knots, len(breaks), points, parameters)
-    distance = project(knots, control, points, parameters, 2)
+    knots, parameters = extend_knots(breaks, task.period), parameters.copy()
+    control = least_squares(knots, len(breaks), task.points, parameters)
+    distance = project(knots, control, task.points, parameters, 2)
     fit = _Fit(breaks, knots, control, parameters, distance)
-    alike = np.ones(len(points))
+    alike = np.ones(len(task.points))
     for _ in range(rounds):
-        parameters = fit.parameters.copy()
-        control = tangent_least_squares(knots, fit.control, points, alike, parameters, sliding)
-        distance = project(knots, control, points, parameters, 3)
-        if not distance @ distance < fit.distance @ fit.distance:
+        closer = _reweighted(task, fit, alike)
+        if not closer.distance @ closer.distance < fit.distance @ fit.distance:
             break
-        fit = _Fit(breaks, knots, control, parameters, distance)
+        fit = closer
     return fit
 
 
-def _insert(fit: _Fit, kept: np.ndarray, period: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+def _reweighted(task: _Task, fit: _Fit, weights: np.ndarray) -> _Fit:
+    """One round of distance minimisation with weighted points."""
+    parameters = fit.parameters.copy()
+    control = tangent_least_squares(fit.knots, fit.control, task.points, weights, parameters, task.sliding)
+    distance = project(fit.knots, control, task.points, parameters, 3)
+    return _Fit(fit.breaks, fit.knots, control, parameters, distance)
+
+
+def _insert(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Halve every span that holds a point farther away than the tolerance and at least three points.
 
     Spans near zero stay: points that crowd there are a fit's failure, which more knots would not mend.
@@ -238,8 +217,8 @@ def _insert(fit: _Fit, kept: np.ndarray, period: float, tolerance: float) -> tup
     count = len(fit.breaks)
     span = np.searchsorted(fit.breaks, fit.parameters, side="right") - 1
     far = np.bincount(span, fit.distance > tolerance, count) > 0
-    ends = np.append(fit.breaks, fit.breaks[0] + period)
-    several = (np.bincount(span, minlength=count) >= 3) & (np.diff(ends) > _LEAST_SPAN)
+    ends = np.append(fit.breaks, fit.breaks[0] + task.period)
+    several = (np.bincount(span, minlength=count) >= 3) & (np.diff(ends) > LEAST_SPAN_PX)
     split = np.flatnonzero(far & several)
     middle = (ends[split] + ends[split + 1]) / 2
     return np.insert(fit.breaks, split + 1, middle), np.insert(kept, split + 1, False)
@@ -263,116 +242,113 @@ def _choose(cost, peak, most, limit):
     return gone
 
 
-def _within(
-    fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, tolerance: float, sliding: float
-) -> _Fit:
+def _cheapest(task: _Task, fit: _Fit, kept: np.ndarray, most: int, limit: float) -> np.ndarray:
+    """Knots (n,) bool whose removal costs least: at most ``most``, none that would leave the limit."""
+    cost, peak = _removal_costs(fit.knots, fit.control, task.points, fit.parameters, kept)
+    return _choose(cost, peak, most, limit)
+
+
+def _within(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _Fit:
     """Fewest knots whose spline keeps the tolerance: inserted where it does not, removed while it does."""
-    while fit.distance.max() > tolerance:
-        breaks, more_kept = _insert(fit, kept, period, tolerance)
-        if len(breaks) == len(fit.breaks) or len(breaks) > 2 * len(points):
-            break  # more knots than the points can hold tell nothing more
-        richer = _fit(breaks, period, points, fit.parameters, 0, sliding)
-        if not np.isfinite(richer.distance).all():
-            break
-        fit, kept = richer, more_kept
+    settings = task.settings
+    fit, kept = _enriched(task, fit, kept, tolerance)
     rich, rich_kept = fit, kept
-    for rounds, share in _PASSES:
+    for rounds, share in ((0, settings.removal_share), (settings.close_rounds, settings.close_removal_share)):
         most = len(fit.breaks)
         while len(fit.breaks) > FEWEST:
-            cost, peak = _removal_costs(fit.knots, fit.control, points, fit.parameters, kept)
             most = min(most, max(1, int(share * len(fit.breaks))), len(fit.breaks) - FEWEST)
-            gone = _choose(cost, peak, most, tolerance)
+            gone = _cheapest(task, fit, kept, most, tolerance)
             if not gone.any():
                 break
-            trial = _fit(fit.breaks[~gone], period, points, fit.parameters, rounds, sliding)
+            trial = _fit(task, fit.breaks[~gone], fit.parameters, rounds)
             if not trial.distance.max() <= tolerance:  # nan too
                 if most == 1:
                     break
                 most = max(1, most // 3)
                 continue
-            if len(fit.breaks) > 1.5 * _SMALL:
+            if len(fit.breaks) > 1.5 * settings.few:
                 rich, rich_kept = fit, kept
             fit, kept = trial, kept[~gone]
-    fit = _one_by_one(fit, points, period, kept, tolerance, sliding)
-    while FEWEST < len(fit.breaks) <= _SMALL:  # of few knots each counts: try again from more
-        trial = _with(rich, points, period, rich_kept, len(fit.breaks) - 1, sliding)
-        trial = _levelled(trial, points, tolerance, sliding)
+    fit = _one_by_one(task, fit, kept, tolerance)
+    while FEWEST < len(fit.breaks) <= settings.few:  # of few knots each counts: try again from more
+        trial = _levelled(task, _with(task, rich, rich_kept, len(fit.breaks) - 1), tolerance)
         if len(trial.breaks) >= len(fit.breaks) or not trial.distance.max() <= tolerance:
             break
         fit = trial
     return fit
 
 
-def _one_by_one(
-    fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, tolerance: float, sliding: float
-) -> _Fit:
+def _enriched(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> tuple[_Fit, np.ndarray]:
+    """Insert knots until the fit keeps the tolerance, or more would not help."""
+    while fit.distance.max() > tolerance:
+        breaks, more_kept = _insert(task, fit, kept, tolerance)
+        if len(breaks) == len(fit.breaks) or len(breaks) > 2 * len(task.points):
+            break  # more knots than the points can hold tell nothing more
+        richer = _fit(task, breaks, fit.parameters, 0)
+        if not np.isfinite(richer.distance).all():
+            break
+        fit, kept = richer, more_kept
+    return fit, kept
+
+
+def _one_by_one(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _Fit:
     """Remove the cheapest knots one by one, each fit as close and as level as can be."""
     current = fit
     while len(current.breaks) > FEWEST:
-        cost, peak = _removal_costs(current.knots, current.control, points, current.parameters, kept)
-        gone = _choose(cost, peak, 1, np.inf)
+        gone = _cheapest(task, current, kept, 1, np.inf)
         if not gone.any():
             break
         kept = kept[~gone]
-        current = _fit(current.breaks[~gone], period, points, current.parameters, 2, sliding)
-        level = _levelled(current, points, tolerance, sliding)
+        current = _fit(task, current.breaks[~gone], current.parameters, task.settings.close_rounds)
+        level = _levelled(task, current, tolerance)
         if level.distance.max() > tolerance:
             break
         fit = level
     return fit
 
 
-def _levelled(fit: _Fit, points: np.ndarray, tolerance: float, sliding: float) -> _Fit:
+def _levelled(task: _Task, fit: _Fit, tolerance: float) -> _Fit:
     """Bring the largest distance down by Lawson's reweighting where that may make it keep the tolerance."""
-    if not tolerance < fit.distance.max() <= _WITHIN_LEVELLING * tolerance:
+    settings = task.settings
+    if not tolerance < fit.distance.max() <= settings.levelling_reach * tolerance:
         return fit
-    weights, current = np.ones(len(points)), fit
-    for _ in range(_LEVELLING):
-        weights = np.clip(weights * current.distance / current.distance.mean(), 0.05, 20.0)
-        current = _reweighted(current, points, weights, sliding)
+    weights, current = np.ones(len(task.points)), fit
+    for _ in range(settings.levelling_rounds):
+        weights = np.clip(weights * current.distance / current.distance.mean(), *settings.levelling_weights)
+        current = _reweighted(task, current, weights)
         if current.distance.max() < fit.distance.max():
             fit = current
     return fit
 
 
-def _flattened(fit: _Fit, points: np.ndarray, sliding: float) -> _Fit:
+def _flattened(task: _Task, fit: _Fit) -> _Fit:
     """Bring the sum of distances down, which is the area between points and curve: what Dice counts."""
     current = fit
-    for _ in range(_FLATTENING):
-        weights = 1 / np.maximum(current.distance, _FLAT_PX)
-        current = _reweighted(current, points, weights / weights.mean(), sliding)
+    for _ in range(task.settings.flattening_rounds):
+        weights = 1 / np.maximum(current.distance, task.settings.flat_px)
+        current = _reweighted(task, current, weights / weights.mean())
         if not current.distance.sum() < fit.distance.sum():
             break
         fit = current
     return fit
 
 
-def _reweighted(fit: _Fit, points: np.ndarray, weights: np.ndarray, sliding: float) -> _Fit:
-    """One round of distance minimisation with weighted points."""
-    parameters = fit.parameters.copy()
-    control = tangent_least_squares(fit.knots, fit.control, points, weights, parameters, sliding)
-    distance = project(fit.knots, control, points, parameters, 3)
-    return _Fit(fit.breaks, fit.knots, control, parameters, distance)
-
-
-def _with(
-    fit: _Fit, points: np.ndarray, period: float, kept: np.ndarray, target: int, sliding: float
-) -> _Fit:
+def _with(task: _Task, fit: _Fit, kept: np.ndarray, target: int) -> _Fit:
     """Best spline with ``target`` knots: the cheapest go until so many are left."""
+    settings = task.settings
     while len(fit.breaks) > target:
         excess = len(fit.breaks) - target
-        cost, peak = _removal_costs(fit.knots, fit.control, points, fit.parameters, kept)
-        gone = _choose(cost, peak, max(1, int(_SHARE * excess)), np.inf)
+        gone = _cheapest(task, fit, kept, max(1, int(settings.budget_removal_share * excess)), np.inf)
         if not gone.any():
             break
         kept = kept[~gone]
-        near = np.count_nonzero(~gone) <= _FINE * target
-        fit = _fit(fit.breaks[~gone], period, points, fit.parameters, int(near), sliding)
-    return _fit(fit.breaks, period, points, fit.parameters, _LAST, sliding)
+        near = np.count_nonzero(~gone) <= settings.close_multiple * target
+        fit = _fit(task, fit.breaks[~gone], fit.parameters, int(near))
+    return _fit(task, fit.breaks, fit.parameters, settings.last_rounds)
 
 
 def reference(
-    polygon: np.ndarray, corners: np.ndarray, spacing: float, sigma: float
+    polygon: np.ndarray, corners: np.ndarray, spacing: float, sigma: float, fewest: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Sample a closed polygon, its staircase smoothed away, and mark its corners.
 
@@ -385,6 +361,8 @@ def reference(
     sigma : float
         Standard deviation in pixels of the filter ``2 g - g * g`` with a Gaussian g: it keeps area and
         curvature where a plain Gaussian would shrink them. Towards a corner it fades out.
+    fewest : int
+        Samples at least.
 
     Returns
     -------
@@ -401,7 +379,7 @@ def reference(
     link = np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1)
     position = np.concatenate([[0.0], np.cumsum(link)])
     at = np.append(position[anchors], position[-1])
-    pieces = np.maximum(np.ceil(np.diff(at) / spacing), max(2, _LEAST // len(anchors))).astype(int)
+    pieces = np.maximum(np.ceil(np.diff(at) / spacing), max(2, fewest // len(anchors))).astype(int)
     fine = np.concatenate(
         [
             np.linspace(a, b, _FINER * n, endpoint=False)
@@ -446,7 +424,13 @@ def _first_breaks(
 
 
 def fit_closed_spline(
-    polygon: np.ndarray, corners: np.ndarray, tolerance: float, sigma: float, target: int, sliding: float
+    polygon: np.ndarray,
+    corners: np.ndarray,
+    tolerance: float,
+    sigma: float,
+    target: int,
+    sliding: float,
+    settings: FittingSettings,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fit a closed cubic spline to a closed polygon.
 
@@ -464,22 +448,29 @@ def fit_closed_spline(
     sliding : float
         Weight of the tangential distance in the closer fits: near 0 the fit is closest, at 1 it is plain
         least squares, which folds less easily.
+    settings : FittingSettings
 
     Returns
     -------
     control points (n, 2), knots (n + 7,)
     """
-    # samples may lie further apart where the filter has taken the pixels' steps away
-    spacing = 1.0 if target else 2.0 if sigma >= STAIRCASE_PX else max(sigma / 1.5, 0.1)
-    points, corner = reference(polygon, corners, spacing, sigma)
+    sampling = settings.reference
+    if target:
+        spacing = sampling.spacing_px
+    elif sigma >= sampling.staircase_px:
+        spacing = sampling.smooth_spacing_px
+    else:
+        spacing = max(sigma / sampling.samples_per_width, LEAST_SPACING_PX)
+    points, corner = reference(polygon, corners, spacing, sigma, sampling.fewest_samples)
     link = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     parameters, period = np.cumsum(link) - link, float(link.sum())
-    number = max(int(0.3 * len(points)), target) if target else int(0.16 * len(points))
-    breaks, kept = _first_breaks(parameters, period, corner, max(number, FEWEST))
-    fit = _fit(breaks, period, points, parameters, 0, sliding)
+    task = _Task(points, period, sliding, settings.knots)
+    share = settings.knots.first_share_budget if target else settings.knots.first_share
+    number = max(int(share * len(points)), target, FEWEST)
+    breaks, kept = _first_breaks(parameters, period, corner, number)
+    fit = _fit(task, breaks, parameters, 0)
     if target:
-        fit = _with(fit, points, period, kept, max(target, FEWEST), sliding)
-        fit = _flattened(fit, points, sliding)
+        fit = _flattened(task, _with(task, fit, kept, max(target, FEWEST)))
     else:
-        fit = _within(fit, points, period, kept, _AT_SAMPLES * tolerance, sliding)
+        fit = _within(task, fit, kept, settings.knots.sample_share * tolerance)
     return fit.control, fit.knots

@@ -16,11 +16,12 @@ from cccd.curves.fitting import corner_splines, sample_splines
 from cccd.geometry.arrays import owners_of, sum_per_part
 from cccd.geometry.raster import rasterise
 from cccd.metrics import Confusion, confusion
+from cccd.settings import CurveSettings
 
 __all__ = ["SWEEP", "area_dice", "bytes_per_slice", "distances", "measure_curves", "sweep_k"]
 
 #: The k of the paper's figures 10-13.
-SWEEP = (3, 5, 7, 12, 20)
+SWEEP = CurveSettings().sweep
 
 #: Parts the curves in the search for nearest points: far more than any distance between them.
 _APART = 1e6

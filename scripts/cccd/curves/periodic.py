@@ -21,11 +21,9 @@ from cccd.geometry.closed_splines import (
     value_at,
     values_of_basis,
 )
+from cccd.tolerances import RIDGE
 
 __all__ = ["least_squares", "project", "tangent_least_squares"]
-
-#: Weight of the control polygon's bending against the data's; it only decides what the data leave open.
-_RIDGE = 1e-7
 
 
 @jit
@@ -62,7 +60,7 @@ def least_squares(knots, count, points, parameters):
                     border[a - body, b] += value[p] * value[q]
                 elif b <= a:
                     band[a, a - b] += value[p] * value[q]
-    _add_bending(band, border, _RIDGE * len(points) / count, 1)
+    _add_bending(band, border, RIDGE * len(points) / count, 1)
     return _solve(band, border, right)
 
 
@@ -130,7 +128,7 @@ def tangent_least_squares(knots, control, points, weights, parameters, sliding):
                     band[2 * a + 1, gap] += yy
                     if gap > 0:
                         band[2 * a, gap - 1] += xy
-    _add_bending(band, border, _RIDGE * weights.sum() / count, 2)
+    _add_bending(band, border, RIDGE * weights.sum() / count, 2)
     return _solve(band, border, right).reshape((count, 2))
 
 

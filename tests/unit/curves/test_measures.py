@@ -8,15 +8,10 @@ from cccd.curves.measures import area_dice, bytes_per_slice, distances
 from cccd.curves.repeatability import repeatability
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.metrics import dice
+from cccd.settings import CurveSettings
 from cccd.tracing import trace_stack
 
-SETTINGS = {
-    "method": "auto",
-    "tolerance_px": 0.5,
-    "max_control_points": None,
-    "k": 7,
-    "criterion": "max",
-}
+SETTINGS = CurveSettings()
 
 
 def square(side, i=0.0, j=0.0):
@@ -46,7 +41,7 @@ def test_measures_of_a_perfect_and_of_a_fitted_description(blob):
     assert 0.995 < measured["dice_p5"] <= measured["dice_median"] < 1
     assert measured["raster_dice_median"] < measured["dice_median"]  # half of the centres on the border
     assert measured["area_kept"] == pytest.approx(1, abs=1e-3)
-    exact = measure_curves(curves, fit_curves(curves, tolerance_px=0.05))
+    exact = measure_curves(curves, fit_curves(curves, CurveSettings(tolerance_px=0.05)))
     assert exact["dice_median"] > 0.9995
     assert exact["distance_max_px"] < 0.1
     assert exact["control_points"] > 5 * measured["control_points"]
@@ -54,7 +49,7 @@ def test_measures_of_a_perfect_and_of_a_fitted_description(blob):
 
 def test_bytes_are_what_the_formats_need(curves_of, blob):
     curves = blob(4)[1]
-    splines = fit_curves(curves, budget=20)
+    splines = fit_curves(curves, CurveSettings(max_control_points=20))
     sizes = bytes_per_slice(curves, splines)
     links = np.diff(curves.offsets)
     assert sizes["spline"].tolist() == [4 + 4 + 20 * 8 + 21 * 4] * 2
@@ -98,7 +93,7 @@ def test_sweep_without_a_mask_takes_the_filled_curves(blob):
 @pytest.mark.parametrize("method", ["auto", "corners"])
 def test_describing_curves_gives_all_parts(blob, method):
     curves = blob(2)[1]
-    codes, (points, offsets), splines, report = describe_curves(curves, SETTINGS | {"method": method})
+    codes, (points, offsets), splines, report = describe_curves(curves, CurveSettings(method=method))
     assert codes.shape == (len(curves.points),)
     assert offsets[-1] == len(points) == report["corners"]
     assert report["control_points"] == len(splines.control_points)
@@ -109,7 +104,7 @@ def test_describing_curves_gives_all_parts(blob, method):
 
 def test_a_budget_in_the_settings_is_kept(blob):
     curves = blob(2)[1]
-    splines = describe_curves(curves, SETTINGS | {"max_control_points": 15})[2]
+    splines = describe_curves(curves, CurveSettings(max_control_points=15))[2]
     assert np.diff(splines.offsets).tolist() == [15, 15]
 
 
