@@ -1,16 +1,14 @@
 """Time of the surface, curves given: ``pytest tests/benchmarks/bench_surface.py``."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-import yaml
 
 from cccd.containers import Frame, Structure
+from cccd.settings import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
 
-SETTINGS = yaml.safe_load((Path(__file__).parents[2] / "config" / "config.yaml").read_text())["surface"]
+SETTINGS = LoftSettings()
 
 
 def brain_curves():

@@ -22,7 +22,7 @@ from cccd.junctions.corruptions import corrupt
 from cccd.junctions.data import label_maps
 from cccd.junctions.loss import total_loss
 from cccd.junctions.synthetic_maps import draw_map
-from cccd.settings import BoundarySettings, CurveSettings, LossSettings, NetworkSettings
+from cccd.settings import BoundarySettings, CurveSettings, LoftSettings, LossSettings, NetworkSettings
 from cccd.surface import loft_surface, measure_surface
 from cccd.tracing import trace_mask
 
@@ -94,7 +94,7 @@ def surface(slices: int, settings: dict) -> Methods:
     organ = make_organ(slices)
     traced = trace_mask(organ)
     return {
-        "B-spline lofting": lambda: loft_surface(traced, settings["surface"]),
+        "B-spline lofting": lambda: loft_surface(traced, LoftSettings(**settings["surface"])),
         "flying edges": lambda: flying_edges(organ),
         "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(organ)),
     }

@@ -11,6 +11,7 @@ import pandas as pd
 
 from cccd.comparisons.baselines.surfaces import SURFACES
 from cccd.containers import Frame, Structure
+from cccd.settings import LoftSettings
 from cccd.surface.loft import loft_surface
 from cccd.surface.measure import measure_mesh
 from cccd.tracing import trace_mask
@@ -61,12 +62,14 @@ def thick_slice_experiment(structure: Structure, settings: Mapping) -> pd.DataFr
         return pd.DataFrame(rows)
     spacing = structure.frame.slice_spacing
     wanted = settings["thick_slices"]
-    lofting = {
-        **settings["surface"],
-        "tolerance_voxels": wanted["tolerance_voxels"],
-        "compactness": wanted["compactness"],
-        "compactness_thin": wanted["compactness"],
-    }
+    lofting = LoftSettings(
+        **{
+            **settings["surface"],
+            "tolerance_voxels": wanted["tolerance_voxels"],
+            "compactness": wanted["compactness"],
+            "compactness_thin": wanted["compactness"],
+        }
+    )
     steps = sorted({max(2, round(distance / spacing)) for distance in wanted["spacings_mm"]})
     for n in steps:
         thick = every_nth_slice(structure, n)

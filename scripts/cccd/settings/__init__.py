@@ -22,19 +22,29 @@ from cccd.settings.report import ReportSettings
 from cccd.settings.root import Settings
 from cccd.settings.schema import load_schema
 from cccd.settings.section import Section, setting
-from cccd.settings.surface import LoftSettings
+from cccd.settings.surface import (
+    BlendingSettings,
+    FittingSettings,
+    InterpolationSettings,
+    LoftSettings,
+    MatchingSettings,
+)
 from cccd.settings.validation import validate_config
 
 __all__ = [
+    "BlendingSettings",
     "BoundarySettings",
     "ComparisonSettings",
     "CurveSettings",
+    "FittingSettings",
     "GraphSettings",
     "ImportSettings",
     "InferenceSettings",
+    "InterpolationSettings",
     "KindWeights",
     "LoftSettings",
     "LossSettings",
+    "MatchingSettings",
     "NetworkSettings",
     "OptimiserSettings",
     "PhantomSettings",

@@ -9,9 +9,289 @@ from pydantic import AfterValidator
 from cccd.settings.section import Section, setting
 from cccd.settings.validators import without_repeats
 
-__all__ = ["LoftSettings"]
+__all__ = [
+    "BlendingSettings",
+    "FittingSettings",
+    "InterpolationSettings",
+    "LoftSettings",
+    "MatchingSettings",
+]
 
 _Format = Literal["ply", "stl", "vtp", "glb", "step", "nii.gz", "dcm"]
+
+
+class InterpolationSettings(Section):
+    """Levels between slices."""
+
+    level_pixels: float = setting(
+        1.5,
+        "levels between slices lie at most so far apart",
+        why="Rings of neighbouring levels then overlap, and walls between slices are as finely sampled as in "
+        "the plane.",
+        unit="px",
+        expert=True,
+        ge=0.5,
+        le=10,
+    )
+
+
+class MatchingSettings(Section):
+    """Which rings become a tube, how tubes branch, how they end."""
+
+    smallest_part_voxels: float = setting(
+        6.0,
+        "parts of less volume are left out",
+        why="Specks of a few voxels are noise of the mask.",
+        unit="voxels",
+        expert=True,
+        ge=0,
+        le=1000,
+    )
+    junction_slope: float = setting(
+        2.0,
+        "in a junction the trunk takes over so many mm of the branch's width per mm of depth",
+        why="Steeper and the trunk's wall folds; shallower and junctions reach into the next one.",
+        unit="mm per mm",
+        expert=True,
+        gt=0,
+        le=20,
+    )
+    junction_depth: float = setting(
+        1.15,
+        "a branch reaches this many times as deep as it takes the trunk to hold its whole width",
+        why="Its end is then inside the trunk.",
+        unit="ratio",
+        expert=True,
+        ge=1,
+        le=5,
+    )
+    overlap_pixels: float = setting(
+        1.5,
+        "branch and trunk overlap by so much beyond the line that splits them",
+        why="Solids that only touch are not joined.",
+        unit="px",
+        expert=True,
+        gt=0,
+        le=20,
+    )
+    cover_pixels: float = setting(
+        3.0,
+        "a branch's covered end lies at most so deep below the trunk's surface",
+        why="Deep enough that the fitted branch stays covered.",
+        unit="px",
+        expert=True,
+        gt=0,
+        le=20,
+    )
+    cover_slope: float = setting(
+        0.3,
+        "a branch sinks below the trunk's surface by so many mm per mm of the trunk's transition offset",
+        why="A gentle slope leaves the branch's net smooth.",
+        unit="mm per mm",
+        expert=True,
+        gt=0,
+        le=5,
+    )
+    fade_pixels: float = setting(
+        4.0,
+        "width over which the trunk sinks below the branch's surface where it leaves the outline to it",
+        why="Otherwise the trunk's outline would have corners there.",
+        unit="px",
+        expert=True,
+        gt=0,
+        le=50,
+    )
+    lowest_cap_steps: float = setting(
+        0.1,
+        "rounded caps are at least so high",
+        why="A cap without height would have a sharp rim.",
+        unit="slice steps",
+        expert=True,
+        gt=0,
+        lt=0.5,
+    )
+    highest_cap_steps: float = setting(
+        0.95,
+        "rounded caps are at most so high",
+        why="Their pole stays short of the next slice, where nothing is.",
+        unit="slice steps",
+        expert=True,
+        ge=0.5,
+        lt=1,
+    )
+    rim_depth: float = setting(
+        0.7,
+        "the rounded rim of a planar cap cuts at most so deep into it",
+        why="Leaves a bent or branched end its shape.",
+        unit="share of the inradius",
+        expert=True,
+        gt=0,
+        lt=1,
+    )
+    opening_share: float = setting(
+        0.25,
+        "a hole opens where at least this share of it meets the outside on the next level",
+        why="Less is noise along the hole's wall.",
+        unit="share",
+        expert=True,
+        gt=0,
+        le=1,
+    )
+
+
+class FittingSettings(Section):
+    """How a tube is sampled, and fitted by a control net."""
+
+    facing_weight: float = setting(
+        1.0,
+        "points of neighbouring sections that face apart by this much of the square of the section's radius "
+        "count as that far apart",
+        why="Matched by distance alone, both walls of a narrow lobe would go to one.",
+        unit="squared radii",
+        expert=True,
+        ge=0,
+        le=100,
+    )
+    relaxation: float = setting(
+        0.3,
+        "share by which the spacing of matched points goes towards that of their neighbours, per section",
+        why="Where a lobe grows the points spread into it.",
+        unit="share",
+        expert=True,
+        ge=0,
+        le=0.5,
+    )
+    evening: float = setting(
+        0.3,
+        "share by which it goes towards even spacing, per section",
+        why="Points that were drawn together spread again.",
+        unit="share",
+        expert=True,
+        ge=0,
+        le=0.5,
+    )
+    hidden_pixels: float = setting(
+        1.5,
+        "samples further from the organ's boundary than this lie inside another tube",
+        why="More than a pixel's steps, less than a tube's wall in its trunk.",
+        unit="px",
+        expert=True,
+        gt=0,
+        le=20,
+    )
+    hidden_weight: float = setting(
+        0.05,
+        "weight of samples that another tube or a blend hides in the end",
+        why="Control points are spent where the surface is seen.",
+        unit="share",
+        expert=True,
+        gt=0,
+        lt=1,
+    )
+    jump_pixels: float = setting(
+        8.0,
+        "where matched points of neighbouring sections lie this far apart the tube jumps",
+        why="No spline follows without ringing; the blend takes over.",
+        unit="px",
+        expert=True,
+        gt=1,
+        le=100,
+    )
+    smoothing_pixels: float = setting(
+        0.6,
+        "waves of 2 pi times this length are halved, longer ones pass",
+        why="What is shorter than four pixels is noise of the pixels.",
+        unit="px",
+        expert=True,
+        ge=0,
+        le=10,
+    )
+    corrections: int = setting(
+        3,
+        "rounds of parameter and area correction",
+        why="Least squares shrinks curved outlines; every round gives back part of that.",
+        unit="count",
+        expert=True,
+        ge=0,
+        le=50,
+    )
+    growth: float = setting(
+        1.25,
+        "control nets grow by this factor, in one direction at a time",
+        why="Smaller steps cost fits, larger ones control points.",
+        unit="ratio",
+        expert=True,
+        gt=1,
+        le=4,
+    )
+    first_share: float = setting(
+        0.25,
+        "share of the control points that are laid out evenly before errors say where more are needed",
+        why="Enough that the first errors mean something.",
+        unit="share",
+        expert=True,
+        gt=0,
+        le=1,
+    )
+
+
+class BlendingSettings(Section):
+    """How tubes are joined into one mesh."""
+
+    reach_pixels: float = setting(
+        6.0,
+        "blends reach so far to either side of the line along which tubes meet ...",
+        why="Wide enough to hide the seam of two fits.",
+        unit="px",
+        expert=True,
+        gt=0,
+        le=100,
+    )
+    reach_steps: float = setting(
+        3.0,
+        "... or this far, where that is more",
+        why="On thick slices a junction spans some of them.",
+        unit="slice steps",
+        expert=True,
+        gt=0,
+        le=100,
+    )
+    fade_cells: float = setting(
+        2.0,
+        "a blend fades out within so many cells of where the slices end",
+        why="Planar caps stay where they are.",
+        unit="cells",
+        expert=True,
+        gt=0,
+        le=20,
+    )
+    thickness_cells: float = setting(
+        25.0,
+        "thin organs have so many cells through six times volume by surface",
+        why="A plate, a third of that, still has eight cells through it.",
+        unit="cells",
+        expert=True,
+        gt=0,
+        le=500,
+    )
+    most_offset_pixels: float = setting(
+        0.25,
+        "the whole surface moves by at most this to regain the volume of the slices",
+        why="More would be an error of the fit to be seen, not to be hidden.",
+        unit="px",
+        expert=True,
+        ge=0,
+        le=5,
+    )
+    cap_cells: float = setting(
+        3.0,
+        "when it moves, what lies within so many cells of a planar cap moves less",
+        why="The caps stay where the scan cuts the organ.",
+        unit="cells",
+        expert=True,
+        gt=0,
+        le=50,
+    )
 
 
 class LoftSettings(Section):
@@ -68,4 +348,16 @@ class LoftSettings(Section):
         why="Planning systems expect contours on the scan's slices.",
         unit="mm",
         gt=0,
+    )
+    interpolation: InterpolationSettings = setting(
+        InterpolationSettings(), "levels between slices", why="Tuned on phantoms and shared scans."
+    )
+    matching: MatchingSettings = setting(
+        MatchingSettings(), "from rings to tubes", why="Tuned on phantoms and shared scans."
+    )
+    fitting: FittingSettings = setting(
+        FittingSettings(), "from tubes to control nets", why="Tuned on phantoms and shared scans."
+    )
+    blending: BlendingSettings = setting(
+        BlendingSettings(), "from control nets to one mesh", why="Tuned on phantoms and shared scans."
     )

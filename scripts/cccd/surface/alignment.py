@@ -6,6 +6,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from cccd.geometry._jit import jit
+from cccd.geometry.arrays import FloatArray
+from cccd.settings import FittingSettings
 from cccd.surface.rings import resample
 from cccd.surface.tubes import Tube
 
@@ -13,13 +15,9 @@ __all__ = ["align", "at_fractions", "outward_normals"]
 
 #: Every how many-th sample is matched with the neighbouring section; the others lie evenly between.
 MATCH_EVERY = 4
-#: Two points' outlines may point this differently before that counts like a distance of one radius.
-FACING_WEIGHT = 1.0
-#: Share by which the matches' spacing relaxes towards that of their neighbours, and of all, per section.
-RELAXATION, EVENING = 0.3, 0.3
 
 
-def align(tube: Tube, count: int) -> tuple[np.ndarray, np.ndarray]:
+def align(tube: Tube, count: int, settings: FittingSettings) -> tuple[FloatArray, FloatArray]:
     """Sample a tube's sections and find corresponding points on them.
 
     From the longest section, whose samples are evenly spread, matches run up and down the tube: each
@@ -48,8 +46,8 @@ def align(tube: Tube, count: int) -> tuple[np.ndarray, np.ndarray]:
             points = at_fractions(rings[here], known)[0]
             facing = at_fractions(normals[here], known)[0]
             radius = length[n] / (2 * np.pi)
-            found = _nearest(points, facing, rings[n], normals[n], FACING_WEIGHT * radius**2)
-            matches[n] = _ordered(found / count)
+            found = _nearest(points, facing, rings[n], normals[n], settings.facing_weight * radius**2)
+            matches[n] = _ordered(found / count, settings.relaxation, settings.evening)
     inner = np.arange(count) / count
     position = np.stack(
         [np.interp(inner, np.append(coarse, 1.0), np.append(row, row[0] + 1)) for row in matches]
@@ -58,7 +56,7 @@ def align(tube: Tube, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @jit
-def at_fractions(rings: np.ndarray, position: np.ndarray) -> np.ndarray:
+def at_fractions(rings: FloatArray, position: FloatArray) -> FloatArray:
     """Points at fractions (A, m) of the way around rings (A, M, 2) that are evenly sampled."""
     count = rings.shape[1]
     points = np.empty((*position.shape, 2))
@@ -74,7 +72,7 @@ def at_fractions(rings: np.ndarray, position: np.ndarray) -> np.ndarray:
     return points
 
 
-def outward_normals(rings: np.ndarray) -> np.ndarray:
+def outward_normals(rings: FloatArray) -> FloatArray:
     """Outward unit normals (A, M, 2) of counter-clockwise rings; zero where a ring is a point."""
     tangent = np.roll(rings, -2, axis=1) - np.roll(rings, 2, axis=1)
     size = np.linalg.norm(tangent, axis=2, keepdims=True)
@@ -83,7 +81,9 @@ def outward_normals(rings: np.ndarray) -> np.ndarray:
 
 
 @jit
-def _nearest(points, facing, ring, normals, weight):
+def _nearest(
+    points: FloatArray, facing: FloatArray, ring: FloatArray, normals: FloatArray, weight: float
+) -> FloatArray:
     """For each point the sample (m,) of a ring that is nearest and faces the same way, with fraction."""
     count = len(ring)
     found = np.empty(len(points))
@@ -102,7 +102,7 @@ def _nearest(points, facing, ring, normals, weight):
     return found
 
 
-def _ordered(found: np.ndarray) -> np.ndarray:
+def _ordered(found: FloatArray, relaxation: float, evening: float) -> FloatArray:
     """Turn fractions (m,) into ascending ones around the ring, near to them, with relaxed spacing."""
     count = len(found)
     even = np.arange(count) / count
@@ -116,6 +116,6 @@ def _ordered(found: np.ndarray) -> np.ndarray:
     line = ((rising + falling) / 2)[count : 2 * count]
     gaps = np.diff(np.append(line, line[0] + 1))
     relaxed = uniform_filter1d(gaps, 9, mode="wrap")
-    gaps = (1 - RELAXATION - EVENING) * gaps + RELAXATION * relaxed + EVENING / count
+    gaps = (1 - relaxation - evening) * gaps + relaxation * relaxed + evening / count
     moved = np.concatenate([[0.0], np.cumsum(gaps)[:-1]]) / gaps.sum()
     return moved + np.mean(line - moved)

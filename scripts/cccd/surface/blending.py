@@ -1,110 +1,88 @@
-"""One closed mesh of solids that meet, smooth where they do.
+"""Solids that meet, smooth where they do: signed distances on a grid, and the mesh at their zero level.
 
-The signed distance to the joined splines, sampled on a grid, gives way to the organ's own distance near
-the lines along which tubes meet: instead of a seam there is a blend. The zero level of the result is
-closed, and nothing of it passes through itself.
+The signed distance to the joined splines gives way to the organ's own distance near the lines along which
+tubes meet: instead of a seam there is a blend. The zero level of the result is closed, and nothing of it
+passes through itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from cccd.geometry._jit import jit
+from cccd.geometry.arrays import ByteArray, FloatArray, SingleArray
 from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["LevelSet", "blended"]
+__all__ = ["TargetDistance", "blend", "offset_surface"]
 
 #: Distances are kept up to this many cells to either side of the surface.
 BAND_CELLS = 1.5
-#: A blend fades out within this many cells of where the guide ends.
-FADE_CELLS = 2.0
 #: Distances from a seam are taken from points that lie this share of the blend's reach apart.
 SEAM_STEP = 0.125
 #: A surface does not run through the grid's nodes, but at least this share of a cell beside them.
 NODE_MARGIN = 1e-4
 
-
-@dataclass(frozen=True, eq=False)
-class LevelSet:
-    """Signed distances on a grid.
-
-    Attributes
-    ----------
-    field : (A, B, C) float32
-        mm, negative inside, cut off some cells away from the surface.
-    low : (3,) float64
-        mm of the first node.
-    cell : float
-        mm between nodes.
-    """
-
-    field: np.ndarray
-    low: np.ndarray
-    cell: float
-
-    def mesh(self, level: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Mesh the surface at a distance in mm by marching cubes (Lewiner et al. 2003).
-
-        Gives vertices (V, 3) and outward faces (F, 3), both empty when nothing is inside.
-        """
-        field = self.field - np.float32(level)
-        margin = np.float32(NODE_MARGIN * self.cell)
-        np.copyto(field, np.where(field < 0, -margin, margin), where=np.abs(field) < margin)
-        if not np.any(field < 0):
-            return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
-        mesh = ScalarGrid.uniform(field, self.low, self.cell).isosurface(0.0)
-        return mesh.vertices, mesh.faces
+#: Gives at points (P, 3) the signed distance (P,) to the organ's boundary, which need be smooth only up to a
+#: given distance, and over how many mm (P,) it is known.
+TargetDistance = Callable[[FloatArray, float], tuple[FloatArray, FloatArray]]
 
 
-def blended(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    seams: np.ndarray,
-    guide: Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]],
-    reach: float,
-    cell: float,
-) -> LevelSet:
-    """Sample the distance to a closed mesh, and to the guide's zero level near seams.
+def blend(
+    mesh: Mesh, seams: FloatArray, target: TargetDistance, reach: float, cell: float, fade_cells: float
+) -> ScalarGrid:
+    """Sample the distance to a closed mesh, and to the target's zero level near seams.
 
     Parameters
     ----------
-    vertices, faces : (V, 3) float64 mm, (F, 3) int64
-        A closed mesh; it may pass through itself.
+    mesh : Mesh
+        Closed; it may pass through itself.
     seams : (P, 3) float64
         Points of the lines along which tubes meet.
-    guide : callable
-        Gives at points (P, 3) the signed distance (P,) to the organ's boundary, which need be smooth only
-        up to a given distance, and over how many mm (P,) it is known.
+    target : callable
+        Distance to the organ's boundary; see `TargetDistance`.
     reach : float
         mm from a seam at which the blend ends; it holds fully up to half of that.
     cell : float
         mm between the grid's nodes.
+    fade_cells : float
+        The blend fades out within so many cells of where the target ends.
+
+    Returns
+    -------
+    ScalarGrid
+        float32, mm, negative inside, cut off some cells away from the surface.
     """
-    low = vertices.min(axis=0) - (3 + 1 / np.pi) * cell
-    shape = tuple(int(size) for size in np.ceil((vertices.max(axis=0) - low) / cell) + 3)
-    field = grid_to_mesh(Mesh(vertices, faces), low, cell, shape, BAND_CELLS).values
-    if len(seams):
-        places, reach_nodes = (seams - low) / cell, reach / cell
-        bins = np.floor(places / max(1.0, SEAM_STEP * reach_nodes)).astype(np.int64)
-        _, once = np.unique(bins, axis=0, return_index=True)
-        weight = _weights(places[once], shape, reach_nodes)
-        nodes = np.argwhere(weight)
-        at = tuple(nodes.T)
-        distance, room = guide(low + cell * nodes, BAND_CELLS * cell)
-        share = weight[at] / 255 * np.clip(room / (FADE_CELLS * cell), 0, 1)
-        limit = BAND_CELLS * cell
-        distance = np.maximum(distance, -room)  # a lid at the guide's end stays where it is
-        field[at] = (1 - share) * field[at] + share * np.clip(distance, -limit, limit)
-    return LevelSet(field, low, cell)
+    low = mesh.vertices.min(axis=0) - (3 + 1 / np.pi) * cell
+    shape = tuple(int(size) for size in np.ceil((mesh.vertices.max(axis=0) - low) / cell) + 3)
+    grid = grid_to_mesh(mesh, low, cell, shape, BAND_CELLS)
+    if len(seams) == 0:
+        return grid
+    weight = _weights(_thinned((seams - low) / cell, reach / cell), shape, reach / cell)
+    nodes = np.argwhere(weight)
+    at = tuple(nodes.T)
+    limit = BAND_CELLS * cell
+    distance, room = target(low + cell * nodes, limit)
+    share = weight[at] / 255 * np.clip(room / (fade_cells * cell), 0, 1)
+    distance = np.maximum(distance, -room)  # a planar cap at the target's end stays where it is
+    values = grid.values.copy()
+    values[at] = (1 - share) * values[at] + share * np.clip(distance, -limit, limit)
+    return replace(grid, values=values)
+
+
+def _thinned(points: FloatArray, reach: float) -> FloatArray:
+    """Keep one of the points (P, 3) in every cube of some share of the reach; all in nodes."""
+    bins = np.floor(points / max(1.0, SEAM_STEP * reach)).astype(np.int64)
+    _, once = np.unique(bins, axis=0, return_index=True)
+    return points[once]
 
 
 @jit
-def _weights(points, shape, reach):
+def _weights(points: FloatArray, shape: tuple[int, int, int], reach: float) -> ByteArray:
     """Weights (A, B, C) in 255ths: full up to half of ``reach`` nodes from the nearest point, none at it."""
     weight = np.zeros(shape, np.uint8)
     for p in range(len(points)):
@@ -120,3 +98,13 @@ def _weights(points, shape, reach):
                     if here > weight[i, j, k]:
                         weight[i, j, k] = here
     return weight
+
+
+def offset_surface(distance: ScalarGrid, offset: float = 0.0) -> Mesh:
+    """Mesh the surface ``offset`` mm outside a grid's zero level, outwards; empty when nothing is inside."""
+    values: SingleArray = distance.values - np.float32(offset)
+    margin = np.float32(NODE_MARGIN * distance.affine[0, 0])
+    values = np.where(np.abs(values) < margin, np.where(values < 0, -margin, margin), values)
+    if not np.any(values < 0):
+        return Mesh.empty()
+    return replace(distance, values=values).isosurface(0.0)

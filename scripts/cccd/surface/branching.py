@@ -15,8 +15,9 @@ import contourpy
 import cv2
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from cccd.geometry.arrays import BoolArray, FloatArray, RealArray, SingleArray
+from cccd.settings import MatchingSettings
 from cccd.surface.ring_graph import RingGraph
 from cccd.surface.rings import Ring, overlap, signed_area
 from cccd.surface.stack import Run
@@ -24,19 +25,10 @@ from cccd.surface.tubes import Section
 
 __all__ = ["Cut", "branch_off", "without_cuts"]
 
-#: A junction's transition offset grows by this many mm per mm of depth.
-JUNCTION_SLOPE = 2.0
 #: Levels of a junction, at least and at most.
 JUNCTION_LEVELS = (2, 80)
 #: A junction looks at least this many pixels beyond its outlines.
 WINDOW_PIXELS = 8
-#: A branch reaches this many times as deep as it takes the trunk to hold its whole width.
-EXTRA_DEPTH = 1.15
-#: How far branch and trunk overlap, how deep below the trunk's surface a branch's covered end lies, and
-#: over which width the trunk sinks below the branch's surface where it leaves the outline to it, in pixels.
-OVERLAP_PIXELS, COVER_PIXELS, FADE_PIXELS = 1.5, 3.0, 4.0
-#: How steeply a branch sinks below the trunk's surface.
-COVER_SLOPE = 0.3
 #: Sections of less area in square pixels end a junction.
 SMALLEST_SECTION_PIXELS = 4
 
@@ -61,10 +53,12 @@ class Cut:
 
     ring: Ring
     window: Window
-    beyond: NDArray[np.float32]
+    beyond: SingleArray
 
 
-def branch_off(branch: Ring, way: int, graph: RingGraph, run: Run) -> tuple[list[Section], list[Cut]]:
+def branch_off(
+    branch: Ring, way: int, graph: RingGraph, run: Run, settings: MatchingSettings
+) -> tuple[list[Section], list[Cut]]:
     """Sections of a branch inside its trunk, and what the trunk's rings leave to it.
 
     Parameters
@@ -75,6 +69,8 @@ def branch_off(branch: Ring, way: int, graph: RingGraph, run: Run) -> tuple[list
         The way from there into the trunk.
     graph, run
         The links between the levels' rings, and the levels.
+    settings : MatchingSettings
+        How steep and how deep junctions are.
 
     Returns
     -------
@@ -90,12 +86,14 @@ def branch_off(branch: Ring, way: int, graph: RingGraph, run: Run) -> tuple[list
         return [], []
     path = graph.path(trunk, way, JUNCTION_LEVELS[1])
     window = _window([branch, *others, *path], run)
-    distances, slope = _split_distances(branch, others, path, window, run.pixel)
+    distances, slope = _split_distances(
+        branch, path, _Sides.of(branch, others, window, run.pixel), window, settings
+    )
     sections: list[Section] = []
     cuts: list[Cut] = []
     for ring, distance in zip(path, distances, strict=False):
         offset = slope * abs(ring.z - branch.z)
-        section = _branch_section(branch, ring, distance, offset, window, run)
+        section = _branch_section(branch, ring, distance, offset, window, run, settings)
         if section is None or (sections and section.area < SMALLEST_SECTION_PIXELS * run.pixel**2):
             break
         sections.append(section)
@@ -104,52 +102,59 @@ def branch_off(branch: Ring, way: int, graph: RingGraph, run: Run) -> tuple[list
 
 
 def _branch_section(
-    branch: Ring, common: Ring, distance: NDArray[np.float32], offset: float, window: Window, run: Run
+    branch: Ring,
+    common: Ring,
+    distance: SingleArray,
+    offset: float,
+    window: Window,
+    run: Run,
+    settings: MatchingSettings,
 ) -> Section | None:
     """Section of a branch on the level of a common ring, ``distance`` mm from the split line, if any.
 
     It overlaps the trunk, and sinks below the trunk's surface where that has taken over.
     """
-    overlapping, cover, fade = run.pixel * np.array([OVERLAP_PIXELS, COVER_PIXELS, FADE_PIXELS])
-    covered = np.clip(COVER_SLOPE * (offset - fade - distance), 0, cover)
+    overlapping, cover, fade = run.pixel * np.array(
+        [settings.overlap_pixels, settings.cover_pixels, settings.fade_pixels]
+    )
+    covered = np.clip(settings.cover_slope * (offset - fade - distance), 0, cover)
     plane = np.maximum(run.field_inside(common)[window] + covered, -distance - overlapping)
     outline = _outline_around(plane, branch, run.spacing, (window[0].start, window[1].start))
     return None if outline is None else Section.of_outline(common.z, outline)
 
 
-def without_cuts(ring: Ring, cuts: Sequence[Cut], run: Run) -> Section:
-    """Section of a trunk's ring without what it leaves to branches."""
+def without_cuts(ring: Ring, cuts: Sequence[Cut], run: Run, fade_pixels: float) -> Section:
+    """Section of a trunk's ring without what it leaves to branches, sinking over ``fade_pixels``."""
     if not cuts:
         return Section.of_ring(ring)
     plane = run.field_inside(ring).copy()
     for cut in cuts:
-        sunk = np.clip(1 + cut.beyond / (FADE_PIXELS * run.pixel), 0, 1) * run.pixel
+        sunk = np.clip(1 + cut.beyond / (fade_pixels * run.pixel), 0, 1) * run.pixel
         plane[cut.window] = np.maximum(plane[cut.window] + sunk, cut.beyond)
     outline = _outline_around(plane, ring, run.spacing)
     return Section.of_ring(ring) if outline is None else Section.of_outline(ring.z, outline)
 
 
 def _split_distances(
-    branch: Ring, others: Sequence[Ring], path: Sequence[Ring], window: Window, pixel: float
-) -> tuple[list[NDArray[np.float32]], float]:
+    branch: Ring, path: Sequence[Ring], sides: _Sides, window: Window, settings: MatchingSettings
+) -> tuple[list[SingleArray], float]:
     """Distances from the split line on the levels of a junction, and the slope of its transition offset.
 
     The junction ends where the trunk holds the whole width of the branch's part, and some more.
     """
-    sides = _Sides.of(branch, others, window, pixel)
-    distances: list[NDArray[np.float32]] = []
-    slope = JUNCTION_SLOPE
+    distances: list[SingleArray] = []
+    slope = settings.junction_slope
     for ring in path:
         inside = _pixels([ring], window)
         distance = sides.split(inside)
         if distance is None:  # apart again: another branch goes on from here
-            return distances, JUNCTION_SLOPE
+            return distances, settings.junction_slope
         distances.append(distance)
         width = float(distance[inside].max(initial=0.0))
-        wanted = EXTRA_DEPTH * width / max(abs(ring.z - branch.z), 1e-9)
-        if len(distances) >= JUNCTION_LEVELS[0] and wanted <= JUNCTION_SLOPE:
-            return distances, JUNCTION_SLOPE
-        slope = max(JUNCTION_SLOPE, wanted)
+        wanted = settings.junction_depth * width / max(abs(ring.z - branch.z), 1e-9)
+        if len(distances) >= JUNCTION_LEVELS[0] and wanted <= settings.junction_slope:
+            return distances, settings.junction_slope
+        slope = max(settings.junction_slope, wanted)
     return distances, slope
 
 
@@ -157,9 +162,9 @@ def _split_distances(
 class _Sides:
     """A branch and the other rings of its level on a block of pixels: what common outlines are split by."""
 
-    branch: NDArray[np.bool_]
-    others: NDArray[np.bool_]
-    nearer_branch: NDArray[np.bool_]
+    branch: BoolArray
+    others: BoolArray
+    nearer_branch: BoolArray
     pixel: float
 
     @classmethod
@@ -167,7 +172,7 @@ class _Sides:
         own, rest = _pixels([branch], window), _pixels(others, window)
         return cls(own, rest, _chamfer_distance(own, pixel) < _chamfer_distance(rest, pixel), pixel)
 
-    def split(self, common: NDArray[np.bool_]) -> NDArray[np.float32] | None:
+    def split(self, common: BoolArray) -> SingleArray | None:
         """Distance in mm from the line that splits a common ring's pixels, positive on the branch's side.
 
         The branch's part is what lies nearer to the branch in one piece with it, and what the trunk
@@ -191,14 +196,14 @@ def _window(rings: Sequence[Ring], run: Run) -> Window:
     return slice(int(first[0]), int(stop[0])), slice(int(first[1]), int(stop[1]))
 
 
-def _piece_with(pixels: NDArray[np.bool_], wanted: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+def _piece_with(pixels: BoolArray, wanted: BoolArray) -> BoolArray | None:
     """Pick the connected piece of some pixels that has most of the ``wanted`` ones; None without any."""
     _, labels = cv2.connectedComponents(pixels.astype(np.uint8), connectivity=4)
     shared = np.bincount(labels[wanted & pixels])
     return labels == int(np.argmax(shared)) if len(shared) else None
 
 
-def _pixels(rings: Sequence[Ring], window: Window) -> NDArray[np.bool_]:
+def _pixels(rings: Sequence[Ring], window: Window) -> BoolArray:
     """Pixels of a block of the plane that lie inside any of some rings."""
     block = np.zeros([side.stop - side.start for side in window], bool)
     for ring in rings:
@@ -210,7 +215,7 @@ def _pixels(rings: Sequence[Ring], window: Window) -> NDArray[np.bool_]:
     return block
 
 
-def _chamfer_distance(inside: NDArray[np.bool_], pixel: float) -> NDArray[np.float32]:
+def _chamfer_distance(inside: BoolArray, pixel: float) -> SingleArray:
     """Distance in mm to the border of a set of pixels, negative inside (5 x 5 chamfer, Borgefors 1986)."""
     pixels = inside.astype(np.uint8)
     outwards = cv2.distanceTransform(1 - pixels, cv2.DIST_L2, cv2.DIST_MASK_5)
@@ -219,8 +224,8 @@ def _chamfer_distance(inside: NDArray[np.bool_], pixel: float) -> NDArray[np.flo
 
 
 def _outline_around(
-    plane: NDArray[np.floating], near: Ring, spacing: NDArray[np.float64], first: tuple[int, int] = (0, 0)
-) -> NDArray[np.float64] | None:
+    plane: RealArray, near: Ring, spacing: FloatArray, first: tuple[int, int] = (0, 0)
+) -> FloatArray | None:
     """Find the contour (n, 2) in mm of a field that encloses most of the ring ``near``.
 
     Contours that leave the block of pixels, which begins at pixel ``first``, are closed along its border.

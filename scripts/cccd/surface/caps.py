@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from cccd.geometry.arrays import FloatArray
+from cccd.settings import MatchingSettings
 from cccd.surface.ring_graph import RingGraph
 from cccd.surface.rings import Ring, overlap, resample
 from cccd.surface.stack import Run
@@ -13,16 +14,11 @@ from cccd.surface.tubes import Section
 
 __all__ = ["cap_height", "opening", "planar_cap", "reaches_scan_border", "rounded_cap"]
 
-#: Least and largest height of a rounded cap in slice steps: its pole stays short of the next slice,
-#: where nothing is.
-CAP_HEIGHT = (0.1, 0.95)
 #: Radii, as shares of the end ring's, at which a rounded cap is sampled.
 CAP_RADII = np.array([0.96, 0.85, 0.65, 0.4, 0.15])
-#: Angles in degrees at which the rounded rim of a planar cap is sampled, how deep it cuts at most as a
-#: share of the inradius, and the least share of the ring's area that the cap keeps.
-RIM_ANGLES, RIM_DEPTH, RIM_AREA = (35, 60, 80, 90), 0.7, 0.3
-#: A hole opens when at least this share of its area meets the outside.
-OPENING_SHARE = 0.25
+#: Angles in degrees at which the rounded rim of a planar cap is sampled, and the least share of the ring's
+#: area that the cap keeps.
+RIM_ANGLES, RIM_AREA = (35, 60, 80, 90), 0.3
 #: Points of an outline that is looked at for its kernel.
 KERNEL_POINTS = 48
 
@@ -37,7 +33,7 @@ def planar_cap(ring: Ring, way: int, run: Run) -> list[Section]:
     return [Section.of_ring(ring, ring.z + _sign(way) * run.half_step)]
 
 
-def cap_height(ring: Ring, way: int, graph: RingGraph, run: Run) -> float:
+def cap_height(ring: Ring, way: int, graph: RingGraph, run: Run, settings: MatchingSettings) -> float:
     """Height in mm at which a tube closes beyond ``ring``, by the area of its last slices.
 
     Near its pole the section of any smooth body falls linearly with height, as a paraboloid's does.
@@ -47,19 +43,22 @@ def cap_height(ring: Ring, way: int, graph: RingGraph, run: Run) -> float:
     while abs(before.z - ring.z) < 0.99 * step and (further := graph.next(before, 1 - way)) is not None:
         before = further
     fall = (before.area - ring.area) / max(abs(before.z - ring.z), 1e-9)
-    low, high = CAP_HEIGHT
+    low, high = settings.lowest_cap_steps, settings.highest_cap_steps
     return float(np.clip(ring.area / fall, low * step, high * step)) if fall > 0 else high * step
 
 
-def rounded_cap(ring: Ring, way: int, height: float) -> tuple[list[Section], NDArray[np.float64] | None]:
+def rounded_cap(
+    ring: Ring, way: int, height: float, rim_depth: float
+) -> tuple[list[Section], FloatArray | None]:
     """Round an end over ``height`` mm: sections outwards, and the pole if there is one.
 
     A ring that a point inside it sees as a whole closes on a pole as a paraboloid; any other is rounded
-    over its rim and gets a planar cap that leaves it half the volume too.
+    over its rim and gets a planar cap that leaves it half the volume too; the rim cuts in by at most
+    ``rim_depth`` of the inradius.
     """
     centre = _kernel_point(ring.points)
     if centre is None:
-        return _rounded_rim(ring, _sign(way) * height / 2, height / 2), None
+        return _rounded_rim(ring, _sign(way) * height / 2, height / 2, rim_depth), None
     rise = _sign(way) * height
     sections = [
         Section(
@@ -72,11 +71,11 @@ def rounded_cap(ring: Ring, way: int, height: float) -> tuple[list[Section], NDA
     return sections, np.array([*centre, ring.z + rise])
 
 
-def _rounded_rim(ring: Ring, rise: float, depth: float) -> list[Section]:
+def _rounded_rim(ring: Ring, rise: float, depth: float, rim_depth: float) -> list[Section]:
     """Sections that shrink on a quarter of an ellipse up to a planar cap ``rise`` mm from the ring."""
     shape = shapely.Polygon(ring.points).buffer(0)
     inradius = 2 * shape.area / shape.length
-    depth = min(depth, RIM_DEPTH * inradius)
+    depth = min(depth, rim_depth * inradius)
     sections: list[Section] = []
     for angle in np.deg2rad(RIM_ANGLES):
         smaller = _largest(shape.buffer(-depth * (1 - np.cos(angle))))
@@ -86,7 +85,7 @@ def _rounded_rim(ring: Ring, rise: float, depth: float) -> list[Section]:
     return sections or [Section.of_ring(ring, ring.z + rise)]
 
 
-def _kernel_point(points: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _kernel_point(points: FloatArray) -> FloatArray | None:
     """Find a point from which the whole polygon is seen, but for its pixel steps; None for bent shapes."""
     outline = resample(points, KERNEL_POINTS)
     smooth = (np.roll(outline, 1, axis=0) + 2 * outline + np.roll(outline, -1, axis=0)) / 4
@@ -100,10 +99,11 @@ def _kernel_point(points: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return None
 
 
-def opening(ring: Ring, way: int, run: Run) -> list[Section] | None:
+def opening(ring: Ring, way: int, run: Run, share: float) -> list[Section] | None:
     """Sections that lead a hole to the outside on the next level; None when it does not open there.
 
-    A hole that is open in the organ's last slice, or before, runs on straight through the cap.
+    It opens where at least a ``share`` of its area meets the outside. A hole that is open in the organ's
+    last slice, or before, runs on straight through the cap.
     """
     level = ring.level + _sign(way)
     beyond = _sign(way) * 2 * run.half_step
@@ -115,7 +115,7 @@ def opening(ring: Ring, way: int, run: Run) -> list[Section] | None:
     for cover in covers:
         outside = outside.difference(shapely.Polygon(cover.points).buffer(0))
     shape = _largest(outside)
-    if shape is None or shape.area < max(run.pixel**2, OPENING_SHARE * ring.area):
+    if shape is None or shape.area < max(run.pixel**2, share * ring.area):
         return None
     section = Section.of_polygon(run.fields[level].z, shape)
     if 0 < level < len(run.rings) - 1:

@@ -51,8 +51,7 @@ def read_surface(patches_path: str | Path, mesh_path: str | Path) -> Surface:
     mesh = read_ply(mesh_path)
     return Surface(
         read_patches(patches_path),
-        mesh.vertices,
-        mesh.faces,
+        mesh,
         read_surface_frame(patches_path),
         read_surface_report(patches_path),
     )

@@ -10,21 +10,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
+from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.geometry.bsplines import DEGREE, basis, closed_knots, open_knots, smoothing_operator
 from cccd.surface.alignment import at_fractions, outward_normals
 from cccd.surface.samples import Samples, lengths
 
 __all__ = ["Fit", "fit_samples"]
 
-#: Bends shorter than about six times this many pixels are noise of the pixels and are smoothed away ...
-SMOOTHING_PIXELS = 0.6
-#: ... by a penalty on bends of the control net, whose least weight settles what no sample speaks for.
+#: Least weight of the penalty on bends of the control net: it settles what no sample speaks for.
 LEAST_ROUGHNESS = 1e-3
-#: Rounds of parameter and area correction.
-CORRECTIONS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +39,10 @@ class Fit:
         Mean distance in mm between sections and surface, in direction of the surface normal.
     """
 
-    net: NDArray[np.float64]
-    heights: NDArray[np.float64]
-    knots_u: NDArray[np.float64]
-    knots_v: NDArray[np.float64]
+    net: FloatArray
+    heights: FloatArray
+    knots_u: FloatArray
+    knots_v: FloatArray
     error: float
 
     @property
@@ -64,25 +60,24 @@ class _System:
     ``known`` (nv, 2); ``heights`` (nv,) are all rows'.
     """
 
-    knots_u: NDArray[np.float64]
-    knots_v: NDArray[np.float64]
-    basis_u: NDArray[np.float64]
-    basis_v: NDArray[np.float64]
-    solve_u: NDArray[np.float64]
-    solve_v: NDArray[np.float64]
-    fixed: NDArray[np.bool_]
-    known: NDArray[np.float64]
-    heights: NDArray[np.float64]
+    knots_u: FloatArray
+    knots_v: FloatArray
+    basis_u: FloatArray
+    basis_v: FloatArray
+    solve_u: FloatArray
+    solve_v: FloatArray
+    fixed: BoolArray
+    known: FloatArray
+    heights: FloatArray
 
     @classmethod
-    def of(cls, samples: Samples, size: tuple[int, int]) -> _System:
+    def of(cls, samples: Samples, size: tuple[int, int], smoothing_pixels: float) -> _System:
         nu, nv = size
-        length = float(samples.v[-1])
+        length, smoothing = float(samples.v[-1]), smoothing_pixels * samples.pixel
         knots_u, knots_v = closed_knots(nu), open_knots(nv, length)
         basis_u = basis(np.arange(samples.around) / samples.around, knots_u, DEGREE, True)
-        solve_u = smoothing_operator(
-            basis_u, _roughness(samples, np.mean(lengths(samples.outlines)) / nu), True
-        )
+        knot_u = float(np.mean(lengths(samples.outlines))) / nu
+        solve_u = smoothing_operator(basis_u, _roughness(smoothing, knot_u), True)
         heights = _row_heights(samples, knots_v)
         v = samples.section_v + _parameter_corrections(samples, heights, knots_v)
         basis_v = basis(v, knots_v, DEGREE, False)
@@ -91,10 +86,10 @@ class _System:
         for row, pole in zip((0, nv - 1), samples.poles, strict=True):
             if pole is not None:
                 fixed[row], known[row] = True, pole[:2]
-        solve_v = smoothing_operator(basis_v[:, ~fixed], _roughness(samples, length / (nv - DEGREE)), False)
+        solve_v = smoothing_operator(basis_v[:, ~fixed], _roughness(smoothing, length / (nv - DEGREE)), False)
         return cls(knots_u, knots_v, basis_u, basis_v, solve_u, solve_v, fixed, known, heights)
 
-    def solve(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(self, targets: FloatArray) -> FloatArray:
         """Control net (nu, nv, 2) nearest to targets (A, M, 2), its poles where they are."""
         base = (self.basis_v[:, self.fixed] @ self.known[self.fixed])[:, None]
         net = np.empty((self.basis_u.shape[1], len(self.fixed), 2))
@@ -102,18 +97,29 @@ class _System:
         net[:, ~self.fixed] = _in_both(self.solve_v, self.solve_u, targets - base)
         return net
 
-    def points(self, net: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, net: FloatArray) -> FloatArray:
         """Points (A, M, 2) of a control net at the samples' parameters."""
         return _in_both(self.basis_u, self.basis_v, net)
 
 
-def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORRECTIONS) -> Fit:
-    """Fit a control net of ``size`` (nu, nv) to the samples, with some rounds of corrections.
+def fit_samples(samples: Samples, size: tuple[int, int], smoothing_pixels: float, corrections: int) -> Fit:
+    """Fit a control net to the samples.
 
-    Each round solves least squares, moves every sample along its section to where its fitted point is
-    nearest, and aims further outwards where a section lost area.
+    Each round of corrections solves least squares, moves every sample along its section to where its fitted
+    point is nearest, and aims further outwards where a section lost area.
+
+    Parameters
+    ----------
+    samples : Samples
+        Of one tube.
+    size : (int, int)
+        Control points around and along.
+    smoothing_pixels : float
+        Waves of 2 pi times this length are halved, shorter ones damped more.
+    corrections : int
+        Rounds of corrections.
     """
-    system = _System.of(samples, size)
+    system = _System.of(samples, size, smoothing_pixels)
     outlines, position = samples.outlines, samples.position
     normals = outward_normals(outlines)
     outwards = np.zeros(len(outlines))
@@ -131,9 +137,7 @@ def fit_samples(samples: Samples, size: tuple[int, int], corrections: int = CORR
     return Fit(net, system.heights, system.knots_u, system.knots_v, error)
 
 
-def _in_both(
-    first: NDArray[np.float64], second: NDArray[np.float64], values: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _in_both(first: FloatArray, second: FloatArray, values: FloatArray) -> FloatArray:
     """Apply one operator (p, a) along the first axis of ``values`` (a, b, c), another (q, b) along the next.
 
     The result (q, p, c) has the axes swapped.
@@ -141,15 +145,15 @@ def _in_both(
     return np.tensordot(second, np.tensordot(first, values, 1), (1, 1))
 
 
-def _roughness(samples: Samples, knot: float) -> float:
+def _roughness(smoothing: float, knot: float) -> float:
     """Weight of the penalty on the second differences of control points ``knot`` mm apart.
 
-    Least squares with it let waves of length w pass by 1 / (1 + (2 pi SMOOTHING_PIXELS pixels / w)^4).
+    Least squares with it let waves of length w pass by 1 / (1 + (2 pi ``smoothing`` / w)^4).
     """
-    return max(LEAST_ROUGHNESS, (SMOOTHING_PIXELS * samples.pixel / knot) ** 4)
+    return max(LEAST_ROUGHNESS, (smoothing / knot) ** 4)
 
 
-def _row_heights(samples: Samples, knots_v: NDArray[np.float64]) -> NDArray[np.float64]:
+def _row_heights(samples: Samples, knots_v: FloatArray) -> FloatArray:
     """Heights of the control rows, never falling.
 
     A row of control points has one height, so every iso-curve around the tube is plane. Next to a
@@ -172,9 +176,7 @@ def _row_heights(samples: Samples, knots_v: NDArray[np.float64]) -> NDArray[np.f
     return np.clip(np.maximum.accumulate(heights), z[0], z[-1])
 
 
-def _parameter_corrections(
-    samples: Samples, heights: NDArray[np.float64], knots_v: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _parameter_corrections(samples: Samples, heights: FloatArray, knots_v: FloatArray) -> FloatArray:
     """How much further in v (A,) each section's height is reached; at most half a knot interval."""
     length = knots_v[-1]
     fine = np.linspace(0, length, 16 * len(heights))
@@ -184,9 +186,7 @@ def _parameter_corrections(
     return np.clip(reached - samples.section_v, -limit, limit)
 
 
-def _feet(
-    outlines: NDArray[np.float64], position: NDArray[np.float64], fitted: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _feet(outlines: FloatArray, position: FloatArray, fitted: FloatArray) -> FloatArray:
     """Fractions (A, M) of the samples moved along their sections towards the feet of their fitted points.
 
     One tangential Newton step, smoothed around the ring and kept short enough to preserve the order.
@@ -204,7 +204,7 @@ def _feet(
     return position + move * np.minimum(1.0, 0.5 / np.maximum(worst, 1e-9))
 
 
-def _missing(samples: Samples, fitted: NDArray[np.float64], rows: int) -> NDArray[np.float64]:
+def _missing(samples: Samples, fitted: FloatArray, rows: int) -> FloatArray:
     """How far (A,) each section must move outwards in mm to regain the volume around it.
 
     Volume is balanced over the reach of a control row, so that where the surface bridges a jump of the
@@ -213,7 +213,7 @@ def _missing(samples: Samples, fitted: NDArray[np.float64], rows: int) -> NDArra
     window = max(1, round(2 * len(samples.z) / rows))
     thickness = np.gradient(samples.z) if len(samples.z) > 1 else np.ones(1)
 
-    def spread(value: NDArray[np.float64]) -> NDArray[np.float64]:
+    def spread(value: FloatArray) -> FloatArray:
         return gaussian_filter1d(value * thickness, window, mode="nearest")
 
     around = lengths(fitted)
@@ -222,7 +222,7 @@ def _missing(samples: Samples, fitted: NDArray[np.float64], rows: int) -> NDArra
     return np.clip(step, -limit, limit)
 
 
-def _areas(outlines: NDArray[np.float64]) -> NDArray[np.float64]:
+def _areas(outlines: FloatArray) -> FloatArray:
     """Areas (A,) of closed polygons (A, M, 2), positive counter-clockwise."""
     following = np.roll(outlines, -1, axis=1)
     return 0.5 * np.sum(outlines[..., 0] * following[..., 1] - outlines[..., 1] * following[..., 0], axis=1)
@@ -230,10 +230,10 @@ def _areas(outlines: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _error(
     samples: Samples,
-    normals: NDArray[np.float64],
-    position: NDArray[np.float64],
-    fitted: NDArray[np.float64],
-    heights: NDArray[np.float64],
+    normals: FloatArray,
+    position: FloatArray,
+    fitted: FloatArray,
+    heights: FloatArray,
 ) -> float:
     """Mean distance in mm between sections and surface along the surface's normal, by area."""
     apart = fitted - at_fractions(samples.outlines, position)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from cccd.containers import Curves
+from cccd.settings import LoftSettings
 from cccd.surface.fields import through_pixel_centres
 from cccd.surface.matching import match_contours
 from cccd.surface.patches import fit_patches
@@ -22,20 +21,17 @@ COARSEST_MM = 1.5
 COARSE_MM = (2.05, 3.05)
 #: Six times volume by surface, the diameter of a ball, below this many voxels: a thin organ.
 THIN_VOXELS = 15
-#: Blends reach this many pixels, or slice steps, to either side of the line along which tubes meet.
-BLEND_PIXELS, BLEND_STEPS = 6.0, 3.0
 
 
-def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None = None) -> Surface:
+def loft_surface(curves: Curves, settings: LoftSettings, pixel_centres: bool | None = None) -> Surface:
     """Loft a stack of ordered curves.
 
     Parameters
     ----------
     curves : Curves
         Closed simple curves, outlines and holes.
-    settings : mapping
-        Section ``surface`` of the configuration: ``tolerance_voxels``, ``compactness``,
-        ``bridge_slices``, ``edge_voxels``.
+    settings : LoftSettings
+        Section ``surface`` of the configuration.
     pixel_centres : bool, optional
         Whether the curves run through pixel centres (the surface then encloses the pixels, half a
         pixel further out) or are the outline itself; by default determined by their coordinates.
@@ -47,22 +43,23 @@ def loft_surface(curves: Curves, settings: Mapping, pixel_centres: bool | None =
     """
     if pixel_centres is None:
         pixel_centres = through_pixel_centres(curves)
-    stack = interpolate_slices(curves, settings["bridge_slices"], pixel_centres)
-    tubes = match_contours(stack)
-    blend_reach = max(BLEND_PIXELS * stack.pixel, BLEND_STEPS * stack.step)
-    patches = fit_patches(tubes, stack, blend_reach, _tolerance(stack, settings), _budget(stack, settings))
-    solid = join_patches(patches, stack, blend_reach, settings["edge_voxels"] * stack.pixel)
+    stack = interpolate_slices(curves, settings, pixel_centres)
+    tubes = match_contours(stack, settings.matching)
+    reach = max(settings.blending.reach_pixels * stack.pixel, settings.blending.reach_steps * stack.step)
+    tolerance, budget = _tolerance(stack, settings), _budget(stack, settings)
+    patches = fit_patches(tubes, stack, reach, tolerance, budget, settings.fitting)
+    solid = join_patches(patches, stack, reach, settings.edge_voxels * stack.pixel, settings.blending)
     return solid.to_world(curves.frame)
 
 
-def _tolerance(stack: SliceStack, settings: Mapping) -> float:
+def _tolerance(stack: SliceStack, settings: LoftSettings) -> float:
     """Mean distance in mm between curves and surface that is good enough."""
-    return settings["tolerance_voxels"] * min(stack.pixel, float(np.cbrt(stack.voxel.prod())), COARSEST_MM)
+    return settings.tolerance_voxels * min(stack.pixel, float(np.cbrt(stack.voxel.prod())), COARSEST_MM)
 
 
-def _budget(stack: SliceStack, settings: Mapping) -> float:
+def _budget(stack: SliceStack, settings: LoftSettings) -> float:
     """Control points that all patches together may have, by the size of marching cubes' mesh."""
     coarse = stack.step > COARSE_MM[1] or stack.voxel[1:].max() > COARSE_MM[0]
     thin = coarse or stack.voxels_through < THIN_VOXELS
-    compactness = settings["compactness_thin" if thin else "compactness"]
+    compactness = settings.compactness_thin if thin else settings.compactness
     return stack.marching_cubes_bytes / CONTROL_BYTES / compactness

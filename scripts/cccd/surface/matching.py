@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cccd.geometry.arrays import FloatArray
+from cccd.settings import MatchingSettings
 from cccd.surface.branching import Cut, branch_off, without_cuts
 from cccd.surface.caps import cap_height, opening, planar_cap, reaches_scan_border, rounded_cap
 from cccd.surface.ring_graph import DOWN, UP, RingGraph, link_rings
@@ -21,16 +22,21 @@ from cccd.surface.tubes import EndKind, Section, Tube
 
 __all__ = ["Tubes", "match_contours"]
 
-#: Parts of fewer voxels than this are noise of the mask.
-SMALLEST_PART_VOXELS = 6
-
 
 @dataclass(frozen=True, eq=False)
 class Tubes:
-    """The tubes of all levels, and the number of parts that were too small for one."""
+    """The tubes of all levels, and the number of parts that were left out, as of fewer voxels than that."""
 
     tubes: list[Tube]
     left_out: int
+    smallest_voxels: float
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a user should know of them."""
+        if not self.left_out:
+            return []
+        return [f"{self.left_out} parts of fewer than {self.smallest_voxels:g} voxels are not in the surface"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,51 +45,61 @@ class _End:
 
     kind: EndKind
     sections: list[Section]
-    pole: NDArray[np.float64] | None = None
+    pole: FloatArray | None = None
     cuts: Sequence[Cut] = ()
 
 
-def match_contours(stack: SliceStack) -> Tubes:
+def match_contours(stack: SliceStack, settings: MatchingSettings) -> Tubes:
     """Match the rings of all levels into tubes.
 
-    Parts of fewer voxels than `SMALLEST_PART_VOXELS` are left out, unless they are all that a run of
+    Parts of fewer than ``settings.smallest_part_voxels`` are left out, unless they are all that a run of
     levels has.
     """
-    smallest = SMALLEST_PART_VOXELS * stack.voxel[1:].prod() * stack.step
-    matched = [_match_run(run, smallest) for run in stack.runs]
-    return Tubes([tube for part in matched for tube in part.tubes], sum(part.left_out for part in matched))
+    smallest = settings.smallest_part_voxels * stack.voxel[1:].prod() * stack.step
+    matched = [_match_run(run, smallest, settings) for run in stack.runs]
+    tubes = [tube for found, _ in matched for tube in found]
+    return Tubes(tubes, sum(left_out for _, left_out in matched), settings.smallest_part_voxels)
 
 
-def _match_run(run: Run, smallest: float) -> Tubes:
-    """Tubes of one run of levels; parts of less than ``smallest`` mm^3 are left out."""
+def _match_run(run: Run, smallest: float, settings: MatchingSettings) -> tuple[list[Tube], int]:
+    """Tubes of one run of levels, and how many parts of less than ``smallest`` mm^3 were left out."""
     graph = link_rings(run.rings)
-    chains = [chain for whole in graph.chains() if (chain := _without_fading_ends(whole, graph, run))]
+    trimmed = [_without_fading_ends(chain, graph, run, settings) for chain in graph.chains()]
+    chains = [chain for chain in trimmed if chain]
     kept = [chain for chain in chains if _volume(chain, run.half_step) >= smallest]
     if not kept:
         kept = sorted(chains, key=lambda chain: -_volume(chain, run.half_step))[:1]
-    ends = [(_end(chain[0], DOWN, graph, run), _end(chain[-1], UP, graph, run)) for chain in kept]
+    ends = [
+        (_end(chain[0], DOWN, graph, run, settings), _end(chain[-1], UP, graph, run, settings))
+        for chain in kept
+    ]
     cuts = [cut for both in ends for end in both for cut in end.cuts]
-    tubes = [_tube(chain, low, high, cuts, run) for chain, (low, high) in zip(kept, ends, strict=True)]
-    return Tubes(tubes, len(chains) - len(kept))
+    tubes = [
+        _tube(chain, low, high, cuts, run, settings.fade_pixels)
+        for chain, (low, high) in zip(kept, ends, strict=True)
+    ]
+    return tubes, len(chains) - len(kept)
 
 
-def _without_fading_ends(chain: list[Ring], graph: RingGraph, run: Run) -> list[Ring]:
+def _without_fading_ends(
+    chain: list[Ring], graph: RingGraph, run: Run, settings: MatchingSettings
+) -> list[Ring]:
     """Drop a chain's first and last ring where they lie between slices and nothing goes on from them.
 
     What lies beyond a tube's last slice is decided by its cap, not by the distance to other parts.
     """
-    if chain[-1].source_slice is None and not _goes_on(chain[-1], UP, graph, run):
+    if chain[-1].source_slice is None and not _goes_on(chain[-1], UP, graph, run, settings):
         chain = chain[:-1]
-    if chain and chain[0].source_slice is None and not _goes_on(chain[0], DOWN, graph, run):
+    if chain and chain[0].source_slice is None and not _goes_on(chain[0], DOWN, graph, run, settings):
         chain = chain[1:]
     return chain
 
 
-def _goes_on(ring: Ring, way: int, graph: RingGraph, run: Run) -> bool:
+def _goes_on(ring: Ring, way: int, graph: RingGraph, run: Run, settings: MatchingSettings) -> bool:
     """Whether anything of the same kind, or for a hole the open outside, follows the ring."""
     if graph.next(ring, way) or graph.touched(ring, way):
         return True
-    return ring.hole and opening(ring, way, run) is not None
+    return ring.hole and opening(ring, way, run, settings.opening_share) is not None
 
 
 def _volume(chain: Sequence[Ring], half_step: float) -> float:
@@ -92,21 +108,26 @@ def _volume(chain: Sequence[Ring], half_step: float) -> float:
     return float(np.mean([ring.area for ring in chain])) * max(rise, 2 * half_step)
 
 
-def _end(ring: Ring, way: int, graph: RingGraph, run: Run) -> _End:
+def _end(ring: Ring, way: int, graph: RingGraph, run: Run, settings: MatchingSettings) -> _End:
     """How a tube ends beyond its first or last ring."""
     if graph.touched(ring, way):
-        sections, cuts = branch_off(ring, way, graph, run)
+        sections, cuts = branch_off(ring, way, graph, run, settings)
         if sections:
             return _End("joined", sections, cuts=cuts)
-    if ring.hole and (sections := opening(ring, way, run)) is not None:
+    if ring.hole and (sections := opening(ring, way, run, settings.opening_share)) is not None:
         return _End("opens", sections)
     if reaches_scan_border(ring, way, run):
         return _End("cut", planar_cap(ring, way, run))
-    return _End("cap", *rounded_cap(ring, way, cap_height(ring, way, graph, run)))
+    height = cap_height(ring, way, graph, run, settings)
+    return _End("cap", *rounded_cap(ring, way, height, settings.rim_depth))
 
 
-def _tube(chain: Sequence[Ring], low: _End, high: _End, cuts: Sequence[Cut], run: Run) -> Tube:
+def _tube(
+    chain: Sequence[Ring], low: _End, high: _End, cuts: Sequence[Cut], run: Run, fade_pixels: float
+) -> Tube:
     """Put a tube together: its ends, and between them its rings without what they leave to branches."""
-    middle = [without_cuts(ring, [cut for cut in cuts if cut.ring is ring], run) for ring in chain]
+    middle = [
+        without_cuts(ring, [cut for cut in cuts if cut.ring is ring], run, fade_pixels) for ring in chain
+    ]
     sections = [*low.sections[::-1], *middle, *high.sections]
     return Tube(sections, (low.pole, high.pole), chain[0].hole, chain[0].depth, (low.kind, high.kind))

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cccd.geometry.arrays import FloatArray
 from cccd.geometry.bsplines import DEGREE, Patch
+from cccd.settings import FittingSettings
 from cccd.surface.fitting import Fit
 from cccd.surface.matching import Tubes
 from cccd.surface.refinement import fit_within_budget
@@ -37,7 +38,7 @@ class FittedTubes:
 
     tubes: Tubes
     fits: list[Fit]
-    jumps: NDArray[np.float64]
+    jumps: FloatArray
 
     @property
     def control_points(self) -> int:
@@ -50,7 +51,12 @@ class FittedTubes:
 
 
 def fit_patches(
-    tubes: Tubes, stack: SliceStack, blend_reach: float, tolerance: float, budget: float
+    tubes: Tubes,
+    stack: SliceStack,
+    blend_reach: float,
+    tolerance: float,
+    budget: float,
+    settings: FittingSettings,
 ) -> FittedTubes:
     """Fit a patch to every tube.
 
@@ -66,13 +72,16 @@ def fit_patches(
         Mean distance in mm between sections and surface that is good enough.
     budget : float
         Control points of all patches together, at most.
+    settings : FittingSettings
+        How tubes are sampled and nets grow.
     """
+    pixel, reach = stack.pixel, blend_reach / 2
     samples = [
-        sample_tube(tube, _samples_around(tube, stack.pixel), stack.target, stack.pixel, blend_reach / 2)
+        sample_tube(tube, _samples_around(tube, pixel), stack.target, pixel, reach, settings)
         for tube in tubes.tubes
     ]
     jumps = np.concatenate([sample.jumps for sample in samples])
-    return FittedTubes(tubes, fit_within_budget(samples, tolerance, budget), jumps)
+    return FittedTubes(tubes, fit_within_budget(samples, tolerance, budget, settings), jumps)
 
 
 def _samples_around(tube: Tube, pixel: float) -> int:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cccd.geometry.bsplines import DEGREE
+from cccd.settings import FittingSettings
 from cccd.surface.fitting import Fit, fit_samples
 from cccd.surface.samples import Samples, lengths
 
@@ -15,15 +16,13 @@ __all__ = ["fit_within_budget"]
 
 #: Fewest control points around and along a tube.
 FEWEST = (6, 4)
-#: Control nets grow by this factor in one direction at a time.
-GROWTH = 1.25
-#: Share of the control points that are laid out evenly before errors say where more are needed.
-FIRST_SHARE = 0.25
 
 Size = tuple[int, int]
 
 
-def fit_within_budget(samples: Sequence[Samples], tolerance: float, budget: float) -> list[Fit]:
+def fit_within_budget(
+    samples: Sequence[Samples], tolerance: float, budget: float, settings: FittingSettings
+) -> list[Fit]:
     """Refine every tube until its mean error is below the tolerance or the budget is used up.
 
     The next control points always go where they remove most error, weighted by the tube's size.
@@ -36,9 +35,14 @@ def fit_within_budget(samples: Sequence[Samples], tolerance: float, budget: floa
         Mean distance in mm that is good enough.
     budget : float
         Control points of all tubes together, at most (but for `FEWEST` per tube).
+    settings : FittingSettings
+        How nets grow, and what each fit smooths.
     """
-    sizes = _refined_sizes(samples, tolerance, budget)
-    return [fit_samples(sample, size) for sample, size in zip(samples, sizes, strict=True)]
+    sizes = _refined_sizes(samples, tolerance, budget, settings)
+    return [
+        fit_samples(sample, size, settings.smoothing_pixels, settings.corrections)
+        for sample, size in zip(samples, sizes, strict=True)
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,17 +54,22 @@ class _Trial:
     gain: float
 
 
-def _refined_sizes(samples: Sequence[Samples], tolerance: float, budget: float) -> list[Size]:
+def _refined_sizes(
+    samples: Sequence[Samples], tolerance: float, budget: float, settings: FittingSettings
+) -> list[Size]:
     """Sizes of the control nets, by trial fits with one round of corrections."""
     whole = sum(sample.surface_area for sample in samples)
-    sizes = [_even_size(sample, FIRST_SHARE * budget * sample.surface_area / whole) for sample in samples]
-    fits = [fit_samples(sample, size, 1) for sample, size in zip(samples, sizes, strict=True)]
+    first = settings.first_share * budget
+    sizes = [_even_size(sample, first * sample.surface_area / whole) for sample in samples]
+    fits = [_trial_fit(sample, size, settings) for sample, size in zip(samples, sizes, strict=True)]
     spent = sum(fit.count for fit in fits)
     unfinished = [n for n, fit in enumerate(fits) if fit.error > tolerance]
     trials: dict[int, _Trial] = {}
     while True:
         for n in unfinished:
-            if n not in trials and (trial := _best_trial(samples[n], sizes[n], fits[n], budget - spent)):
+            if n not in trials and (
+                trial := _best_trial(samples[n], sizes[n], fits[n], budget - spent, settings)
+            ):
                 trials[n] = trial
         unfinished = [n for n in unfinished if n in trials]
         if not unfinished:
@@ -76,11 +85,17 @@ def _refined_sizes(samples: Sequence[Samples], tolerance: float, budget: float) 
             unfinished.remove(n)
 
 
-def _best_trial(samples: Samples, size: Size, fit: Fit, room: float) -> _Trial | None:
+def _trial_fit(samples: Samples, size: Size, settings: FittingSettings) -> Fit:
+    return fit_samples(samples, size, settings.smoothing_pixels, 1)
+
+
+def _best_trial(
+    samples: Samples, size: Size, fit: Fit, room: float, settings: FittingSettings
+) -> _Trial | None:
     """Fit the next larger control nets and pick the one whose added points remove most error each."""
     trials: list[_Trial] = []
-    for larger in _larger_sizes(size, samples, room):
-        trial = fit_samples(samples, larger, 1)
+    for larger in _larger_sizes(size, samples, room, settings.growth):
+        trial = _trial_fit(samples, larger, settings)
         gain = (fit.error - trial.error) * samples.surface_area / (trial.count - fit.count)
         trials.append(_Trial(larger, trial, gain))
     return max(trials, key=lambda trial: trial.gain, default=None)
@@ -100,10 +115,10 @@ def _largest_size(samples: Samples) -> Size:
     return samples.around // 2, len(samples.z) + DEGREE
 
 
-def _larger_sizes(size: Size, samples: Samples, room: float) -> list[Size]:
+def _larger_sizes(size: Size, samples: Samples, room: float, growth: float) -> list[Size]:
     """List the next larger control nets, around or along, of at most ``room`` more points."""
     nu, nv = size
     most = _largest_size(samples)
-    around = min(int(np.ceil(nu * GROWTH)), most[0], nu + int(room / nv))
-    along = min(int(np.ceil(nv * GROWTH)), most[1], nv + int(room / nu))
+    around = min(int(np.ceil(nu * growth)), most[0], nu + int(room / nv))
+    along = min(int(np.ceil(nv * growth)), most[1], nv + int(room / nu))
     return [trial for trial in ((max(nu, around), nv), (nu, max(nv, along))) if trial != size]

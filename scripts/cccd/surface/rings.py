@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import contourpy
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from cccd.geometry._jit import jit
+from cccd.geometry.arrays import ByteArray, FloatArray, IntArray
 from cccd.surface.fields import Field
 
 __all__ = ["Ring", "find_rings", "overlap", "resample", "signed_area"]
@@ -43,21 +43,21 @@ class Ring:
 
     level: int
     z: float
-    points: NDArray[np.float64]
+    points: FloatArray
     hole: bool
     area: float
     source_slice: int | None
     depth: int
-    mask: NDArray[np.uint8] = field(repr=False)
-    bbox_min: NDArray[np.int64] = field(repr=False)
+    mask: ByteArray = field(repr=False)
+    bbox_min: IntArray = field(repr=False)
 
     @property
-    def bbox_max(self) -> NDArray[np.int64]:
+    def bbox_max(self) -> IntArray:
         """First pixel (2,) beyond the bounding box."""
         return self.bbox_min + self.mask.shape
 
 
-def signed_area(points: NDArray[np.float64]) -> float:
+def signed_area(points: FloatArray) -> float:
     """Shoelace area of a polygon (n, 2), positive when it runs counter-clockwise.
 
     >>> signed_area(np.array([[0.0, 0], [2, 0], [2, 1], [0, 1]]))
@@ -67,7 +67,7 @@ def signed_area(points: NDArray[np.float64]) -> float:
     return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
-def resample(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+def resample(points: FloatArray, count: int) -> FloatArray:
     """``count`` points at equal steps of arc length along a closed polygon (n, 2)."""
     closed = np.vstack([points, points[:1]])
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
@@ -75,7 +75,7 @@ def resample(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     return np.column_stack([np.interp(at, length, closed[:, 0]), np.interp(at, length, closed[:, 1])])
 
 
-def find_rings(field: Field, level: int, spacing: NDArray[np.float64], of_pixels: bool) -> list[Ring]:
+def find_rings(field: Field, level: int, spacing: FloatArray, of_pixels: bool) -> list[Ring]:
     """Every closed contour of a field at distance zero, largest first.
 
     Contours around no pixel's centre are left out.
@@ -100,9 +100,7 @@ def find_rings(field: Field, level: int, spacing: NDArray[np.float64], of_pixels
     ]
 
 
-def _ring(
-    pixels: NDArray[np.float64], field: Field, level: int, spacing: NDArray[np.float64], of_pixels: bool
-) -> Ring | None:
+def _ring(pixels: FloatArray, field: Field, level: int, spacing: FloatArray, of_pixels: bool) -> Ring | None:
     """Ring of a contour (n, 2) in pixels, not nested yet; None when there is no pixel's centre inside."""
     keep = np.any(np.abs(pixels - np.roll(pixels, 1, axis=0)) > 1e-6, axis=1)
     pixels = np.ascontiguousarray(pixels[keep])
@@ -121,7 +119,7 @@ def _ring(
 
 
 @jit
-def _pixels_inside(points, height, width):
+def _pixels_inside(points: FloatArray, height: int, width: int) -> ByteArray:
     """Pixels (H, W) whose centres a closed polygon in pixel units encloses (even-odd)."""
     mask = np.zeros((height, width), np.uint8)
     count = len(points)

@@ -6,19 +6,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
+from cccd.geometry.arrays import BoolArray, FloatArray
+from cccd.settings import FittingSettings
 from cccd.surface.alignment import align, at_fractions, outward_normals
 from cccd.surface.guide import Guide
 from cccd.surface.tubes import Tube
 
 __all__ = ["Samples", "lengths", "sample_tube"]
-
-#: Samples further than this from the organ's boundary lie inside another tube; what those weigh.
-HIDDEN_PIXELS, HIDDEN_WEIGHT = 1.5, 0.05
-#: Where matched points of neighbouring sections lie this far apart no spline follows without ringing.
-JUMP_PIXELS = 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +43,15 @@ class Samples:
         mm.
     """
 
-    outlines: NDArray[np.float64]
-    position: NDArray[np.float64]
-    z: NDArray[np.float64]
-    v: NDArray[np.float64]
-    area: NDArray[np.float64]
-    normal: NDArray[np.float64]
-    poles: tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]
-    weights: NDArray[np.float64]
-    jumps: NDArray[np.float64]
+    outlines: FloatArray
+    position: FloatArray
+    z: FloatArray
+    v: FloatArray
+    area: FloatArray
+    normal: FloatArray
+    poles: tuple[FloatArray | None, FloatArray | None]
+    weights: FloatArray
+    jumps: FloatArray
     pixel: float
 
     @property
@@ -64,12 +60,12 @@ class Samples:
         return self.outlines.shape[1]
 
     @property
-    def section_v(self) -> NDArray[np.float64]:
+    def section_v(self) -> FloatArray:
         """Parameters (A,) of the sections, without the poles."""
         return _without_poles(self.v, self.poles)
 
     @property
-    def strips(self) -> NDArray[np.float64]:
+    def strips(self) -> FloatArray:
         """Area in mm^2 of the surface that each sample (A, M) stands for."""
         along = np.gradient(self.section_v) if len(self.z) > 1 else np.ones(1)
         around = lengths(self.outlines) / self.around
@@ -81,18 +77,20 @@ class Samples:
         return float((self.weights * self.strips).sum())
 
 
-def lengths(outlines: NDArray[np.float64]) -> NDArray[np.float64]:
+def lengths(outlines: FloatArray) -> FloatArray:
     """Lengths (A,) of closed polygons (A, M, 2)."""
     return np.sum(np.linalg.norm(np.roll(outlines, -1, axis=1) - outlines, axis=2), axis=1)
 
 
-def sample_tube(tube: Tube, count: int, target: Guide, pixel: float, reach: float) -> Samples:
+def sample_tube(
+    tube: Tube, count: int, target: Guide, pixel: float, reach: float, settings: FittingSettings
+) -> Samples:
     """Sample every section at ``count`` points and lay the parameter along the tube.
 
     Samples that are not on the target field's zero level, within a pixel or two, and those within
     ``reach`` mm of such ones, are hidden in the end; so are those beside a jump.
     """
-    outlines, position = align(tube, count)
+    outlines, position = align(tube, count, settings)
     matched = at_fractions(outlines, position)
     z = np.array([section.z for section in tube.sections])
     area = np.array([section.area for section in tube.sections])
@@ -101,19 +99,19 @@ def sample_tube(tube: Tube, count: int, target: Guide, pixel: float, reach: floa
     normal = _without_poles(_surface_normals(points, heights), tube.poles)
     lines = np.dstack([matched, np.broadcast_to(z[:, None], matched.shape[:2])])
     step = np.linalg.norm(np.diff(matched, axis=0), axis=2)
-    jump = step > JUMP_PIXELS * pixel
+    jump = step > settings.jump_pixels * pixel
     jumps = _between(lines[:-1][jump], lines[1:][jump], step[jump], reach / 2)
     distance, room = target(lines.reshape(-1, 3), -np.inf)
-    away = ((np.abs(distance) > HIDDEN_PIXELS * pixel) & (room > 0)).reshape(matched.shape[:2])
+    away = ((np.abs(distance) > settings.hidden_pixels * pixel) & (room > 0)).reshape(matched.shape[:2])
     hidden = _widened(away, reach, _without_poles(v, tube.poles), outlines)
     beside_jump = np.pad(jump, ((1, 0), (0, 0))) | np.pad(jump, ((0, 1), (0, 0)))
-    weights = np.where(hidden | beside_jump, HIDDEN_WEIGHT, 1.0)
+    weights = np.where(hidden | beside_jump, settings.hidden_weight, 1.0)
     return Samples(outlines, position, z, v, area, normal, tube.poles, weights, jumps, pixel)
 
 
 def _with_poles(
-    matched: NDArray[np.float64], z: NDArray[np.float64], poles: tuple[NDArray[np.float64] | None, ...]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    matched: FloatArray, z: FloatArray, poles: tuple[FloatArray | None, ...]
+) -> tuple[FloatArray, FloatArray]:
     """Put a row for each pole before or behind matched points (A, M, 2) and heights (A,)."""
     low, high = (
         (np.zeros((0, *matched.shape[1:])), np.zeros(0))
@@ -124,19 +122,17 @@ def _with_poles(
     return np.concatenate([low[0], matched, high[0]]), np.concatenate([low[1], z, high[1]])
 
 
-def _without_poles(
-    rows: NDArray[np.float64], poles: tuple[NDArray[np.float64] | None, ...]
-) -> NDArray[np.float64]:
+def _without_poles(rows: FloatArray, poles: tuple[FloatArray | None, ...]) -> FloatArray:
     """Drop the rows (A, ...) of poles."""
     low, high = (pole is not None for pole in poles)
     return rows[int(low) : len(rows) - int(high)]
 
 
 def _arc_parameters(
-    points: NDArray[np.float64],
-    heights: NDArray[np.float64],
-    poles: tuple[NDArray[np.float64] | None, ...],
-) -> NDArray[np.float64]:
+    points: FloatArray,
+    heights: FloatArray,
+    poles: tuple[FloatArray | None, ...],
+) -> FloatArray:
     """Parameters (A,) of rows of points (A, M, 2): how far the median point travels along the surface."""
     outwards = outward_normals(points)
     moved = np.abs(np.sum(np.diff(points, axis=0) * (outwards[1:] + outwards[:-1]) / 2, axis=2))
@@ -147,16 +143,14 @@ def _arc_parameters(
     return np.concatenate([[0.0], np.cumsum(np.maximum(travelled, 1e-6))])
 
 
-def _surface_normals(points: NDArray[np.float64], heights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _surface_normals(points: FloatArray, heights: FloatArray) -> FloatArray:
     """Outward normals (A, M, 2) of the surface through rows of points, in the plane and along z."""
     run = np.sum(np.gradient(points, axis=0) * outward_normals(points), axis=2)
     climb = np.broadcast_to(np.gradient(heights)[:, None], run.shape)
     return np.stack([climb, -run], axis=2) / np.maximum(np.hypot(climb, run), 1e-9)[..., None]
 
 
-def _between(
-    start: NDArray[np.float64], end: NDArray[np.float64], length: NDArray[np.float64], apart: float
-) -> NDArray[np.float64]:
+def _between(start: FloatArray, end: FloatArray, length: FloatArray, apart: float) -> FloatArray:
     """Points (P, 3) inside segments from ``start`` to ``end`` (J, 3), no further ``apart`` than that."""
     pieces = np.ceil(length / apart).astype(np.int64)
     segment = np.repeat(np.arange(len(length)), pieces)
@@ -164,9 +158,7 @@ def _between(
     return start[segment] + share[:, None] * (end - start)[segment]
 
 
-def _widened(
-    away: NDArray[np.bool_], reach: float, v: NDArray[np.float64], outlines: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _widened(away: BoolArray, reach: float, v: FloatArray, outlines: FloatArray) -> BoolArray:
     """Mark all samples (A, M) within ``reach`` mm of marked ones, along the tube and around it."""
     if not away.any():
         return away

@@ -7,18 +7,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cccd.containers import Curves
 from cccd.errors import InputError
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from cccd.settings import LoftSettings
 from cccd.surface.fields import Field, distance_fields, interpolated_fields
 from cccd.surface.guide import Guide
 from cccd.surface.rings import Ring, find_rings
 
 __all__ = ["Run", "SliceStack", "interpolate_slices"]
 
-#: Levels between slices lie about this many pixels apart.
-LEVEL_PIXELS = 1.5
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
 CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
 
@@ -43,7 +42,7 @@ class Run:
 
     fields: Sequence[Field]
     rings: Sequence[Sequence[Ring]]
-    spacing: NDArray[np.float64]
+    spacing: FloatArray
     half_step: float
     scan_range: tuple[float, float]
 
@@ -52,7 +51,7 @@ class Run:
         """Edge length of a pixel in mm (the geometric mean of its two)."""
         return float(np.sqrt(self.spacing.prod()))
 
-    def field_inside(self, ring: Ring) -> NDArray[np.float32]:
+    def field_inside(self, ring: Ring) -> SingleArray:
         """Signed distances in mm on a ring's level, negative inside what the ring bounds."""
         distance = self.fields[ring.level].distance
         return -distance if ring.hole else distance
@@ -91,9 +90,9 @@ class SliceStack:
 
     runs: list[Run]
     target: Guide
-    origin: NDArray[np.int64]
-    voxel: NDArray[np.float64]
-    voxel_faces: NDArray[np.int64]
+    origin: IntArray
+    voxel: FloatArray
+    voxel_faces: IntArray
     volume: float
     thickness: float
 
@@ -118,15 +117,15 @@ class SliceStack:
         return int(self.voxel_faces.sum()) * (VERTEX_BYTES + 2 * TRIANGLE_BYTES)
 
 
-def interpolate_slices(curves: Curves, bridge_slices: float, pixel_centres: bool) -> SliceStack:
+def interpolate_slices(curves: Curves, settings: LoftSettings, pixel_centres: bool) -> SliceStack:
     """Turn curves into signed distances, interpolate levels between slices, find every level's rings.
 
     Parameters
     ----------
     curves : Curves
         Closed simple curves, outlines and holes.
-    bridge_slices : float
-        Slices, in steps of their usual distance, that may be missing before a run of levels ends.
+    settings : LoftSettings
+        Of these ``bridge_slices``, which may be missing before a run of levels ends, and ``interpolation``.
     pixel_centres : bool
         Whether the curves run through pixel centres or are the outline itself.
 
@@ -142,15 +141,15 @@ def interpolate_slices(curves: Curves, bridge_slices: float, pixel_centres: bool
     pixel = float(np.sqrt(spacing.prod()))
     slices, distance, origin = distance_fields(curves, pixel_centres)
     gaps = np.diff(slices)
+    level_spacing = settings.interpolation.level_pixels * pixel
     every = int(np.median(gaps)) if len(gaps) else 1
     step = every * frame.slice_spacing
     scan_range = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
+    breaks = np.flatnonzero(gaps > every * settings.bridge_slices) + 1
     runs: list[Run] = []
-    for part in np.split(np.arange(len(slices)), np.flatnonzero(gaps > every * bridge_slices) + 1):
+    for part in np.split(np.arange(len(slices)), breaks):
         here = slice(part[0], part[-1] + 1)
-        fields = list(
-            interpolated_fields(slices[here], distance[here], frame.slice_spacing, LEVEL_PIXELS * pixel)
-        )
+        fields = list(interpolated_fields(slices[here], distance[here], frame.slice_spacing, level_spacing))
         rings = [find_rings(plane, level, spacing, pixel_centres) for level, plane in enumerate(fields)]
         runs.append(Run(fields, rings, spacing, step / 2, scan_range))
     if not any(rings for run in runs for rings in run.rings):
@@ -160,7 +159,7 @@ def interpolate_slices(curves: Curves, bridge_slices: float, pixel_centres: bool
     voxel, voxel_faces = np.array([step, *spacing]), _voxel_faces(distance < 0)
     volume = sum(run.volume() for run in runs)
     thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
-    target = Guide.of(_levels(runs), spacing, bridge_slices * step + pixel, thickness)
+    target = Guide.of(_levels(runs), spacing, settings.bridge_slices * step + pixel, thickness)
     return SliceStack(runs, target, origin, voxel, voxel_faces, volume, thickness)
 
 
@@ -175,7 +174,7 @@ def _levels(runs: Sequence[Run]) -> list[Field]:
     return [*below, *fields, *above]
 
 
-def _voxel_faces(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _voxel_faces(mask: BoolArray) -> IntArray:
     """Faces (3,) between voxels inside and outside, by axis: the vertices of marching cubes on the stack."""
     padded = np.pad(mask, 1)
     return np.array([np.count_nonzero(np.diff(padded, axis=axis)) for axis in range(3)])

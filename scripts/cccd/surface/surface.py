@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cccd.containers import Frame
+from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.mesh import Mesh
 
 __all__ = ["Surface"]
+
+
+def _nothing() -> dict[str, Any]:
+    return {}
 
 
 @dataclass
@@ -23,10 +25,8 @@ class Surface:
     ----------
     patches : list of Patch
         Control nets in mm RAS.
-    vertices : (V, 3) float64
-        mm RAS.
-    faces : (F, 3) int64
-        Counter-clockwise from outside.
+    mesh : Mesh
+        Their closed mesh in mm RAS, blended where tubes meet.
     frame : Frame
         The grid of the source volume.
     report : dict
@@ -34,12 +34,16 @@ class Surface:
     """
 
     patches: list[Patch]
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
+    mesh: Mesh
     frame: Frame
-    report: dict[str, Any] = field(default_factory=dict)
+    report: dict[str, Any] = field(default_factory=_nothing)
 
     @property
-    def mesh(self) -> Mesh:
-        """Vertices and faces together."""
-        return Mesh(self.vertices, self.faces)
+    def vertices(self) -> FloatArray:
+        """The mesh's vertices (V, 3) in mm RAS."""
+        return self.mesh.vertices
+
+    @property
+    def faces(self) -> IntArray:
+        """The mesh's faces (F, 3), counter-clockwise from outside."""
+        return self.mesh.faces

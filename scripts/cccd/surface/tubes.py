@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from cccd.geometry.arrays import FloatArray
 from cccd.surface.rings import Ring, signed_area
 
 __all__ = ["EndKind", "Section", "Tube"]
@@ -22,7 +22,7 @@ class Section:
     """One cross-section of a tube: a closed polygon (n, 2) in mm at height ``z``, and its area in mm^2."""
 
     z: float
-    points: NDArray[np.float64]
+    points: FloatArray
     area: float
 
     @classmethod
@@ -31,7 +31,7 @@ class Section:
         return cls(ring.z if z is None else z, ring.points, ring.area)
 
     @classmethod
-    def of_outline(cls, z: float, points: NDArray[np.float64]) -> Section:
+    def of_outline(cls, z: float, points: FloatArray) -> Section:
         """Section with the area of its own polygon."""
         return cls(z, points, abs(signed_area(points)))
 
@@ -62,7 +62,7 @@ class Tube:
     """
 
     sections: list[Section]
-    poles: tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]
+    poles: tuple[FloatArray | None, FloatArray | None]
     hole: bool
     depth: int
     ends: tuple[EndKind, EndKind]

@@ -1,17 +1,14 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
-import yaml
 
 from cccd.comparisons.isosurfaces import compare_isosurfaces
 from cccd.comparisons.point_meshes import ball_pivoting, poisson
 from cccd.comparisons.volume_meshes import distance_isosurface, flying_edges, marching_cubes, windowed_sinc
 from cccd.containers import Frame, Structure
+from cccd.settings import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
 
-SURFACE = yaml.safe_load((Path(__file__).parents[3] / "config" / "config.yaml").read_text())["surface"]
 METHODS = [
     "marching cubes",
     "flying edges + windowed sinc",
@@ -61,7 +58,7 @@ def test_point_methods_come_near_the_ellipsoid(structure, make):
 def test_one_row_per_method(structure):
     curves = trace_mask(structure)
     table = compare_isosurfaces(
-        structure, curves, loft_surface(curves, SURFACE), {"isosurfaces": {"methods": METHODS}}
+        structure, curves, loft_surface(curves, LoftSettings()), {"isosurfaces": {"methods": METHODS}}
     )
     assert table["method"].tolist() == ["CCCD", *METHODS]
     assert table["dice_3d"].between(0, 1).all()

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-import yaml
 
 from cccd.containers import Curves, Frame, Structure
 from cccd.geometry.polygons import RaggedPolygons
+from cccd.settings import LoftSettings
 from cccd.tracing import trace_mask
 
-SETTINGS = yaml.safe_load((Path(__file__).parents[3] / "config" / "config.yaml").read_text())["surface"]
+SETTINGS = LoftSettings()
 
 
 def structure_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0), affine: np.ndarray | None = None) -> Structure:

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapes import ellipse
 
+from cccd.settings import FittingSettings
 from cccd.surface.alignment import align, at_fractions, outward_normals
 from cccd.surface.tubes import Section, Tube
 
@@ -19,7 +20,7 @@ def tube_of(outlines):
 
 def lines_of(outlines, count=AROUND):
     """Matched points (A, count, 2): every column is one line along the tube."""
-    return at_fractions(*align(tube_of(outlines), count))
+    return at_fractions(*align(tube_of(outlines), count, FittingSettings()))
 
 
 def turned(points, centre=30.0):
@@ -76,7 +77,7 @@ def test_the_order_around_is_kept(shapes):
         points = ellipse(first=first) - 30
         angle = np.arctan2(points[:, 1], points[:, 0])
         outlines.append(30 + points / 10 * (size * (1 + waviness * np.cos(3 * angle)))[:, None])
-    rings, position = align(tube_of(outlines), AROUND)
+    rings, position = align(tube_of(outlines), AROUND, FittingSettings())
     assert rings.shape == (len(shapes), AROUND, 2)
     assert np.all(np.diff(position, axis=1) > 0)
     assert np.all(position[:, -1] - position[:, 0] < 1)

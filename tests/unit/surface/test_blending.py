@@ -7,7 +7,7 @@ from skimage.measure import marching_cubes
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.surface import loft_surface
-from cccd.surface.blending import blended
+from cccd.surface.blending import blend, offset_surface
 from cccd.surface.fields import Field
 from cccd.surface.guide import Guide
 
@@ -18,7 +18,7 @@ def sphere_mesh(radius=8.0):
     x, y, z = grid(30, 30, 30) - 14.5
     vertices, faces, _, _ = marching_cubes(np.sqrt(x * x + y * y + z * z) - radius, 0.0)
     radii = np.linalg.norm(vertices - 14.5, axis=1, keepdims=True)
-    return 14.5 + (vertices - 14.5) * radius / radii, faces.astype(np.int64)
+    return Mesh(14.5 + (vertices - 14.5) * radius / radii, faces.astype(np.int64))
 
 
 def unknown(points, within):
@@ -36,17 +36,17 @@ def cone(spacing=(0.8, 1.2), slope=0.15, thickness=10.0):
 @pytest.mark.parametrize("cell", [0.7, 1.3])
 @pytest.mark.parametrize("level", [-0.5, 0.0, 0.5])
 def test_level_sets_of_a_sphere_are_spheres(cell, level):
-    level_set = blended(*sphere_mesh(), NOWHERE, unknown, 5.0, cell)
-    vertices, faces = level_set.mesh(level)
-    assert Mesh(vertices, faces).is_closed_manifold
-    assert len(Mesh(vertices, faces).self_intersections()) == 0
-    assert np.linalg.norm(vertices - 14.5, axis=1) == pytest.approx(8 + level, abs=0.08)
-    assert Mesh(vertices, faces).volume == pytest.approx(4 / 3 * np.pi * (8 + level) ** 3, rel=0.03)
+    distance = blend(sphere_mesh(), NOWHERE, unknown, 5.0, cell, 2.0)
+    mesh = offset_surface(distance, level)
+    assert mesh.is_closed_manifold
+    assert len(mesh.self_intersections()) == 0
+    assert np.linalg.norm(mesh.vertices - 14.5, axis=1) == pytest.approx(8 + level, abs=0.08)
+    assert mesh.volume == pytest.approx(4 / 3 * np.pi * (8 + level) ** 3, rel=0.03)
 
 
 def test_an_empty_level_set_has_no_mesh():
-    vertices, faces = blended(*sphere_mesh(1.0), NOWHERE, unknown, 5.0, 1.0).mesh(-1.4)
-    assert vertices.shape == faces.shape == (0, 3)
+    mesh = offset_surface(blend(sphere_mesh(1.0), NOWHERE, unknown, 5.0, 1.0, 2.0), -1.4)
+    assert mesh.vertices.shape == mesh.faces.shape == (0, 3)
 
 
 def test_the_guide_rules_at_seams_and_nowhere_else():
@@ -54,12 +54,12 @@ def test_the_guide_rules_at_seams_and_nowhere_else():
         return np.linalg.norm(points - 14.5, axis=1) - 9.0, np.full(len(points), 99.0)
 
     seam = np.array([[14.5, 14.5, 22.5]])
-    vertices, faces = blended(*sphere_mesh(), seam, larger, 8.0, 0.8).mesh()
-    radius = np.linalg.norm(vertices - 14.5, axis=1)
-    away = np.linalg.norm(vertices - seam, axis=1)
+    mesh = offset_surface(blend(sphere_mesh(), seam, larger, 8.0, 0.8, 2.0))
+    radius = np.linalg.norm(mesh.vertices - 14.5, axis=1)
+    away = np.linalg.norm(mesh.vertices - seam, axis=1)
     assert radius[away < 3] == pytest.approx(9, abs=0.05)
     assert radius[away > 9] == pytest.approx(8, abs=0.05)
-    assert Mesh(vertices, faces).is_closed_manifold
+    assert mesh.is_closed_manifold
 
 
 @pytest.mark.parametrize("thickness", [10.0, 60.0])

@@ -110,7 +110,8 @@ def test_a_shelf_that_appears_at_once_leaves_no_ripples():
     mask |= (x >= 28) & (x < 100) & (np.abs(y - 30) <= 5) & (z >= 20)
     mask &= (z >= 3) & (z < 37)
     structure = structure_of(mask)
-    surface = loft_surface(trace_mask(structure), {**SETTINGS, "tolerance_voxels": 0.1, "compactness": 12})
+    settings = SETTINGS.model_copy(update={"tolerance_voxels": 0.1, "compactness": 12.0})
+    surface = loft_surface(trace_mask(structure), settings)
     assert_sound(surface)
     away = np.linalg.norm(surface.vertices[:, :2] - (28, 30), axis=1) - 20
     far_wall = (np.abs(surface.vertices[:, 2] - 20) < 12) & (surface.vertices[:, 0] < 24)

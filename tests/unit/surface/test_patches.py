@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from shapes import ellipse
 
+from cccd.settings import FittingSettings
 from cccd.surface.fitting import fit_samples
 from cccd.surface.patches import _patch
 from cccd.surface.refinement import fit_within_budget
@@ -12,6 +13,7 @@ from cccd.surface.samples import Samples, sample_tube
 from cccd.surface.tubes import Section, Tube
 
 AROUND, LEVELS = 128, 12
+FITTING = FittingSettings()
 
 
 def corrugated(waves: int, depth: float = 0.3) -> Samples:
@@ -37,7 +39,7 @@ def corrugated(waves: int, depth: float = 0.3) -> Samples:
 
 @pytest.mark.parametrize(("waves", "passes"), [(4, 1.0), (8, 1.0), (32, 0.5)])
 def test_long_waves_pass_and_those_of_four_pixels_are_halved(waves, passes):
-    fit = fit_samples(corrugated(waves), (AROUND // 2, 8))
+    fit = fit_samples(corrugated(waves), (AROUND // 2, 8), 0.6, 3)
     # Control points of a fine net wave as the surface does, but for the B-spline's own damping.
     knot = 2 * np.pi * waves / (AROUND // 2)
     damping = (2 + np.cos(knot)) / 3
@@ -56,8 +58,8 @@ def sections_of(radius_at, heights):
 
 
 def fitted(tube, size=(16, 6), around=96):
-    samples = sample_tube(tube, around, nowhere, 1.0, 4.0)
-    fit = fit_samples(samples, size)
+    samples = sample_tube(tube, around, nowhere, 1.0, 4.0, FITTING)
+    fit = fit_samples(samples, size, FITTING.smoothing_pixels, FITTING.corrections)
     return samples, fit, _patch(fit, tube.hole)
 
 
@@ -108,7 +110,7 @@ def test_samples_off_the_target_and_beside_jumps_weigh_little():
     def lower_half_known(points, within):
         return np.where(points[:, 2] < 3, 5.0, 0.0), np.ones(len(points))
 
-    samples = sample_tube(tube, 96, lower_half_known, 1.0, 0.5)
+    samples = sample_tube(tube, 96, lower_half_known, 1.0, 0.5, FITTING)
     light = samples.weights[:, 0] < 1
     assert np.array_equal(np.flatnonzero(light), [0, 1, 2, 9, 10])
     radius = np.hypot(*(samples.jumps[:, :2] - 30).T)
@@ -122,14 +124,14 @@ def test_control_points_go_where_the_errors_are():
     angle = 2 * np.pi * np.arange(240) / 240
     star = 30 + (14 + 2 * np.cos(7 * angle))[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     lobed = Tube([Section.of_outline(z, star) for z in heights], (None, None), False, 0, ("cut", "cut"))
-    samples = [sample_tube(tube, 96, nowhere, 1.0, 4.0) for tube in (plain, lobed)]
-    roomy = fit_within_budget(samples, 0.05, 800)
+    samples = [sample_tube(tube, 96, nowhere, 1.0, 4.0, FITTING) for tube in (plain, lobed)]
+    roomy = fit_within_budget(samples, 0.05, 800, FITTING)
     assert all(fit.error < 0.06 for fit in roomy)
-    even = fit_within_budget(samples, 9.0, 800)
+    even = fit_within_budget(samples, 9.0, 800, FITTING)
     assert roomy[0].net.shape == even[0].net.shape  # good enough from the start
     around, along = (np.subtract(roomy[1].net.shape, even[1].net.shape) > 0)[:2]
     assert around  # where the lobes are ...
     assert not along  # ... and not where the tube is straight
     assert even[1].error > 0.05
-    tight = fit_within_budget(samples, 0.001, 300)
+    tight = fit_within_budget(samples, 0.001, 300, FITTING)
     assert 240 < sum(fit.count for fit in tight) <= 300

@@ -13,15 +13,13 @@ from cccd.surface.ring_graph import DOWN, UP
 from cccd.surface.rings import Ring, signed_area
 from cccd.surface.stack import interpolate_slices
 
-BRIDGE = 3
-
 
 def stack_of(curves):
-    return interpolate_slices(curves, BRIDGE, through_pixel_centres(curves))
+    return interpolate_slices(curves, SETTINGS, through_pixel_centres(curves))
 
 
 def tubes_of(curves):
-    return match_contours(stack_of(curves)).tubes
+    return match_contours(stack_of(curves), SETTINGS.matching).tubes
 
 
 def polygon(section):
@@ -39,7 +37,7 @@ def assert_sound(tube):
 def test_a_cylinder_is_one_tube_with_two_rounded_ends():
     curves = drawn({k: [ellipse(9, 9)] for k in range(5, 25)}, 30)
     stack = stack_of(curves)
-    (tube,) = match_contours(stack).tubes
+    (tube,) = match_contours(stack, SETTINGS.matching).tubes
     assert_sound(tube)
     assert tube.ends == ("cap", "cap")
     assert (tube.hole, tube.depth) == (False, 0)
@@ -66,7 +64,8 @@ def test_a_cylinder_through_the_whole_scan_has_planar_ends_half_a_slice_beyond()
 
 def test_a_fork_is_a_trunk_and_a_branch_that_reaches_into_it():
     stack = stack_of(curves_of(fork()))
-    trunk, branch = sorted(match_contours(stack).tubes, key=lambda tube: -len(tube.sections))
+    tubes = match_contours(stack, SETTINGS.matching).tubes
+    trunk, branch = sorted(tubes, key=lambda tube: -len(tube.sections))
     assert_sound(trunk)
     assert_sound(branch)
     assert (trunk.ends, branch.ends) == (("cap", "cap"), ("cap", "joined"))
@@ -141,10 +140,10 @@ def test_a_closed_cavity_has_two_caps():
 def test_specks_are_left_out_and_counted_unless_they_are_all_there_is():
     mask = ball()
     mask[2:4, 2:4, 30] = True
-    matched = match_contours(stack_of(curves_of(mask)))
+    matched = match_contours(stack_of(curves_of(mask)), SETTINGS.matching)
     assert (len(matched.tubes), matched.left_out) == (1, 1)
     mask[:, 4:] = False
-    matched = match_contours(stack_of(curves_of(mask)))
+    matched = match_contours(stack_of(curves_of(mask)), SETTINGS.matching)
     assert (len(matched.tubes), matched.left_out) == (1, 0)
 
 
@@ -152,7 +151,7 @@ def test_missing_slices_end_a_run():
     there = [*range(4, 10), *range(12, 18), *range(25, 30)]
     stack = stack_of(drawn({k: [ellipse(9, 9)] for k in there}, 34))
     assert [(run.fields[0].z, run.fields[-1].z) for run in stack.runs] == [(4, 17), (25, 29)]
-    assert len(match_contours(stack).tubes) == 2
+    assert len(match_contours(stack, SETTINGS.matching).tubes) == 2
 
 
 def ring_around(points) -> Ring:
@@ -162,7 +161,7 @@ def ring_around(points) -> Ring:
 
 @pytest.mark.parametrize(("way", "direction"), [(DOWN, -1), (UP, 1)])
 def test_a_round_end_closes_as_a_paraboloid(way, direction):
-    sections, pole = rounded_cap(ring_around(ellipse(8, 8)), way, 3.0)
+    sections, pole = rounded_cap(ring_around(ellipse(8, 8)), way, 3.0, 0.7)
     assert pole == pytest.approx([30, 30, 5 + 3 * direction], abs=1e-6)
     for section in sections:
         radius = np.hypot(*(section.points - 30).T)
@@ -176,7 +175,7 @@ def test_a_bent_end_gets_a_planar_cap_with_a_rounded_rim():
     bent = np.array(outer.difference(inner).intersection(half).exterior.coords)[:-1]
     bent = bent if shapely.LinearRing(bent).is_ccw else bent[::-1]
     ring = ring_around(bent)
-    sections, pole = rounded_cap(ring, UP, 2.0)
+    sections, pole = rounded_cap(ring, UP, 2.0, 0.7)
     assert pole is None
     assert sections[-1].z == pytest.approx(6)
     assert np.all(np.diff([ring.area, *(section.area for section in sections)]) < 0)

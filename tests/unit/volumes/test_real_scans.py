@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import shapely
 import trimesh
-import yaml
-from scans import DATA, ROOT, full, row, settings
+from scans import DATA, full, row, settings
 
 from cccd.errors import InputError
+from cccd.settings import LoftSettings
 from cccd.surface import loft_surface
 from cccd.volumes import load_structure
 
@@ -84,7 +84,7 @@ def test_a_structure_set_keeps_its_volume_in_one_piece():
     curves = load(mask=f"{folder}/rtstruct.dcm", label="Lt Lung").contours
     signed = [x @ np.roll(y, -1) - y @ np.roll(x, -1) for x, y in (points.T for points in curves)]
     drawn = sum(signed) / 2 * float(curves.frame.spacing.prod())
-    surface = loft_surface(curves, yaml.safe_load((ROOT / "config" / "config.yaml").read_text())["surface"])
+    surface = loft_surface(curves, LoftSettings())
     volumes = [part.volume for part in trimesh.Trimesh(surface.vertices, surface.faces).split()]
     assert sum(volumes) == pytest.approx(drawn, rel=0.01)
     assert max(volumes) == pytest.approx(drawn, rel=0.01)

@@ -4,9 +4,7 @@ import cv2
 import numpy as np
 import pytest
 import pyvista
-import yaml
 from scans import (
-    ROOT,
     outlines,
     row,
     settings,
@@ -19,6 +17,7 @@ from scans import (
 
 from cccd.containers import Curves
 from cccd.geometry.arrays import concatenate_ragged
+from cccd.settings import LoftSettings
 from cccd.surface import loft_surface
 from cccd.volumes import load_structure
 
@@ -57,12 +56,11 @@ def test_four_formats_one_surface(tmp_path):
     write_itk(tmp_path / "mask.nrrd", kidney.mask.astype(np.uint8), affine)
     write_seg(tmp_path / "seg.dcm", {"organ": kidney.mask}, series, ["organ"])
     write_structure_set(tmp_path / "rt.dcm", {"organ": outlines(kidney.mask, affine)})
-    lofting = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())["surface"]
     surfaces = {}
     for mask in ("mask.nii.gz", "mask.nrrd", "seg.dcm", "rt.dcm"):
         structure = load_structure(row(image="dicom", mask=mask), tmp_path, settings())
         curves = structure.contours if structure.contours is not None else traced(structure)
-        surfaces[mask] = loft_surface(curves, lofting)
+        surfaces[mask] = loft_surface(curves, LoftSettings())
     for mask in ("mask.nrrd", "seg.dcm"):
         # headers keep more or fewer digits of the affine
         np.testing.assert_allclose(surfaces[mask].vertices, surfaces["mask.nii.gz"].vertices, atol=1e-3)
