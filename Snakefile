@@ -22,8 +22,8 @@ wildcard_constraints:
 
 
 include: "workflow/rules/structures.smk"
-include: "workflow/rules/boundaries.smk"
 include: "workflow/rules/junctions.smk"
+include: "workflow/rules/contours.smk"
 include: "workflow/rules/curves.smk"
 include: "workflow/rules/surfaces.smk"
 include: "workflow/rules/comparisons.smk"

@@ -5,8 +5,8 @@ from cccd.curves import measure_curves
 from cccd.job import job
 from cccd.store import (
     read_boundaries,
-    read_curve_report,
     read_curves,
+    read_report,
     read_splines,
     read_structure,
     write_json,
@@ -19,7 +19,7 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
     structure = read_structure(snakemake.input.structure)
     curves, splines = read_curves(snakemake.input.curves), read_splines(snakemake.input.curves)
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
-    ordering = read_curve_report(snakemake.input.curves)["ordering"]
+    ordering = read_report(snakemake.input.contours)
     figures = measure_surface(surface, structure)
     metrics = {
         "case": structure.case,

@@ -6,16 +6,17 @@ point at is checked by the job that reads it, and one bad scan does not keep the
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import functools
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from cccd.errors import InputError
 from cccd.settings import choices, load_schema, nearest
 
-__all__ = ["SCHEMA", "complete_row", "read_cohort"]
+__all__ = ["SCHEMA", "complete_row", "naming_row", "read_cohort"]
 
 #: The sheet's columns, their defaults and what they may hold.
 SCHEMA = Path(__file__).resolve().parents[2] / "workflow" / "schemas" / "cohort.schema.yaml"
@@ -159,6 +160,33 @@ def read_cohort(path: str | Path) -> list[dict[str, str]]:
         seen[key] = location
         rows.append(row)
     return rows
+
+
+@contextlib.contextmanager
+def naming_row(sheet: str | Path, name: str) -> Iterator[None]:
+    """Say which row of the sheet is meant by what goes wrong with a structure.
+
+    Only then is the sheet read: a job that knows its row's number would run again when the row moves.
+
+    Parameters
+    ----------
+    sheet : path
+        The cohort sheet.
+    name : str
+        ``case/organ``, which stands as the location of the errors that are to be turned.
+
+    Raises
+    ------
+    InputError
+        The one of the block, with the row as its location.
+    """
+    try:
+        yield
+    except InputError as error:
+        if error.location != name:
+            raise
+        rows = {f"{row['case']}/{row['organ']}": row["location"] for row in read_cohort(sheet)}
+        raise InputError(rows.get(name, name), error.problem, error.hint) from None
 
 
 def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], tuple[int, ...]]:

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from cccd.geometry.arrays import split_ragged
 from cccd.geometry.mesh import Mesh
@@ -21,6 +23,7 @@ from cccd.geometry.raster import rasterise_layers
 __all__ = [
     "Boundaries",
     "Curves",
+    "FittedCurves",
     "Frame",
     "Panel",
     "SliceFigure",
@@ -228,6 +231,34 @@ class Splines:
             split_ragged(self.knots, self.knot_offsets),
             strict=True,
         )
+
+
+@dataclass
+class FittedCurves:
+    """Ordered curves and the few points that describe them: what ``curves.h5`` holds.
+
+    Attributes
+    ----------
+    curves : Curves
+    codes : (P,) uint8
+        Freeman codes 0..7 of the link from each point to its successor, on the curves' offsets; empty when
+        the curves do not run from pixel to pixel (drawn contours), for then there are none.
+    corners : (K, 2) float64
+        Corner points (Definition 3), source (i, j).
+    corner_offsets : (C + 1,) int64
+        Where each curve's corners begin.
+    splines : Splines
+        One closed spline per curve.
+    report : dict
+        Plain JSON about the fit.
+    """
+
+    curves: Curves
+    codes: npt.NDArray[np.uint8]
+    corners: npt.NDArray[np.float64]
+    corner_offsets: npt.NDArray[np.int64]
+    splines: Splines
+    report: dict[str, Any] = field(default_factory=dict[str, Any])
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -22,6 +23,7 @@ import numpy as np
 from cccd.containers import (
     Boundaries,
     Curves,
+    FittedCurves,
     Frame,
     Panel,
     SliceFigure,
@@ -37,17 +39,20 @@ __all__ = [
     "GraphSplit",
     "atomic_path",
     "read_boundaries",
+    "read_contours",
     "read_curves",
     "read_figure",
     "read_graph_facts",
     "read_graphs",
     "read_json",
     "read_patches",
+    "read_report",
     "read_splines",
     "read_structure",
     "read_table",
     "read_view",
     "write_boundaries",
+    "write_contours",
     "write_curves",
     "write_figures",
     "write_graphs",
@@ -131,6 +136,12 @@ def _put_frame(group: h5py.Group, frame: Frame) -> None:
 def _get_frame(group: h5py.Group) -> Frame:
     shape = tuple(int(n) for n in group.attrs["shape"])
     return Frame(np.array(group.attrs["affine"]), int(group.attrs["slice_axis"]), shape)
+
+
+def read_report(path: str | Path) -> dict[str, Any]:
+    """Read what a stage reported beside ``contours.h5``, ``curves.h5`` or ``surface.h5``: plain JSON."""
+    with _open(path) as file:
+        return json.loads(file.attrs["report"])
 
 
 def write_json(path: str | Path, value: dict) -> None:
@@ -242,7 +253,30 @@ def read_boundaries(path: str | Path) -> Boundaries:
         return Boundaries(pixels["points"][:], pixels["offsets"][:], pixels["slice"][:], _get_frame(file))
 
 
-# curves.h5 ------------------------------------------------------------------------------------------
+# contours.h5 and curves.h5 --------------------------------------------------------------------------
+
+
+def write_contours(path: str | Path, curves: Curves, report: Mapping[str, Any]) -> None:
+    """Write ``contours.h5``: ordered closed curves, the same whichever way they came.
+
+    Parameters
+    ----------
+    path : path
+        Where.
+    curves : Curves
+        The ordered curves.
+    report : mapping
+        Plain JSON: ``method``, and what that way counted.
+    """
+    with _create(path) as file:
+        _put_frame(file, curves.frame)
+        file.attrs["report"] = json.dumps(report, sort_keys=True)
+        _put_curves(file.create_group("ordered"), curves)
+
+
+def read_contours(path: str | Path) -> Curves:
+    """Read the ordered curves of ``contours.h5``."""
+    return read_curves(path)
 
 
 def _put_curves(group: h5py.Group, curves: Curves) -> None:
@@ -256,41 +290,17 @@ def _get_curves(group: h5py.Group, frame: Frame) -> Curves:
     return Curves(group["points"][:], group["offsets"][:], group["slice"][:], group["hole"][:], frame)
 
 
-def write_curves(
-    path: str | Path,
-    curves: Curves,
-    codes: np.ndarray,
-    corners: tuple[np.ndarray, np.ndarray],
-    splines: Splines,
-    report: dict,
-) -> None:
-    """Write ``curves.h5``.
-
-    Parameters
-    ----------
-    path : path
-        Where.
-    curves : Curves
-        The ordered curves.
-    codes : (P,) uint8
-        Freeman codes 0..7 of the link from each point to its successor, with the curves' offsets.
-    corners : tuple of ((K, 2) float64, (C + 1,) int64)
-        Corner points and where each curve's begin.
-    splines : Splines
-        One closed spline per curve.
-    report : dict
-        Plain JSON: per-slice counts (junctions, isolated corners before and after), slices that have no
-        closed boundary, timings are left to the benchmark files.
-    """
+def write_curves(path: str | Path, fitted: FittedCurves) -> None:
+    """Write ``curves.h5``: the ordered curves again, and what describes them beside them."""
     with _create(path) as file:
-        _put_frame(file, curves.frame)
-        file.attrs["report"] = json.dumps(report, sort_keys=True)
-        _put_curves(file.create_group("ordered"), curves)
-        _put(file, "chain_codes/codes", codes, np.uint8)
-        _put(file, "chain_codes/offsets", curves.offsets, np.int64)
-        _put(file, "corners/points", corners[0], np.float64)
-        _put(file, "corners/offsets", corners[1], np.int64)
-        group = file.create_group("splines")
+        _put_frame(file, fitted.curves.frame)
+        file.attrs["report"] = json.dumps(fitted.report, sort_keys=True)
+        _put_curves(file.create_group("ordered"), fitted.curves)
+        _put(file, "chain_codes/codes", fitted.codes, np.uint8)
+        _put(file, "chain_codes/offsets", fitted.curves.offsets, np.int64)
+        _put(file, "corners/points", fitted.corners, np.float64)
+        _put(file, "corners/offsets", fitted.corner_offsets, np.int64)
+        group, splines = file.create_group("splines"), fitted.splines
         group.attrs["degree"] = splines.degree
         _put(group, "control_points", splines.control_points, np.float64)
         _put(group, "offsets", splines.offsets, np.int64)
@@ -302,12 +312,6 @@ def read_curves(path: str | Path) -> Curves:
     """Read the ordered curves of ``curves.h5``."""
     with _open(path) as file:
         return _get_curves(file["ordered"], _get_frame(file))
-
-
-def read_curve_report(path: str | Path) -> dict:
-    """Read what the junction stage reported (see `write_curves`)."""
-    with _open(path) as file:
-        return json.loads(file.attrs["report"])
 
 
 def read_chain_codes(path: str | Path) -> np.ndarray:
@@ -530,12 +534,6 @@ def read_patches(path: str | Path) -> list[Patch]:
             closed = (bool(group.attrs[key]) for key in ("closed_u", "closed_v"))
             patches.append(Patch(*arrays, *degrees, *closed, int(group.attrs["sign"])))
         return patches
-
-
-def read_surface_report(path: str | Path) -> dict:
-    """Read what the lofting reported."""
-    with _open(path) as file:
-        return json.loads(file.attrs["report"])
 
 
 def read_surface_frame(path: str | Path) -> Frame:

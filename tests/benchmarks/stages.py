@@ -12,9 +12,10 @@ from scipy.interpolate import splprep
 
 from cccd.boundary import extract_boundaries
 from cccd.comparisons.volume_meshes import flying_edges, windowed_sinc
-from cccd.containers import Boundaries
+from cccd.containers import Boundaries, Curves
 from cccd.curves import describe_curves
-from cccd.curves.ordering import order_structure
+from cccd.curves.contours import trace_contours
+from cccd.curves.ordering import order_contours
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
@@ -105,15 +106,18 @@ def pipeline(slices: int, settings: dict) -> Methods:
     organ = make_organ(slices)
     model = load_model(MODEL)
 
-    def reconstruct(ordering: str) -> None:
+    def ordered_by_network() -> Curves:
         boundaries = extract_boundaries(organ, BoundarySettings(**settings["boundaries"]))
-        ordered, _ = order_structure(organ, boundaries, model, ordering)
+        return order_contours(organ, boundaries, model)[0]
+
+    def reconstruct(contours: Callable[[], Curves]) -> None:
+        ordered = contours()
         describe_curves(ordered, CurveSettings(**settings["curves"]))
         measure_surface(loft_surface(ordered, settings["surface"]), organ)
 
     return {
-        "every stage": lambda: reconstruct("auto"),
-        "every stage, ordered by the GNN": lambda: reconstruct("gnn"),
+        "every stage": lambda: reconstruct(lambda: trace_contours(organ)[0]),
+        "every stage, ordered by the GNN": lambda: reconstruct(ordered_by_network),
         "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(organ)),
     }
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cccd.cohort import SCHEMA, read_cohort
+from cccd.cohort import SCHEMA, naming_row, read_cohort
 from cccd.errors import InputError
 from cccd.settings import load_schema
 
@@ -121,3 +121,13 @@ def test_names_are_safe_in_paths_and_shells(tmp_path_factory, name):
         return
     assert row["case"]
     assert all(c.isascii() and (c.isalnum() or c in "_-") for c in row["case"])
+
+
+def test_what_goes_wrong_with_a_structure_names_its_row(tmp_path):
+    sheet = tmp_path / "sheet.tsv"
+    sheet.write_text("case\torgan\tsource\na\tliver\tphantom\n\nb\tlungs\tphantom\n")
+    with pytest.raises(InputError) as caught, naming_row(sheet, "b/lungs"):
+        raise InputError("b/lungs", "mask: it is empty", "give another")
+    assert str(caught.value) == "sheet.tsv row 4: mask: it is empty; give another"
+    with naming_row(tmp_path / "not_there.tsv", "b/lungs"):
+        pass  # the sheet is read only when something is wrong

@@ -47,7 +47,10 @@ def test_submodule_taken_from_its_package_counts(tree, tmp_path):
     assert names == {"__init__.py", "stranger.py"}
 
 
-@pytest.mark.parametrize("upstream", ["import_structure", "extract_boundaries", "trace_curves", "train_gnn"])
+@pytest.mark.parametrize(
+    "upstream",
+    ["import_structure", "extract_boundaries", "order_contours", "trace_contours", "fit_curves", "train_gnn"],
+)
 @pytest.mark.parametrize("module", ["surface/loft.py", "report/render.py"])
 def test_lofting_and_reporting_never_bring_back_what_stands_before_them(upstream, module):
     files = imported_files(SCRIPTS / f"{upstream}.py", SCRIPTS)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from cccd import store
-from cccd.containers import Boundaries, Curves, Frame, Splines, Structure
+from cccd.containers import Boundaries, Curves, FittedCurves, Frame, Splines, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.bsplines import Patch
@@ -47,11 +47,12 @@ def test_curves_come_back(tmp_path, curves):
         curves.slice, curves.hole, 3, FRAME,
     )  # fmt: skip
     path = tmp_path / "curves.h5"
-    store.write_curves(path, curves, codes, (curves.points, curves.offsets), splines, {"a": [1, None]})
+    fitted = FittedCurves(curves, codes, curves.points, curves.offsets, splines, {"a": [1, None]})
+    store.write_curves(path, fitted)
     assert_same(curves, store.read_curves(path))
     assert_same(splines, store.read_splines(path))
     np.testing.assert_array_equal(store.read_chain_codes(path), codes)
-    assert store.read_curve_report(path) == {"a": [1, None]}
+    assert store.read_report(path) == {"a": [1, None]}
     assert list(tmp_path.iterdir()) == [path]
 
 

@@ -41,10 +41,11 @@ if stage:
 WRITERS = {
     "structure.h5": "store.write_structure(path, store.read_structure(done / 'structure.h5'))",
     "boundaries.h5": "store.write_boundaries(path, store.read_boundaries(done / 'boundaries.h5'))",
+    "contours.h5": "store.write_contours(path, store.read_contours(done / 'contours.h5'), {})",
     "curves.h5": (
-        "curves = store.read_curves(done / 'curves.h5'); store.write_curves(path, curves, "
-        "store.read_chain_codes(done / 'curves.h5'), store.read_corners(done / 'curves.h5'), "
-        "store.read_splines(done / 'curves.h5'), {})"
+        "curves = store.read_curves(done / 'curves.h5'); from cccd.containers import FittedCurves; "
+        "store.write_curves(path, FittedCurves(curves, store.read_chain_codes(done / 'curves.h5'), "
+        "*store.read_corners(done / 'curves.h5'), store.read_splines(done / 'curves.h5')))"
     ),
     "surface.h5": (
         "store.write_patches(path, store.read_patches(done / 'surface.h5'), "
@@ -190,6 +191,7 @@ def test_a_full_disk_in_a_run(fresh_project, small_disk):
     [
         ("structure.h5", store.read_structure),
         ("boundaries.h5", store.read_boundaries),
+        ("contours.h5", store.read_contours),
         ("curves.h5", store.read_curves),
         ("curves.h5", store.read_splines),
         ("surface.h5", store.read_patches),

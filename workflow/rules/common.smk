@@ -6,6 +6,7 @@ import os
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 from snakemake.exceptions import WorkflowError
 
@@ -16,6 +17,7 @@ sys.path.insert(0, str(SCRIPTS))
 from cccd.cohort import complete_row, read_cohort
 from cccd.comparisons.registry import COMPARISONS, INPUTS, ITEMS, tables
 from cccd.dependencies import imported_files
+from cccd.dicom_objects import holds_contours
 from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
 from cccd.settings import nearest, validate_config
@@ -89,6 +91,42 @@ def row_of(wildcards):
         )
         raise WorkflowError(f"{SHEET.name} has no structure {key[0]}/{key[1]}; {known}")
     return ROW[key]
+
+
+@functools.cache
+def is_drawn(mask):
+    """Whether the mask that the sheet names is drawn contours; its first bytes are read, once per plan."""
+    return bool(mask) and holds_contours(SHEET.parent / mask)
+
+
+def is_ordered(row):
+    """Whether the boundary pixels of a row's structure are ordered by the network.
+
+    So are boundary maps; masks, those that a threshold finds included, if ``curves: ordering: gnn`` asks for it.
+    """
+    asked = config["curves"]["ordering"] == "gnn"
+    return bool(row["boundary"]) or (asked and not is_drawn(row["mask"]))
+
+
+def way_of(wildcards):
+    """The way to a structure's contours, by its script: what the data are decides it, before any job starts."""
+    row = row_of(wildcards)
+    if is_ordered(row):
+        return "order_contours"
+    return "take_contours" if is_drawn(row["mask"]) else "trace_contours"
+
+
+#: The model in use; the one that comes with the project; and the one that is taken where none is trained.
+MODEL = "results/gnn/model.pt"
+SHIPPED = near(ROOT / "workflow" / "models" / "junctions.pt")
+PRETRAINED = config["gnn"]["pretrained"]
+READY = near(find_file(PRETRAINED)) if PRETRAINED else SHIPPED
+
+#: Whether this run uses a network: it trains one, or names one, or needs one to order contours. What compares
+#: networks is planned only then.
+NETWORKED = (
+    TRAINED or bool(PRETRAINED) or any(is_ordered(ROW[key]) for key in RECONSTRUCTED)
+)
 
 
 def for_structures(name, keys=None):

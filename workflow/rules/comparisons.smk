@@ -2,7 +2,7 @@
 
 
 def comparison_inputs(comparison):
-    """What the comparison's function asks for -> the files it is read from."""
+    """What the comparison's function asks for -> the files it is read from; none where it may do without."""
     return {
         name: [
             (
@@ -11,6 +11,7 @@ def comparison_inputs(comparison):
                 else f"results/{{case}}/{{organ}}/{file}"
             )
             for file in INPUTS[name].files
+            if NETWORKED or not INPUTS[name].optional
         ]
         for name in comparison.inputs
     }
@@ -72,6 +73,7 @@ rule measure_structure:
     input:
         structure="results/{case}/{organ}/structure.h5",
         boundaries="results/{case}/{organ}/boundaries.h5",
+        contours="results/{case}/{organ}/contours.h5",
         curves="results/{case}/{organ}/curves.h5",
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",

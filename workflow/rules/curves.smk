@@ -1,28 +1,26 @@
-"""Curves: boundary pixels -> ordered curves, chain codes, corners, closed splines."""
+"""Curves: ordered contours -> chain codes, corners, closed splines."""
 
 
-rule trace_curves:
-    """Order the boundary pixels, find their corners, fit a closed spline to every curve."""
+rule fit_curves:
+    """Chain codes and corners of every contour, and a closed spline with as few control points as will do."""
     input:
-        structure="results/{case}/{organ}/structure.h5",
-        boundaries="results/{case}/{organ}/boundaries.h5",
-        model="results/gnn/model.pt",
+        contours="results/{case}/{organ}/contours.h5",
     output:
         "results/{case}/{organ}/curves.h5",
     log:
-        "logs/{case}/{organ}/trace_curves.log",
+        "logs/{case}/{organ}/fit_curves.log",
     benchmark:
-        "benchmarks/{case}/{organ}/trace_curves.tsv"
+        "benchmarks/{case}/{organ}/fit_curves.tsv"
     group:
         "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1
     resources:
-        mem_mb=memory(2500, 20),
+        mem_mb=memory(1500, 20),
         runtime=minutes(15),
     params:
-        library=library("trace_curves"),
-        settings=leave("curves", "sweep"),
+        library=library("fit_curves"),
+        settings=leave("curves", "ordering", "sweep"),
     script:
-        "../../scripts/trace_curves.py"
+        "../../scripts/fit_curves.py"

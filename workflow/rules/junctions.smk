@@ -23,14 +23,13 @@ rule generate_graphs:
         "../../scripts/generate_graphs.py"
 
 
-#: The model in use; the one that comes with the project; and the one that is taken where none is trained.
-MODEL = "results/gnn/model.pt"
-SHIPPED = near(ROOT / "workflow" / "models" / "junctions.pt")
-PRETRAINED = config["gnn"]["pretrained"]
-READY = near(find_file(PRETRAINED)) if PRETRAINED else SHIPPED
-
 #: What tells of the training; a model that is taken comes without.
 TRAINING_FILES = ["results/gnn/graphs.h5", "results/gnn/history.csv"] if TRAINED else []
+
+#: What tells of the network's worth, where one is used.
+JUNCTION_FILES = (
+    ["results/tables/junctions.csv", "results/gnn/worst.png"] if NETWORKED else []
+)
 
 #: The models that are compared, by the names that the table gives them.
 COMPARED = {

@@ -5,15 +5,34 @@ SUMMARIES = [part for item in ITEMS for part in (item.tabulate, item.note) if pa
 PLOTS = [item.plots for item in ITEMS if item.plots]
 
 
+def comparison_files(wildcards):
+    """What a structure's comparisons leave; how a network would order is compared where a mask was traced."""
+    traced = NETWORKED and way_of(wildcards) == "trace_contours"
+    folder = f"results/{wildcards.case}/{wildcards.organ}/comparisons"
+    return [
+        f"{folder}/{name}.{suffix}"
+        for name, comparison in COMPARISONS.items()
+        if traced or not comparison.network
+        for suffix in ["csv"] + ["h5"] * (comparison.figures is not None)
+    ]
+
+
+def all_comparison_files(_):
+    """What the comparisons of all structures leave."""
+    keys = [SimpleNamespace(case=case, organ=organ) for case, organ in RECONSTRUCTED]
+    return [file for key in keys for file in comparison_files(key)]
+
+
+def all_comparison_rows(_):
+    """The tables of all structures' comparisons."""
+    return [file for file in all_comparison_files(_) if file.endswith(".csv")]
+
+
 rule build_tables:
     """One CSV per table of the paper, ours beside theirs, and the tables that go past it."""
     input:
         metrics=for_structures("metrics.json"),
-        comparisons=[
-            file
-            for name in COMPARISONS
-            for file in for_structures(f"comparisons/{name}.csv")
-        ],
+        comparisons=all_comparison_rows,
     output:
         tables=[
             report(
@@ -50,8 +69,6 @@ SHOWN = [
     "view.h5",
     "picture.png",
     "metrics.json",
-    *(f"comparisons/{name}.csv" for name in COMPARISONS),
-    *(f"comparisons/{name}.h5" for name, part in COMPARISONS.items() if part.figures),
 ]
 TEMPLATES = sorted(near(path) for path in (ROOT / "workflow" / "report").glob("*.*"))
 
@@ -61,6 +78,7 @@ rule build_structure_page:
     input:
         templates=TEMPLATES,
         files=[f"results/{{case}}/{{organ}}/{name}" for name in SHOWN],
+        comparisons=comparison_files,
     output:
         report(
             "results/{case}/{organ}/report.html",
@@ -93,9 +111,10 @@ rule build_report:
         templates=TEMPLATES,
         tables=[f"results/tables/{name}.csv" for name in tables()],
         notes="results/tables/notes.json",
-        junctions=["results/tables/junctions.csv", "results/gnn/worst.png"],
+        junctions=JUNCTION_FILES,
         training=TRAINING_FILES,
         files=[file for name in SHOWN for file in for_structures(name)],
+        comparisons=all_comparison_files,
     output:
         report(
             "results/report.html",

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,15 +17,16 @@ from cccd.comparisons.links import count_links, enclosed_region, unique_links
 from cccd.comparisons.parameters import PAPER_TABLE_2
 from cccd.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd.containers import Boundaries, Curves, Frame, Panel, SliceFigure, Structure
-from cccd.junctions import order_boundaries
 from cccd.metrics import dice
 
 __all__ = [
     "DENSE",
     "HARRIS",
     "JITTERED",
+    "Orderer",
     "compare_reconstruction",
     "link_along_chain",
+    "load_orderers",
     "point_sets",
     "reconstruction_figures",
 ]
@@ -37,9 +40,31 @@ CCCD = "Proposed CCCD"
 #: Methods of the paper's Figure 16, then the strongest of the others.
 FIGURE_16 = ("connect2d", "crawl", "nn_crust", "tour")
 
+#: Orders boundary pixels into closed curves.
+Orderer = Callable[[Boundaries], Curves]
+
+#: Gives points (N, 2) and the links (M, 2) between them.
+Run = Callable[[], tuple[np.ndarray, np.ndarray]]
+
+
+def load_orderers(*paths: str | Path) -> list[Orderer]:
+    """Load the junction networks that the run uses, each to order boundary pixels with.
+
+    Only here does this module need torch, and only where there is a network.
+    """
+    return [_load_orderer(path) for path in paths]
+
+
+def _load_orderer(path: str | Path) -> Orderer:
+    from cccd.junctions import order_boundaries
+    from cccd.junctions.checkpoint import load_model
+
+    model = load_model(path)
+    return lambda boundaries: order_boundaries(boundaries, model)[0]
+
 
 def compare_reconstruction(
-    structure: Structure, curves: Curves, settings: Mapping, seed: int, model=None
+    structure: Structure, curves: Curves, settings: Mapping, seed: int, orderers: Sequence[Orderer] = ()
 ) -> pd.DataFrame:
     """Link three point sets per slice by every registered method, and by CCCD.
 
@@ -52,9 +77,9 @@ def compare_reconstruction(
         The configuration's ``comparisons``; ``reconstruction`` is used.
     seed : int
         Of the jitter.
-    model : torch module, optional
-        From `cccd.junctions.checkpoint.load_model`; CCCD orders the dense boundary with it, or by its decoder
-        alone.
+    orderers : sequence of Orderer
+        From `load_orderers`: CCCD orders the dense boundary with each. A run without a network has none, and
+        no such row.
 
     Returns
     -------
@@ -76,12 +101,12 @@ def compare_reconstruction(
     for sample in choose_slices(structure, curves, section["n_slices"], section["min_contour_px"]):
         labels = {"case": structure.case, "organ": structure.organ, "slice": sample.k}
         for name, points in point_sets(sample, section["every"], section["jitter_px"], rng).items():
-            runs = {
-                method.title: (lambda key=key, points=points: (points, reconstruct(key, points)), "points")
+            runs: list[tuple[str, Run, str]] = [
+                (method.title, lambda key=key, points=points: (points, reconstruct(key, points)), "points")
                 for key, method in RECONSTRUCTIONS.items()
-            }
-            runs[CCCD] = _cccd_run(structure, sample, name, points, model, curves.frame)
-            for method, (run, given) in runs.items():
+            ]
+            runs += _cccd_runs(sample, name, points, orderers, curves.frame)
+            for method, run, given in runs:
                 (linked, links), ms = _timed(run, section["repeats"])
                 counts = count_links(links, len(linked))
                 region = enclosed_region(linked, links, sample.origin, sample.region.shape)
@@ -92,7 +117,7 @@ def compare_reconstruction(
 
 
 def reconstruction_figures(
-    structure: Structure, curves: Curves, settings: Mapping, seed: int, model=None
+    structure: Structure, curves: Curves, settings: Mapping, seed: int, orderers: Sequence[Orderer] = ()
 ) -> dict[str, SliceFigure]:
     """Figure 16: what reconstruction makes of Harris corners: ground truth, the paper's three, a tour, CCCD.
 
@@ -148,23 +173,27 @@ def link_along_chain(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
     return unique_links(np.column_stack([order, np.roll(order, -1)]))
 
 
-def _cccd_run(structure: Structure, sample: SliceSample, name: str, points: np.ndarray, model, frame: Frame):
-    """CCCD's way of linking a point set, and what it is given."""
+def _cccd_runs(
+    sample: SliceSample, name: str, points: np.ndarray, orderers: Sequence[Orderer], frame: Frame
+) -> list[tuple[str, Run, str]]:
+    """CCCD's ways of linking a point set, and what each is given."""
     if name != DENSE:
-        return (lambda: (points, link_along_chain(points, sample.curve))), "points and chain code"
-
+        return [(CCCD, lambda: (points, link_along_chain(points, sample.curve)), "points and chain code")]
     pixels = Boundaries(
         points.astype(np.int32), np.array([0, len(points)]), np.array([sample.k], np.int32), frame
     )
+    return [(CCCD, partial(_link_as_ordered, orderer, pixels, points), "points") for orderer in orderers]
 
-    def run() -> tuple[np.ndarray, np.ndarray]:
-        ordered, _ = order_boundaries(pixels, model)
-        # the chains' points among the given ones, then those that fill gaps
-        everything, number = np.unique(np.concatenate([points, ordered.points]), axis=0, return_inverse=True)
-        chain = number.ravel()[len(points) :]
-        return everything, unique_links(np.column_stack([chain, chain[ordered.polygons.successors]]))
 
-    return run, "points"
+def _link_as_ordered(
+    orderer: Orderer, pixels: Boundaries, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Links of what ``orderer`` makes of boundary pixels, and the points (N, 2) that they join."""
+    ordered = orderer(pixels)
+    # the chains' points among the given ones, then those that fill gaps
+    everything, number = np.unique(np.concatenate([points, ordered.points]), axis=0, return_inverse=True)
+    chain = number.ravel()[len(points) :]
+    return everything, unique_links(np.column_stack([chain, chain[ordered.polygons.successors]]))
 
 
 def _timed(run, repeats: int):

@@ -32,20 +32,30 @@ __all__ = ["COMPARISONS", "INPUTS", "ITEMS", "SECTIONS", "Comparison", "Item", "
 class Input:
     """Something of a structure that a comparison asks for: its files, and what reads them.
 
-    ``files`` stand in the structure's folder; with ``shared`` they stand in ``results/``.
+    ``files`` stand in the structure's folder; with ``shared`` they stand in ``results/``. In a run without a
+    network what is ``optional`` is read from no files.
     """
 
     files: tuple[str, ...]
     read: str
     shared: bool = False
+    optional: bool = False
 
 
 #: What a comparison's function may ask for, by the name of its parameter.
 INPUTS = {
     "structure": Input(("structure.h5",), "cccd.store.read_structure"),
+    "boundaries": Input(("boundaries.h5",), "cccd.store.read_boundaries"),
+    "contours": Input(("contours.h5",), "cccd.store.read_contours"),
     "curves": Input(("curves.h5",), "cccd.store.read_curves"),
     "surface": Input(("surface.h5", "surface.ply"), "cccd.surface.export.read_surface"),
     "model": Input(("gnn/model.pt",), "cccd.junctions.checkpoint.load_model", shared=True),
+    "orderers": Input(
+        ("gnn/model.pt",),
+        "cccd.comparisons.reconstruction_comparison.load_orderers",
+        shared=True,
+        optional=True,
+    ),
 }
 
 
@@ -74,6 +84,9 @@ class Comparison:
     memory_mb : (int, int)
         Base, and per MB of input.
     minutes : int
+    network : bool
+        Whether it says how a network would have done what was done without: it is made where a mask was
+        traced, in a run that uses a network, and an item stands without it elsewhere.
     """
 
     name: str
@@ -85,6 +98,7 @@ class Comparison:
     columns: tuple[str, ...] = ()
     memory_mb: tuple[int, int] = (1500, 20)
     minutes: int = 20
+    network: bool = False
 
     @property
     def functions(self) -> tuple[str, ...]:
@@ -182,7 +196,7 @@ CORNERS = Comparison(
 RECONSTRUCTION = Comparison(
     "reconstruction",
     "cccd.comparisons.reconstruction_comparison.compare_reconstruction",
-    ("structure", "curves", "model"),
+    ("structure", "curves", "orderers"),
     settings=("comparisons.reconstruction",),
     seeded=True,
     figures="cccd.comparisons.reconstruction_comparison.reconstruction_figures",
@@ -231,6 +245,16 @@ THICK_SLICES = Comparison(
     columns=("slice_distance_mm", "every_nth", "method", "seconds"),
     memory_mb=(3000, 60),
     minutes=30,
+)
+
+ORDERING = Comparison(
+    "ordering",
+    "cccd.comparisons.ordering_comparison.compare_ordering",
+    ("structure", "boundaries", "contours", "model"),
+    columns=("pixels", "junctions", "isolated_before", "isolated_after", "curves", "curves_exact", "dice"),
+    memory_mb=(2500, 20),
+    minutes=15,
+    network=True,
 )
 
 # The items, in the page's order -------------------------------------------------------------------------
@@ -482,7 +506,9 @@ ITEMS = (
     Item(
         "ordering",
         "Isolated corners, before and after",
-        "Where a greedy chain code gets stuck on the boundary pixels (Figure 4), and on the ordered curves.",
+        "Where a greedy chain code gets stuck on the boundary pixels (Figure 4), and on the ordered curves. "
+        "Of a mask that was traced: what the network would have made of its pixels.",
+        rows=(ORDERING,),
         table="ordering",
         columns=("case", "organ"),
         tabulate="cccd.comparisons.summary.ordering",

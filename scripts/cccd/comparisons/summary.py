@@ -48,8 +48,8 @@ class Cohort:
         return pd.DataFrame(columns=["case", "organ", *COMPARISONS[name].columns])
 
     def has(self, item: Item) -> bool:
-        """Whether every comparison that an item stands on left rows."""
-        return all(len(self.rows(comparison.name)) > 0 for comparison in item.rows)
+        """Whether every comparison that an item stands on left rows; those of a network may lack."""
+        return all(len(self.rows(comparison.name)) > 0 for comparison in item.rows if not comparison.network)
 
 
 def read_cohort(comparisons: Iterable[str | Path], metrics: Iterable[str | Path]) -> Cohort:
@@ -133,14 +133,18 @@ def compactness(cohort: Cohort) -> pd.DataFrame:
 
 
 def ordering(cohort: Cohort) -> pd.DataFrame:
-    """Count, one row per structure, where the ordering of the boundary's pixels got stuck."""
+    """Say how each structure came by its contours, and where the ordering of its boundary pixels got stuck.
+
+    Of a traced mask it is the network's ordering beside the tracing, where the run uses a network.
+    """
+    compared = cohort.rows("ordering").rename(columns={"dice": "GNN against exact tracing, Dice"})
+    beside = compared.set_index(["case", "organ"]).to_dict("index")
     rows = []
     for metrics in cohort.metrics:
+        key = metrics["case"], metrics["organ"]
         counted = metrics.get("ordering", {})
-        row = {key: value for key, value in counted.items() if isinstance(value, (int, float, str))}
-        agreement = counted.get("gnn_agreement")
-        if isinstance(agreement, Mapping) and "dice" in agreement:
-            row["GNN against exact tracing, Dice"] = agreement["dice"]
+        row = {name: value for name, value in counted.items() if isinstance(value, (int, float, str))}
+        row |= beside.get(key, {})
         if row:
-            rows.append({"case": metrics["case"], "organ": metrics["organ"], **row})
+            rows.append({"case": key[0], "organ": key[1], **row})
     return pd.DataFrame(rows)

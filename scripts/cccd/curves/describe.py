@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cccd.chaincode import chain_codes, on_pixel_chain
-from cccd.containers import Curves, Splines
+from cccd.containers import Curves, FittedCurves
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines, fit_curves
 from cccd.geometry.arrays import offsets_of, sum_per_part
@@ -14,9 +14,7 @@ from cccd.settings import CurveSettings
 __all__ = ["describe_curves"]
 
 
-def describe_curves(
-    curves: Curves, settings: CurveSettings
-) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], Splines, dict]:
+def describe_curves(curves: Curves, settings: CurveSettings) -> FittedCurves:
     """Chain codes, corners and splines of every curve.
 
     Parameters
@@ -26,15 +24,10 @@ def describe_curves(
 
     Returns
     -------
-    codes : (P,) uint8 array
-        Freeman codes on the curves' offsets; empty when the curves do not run from pixel to pixel
-        (drawn contours), for then there are none.
-    corners : ((K, 2) float64, (C + 1,) int64)
-        Corner points (Definition 3) and their offsets.
-    splines : Splines
-    report : dict
-        Plain numbers: ``curves``, ``points``, ``corners``, ``control_points``, ``chain_coded``,
-        ``too_few_corners`` (curves whose corners alone do not make a closed cubic).
+    FittedCurves
+        Its report has ``method``, and as plain numbers ``curves``, ``points``, ``corners``,
+        ``control_points``, ``chain_coded``, ``too_few_corners`` (curves whose corners alone do not make a
+        closed cubic).
     """
     chained = bool(on_pixel_chain(curves.points, curves.offsets).all())
     codes = chain_codes(curves.points, curves.offsets) if chained else np.zeros(0, np.uint8)
@@ -53,4 +46,4 @@ def describe_curves(
         "chain_coded": chained,
         "too_few_corners": int((np.diff(corner_offsets) < 4).sum()),
     }
-    return codes, (curves.points[corner], corner_offsets), splines, report
+    return FittedCurves(curves, codes, curves.points[corner], corner_offsets, splines, report)

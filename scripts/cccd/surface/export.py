@@ -15,7 +15,7 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.ply import read_ply, write_ply
-from cccd.store import atomic_path, read_patches, read_surface_frame, read_surface_report
+from cccd.store import atomic_path, read_patches, read_report, read_surface_frame
 from cccd.surface.surface import Surface
 
 __all__ = ["FORMATS", "read_surface", "write_surface"]
@@ -53,7 +53,7 @@ def read_surface(patches_path: str | Path, mesh_path: str | Path) -> Surface:
         read_patches(patches_path),
         mesh,
         read_surface_frame(patches_path),
-        read_surface_report(patches_path),
+        read_report(patches_path),
     )
 
 

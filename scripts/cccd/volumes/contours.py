@@ -16,7 +16,7 @@ from cccd.geometry.arrays import concatenate_ragged
 from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SAME_POINT_VOXELS, SLICE_DIRECTION
 from cccd.volumes.grid import Volume
 
-__all__ = ["contour_frame", "order_contours", "plane_normal"]
+__all__ = ["assemble_contours", "contour_frame", "plane_normal"]
 
 
 def plane_normal(contours: list[np.ndarray], location: str) -> np.ndarray:
@@ -190,7 +190,7 @@ def _nest(rings: list[np.ndarray], location: str, where: str) -> tuple[list[np.n
     return [rings[n] for n in kept], holes, len(doubles)
 
 
-def order_contours(rois: list[list[np.ndarray]], frame: Frame, location: str) -> tuple[Curves, list[str]]:
+def assemble_contours(rois: list[list[np.ndarray]], frame: Frame, location: str) -> tuple[Curves, list[str]]:
     """Make ordered curves of drawn contours.
 
     Parameters

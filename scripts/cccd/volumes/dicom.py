@@ -18,7 +18,7 @@ from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY, SAME_HEADER, SAME_POSIT
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.volumes.readers import guarded
 
-__all__ = ["Contour", "dicom_modality", "pick", "read_rtstruct", "read_seg", "read_series"]
+__all__ = ["Contour", "pick", "read_rtstruct", "read_seg", "read_series"]
 
 #: A planar contour in world mm (RAS), (n, 3), the first point not repeated.
 Contour = np.ndarray
@@ -36,17 +36,6 @@ _HEADER = [
     "PixelSpacing",
     "FrameOfReferenceUID",
 ]
-
-
-def dicom_modality(path: Path) -> str | None:
-    """Give the modality of a DICOM file (``CT``, ``SEG``, ``RTSTRUCT``, ...), None for any other file."""
-    try:
-        header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=["Modality"])
-        return str(header.get("Modality", ""))
-    except InvalidDicomError:
-        return None
-    except Exception:  # a damaged header: the reader will say what is wrong with it
-        return ""
 
 
 def _headers(folder: Path) -> dict[str, list[tuple[Path, pydicom.Dataset]]]:

@@ -13,12 +13,13 @@ import numpy as np
 
 from cccd.cohort import complete_row
 from cccd.containers import Curves, Frame, Structure
+from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError
 from cccd.settings import ImportSettings, choices, nearest
 from cccd.sidecar_files import voxel_files
 from cccd.tolerances import LABEL_VALUE
-from cccd.volumes.contours import contour_frame, order_contours
-from cccd.volumes.dicom import dicom_modality, pick, read_rtstruct, read_seg, read_series
+from cccd.volumes.contours import assemble_contours, contour_frame
+from cccd.volumes.dicom import pick, read_rtstruct, read_seg, read_series
 from cccd.volumes.grid import Volume, bounding_box, crop, find_slice_axis, interpolate_on_grid, on_grid
 from cccd.volumes.phantoms import make_phantom
 from cccd.volumes.readers import SUFFIXES, read_volume
@@ -110,7 +111,7 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings)
     paths = {name: _existing(folder / row[name], name) for name in ("image", "mask", "boundary") if row[name]}
     image = _read_image(paths["image"], row["source"], settings) if "image" in paths else None
     if "mask" in paths:
-        paths["mask"] = _inside(paths["mask"])
+        paths["mask"] = object_in(paths["mask"])
     if "mask" in paths and paths["mask"].is_file() and dicom_modality(paths["mask"]) == "RTSTRUCT":
         if "boundary" in paths:
             raise InputError(
@@ -152,7 +153,7 @@ def _scan_of_contours(
         )
     if image is not None and image.frame_of_reference not in ("", reference):
         warnings.append(f"{path.name}: its frame of reference is not that of {image.location}")
-    contours, notes = order_contours(rois, frame, path.name)
+    contours, notes = assemble_contours(rois, frame, path.name)
     grey = None
     if image is not None and keep is not None:
         grey = image.data[tuple(keep if axis == frame.slice_axis else slice(None) for axis in range(3))]
@@ -232,22 +233,6 @@ def _existing(path: Path, column: str) -> Path:
         )
     names = sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith("."))
     raise InputError(column, f"there is no {path.name} in {folder}", nearest(path.name, names))
-
-
-def _inside(path: Path) -> Path:
-    """Give the one SEG or RTSTRUCT in a folder; any other path stays as it is."""
-    if not path.is_dir():
-        return path
-    objects = [
-        file
-        for file in sorted(path.iterdir())
-        if file.is_file() and dicom_modality(file) in ("SEG", "RTSTRUCT")
-    ]
-    if len(objects) > 1:
-        raise InputError(
-            path.name, f"it holds {len(objects)} SEG or RTSTRUCT objects", choices(f.name for f in objects)
-        )
-    return objects[0] if objects else path
 
 
 def _is_dicom(path: Path) -> bool:

@@ -25,13 +25,14 @@ def test_what_a_structure_cannot_have_stays_empty(tmp_path):
     whole = {
         "curves": {"slices": 3, "bytes_per_slice": {"png": 9.0}},
         "surface": {"dice_3d": 0.5},
-        "ordering": {"isolated_before": 3, "gnn_agreement": {"dice": 0.75}, "slices": []},
+        "ordering": {"method": "traced mask", "slices": []},
     }
     files = []
     for case, parts in {"full": whole, "bare": {"curves": {"slices": 2}, "surface": {}}}.items():
         files.append(tmp_path / f"{case}.json")
         files[-1].write_text(json.dumps({"case": case, "organ": "o", "warnings": ["w"], **parts}))
-    cohort = read_cohort([], files)
+    (tmp_path / "ordering.csv").write_text("case,organ,isolated_before,dice\nfull,o,3,0.75\n")
+    cohort = read_cohort([tmp_path / "ordering.csv"], files)
     table = structures(cohort).set_index("case")
     assert table.loc["full", "dice_3d"] == 0.5
     assert np.isnan(table.loc["bare", "dice_3d"])
@@ -39,8 +40,11 @@ def test_what_a_structure_cannot_have_stays_empty(tmp_path):
     assert compactness(cohort)["png"].tolist()[0] == 9.0
     counted = ordering(cohort)
     assert counted["case"].tolist() == ["full"]
+    assert counted["method"].tolist() == ["traced mask"]
     assert counted["isolated_before"].tolist() == [3]
     assert counted["GNN against exact tracing, Dice"].tolist() == [0.75]
+    without = build_tables(read_cohort([], files))["ordering"]  # a run without a network
+    assert without.to_dict("list") == {"case": ["full"], "organ": ["o"], "method": ["traced mask"]}
 
 
 def test_a_table_is_added_by_one_entry(tmp_path, monkeypatch):

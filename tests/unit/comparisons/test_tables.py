@@ -23,6 +23,7 @@ from cccd.comparisons.samples import choose_slices, to_bytes
 from cccd.comparisons.summary import Cohort, build_tables, write_notes
 from cccd.containers import Frame, Structure
 from cccd.geometry.raster import rasterise
+from cccd.junctions import order_boundaries
 from cccd.tracing import trace_mask
 
 SETTINGS = {
@@ -60,11 +61,14 @@ def as_read_back(table: pd.DataFrame) -> pd.DataFrame:
     return pd.read_csv(io.StringIO(table.to_csv(index=False, float_format="%.6g")))
 
 
-def compare_all(structure, curves) -> list[pd.DataFrame]:
-    """The rows of the three comparisons that the paper's tables stand on."""
+ORDERERS = [lambda pixels: order_boundaries(pixels, None)[0]]
+
+
+def compare_all(structure, curves, orderers=()) -> list[pd.DataFrame]:
+    """The rows of the three comparisons that the paper's tables stand on, with the decoder for a network."""
     tables = (
         compare_corners(structure, curves, SETTINGS),
-        compare_reconstruction(structure, curves, SETTINGS, 7),
+        compare_reconstruction(structure, curves, SETTINGS, 7, orderers),
         compare_active_contour(structure, curves, SETTINGS, 7),
     )
     return [as_read_back(table) for table in tables]
@@ -82,7 +86,7 @@ def structure():
 @pytest.fixture(scope="module")
 def rows(structure):
     curves = trace_mask(structure)
-    return compare_all(structure, curves)
+    return compare_all(structure, curves, ORDERERS)
 
 
 @pytest.fixture(scope="module")
@@ -206,11 +210,13 @@ def test_a_mask_without_image_is_enough():
     curves = trace_mask(structure)
     rows = compare_all(structure, curves)
     assert set(rows[0]["image"]) == {"mask", "chain code"}
+    by_points = rows[1].groupby("points")["method"].agg(set)
+    assert [name for name, methods in by_points.items() if CCCD not in methods] == [DENSE]
     assert all("nan" not in text for text in write_notes(as_cohort(rows)).values())
 
 
 def test_the_same_seed_gives_the_same_rows(structure, rows):
-    again = as_read_back(compare_reconstruction(structure, trace_mask(structure), SETTINGS, 7))
+    again = as_read_back(compare_reconstruction(structure, trace_mask(structure), SETTINGS, 7, ORDERERS))
     pd.testing.assert_frame_equal(again.drop(columns="ms"), rows[1].drop(columns="ms"))
 
 

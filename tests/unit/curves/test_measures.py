@@ -93,18 +93,18 @@ def test_sweep_without_a_mask_takes_the_filled_curves(blob):
 @pytest.mark.parametrize("method", ["auto", "corners"])
 def test_describing_curves_gives_all_parts(blob, method):
     curves = blob(2)[1]
-    codes, (points, offsets), splines, report = describe_curves(curves, CurveSettings(method=method))
-    assert codes.shape == (len(curves.points),)
-    assert offsets[-1] == len(points) == report["corners"]
-    assert report["control_points"] == len(splines.control_points)
-    assert report["chain_coded"]
+    fitted = describe_curves(curves, CurveSettings(method=method))
+    assert fitted.codes.shape == (len(curves.points),)
+    assert fitted.corner_offsets[-1] == len(fitted.corners) == fitted.report["corners"]
+    assert fitted.report["control_points"] == len(fitted.splines.control_points)
+    assert fitted.report["chain_coded"]
     if method == "corners":
-        assert np.array_equal(splines.control_points, points)
+        assert np.array_equal(fitted.splines.control_points, fitted.corners)
 
 
 def test_a_budget_in_the_settings_is_kept(blob):
     curves = blob(2)[1]
-    splines = describe_curves(curves, CurveSettings(max_control_points=15))[2]
+    splines = describe_curves(curves, CurveSettings(max_control_points=15)).splines
     assert np.diff(splines.offsets).tolist() == [15, 15]
 
 
@@ -112,18 +112,18 @@ def test_drawn_contours_have_splines_but_no_chain_codes(frame):
     angle = np.linspace(0, 2 * np.pi, 80, endpoint=False)
     ellipse = 100 + np.column_stack([50 * np.cos(angle), 30 * np.sin(angle)])
     curves = Curves(ellipse, np.array([0, 80]), np.array([3], np.int32), np.array([False]), frame)
-    codes, _, splines, report = describe_curves(curves, SETTINGS)
-    assert len(codes) == 0
-    assert not report["chain_coded"]
-    drawn = sample_splines(splines, 4)
+    fitted = describe_curves(curves, CurveSettings())
+    assert len(fitted.codes) == 0
+    assert not fitted.report["chain_coded"]
+    drawn = sample_splines(fitted.splines, 4)
     assert np.hypot(*((drawn.points - 100) / (50, 30)).T) == pytest.approx(1, abs=0.02)
 
 
 def test_nothing_in_nothing_out(frame):
     nothing = trace_stack(np.zeros((1, 5, 5), bool), (0, 0, 0), frame)
-    codes, corners, splines, report = describe_curves(nothing, SETTINGS)
-    assert len(codes) == len(corners[0]) == len(splines) == report["curves"] == 0
-    assert measure_curves(nothing, splines)["curves"] == 0
+    fitted = describe_curves(nothing, CurveSettings())
+    assert len(fitted.codes) == len(fitted.corners) == len(fitted.splines) == fitted.report["curves"] == 0
+    assert measure_curves(nothing, fitted.splines)["curves"] == 0
 
 
 # Repeatability --------------------------------------------------------------------------------------

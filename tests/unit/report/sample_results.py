@@ -11,7 +11,7 @@ import trimesh
 from cccd.boundary import extract_boundaries
 from cccd.chaincode import chain_codes
 from cccd.comparisons.view import make_view
-from cccd.containers import Frame, Splines, Structure
+from cccd.containers import FittedCurves, Frame, Splines, Structure
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply, write_ply
@@ -95,11 +95,13 @@ def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...]
     corners = [part[:: max(1, len(part) // 24)] for part in curves]
     write_curves(
         folder / "curves.h5",
-        curves,
-        chain_codes(curves.points, curves.offsets),
-        (np.concatenate(corners), np.cumsum([0, *map(len, corners)])),
-        make_splines(curves, corners),
-        {"ordering": {}},
+        FittedCurves(
+            curves,
+            chain_codes(curves.points, curves.offsets),
+            np.concatenate(corners),
+            np.cumsum([0, *map(len, corners)]),
+            make_splines(curves, corners),
+        ),
     )
     mesh = trimesh.creation.icosphere(subdivisions=4)
     vertices = centre + mesh.vertices * radius(np.asarray(mesh.vertices))[:, None]

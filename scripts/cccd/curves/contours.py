@@ -1,0 +1,87 @@
+"""The two ways to ordered contours that need no network: a mask is traced, drawn contours are taken.
+
+The third way, for boundary pixels that still need ordering, is `cccd.curves.ordering`. Which one a structure
+goes the workflow decides from the cohort sheet, before any job starts.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cccd.containers import Curves, Structure
+from cccd.errors import InputError
+from cccd.tracing import left_out, trace_stack
+
+__all__ = ["check_closed", "take_contours", "trace_contours"]
+
+_CHANGED = "its file has changed since the run was planned: run snakemake again"
+
+
+def trace_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
+    """Follow the borders of a mask's slices: exact, so that no network could add to it.
+
+    Parameters
+    ----------
+    structure : Structure
+        With a mask.
+
+    Returns
+    -------
+    curves : Curves
+        Closed, simple, oriented; see `cccd.tracing.trace_stack`.
+    report : dict
+        Plain JSON: ``method``, and in ``left_out`` what of the mask has no polygon.
+
+    Raises
+    ------
+    InputError
+        There is no mask, or no slice of it has a closed boundary.
+    """
+    mask = structure.stack("mask")
+    if mask is None:
+        raise InputError(f"{structure.case}/{structure.organ}", "there is no mask to trace", _CHANGED)
+    curves = trace_stack(mask, structure.stack_origin, structure.frame)
+    report = {"method": "traced mask", "left_out": left_out(mask, structure.stack_origin, curves)}
+    return check_closed(curves, structure), report
+
+
+def take_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
+    """Take drawn contours (RTSTRUCT) as they are.
+
+    Parameters
+    ----------
+    structure : Structure
+        With contours.
+
+    Returns
+    -------
+    curves : Curves
+        The contours.
+    report : dict
+        Plain JSON: ``method``.
+
+    Raises
+    ------
+    InputError
+        There are no drawn contours.
+    """
+    if structure.contours is None:
+        raise InputError(f"{structure.case}/{structure.organ}", "there are no drawn contours", _CHANGED)
+    return check_closed(structure.contours, structure), {"method": "contours as given"}
+
+
+def check_closed(curves: Curves, structure: Structure) -> Curves:
+    """Give the curves back, provided that there is one.
+
+    Raises
+    ------
+    InputError
+        No slice has a closed boundary.
+    """
+    if not len(curves):
+        raise InputError(
+            f"{structure.case}/{structure.organ}",
+            "no slice has a closed boundary",
+            "look at the input's slices, or lower the smallest area that counts",
+        )
+    return curves

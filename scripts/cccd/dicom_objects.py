@@ -1,0 +1,71 @@
+"""Which DICOM object a file holds: what tells drawn contours (RTSTRUCT) from masks (SEG and volumes).
+
+Imported at every parse of the workflow, so pydicom is imported for DICOM files only, and of those the header
+alone is read.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cccd.errors import InputError
+from cccd.settings import choices
+
+__all__ = ["dicom_modality", "holds_contours", "object_in"]
+
+#: Every DICOM file begins with so many bytes of anything, and then these (PS3.10, section 7.1).
+_PREAMBLE, _MAGIC = 128, b"DICM"
+
+
+def dicom_modality(path: Path) -> str | None:
+    """Give the modality of a DICOM file (``CT``, ``SEG``, ``RTSTRUCT``, ...), None for any other file.
+
+    A damaged header has the modality ``""``, as has a file that cannot be opened: its reader will say what is
+    wrong with it.
+    """
+    try:
+        with path.open("rb") as file:
+            if file.read(_PREAMBLE + len(_MAGIC))[_PREAMBLE:] != _MAGIC:
+                return None
+        import pydicom
+
+        header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=["Modality"])
+        return str(header.get("Modality", ""))
+    except Exception:  # pydicom raises whatever its parser meets
+        return ""
+
+
+def object_in(path: Path) -> Path:
+    """Give the one SEG or RTSTRUCT in a folder; any other path stays as it is.
+
+    Raises
+    ------
+    InputError
+        The folder holds several.
+    """
+    if not path.is_dir():
+        return path
+    files = sorted(file for file in path.iterdir() if file.is_file())
+    objects = [file for file in files if dicom_modality(file) in ("SEG", "RTSTRUCT")]
+    if len(objects) > 1:
+        raise InputError(
+            path.name, f"it holds {len(objects)} SEG or RTSTRUCT objects", choices(f.name for f in objects)
+        )
+    return objects[0] if objects else path
+
+
+def holds_contours(path: Path) -> bool:
+    """Tell whether what the sheet names as a mask is drawn contours: an RTSTRUCT, or a folder with one.
+
+    Of a path that cannot be read the answer is no; the job that imports it says what is wrong.
+
+    Examples
+    --------
+    >>> holds_contours(Path("not_there.dcm"))
+    False
+    """
+    try:
+        found = object_in(path)
+        return found.is_file() and dicom_modality(found) == "RTSTRUCT"
+    except (InputError, OSError):
+        return False

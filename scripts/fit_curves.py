@@ -1,0 +1,10 @@
+"""Describe every contour by few points: chain codes, corners and closed splines."""
+
+from cccd.curves import describe_curves
+from cccd.job import job
+from cccd.settings import CurveSettings
+from cccd.store import read_contours, write_curves
+
+with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
+    contours = read_contours(snakemake.input.contours)
+    write_curves(snakemake.output[0], describe_curves(contours, CurveSettings(**snakemake.params.settings)))
