@@ -29,6 +29,7 @@ def test_everything_promised_is_there(tiny_run):
         for name in (
             "structure.h5",
             "boundaries.h5",
+            "contours.h5",
             "curves.h5",
             "surface.h5",
             "surface.ply",
@@ -42,6 +43,25 @@ def test_everything_promised_is_there(tiny_run):
 def test_no_temporary_or_failed_file_stays(tiny_run):
     assert not [path for path in tiny_run.results.rglob(".*") if path.is_file()]
     assert not list((tiny_run.folder / "logs").rglob("*.failed"))
+
+
+@pytest.mark.parametrize("key", STRUCTURES)
+def test_the_contract_of_contours_h5(tiny_run, key):
+    folder = tiny_run.results / key[0] / key[1]
+    with h5py.File(folder / "contours.h5") as contours, h5py.File(folder / "curves.h5") as curves:
+        assert set(contours) == {"ordered"}
+        for name in ("points", "offsets", "slice", "hole"):
+            np.testing.assert_array_equal(contours["ordered"][name][:], curves["ordered"][name][:])
+        for name in ("affine", "slice_axis", "shape"):
+            np.testing.assert_array_equal(contours.attrs[name], curves.attrs[name])
+        assert json.loads(contours.attrs["report"])["method"] == "traced mask"
+
+
+def test_how_the_network_would_have_ordered_is_compared(tiny_run):
+    table = pd.read_csv(tiny_run.results / "tables" / "ordering.csv")
+    assert list(zip(table["case"], table["organ"], strict=True)) == STRUCTURES
+    assert (table["dice"] == 1).all()  # outlines of phantoms need no repair
+    assert (table["curves"] == table["curves_exact"]).all()
 
 
 @pytest.mark.parametrize("key", STRUCTURES)
@@ -105,12 +125,41 @@ def test_a_touched_module_brings_back_nothing(tiny_copy):
     assert tiny_copy.planned() == {}
 
 
-def test_another_k_neither_retrains_nor_imports(tiny_copy):
+BEFORE_CURVES = {"train_gnn", "generate_graphs", "import_structure", "extract_boundaries", "make_contours"}
+
+
+def test_another_k_neither_retrains_nor_imports_nor_orders(tiny_copy):
     with (tiny_copy.folder / "tiny.yaml").open("a") as configuration:
         configuration.write("curves: {k: 5}\n")
     planned = set(tiny_copy.planned())
-    assert "trace_curves" in planned
-    assert planned.isdisjoint({"train_gnn", "generate_graphs", "import_structure", "extract_boundaries"})
+    assert "fit_curves" in planned
+    assert planned.isdisjoint({*BEFORE_CURVES, "compare_ordering", "evaluate_gnn"})
+
+
+def test_another_sweep_fits_nothing_again(tiny_copy):
+    with (tiny_copy.folder / "tiny.yaml").open("a") as configuration:
+        configuration.write("curves: {sweep: [3, 9]}\n")
+    planned = set(tiny_copy.planned())
+    assert "sweep_corners" in planned
+    assert planned.isdisjoint({*BEFORE_CURVES, "fit_curves", "loft_surface"})
+
+
+def test_another_ordering_neither_retrains_nor_imports(tiny_copy):
+    with (tiny_copy.folder / "tiny.yaml").open("a") as configuration:
+        configuration.write("curves: {ordering: gnn}\n")
+    planned = set(tiny_copy.planned())
+    assert {"make_contours", "fit_curves"} <= planned
+    assert planned.isdisjoint(BEFORE_CURVES - {"make_contours"})
+
+
+def test_a_moved_row_brings_back_nothing_of_its_structure(tiny_copy):
+    sheet = tiny_copy.folder / "tiny.tsv"
+    header, first, second = sheet.read_text().splitlines()
+    sheet.write_text("\n".join([header, "", second, first]) + "\n")
+    assert set(tiny_copy.planned()) - {"all"} <= {
+        "build_tables",
+        "build_report",
+    }  # whose rows are in its order
 
 
 def test_one_target_builds_just_that(fresh_project):

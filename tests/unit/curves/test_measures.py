@@ -112,7 +112,7 @@ def test_drawn_contours_have_splines_but_no_chain_codes(frame):
     angle = np.linspace(0, 2 * np.pi, 80, endpoint=False)
     ellipse = 100 + np.column_stack([50 * np.cos(angle), 30 * np.sin(angle)])
     curves = Curves(ellipse, np.array([0, 80]), np.array([3], np.int32), np.array([False]), frame)
-    fitted = describe_curves(curves, CurveSettings())
+    fitted = describe_curves(curves, SETTINGS)
     assert len(fitted.codes) == 0
     assert not fitted.report["chain_coded"]
     drawn = sample_splines(fitted.splines, 4)
@@ -121,7 +121,7 @@ def test_drawn_contours_have_splines_but_no_chain_codes(frame):
 
 def test_nothing_in_nothing_out(frame):
     nothing = trace_stack(np.zeros((1, 5, 5), bool), (0, 0, 0), frame)
-    fitted = describe_curves(nothing, CurveSettings())
+    fitted = describe_curves(nothing, SETTINGS)
     assert len(fitted.codes) == len(fitted.corners) == len(fitted.splines) == fitted.report["curves"] == 0
     assert measure_curves(nothing, fitted.splines)["curves"] == 0
 
