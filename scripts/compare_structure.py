@@ -1,7 +1,10 @@
 """One comparison on one structure: its rows, and what the report draws of it."""
 
+from operator import attrgetter
+
 from cccd.job import job
 from cccd.lookup import find
+from cccd.settings import Settings
 from cccd.store import write_figures, write_table
 
 case, organ = snakemake.wildcards.case, snakemake.wildcards.organ
@@ -9,7 +12,9 @@ with job(snakemake.log[0], f"{case}/{organ}"):
     arguments = {
         name: find(read)(*snakemake.input.get(name)) for name, read in snakemake.params.readers.items()
     }
-    arguments |= snakemake.params.arguments
+    settings = Settings(**snakemake.params.settings)
+    arguments |= {name: attrgetter(section)(settings) for name, section in snakemake.params.sections.items()}
+    arguments |= snakemake.params.seed
     rows = find(snakemake.params.run)(**arguments).assign(case=case, organ=organ)
     names = ["case", "organ"] if len(rows) else []
     write_table(snakemake.output.rows, rows[[*names, *rows.columns.drop(["case", "organ"])]])

@@ -17,16 +17,23 @@ def comparison_inputs(comparison):
     }
 
 
-def comparison_arguments(comparison):
-    """What the configuration gives the comparison's function: only the sections that it names."""
+def comparison_settings(comparison):
+    """The sections of the configuration that the comparison names, in their places, and no other."""
     settings = {}
-    for section in comparison.settings:
+    for section in comparison.settings.values():
         *parents, name = section.split(".")
-        settings[name] = functools.reduce(lambda part, key: part[key], parents, config)[
-            name
-        ]
-    arguments = {"settings": settings} if settings else {}
-    return arguments | ({"seed": config["seed"]} if comparison.seeded else {})
+        here, there = settings, config
+        for parent in parents:
+            here, there = here.setdefault(parent, {}), there[parent]
+        value = there[name]
+        if isinstance(value, dict):
+            value = {
+                key: part
+                for key, part in value.items()
+                if f"{section}.{key}" not in comparison.unused
+            }
+        here[name] = value
+    return settings
 
 
 #: One rule per comparison of the registry: compare_corners, compare_reconstruction and so on.
@@ -63,7 +70,9 @@ for comparison in COMPARISONS.values():
             run=comparison.run,
             figures=comparison.figures,
             readers={name: INPUTS[name].read for name in comparison.inputs},
-            arguments=comparison_arguments(comparison),
+            settings=comparison_settings(comparison),
+            sections=comparison.settings,
+            seed={"seed": config["seed"]} if comparison.seeded else {},
         script:
             "../../scripts/compare_structure.py"
 

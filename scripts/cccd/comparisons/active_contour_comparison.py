@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -16,12 +15,13 @@ from cccd.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd.containers import Curves, Panel, SliceFigure, Structure
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
+from cccd.settings.comparisons import ActiveContourSettings
 
 __all__ = ["active_contour_figures", "compare_active_contour"]
 
 
 def compare_active_contour(
-    structure: Structure, curves: Curves, settings: Mapping, seed: int
+    structure: Structure, curves: Curves, settings: ActiveContourSettings, seed: int
 ) -> pd.DataFrame:
     """Wrap each slice from seeds of many radii and positions.
 
@@ -30,8 +30,7 @@ def compare_active_contour(
     structure : Structure
     curves : Curves
         The ordered curves, taken as the truth.
-    settings : mapping
-        The configuration's ``comparisons``; ``active_contour`` is used.
+    settings : ActiveContourSettings
     seed : int
         Of the direction in which seeds are moved off the organ's centroid, one for each slice.
 
@@ -42,13 +41,12 @@ def compare_active_contour(
         letter of Figure 15, or ``grid``), ``radius`` and ``offset`` in equivalent radii of the organ
         (that of a disc of its area), ``angle`` in degrees, ``corners``, ``dice``, ``ms``.
     """
-    section = settings["active_contour"]
     rng = np.random.default_rng(seed)
     rows = []
-    for sample in choose_slices(structure, curves, section["n_slices"], section["min_contour_px"]):
+    for sample in choose_slices(structure, curves, settings.n_slices, settings.min_contour_px):
         angle = float(rng.uniform(0, 2 * np.pi))
-        seeds = [(name, *where) for name, where in section["figure_15"].items()]
-        seeds += [("grid", radius, offset) for radius in section["radii"] for offset in section["offsets"]]
+        seeds = [(name, *where) for name, where in settings.figure_15.items()]
+        seeds += [("grid", radius, offset) for radius in settings.radii for offset in settings.offsets]
         corners = snake_corners(sample)
         for name, method in CONTOURS.items():
             if name not in {"corners", *sample.images}:
@@ -77,19 +75,18 @@ def compare_active_contour(
 
 
 def active_contour_figures(
-    structure: Structure, curves: Curves, settings: Mapping, seed: int
+    structure: Structure, curves: Curves, settings: ActiveContourSettings, seed: int
 ) -> dict[str, SliceFigure]:
     """Figure 15: the snake's seed, its targets, its end and the boundary, one column per setting.
 
     The upper row is the snake on corners, as in the paper, the lower row the snake on the grey image where
     there is one. Parameters as in `compare_active_contour`; nothing where there is no curve.
     """
-    section = settings["active_contour"]
-    sample = middle_slice(structure, curves, section["n_slices"], section["min_contour_px"])
+    sample = middle_slice(structure, curves, settings.n_slices, settings.min_contour_px)
     if sample is None:
         return {}
     angle = float(np.random.default_rng(seed).uniform(0, 2 * np.pi))
-    seeds = section["figure_15"]
+    seeds = settings.figure_15
     panels = [
         _snake_panel(sample, name, letter, radius, offset, angle)
         for name in CONTOURS

@@ -29,13 +29,14 @@ from cccd.curves.measures import SWEEP
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
 from cccd.metrics import confusion
+from cccd.settings.comparisons import CornerComparisonSettings
 
 __all__ = ["CCCD", "compare_corners", "corner_figures", "fused_spline", "order_corners", "search"]
 
 CCCD = "Proposed CCCD"
 
 
-def compare_corners(structure: Structure, curves: Curves, settings: Mapping) -> pd.DataFrame:
+def compare_corners(structure: Structure, curves: Curves, settings: CornerComparisonSettings) -> pd.DataFrame:
     """Run every detector with every parameter set, fuse its corners with a spline in every order; and CCCD.
 
     Parameters
@@ -43,8 +44,7 @@ def compare_corners(structure: Structure, curves: Curves, settings: Mapping) -> 
     structure : Structure
     curves : Curves
         The ordered curves, taken as the truth.
-    settings : mapping
-        The configuration's ``comparisons``; ``corners`` is used.
+    settings : CornerComparisonSettings
 
     Returns
     -------
@@ -61,11 +61,10 @@ def compare_corners(structure: Structure, curves: Curves, settings: Mapping) -> 
     curve, FUSE's and CCCD's alike, loses those whose corner it cuts: half a per cent of Dice here is less
     than a pixel's distance.
     """
-    section = settings["corners"]
-    distance_px = section["on_boundary_px"]
+    distance_px = settings.on_boundary_px
     rows = []
     fused_spline(seed_circle((0, 0), 10), "tour", np.zeros((1, 2)))  # compiled before anything is timed
-    for sample in choose_slices(structure, curves, section["n_slices"], section["min_contour_px"]):
+    for sample in choose_slices(structure, curves, settings.n_slices, settings.min_contour_px):
         labels = {"case": structure.case, "organ": structure.organ, "slice": sample.k}
         rows += [labels | row for row in _detectors(sample, distance_px)]
         rows += [labels | row for row in _cccd(sample, curves.frame, distance_px)]
@@ -145,15 +144,16 @@ def _scores(
     }
 
 
-def corner_figures(structure: Structure, curves: Curves, settings: Mapping) -> dict[str, SliceFigure]:
+def corner_figures(
+    structure: Structure, curves: Curves, settings: CornerComparisonSettings
+) -> dict[str, SliceFigure]:
     """Figure 9: corners and fused splines over the boundary of the middle slice, one column per detector.
 
     The upper row has the paper's parameters of Figure 9 (the publication's for SUSAN), the lower row the
     best of the grid; corners are ordered by a short tour, which is what corners alone allow. Parameters as
     in `compare_corners`; nothing where there is no curve.
     """
-    section = settings["corners"]
-    sample = middle_slice(structure, curves, section["n_slices"], section["min_contour_px"])
+    sample = middle_slice(structure, curves, settings.n_slices, settings.min_contour_px)
     if sample is None:
         return {}
     columns = [
@@ -161,7 +161,7 @@ def corner_figures(structure: Structure, curves: Curves, settings: Mapping) -> d
         for name in CORNER_DETECTORS
     ]
     panels = [
-        _fused_panel(sample, detector, *sets[row], section["on_boundary_px"])
+        _fused_panel(sample, detector, *sets[row], settings.on_boundary_px)
         for row in (0, -1)
         for detector, sets in zip(CORNER_DETECTORS, columns, strict=True)
     ]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 
 import pandas as pd
 
 from cccd.comparisons.baselines.surfaces import SURFACES
 from cccd.containers import Curves, Structure
+from cccd.settings.comparisons import IsosurfaceSettings
 from cccd.surface import Surface
 from cccd.surface.measure import measure_mesh
 
@@ -16,7 +16,7 @@ __all__ = ["compare_isosurfaces"]
 
 
 def compare_isosurfaces(
-    structure: Structure, curves: Curves, surface: Surface, settings: Mapping
+    structure: Structure, curves: Curves, surface: Surface, settings: IsosurfaceSettings
 ) -> pd.DataFrame:
     """Measure every method on one structure.
 
@@ -28,8 +28,8 @@ def compare_isosurfaces(
         Whose points the point-based methods get.
     surface : Surface
         Ours.
-    settings : mapping
-        Section ``comparisons`` of the configuration: ``isosurfaces.methods`` names those to run.
+    settings : IsosurfaceSettings
+        Names the methods to run.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def compare_isosurfaces(
     """
     ours = measure_mesh(surface.mesh, structure)
     rows = [{"method": "CCCD", **ours, "bytes": surface.report["control_bytes"], "seconds": None}]
-    wanted = settings["isosurfaces"]["methods"] if structure.mask is not None else []
+    wanted = settings.methods if structure.mask is not None else []
     for name, method in SURFACES.items():
         if name not in wanted:
             continue

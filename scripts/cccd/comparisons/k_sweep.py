@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -22,7 +22,7 @@ COARSE_K = 20
 OUTLINES = {"figure10": (3, 5, 7, 20), "figure12": (COARSE_K,), "figure14": (3, 7, 12)}
 
 
-def compare_k(structure: Structure, curves: Curves, settings: Mapping) -> pd.DataFrame:
+def compare_k(structure: Structure, curves: Curves, ks: Sequence[int]) -> pd.DataFrame:
     """Measure the paper's own splines for each k and criterion (see `cccd.curves.sweep_k`).
 
     Parameters
@@ -30,13 +30,12 @@ def compare_k(structure: Structure, curves: Curves, settings: Mapping) -> pd.Dat
     structure : Structure
         Its mask is the truth; without one the filled curves are.
     curves : Curves
-    settings : mapping
-        ``sweep``: the k.
+    ks : sequence of int
     """
-    return sweep_k(curves, structure.stack("mask"), structure.stack_origin, ks=settings["sweep"])
+    return sweep_k(curves, structure.stack("mask"), structure.stack_origin, ks=ks)
 
 
-def outline_figures(structure: Structure, curves: Curves, settings: Mapping) -> dict[str, SliceFigure]:
+def outline_figures(structure: Structure, curves: Curves, ks: Sequence[int]) -> dict[str, SliceFigure]:
     """Outline the middle slice for the k of Figures 10, 12 and 14; nothing where there is no outer curve."""
     curve = middle_curve(curves)
     if curve is None:

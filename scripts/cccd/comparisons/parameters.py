@@ -81,7 +81,12 @@ def grid_points(detector: str) -> Iterator[dict]:
 
 
 def parameter_sets(detector: str, image: str) -> dict[str, dict]:
-    """Give a detector's parameter sets by name; SUSAN, which the paper never ran, has its publication's."""
+    """Give a detector's parameter sets by name: the paper's, or its publication's, and the best of the grid.
+
+    One that the paper never ran has its publication's, which are its defaults; one without a grid has those
+    alone.
+    """
     sets = {"paper, Figure 9": PAPER_FIGURE_9, "paper, Table 2": PAPER_TABLE_2}
     named = {name: table[detector] for name, table in sets.items() if detector in table}
-    return (named or {"publication": {}}) | {"best of grid": BEST[image][detector]}
+    best = {"best of grid": BEST[image][detector]} if detector in BEST[image] else {}
+    return (named or {"publication": {}}) | best

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from cccd.comparisons.parameters import PAPER_TABLE_2
 from cccd.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd.containers import Boundaries, Curves, Frame, Panel, SliceFigure, Structure
 from cccd.metrics import dice
+from cccd.settings.comparisons import ReconstructionSettings
 
 __all__ = [
     "DENSE",
@@ -64,7 +65,11 @@ def _load_orderer(path: str | Path) -> Orderer:
 
 
 def compare_reconstruction(
-    structure: Structure, curves: Curves, settings: Mapping, seed: int, orderers: Sequence[Orderer] = ()
+    structure: Structure,
+    curves: Curves,
+    settings: ReconstructionSettings,
+    seed: int,
+    orderers: Sequence[Orderer] = (),
 ) -> pd.DataFrame:
     """Link three point sets per slice by every registered method, and by CCCD.
 
@@ -73,8 +78,7 @@ def compare_reconstruction(
     structure : Structure
     curves : Curves
         The ordered curves, taken as the truth.
-    settings : mapping
-        The configuration's ``comparisons``; ``reconstruction`` is used.
+    settings : ReconstructionSettings
     seed : int
         Of the jitter.
     orderers : sequence of Orderer
@@ -95,19 +99,18 @@ def compare_reconstruction(
     boundary away, so a corner carries its place in the chain code, and sparse points are linked along
     it. The other methods see the points alone. The rows say so in ``given``.
     """
-    section = settings["reconstruction"]
     rng = np.random.default_rng(seed)
     rows = []
-    for sample in choose_slices(structure, curves, section["n_slices"], section["min_contour_px"]):
+    for sample in choose_slices(structure, curves, settings.n_slices, settings.min_contour_px):
         labels = {"case": structure.case, "organ": structure.organ, "slice": sample.k}
-        for name, points in point_sets(sample, section["every"], section["jitter_px"], rng).items():
+        for name, points in point_sets(sample, settings.every, settings.jitter_px, rng).items():
             runs: list[tuple[str, Run, str]] = [
                 (method.title, lambda key=key, points=points: (points, reconstruct(key, points)), "points")
                 for key, method in RECONSTRUCTIONS.items()
             ]
             runs += _cccd_runs(sample, name, points, orderers, curves.frame)
             for method, run, given in runs:
-                (linked, links), ms = _timed(run, section["repeats"])
+                (linked, links), ms = _timed(run, settings.repeats)
                 counts = count_links(links, len(linked))
                 region = enclosed_region(linked, links, sample.origin, sample.region.shape)
                 score = float(dice(sample.region, region))
@@ -117,18 +120,21 @@ def compare_reconstruction(
 
 
 def reconstruction_figures(
-    structure: Structure, curves: Curves, settings: Mapping, seed: int, orderers: Sequence[Orderer] = ()
+    structure: Structure,
+    curves: Curves,
+    settings: ReconstructionSettings,
+    seed: int,
+    orderers: Sequence[Orderer] = (),
 ) -> dict[str, SliceFigure]:
     """Figure 16: what reconstruction makes of Harris corners: ground truth, the paper's three, a tour, CCCD.
 
     Parameters as in `compare_reconstruction`; nothing where there is no curve, or where the middle slice has
     fewer than three Harris corners.
     """
-    section = settings["reconstruction"]
-    sample = middle_slice(structure, curves, section["n_slices"], section["min_contour_px"])
+    sample = middle_slice(structure, curves, settings.n_slices, settings.min_contour_px)
     if sample is None:
         return {}
-    sets = point_sets(sample, section["every"], section["jitter_px"], np.random.default_rng(seed))
+    sets = point_sets(sample, settings.every, settings.jitter_px, np.random.default_rng(seed))
     if HARRIS not in sets:
         return {}
     points = sets[HARRIS]

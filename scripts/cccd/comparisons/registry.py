@@ -23,7 +23,7 @@ each time it starts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 __all__ = ["COMPARISONS", "INPUTS", "ITEMS", "SECTIONS", "Comparison", "Item", "tables"]
 
@@ -68,12 +68,14 @@ class Comparison:
     name : str
         Of its files, and of its rule: ``compare_<name>``.
     run : str
-        Function that returns the rows. It gets ``inputs`` by name, ``settings`` when there are any, and
-        ``seed`` when it is seeded.
+        Function that returns the rows. It gets ``inputs`` and ``settings`` by name, and ``seed`` when it is
+        seeded.
     inputs : tuple of str
         Keys of `INPUTS`.
-    settings : tuple of str
-        Sections of the configuration, dotted, that the function gets as ``settings``, by their last name.
+    settings : dict of str to str
+        Sections of the configuration, dotted, by the parameter that gets them, as their typed models.
+    unused : tuple of str
+        Keys of these sections, dotted, that change nothing, so that they bring nothing back.
     seeded : bool
         Whether the function draws at random.
     figures : str or None
@@ -92,7 +94,8 @@ class Comparison:
     name: str
     run: str
     inputs: tuple[str, ...]
-    settings: tuple[str, ...] = ()
+    settings: dict[str, str] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
     seeded: bool = False
     figures: str | None = None
     columns: tuple[str, ...] = ()
@@ -184,7 +187,7 @@ CORNERS = Comparison(
     "corners",
     "cccd.comparisons.corner_comparison.compare_corners",
     ("structure", "curves"),
-    settings=("comparisons.corners",),
+    settings={"settings": "comparisons.corners"},
     figures="cccd.comparisons.corner_comparison.corner_figures",
     columns=(
         "slice", "image", "detector", "method", "parameters", "values", "order", "corners", "on_boundary",
@@ -197,7 +200,7 @@ RECONSTRUCTION = Comparison(
     "reconstruction",
     "cccd.comparisons.reconstruction_comparison.compare_reconstruction",
     ("structure", "curves", "orderers"),
-    settings=("comparisons.reconstruction",),
+    settings={"settings": "comparisons.reconstruction"},
     seeded=True,
     figures="cccd.comparisons.reconstruction_comparison.reconstruction_figures",
     columns=(
@@ -211,7 +214,7 @@ ACTIVE_CONTOUR = Comparison(
     "active_contour",
     "cccd.comparisons.active_contour_comparison.compare_active_contour",
     ("structure", "curves"),
-    settings=("comparisons.active_contour",),
+    settings={"settings": "comparisons.active_contour"},
     seeded=True,
     figures="cccd.comparisons.active_contour_comparison.active_contour_figures",
     columns=("slice", "method", "setting", "radius", "offset", "angle", "corners", "dice", "ms"),
@@ -221,7 +224,7 @@ K_SWEEP = Comparison(
     "k_sweep",
     "cccd.comparisons.k_sweep.compare_k",
     ("structure", "curves"),
-    settings=("curves.sweep",),
+    settings={"ks": "curves.sweep"},
     figures="cccd.comparisons.k_sweep.outline_figures",
     columns=("criterion", "k", "share", "ACC", "DSC", "JI"),
     minutes=15,
@@ -231,7 +234,7 @@ ISOSURFACES = Comparison(
     "isosurfaces",
     "cccd.comparisons.isosurfaces.compare_isosurfaces",
     ("structure", "curves", "surface"),
-    settings=("comparisons.isosurfaces",),
+    settings={"settings": "comparisons.isosurfaces"},
     columns=("method", "seconds"),
     memory_mb=(3000, 60),
     minutes=30,
@@ -241,7 +244,8 @@ THICK_SLICES = Comparison(
     "thick_slices",
     "cccd.comparisons.thick_slices.thick_slice_experiment",
     ("structure",),
-    settings=("comparisons.thick_slices", "surface"),
+    settings={"settings": "comparisons.thick_slices", "lofting": "surface"},
+    unused=("surface.formats", "surface.contour_spacing_mm"),
     columns=("slice_distance_mm", "every_nth", "method", "seconds"),
     memory_mb=(3000, 60),
     minutes=30,

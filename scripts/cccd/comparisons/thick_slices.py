@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ import pandas as pd
 from cccd.comparisons.baselines.surfaces import SURFACES
 from cccd.containers import Frame, Structure
 from cccd.settings import LoftSettings
+from cccd.settings.comparisons import ThickSliceSettings
 from cccd.surface.loft import loft_surface
 from cccd.surface.measure import measure_mesh
 from cccd.tracing import trace_mask
@@ -39,17 +40,20 @@ def every_nth_slice(structure: Structure, n: int) -> Structure:
     )
 
 
-def thick_slice_experiment(structure: Structure, settings: Mapping) -> pd.DataFrame:
+def thick_slice_experiment(
+    structure: Structure, settings: ThickSliceSettings, lofting: LoftSettings
+) -> pd.DataFrame:
     """Reconstruct a structure from every n-th slice and measure against its full resolution.
 
     Parameters
     ----------
     structure : Structure
         With a mask; without one the table is empty.
-    settings : mapping
-        Section ``comparisons`` with ``thick_slices``: ``spacings_mm``, and the ``tolerance_voxels`` and
-        ``compactness`` that take the place of those in ``surface``. The other methods' meshes may be as
-        large as they like, so here the control nets are held to accuracy more than to size.
+    settings : ThickSliceSettings
+        The slice distances, and the tolerance and compactness that take the place of those in ``lofting``.
+        The other methods' meshes may be as large as they like, so here the control nets are held to
+        accuracy more than to size.
+    lofting : LoftSettings
 
     Returns
     -------
@@ -61,31 +65,35 @@ def thick_slice_experiment(structure: Structure, settings: Mapping) -> pd.DataFr
     if structure.mask is None:
         return pd.DataFrame(rows)
     spacing = structure.frame.slice_spacing
-    wanted = settings["thick_slices"]
-    lofting = LoftSettings(
-        **{
-            **settings["surface"],
-            "tolerance_voxels": wanted["tolerance_voxels"],
-            "compactness": wanted["compactness"],
-            "compactness_thin": wanted["compactness"],
+    accurate = lofting.model_copy(
+        update={
+            "tolerance_voxels": settings.tolerance_voxels,
+            "compactness": settings.compactness,
+            "compactness_thin": settings.compactness,
         }
     )
-    steps = sorted({max(2, round(distance / spacing)) for distance in wanted["spacings_mm"]})
+    steps = sorted({max(2, round(distance / spacing)) for distance in settings.spacings_mm})
     for n in steps:
         thick = every_nth_slice(structure, n)
         if np.count_nonzero(thick.stack("mask").any(axis=(1, 2))) < FEWEST_SLICES:
             continue
         row = {"slice_distance_mm": n * spacing, "every_nth": n}
-        start = time.perf_counter()
-        curves = trace_mask(thick)
-        surface = loft_surface(curves, lofting)
-        seconds = time.perf_counter() - start
-        figures = measure_mesh(surface.mesh, structure)
-        control_bytes = surface.report["control_bytes"]
-        rows.append({**row, "method": "CCCD", **figures, "seconds": seconds, "control_bytes": control_bytes})
-        for method in BASELINES:
-            start = time.perf_counter()
-            mesh = SURFACES[method].run(thick, curves)
-            seconds = time.perf_counter() - start
-            rows.append({**row, "method": method, **measure_mesh(mesh, structure), "seconds": seconds})
+        rows += [row | measured for measured in _reconstructions(thick, structure, accurate)]
     return pd.DataFrame(rows)
+
+
+def _reconstructions(
+    thick: Structure, structure: Structure, lofting: LoftSettings
+) -> Iterator[dict[str, object]]:
+    """Reconstruct thick slices by our way and by the baselines, each measured at full resolution."""
+    start = time.perf_counter()
+    curves = trace_mask(thick)
+    surface = loft_surface(curves, lofting)
+    seconds = time.perf_counter() - start
+    sizes = {"seconds": seconds, "control_bytes": surface.report["control_bytes"]}
+    yield {"method": "CCCD", **measure_mesh(surface.mesh, structure), **sizes}
+    for method in BASELINES:
+        start = time.perf_counter()
+        mesh = SURFACES[method].run(thick, curves)
+        seconds = time.perf_counter() - start
+        yield {"method": method, **measure_mesh(mesh, structure), "seconds": seconds}

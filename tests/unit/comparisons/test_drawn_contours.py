@@ -5,6 +5,7 @@ import numpy as np
 from cccd.comparisons.corner_comparison import CCCD, compare_corners
 from cccd.containers import Curves, Frame, Structure
 from cccd.geometry.arrays import concatenate_ragged
+from cccd.settings.comparisons import CornerComparisonSettings
 
 
 def test_corners_of_drawn_contours():
@@ -16,7 +17,7 @@ def test_corners_of_drawn_contours():
     frame = Frame(np.diag([1.0, 1.0, 3.0, 1.0]), 2, (40, 40, 3))
     curves = Curves(points, offsets, np.arange(3, dtype=np.int32), np.zeros(3, bool), frame)
     structure = Structure("a", "drawn", frame, np.zeros(3, int), contours=curves)
-    settings = {"corners": {"n_slices": 1, "min_contour_px": 60, "on_boundary_px": 1.5}}
+    settings = CornerComparisonSettings(n_slices=1)
     table = compare_corners(structure, curves, settings)
     ours = table[(table["method"] == CCCD) & (table["parameters"] == "automatic")]
     assert (ours["DSC"] > 0.97).all()

@@ -6,6 +6,7 @@ from cccd.comparisons.point_meshes import ball_pivoting, poisson
 from cccd.comparisons.volume_meshes import distance_isosurface, flying_edges, marching_cubes, windowed_sinc
 from cccd.containers import Frame, Structure
 from cccd.settings import LoftSettings
+from cccd.settings.comparisons import IsosurfaceSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
 
@@ -58,7 +59,7 @@ def test_point_methods_come_near_the_ellipsoid(structure, make):
 def test_one_row_per_method(structure):
     curves = trace_mask(structure)
     table = compare_isosurfaces(
-        structure, curves, loft_surface(curves, LoftSettings()), {"isosurfaces": {"methods": METHODS}}
+        structure, curves, loft_surface(curves, LoftSettings()), IsosurfaceSettings(methods=METHODS)
     )
     assert table["method"].tolist() == ["CCCD", *METHODS]
     assert table["dice_3d"].between(0, 1).all()

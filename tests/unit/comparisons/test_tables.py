@@ -24,19 +24,20 @@ from cccd.comparisons.summary import Cohort, build_tables, write_notes
 from cccd.containers import Frame, Structure
 from cccd.geometry.raster import rasterise
 from cccd.junctions import order_boundaries
+from cccd.settings import ComparisonSettings
 from cccd.tracing import trace_mask
 
-SETTINGS = {
-    "corners": {"n_slices": 2, "min_contour_px": 30, "on_boundary_px": 1.5},
-    "reconstruction": {"n_slices": 2, "min_contour_px": 30, "every": 4, "jitter_px": 0.3, "repeats": 1},
-    "active_contour": {
+SETTINGS = ComparisonSettings(
+    corners={"n_slices": 2, "min_contour_px": 30, "on_boundary_px": 1.5},
+    reconstruction={"n_slices": 2, "min_contour_px": 30, "every": 4, "jitter_px": 0.3, "repeats": 1},
+    active_contour={
         "n_slices": 1,
         "min_contour_px": 30,
         "figure_15": {"a": [1.4, 0.0], "e": [0.5, 0.0]},
         "radii": [0.6],
         "offsets": [0.0, 0.3],
     },
-}
+)
 
 
 def make_structure(with_image: bool) -> Structure:
@@ -67,9 +68,9 @@ ORDERERS = [lambda pixels: order_boundaries(pixels, None)[0]]
 def compare_all(structure, curves, orderers=()) -> list[pd.DataFrame]:
     """The rows of the three comparisons that the paper's tables stand on, with the decoder for a network."""
     tables = (
-        compare_corners(structure, curves, SETTINGS),
-        compare_reconstruction(structure, curves, SETTINGS, 7, orderers),
-        compare_active_contour(structure, curves, SETTINGS, 7),
+        compare_corners(structure, curves, SETTINGS.corners),
+        compare_reconstruction(structure, curves, SETTINGS.reconstruction, 7, orderers),
+        compare_active_contour(structure, curves, SETTINGS.active_contour, 7),
     )
     return [as_read_back(table) for table in tables]
 
@@ -216,7 +217,8 @@ def test_a_mask_without_image_is_enough():
 
 
 def test_the_same_seed_gives_the_same_rows(structure, rows):
-    again = as_read_back(compare_reconstruction(structure, trace_mask(structure), SETTINGS, 7, ORDERERS))
+    again = compare_reconstruction(structure, trace_mask(structure), SETTINGS.reconstruction, 7, ORDERERS)
+    again = as_read_back(again)
     pd.testing.assert_frame_equal(again.drop(columns="ms"), rows[1].drop(columns="ms"))
 
 
@@ -232,14 +234,14 @@ def test_search_ranks_the_eligible_first(structure, monkeypatch):
 
 def test_figures_hold_every_panel(structure):
     curves = trace_mask(structure)
-    links = reconstruction_figures(structure, curves, SETTINGS, 7)["figure16"]
+    links = reconstruction_figures(structure, curves, SETTINGS.reconstruction, 7)["figure16"]
     assert [panel.title for panel in links.panels] == [
         "Ground truth", "Connect2D", "Crawl", "NN-Crust", "2-opt tour", CCCD,
     ]  # fmt: skip
-    fused = corner_figures(structure, curves, SETTINGS)["figure9"]
+    fused = corner_figures(structure, curves, SETTINGS.corners)["figure9"]
     assert len(fused.panels) == 2 * fused.columns == 2 * len(CORNER_DETECTORS)
     assert fused.image.shape == tuple(np.diff(fused.window, axis=0)[0] + 1)
-    snakes = active_contour_figures(structure, curves, SETTINGS, 7)["figure15"]
+    snakes = active_contour_figures(structure, curves, SETTINGS.active_contour, 7)["figure15"]
     assert len(snakes.panels) == 2 * 2
 
 

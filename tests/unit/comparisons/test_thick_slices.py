@@ -1,13 +1,10 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
-import yaml
 
 from cccd.comparisons.thick_slices import every_nth_slice, thick_slice_experiment
 from cccd.containers import Frame, Structure
-
-SURFACE = yaml.safe_load((Path(__file__).parents[3] / "config" / "config.yaml").read_text())["surface"]
+from cccd.settings import LoftSettings
+from cccd.settings.comparisons import ThickSliceSettings
 
 
 def ellipsoid(origin=(0, 0, 0)) -> Structure:
@@ -29,9 +26,8 @@ def test_kept_slices_stay_where_they_were(origin):
 
 
 def test_the_experiment_measures_against_the_full_resolution():
-    wanted = {"spacings_mm": [5.0, 5.2, 40.0], "tolerance_voxels": 0.1, "compactness": 12}
-    settings = {"thick_slices": wanted, "surface": SURFACE}
-    table = thick_slice_experiment(ellipsoid(), settings)
+    settings = ThickSliceSettings(spacings_mm=[5.0, 5.2, 40.0], tolerance_voxels=0.1, compactness=12)
+    table = thick_slice_experiment(ellipsoid(), settings, LoftSettings())
     assert table["every_nth"].unique().tolist() == [5]  # 5.2 is the same multiple, 40 leaves no shape
     assert table.groupby("every_nth")["method"].count().tolist() == [3]
     assert (table["dice_3d"] > 0.95).all()
@@ -43,4 +39,4 @@ def test_the_experiment_measures_against_the_full_resolution():
 def test_without_a_mask_there_is_nothing_to_compare():
     structure = ellipsoid()
     structure.mask = None
-    assert thick_slice_experiment(structure, {"thick_slices": {"spacings_mm": [5.0]}}).empty
+    assert thick_slice_experiment(structure, ThickSliceSettings(), LoftSettings()).empty
