@@ -213,6 +213,17 @@ def test_keyhole_contour_becomes_outline_and_hole(tmp_path):
     assert sorted(abs(shoelace(points)) for points in curves) == pytest.approx([100] * 4 + [400] * 4)
 
 
+def test_a_contour_that_goes_out_and_back_encloses_nothing_and_is_left_out(tmp_path):
+    square = np.array([(0, 0), (20, 0), (20, 20), (0, 20)], float)
+    there_and_back = np.array([(0, 0), (10, 0), (10, 10), (10, 0)], float)
+    shapes = [(square, z) for z in (0.0, 3.0, 6.0, 9.0)] + [(there_and_back, 12.0)]
+    contours = [np.column_stack([shape, np.full(4, z)]) for shape, z in shapes]
+    write_structure_set(tmp_path / "rt.dcm", {"square": contours})
+    structure = load_structure(row(mask="rt.dcm"), tmp_path, settings())
+    assert [abs(shoelace(points)) for points in structure.contours] == pytest.approx([400] * 4)
+    assert any("1 contours without area left out" in note for note in structure.warnings)
+
+
 def test_contours_on_every_third_slice(tmp_path):
     mask, affine = organ(), dicom_affine()
     write_series(tmp_path / "dicom", grey(mask), affine)
