@@ -1,4 +1,4 @@
-"""Headers whose voxels are in files of their own: MetaImage, NRRD, Analyze and NIfTI pairs.
+"""Headers of MetaImage and NRRD, and the further files that hold the voxels of a header or of an image pair.
 
 Imported at every parse of the workflow, so it imports nothing heavy and reads headers only.
 """
@@ -8,13 +8,14 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
+from typing import NamedTuple
 
-__all__ = ["IN_ITSELF", "SEVERAL_FILES", "VOXEL_FILE", "voxel_files"]
+__all__ = ["VoxelHeader", "read_voxel_header", "voxel_files"]
 
-#: Where a header says that its voxels are: in itself, in several files, or in the file of this name.
-VOXEL_FILE = re.compile(rb"^(?:ElementDataFile *=|data ?file:) *(.*?)\s*$", re.MULTILINE | re.IGNORECASE)
-IN_ITSELF = re.compile(rb"local", re.IGNORECASE)
-SEVERAL_FILES = re.compile(rb"list( \d)?|[^%\s]+%0?\d?d[^%\s]*( \d+ \d+( [1-9]\d*( \d)?)?)?", re.IGNORECASE)
+# The field that says where the voxels are; its values for "in this file" and "in several files".
+_VOXEL_FIELD = re.compile(rb"^(?:ElementDataFile *=|data ?file:) *(.*?)\s*$", re.MULTILINE | re.IGNORECASE)
+_IN_ITSELF = re.compile(rb"local", re.IGNORECASE)
+_SEVERAL_FILES = re.compile(rb"list( \d)?|[^%\s]+%0?\d?d[^%\s]*( \d+ \d+( [1-9]\d*( \d)?)?)?", re.IGNORECASE)
 
 # Headers are no longer.
 _HEADER_BYTES = 1 << 20
@@ -22,36 +23,78 @@ _HEADER_BYTES = 1 << 20
 _PAIRS = {".hdr": (".img", ".img.gz"), ".img": (".hdr",)}
 
 
+class VoxelHeader(NamedTuple):
+    """The header of a MetaImage or NRRD.
+
+    Attributes
+    ----------
+    fields : bytes
+        Its lines: of a MetaImage down to the one that says where the voxels are, of a NRRD down to the first
+        blank line.
+    voxels : bytes or None
+        What it says of where the voxels are; None where they are in the file itself.
+    listed : bytes
+        Lines that follow the field of ``voxels``: the file names of a list.
+    """
+
+    fields: bytes
+    voxels: bytes | None
+    listed: bytes
+
+    @property
+    def in_several_files(self) -> bool:
+        """Whether the voxels are in files that are listed or numbered."""
+        return self.voxels is not None and _SEVERAL_FILES.fullmatch(self.voxels) is not None
+
+
+def read_voxel_header(path: Path) -> VoxelHeader:
+    """Read the header of a MetaImage (``.mha``, ``.mhd``) or NRRD (``.nrrd``, ``.nhdr``), damaged or not.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    with path.open("rb") as file:
+        start = file.read(_HEADER_BYTES)
+    is_meta = path.name.lower().endswith((".mha", ".mhd"))
+    header = start if is_meta else re.split(rb"\r?\n\r?\n", start)[0]
+    found = _VOXEL_FIELD.search(header)
+    if found is None:
+        return VoxelHeader(header, None, b"")
+    voxels = None if _IN_ITSELF.fullmatch(found[1]) else found[1]
+    return VoxelHeader(header[: found.end()] if is_meta else header, voxels, header[found.end() :])
+
+
 def voxel_files(path: Path) -> list[Path]:
-    """Give the further files that a volume consists of, those that exist.
+    """List the further files that a volume consists of, those that exist.
 
     Parameters
     ----------
     path : Path
-        What the sheet names. Of a file that cannot be read nothing is given; its reader says why.
+        A file that the sheet names; one that cannot be read has none, its reader says why.
     """
     suffix = path.suffix.lower()
     found = [path.with_suffix(other) for other in _PAIRS.get(suffix, ())]
     if suffix in (".mhd", ".nhdr"):
         found = _named(path)
-    # os.path takes names that no file can have, as damaged headers hold; Path raises
+    # os.path accepts names that no file can have, as damaged headers hold; Path raises
     return sorted({file for file in found if os.path.isfile(file)} - {path})
 
 
 def _named(path: Path) -> list[Path]:
+    """Files that a header names, whether they exist or not."""
     try:
-        with path.open("rb") as file:
-            header = file.read(_HEADER_BYTES)
+        header = read_voxel_header(path)
     except OSError:
         return []
-    found = VOXEL_FILE.search(header)
-    if found is None or IN_ITSELF.fullmatch(found[1]):
+    if header.voxels is None:
         return []
-    value = found[1].decode(errors="replace")
-    if not SEVERAL_FILES.fullmatch(found[1]):
+    value = header.voxels.decode(errors="replace")
+    if not header.in_several_files:
         return [path.parent / value]
     if "%" not in value:  # a list: a line each
-        lines = header[found.end() :].decode(errors="replace").splitlines()
+        lines = header.listed.decode(errors="replace").splitlines()
         return [path.parent / line.strip() for line in lines]
     pattern = path.parent / value.split()[0]
     form = r"\d+".join(map(re.escape, re.split(r"%0?\d?d", pattern.name)))

@@ -9,9 +9,11 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 from scipy import ndimage
 
 from cccd.errors import InputError
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from cccd.tolerances import ORTHOGONALITY, SAME_GRID_VOXELS, SAME_SPACING
 
 __all__ = [
@@ -52,8 +54,8 @@ class Volume:
         What the reader noticed.
     """
 
-    data: np.ndarray
-    affine: np.ndarray
+    data: AnyArray
+    affine: FloatArray
     location: str
     names: dict[int, str] = field(default_factory=dict)
     instances: tuple[str, ...] = ()
@@ -67,13 +69,13 @@ class Volume:
         return a, b, c
 
 
-def check_affine(affine: np.ndarray, location: str) -> np.ndarray:
+def check_affine(affine: npt.ArrayLike | None, location: str) -> FloatArray:
     """Refuse an affine that is no scanner grid.
 
     Parameters
     ----------
-    affine : (4, 4) float
-        Index to world mm.
+    affine : (4, 4) float or None
+        Index to world mm; None where the file has none.
     location : str
         What messages name.
 
@@ -87,7 +89,7 @@ def check_affine(affine: np.ndarray, location: str) -> np.ndarray:
     InputError
         Not finite, voxels without extent, or axes not at right angles to `ORTHOGONALITY`.
     """
-    affine = np.asarray(affine, float)
+    affine = np.asarray(affine, np.float64)
     if affine.shape != (4, 4) or not np.isfinite(affine).all():
         raise InputError(location, "its affine is not finite", "export the scan again")
     spacing = np.linalg.norm(affine[:3, :3], axis=0)
@@ -107,7 +109,7 @@ def check_affine(affine: np.ndarray, location: str) -> np.ndarray:
     return affine
 
 
-def find_slice_axis(affine: np.ndarray, choice: str | int = "auto") -> int:
+def find_slice_axis(affine: FloatArray, choice: str | int = "auto") -> int:
     """Choose the axis along which slices run: 0, 1 or 2.
 
     Parameters
@@ -127,13 +129,13 @@ def find_slice_axis(affine: np.ndarray, choice: str | int = "auto") -> int:
     """
     if choice != "auto":
         return int(choice)
-    columns = np.asarray(affine)[:3, :3]
+    columns = affine[:3, :3]
     spacing = np.linalg.norm(columns, axis=0)
     thickest = spacing >= spacing.max() * (1 - SAME_SPACING)
     return int(np.argmax(np.where(thickest, np.abs(columns[2]) / spacing, -1.0)))
 
 
-def same_grid(first: np.ndarray, second: np.ndarray, shape: tuple[int, ...]) -> bool:
+def same_grid(first: FloatArray, second: FloatArray, shape: tuple[int, ...]) -> bool:
     """Whether two affines (4, 4) agree at every corner of a grid to `SAME_GRID_VOXELS` of a voxel."""
     corners = np.stack(np.meshgrid(*[(0, max(n - 1, 1)) for n in shape], indexing="ij"), -1).reshape(-1, 3)
     shift = corners @ (first - second)[:3, :3].T + (first - second)[:3, 3]
@@ -142,7 +144,7 @@ def same_grid(first: np.ndarray, second: np.ndarray, shape: tuple[int, ...]) -> 
 
 
 def on_grid(
-    volume: Volume, affine: np.ndarray, shape: tuple[int, ...], fill: float | None = None
+    volume: Volume, affine: FloatArray, shape: tuple[int, ...], fill: float | None = None
 ) -> Volume | None:
     """Move ``volume`` to another grid by reordering, flipping, cropping and padding alone.
 
@@ -195,7 +197,7 @@ def on_grid(
 
 
 def interpolate_on_grid(
-    volume: Volume, affine: np.ndarray, shape: tuple[int, ...], order: Literal[0, 1]
+    volume: Volume, affine: FloatArray, shape: tuple[int, ...], order: Literal[0, 1]
 ) -> Volume:
     """Interpolate ``volume`` on another grid; beyond its faces the nearest voxels go on.
 
@@ -221,13 +223,13 @@ def interpolate_on_grid(
     return replace(volume, data=data, affine=affine)
 
 
-def bounding_box(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def bounding_box(mask: BoolArray) -> tuple[IntArray, IntArray]:
     """First and last index (3,) int64 of the voxels set in a mask (a, b, c), which holds at least one."""
     spans = [np.flatnonzero(mask.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
     return np.array([span[0] for span in spans]), np.array([span[-1] for span in spans])
 
 
-def crop(array: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+def crop(array: AnyArray, first: IntArray, last: IntArray) -> AnyArray:
     """Crop an array to ``array[first:last + 1]``.
 
     Parameters

@@ -1,6 +1,6 @@
 """Read volumes from NIfTI, NRRD, MHA and whatever else SimpleITK reads.
 
-Every reader gives a `Volume` in the file's own axis order with its affine in RAS, and refuses what is no
+Every reader returns a `Volume` in the file's own axis order with its affine in RAS, and refuses what is no
 single three-dimensional scalar scan.
 """
 
@@ -13,12 +13,14 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import nibabel as nib
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
+from nibabel.analyze import AnalyzeImage
+from nibabel.loadsave import load as load_image
+from nibabel.spatialimages import SpatialImage
 
 from cccd.errors import InputError
-from cccd.sidecar_files import IN_ITSELF, SEVERAL_FILES, VOXEL_FILE
+from cccd.sidecar_files import VoxelHeader, read_voxel_header
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 
 __all__ = ["SUFFIXES", "guarded", "read_itk", "read_nifti", "read_volume"]
@@ -39,8 +41,18 @@ _NRRD_FIELD = 400
 def guarded(location: str, problem: str, hint: str) -> Iterator[None]:
     """Turn whatever a decoder raises over a damaged file into one line.
 
-    Decoders raise ``KeyError``, ``struct.error``, ``AssertionError`` and their own errors alike, so that only
-    the broadest net holds; an `InputError` passes through.
+    Decoders raise ``KeyError``, ``struct.error``, ``AssertionError`` and their own errors alike, so every
+    ``Exception`` is caught; an `InputError` passes through.
+
+    Parameters
+    ----------
+    location, problem, hint : str
+        Those of the `InputError`; the decoder's reason is added to the problem.
+
+    Raises
+    ------
+    InputError
+        In place of any other exception.
     """
     try:
         yield
@@ -54,7 +66,17 @@ def guarded(location: str, problem: str, hint: str) -> Iterator[None]:
 
 
 def read_volume(path: Path) -> Volume:
-    """Read a volume from one file, by its name: nibabel for NIfTI and MGH, SimpleITK for all else."""
+    """Read a volume from one file, by its name: nibabel for NIfTI, Analyze and MGH, SimpleITK for all else.
+
+    Raises
+    ------
+    InputError
+        Not readable, truncated, not 3-D, or with an unusable grid.
+
+    See Also
+    --------
+    read_nifti, read_itk
+    """
     return read_nifti(path) if path.name.lower().endswith(_NIFTI) else read_itk(path)
 
 
@@ -82,33 +104,29 @@ def _check_promise(count: int, ratio: int, path: Path) -> None:
         raise InputError(path.name, "its header promises more voxels than it holds", "copy the file again")
 
 
-def _check_header(header: bytes, meta: bool, location: str) -> None:
+def _check_fields(header: VoxelHeader, path: Path) -> None:
     """Refuse what SimpleITK's C libraries are known to crash on, which would end the process."""
-    if meta:
-        dimensions = re.findall(rb"^\s*NDims *=(.*)$", header, re.MULTILINE)
+    if path.name.lower().endswith((".mha", ".mhd")):
+        dimensions = re.findall(rb"^\s*NDims *=(.*)$", header.fields, re.MULTILINE)
         sound = dimensions and all(re.fullmatch(rb" *[1-9]\s*", number) for number in dimensions)
     else:
-        fields = [line for line in header.split(b"\n") if not re.match(rb"#|[^:]*:=", line)]
+        fields = [line for line in header.fields.split(b"\n") if not re.match(rb"#|[^:]*:=", line)]
         sound = max(map(len, fields)) <= _NRRD_FIELD
         if any(re.match(rb"encoding: *(te?xt|ascii)", field, re.IGNORECASE) for field in fields):
-            raise InputError(location, "its voxels are written as text", "save it with encoding raw or gzip")
+            raise InputError(path.name, "its voxels are written as text", "save it with encoding raw or gzip")
     if not sound:
-        raise InputError(location, "its header is damaged", "copy the file again")
+        raise InputError(path.name, "its header is damaged", "copy the file again")
 
 
 def _voxel_file(path: Path) -> Path | None:
-    """Give the file with the voxels of a NRRD or MetaImage, None where they are in several."""
-    meta = path.name.lower().endswith((".mha", ".mhd"))
-    with path.open("rb") as file:
-        start = file.read(1 << 20)
-    header = start if meta else re.split(rb"\r?\n\r?\n", start)[0]
-    found = VOXEL_FILE.search(header)
-    _check_header(header[: found.end()] if meta and found else header, meta, path.name)
-    if found is None or IN_ITSELF.fullmatch(found[1]):
+    """Return the file with the voxels of a NRRD or MetaImage, None where they are in several."""
+    header = read_voxel_header(path)
+    _check_fields(header, path)
+    if header.voxels is None:
         return path
-    if SEVERAL_FILES.fullmatch(found[1]):
+    if header.in_several_files:
         return None
-    name = found[1].decode(errors="replace").replace("\0", "")
+    name = header.voxels.decode(errors="replace").replace("\0", "")
     if not (path.parent / name).is_file():
         raise InputError(path.name, f"the file of its voxels, {name[:80]!r}, is not there", "copy both again")
     return path.parent / name
@@ -126,21 +144,26 @@ def read_nifti(path: Path) -> Volume:
     """
     location = path.name
     with guarded(location, "not a readable NIfTI volume", "convert it to NIfTI, NRRD or MHA"):
-        image = nib.load(path)
-        if not isinstance(image, nib.spatialimages.SpatialImage):
+        image = load_image(path)
+        if not isinstance(image, SpatialImage):
             raise InputError(location, "not a volume", "give a 3-D volume")
         affine = check_affine(image.affine, location)
     with guarded(location, "damaged or truncated", "copy or download the file again"):
-        voxels = Path(image.file_map["image"].filename)
+        voxels = Path(image.file_map["image"].filename or path)
         ratio = _DEFLATE_RATIO if voxels.name.lower().endswith("gz") else 1
         _check_promise(math.prod(map(int, image.shape)) * image.get_data_dtype().itemsize, ratio, voxels)
         data = np.asanyarray(image.dataobj)
     warnings = []
-    codes = [int(image.header[code]) for code in ("sform_code", "qform_code") if code in image.header]
-    if isinstance(image, nib.analyze.AnalyzeImage) and not any(codes):
+    if isinstance(image, AnalyzeImage) and not _is_oriented(image):
         warnings.append(f"{location}: no orientation in its header; left and right may be swapped")
     names = _nifti_names(image) | _dataset_names(path)
     return Volume(_spatial(data, location), affine, location, names, warnings=warnings)
+
+
+def _is_oriented(image: AnalyzeImage) -> bool:
+    """Whether a header of the Analyze family holds an sform or a qform."""
+    header = image.header
+    return any(int(header[code]) for code in ("sform_code", "qform_code") if code in header)
 
 
 def read_itk(path: Path) -> Volume:
@@ -175,7 +198,7 @@ def read_itk(path: Path) -> Volume:
     return Volume(_spatial(data, location), check_affine(LPS_TO_RAS @ affine, location), location, names)
 
 
-def _nifti_names(image: nib.spatialimages.SpatialImage) -> dict[int, str]:
+def _nifti_names(image: SpatialImage) -> dict[int, str]:
     """Names of labels as TotalSegmentator writes them into the header's extension (Caret's XML)."""
     pattern = re.compile(rb'<Label\s[^>]*Key="(\d+)"[^>]*>(?:<!\[CDATA\[)?([^<\]]+)')
     found = {}
