@@ -19,7 +19,7 @@ from cccd.geometry.polygons import RaggedPolygons
 from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SAME_POINT_VOXELS, SLICE_DIRECTION
 from cccd.volumes.grid import Volume
 
-__all__ = ["contour_frame", "assemble_contours"]
+__all__ = ["assemble_contours", "contour_frame"]
 
 
 # the grid of the contours ---------------------------------------------------------------------------
@@ -165,9 +165,7 @@ def _move_to_planes(
 # the curves -----------------------------------------------------------------------------------------
 
 
-def assemble_contours(
-    rois: list[list[FloatArray]], frame: Frame, location: str
-) -> tuple[Curves, list[str]]:
+def assemble_contours(rois: list[list[FloatArray]], frame: Frame, location: str) -> tuple[Curves, list[str]]:
     """Make ordered curves of drawn contours.
 
     Parameters

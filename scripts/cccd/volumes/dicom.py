@@ -7,21 +7,20 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pydicom
 from pydicom.errors import InvalidDicomError
 
 from cccd.errors import InputError
+from cccd.geometry.arrays import FloatArray, SingleArray
 from cccd.settings import choices
 from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY, SAME_HEADER, SAME_POSITION_PX
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.volumes.readers import guarded
 
-__all__ = ["Contour", "pick", "read_rtstruct", "read_seg", "read_series"]
-
-#: A planar contour in world mm (RAS), (n, 3), the first point not repeated.
-Contour = np.ndarray
+__all__ = ["choose_labels", "read_rtstruct", "read_seg", "read_series"]
 
 _HEADER = [
     "SOPInstanceUID",
@@ -38,9 +37,16 @@ _HEADER = [
 ]
 
 
-def _headers(folder: Path) -> dict[str, list[tuple[Path, pydicom.Dataset]]]:
-    """Headers of all images under a folder by series; other files and objects are passed over."""
-    series = defaultdict(list)
+class _Slice(NamedTuple):
+    """One image of a series."""
+
+    path: Path
+    header: pydicom.Dataset  # without pixels
+
+
+def _series_in(folder: Path) -> dict[str, list[_Slice]]:
+    """Images under a folder by series; other files and objects are skipped."""
+    series: dict[str, list[_Slice]] = defaultdict(list)
     for path in sorted(file for file in folder.rglob("*") if file.is_file()):
         try:
             header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=_HEADER)
@@ -51,14 +57,15 @@ def _headers(folder: Path) -> dict[str, list[tuple[Path, pydicom.Dataset]]]:
                 path.name, f"its header is damaged ({type(error).__name__})", "copy it again"
             ) from None
         if header.get("Rows") and header.get("Modality") not in ("SEG", "RTSTRUCT", "RTDOSE"):
-            series[str(header.get("SeriesInstanceUID", ""))].append((path, header))
+            series[str(header.get("SeriesInstanceUID", ""))].append(_Slice(path, header))
     return series
 
 
-def _choose_series(folder: Path, modality: str | None) -> list[tuple[Path, pydicom.Dataset]]:
-    location, series = folder.name, _headers(folder)
+def _choose_series(folder: Path, modality: str | None) -> list[_Slice]:
+    """Find the one series under a folder, of one modality where it is named."""
+    location, series = folder.name, _series_in(folder)
     if modality:
-        series = {uid: files for uid, files in series.items() if files[0][1].get("Modality") == modality}
+        series = {uid: files for uid, files in series.items() if files[0].header.get("Modality") == modality}
     if not series:
         kind = f"{modality} " if modality else ""
         raise InputError(
@@ -66,8 +73,8 @@ def _choose_series(folder: Path, modality: str | None) -> list[tuple[Path, pydic
         )
     if len(series) > 1:
         named = [
-            f"{files[0][0].parent.name} ({files[0][1].get('Modality', '?')}"
-            f" {str(files[0][1].get('SeriesDescription', '')).strip()}, {len(files)} images)"
+            f"{files[0].path.parent.name} ({files[0].header.get('Modality', '?')}"
+            f" {str(files[0].header.get('SeriesDescription', '')).strip()}, {len(files)} images)"
             for files in series.values()
         ]
         raise InputError(
@@ -79,34 +86,59 @@ def _choose_series(folder: Path, modality: str | None) -> list[tuple[Path, pydic
     return files
 
 
-def _geometry(
-    location: str, files: list[tuple[Path, pydicom.Dataset]]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Row and column steps as a matrix (3, 2), the unit normal (3,), and the positions (n, 3), LPS mm."""
+def _check_alike(location: str, files: list[_Slice]) -> None:
+    """Refuse slices without geometry, and slices of different images."""
     for path, header in files:
         for name in ("ImagePositionPatient", "ImageOrientationPatient", "PixelSpacing"):
             if not header.get(name):
                 raise InputError(location, f"{path.name} has no {name}", "give a series of axial-like slices")
     keys = ("Rows", "Columns", "ImageOrientationPatient", "PixelSpacing")
-    first = files[0][1]
+    first = files[0]
     for path, header in files[1:]:
         for name in keys:
-            if not np.allclose(header[name].value, first[name].value, atol=SAME_HEADER):
+            if not np.allclose(header[name].value, first.header[name].value, atol=SAME_HEADER):
                 raise InputError(
                     location,
-                    f"{path.name} differs from {files[0][0].name} in {name}",
+                    f"{path.name} differs from {first.path.name} in {name}",
                     "give the folder of one scan",
                 )
+
+
+class _Stack(NamedTuple):
+    """Parallel slices of a series in LPS mm, sorted along their normal."""
+
+    files: list[_Slice]  # S of them
+    plane: FloatArray  # (3, 2): steps along a row and along a column
+    normal: FloatArray  # (3,), of unit length
+    positions: FloatArray  # (S, 3) of the first pixels
+
+    @property
+    def heights(self) -> FloatArray:
+        """Positions (S,) along the normal, ascending."""
+        return self.positions @ self.normal
+
+    @property
+    def pixel_size(self) -> float:
+        """The smaller edge of a pixel."""
+        return np.linalg.norm(self.plane, axis=0).min()
+
+
+def _stack(location: str, files: list[_Slice]) -> _Stack:
+    """Read the geometry of a series from its headers."""
+    _check_alike(location, files)
+    first = files[0].header
     along_row, along_column = np.reshape([float(x) for x in first.ImageOrientationPatient], (2, 3))
     between_rows, between_columns = (float(x) for x in first.PixelSpacing)
     plane = np.column_stack([along_row * between_columns, along_column * between_rows])
-    positions = np.array([[float(x) for x in header.ImagePositionPatient] for _, header in files])
+    positions = np.array([[float(x) for x in file.header.ImagePositionPatient] for file in files])
     if not (np.isfinite(plane).all() and np.isfinite(positions).all()) or not plane.any(axis=0).all():
         raise InputError(location, "its slices have no usable geometry", "export the series again")
-    return plane, np.cross(along_row, along_column), positions
+    normal = np.cross(along_row, along_column)
+    order = np.argsort(positions @ normal, kind="stable")
+    return _Stack([files[n] for n in order], plane, normal, positions[order])
 
 
-def _pixels(path: Path) -> np.ndarray:
+def _modality_pixels(path: Path) -> SingleArray:
     """Pixels (columns, rows) of one slice in modality units (HU)."""
     with guarded(path.name, "its pixels cannot be decoded", "export the slice again"):
         dataset = pydicom.dcmread(path)
@@ -136,8 +168,9 @@ def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = No
     Returns
     -------
     Volume
-        Axes are column, row, slice. The slice spacing comes from the slices' positions; SliceThickness,
-        which lies where slices overlap or gap, is not looked at.
+        Values in modality units (HU), float32; axes are column, row, slice. The slice spacing comes from the
+        slices' positions; SliceThickness, which is wrong where slices overlap or leave gaps, is used for a
+        single slice only.
 
     Raises
     ------
@@ -147,58 +180,61 @@ def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = No
     location = folder.name
     with guarded(location, "its headers are damaged", "export the series again"):
         if folder.is_file():
-            files = [(folder, pydicom.dcmread(folder, stop_before_pixels=True))]
+            files = [_Slice(folder, pydicom.dcmread(folder, stop_before_pixels=True))]
         else:
             files = _choose_series(folder, modality)
-        if len(files) == 1 and int(files[0][1].get("NumberOfFrames") or 1) > 1:
-            return _read_multiframe(files[0][0])
-        plane, normal, positions = _geometry(location, files)
-    order = np.argsort(positions @ normal, kind="stable")
-    files, positions = [files[n] for n in order], positions[order]
-    heights = positions @ normal
-    gaps = np.diff(heights)
-    size = np.linalg.norm(plane, axis=0).min()
-    if len(gaps) and gaps.min() < SAME_POSITION_PX * size:
-        where = files[int(gaps.argmin())][0].name
-        raise InputError(
-            location,
-            f"several images lie at the position of {where}",
-            "give one time point or reconstruction",
-        )
-    spacing = float(np.median(gaps)) if len(gaps) else _lone_thickness(files[0][0])
-    step = (
-        (positions[-1] - positions[0]) / (heights[-1] - heights[0]) * spacing
-        if len(gaps)
-        else normal * spacing
-    )
-    affine = np.eye(4)
-    affine[:3, :3] = np.column_stack([plane, step])
-    affine[:3, 3] = positions[0]
-    affine = check_affine(LPS_TO_RAS @ affine, location)
-    strays = positions - positions[0] - np.outer((heights - heights[0]) / spacing, step)
-    if np.abs(strays).max(initial=0) > max(EVEN_SPACING * spacing, ORTHOGONALITY * size):
-        raise InputError(location, "its slices do not lie in one line", "give the folder of one scan")
-    data = np.stack([_pixels(path) for path, _ in files], axis=-1)
+        if len(files) == 1 and int(files[0].header.get("NumberOfFrames") or 1) > 1:
+            return _read_multiframe(files[0].path)
+        stack = _stack(location, files)
+    affine, spacing = _stack_affine(location, stack)
+    data = np.stack([_modality_pixels(file.path) for file in stack.files], axis=-1)
     warnings = []
-    wanted = (heights - heights[0]) / spacing
-    if np.abs(wanted - np.arange(len(wanted))).max() > EVEN_SPACING * max(1, len(wanted) ** 0.5):
-        data, note = _fill(location, data, wanted, spacing, fill_gaps)
+    index = (stack.heights - stack.heights[0]) / spacing
+    if np.abs(index - np.arange(len(index))).max() > EVEN_SPACING * max(1, len(index) ** 0.5):
+        data, note = _interpolate_slices(location, data, index, spacing, fill_gaps)
         warnings.append(note)
     return Volume(
         data,
         affine,
         location,
         warnings=warnings,
-        instances=tuple(str(header.get("SOPInstanceUID", "")) for _, header in files),
-        frame_of_reference=str(files[0][1].get("FrameOfReferenceUID", "")),
+        instances=tuple(str(file.header.get("SOPInstanceUID", "")) for file in stack.files),
+        frame_of_reference=str(stack.files[0].header.get("FrameOfReferenceUID", "")),
     )
 
 
-def _fill(
-    location: str, data: np.ndarray, wanted: np.ndarray, spacing: float, fill_gaps: bool
-) -> tuple[np.ndarray, str]:
-    """Interpolate slices at ``wanted`` (in slice spacings) onto whole numbers, if that is allowed."""
-    gaps = np.diff(wanted)
+def _stack_affine(location: str, stack: _Stack) -> tuple[FloatArray, float]:
+    """Affine (4, 4) in RAS of index (column, row, slice), and the slice spacing, the median gap."""
+    positions, heights = stack.positions, stack.heights
+    gaps = np.diff(heights)
+    if len(gaps) and gaps.min() < SAME_POSITION_PX * stack.pixel_size:
+        where = stack.files[int(gaps.argmin())].path.name
+        raise InputError(
+            location,
+            f"several images lie at the position of {where}",
+            "give one time point or reconstruction",
+        )
+    if len(gaps):
+        spacing = float(np.median(gaps))
+        step = (positions[-1] - positions[0]) / (heights[-1] - heights[0]) * spacing
+    else:
+        spacing = _lone_thickness(stack.files[0].path)
+        step = stack.normal * spacing
+    affine = np.eye(4)
+    affine[:3, :3] = np.column_stack([stack.plane, step])
+    affine[:3, 3] = positions[0]
+    affine = check_affine(LPS_TO_RAS @ affine, location)
+    strays = positions - positions[0] - np.outer((heights - heights[0]) / spacing, step)
+    if np.abs(strays).max(initial=0) > max(EVEN_SPACING * spacing, ORTHOGONALITY * stack.pixel_size):
+        raise InputError(location, "its slices do not lie in one line", "give the folder of one scan")
+    return affine, spacing
+
+
+def _interpolate_slices(
+    location: str, data: SingleArray, index: FloatArray, spacing: float, fill_gaps: bool
+) -> tuple[SingleArray, str]:
+    """Interpolate slices (c, r, S) at ``index`` (S,) onto whole indices, if allowed, and say so."""
+    gaps = np.diff(index)
     missing = int(np.rint(gaps[gaps > 1.5] - 1).sum())
     worst = int(gaps.argmax())
     problem = (
@@ -211,19 +247,22 @@ def _fill(
         raise InputError(
             location, problem, "complete the series, or set import: fill_gaps: true to interpolate"
         )
-    even = np.arange(int(np.rint(wanted[-1])) + 1)
-    low = np.clip(np.searchsorted(wanted, even, side="right") - 1, 0, len(wanted) - 2)
-    share = np.clip((even - wanted[low]) / (wanted[low + 1] - wanted[low]), 0, 1).astype(np.float32)
-    return data[..., low] * (1 - share) + data[..., low + 1] * share, f"{location}: {problem}; interpolated"
+    even = np.arange(int(np.rint(index[-1])) + 1)
+    low = np.clip(np.searchsorted(index, even, side="right") - 1, 0, len(index) - 2)
+    share = np.clip((even - index[low]) / (index[low + 1] - index[low]), 0, 1).astype(np.float32)
+    return data[..., low] * (np.float32(1) - share) + data[
+        ..., low + 1
+    ] * share, f"{location}: {problem}; interpolated"
 
 
 def _lone_thickness(path: Path) -> float:
+    """Thickness of a single slice, mm."""
     thickness = pydicom.dcmread(path, stop_before_pixels=True).get("SliceThickness")
     return float(thickness or 1.0)
 
 
 def _read_multiframe(path: Path) -> Volume:
-    """Read an enhanced (multi-frame) CT or MR."""
+    """Read an enhanced (multi-frame) CT or MR; axes are column, row, slice."""
     import highdicom  # slow to import, and few inputs need it
 
     with guarded(path.name, "no volume can be made of its frames", "export it again"):
@@ -247,12 +286,12 @@ def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volum
     organ : str
         The row's organ.
     series : Volume, optional
-        The image series, to see that the segmentation refers to it.
+        The image series, to check that the segmentation refers to it.
 
     Returns
     -------
     Volume
-        Boolean; slices without a frame are background.
+        Boolean; slices without a frame are background. Fractions are cut at one half.
 
     Raises
     ------
@@ -266,7 +305,7 @@ def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volum
         seg = highdicom.seg.segread(path)
         names = {number: seg.get_segment_description(number).segment_label for number in seg.segment_numbers}
         referenced = _referenced(seg)
-    chosen = pick(names, label, organ, location, "segment")
+    chosen = choose_labels(names, label, organ, location, "segment")
     if series is not None and series.instances:
         unknown = referenced - set(series.instances)
         if unknown:
@@ -278,7 +317,7 @@ def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volum
     with guarded(location, "its frames form no volume", "export it on evenly spaced slices"):
         volume = seg.get_volume(segment_numbers=chosen, combine_segments=False)
     data = np.asarray(volume.array)
-    mask = (data.reshape(*data.shape[:3], -1) >= 0.5).any(axis=-1)
+    mask = np.any(data.reshape(*data.shape[:3], -1) >= 0.5, axis=-1)
     affine = check_affine(LPS_TO_RAS @ volume.affine, location)
     return Volume(mask, affine, location, frame_of_reference=str(volume.frame_of_reference_uid or ""))
 
@@ -293,25 +332,37 @@ def _referenced(seg: pydicom.Dataset) -> set[str]:
     }
 
 
-def pick(names: dict[int, str], label: str, organ: str, location: str, kind: str) -> list[int]:
+def choose_labels(names: dict[int, str], label: str, organ: str, location: str, kind: str) -> list[int]:
     """Choose labels by number or name.
 
     Parameters
     ----------
     names : dict of int to str
-        What there is.
+        The labels that exist.
     label : str
-        Numbers, one name, or several names separated by commas; empty takes the only one or the one
+        Numbers, one name, or several names separated by commas; empty stands for the only one or the one
         that is called like the organ.
     organ : str
         The row's organ.
     location, kind : str
         For the message: the file and what its labels are called.
 
+    Returns
+    -------
+    list of int
+        Numbers of the labels chosen, ascending.
+
     Raises
     ------
     InputError
         No such label; lists those there are.
+
+    Examples
+    --------
+    >>> choose_labels({5: "liver", 7: "spleen"}, "Spleen", "organ", "scan.nii", "label")
+    [7]
+    >>> choose_labels({5: "liver", 7: "spleen"}, "5, 7", "organ", "scan.nii", "label")
+    [5, 7]
     """
     there = choices(f"{number} ({name})" if name else number for number, name in sorted(names.items()))
     if not label:
@@ -323,14 +374,14 @@ def pick(names: dict[int, str], label: str, organ: str, location: str, kind: str
         raise InputError(location, f"it has {len(names)} {kind}s and the sheet's label is empty", there)
     wanted = [part.strip() for part in label.split(",")]
     for parts in ([label], wanted):
-        found = [_find(names, part) for part in parts]
+        found = [_labels_called(names, part) for part in parts]
         if all(found):
             return sorted({number for numbers in found for number in numbers})
     absent = next(part for part, numbers in zip(wanted, found, strict=True) if not numbers)
     raise InputError(location, f"it has no {kind} {absent!r}", there)
 
 
-def _find(names: dict[int, str], wanted: str) -> list[int]:
+def _labels_called(names: dict[int, str], wanted: str) -> list[int]:
     """Numbers that ``wanted`` means: an exact name, then a number, then a name in another case."""
     exact = [number for number, name in names.items() if name == wanted]
     if not exact and wanted.isdecimal():
@@ -340,7 +391,7 @@ def _find(names: dict[int, str], wanted: str) -> list[int]:
     return [number for number, name in names.items() if name.strip().lower() == wanted.lower()]
 
 
-def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[Contour]], str]:
+def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[FloatArray]], str]:
     """Read the contours of regions of interest (ROIs).
 
     Parameters
@@ -353,7 +404,7 @@ def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[Contour
     Returns
     -------
     rois : list of list of (n, 3) float64
-        Contours of every chosen ROI in world mm (RAS).
+        Contours of every chosen ROI in world mm (RAS), the first point not repeated; marks are left out.
     frame_of_reference : str
         UID of the frame of reference.
 
@@ -376,7 +427,7 @@ def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[Contour
         raise InputError(location, "it has no ROI", "export the structure set again")
     doubles = {name for name, count in Counter(names.values()).items() if count > 1}
     rois = []
-    for number in pick(names, label, organ, location, "ROI"):
+    for number in choose_labels(names, label, organ, location, "ROI"):
         if names[number] in doubles and not label.isdecimal():
             raise InputError(
                 location, f"several ROIs are called {names[number]!r}", "give the ROI's number as label"
@@ -391,7 +442,8 @@ def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[Contour
     return rois, frame
 
 
-def _contour(location: str, roi: str, item: pydicom.Dataset) -> Contour:
+def _contour(location: str, roi: str, item: pydicom.Dataset) -> FloatArray:
+    """Points (n, 3) of a contour in world mm (RAS), none of a mark."""
     kind = str(item.get("ContourGeometricType", "CLOSED_PLANAR"))
     if kind == "POINT":  # marks, not outlines
         return np.zeros((0, 3))

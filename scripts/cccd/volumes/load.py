@@ -19,7 +19,7 @@ from cccd.settings import ImportSettings, choices, nearest
 from cccd.sidecar_files import voxel_files
 from cccd.tolerances import LABEL_VALUE
 from cccd.volumes.contours import assemble_contours, contour_frame
-from cccd.volumes.dicom import pick, read_rtstruct, read_seg, read_series
+from cccd.volumes.dicom import choose_labels, read_rtstruct, read_seg, read_series
 from cccd.volumes.grid import Volume, bounding_box, crop, find_slice_axis, interpolate_on_grid, on_grid
 from cccd.volumes.phantoms import make_phantom
 from cccd.volumes.readers import SUFFIXES, read_volume
@@ -326,7 +326,7 @@ def _choose_labels(volume: Volume, label: str, organ: str, implied: tuple[int, .
                 location, f"it has none of the labels {', '.join(map(str, implied))}", choices(present)
             )
     elif label or len(called) == 1:
-        chosen = pick(names, label, organ, location, "label")
+        chosen = choose_labels(names, label, organ, location, "label")
     else:
         chosen = present
         if len(present) > 1:

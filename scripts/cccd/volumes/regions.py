@@ -10,18 +10,19 @@ from skimage.filters import threshold_otsu
 
 from cccd.containers import Structure
 from cccd.errors import InputError
+from cccd.geometry.arrays import AnyArray, BoolArray, SingleArray
 from cccd.settings import RegionSettings
 
 __all__ = ["draw_region", "find_region"]
 
 
 def find_region(
-    image: np.ndarray,
+    image: SingleArray,
     location: str,
     settings: RegionSettings,
     *,
     slice_axis: int,
-) -> tuple[np.ndarray, tuple[float, float]]:
+) -> tuple[BoolArray, tuple[float, float]]:
     """Find an organ by its grey values.
 
     Parameters
@@ -39,13 +40,14 @@ def find_region(
     Returns
     -------
     mask : (a, b, c) bool
+        The organ.
     bounds : (float, float)
-        The window used.
+        The window used, infinite where it has no bound.
 
     Raises
     ------
     InputError
-        The window holds no voxel.
+        The image is of one grey value, or the window holds no voxel.
     """
     if image.min() == image.max():
         raise InputError(location, f"all its grey values are {image.min():g}", "give another scan, or a mask")
@@ -69,14 +71,14 @@ def find_region(
     return (ndimage.binary_fill_holes(mask) if settings.fill_holes else mask), (low, high)
 
 
-def _reaching_sides(labels: np.ndarray, slice_axis: int) -> np.ndarray:
+def _reaching_sides(labels: AnyArray, slice_axis: int) -> AnyArray:
     """Labels on the four sides of the slices."""
     sides = [labels.take(end, axis).ravel() for axis in range(3) if axis != slice_axis for end in (0, -1)]
     return np.unique(np.concatenate(sides))
 
 
 def draw_region(structure: Structure, path: str | Path) -> None:
-    """Draw what was taken as the organ: three slices along each axis with the mask's outline, as PNG.
+    """Draw the region that became the organ: three slices along each axis with the mask's outline, as PNG.
 
     Parameters
     ----------
@@ -84,12 +86,19 @@ def draw_region(structure: Structure, path: str | Path) -> None:
         With image and mask.
     path : path
         Where the picture goes.
+
+    Raises
+    ------
+    ValueError
+        The structure lacks its image or its mask.
     """
     from matplotlib.figure import Figure
 
+    image, mask, spacing = structure.image, structure.mask, structure.frame.spacing
+    if image is None or mask is None:
+        raise ValueError("a region is drawn of an image and its mask")
     figure = Figure(figsize=(9, 9), layout="constrained")
     axes = figure.subplots(3, 3)
-    image, mask, spacing = structure.image, structure.mask, structure.frame.spacing
     low, high = np.percentile(image, (1, 99))
     for axis in range(3):
         filled = np.flatnonzero(mask.any(axis=tuple({0, 1, 2} - {axis})))
@@ -108,5 +117,5 @@ def draw_region(structure: Structure, path: str | Path) -> None:
             panel.contour(mask.take(index, axis).T, [0.5], colors="tab:red", linewidths=1)
             panel.set_title(f"axis {axis}, index {index + int(structure.origin[axis])}", fontsize=8)
             panel.set_axis_off()
-    figure.suptitle(f"{structure.case} / {structure.organ}: the region taken")
+    figure.suptitle(f"{structure.case} / {structure.organ}: the region found")
     figure.savefig(path, dpi=100)

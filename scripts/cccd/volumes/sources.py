@@ -5,19 +5,37 @@ from __future__ import annotations
 import hashlib
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy import ndimage
 
 from cccd.errors import InputError
+from cccd.geometry.arrays import AnyArray
 from cccd.settings import nearest
 from cccd.volumes.grid import Volume, check_affine
+
+if TYPE_CHECKING:
+    import pyvista
+    from nibabel.spatialimages import SpatialImage
 
 __all__ = ["brain_of_stripped", "read_mni152", "read_whole_body_ct"]
 
 
-def read_mni152(organ: str, location: str) -> tuple[Volume, Volume, dict]:
-    """Give the MNI ICBM 152 brain template at 1 mm, its brain mask and its provenance, from nilearn's wheel.
+def read_mni152(organ: str, location: str) -> tuple[Volume, Volume, dict[str, Any]]:
+    """Read the MNI ICBM 152 brain template at 1 mm from nilearn's wheel.
+
+    Parameters
+    ----------
+    organ, location : str
+        The row's organ, and what messages name.
+
+    Returns
+    -------
+    image, mask : Volume
+        Grey values (float32) and brain (bool).
+    provenance : dict
+        Version, template and SHA-256.
 
     Raises
     ------
@@ -28,41 +46,48 @@ def read_mni152(organ: str, location: str) -> tuple[Volume, Volume, dict]:
         raise InputError(location, f"source mni152 has no organ {organ!r}", "set organ to brain")
     from nilearn import datasets  # slow to import, and only this source needs it
 
-    image = datasets.load_mni152_template(resolution=1)
-    mask = datasets.load_mni152_brain_mask(resolution=1)
+    # nilearn declares a union of everything that its loaders return
+    image = cast("SpatialImage", datasets.load_mni152_template(resolution=1))
+    mask = cast("SpatialImage", datasets.load_mni152_brain_mask(resolution=1))
     grey, inside = np.asarray(image.dataobj, np.float32), np.asarray(mask.dataobj) > 0
     facts = {
         "nilearn": version("nilearn"),
         "template": "MNI ICBM 152 symmetric 2009a, 1 mm",
         "sha256": hashlib.sha256(grey.tobytes() + inside.tobytes()).hexdigest(),  # image, then mask
     }
-    return Volume(grey, image.affine, "mni152"), Volume(inside, mask.affine, "mni152"), facts
+    return (
+        Volume(grey, check_affine(image.affine, location), "mni152"),
+        Volume(inside, check_affine(mask.affine, location), "mni152"),
+        facts,
+    )
 
 
-def read_whole_body_ct(organ: str, location: str) -> tuple[Volume, Volume, dict]:
-    """Give the male whole-body CT of PyVista's examples (TotalSegmentator s1397, CC BY 4.0) and one organ.
+def read_whole_body_ct(organ: str, location: str) -> tuple[Volume, Volume, dict[str, Any]]:
+    """Read the male whole-body CT of PyVista's examples (TotalSegmentator s1397, CC BY 4.0) and one organ.
 
     PyVista downloads it once into its own cache and tries three times. The first download's SHA-256 is kept
-    beside it; every later read is held against it.
+    beside it; every later read is compared with it.
+
+    Parameters
+    ----------
+    organ, location : str
+        The row's organ, and what messages name.
+
+    Returns
+    -------
+    image, mask : Volume
+        HU (float32) and organ (bool).
+    provenance : dict
+        PyVista's version and SHA-256 of the voxels.
 
     Raises
     ------
     InputError
         No network at the first use, changed data, or no such organ (lists those there are).
     """
-    from pyvista import examples  # slow to import, and only this source needs it
-
-    try:
-        file = Path(examples.download_whole_body_ct_male(load=False))
-        dataset = examples.download_whole_body_ct_male()
-    except (OSError, RuntimeError, ValueError) as error:  # requests' errors are OSErrors
-        reason = type(error).__name__
-        raise InputError(
-            location,
-            f"the whole-body CT cannot be downloaded ({reason})",
-            "connect to the network once, or delete PyVista's cache when it is damaged",
-        ) from None
-    scan, organs = dataset["ct"], dataset["segmentations"]
+    file, dataset = _download_whole_body_ct(location)
+    scan = cast("pyvista.ImageData", dataset["ct"])
+    organs = cast("pyvista.MultiBlock", dataset["segmentations"])
     if organ not in organs.keys():  # noqa: SIM118 (a MultiBlock iterates over blocks)
         raise InputError(
             location, f"source whole_body_ct has no organ {organ!r}", nearest(organ, organs.keys())
@@ -71,21 +96,40 @@ def read_whole_body_ct(organ: str, location: str) -> tuple[Volume, Volume, dict]
     affine[:3, :3] = np.asarray(scan.direction_matrix) * scan.spacing
     affine[:3, 3] = scan.origin
     affine = check_affine(affine, location)
-
-    def volume(block) -> np.ndarray:
-        return np.asarray(block.active_scalars).reshape(block.dimensions, order="F")
-
-    digest = hashlib.sha256(np.ascontiguousarray(volume(scan))).hexdigest()
-    _hold_checksum(file, digest, location)
+    grey, inside = _voxels(scan), _voxels(cast("pyvista.ImageData", organs[organ])) > 0
+    digest = hashlib.sha256(np.ascontiguousarray(grey).data).hexdigest()
+    _compare_checksum(file, digest, location)
     facts = {"pyvista": version("pyvista"), "files": {"whole_body_ct_male": digest}}
     return (
-        Volume(volume(scan).astype(np.float32), affine, "whole_body_ct"),
-        Volume(volume(organs[organ]) > 0, affine, "whole_body_ct"),
+        Volume(grey.astype(np.float32), affine, "whole_body_ct"),
+        Volume(inside, affine, "whole_body_ct"),
         facts,
     )
 
 
-def _hold_checksum(file: Path, digest: str, location: str) -> None:
+def _download_whole_body_ct(location: str) -> tuple[Path, pyvista.MultiBlock]:
+    """Download, or find in the cache, the whole-body CT: its file and what it holds."""
+    from pyvista import examples  # slow to import, and only this source needs it
+
+    try:
+        file = Path(examples.download_whole_body_ct_male(load=False))
+        return file, cast("pyvista.MultiBlock", examples.download_whole_body_ct_male())
+    except (OSError, RuntimeError, ValueError) as error:  # requests' errors are OSErrors
+        reason = type(error).__name__
+        raise InputError(
+            location,
+            f"the whole-body CT cannot be downloaded ({reason})",
+            "connect to the network once, or delete PyVista's cache when it is damaged",
+        ) from None
+
+
+def _voxels(block: pyvista.ImageData) -> AnyArray:
+    """Scalars (a, b, c) of a grid."""
+    return np.asarray(block.active_scalars).reshape(block.dimensions, order="F")
+
+
+def _compare_checksum(file: Path, digest: str, location: str) -> None:
+    """Compare with the checksum kept beside a file, or keep it there at the first use."""
     kept = file.with_name(f"{file.name}.cccd.sha256")
     if kept.is_file():
         if kept.read_text().strip() != digest:
@@ -97,12 +141,18 @@ def _hold_checksum(file: Path, digest: str, location: str) -> None:
         return
     try:
         kept.write_text(f"{digest}\n")
-    except OSError:  # a read-only cache is kept by someone else
+    except OSError:  # a read-only cache belongs to someone else
         return
 
 
 def brain_of_stripped(image: Volume) -> Volume:
-    """Give the brain of a skull-stripped scan: the largest piece of what is not zero, cavities filled."""
+    """Find the brain in a skull-stripped scan: the largest component of what is not zero, cavities filled.
+
+    Returns
+    -------
+    Volume
+        Boolean, on the grid of ``image``; empty where the image is zero throughout.
+    """
     labels, count = ndimage.label(image.data != 0)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     sizes[0] = 0

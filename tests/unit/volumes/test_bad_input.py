@@ -1,4 +1,4 @@
-"""Whatever is wrong with a scan, the user gets one line that names the row, the problem and the cure."""
+"""Whatever is wrong with a scan, the user gets one line that names the row, the problem and a hint."""
 
 import gzip
 import shutil
