@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
@@ -106,16 +108,16 @@ def _ordered(found: FloatArray, relaxation: float, evening: float) -> FloatArray
     """Turn fractions (m,) into ascending ones around the ring, near to them, with relaxed spacing."""
     count = len(found)
     even = np.arange(count) / count
-    shift = np.exp(2j * np.pi * (found - even)).mean()
+    shift = complex(np.exp(2j * np.pi * (found - even)).mean())
     turn = float(np.angle(shift)) / (2 * np.pi)
     ahead = np.mod(found - even - turn + 0.5, 1.0) - 0.5
-    line = even + turn + ahead
-    round_trip = np.concatenate([line - 1, line, line + 1])
+    nearest = even + turn + ahead
+    round_trip = np.concatenate([nearest - 1, nearest, nearest + 1])
     rising = np.maximum.accumulate(round_trip)
     falling = np.minimum.accumulate(round_trip[::-1])[::-1]
     line = ((rising + falling) / 2)[count : 2 * count]
     gaps = np.diff(np.append(line, line[0] + 1))
-    relaxed = uniform_filter1d(gaps, 9, mode="wrap")
+    relaxed = cast(FloatArray, uniform_filter1d(gaps, 9, mode="wrap"))
     gaps = (1 - relaxation - evening) * gaps + relaxation * relaxed + evening / count
-    moved = np.concatenate([[0.0], np.cumsum(gaps)[:-1]]) / gaps.sum()
-    return moved + np.mean(line - moved)
+    moved = cast(FloatArray, np.concatenate([[0.0], np.cumsum(gaps)[:-1]]) / gaps.sum())
+    return moved + float(np.mean(line - moved))

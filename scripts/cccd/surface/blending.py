@@ -58,7 +58,8 @@ def blend(
         float32, mm, negative inside, cut off some cells away from the surface.
     """
     low = mesh.vertices.min(axis=0) - (3 + 1 / np.pi) * cell
-    shape = tuple(int(size) for size in np.ceil((mesh.vertices.max(axis=0) - low) / cell) + 3)
+    count = np.ceil((mesh.vertices.max(axis=0) - low) / cell) + 3
+    shape = (int(count[0]), int(count[1]), int(count[2]))
     grid = grid_to_mesh(mesh, low, cell, shape, BAND_CELLS)
     if len(seams) == 0:
         return grid

@@ -6,6 +6,7 @@ The booleans are manifold3d's.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, cast
 
 import manifold3d
 import numpy as np
@@ -60,7 +61,7 @@ def _manifold(mesh: Mesh) -> Manifold:
 
 def _triangles(body: Manifold) -> tuple[Mesh, IntArray]:
     """Mesh of a solid, and the number of the original (F,) that each face is from."""
-    mesh = body.to_mesh64()
+    mesh = cast(Any, body.to_mesh64())  # its stubs leave the arrays' types open
     bounds = np.array(mesh.run_index, np.int64) // 3
     origins = np.repeat(np.array(mesh.run_original_id, np.int64), np.diff(bounds))
     vertices = np.array(mesh.vert_properties[:, :3], float)

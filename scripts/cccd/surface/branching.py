@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import contourpy
 import cv2
 import numpy as np
 import shapely
@@ -19,7 +18,7 @@ import shapely
 from cccd.geometry.arrays import BoolArray, FloatArray, RealArray, SingleArray
 from cccd.settings import MatchingSettings
 from cccd.surface.ring_graph import RingGraph
-from cccd.surface.rings import Ring, overlap, signed_area
+from cccd.surface.rings import Ring, overlap, signed_area, zero_contours
 from cccd.surface.stack import Run
 from cccd.surface.tubes import Section
 
@@ -231,8 +230,8 @@ def _outline_around(
     Contours that leave the block of pixels, which begins at pixel ``first``, are closed along its border.
     """
     plane = np.pad(plane, 1, constant_values=np.float32(max(1.0, np.abs(plane).max())))
-    lines = contourpy.contour_generator(z=plane).lines(0.0)
-    outlines = [((line[:-1, ::-1] - 1 + first) * spacing, line.min() < 1) for line in lines]
+    lines = zero_contours(plane)
+    outlines = [((line[:-1] - 1 + first) * spacing, bool(line.min() < 1)) for line in lines]
     candidates = [
         points
         for points, at_border in outlines

@@ -107,7 +107,7 @@ def opening(ring: Ring, way: int, run: Run, share: float) -> list[Section] | Non
     """
     level = ring.level + _sign(way)
     beyond = _sign(way) * 2 * run.half_step
-    following = run.rings[level] if 0 <= level < len(run.rings) else []
+    following = run.rings[level] if 0 <= level < len(run.rings) else ()
     covers = [other for other in following if not other.hole and overlap(ring, other)]
     if not covers:
         return [Section.of_ring(ring, ring.z + beyond)]

@@ -123,16 +123,16 @@ def fit_samples(samples: Samples, size: tuple[int, int], smoothing_pixels: float
     outlines, position = samples.outlines, samples.position
     normals = outward_normals(outlines)
     outwards = np.zeros(len(outlines))
-    fitted = at_fractions(outlines, position)
-    for turn in range(corrections + 1):
+    hidden = samples.weights[..., None] < 1
+    net = system.solve(at_fractions(outlines, position))
+    for _ in range(corrections):
+        fitted = system.points(net)
+        position = _feet(outlines, position, fitted)
+        outwards = outwards + _missing(samples, fitted, size[1])
         targets = at_fractions(outlines, position) + outwards[:, None, None] * at_fractions(normals, position)
         # What is hidden may go where the rest wants it.
-        targets = np.where(samples.weights[..., None] < 1, fitted, targets)
-        net = system.solve(targets)
-        fitted = system.points(net)
-        if turn < corrections:
-            position = _feet(outlines, position, fitted)
-            outwards = outwards + _missing(samples, fitted, size[1])
+        net = system.solve(np.where(hidden, fitted, targets))
+    fitted = system.points(net)
     error = _error(samples, normals, position, fitted, system.basis_v @ system.heights)
     return Fit(net, system.heights, system.knots_u, system.knots_v, error)
 
@@ -161,7 +161,9 @@ def _row_heights(samples: Samples, knots_v: FloatArray) -> FloatArray:
     """
     count = len(knots_v) - DEGREE - 1
     low, high = samples.poles
-    z = np.concatenate([[] if low is None else low[2:], samples.z, [] if high is None else high[2:]])
+    z = np.concatenate(
+        [[] if low is None else low[2:], samples.z, [] if high is None else high[2:]], dtype=float
+    )
     bv = basis(samples.v, knots_v, DEGREE, False)
     ends = [(0, z[0]), (count - 1, z[-1])]
     ends += [] if low is None else [(1, z[0])]
@@ -178,7 +180,7 @@ def _row_heights(samples: Samples, knots_v: FloatArray) -> FloatArray:
 
 def _parameter_corrections(samples: Samples, heights: FloatArray, knots_v: FloatArray) -> FloatArray:
     """How much further in v (A,) each section's height is reached; at most half a knot interval."""
-    length = knots_v[-1]
+    length = float(knots_v[-1])
     fine = np.linspace(0, length, 16 * len(heights))
     climbed = basis(fine, knots_v, DEGREE, False) @ heights
     reached = np.interp(samples.z, climbed + 1e-9 * fine, fine)

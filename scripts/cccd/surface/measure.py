@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,9 @@ __all__ = ["mask_surface", "measure_mesh", "measure_surface", "volume_warnings"]
 
 
 def mask_surface(structure: Structure) -> Mesh:
-    """Marching cubes at one half on a structure's mask, in mm RAS."""
+    """Marching cubes at one half on the mask of a structure that has one, in mm RAS."""
+    if structure.mask is None:
+        raise ValueError("the structure has no mask")
     padded = np.pad(structure.mask, 1).astype(np.float32)
     grid = ScalarGrid(padded, structure.frame.affine, structure.origin - 1)
     return grid.isosurface(0.5).outwards()
@@ -60,15 +63,15 @@ def measure_mesh(mesh: Mesh, structure: Structure, seed: int = 0) -> dict[str, f
     return figures
 
 
-def volume_warnings(figures: Mapping) -> list[str]:
+def volume_warnings(figures: Mapping[str, Any]) -> list[str]:
     """Say so when a surface holds much more or less than its organ, as one does that lost a part."""
-    bias = figures.get("volume_bias", 0.0)
+    bias = float(figures.get("volume_bias", 0.0))
     if abs(bias) <= VOLUME_BIAS:
         return []
     return [f"the surface holds {abs(bias):.0%} {'less' if bias < 0 else 'more'} than the organ: look at it"]
 
 
-def measure_surface(surface: Surface, structure: Structure) -> dict:
+def measure_surface(surface: Surface, structure: Structure) -> dict[str, Any]:
     """Everything for ``metrics.json``: the mesh's figures and what the lofting reported."""
     return {
         **measure_mesh(surface.mesh, structure),

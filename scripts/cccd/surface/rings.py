@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 import contourpy
 import cv2
 import numpy as np
 
 from cccd.geometry._jit import jit
-from cccd.geometry.arrays import ByteArray, FloatArray, IntArray
+from cccd.geometry.arrays import ByteArray, FloatArray, IntArray, RealArray
 from cccd.surface.fields import Field
 
-__all__ = ["Ring", "find_rings", "overlap", "resample", "signed_area"]
+__all__ = ["Ring", "find_rings", "overlap", "resample", "signed_area", "zero_contours"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +71,17 @@ def signed_area(points: FloatArray) -> float:
 def resample(points: FloatArray, count: int) -> FloatArray:
     """``count`` points at equal steps of arc length along a closed polygon (n, 2)."""
     closed = np.vstack([points, points[:1]])
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
-    at = np.arange(count) * (length[-1] / count)
-    return np.column_stack([np.interp(at, length, closed[:, 0]), np.interp(at, length, closed[:, 1])])
+    step = np.diff(closed, axis=0)
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
+    at = np.arange(count) * (float(length[-1]) / count)
+    x, y = (np.interp(at, length, closed[:, axis]) for axis in (0, 1))
+    return np.column_stack([x, y])
+
+
+def zero_contours(plane: RealArray) -> list[FloatArray]:
+    """Contours (n, 2) in pixels along which a plane (I, J) is zero, each with its first point once more."""
+    lines = cast("list[FloatArray]", contourpy.contour_generator(z=plane).lines(0.0))
+    return [line[:, ::-1] for line in lines]
 
 
 def find_rings(field: Field, level: int, spacing: FloatArray, of_pixels: bool) -> list[Ring]:
@@ -91,8 +100,8 @@ def find_rings(field: Field, level: int, spacing: FloatArray, of_pixels: bool) -
     of_pixels : bool
         Take a ring's area from the pixels it encloses instead of from its polygon.
     """
-    lines = contourpy.contour_generator(z=field.distance).lines(0.0)
-    found = [_ring(line[:-1, ::-1], field, level, spacing, of_pixels) for line in lines]
+    lines = zero_contours(field.distance)
+    found = [_ring(line[:-1], field, level, spacing, of_pixels) for line in lines]
     rings = sorted((ring for ring in found if ring is not None), key=lambda ring: -ring.area)
     return [
         replace(ring, depth=sum(_surrounds(larger, ring) for larger in rings[:n]))

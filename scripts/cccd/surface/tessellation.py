@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import manifold3d
 import numpy as np
 
@@ -49,15 +51,20 @@ def _is_pole(patch: Patch, end: int) -> bool:
 
 def _row_parameters(patch: Patch, edge: float) -> FloatArray:
     """Parameters v (R,) of the mesh's rows, at equal steps along the surface."""
-    low, high = patch.knots_v[patch.degree_v], patch.knots_v[-patch.degree_v - 1]
-    v = np.linspace(low, high, 8 * patch.control_points.shape[1])
-    u = np.linspace(patch.knots_u[patch.degree_u], patch.knots_u[-patch.degree_u - 1], 17)[:-1]
+    rows = patch.control_points.shape[1]
+    v = np.linspace(*_range(patch.knots_v, patch.degree_v), 8 * rows)
+    u = np.linspace(*_range(patch.knots_u, patch.degree_u), 17)[:-1]
     bu, bv = patch.basis_u(u), patch.basis_v(v)
     points = np.einsum("pu,qv,uvc->qpc", bu, bv, patch.control_points, optimize=True)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=2)
     length = np.concatenate([[0.0], np.cumsum(np.sqrt(np.mean(steps**2, axis=1)))])
     count = max(4, int(np.ceil(length[-1] / edge)))
-    return np.interp(np.linspace(0, length[-1], count + 1), length, v)
+    return np.interp(np.linspace(0.0, float(length[-1]), count + 1), length, v)
+
+
+def _range(knots: FloatArray, degree: int) -> tuple[float, float]:
+    """First and last parameter of a spline."""
+    return float(knots[degree]), float(knots[-degree - 1])
 
 
 def _parameters_around(
@@ -67,7 +74,7 @@ def _parameters_around(
 
     ``nets`` (R, nu, 4) are the rows' control points in homogeneous coordinates.
     """
-    fine = 4 * nets.shape[1]
+    fine = int(4 * nets.shape[1])
     dense = patch.basis_u(np.arange(fine) / fine) @ nets
     dense = dense[..., :3] / dense[..., 3:]
     steps = np.linalg.norm(np.roll(dense, -1, axis=1) - dense, axis=2)
@@ -76,8 +83,9 @@ def _parameters_around(
     sides[0] = 1 if low_pole else sides[0]
     sides[-1] = 1 if high_pole else sides[-1]
     grid = np.arange(fine + 1) / fine
+    shares = [np.arange(int(count), dtype=float) / int(count) for count in sides]
     return [
-        np.interp(np.arange(n) / n * total[-1], total, grid) for n, total in zip(sides, length, strict=True)
+        np.interp(share * float(total[-1]), total, grid) for share, total in zip(shares, length, strict=True)
     ]
 
 
@@ -131,5 +139,6 @@ def _planar_cap(ring: FloatArray, normal: FloatArray) -> IntArray:
     a, b = flat, np.roll(flat, -1, axis=0)
     turned = np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) < 0
     order = np.arange(len(ring))[::-1] if turned else np.arange(len(ring))
-    triangles = order[np.asarray(manifold3d.triangulate([flat[order]], allow_convex=False), np.int64)]
+    triangulate = cast(Any, manifold3d).triangulate  # its stubs leave the arrays' types open
+    triangles = order[np.asarray(triangulate([flat[order]], allow_convex=False), np.int64)]
     return triangles[:, ::-1] if turned else triangles
