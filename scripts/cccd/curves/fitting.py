@@ -18,7 +18,7 @@ from cccd.curves.knots import FEWEST, fit_closed_spline
 from cccd.geometry.arrays import concatenate_ragged, offsets_of, ranks_of, sum_per_part
 from cccd.geometry.closed_splines import DEGREE, evaluate, sample_ragged
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.settings.curves import CurveSettings, FittingSettings
+from cccd.settings.curves import CurveSettings, SplineFittingSettings
 from cccd.tolerances import CHECKED_CLOSER, CHECKED_PER_PIXEL, CHECKED_PER_SPAN, CHECKED_TURN
 
 __all__ = ["corner_splines", "fit_curves", "sample_splines", "uniform_knots"]
@@ -77,7 +77,7 @@ def _fit(
     tolerance: float,
     target: np.ndarray,
     sliding: float,
-    settings: FittingSettings,
+    settings: SplineFittingSettings,
 ) -> Splines:
     steps = settings.reference
     widest = min(steps.staircase_tolerances * tolerance, steps.staircase_px)

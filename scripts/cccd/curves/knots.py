@@ -24,7 +24,7 @@ from cccd.geometry.closed_splines import (
     value_at,
     values_of_basis,
 )
-from cccd.settings.curves import FittingSettings, KnotSettings
+from cccd.settings.curves import KnotSettings, SplineFittingSettings
 from cccd.tolerances import LEAST_SPACING_PX, LEAST_SPAN_PX, RIDGE
 
 __all__ = ["FEWEST", "fit_closed_spline"]
@@ -430,7 +430,7 @@ def fit_closed_spline(
     sigma: float,
     target: int,
     sliding: float,
-    settings: FittingSettings,
+    settings: SplineFittingSettings,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fit a closed cubic spline to a closed polygon.
 
@@ -448,7 +448,7 @@ def fit_closed_spline(
     sliding : float
         Weight of the tangential distance in the closer fits: near 0 the fit is closest, at 1 it is plain
         least squares, which folds less easily.
-    settings : FittingSettings
+    settings : SplineFittingSettings
 
     Returns
     -------

@@ -10,10 +10,10 @@ from cccd.settings.section import Section, setting
 
 __all__ = [
     "CurveSettings",
-    "FittingSettings",
     "KnotSettings",
     "ReferenceSettings",
     "SharpCornerSettings",
+    "SplineFittingSettings",
 ]
 
 _Support = Annotated[int, Field(ge=1, le=1000)]
@@ -260,7 +260,7 @@ class KnotSettings(Section):
     )
 
 
-class FittingSettings(Section):
+class SplineFittingSettings(Section):
     """How closed splines are fitted (group ``curves.fitting``)."""
 
     attempts: Annotated[tuple[_Attempt, ...], Field(min_length=1)] = setting(
@@ -336,6 +336,6 @@ class CurveSettings(Section):
         unit="px",
         min_length=1,
     )
-    fitting: FittingSettings = setting(
-        FittingSettings(), "how closed splines are fitted", why="Tuned on traced and drawn outlines."
+    fitting: SplineFittingSettings = setting(
+        SplineFittingSettings(), "how closed splines are fitted", why="Tuned on traced and drawn outlines."
     )

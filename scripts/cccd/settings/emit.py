@@ -181,7 +181,8 @@ Numbers that were tuned while the code was written. They are not in `config/conf
 any other key, and results depend on them. The last columns show how much: on phantoms, the change of each
 figure in percent when the key has half its value, and twice (`tests/benchmarks/sensitivity.py`; all figures
 are in `docs/sensitivity.csv`). ASSD is the mean distance from the true surface; normals the median error of
-the normals' angles; bending the energy per area; points the number of control points.
+the normals' angles; bending the energy per area; points the number of control points. Dice and distance of
+curves are between splines and pixels; correct maps are those that the network orders as they should be.
 Empty cells were not measured.
 """
 
@@ -192,6 +193,9 @@ FIGURES = {
     "bending": "bending",
     "control_points": "points",
     "curve_dice": "curves' Dice",
+    "curve_distance_px": "curves' distance",
+    "curve_control_points": "curves' points",
+    "budget_distance_px": "curves' distance at a budget",
     "correct_maps": "correct maps",
 }
 
@@ -218,7 +222,7 @@ def documentation(sensitivity: list[dict[str, str]]) -> str:
         lines += ["| key | default | range | unit | what it does | why | at half | at twice |"]
         lines.append("|---|---|---|---|---|---|---|---|")
         for key in expert:
-            changes = [_change(key.dotted, factor, sensitivity) for factor in ("0.5", "2")]
+            changes = [_change(key.dotted, factor, sensitivity) for factor in (0.5, 2)]
             texts = (_cell(key.what), _cell(key.why), *changes)
             lines.append(_row(_code(key.dotted), *_value_cells(key), *texts))
     return "\n".join(lines) + "\n"
@@ -265,14 +269,14 @@ def _range(schema: dict[str, Any]) -> str:
     return {"boolean": "`true`, `false`", "string": "text", "null": "`null`"}[schema["type"]]
 
 
-def _change(key: str, factor: str, sensitivity: list[dict[str, str]]) -> str:
+def _change(key: str, factor: float, sensitivity: list[dict[str, str]]) -> str:
     """Change of every measured figure against the default's, e.g. ``ASSD +3 %, points -40 %``."""
-    rows = {row["factor"]: row for row in sensitivity if row["key"] == key}
-    if "1" not in rows or factor not in rows:
+    rows = {float(row["factor"]): row for row in sensitivity if row["key"] == key}
+    if 1 not in rows or factor not in rows:
         return ""
     changes: list[str] = []
     for column, head in FIGURES.items():
-        before, after = rows["1"].get(column), rows[factor].get(column)
+        before, after = rows[1].get(column), rows[factor].get(column)
         if before and after and float(before):
             percent = 100 * (float(after) / float(before) - 1)
             if abs(percent) >= 0.05:

@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 import yaml
 from hypothesis import given
+from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -86,6 +87,7 @@ def test_text_from_the_command_line_is_read_as_what_it_stands_for():
     assert validate_config(as_text(plain)) == Settings()
 
 
+@hypothesis_settings(max_examples=30, deadline=None)
 @given(
     st.fixed_dictionaries(
         {},
@@ -131,6 +133,7 @@ values = st.recursive(
 GOOD = {"k": 5, "method": "corners", "max_control_points": None, "sweep": [1]}
 
 
+@hypothesis_settings(deadline=None)
 @given(
     st.dictionaries(
         st.sampled_from(["seed", "curves", "surface", "x"]),

@@ -1,0 +1,258 @@
+"""How much results depend on the numbers that were tuned: every expert key at half, once and twice its value.
+
+    python tests/benchmarks/sensitivity.py [--only curves.fitting surface ...] [--table FILE] [--fresh]
+
+Keys of the curves and the surface are tried on coarse phantoms, whose true surface is known; the junction
+network's keys that act without training, on synthetic boundary maps of every kind. One key at a time, all
+others at their defaults. A value that its range does not allow becomes the nearest that it does (halfway to a
+bound that it must not reach). Rows are written as they come, and a run goes on where the last one stopped,
+unless the defaults' own figures have changed since. `python -m cccd.settings` then takes the table into
+docs/configuration.md.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "scripts")]
+
+import numpy as np  # noqa: E402
+import pandas as pd  # noqa: E402
+from scipy.spatial import cKDTree  # noqa: E402
+
+from cccd.containers import Curves, Frame, Structure  # noqa: E402
+from cccd.curves import fit_curves, sample_splines  # noqa: E402
+from cccd.curves.measures import area_dice, distances  # noqa: E402
+from cccd.errors import InputError  # noqa: E402
+from cccd.geometry.mesh import Mesh  # noqa: E402
+from cccd.metrics import surface_distances  # noqa: E402
+from cccd.settings import PhantomSettings, Settings, validate_config  # noqa: E402
+from cccd.settings.emit import Key, keys  # noqa: E402
+from cccd.surface import loft_surface  # noqa: E402
+from cccd.tracing import trace_mask  # noqa: E402
+from cccd.volumes.phantoms import make_phantom  # noqa: E402
+
+#: Phantoms and their voxel sizes in mm: large and small, branching, with a hole, with a cavity.
+PHANTOMS = {
+    "liver": (2.5, 2.5, 6.0),
+    "kidney": (2.0, 2.0, 5.0),
+    "lungs": (4.0, 4.0, 8.0),
+    "torus": (1.5, 1.5, 3.0),
+    "shell": (2.0, 2.0, 3.0),
+}
+#: Points that surfaces are compared at.
+SAMPLES = 20_000
+#: Boundary maps of each kind.
+MAPS = 10
+#: A budget of control points for the keys that act under one, as a share of the pixels.
+BUDGET = 0.1
+FACTORS = (0.5, 1, 2)
+
+Figures = dict[str, float]
+
+
+# What is measured ---------------------------------------------------------------------------------------
+
+
+@cache
+def phantoms() -> list[tuple[Structure, Curves]]:
+    """Scans of the phantoms and the traced outlines of their masks."""
+    made = [
+        make_phantom(
+            "case", organ, PhantomSettings(spacing_mm=spacing), seed=1, margin_voxels=3, location=organ
+        )
+        for organ, spacing in PHANTOMS.items()
+    ]
+    return [(structure, trace_mask(structure)) for structure in made]
+
+
+def normal_error_deg(mesh: Mesh, truth: Mesh) -> float:
+    """Median angle between the mesh's normals and those of the truth's nearest triangles, over its area."""
+    faces = np.random.default_rng(0).choice(
+        len(mesh.faces), SAMPLES, p=mesh.face_areas / mesh.face_areas.sum()
+    )
+    centres = mesh.vertices[mesh.faces[faces]].mean(axis=1)
+    nearest = cKDTree(truth.vertices[truth.faces].mean(axis=1)).query(centres)[1]
+    cosine = (mesh.unit_normals[faces] * truth.unit_normals[nearest]).sum(axis=1)
+    return float(np.degrees(np.median(np.arccos(np.clip(cosine, -1, 1)))))
+
+
+def curve_figures(settings: Settings) -> Figures:
+    """Closeness and number of control points of the splines, by tolerance and with a budget."""
+    budget = settings.curves.model_copy(update={"max_control_points": BUDGET})
+    rows = []
+    for _, curves in phantoms():
+        splines, fewer = fit_curves(curves, settings.curves), fit_curves(curves, budget)
+        drawn, roughly = sample_splines(splines, 4), sample_splines(fewer, 4)
+        rows.append(
+            {
+                "curve_dice": float(area_dice(curves, drawn).mean()),
+                "curve_distance_px": float(distances(curves.points, curves.offsets, drawn).mean()),
+                "curve_control_points": len(splines.control_points),
+                "budget_distance_px": float(distances(curves.points, curves.offsets, roughly).mean()),
+            }
+        )
+    return means(rows)
+
+
+def surface_figures(settings: Settings) -> Figures:
+    """Closeness to the phantoms' true surface, smoothness and size."""
+    rows = []
+    for structure, curves in phantoms():
+        surface = loft_surface(curves, settings.surface)
+        truth, mesh = Mesh(*structure.truth), surface.mesh
+        near = surface_distances(mesh, truth, np.random.default_rng(0), SAMPLES)
+        rows.append(
+            {
+                "assd_mm": near["assd"],
+                "normal_error_deg": normal_error_deg(mesh, truth),
+                "bending": mesh.bending_per_area,
+                "control_points": surface.report["control_points"],
+            }
+        )
+    return means(rows)
+
+
+def junction_figures(settings: Settings) -> Figures:
+    """Share of synthetic boundary maps that the shipped network and its decoder order as they should be."""
+    from cccd.junctions.checkpoint import load_model
+    from cccd.junctions.corruptions import KINDS
+    from cccd.junctions.decoding import closed_chains
+    from cccd.junctions.inference import predict_masks
+    from cccd.junctions.scoring import score_slice
+    from cccd.junctions.synthetic_maps import draw_map
+
+    rng, inference = np.random.default_rng(settings.seed), settings.gnn.inference
+    samples = [draw_map(rng, kind, 1.0) for kind in KINDS for _ in range(MAPS)]
+    model = load_model(ROOT / "workflow" / "models" / "junctions.pt")
+    masks, origin = predict_masks(
+        [sample.pixels for sample in samples], model, [sample.image for sample in samples], inference
+    )
+    frame, first = Frame(np.eye(4), 2, (1, 1, 1)), np.zeros(1, np.int64)
+    chains = [list(closed_chains(mask[None], origin, first, frame, inference)) for mask in masks]
+    scores = [score_slice(chain, sample.contours) for chain, sample in zip(chains, samples, strict=True)]
+    return {"correct_maps": float(np.mean([score.correct for score in scores]))}
+
+
+def means(rows: list[Figures]) -> Figures:
+    """Geometric means over the phantoms, so that each counts alike."""
+    return {name: float(np.exp(np.mean([np.log(row[name]) for row in rows]))) for name in rows[0]}
+
+
+# What is varied -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Figures that depend on some keys."""
+
+    prefix: str
+    figures: tuple[Callable[[Settings], Figures], ...]
+
+
+CHAINS = (
+    Chain("curves.", (curve_figures,)),
+    Chain("surface.", (surface_figures,)),
+    Chain("gnn.inference.", (junction_figures,)),
+)
+
+
+def measure(chain: Chain, settings: Settings) -> Figures:
+    """All figures of a chain; none where the settings make it fail."""
+    try:
+        return {name: value for figure in chain.figures for name, value in figure(settings).items()}
+    except InputError as error:
+        print(f"  failed: {error}", flush=True)
+        return {}
+
+
+def expert_numbers(chain: Chain) -> list[Key]:
+    """The chain's expert keys that hold one number."""
+    return [
+        key
+        for key in keys()
+        if key.expert
+        and key.dotted.startswith(chain.prefix)
+        and key.schema.get("type") in ("number", "integer")
+    ]
+
+
+def scaled(key: Key, factor: float) -> float:
+    """The key's value times a factor, brought into its range."""
+    schema, value = key.schema, key.default * factor
+    value = min(max(value, schema.get("minimum", -np.inf)), schema.get("maximum", np.inf))
+    if value <= (low := schema.get("exclusiveMinimum", -np.inf)):
+        value = (low + key.default) / 2
+    if value >= (high := schema.get("exclusiveMaximum", np.inf)):
+        value = (high + key.default) / 2
+    return round(value) if schema["type"] == "integer" else float(value)
+
+
+def with_value(key: Key, value: float) -> Settings:
+    """Defaults of every key but one."""
+    config: Any = value
+    for name in reversed(key.path):
+        config = {name: config}
+    return validate_config(config)
+
+
+def rows_of(chain: Chain, chosen: list[Key], known: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """Measure the keys one after the other; rows that are known and still hold are taken as they are."""
+    base = measure(chain, Settings())
+    for key in chosen:
+        old = known[known["key"] == key.dotted]
+        own = old[(old["factor"] == 1) & (old["value"] == key.default)]
+        holds = len(own) == 1 and all(
+            np.isclose(own.iloc[0].get(name, np.nan), value, rtol=1e-5) for name, value in base.items()
+        )
+        for factor in FACTORS:
+            value = scaled(key, factor)
+            same = old[(old["factor"] == factor) & np.isclose(old["value"], value)]
+            if holds and len(same) == 1:
+                yield same.iloc[0].dropna().to_dict()
+                continue
+            print(f"{key.dotted} = {value:g}", flush=True)
+            figures = base if value == key.default else measure(chain, with_value(key, value))
+            yield {"key": key.dotted, "unit": key.unit, "factor": factor, "value": value, **figures}
+
+
+def write(rows: list[dict[str, Any]], kept: pd.DataFrame, path: Path) -> None:
+    """Write the measured rows and those of the keys that were not asked for, in the settings' order."""
+    table = pd.concat([kept, pd.DataFrame(rows)], ignore_index=True)
+    order = {key.dotted: number for number, key in enumerate(keys())}
+    table = table[table["key"].isin(order)].drop_duplicates(["key", "factor"], keep="last")
+    table = table.sort_values("factor").sort_values("key", key=lambda names: names.map(order), kind="stable")
+    table = table.apply(lambda column: column if column.name in ("key", "unit") else column.astype(float))
+    beside = path.with_name(path.name + ".part")
+    table.to_csv(beside, index=False, float_format="%.6g")
+    beside.replace(path)
+
+
+def main() -> None:
+    """Read the command line, measure, write."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", nargs="+", default=[""], metavar="PREFIX", help="keys that begin so")
+    parser.add_argument("--table", type=Path, default=ROOT / "docs" / "sensitivity.csv")
+    parser.add_argument("--fresh", action="store_true", help="measure everything again")
+    arguments = parser.parse_args()
+    empty = pd.DataFrame(columns=["key", "unit", "factor", "value"])
+    before = pd.read_csv(arguments.table) if arguments.table.is_file() else empty
+    rows: list[dict[str, Any]] = []
+    for chain in CHAINS:
+        chosen = [key for key in expert_numbers(chain) if key.dotted.startswith(tuple(arguments.only))]
+        for row in rows_of(chain, chosen, empty if arguments.fresh else before) if chosen else ():
+            rows.append(row)
+            write(rows, before, arguments.table)
+
+
+if __name__ == "__main__":
+    main()
