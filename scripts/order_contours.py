@@ -3,10 +3,12 @@
 from cccd.curves.ordering import order_contours
 from cccd.job import job
 from cccd.junctions.checkpoint import load_model
+from cccd.settings import InferenceSettings
 from cccd.store import read_boundaries, read_structure, write_contours
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
     structure = read_structure(snakemake.input.structure)
     boundaries = read_boundaries(snakemake.input.boundaries)
     model = load_model(snakemake.input.model)
-    write_contours(snakemake.output[0], *order_contours(structure, boundaries, model))
+    settings = InferenceSettings(**snakemake.params.settings)
+    write_contours(snakemake.output[0], *order_contours(structure, boundaries, model, settings))

@@ -31,8 +31,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
-import yaml  # noqa: E402
 from stages import STAGES  # noqa: E402
+
+from cccd.settings import Settings  # noqa: E402
 
 SIZES = (8, 16, 32, 64)
 REPEATS = 3
@@ -72,7 +73,7 @@ def machine() -> str:
     return f"{processor}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}"
 
 
-def run(name: str, count: int | None, settings: dict) -> list[dict]:
+def run(name: str, count: int | None, settings: Settings) -> list[dict]:
     """Time every method of one benchmark at its first ``count`` sizes."""
     prepare, rows = STAGES[name], []
     for method in prepare(SIZES[0], settings).values():
@@ -131,8 +132,7 @@ def main() -> None:
     arguments = parser.parse_args()
     if unknown := set(arguments.names) - set(STAGES):
         parser.error(f"no benchmark {', '.join(sorted(unknown))}; there are {', '.join(STAGES)}")
-    settings = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))
-    rows = [row for name in arguments.names or STAGES for row in run(name, arguments.sizes, settings)]
+    rows = [row for name in arguments.names or STAGES for row in run(name, arguments.sizes, Settings())]
     table = add_slopes(pd.DataFrame(rows)).assign(machine=machine())
     arguments.out.mkdir(parents=True, exist_ok=True)
     table.to_csv(arguments.out / "benchmarks.csv", index=False, float_format="%.4g")

@@ -23,7 +23,7 @@ from cccd.junctions.corruptions import corrupt
 from cccd.junctions.data import label_maps
 from cccd.junctions.loss import total_loss
 from cccd.junctions.synthetic_maps import draw_map
-from cccd.settings import BoundarySettings, CurveSettings, LoftSettings, LossSettings, NetworkSettings
+from cccd.settings import LossSettings, NetworkSettings, Settings
 from cccd.surface import loft_surface, measure_surface
 from cccd.tracing import trace_mask
 
@@ -34,11 +34,11 @@ MODEL = Path(__file__).parents[2] / "workflow" / "models" / "junctions.pt"
 Methods = dict[str, Callable[[], object]]
 
 
-def junctions(slices: int, settings: dict) -> Methods:
+def junctions(slices: int, settings: Settings) -> Methods:
     """Damaged boundary maps to ordered curves, beside contour following of the filled mask."""
     organ = make_organ(slices)
     stack = organ.stack("mask").astype(np.uint8)
-    rng = np.random.default_rng(settings["seed"])
+    rng = np.random.default_rng(settings.seed)
     filled = [layer for layer in range(len(stack)) if stack[layer].any()]
     maps = [np.argwhere(corrupt(rng, stack[layer], "spurs")).astype(np.int32) for layer in filled]
     numbers = np.array(filled, np.int32) + organ.stack_origin[0]
@@ -53,9 +53,9 @@ def junctions(slices: int, settings: dict) -> Methods:
     }
 
 
-def network(slices: int, settings: dict) -> Methods:
+def network(slices: int, settings: Settings) -> Methods:
     """The junction network on damaged maps, on the GPU beside the CPU where there is one."""
-    maps = [draw_map(np.random.default_rng([settings["seed"], n]), "mixed") for n in range(slices)]
+    maps = [draw_map(np.random.default_rng([settings.seed, n]), "mixed") for n in range(slices)]
     examples = label_maps(maps, [False] * slices, NetworkSettings())
     methods = {}
     for device in ("CPU", "CUDA") if torch.cuda.is_available() else ("CPU",):
@@ -70,10 +70,10 @@ def network(slices: int, settings: dict) -> Methods:
     return methods
 
 
-def curves(slices: int, settings: dict) -> Methods:
+def curves(slices: int, settings: Settings) -> Methods:
     """Chain codes, corners and closed splines, beside a smoothing spline of every curve."""
     traced = trace_mask(make_organ(slices))
-    few = CurveSettings(**settings["curves"])
+    few = settings.curves
     paper = few.model_copy(update={"method": "corners"})
     # splprep bounds the sum of squares: the tolerance that ours has at every point
     allowed = few.tolerance_px**2
@@ -90,30 +90,30 @@ def curves(slices: int, settings: dict) -> Methods:
     }
 
 
-def surface(slices: int, settings: dict) -> Methods:
+def surface(slices: int, settings: Settings) -> Methods:
     """Lofting, beside the isosurface and the smoothing that people take today."""
     organ = make_organ(slices)
     traced = trace_mask(organ)
     return {
-        "B-spline lofting": lambda: loft_surface(traced, LoftSettings(**settings["surface"])),
+        "B-spline lofting": lambda: loft_surface(traced, settings.surface),
         "flying edges": lambda: flying_edges(organ),
         "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(organ)),
     }
 
 
-def pipeline(slices: int, settings: dict) -> Methods:
+def pipeline(slices: int, settings: Settings) -> Methods:
     """From a scan with its mask to a measured surface, beside an isosurface of the mask."""
     organ = make_organ(slices)
     model = load_model(MODEL)
 
     def ordered_by_network() -> Curves:
-        boundaries = extract_boundaries(organ, BoundarySettings(**settings["boundaries"]))
+        boundaries = extract_boundaries(organ, settings.boundaries)
         return order_contours(organ, boundaries, model)[0]
 
     def reconstruct(contours: Callable[[], Curves]) -> None:
         ordered = contours()
-        describe_curves(ordered, CurveSettings(**settings["curves"]))
-        measure_surface(loft_surface(ordered, settings["surface"]), organ)
+        describe_curves(ordered, settings.curves)
+        measure_surface(loft_surface(ordered, settings.surface), organ)
 
     return {
         "every stage": lambda: reconstruct(lambda: trace_contours(organ)[0]),

@@ -35,6 +35,11 @@ def contour_sources(wildcards):
     return files | ({"model": MODEL} if "boundaries" in files else {})
 
 
+def ordering_settings(wildcards):
+    """Settings of the network's decoder, for the structures whose boundary pixels it orders."""
+    return config["gnn"]["inference"] if way_of(wildcards) == "order_contours" else {}
+
+
 rule make_contours:
     """Trace a mask, take drawn contours, or let the network order boundary pixels: ordered closed curves."""
     input:
@@ -56,5 +61,6 @@ rule make_contours:
     params:
         way=way_of,
         library=lambda wildcards: library(way_of(wildcards)),
+        settings=ordering_settings,
     script:
         "../../scripts/{params.way}.py"

@@ -12,13 +12,18 @@ from cccd.containers import Boundaries, Curves, Structure
 from cccd.curves.contours import check_closed
 from cccd.errors import InputError
 from cccd.junctions import order_boundaries
+from cccd.junctions.inference import DEFAULTS
 from cccd.junctions.network import JunctionNetwork
+from cccd.settings import InferenceSettings
 
 __all__ = ["order_contours"]
 
 
 def order_contours(
-    structure: Structure, boundaries: Boundaries, model: JunctionNetwork
+    structure: Structure,
+    boundaries: Boundaries,
+    model: JunctionNetwork,
+    settings: InferenceSettings = DEFAULTS,
 ) -> tuple[Curves, dict[str, Any]]:
     """Order the boundary pixels of every slice into closed simple curves.
 
@@ -30,6 +35,7 @@ def order_contours(
         Its boundary pixels.
     model : JunctionNetwork
         From `cccd.junctions.checkpoint.load_model`.
+    settings : InferenceSettings
 
     Returns
     -------
@@ -50,6 +56,6 @@ def order_contours(
             "its file has changed since the run was planned: run snakemake again",
         )
     curves, report = order_boundaries(
-        boundaries, model, image=structure.stack("image"), image_origin=structure.stack_origin
+        boundaries, model, structure.stack("image"), structure.stack_origin, settings
     )
     return check_closed(curves, structure), {"method": "GNN", **report}
