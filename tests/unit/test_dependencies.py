@@ -41,6 +41,12 @@ def test_closure_follows_relative_nested_circular_and_package_imports(tree, tmp_
     }
 
 
+def test_modules_that_are_given_by_name_are_followed(tree, tmp_path):
+    script = tree("run.py", "import os")
+    names = {path.name for path in imported_files(script, tmp_path, ["lib.stranger", "lib.sub.c"])}
+    assert names == {"__init__.py", "stranger.py", "c.py", "a.py", "b.py", "d.py"}
+
+
 def test_submodule_taken_from_its_package_counts(tree, tmp_path):
     script = tree("run.py", "from lib import stranger")
     names = {path.name for path in imported_files(script, tmp_path)}

@@ -470,7 +470,7 @@ ITEMS = (
     ),
     Item(
         "surfaces",
-        "Against the surfaces people use today",
+        "Against the baselines' surfaces",
         "Every method on the same structures, measured alike.",
         rows=(ISOSURFACES,),
         table="surfaces",

@@ -63,7 +63,9 @@ def draw_slice_figure(
         drawn = Figure(figsize=(panel_inches * columns, (tall + 0.45) * rows), layout="constrained")
         drawn.patch.set_alpha(0)
         axes = drawn.subplots(rows, columns, squeeze=False)
-        shown = zip(axes.flat, figure.panels, windows, strict=True)
+        for spare in axes.flat[len(figure.panels) :]:
+            spare.set_axis_off()
+        shown = zip(axes.flat, figure.panels, windows, strict=False)
         for number, (axis, panel, (low, high)) in enumerate(shown):
             _draw(axis, panel, looks)
             if figure.image is not None:
