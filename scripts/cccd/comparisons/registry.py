@@ -327,7 +327,7 @@ ITEMS = (
         note=_NOTES + "figure_10",
         plots=_PLOTS + "figure_10",
         captions=(
-            "boundary (band), corners (dots), spline (line); maxima of curvature.",
+            "Boundary (band), corners (dots), spline (line); maxima of curvature.",
             "Dice of the paper's own splines and the share of boundary pixels they keep, against k; "
             "corners at maxima of curvature, medians over slices.",
         ),
@@ -395,7 +395,7 @@ ITEMS = (
         rows=(K_SWEEP,),
         note=_NOTES + "figure_14",
         plots=_PLOTS + "figure_14",
-        captions=("boundary (band), corners (dots), spline (line); maxima of curvature.",),
+        captions=("Boundary (band), corners (dots), spline (line); maxima of curvature.",),
     ),
     Item(
         "figure15",

@@ -17,7 +17,7 @@ from cccd.comparisons.summary import structure_names
 from cccd.containers import SliceFigure
 from cccd.lookup import find
 from cccd.report import plots
-from cccd.report.panels import LOOKS, OUTLINE_LOOKS, Looks, draw_slice_figure
+from cccd.report.panels import LINK_LOOKS, LOOKS, OUTLINE_LOOKS, Looks, draw_slice_figure
 from cccd.report.results import Results
 from cccd.report.stills import draw_surface_still
 
@@ -153,7 +153,7 @@ def figure_15(results: Results, item: Item) -> Plots:
 
 def figure_16(results: Results, item: Item) -> Plots:
     """Draw the links that each method makes, and how often they close."""
-    drawn = _on_a_slice(results, item)
+    drawn = _on_a_slice(results, item, LINK_LOOKS)
     rows = results.rows(item.rows[0])
     if rows is None:
         return drawn

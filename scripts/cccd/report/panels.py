@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from cccd.containers import Panel, SliceFigure
 from cccd.report.svg import INK, SERIES, style, to_svg
 
-__all__ = ["LOOKS", "OUTLINE_LOOKS", "draw_slice_figure"]
+__all__ = ["LINK_LOOKS", "LOOKS", "OUTLINE_LOOKS", "draw_slice_figure"]
 
 Looks = Mapping[str, Mapping[str, Any]]
 
@@ -24,16 +24,22 @@ Looks = Mapping[str, Mapping[str, Any]]
 LOOKS: Looks = {
     "boundary": {"color": SERIES[0], "linewidth": 0.8},
     "seed": {"color": SERIES[3], "linestyle": "--", "linewidth": 1},
-    "links": {"color": SERIES[2], "linewidth": 1.4},
     "corners": {"color": SERIES[1], "markersize": 1.6},
     "spline": {"color": SERIES[2], "linewidth": 1.6},
+}
+
+#: Where points are linked and there is no picture behind them.
+LINK_LOOKS: Looks = {
+    "boundary": {"color": SERIES[0], "linewidth": 1.2},
+    "links": {"color": SERIES[2], "linewidth": 1.4},
+    "corners": {"color": SERIES[1], "markersize": 2.2},
 }
 
 #: And where CCCD's spline stands alone on the boundary.
 OUTLINE_LOOKS: Looks = {
     "boundary": {"color": SERIES[5], "linewidth": 3.2, "alpha": 0.55},
     "spline": {"color": INK, "linewidth": 1.0},
-    "corners": {"color": SERIES[1], "markersize": 1.75},
+    "corners": {"color": SERIES[1], "markersize": 2.6},
 }
 
 
