@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -75,9 +76,10 @@ class GraphBatch:
 
     def to(self, device: torch.device | str) -> GraphBatch:
         """Move all tensors."""
-        moved = {
-            name: tuple(part.to(device) for part in value) if isinstance(value, tuple) else value.to(device)
-            for name, value in vars(self).items()
+        own: dict[str, Tensor | tuple[Tensor, ...]] = vars(self)
+        moved: dict[str, Any] = {
+            name: value.to(device) if isinstance(value, Tensor) else tuple(part.to(device) for part in value)
+            for name, value in own.items()
         }
         return GraphBatch(**moved)
 
@@ -86,7 +88,7 @@ def make_batch(graph: DelaunayGraph, intensities: Sequence[IntensitySlice | None
     """Measure a graph's features (one slice or many) and put all into tensors."""
     features = measure_features(graph, intensities)
     return GraphBatch(
-        torch.from_numpy(features.nodes),
+        torch.as_tensor(features.nodes),
         _real(features.links),
         _real(features.triangles),
         _index(graph.links.T),
@@ -105,11 +107,11 @@ def make_batch(graph: DelaunayGraph, intensities: Sequence[IntensitySlice | None
 
 
 def _index(array: AnyArray) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(array, np.int64))
+    return torch.as_tensor(np.ascontiguousarray(array, np.int64))
 
 
 def _real(array: AnyArray) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(array, np.float32))
+    return torch.as_tensor(np.ascontiguousarray(array, np.float32))
 
 
 def _or_else(index: AnyArray, instead: AnyArray | int) -> AnyArray:
@@ -139,4 +141,4 @@ def _link_groups(graph: DelaunayGraph, features: GraphFeatures) -> tuple[Tensor,
 def _same_pair(pair: IntArray) -> IntArray:
     """Give equal unordered pairs (L, 2) equal numbers (L,)."""
     low, high = np.minimum(*pair.T), np.maximum(*pair.T)
-    return pd.factorize(low * (high.max() + 1) + high)[0]
+    return cast(Any, pd).factorize(low * (high.max() + 1) + high)[0]

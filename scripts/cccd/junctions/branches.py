@@ -7,6 +7,7 @@ Good-continuation groups are branches that go on straight across junctions and g
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -110,9 +111,9 @@ def find_branches(pixels: AnyArray, links: AnyArray, gaps: AnyArray) -> Branches
 def _neighbours(pixels: AnyArray) -> IntArray:
     """Index (8, N) of each pixel's neighbours by Freeman code, in turn around it; -1 where there is none."""
     low = pixels.min(axis=0) - 1
-    raster = np.full(pixels.max(axis=0) - low + 2, -1)
+    rows, width = pixels.max(axis=0) - low + 2
+    raster = np.full((rows, width), -1)
     raster[tuple((pixels - low).T)] = np.arange(len(pixels))
-    width = raster.shape[1]
     return raster.ravel()[(pixels - low) @ (width, 1) + (DIRECTIONS @ (width, 1))[:, None]]
 
 
@@ -171,7 +172,7 @@ def _shape(pixels: AnyArray, part: IntArray, dead_end: BoolArray, beside: BoolAr
     """`SHAPE_COLUMNS` (N, width) of the part that each pixel belongs to."""
 
     def total(values: AnyArray) -> FloatArray:
-        return np.bincount(part, values, minlength=len(pixels))
+        return cast(FloatArray, np.bincount(part, values, minlength=len(pixels)))
 
     count = np.maximum(total(np.ones(len(pixels))), 1)
     i, j = (pixels - pixels.mean(axis=0)).T

@@ -139,7 +139,7 @@ def _block(
                 _push(source, sink, residual, path[: depth + 1], turn, reverse)
                 depth = 0
                 continue
-            turn[cell] = _next_side(cell, turn[cell], residual, level, neighbours)
+            turn[cell] = _next_side(cell, int(turn[cell]), residual, level, neighbours)
             if turn[cell] < 3:
                 depth += 1
                 path[depth] = neighbours[cell, turn[cell]]

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from cccd.geometry.arrays import AnyArray
+from cccd.geometry.arrays import AnyArray, IntArray
 from cccd.junctions.batch import GraphBatch, make_batch
 from cccd.junctions.delaunay import DelaunayGraph, join_graphs
 from cccd.junctions.energy import EnergyWeights, energy_weights
@@ -56,7 +56,10 @@ class Examples:
         return Examples(
             self.graph,
             self.batch.to(device),
-            *(part.to(device) for part in (self.inside, self.inside_weight, self.true, self.true_weight)),
+            self.inside.to(device),
+            self.inside_weight.to(device),
+            self.true.to(device),
+            self.true_weight.to(device),
             EnergyWeights(weights.unary.to(device), weights.pairwise.to(device)),
         )
 
@@ -94,7 +97,7 @@ def _triangle_weights(graph: DelaunayGraph, settings: LossSettings) -> AnyArray:
 
 
 def _real(array: AnyArray) -> Tensor:
-    return torch.from_numpy(np.asarray(array, np.float32))
+    return torch.as_tensor(np.asarray(array, np.float32))
 
 
 class EpochBatches(Dataset[Examples]):
@@ -115,7 +118,7 @@ class EpochBatches(Dataset[Examples]):
         shuffled = order.permutation(total)
         self.batches = [shuffled[n : n + size] for n in range(0, total - size + 1, size)] or [shuffled]
         weights = np.array([getattr(settings.kind_weights, kind) for kind in ALL_KINDS])
-        self.kinds = order.choice(len(ALL_KINDS), total, p=weights / weights.sum())
+        self.kinds: IntArray = order.choice(len(ALL_KINDS), total, p=weights / weights.sum())
 
     def __len__(self) -> int:
         return len(self.batches)
@@ -129,4 +132,4 @@ class EpochBatches(Dataset[Examples]):
         if number < len(self.frozen):
             return self.frozen[number]
         rng = np.random.default_rng([self.seed, RandomStream.FRESH_MAPS, self.epoch, number])
-        return draw_map(rng, ALL_KINDS[self.kinds[number]])
+        return draw_map(rng, ALL_KINDS[int(self.kinds[number])])

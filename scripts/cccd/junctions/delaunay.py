@@ -176,7 +176,8 @@ def build_graph(pixels: AnyArray, edges: AnyArray | None = None) -> DelaunayGrap
     links, link_triangles, triangle_links = _links(triangles, neighbours)
     step = points[links[:, 0]] - points[links[:, 1]]
     length = np.hypot(step[:, 0], step[:, 1])
-    regions, depths = _regions_and_depths(neighbours, triangle_links, length, ghost[triangles].any(axis=1))
+    outer = np.logical_or.reduce(ghost[triangles], axis=1)
+    regions, depths = _regions_and_depths(neighbours, triangle_links, length, outer)
     return DelaunayGraph(
         points,
         ghost,

@@ -29,7 +29,15 @@ from cccd.settings import InferenceSettings
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["Energy", "EnergyWeights", "Logits", "energy_weights", "inference_energy", "least_energy"]
+__all__ = [
+    "Energy",
+    "EnergyWeights",
+    "Logits",
+    "energy_of_logits",
+    "energy_weights",
+    "inference_energy",
+    "least_energy",
+]
 
 _Numbers = TypeVar("_Numbers", FloatArray, "Tensor")
 
@@ -63,17 +71,6 @@ class Energy(Generic[_Numbers]):
     unary: _Numbers
     pairwise: _Numbers
 
-    @classmethod
-    def of_logits(
-        cls,
-        weights: EnergyWeights[_Numbers],
-        inside_logit: _Numbers,
-        link_logit: _Numbers,
-        softplus: Callable[[_Numbers], _Numbers],
-    ) -> Energy[_Numbers]:
-        """Weigh what a network says of triangles (T,) and links (L,)."""
-        return cls(-(weights.unary * inside_logit), weights.pairwise * softplus(-link_logit))
-
     def difference(self, labels: _Numbers, others: _Numbers, link_triangles: Any) -> Any:
         """Energy of one labelling less that of another.
 
@@ -89,6 +86,16 @@ class Energy(Generic[_Numbers]):
         return (self.unary * (labels - others)).sum() + (self.pairwise * border).sum()
 
 
+def energy_of_logits(
+    weights: EnergyWeights[_Numbers],
+    inside_logit: _Numbers,
+    link_logit: _Numbers,
+    softplus: Callable[[_Numbers], _Numbers],
+) -> Energy[_Numbers]:
+    """Weigh what a network says of triangles (T,) and links (L,); the one definition of the terms."""
+    return Energy(-(weights.unary * inside_logit), weights.pairwise * softplus(-link_logit))
+
+
 def energy_weights(graph: DelaunayGraph, settings: InferenceSettings) -> EnergyWeights[FloatArray]:
     """Weights of a graph's terms."""
     extent = np.where(graph.outer, 0, graph.areas**settings.area_power)
@@ -101,7 +108,7 @@ def _softplus(values: FloatArray) -> FloatArray:
 
 def inference_energy(graph: DelaunayGraph, logits: Logits, settings: InferenceSettings) -> Energy[FloatArray]:
     """Energy that a network's logits, or the prior's, give a graph."""
-    return Energy.of_logits(energy_weights(graph, settings), *logits, _softplus)
+    return energy_of_logits(energy_weights(graph, settings), *logits, _softplus)
 
 
 def least_energy(graph: DelaunayGraph, energy: Energy[FloatArray]) -> BoolArray:

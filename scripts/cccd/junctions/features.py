@@ -207,7 +207,7 @@ def _side_by_side(graph: DelaunayGraph) -> IntArray:
     inner = ~graph.ghost
     pixels = graph.points[inner].astype(np.int64)
     slices = owners_of(graph.node_offsets)[inner]
-    first = np.searchsorted(slices, np.arange(slices[-1] + 1))
+    first: IntArray = np.flatnonzero(np.diff(slices, prepend=-1))
     low, high = np.minimum.reduceat(pixels, first) - _APART_PX, np.maximum.reduceat(pixels, first)
     width = high[:, 1] - low[:, 1]
     low[:, 1] -= np.cumsum(width) - width
@@ -225,7 +225,7 @@ def _node_features(
     for half, step in _SCALES:
         # the mean over a box says how much of it is occupied; coarse boxes hold little, hence the gain
         seen = raster if step == 1 else cv2.blur(raster, (step, step), borderType=cv2.BORDER_CONSTANT)
-        gained = cv2.multiply(seen, 1 if step == 1 else min(step, 4))
+        gained = np.minimum(seen * np.uint16(1 if step == 1 else min(step, 4)), 255).astype(np.uint8)
         columns[f"occupancy_{step}px"] = _patches(gained, places, half, step)
     patches = np.zeros((len(graph.points), NODES["intensity"].stop - NODES["intensity"].start), np.uint8)
     for intensity, own in _with_image(intensities, graph.node_offsets):

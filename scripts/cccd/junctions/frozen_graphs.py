@@ -8,7 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cccd.geometry.arrays import ByteArray, SingleArray, concatenate_ragged, offsets_of, split_ragged
+from cccd.geometry.arrays import (
+    ByteArray,
+    SingleArray,
+    concatenate_ragged,
+    offsets_of,
+    split_ragged,
+)
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.labels import inside_shares, link_labels
 from cccd.junctions.synthetic_maps import (
@@ -68,10 +74,11 @@ def generate_graphs(settings: GraphSettings, weights: KindWeights, seed: int, pa
 
 def _draw_split(count: int, weights: KindWeights, seed: int, number: int) -> list[SyntheticMap]:
     """Draw maps of kinds in the proportions of their weights, the same for every split."""
-    bounds = np.cumsum([getattr(weights, kind) for kind in ALL_KINDS])
-    kinds = np.searchsorted(bounds, (np.arange(count) + 0.5) / max(count, 1) * bounds[-1])
+    bounds = np.cumsum(np.array([getattr(weights, kind) for kind in ALL_KINDS], float))
+    places = (np.arange(count) + 0.5) / max(count, 1) * bounds[-1]
+    kinds = [ALL_KINDS[kind] for kind in np.searchsorted(bounds, places).tolist()]
     streams = [np.random.default_rng([seed, RandomStream.FROZEN_MAPS, number, n]) for n in range(count)]
-    return [draw_map(rng, ALL_KINDS[kind]) for rng, kind in zip(streams, kinds, strict=True)]
+    return [draw_map(rng, kind) for rng, kind in zip(streams, kinds, strict=True)]
 
 
 def _dense_bytes(nodes: int) -> int:
@@ -124,7 +131,7 @@ def read_maps(path: str | Path, split: str) -> list[SyntheticMap]:
         SyntheticMap(
             pixels[n],
             [contours[c] for c in np.flatnonzero(kept.contour_graph == n)],
-            ALL_KINDS[kept.kind[n]],
+            ALL_KINDS[int(kept.kind[n])],
             (int(rows), int(columns)),
             images[n].reshape(rows, columns).astype(np.float32) if images[n].size else None,
         )

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import cv2
 import numpy as np
 
 from cccd.boundary import gradient_ridges
-from cccd.geometry.arrays import AnyArray, ByteArray, IntArray, RealArray, SingleArray
+from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, IntArray, RealArray, SingleArray
 from cccd.junctions.delaunay import HASHES, pixel_hash
+from cccd.junctions.opencv import components, distance_to_zero, gaussian_blur, sobel
 from cccd.settings import InferenceSettings
 from cccd.tolerances import CONTRAST
 
@@ -63,13 +65,13 @@ def normalised_intensity(image: RealArray, pixels: AnyArray) -> IntensitySlice:
     around = np.ascontiguousarray(image[low[0] : high[0], low[1] : high[1]], np.float32)
     darkest, dark, bright, brightest = np.percentile(around, (0.2, 1, 99, 99.8))
     scaled = np.clip((around - dark) * (255 / max(bright - dark, CONTRAST)), 0, 255).astype(np.uint8)
-    scaled = cv2.GaussianBlur(scaled, (0, 0), 0.8)
-    blurred = cv2.GaussianBlur(around, (0, 0), BLURS[0][0])
+    scaled = gaussian_blur(scaled, 0.8)
+    blurred = gaussian_blur(around, BLURS[0][0])
     ranks = _ranks(blurred, darkest, brightest)
     rest = np.sqrt(BLURS[1][0] ** 2 - BLURS[0][0] ** 2)
-    slope = cv2.magnitude(*(cv2.Sobel(blurred, cv2.CV_32F, *order) for order in ((1, 0), (0, 1))))
+    slope = cast(SingleArray, cv2.magnitude(*sobel(blurred)))
     steep = _ranks(slope, 0.0, 2 * float(brightest - darkest))
-    channels = np.dstack([scaled, ranks, cv2.GaussianBlur(ranks, (0, 0), rest), steep])
+    channels = np.dstack([scaled, ranks, gaussian_blur(ranks, rest), steep])
     return IntensitySlice(scaled, blurred, channels, low)
 
 
@@ -78,7 +80,7 @@ def sample_channels(intensity: IntensitySlice, points: AnyArray) -> SingleArray:
     at = np.rint(points - intensity.origin).astype(np.int64)
     rows, columns, channels = intensity.channels.shape
     flat = np.clip(at[..., 0], 0, rows - 1) * columns + np.clip(at[..., 1], 0, columns - 1)
-    return intensity.channels.reshape(-1, channels)[flat].astype(np.float32) / 255
+    return intensity.channels.reshape(-1, channels)[flat].astype(np.float32) / np.float32(255)
 
 
 def image_edges(intensity: IntensitySlice, pixels: AnyArray, settings: InferenceSettings) -> IntArray:
@@ -103,13 +105,13 @@ def image_edges(intensity: IntensitySlice, pixels: AnyArray, settings: Inference
     shape = intensity.blurred.shape
     slope, thin = (part[0] for part in gradient_ridges(intensity.blurred[None], 0.0))
     ridge = (thin & (slope > settings.edge_slope * np.median(slope))).astype(np.uint8)
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(ridge, connectivity=8)
-    long = stats[:, cv2.CC_STAT_AREA] >= settings.shortest_edge_px
+    labels, areas = components(ridge, connectivity=8)
+    long = areas >= settings.shortest_edge_px
     long[0] = False
     empty = np.ones(shape, np.uint8)
     local = pixels - intensity.origin
     empty[tuple(local[((local >= 0) & (local < shape)).all(axis=1)].T)] = 0
-    away = cv2.distanceTransform(empty, cv2.DIST_L2, 3)
+    away = distance_to_zero(empty)
     kept = _apart(np.where(long[labels] & (away > _TOUCHING_PX), slope, 0))
     places = np.argwhere(kept)
     most = int(settings.most_edges + settings.most_edges_per_pixel * len(pixels))
@@ -120,10 +122,11 @@ def image_edges(intensity: IntensitySlice, pixels: AnyArray, settings: Inference
     return places + intensity.origin
 
 
-def _apart(strength: SingleArray) -> np.ndarray:
+def _apart(strength: SingleArray) -> BoolArray:
     """Choose pixels (I, J) of positive strength of which none touches another, the strongest first."""
     # steps of a hash make neighbours differ, so that of each plateau one is the largest
-    steps = 1 + 1e-3 / HASHES * pixel_hash(*np.indices(strength.shape, dtype=np.int64))
+    i, j = np.mgrid[: strength.shape[0], : strength.shape[1]]
+    steps = 1 + 1e-3 / HASHES * pixel_hash(i, j)
     strength = (strength * steps).astype(np.float32)
     kept = np.zeros(strength.shape, bool)
     around = np.ones((3, 3), np.uint8)

@@ -8,7 +8,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -67,7 +67,7 @@ def train_model(
     """
     started = time.perf_counter()
     torch.set_num_threads(1)
-    torch.manual_seed(seed)
+    cast(Any, torch).manual_seed(seed)
     frozen, validation = (read_maps(graphs_path, split) for split in ("training", "validation"))
     if not frozen or not validation:
         raise InputError("config gnn.graphs", "training or validation is empty", "draw at least one of each")
@@ -99,7 +99,7 @@ class _Run:
     model: JunctionNetwork
     optimiser: torch.optim.Optimizer
     schedule: torch.optim.lr_scheduler.LRScheduler
-    history: list[dict[str, Any]] = field(default_factory=list)
+    history: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     best: dict[str, Any] = field(default_factory=lambda: {"score": -1.0, "epoch": -1, "weights": None})
 
     @classmethod
@@ -188,7 +188,7 @@ def _run_epoch(run: _Run, batches: EpochBatches, threads: int) -> float:
             examples = examples.to(run.device)
         loss = total_loss(run.model(examples.batch), examples, batches.settings.loss)
         run.optimiser.zero_grad(set_to_none=True)
-        loss.backward()
+        torch.autograd.backward(loss)
         nn.utils.clip_grad_norm_(run.model.parameters(), batches.settings.optimiser.gradient_norm)
         run.optimiser.step()
         run.schedule.step()

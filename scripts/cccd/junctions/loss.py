@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 from cccd.geometry.arrays import FloatArray
 from cccd.junctions.data import Examples
-from cccd.junctions.energy import Energy, least_energy
+from cccd.junctions.energy import Energy, energy_of_logits, least_energy
 from cccd.settings import LossSettings
 
 __all__ = ["cut_loss", "total_loss"]
@@ -38,11 +38,11 @@ def cut_loss(inside: Tensor, link: Tensor, examples: Examples, margin: float) ->
     by extent. The energy is that of inference: `cccd.junctions.energy`.
     """
     extent, share = examples.energy_weights.unary, examples.inside
-    energy = Energy.of_logits(examples.energy_weights, inside, link, nn.functional.softplus)
+    energy = energy_of_logits(examples.energy_weights, inside, link, nn.functional.softplus)
     cheapened = Energy(energy.unary - margin * extent * (1 - 2 * share), energy.pairwise)
     least = least_energy(examples.graph, Energy(_doubles(cheapened.unary), _doubles(cheapened.pairwise)))
     truth = (share > 0.5) & (extent > 0)
-    found = torch.from_numpy(least).to(inside.device)
+    found = torch.as_tensor(least).to(inside.device)
     excess = cheapened.difference(truth.float(), found.float(), examples.batch.link_triangles)
     return excess / extent.sum()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 import torch
 from torch import Tensor, nn
@@ -105,10 +106,11 @@ class JunctionNetwork(nn.Module):
 
     def _pixel_states(self, batch: GraphBatch, link_features: Tensor) -> Tensor:
         """States of the pixels (V, width) after their own layers."""
-        x = self.pixel_encoder(batch.nodes.float() / 255)
+        x: Tensor = self.pixel_encoder(batch.nodes.float() / 255)
         first, second = batch.link_nodes
         source, target = torch.cat([first, second]), torch.cat([second, first])
-        for layer, even, odd in zip(self.pixel_layers, self.even_gates, self.odd_gates, strict=True):
+        for module, even, odd in zip(self.pixel_layers, self.even_gates, self.odd_gates, strict=True):
+            layer = cast(GatedConvolution, module)
             both, turned = even(link_features), odd(batch.link_direction)
             x = x + layer.along_links(x, source, target, torch.cat([both + turned, both - turned]))
         return x

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, cast
 
 import cv2
 import numpy as np
 
+from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.metrics import dice
 
@@ -29,7 +31,7 @@ class SliceScore:
     holes: int
 
 
-def _draw(chains: Sequence[np.ndarray], low: np.ndarray, shape: np.ndarray, filled: bool) -> np.ndarray:
+def _draw(chains: Sequence[AnyArray], low: AnyArray, shape: AnyArray, filled: bool) -> ByteArray:
     canvas = np.zeros(shape, np.uint8)
     polygons = [np.rint(chain - low)[:, ::-1].astype(np.int32) for chain in chains]
     if filled:
@@ -39,7 +41,7 @@ def _draw(chains: Sequence[np.ndarray], low: np.ndarray, shape: np.ndarray, fill
     return canvas
 
 
-def hausdorff(chains: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> float:
+def hausdorff(chains: Sequence[AnyArray], others: Sequence[AnyArray]) -> float:
     """Hausdorff distance of two sets of closed pixel chains; infinite when one is empty."""
     if not len(chains) or not len(others):
         return float("inf")
@@ -51,7 +53,7 @@ def hausdorff(chains: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> flo
     return float(max(away[0][drawn[1] > 0].max(), away[1][drawn[0] > 0].max()))
 
 
-def score_slice(chains: Sequence[np.ndarray], truth: Sequence[np.ndarray]) -> SliceScore:
+def score_slice(chains: Sequence[AnyArray], truth: Sequence[AnyArray]) -> SliceScore:
     """Score a slice's closed chains, each (n, 2), against the true ones.
 
     Correct: as many outer curves and holes as in truth (one per component), Dice at least
@@ -72,9 +74,10 @@ def score_slice(chains: Sequence[np.ndarray], truth: Sequence[np.ndarray]) -> Sl
     return SliceScore(bool(correct), overlap, distance, int((area > 0).sum()), int((area < 0).sum()))
 
 
-def _counts(mask: np.ndarray) -> tuple[int, int]:
+def _counts(mask: BoolArray) -> tuple[int, int]:
     """Components (8-connected) and holes (4-connected) of a mask."""
-    _, hierarchy = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    _, hierarchy = cast(Any, cv2).findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     if hierarchy is None:
         return 0, 0
-    return int((hierarchy[0, :, 3] < 0).sum()), int((hierarchy[0, :, 3] >= 0).sum())
+    is_hole: BoolArray = hierarchy[0, :, 3] >= 0
+    return int(np.count_nonzero(~is_hole)), int(np.count_nonzero(is_hole))

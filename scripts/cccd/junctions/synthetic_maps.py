@@ -9,8 +9,9 @@ from enum import IntEnum
 import numpy as np
 
 from cccd.geometry.arrays import AnyArray, ByteArray, SingleArray
-from cccd.junctions.corruptions import KINDS, contours_of, corrupt
+from cccd.junctions.corruptions import KINDS, corrupt
 from cccd.junctions.labels import fill_contours
+from cccd.junctions.opencv import border_pixels
 from cccd.junctions.random_masks import draw_mask
 from cccd.junctions.synthetic_images import canny_map, draw_image
 
@@ -24,7 +25,7 @@ __all__ = [
 ]
 
 #: Corruptions of true contours, and edge maps of grey images inside a band and without one.
-ALL_KINDS = (*KINDS, "canny", "canny_whole")
+ALL_KINDS: tuple[str, ...] = (*KINDS, "canny", "canny_whole")
 
 # Larger maps (edge maps of noise, mostly) teach nothing and cost much.
 _MOST_PIXELS = 2500
@@ -78,7 +79,7 @@ def draw_map(rng: np.random.Generator, kind: str, severity: float | None = None)
         mask = draw_mask(rng)
         drawn = severity if severity is not None else float(rng.uniform(0.3, 1.5))
         image = None
-        contours = [contour.astype(np.int32) for contour in contours_of(mask)]
+        contours = [contour.astype(np.int32) for contour in border_pixels(mask)]
         length = sum(len(contour) for contour in contours)
         if kind.startswith("canny"):
             if length < _SHORTEST_SEEN:

@@ -5,7 +5,8 @@ import pytest
 from cccd.comparisons.baselines.decoders import DECODERS
 from cccd.comparisons.decoders import decode
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.junctions.corruptions import contours_of, corrupt
+from cccd.junctions.corruptions import corrupt
+from cccd.junctions.opencv import border_pixels
 from cccd.junctions.scoring import score_slice
 
 SEED = np.array([60.0, 60.0])
@@ -25,7 +26,7 @@ def run(name, drawn):
 @pytest.mark.parametrize("name", DECODERS)
 def test_a_clean_map_is_ordered_right(name):
     chain = run(name, corrupt(np.random.default_rng(0), organ(), "clean"))
-    assert score_slice([chain], contours_of(organ())).correct
+    assert score_slice([chain], border_pixels(organ())).correct
 
 
 @pytest.mark.parametrize("name", DECODERS)
@@ -39,7 +40,7 @@ def test_the_curve_is_strictly_simple_whatever_the_map(name, kind):
 @pytest.mark.parametrize("name", ["skeleton prune + tour + prizes", "circular shortest path (seeded)"])
 def test_spurs_are_left_out(name):
     chain = run(name, corrupt(np.random.default_rng(2), organ(), "spurs"))
-    assert score_slice([chain], contours_of(organ())).dice > 0.99
+    assert score_slice([chain], border_pixels(organ())).dice > 0.99
 
 
 @pytest.mark.parametrize(
@@ -47,7 +48,7 @@ def test_spurs_are_left_out(name):
 )
 def test_gaps_are_closed(name):
     chain = run(name, corrupt(np.random.default_rng(3), organ(), "gaps"))
-    assert score_slice([chain], contours_of(organ())).dice > 0.98
+    assert score_slice([chain], border_pixels(organ())).dice > 0.98
 
 
 @pytest.mark.parametrize("name", DECODERS)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cccd.junctions.corruptions import contours_of
+from cccd.junctions.opencv import border_pixels
 from cccd.junctions.delaunay import REGION_GAPS_PX, build_graph, join_graphs
 
 
@@ -13,7 +13,7 @@ def disc(radius: int) -> np.ndarray:
 
 
 def ring(radius: int) -> np.ndarray:
-    return np.unique(contours_of(disc(radius))[0], axis=0)
+    return np.unique(border_pixels(disc(radius))[0], axis=0)
 
 
 pixel_sets = st.sets(st.tuples(st.integers(0, 12), st.integers(0, 12)), min_size=1, max_size=60)
@@ -46,7 +46,7 @@ def test_links_know_their_triangles_and_triangles_their_links():
 
 
 def test_links_between_neighbouring_pixels_of_a_chain_are_candidates():
-    chain = contours_of(disc(14))[0]
+    chain = border_pixels(disc(14))[0]
     graph = build_graph(chain)
     present = {tuple(sorted(link)) for link in graph.links.tolist()}
     wanted = {tuple(sorted((n, (n + 1) % len(chain)))) for n in range(len(chain))}
@@ -64,7 +64,7 @@ def test_inside_of_a_closed_chain_is_one_region_one_wall_deep():
 
 @pytest.mark.parametrize("missing", [1, 3, 6])
 def test_a_gap_is_closed_by_walls_as_long_as_it_is(missing):
-    chain = contours_of(disc(25))[0]
+    chain = border_pixels(disc(25))[0]
     width = np.linalg.norm(chain[missing] - chain[-1])
     graph = build_graph(chain[missing:])
     middle = np.argmax(np.where(graph.outer, 0, graph.areas))

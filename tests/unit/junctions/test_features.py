@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cccd.junctions.corruptions import contours_of
+from cccd.junctions.opencv import border_pixels
 from cccd.junctions.delaunay import build_graph, join_graphs
 from cccd.junctions.features import INTENSITIES, LINKS, NODES, TRIANGLES, measure_features
 from cccd.junctions.intensity import normalised_intensity
@@ -15,7 +15,7 @@ def disc():
 
 
 def test_no_image_reads_as_zeros():
-    pixels = contours_of(disc())[0]
+    pixels = border_pixels(disc())[0]
     graph = build_graph(pixels)
     features = measure_features(graph, [None])
     assert features.nodes.shape == (len(graph.points), NODES.width)
@@ -29,7 +29,7 @@ def test_bone_and_air_leave_an_organ_its_contrast():
     image = np.where(mask, 60.0, 20.0) + np.random.default_rng(0).normal(0, 4, mask.shape)
     beside = image.copy()
     beside[:12], beside[-12:] = 1500, -1000
-    pixels = contours_of(mask)[0]
+    pixels = border_pixels(mask)[0]
     for shown in (image, beside):
         ranks = normalised_intensity(shown, pixels).channels[..., 1].astype(float)
         assert ranks[35:45, 35:45].mean() - ranks[35:45, 6:14].mean() > 80
@@ -37,7 +37,7 @@ def test_bone_and_air_leave_an_organ_its_contrast():
 
 def test_grey_values_are_read_where_the_image_has_them():
     mask = disc()
-    pixels = contours_of(mask)[0]
+    pixels = border_pixels(mask)[0]
     graph = build_graph(pixels)
     seen = normalised_intensity(mask.astype(np.float32), pixels)
     values = measure_features(graph, [seen]).triangles[:, INTENSITIES]
@@ -49,7 +49,7 @@ def test_grey_values_are_read_where_the_image_has_them():
 def test_neither_units_nor_place_of_the_image_change_what_is_read():
     mask = disc()
     image = np.random.default_rng(0).normal(0, 1, mask.shape) + mask
-    pixels = contours_of(mask)[0]
+    pixels = border_pixels(mask)[0]
     here = measure_features(build_graph(pixels), [normalised_intensity(image, pixels)])
     moved = pixels + np.array([9, 17])
     wide = 1000 * np.pad(image, ((9, 3), (17, 5))) - 7
@@ -60,7 +60,7 @@ def test_neither_units_nor_place_of_the_image_change_what_is_read():
 
 
 def test_a_fragment_is_known_by_its_size():
-    ring = contours_of(disc())[0]
+    ring = border_pixels(disc())[0]
     graph = build_graph(np.vstack([ring, [[2, 2], [2, 3]]]))
     links = measure_features(graph, [None]).links
     fewer, more = links[:, LINKS["fragment_size"]].T

@@ -11,7 +11,7 @@ from cccd.containers import Boundaries, Frame
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
-from cccd.junctions.corruptions import contours_of
+from cccd.junctions.opencv import border_pixels
 from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.inference import DEFAULTS
@@ -54,7 +54,7 @@ def test_any_labelling_gives_closed_strictly_simple_pixel_chains(seed, share):
 
 
 def test_a_clean_map_is_ordered_right_even_without_a_network():
-    chain = contours_of(blob())[0]
+    chain = border_pixels(blob())[0]
     curves, report = order_boundaries(boundaries([raster_order(chain)], [7]), None)
     assert curves.slice.tolist() == [7]
     assert score_slice(list(curves), [chain]).correct
@@ -62,7 +62,7 @@ def test_a_clean_map_is_ordered_right_even_without_a_network():
 
 
 def test_the_shipped_model_gives_a_clean_map_back_exactly(shipped):
-    chain = contours_of(blob())[0]
+    chain = border_pixels(blob())[0]
     curves, _ = order_boundaries(boundaries([raster_order(chain)]), shipped)
     assert {tuple(p) for p in curves.points.astype(int)} == {tuple(p) for p in chain}
 
@@ -75,7 +75,7 @@ def sliver():
 
 @pytest.mark.parametrize(("mask", "tip"), [(sliver(), 1), (blob(hole=True), 0)])
 def test_an_outline_is_taken_as_it_is_whatever_the_logits_say(mask, tip):
-    chains = contours_of(mask)
+    chains = border_pixels(mask)
     extra = [chains[0][0] - (n, 0) for n in range(1, tip + 1)] + [(2, 2), (2, 3)]  # a tip, and a speck
     graph = build_graph(raster_order(np.vstack([*chains, extra])))
     rng = np.random.default_rng(0)
@@ -88,7 +88,7 @@ def test_an_outline_is_taken_as_it_is_whatever_the_logits_say(mask, tip):
 
 
 def test_a_spur_or_a_chord_makes_it_no_outline():
-    chain = contours_of(blob())[0]
+    chain = border_pixels(blob())[0]
     rows = np.arange(chain[:, 0].min() + 1, chain[:, 0].max())
     chord = np.column_stack([rows, np.full(len(rows), 45)])
     for extra in (chord, chord[: len(chord) // 3]):
@@ -101,7 +101,7 @@ def test_a_spur_or_a_chord_makes_it_no_outline():
 
 
 def test_closed_curves_are_kept_where_the_cut_finds_nothing():
-    chain = contours_of(blob())[0]
+    chain = border_pixels(blob())[0]
     spur = chain[0] + np.column_stack([-np.arange(1, 9), np.zeros(8, int)])
     graph = build_graph(raster_order(np.vstack([chain, spur])))
     inside = label_inside(graph, (np.full(len(graph.triangles), -9.0), np.zeros(len(graph.links))), DEFAULTS)
@@ -111,7 +111,7 @@ def test_closed_curves_are_kept_where_the_cut_finds_nothing():
 
 
 def test_a_gap_is_bridged_by_neighbouring_pixels():
-    chain = contours_of(blob())[0]
+    chain = border_pixels(blob())[0]
     curves, _ = order_boundaries(boundaries([raster_order(chain[5:])]), None)
     assert on_pixel_chain(curves.points, curves.offsets).all()
     assert score_slice(list(curves), [chain]).correct
@@ -119,7 +119,7 @@ def test_a_gap_is_bridged_by_neighbouring_pixels():
 
 def test_slices_without_a_closed_boundary_are_reported_by_number_and_the_rest_goes_on():
     line = np.column_stack([np.arange(5, 40), np.full(35, 9)])
-    chain = raster_order(contours_of(blob())[0])
+    chain = raster_order(border_pixels(blob())[0])
     empty = np.zeros((0, 2))
     curves, report = order_boundaries(
         boundaries([line, chain, empty, chain, [[3, 3]]], [2, 4, 5, 6, 9]), None
@@ -129,7 +129,7 @@ def test_slices_without_a_closed_boundary_are_reported_by_number_and_the_rest_go
 
 
 def test_isolated_corners_and_junctions_are_counted_before_and_after():
-    chain = contours_of(blob())[0]
+    chain = border_pixels(blob())[0]
     spur = chain[0] + np.column_stack([-np.arange(1, 9), np.zeros(8, int)])
     _, report = order_boundaries(boundaries([raster_order(np.vstack([chain, spur]))]), None)
     row = report["slices"][0]
@@ -152,7 +152,7 @@ def test_the_shipped_model_finds_components_and_holes(shipped):
     mask = np.zeros((120, 200), np.uint8)
     mask[15:105, 10:100] = blob(hole=True)
     cv2.circle(mask, (150, 60), 22, 1, -1)
-    chains = contours_of(mask)
+    chains = border_pixels(mask)
     curves, report = order_boundaries(boundaries([raster_order(np.vstack(chains))]), shipped)
     assert score_slice(list(curves), chains).correct
     assert (report["outer"], report["holes"]) == (2, 1)

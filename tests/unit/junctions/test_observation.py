@@ -3,7 +3,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cccd.junctions.corruptions import contours_of
+from cccd.junctions.opencv import border_pixels
 from cccd.junctions.inference import DEFAULTS
 from cccd.junctions.intensity import image_edges, normalised_intensity
 from cccd.junctions.observation import observe
@@ -20,7 +20,7 @@ def scene():
 
 def test_edges_fill_what_a_map_leaves_open():
     mask, image = scene()
-    chain = contours_of(mask)[0]
+    chain = border_pixels(mask)[0]
     left, right = chain[:, 1] < 40, chain[:, 1] > 68
     pixels, missing = chain[left | right], chain[(chain[:, 1] > 42) & (chain[:, 1] < 66)]
     edges = image_edges(normalised_intensity(image, pixels), pixels, DEFAULTS)
@@ -30,7 +30,7 @@ def test_edges_fill_what_a_map_leaves_open():
 
 def test_without_an_image_the_graph_is_the_map_alone():
     mask, _ = scene()
-    chain = contours_of(mask)[0]
+    chain = border_pixels(mask)[0]
     seen = observe(chain, None, DEFAULTS)
     assert seen.intensity is None
     assert np.array_equal(seen.graph.observed, ~seen.graph.ghost)
@@ -51,7 +51,7 @@ def test_no_edge_touches_another_or_the_map(seed):
 
 
 def test_a_map_may_reach_beyond_its_image_and_an_image_may_be_blank():
-    chain = contours_of(scene()[0])[0]
+    chain = border_pixels(scene()[0])[0]
     _, image = scene()
     edges = image_edges(normalised_intensity(image[:, :50], chain), chain, DEFAULTS)
     assert edges[:, 1].max() < 50

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from cccd.junctions.corruptions import KINDS, contours_of, corrupt
+from cccd.junctions.corruptions import KINDS, corrupt
+from cccd.junctions.opencv import border_pixels
 from cccd.junctions.decoding import fill_inside
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.labels import inside_shares, link_labels
@@ -53,7 +54,7 @@ def test_a_map_without_corruption_is_the_masks_border():
 
 
 def test_shares_of_a_square_add_up_to_its_area():
-    contours = contours_of(square())
+    contours = border_pixels(square())
     pixels = np.unique(np.vstack([contours[0], [[3, 3], [50, 50], [25, 25]]]), axis=0)
     graph = build_graph(pixels)
     shares = inside_shares(graph, contours)
@@ -61,7 +62,7 @@ def test_shares_of_a_square_add_up_to_its_area():
 
 
 def test_true_links_of_a_clean_map_are_its_chain():
-    contour = contours_of(square())[0]
+    contour = border_pixels(square())[0]
     graph = build_graph(contour)
     true = graph.links[link_labels(graph, inside_shares(graph, [contour]))]
     wanted = {tuple(sorted((n, (n + 1) % len(contour)))) for n in range(len(contour))}

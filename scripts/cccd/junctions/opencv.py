@@ -1,0 +1,44 @@
+"""OpenCV's image operations, with types that a checker understands."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar, cast
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cccd.geometry.arrays import AnyArray, ByteArray, IntArray, SingleArray
+
+__all__ = ["border_pixels", "components", "distance_to_zero", "gaussian_blur", "sobel"]
+
+_Number = TypeVar("_Number", np.uint8, np.float32)
+
+
+def gaussian_blur(image: npt.NDArray[_Number], sigma_px: float) -> npt.NDArray[_Number]:
+    """Blur an image (I, J) by a Gaussian."""
+    return cast(npt.NDArray[_Number], cv2.GaussianBlur(image, (0, 0), sigma_px))
+
+
+def sobel(image: ByteArray | SingleArray) -> tuple[SingleArray, SingleArray]:
+    """Differentiate an image (I, J) along j and along i by Sobel's kernels: eight times its slope."""
+    orders = ((1, 0), (0, 1))
+    along_j, along_i = (cast(SingleArray, cv2.Sobel(image, cv2.CV_32F, *order)) for order in orders)
+    return along_j, along_i
+
+
+def distance_to_zero(mask: ByteArray) -> SingleArray:
+    """Distance (I, J) in pixels of every pixel to the nearest zero, by steps (chamfer)."""
+    return cast(SingleArray, cv2.distanceTransform(mask, cv2.DIST_L2, 3))
+
+
+def components(mask: ByteArray, connectivity: int) -> tuple[IntArray, IntArray]:
+    """Label each pixel (I, J) with its component, 0 where the mask is, and count the pixels (C,) of each."""
+    _, labels, stats, _ = cast(Any, cv2).connectedComponentsWithStats(mask, connectivity=connectivity)
+    return labels, stats[:, cv2.CC_STAT_AREA]
+
+
+def border_pixels(mask: AnyArray) -> list[IntArray]:
+    """Ordered border pixels (N, 2) as (i, j) of every outer border and hole of a mask (I, J)."""
+    found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    return [contour[:, 0, ::-1].astype(np.int64) for contour in found]
