@@ -32,7 +32,7 @@ class _Canvas:
 
     def count(self, per_300: float) -> int:
         """How many of a defect there are: at least one, and about ``per_300`` for 300 pixels."""
-        return max(1, int(self.rng.poisson(per_300 * self.sizes.sum() / 300)))
+        return max(1, int(self.rng.poisson(per_300 * int(self.sizes.sum()) / 300)))
 
     def pick(self) -> tuple[IntArray, int]:
         """Pick a random place on a random contour."""

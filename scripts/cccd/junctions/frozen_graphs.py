@@ -5,11 +5,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
 from cccd.geometry.arrays import (
     ByteArray,
+    IntArray,
     SingleArray,
     concatenate_ragged,
     offsets_of,
@@ -76,7 +78,7 @@ def _draw_split(count: int, weights: KindWeights, seed: int, number: int) -> lis
     """Draw maps of kinds in the proportions of their weights, the same for every split."""
     bounds = np.cumsum(np.array([getattr(weights, kind) for kind in ALL_KINDS], float))
     places = (np.arange(count) + 0.5) / max(count, 1) * bounds[-1]
-    kinds = [ALL_KINDS[kind] for kind in np.searchsorted(bounds, places).tolist()]
+    kinds = [ALL_KINDS[int(kind)] for kind in cast(IntArray, np.searchsorted(bounds, places))]
     streams = [np.random.default_rng([seed, RandomStream.FROZEN_MAPS, number, n]) for n in range(count)]
     return [draw_map(rng, kind) for rng, kind in zip(streams, kinds, strict=True)]
 

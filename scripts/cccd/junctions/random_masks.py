@@ -43,7 +43,7 @@ def draw_mask(rng: np.random.Generator) -> ByteArray:
     """
     while True:
         smallest, largest = (8, 60) if rng.random() < 0.7 else (40, 120)
-        radius = float(np.exp(rng.uniform(np.log(smallest), np.log(largest))))
+        radius = float(np.exp(float(rng.uniform(float(np.log(smallest)), float(np.log(largest))))))
         mask = (_field(rng, radius) > 0).astype(np.uint8)
         mask[:12], mask[-12:], mask[:, :12], mask[:, -12:] = 0, 0, 0, 0
         if rng.random() < 0.45:

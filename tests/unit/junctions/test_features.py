@@ -2,10 +2,10 @@ import cv2
 import numpy as np
 import pytest
 
-from cccd.junctions.opencv import border_pixels
 from cccd.junctions.delaunay import build_graph, join_graphs
 from cccd.junctions.features import INTENSITIES, LINKS, NODES, TRIANGLES, measure_features
 from cccd.junctions.intensity import normalised_intensity
+from cccd.junctions.opencv import border_pixels
 
 
 def disc():
