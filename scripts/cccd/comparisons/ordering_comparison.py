@@ -6,15 +6,14 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Boundaries, Curves, Structure
-from cccd.junctions import order_boundaries
-from cccd.junctions.network import JunctionNetwork
+from cccd.junctions import Predictor, order_boundaries
 from cccd.metrics import dice
 
 __all__ = ["compare_ordering"]
 
 
 def compare_ordering(
-    structure: Structure, boundaries: Boundaries, exact: Curves, model: JunctionNetwork
+    structure: Structure, boundaries: Boundaries, exact: Curves, model: Predictor
 ) -> pd.DataFrame:
     """Order a mask's boundary pixels by the network and hold the result against the traced contours.
 
@@ -25,8 +24,8 @@ def compare_ordering(
         Its boundary pixels.
     exact : Curves
         The traced contours, taken as the truth.
-    model : JunctionNetwork
-        From `cccd.junctions.load_model`.
+    model : Predictor
+        From `cccd.junctions.checkpoint.load_model`.
 
     Returns
     -------

@@ -11,9 +11,8 @@ from typing import Any
 from cccd.containers import Boundaries, Curves, Structure
 from cccd.curves.contours import check_closed
 from cccd.errors import InputError
-from cccd.junctions import order_boundaries
+from cccd.junctions import Predictor, order_boundaries
 from cccd.junctions.inference import DEFAULTS
-from cccd.junctions.network import JunctionNetwork
 from cccd.settings import InferenceSettings
 
 __all__ = ["order_contours"]
@@ -22,7 +21,7 @@ __all__ = ["order_contours"]
 def order_contours(
     structure: Structure,
     boundaries: Boundaries,
-    model: JunctionNetwork,
+    model: Predictor,
     settings: InferenceSettings = DEFAULTS,
 ) -> tuple[Curves, dict[str, Any]]:
     """Order the boundary pixels of every slice into closed simple curves.
@@ -33,7 +32,7 @@ def order_contours(
         Its image is read beside the pixels, where it has one.
     boundaries : Boundaries
         Its boundary pixels.
-    model : JunctionNetwork
+    model : Predictor
         From `cccd.junctions.checkpoint.load_model`.
     settings : InferenceSettings
 

@@ -21,6 +21,7 @@ module               holds
 ``decoding``         labelled triangles to closed chains
 ``inference``        the forward path, batched over slices
 ``ordering``         a volume's boundary pixels to curves
+``opencv``           OpenCV's operations, typed
 ``random_masks``     synthetic organs; ``synthetic_images``, ``corruptions``, ``synthetic_maps``, ``labels``:
                      images, noisy boundary maps and labels of them
 ``frozen_graphs``    ``graphs.h5``: graphs drawn once
@@ -29,6 +30,7 @@ module               holds
 ==================== ===============================================================================
 """
 
+from cccd.junctions.inference import Predictor
 from cccd.junctions.ordering import order_boundaries
 
-__all__ = ["order_boundaries"]
+__all__ = ["Predictor", "order_boundaries"]

@@ -5,6 +5,7 @@ import pytest
 from cccd.junctions.delaunay import build_graph, join_graphs
 from cccd.junctions.features import INTENSITIES, LINKS, NODES, TRIANGLES, measure_features
 from cccd.junctions.intensity import normalised_intensity
+from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.opencv import border_pixels
 
 
@@ -95,3 +96,25 @@ def test_a_slice_reads_the_same_alone_and_among_others():
         pairs = np.unique(np.column_stack([getattr(together, which), of]), axis=0)
         assert len(pairs) == sum(len(np.unique(getattr(part, which))) for part in apart)
         assert len(np.unique(pairs[:, 0])) == len(pairs)
+
+
+def test_columns_hold_what_their_names_say():
+    rng = np.random.default_rng(1)
+    graph = build_graph(np.unique(rng.integers(0, 40, (90, 2)), axis=0))
+    features = measure_features(graph, [None])
+    named = {
+        "links": (LINKS, {"length": np.log(graph.link_lengths), "short": graph.link_lengths < 1.5}),
+        "triangles": (TRIANGLES, {"area": np.log1p(graph.areas), "outer": graph.outer, "has_image": 0}),
+    }
+    for table, (schema, columns) in named.items():
+        for name, expected in columns.items():
+            np.testing.assert_allclose(getattr(features, table)[:, schema[name]][:, 0], expected, rtol=1e-6)
+    centre = NODES.names.index("occupancy_1px[+0,+0]")
+    assert np.array_equal(features.nodes[:, centre] == 255, graph.observed)
+    assert np.array_equal(features.nodes[:, NODES["unobserved"]][:, 0] == 255, ~graph.observed & ~graph.ghost)
+
+
+def test_the_network_is_as_wide_as_its_columns():
+    model = JunctionNetwork()
+    widths = [model.pixel_encoder[0], model.triangle_encoder[1], model.link_encoder[1]]
+    assert [layer.in_features for layer in widths] == [len(part.names) for part in (NODES, TRIANGLES, LINKS)]

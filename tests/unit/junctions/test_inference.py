@@ -1,3 +1,6 @@
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -13,12 +16,13 @@ from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
 from cccd.junctions.delaunay import build_graph
-from cccd.junctions.inference import DEFAULTS
+from cccd.junctions.inference import DEFAULTS, predict_masks
 from cccd.junctions.opencv import border_pixels
 from cccd.junctions.scoring import score_slice
 from cccd.junctions.synthetic_maps import draw_map
 
 FRAME = Frame(np.eye(4), 2, (200, 200, 50))
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(__file__).parents[3] / "scripts")}
 SHIPPED = Path(__file__).parents[3] / "workflow" / "models" / "junctions.pt"
 
 
@@ -178,6 +182,30 @@ def test_neither_batch_nor_place_changes_the_result(shipped):
     alone, _ = order_boundaries(boundaries([maps[3] + np.array([40, 17])]), shipped)
     mine = np.concatenate([c for c, k in zip(together, together.slice, strict=True) if k == 3])
     assert np.array_equal(np.add(mine, (40, 17)), alone.points)
+
+
+def test_the_order_of_pixels_and_of_slices_changes_nothing(shipped):
+    rng = np.random.default_rng(5)
+    drawn = [draw_map(rng, kind, 1.0) for kind in ("mixed", "canny", "thick", "clean", "gaps")]
+    images = [part.image for part in drawn]
+
+    def masks(order, shuffle):
+        maps = [rng.permutation(drawn[n].pixels) if shuffle else drawn[n].pixels for n in order]
+        filled, origin = predict_masks(maps, shipped, [images[n] for n in order])
+        return {n: np.argwhere(mask) + origin for n, mask in zip(order, filled, strict=True)}
+
+    expected = masks(range(5), shuffle=False)
+    for order, shuffle in (([3, 1, 4, 0, 2], False), (range(5), True)):
+        found = masks(order, shuffle)
+        assert all(np.array_equal(found[n], expected[n]) for n in range(5))
+
+
+def test_the_library_orders_without_torch():
+    code = "import sys; from cccd.junctions import order_boundaries; print('torch' in sys.modules)"
+    found = subprocess.run(
+        [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True, check=True
+    )
+    assert found.stdout.split() == ["False"]
 
 
 def test_an_image_is_read_where_its_origin_says(shipped):
