@@ -1,8 +1,12 @@
-"""Write the surface in another format."""
+"""Write the surface in another format: for viewers, for CAD, or lying on the scan."""
+
+from pathlib import Path
 
 from cccd.job import job
-from cccd.surface.export import read_surface, write_surface
+from cccd.surface.export import Scan, read_surface, write_surface
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
-    write_surface(snakemake.output[0], surface)
+    series = next((path for path in map(Path, snakemake.input.scan) if path.is_dir()), None)
+    scan = Scan(snakemake.wildcards.organ, snakemake.params.contour_spacing_mm, series)
+    write_surface(snakemake.output[0], surface, scan)

@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import os
+import re
 import sys
 import time
 from pathlib import Path
@@ -20,7 +21,7 @@ from cccd.dependencies import imported_files
 from cccd.dicom_objects import holds_contours
 from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
-from cccd.settings import nearest, validate_config
+from cccd.settings import SURFACE_FORMATS, nearest, validate_config
 
 
 def find_file(name):

@@ -1,9 +1,12 @@
 """Surfaces: curves -> lofted B-spline surface -> meshes for viewers and CAD, and a picture."""
 
+WRITERS = [
+    f"cccd.surface.formats.{name.replace('.', '_')}.write" for name in SURFACE_FORMATS
+]
+
 
 wildcard_constraints:
-    format="stl|vtp|glb|step",
-    clinical="nii.gz|dcm",
+    format="|".join(re.escape(name) for name in SURFACE_FORMATS if name != "ply"),
 
 
 rule loft_surface:
@@ -26,17 +29,20 @@ rule loft_surface:
         mem_mb=memory(2500, 40),
         runtime=minutes(20),
     params:
-        library=library("loft_surface"),
+        library=library("loft_surface", "cccd.surface.formats.ply.write"),
         settings=leave("surface", "formats", "contour_spacing_mm"),
     script:
         "../../scripts/loft_surface.py"
 
 
 rule export_surface:
-    """The surface for a viewer (STL, VTP, GLB) or as spline patches for CAD (STEP)."""
+    """The surface for a viewer (STL, VTP, GLB), as patches for CAD (STEP), or back on the scan: a label map on its
+    grid (NIfTI), contours on slices (RTSTRUCT).
+    """
     input:
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",
+        scan=source_files,
     output:
         "results/{case}/{organ}/surface.{format}",
     log:
@@ -52,36 +58,10 @@ rule export_surface:
         mem_mb=memory(1500, 40),
         runtime=minutes(10),
     params:
-        library=library("export_surface"),
+        library=library("export_surface", *WRITERS),
+        contour_spacing_mm=config["surface"]["contour_spacing_mm"],
     script:
         "../../scripts/export_surface.py"
-
-
-rule export_to_scan:
-    """The surface back on the scan: a label map on its grid (NIfTI), or contours on slices (RTSTRUCT)."""
-    input:
-        surface="results/{case}/{organ}/surface.h5",
-        mesh="results/{case}/{organ}/surface.ply",
-        scan=source_files,
-    output:
-        "results/{case}/{organ}/surface.{clinical}",
-    log:
-        "logs/{case}/{organ}/export_to_scan_{clinical}.log",
-    benchmark:
-        "benchmarks/{case}/{organ}/export_to_scan_{clinical}.tsv"
-    group:
-        "structure"
-    conda:
-        "../../envs/cccd.yaml"
-    threads: 1
-    resources:
-        mem_mb=memory(1500, 40),
-        runtime=minutes(10),
-    params:
-        library=library("export_to_scan"),
-        spacing_mm=config["surface"]["contour_spacing_mm"],
-    script:
-        "../../scripts/export_to_scan.py"
 
 
 rule render_surface:

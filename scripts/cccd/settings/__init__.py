@@ -23,6 +23,7 @@ from cccd.settings.root import Settings
 from cccd.settings.schema import load_schema
 from cccd.settings.section import Section, setting
 from cccd.settings.surface import (
+    SURFACE_FORMATS,
     BlendingSettings,
     FittingSettings,
     InterpolationSettings,
@@ -32,6 +33,7 @@ from cccd.settings.surface import (
 from cccd.settings.validation import validate_config
 
 __all__ = [
+    "SURFACE_FORMATS",
     "BlendingSettings",
     "BoundarySettings",
     "ComparisonSettings",

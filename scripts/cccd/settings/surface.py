@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator
 
@@ -10,6 +11,7 @@ from cccd.settings.section import Section, setting
 from cccd.settings.validators import without_repeats
 
 __all__ = [
+    "SURFACE_FORMATS",
     "BlendingSettings",
     "FittingSettings",
     "InterpolationSettings",
@@ -17,7 +19,18 @@ __all__ = [
     "MatchingSettings",
 ]
 
-_Format = Literal["ply", "stl", "vtp", "glb", "step", "nii.gz", "dcm"]
+#: Names of the formats, told by their modules without loading them.
+SURFACE_FORMATS = tuple(
+    sorted(
+        path.stem.replace("_", ".")
+        for path in (Path(__file__).parents[1] / "surface" / "formats").glob("[a-z]*.py")
+    )
+)
+
+if TYPE_CHECKING:
+    _Format = str
+else:
+    _Format = Literal[SURFACE_FORMATS]
 
 
 class InterpolationSettings(Section):

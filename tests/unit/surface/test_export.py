@@ -7,9 +7,10 @@ import trimesh
 from shapes import SETTINGS, curves_of, fork
 
 from cccd.errors import InputError
+from cccd.settings import SURFACE_FORMATS
 from cccd.store import write_patches
 from cccd.surface import loft_surface
-from cccd.surface.export import read_surface, write_surface
+from cccd.surface.export import Scan, read_surface, write_surface
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +55,16 @@ def test_vtp_says_its_frame(surface, tmp_path):
     mesh = pyvista.read(tmp_path / "surface.vtp")
     assert mesh.n_points == len(surface.vertices)
     assert list(mesh.field_data["Space"]) == ["RAS"]
+
+
+@pytest.mark.parametrize("name", SURFACE_FORMATS)
+def test_every_format_that_the_configuration_knows_is_written(surface, tmp_path, name):
+    if name == "step":
+        pytest.importorskip("OCP")
+    path = tmp_path / f"surface.{name}"
+    write_surface(path, surface, Scan("fork"))
+    assert path.stat().st_size > 1000
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_an_unknown_format_names_the_known_ones(surface, tmp_path):

@@ -1,0 +1,34 @@
+"""The files that a surface is written to: one module per format, named after it (``nii_gz`` for .nii.gz).
+
+Each has a function ``write(path, surface, scan)``. The configuration, the rules and `write_surface` go by the
+modules that are here, so a format is added by adding its module.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["NOTE", "Scan"]
+
+#: Written wherever a format has room for text; ``SPACE=RAS`` is what 3D Slicer looks for.
+NOTE = "CCCD surface; unit mm; SPACE=RAS"
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What formats that lie on the scan are told besides.
+
+    Attributes
+    ----------
+    organ : str
+        Name of the structure.
+    contour_spacing_mm : float or None
+        Distance of contours' planes; None for the scan's slices.
+    series : Path or None
+        Folder of the DICOM series that the file shall refer to.
+    """
+
+    organ: str = "surface"
+    contour_spacing_mm: float | None = None
+    series: Path | None = None

@@ -1,0 +1,33 @@
+"""Binary glTF. By its standard it is in metres with y up: the root node carries the transform from mm RAS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from cccd.surface.formats import NOTE, Scan
+from cccd.surface.surface import Surface
+
+__all__ = ["write"]
+
+#: mm RAS to glTF's metres, y up, z towards the viewer: x right, y superior, z anterior-to-viewer.
+TO_GLTF = np.array([[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1.0]])
+
+
+def write(path: Path, surface: Surface, scan: Scan) -> None:
+    """Write the mesh in a scene of its own."""
+    import trimesh
+
+    visual = cast(Any, trimesh).visual  # not among its stubs' attributes
+    mesh = cast(Any, surface.mesh.to_trimesh())
+    mesh.visual = visual.TextureVisuals(
+        material=visual.material.PBRMaterial(
+            baseColorFactor=[0.80, 0.47, 0.40, 1.0], metallicFactor=0.0, roughnessFactor=0.6
+        )
+    )
+    scene = cast(Any, trimesh.Scene())
+    scene.add_geometry(mesh, node_name="surface", geom_name="surface", transform=TO_GLTF)
+    scene.metadata["note"] = f"{NOTE}; the node's matrix turns mm RAS into metres, y up"
+    path.write_bytes(scene.export(file_type="glb"))
