@@ -1,0 +1,71 @@
+"""What tells drawn contours from masks before any scan is opened."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydicom.dataset import FileDataset, FileMetaDataset
+from pydicom.uid import ExplicitVRLittleEndian, RTStructureSetStorage, generate_uid
+
+from cccd.dicom_objects import dicom_modality, holds_contours, object_in
+from cccd.errors import InputError
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+
+
+def write(path: Path, modality: str) -> Path:
+    meta = FileMetaDataset()
+    meta.MediaStorageSOPClassUID, meta.TransferSyntaxUID = RTStructureSetStorage, ExplicitVRLittleEndian
+    meta.MediaStorageSOPInstanceUID = generate_uid()
+    file = FileDataset(None, {}, file_meta=meta, preamble=b"\0" * 128)
+    file.SOPClassUID, file.SOPInstanceUID = RTStructureSetStorage, meta.MediaStorageSOPInstanceUID
+    file.Modality = modality
+    file.save_as(path, enforce_file_format=True)
+    return path
+
+
+@pytest.mark.parametrize("name", ["rt.dcm", "RS1.2.840", "contours"])
+def test_an_rtstruct_is_known_by_its_content_whatever_its_name(tmp_path, name):
+    assert holds_contours(write(tmp_path / name, "RTSTRUCT"))
+    assert dicom_modality(tmp_path / name) == "RTSTRUCT"
+
+
+def test_what_holds_no_contours(tmp_path):
+    (tmp_path / "mask.nii.gz").write_bytes(b"\x1f\x8b" + bytes(300))
+    (tmp_path / "short").write_bytes(b"DICM")
+    torn = write(tmp_path / "torn.dcm", "RTSTRUCT")
+    torn.write_bytes(torn.read_bytes()[:140])
+    names = [
+        "mask.nii.gz",
+        "short",
+        "torn.dcm",
+        "not_there.dcm",
+        ".",
+        write(tmp_path / "seg.dcm", "SEG").name,
+    ]
+    assert [name for name in names if holds_contours(tmp_path / name)] == []
+    assert dicom_modality(tmp_path / "mask.nii.gz") is None
+    assert dicom_modality(torn) == ""
+
+
+def test_a_folder_with_one_object_stands_for_it(tmp_path):
+    write(tmp_path / "image.dcm", "CT")
+    assert object_in(tmp_path) == tmp_path
+    contours = write(tmp_path / "contours.dcm", "RTSTRUCT")
+    assert object_in(tmp_path) == contours
+    assert holds_contours(tmp_path)
+    write(tmp_path / "seg.dcm", "SEG")
+    with pytest.raises(InputError, match="2 SEG or RTSTRUCT objects"):
+        object_in(tmp_path)
+    assert not holds_contours(tmp_path)  # the job that imports it says why
+
+
+def test_a_scan_is_not_opened_beyond_its_first_bytes_nor_pydicom_imported_for_it(tmp_path):
+    np.zeros(100).tofile(tmp_path / "mask.nii")
+    code = (
+        "import sys; from pathlib import Path; from cccd.dicom_objects import holds_contours\n"
+        "assert not holds_contours(Path(sys.argv[1])); assert 'pydicom' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "mask.nii")], cwd=SCRIPTS, check=True)

@@ -1,0 +1,139 @@
+"""The data decide the way to the contours: what is planned for masks, drawn contours and boundary maps, and run."""
+
+import runpy
+
+import h5py
+import nibabel
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import ROOT
+
+SCANS = runpy.run_path(str(ROOT / "tests" / "unit" / "volumes" / "scans.py"))
+
+#: Loaded by every Python: whatever imports torch fails.
+NO_TORCH = """
+import sys
+class NoTorch:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] == "torch":
+            raise ImportError("this run was to do without torch")
+sys.meta_path.insert(0, NoTorch())
+"""
+
+NETWORK = {"generate_graphs", "train_gnn", "adopt_gnn", "evaluate_gnn", "compare_ordering"}
+TO_THE_SURFACE = {"import_structure": 1, "make_contours": 1, "fit_curves": 1, "loft_surface": 1}
+TO_ORDER = {"extract_boundaries": 1, "adopt_gnn": 1}
+
+
+def ball() -> np.ndarray:
+    offset = np.indices((24, 24, 16)) - np.array([12, 12, 7.5]).reshape(3, 1, 1, 1)
+    return (offset**2).sum(0) < 6.5**2
+
+
+def outline(mask: np.ndarray) -> np.ndarray:
+    """A mask's pixels beside its background in the slice."""
+    edge = np.zeros_like(mask)
+    for axis in (0, 1):
+        for step in (1, -1):
+            edge |= mask & ~np.roll(mask, step, axis)
+    return edge
+
+
+@pytest.fixture
+def sheet(fresh_project):
+    """A sheet of one structure of each kind, and what chooses it on the command line."""
+    folder, mask = fresh_project.folder, ball()
+    for name, data in {"mask": mask, "map": outline(mask), "image": 100.0 * mask}.items():
+        image = nibabel.Nifti1Image(data.astype(np.float32), np.diag([1.0, 1.0, 2.0, 1.0]))
+        nibabel.save(image, folder / f"{name}.nii.gz")
+    (folder / "drawn").mkdir()
+    drawn = SCANS["outlines"](mask, np.diag([1.0, 1.0, 2.0, 1.0]))
+    SCANS["write_structure_set"](folder / "drawn" / "contours", {"ball": drawn})
+    rows = [
+        "case\torgan\timage\tmask\tboundary",
+        "mask\tball\t\tmask.nii.gz\t",
+        "scan\tball\timage.nii.gz\t\t",
+        "file\tball\t\tdrawn/contours\t",
+        "folder\tball\t\tdrawn\t",
+        "map\tball\timage.nii.gz\t\tmap.nii.gz",
+    ]
+    (folder / "ways.tsv").write_text("\n".join(rows) + "\n")
+    return ["--config", "cohort=ways.tsv", "train=auto"]
+
+
+@pytest.mark.parametrize(
+    ("case", "extra"), [("mask", {}), ("scan", {}), ("file", {}), ("folder", {}), ("map", TO_ORDER)]
+)
+def test_only_what_needs_the_network_waits_for_it(fresh_project, sheet, case, extra):
+    planned = fresh_project.planned(*sheet, "--", f"results/{case}/ball/surface.ply")
+    assert planned == TO_THE_SURFACE | extra
+
+
+@pytest.mark.parametrize(("case", "extra"), [("mask", TO_ORDER), ("scan", TO_ORDER), ("file", {})])
+def test_a_mask_is_ordered_by_the_network_when_that_is_asked_for(fresh_project, sheet, case, extra):
+    asked = [*sheet, "curves={ordering: gnn}", "--", f"results/{case}/ball/surface.ply"]
+    assert fresh_project.planned(*asked) == TO_THE_SURFACE | extra
+
+
+def test_every_way_ends_in_the_same_layout(fresh_project, sheet):
+    cases = {"mask": "traced mask", "folder": "contours as given", "map": "GNN"}
+    targets = [f"results/{case}/ball/curves.h5" for case in cases]
+    fresh_project.snakemake(*sheet, "--", *targets)
+    layouts = []
+    for case, method in cases.items():
+        with h5py.File(fresh_project.results / case / "ball" / "contours.h5") as file:
+            assert f'"method": "{method}"' in file.attrs["report"]
+            layouts.append({name: part.dtype for name, part in file["ordered"].items()})
+            assert len(np.unique(file["ordered/slice"][:])) == ball().any((0, 1)).sum()
+    assert layouts[0] == layouts[1] == layouts[2]
+
+
+def test_a_cohort_of_masks_and_contours_does_without_model_and_torch(fresh_project, sheet, tmp_path):
+    lines = (fresh_project.folder / "ways.tsv").read_text().splitlines()
+    (fresh_project.folder / "ways.tsv").write_text("\n".join([*lines[:2], lines[4]]) + "\n")
+    assert NETWORK.isdisjoint(fresh_project.planned(*sheet))
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site" / "sitecustomize.py").write_text(NO_TORCH)
+    env = fresh_project.surroundings()["env"] | {"PYTHONPATH": str(tmp_path / "site")}
+    fresh_project.snakemake(*sheet, env=env)
+    assert (fresh_project.results / "report.html").exists()
+    assert not (fresh_project.results / "gnn").exists()
+    assert not (fresh_project.results / "tables" / "junctions.csv").exists()
+    ordering = pd.read_csv(fresh_project.results / "tables" / "ordering.csv")
+    assert ordering["method"].tolist() == ["traced mask", "contours as given"]
+
+
+def test_a_network_that_is_named_is_compared_on_masks_too(fresh_project, sheet):
+    (fresh_project.folder / "ways.tsv").write_text("case\torgan\tmask\nmask\tball\tmask.nii.gz\n")
+    named = [*sheet, "gnn={pretrained: workflow/models/junctions.pt}"]
+    assert {rule for rule in fresh_project.planned(*named) if rule in NETWORK} == {
+        "adopt_gnn",
+        "evaluate_gnn",
+        "compare_ordering",
+    }
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (
+            ["train=true", "gnn={pretrained: workflow/models/junctions.pt}"],
+            ["gnn.pretrained", "train: false"],
+        ),
+        (["train=false", "gnn={start: workflow/models/junctions.pt}"], ["gnn.start", "train: true"]),
+    ],
+)
+def test_two_wishes_that_exclude_each_other_are_refused(fresh_project, settings, words):
+    run = fresh_project.snakemake("--dry-run", "--config", *settings, check=False)
+    (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
+    assert all(word in line for word in words)
+
+
+def test_who_trains(fresh_project):
+    """The default cohort, unless it is told not to; others when they are told to."""
+    default = ["--config", "cohort=config/cohort.tsv"]
+    assert "train_gnn" in fresh_project.planned(*default, "train=auto")
+    assert "train_gnn" not in fresh_project.planned(*default, "train=false")
+    assert "train_gnn" not in fresh_project.planned("--config", "train=auto")
+    assert "train_gnn" in fresh_project.planned("--config", "train=true")
