@@ -123,8 +123,8 @@ class Structure:
     boundary: np.ndarray | None = None
     contours: Curves | None = None
     truth: tuple[np.ndarray, np.ndarray] | None = None
-    provenance: dict = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
+    provenance: dict[str, Any] = field(default_factory=dict[str, Any])
+    warnings: list[str] = field(default_factory=list[str])
 
     def stack(self, name: str) -> np.ndarray | None:
         """``image``, ``mask`` or ``boundary`` as a contiguous stack (S, I, J) with slices first."""

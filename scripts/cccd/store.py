@@ -12,13 +12,14 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import h5py
 import numpy as np
+import numpy.typing as npt
 
 from cccd.containers import (
     Boundaries,
@@ -34,6 +35,9 @@ from cccd.containers import (
 from cccd.errors import InputError
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.mesh import Mesh
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = [
     "GraphSplit",
@@ -65,7 +69,7 @@ __all__ = [
 
 
 @contextlib.contextmanager
-def atomic_path(path: str | Path) -> Iterator[Path]:
+def atomic_path(path: str | Path) -> Generator[Path, None, None]:
     """Give a temporary path in the same folder; rename it to ``path`` when the block succeeds.
 
     The temporary name keeps the suffix (writers choose their format by it) and is unique to the
@@ -93,7 +97,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def _create(path: str | Path) -> Iterator[h5py.File]:
+def _create(path: str | Path) -> Generator[h5py.File, None, None]:
     """Build the file in memory and write it at once: HDF5 crashes the process when the disk is full."""
     content = io.BytesIO()
     with h5py.File(content, "w", track_order=False) as file:
@@ -103,7 +107,7 @@ def _create(path: str | Path) -> Iterator[h5py.File]:
 
 
 @contextlib.contextmanager
-def _open(path: str | Path) -> Iterator[h5py.File]:
+def _open(path: str | Path) -> Generator[h5py.File, None, None]:
     try:
         file = h5py.File(path, "r", locking=False)
     except OSError as error:
@@ -119,10 +123,33 @@ def _open(path: str | Path) -> Iterator[h5py.File]:
             ) from None
 
 
-def _put(group: h5py.Group, name: str, array: np.ndarray, dtype=None) -> None:
+def _put(group: h5py.Group, name: str, array: npt.ArrayLike, dtype: npt.DTypeLike | None = None) -> None:
     array = np.ascontiguousarray(array, dtype)
     packed = {"compression": "gzip", "compression_opts": 4, "shuffle": True} if array.size > 1024 else {}
     group.create_dataset(name, data=array, track_times=False, **packed)
+
+
+def _get(group: h5py.Group, name: str) -> npt.NDArray[Any]:
+    """Read an array; its type is the writer's."""
+    return group[name][:]
+
+
+def _get_if_there(group: h5py.Group, name: str) -> npt.NDArray[Any] | None:
+    return _get(group, name) if name in group else None
+
+
+def _put_json(group: h5py.Group, name: str, value: object) -> None:
+    group.attrs[name] = json.dumps(value, sort_keys=True)
+
+
+def _get_json(group: h5py.Group, name: str) -> Any:
+    return json.loads(group.attrs[name])
+
+
+def _numbered(group: h5py.Group, name: str) -> list[h5py.Group]:
+    """Give the groups 0, 1, 2 ... below the group ``name``."""
+    parent: h5py.Group = group[name]
+    return [parent[key] for key in sorted(parent, key=int)]
 
 
 def _put_frame(group: h5py.Group, frame: Frame) -> None:
@@ -134,26 +161,26 @@ def _put_frame(group: h5py.Group, frame: Frame) -> None:
 
 
 def _get_frame(group: h5py.Group) -> Frame:
-    shape = tuple(int(n) for n in group.attrs["shape"])
-    return Frame(np.array(group.attrs["affine"]), int(group.attrs["slice_axis"]), shape)
+    first, second, third = (int(n) for n in group.attrs["shape"])
+    return Frame(np.array(group.attrs["affine"]), int(group.attrs["slice_axis"]), (first, second, third))
 
 
 def read_report(path: str | Path) -> dict[str, Any]:
     """Read what a stage reported beside ``contours.h5``, ``curves.h5`` or ``surface.h5``: plain JSON."""
     with _open(path) as file:
-        return json.loads(file.attrs["report"])
+        return _get_json(file, "report")
 
 
-def write_json(path: str | Path, value: dict) -> None:
+def write_json(path: str | Path, value: Mapping[str, Any]) -> None:
     """Write ``value`` as sorted, indented JSON; NumPy scalars become numbers, NaN becomes null."""
 
-    def plain(item):
-        if isinstance(item, dict):
-            return {str(key): plain(part) for key, part in item.items()}
+    def plain(item: Any) -> Any:
+        if isinstance(item, Mapping):
+            return {str(key): plain(part) for key, part in cast(Mapping[Any, Any], item).items()}
         if isinstance(item, (list, tuple, np.ndarray)):
-            return [plain(part) for part in item]
+            return [plain(part) for part in cast(Iterable[Any], item)]
         if isinstance(item, np.generic):
-            item = item.item()
+            return plain(cast(Any, item).item())
         return None if isinstance(item, float) and not np.isfinite(item) else item
 
     with atomic_path(path) as temporary:
@@ -161,18 +188,18 @@ def write_json(path: str | Path, value: dict) -> None:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
-def read_json(path: str | Path) -> dict:
+def read_json(path: str | Path) -> dict[str, Any]:
     """Read what `write_json` wrote."""
     return json.loads(Path(path).read_text(encoding="utf-8"))
 
 
-def write_table(path: str | Path, table) -> None:
+def write_table(path: str | Path, table: pd.DataFrame) -> None:
     """Write a pandas DataFrame as CSV without its index."""
     with atomic_path(path) as temporary:
         table.to_csv(temporary, index=False, float_format="%.6g", lineterminator="\n")
 
 
-def read_table(path: str | Path):
+def read_table(path: str | Path) -> pd.DataFrame | None:
     """Read a CSV file as a pandas DataFrame; None when the file is not there or holds no rows."""
     import pandas as pd
 
@@ -193,8 +220,8 @@ def write_structure(path: str | Path, structure: Structure) -> None:
         file.attrs["case"] = structure.case
         file.attrs["organ"] = structure.organ
         file.attrs["origin"] = np.asarray(structure.origin, np.int64)
-        file.attrs["provenance"] = json.dumps(structure.provenance, sort_keys=True)
-        file.attrs["warnings"] = json.dumps(structure.warnings)
+        _put_json(file, "provenance", structure.provenance)
+        _put_json(file, "warnings", structure.warnings)
         if structure.image is not None:
             _put(file, "image", structure.image, np.float32)
         for name in ("mask", "boundary"):
@@ -211,27 +238,26 @@ def read_structure(path: str | Path) -> Structure:
     """Read ``structure.h5``."""
     with _open(path) as file:
         frame = _get_frame(file)
-        truth = (file["truth/points"][:], file["truth/faces"][:]) if "truth" in file else None
+        truth = (_get(file, "truth/points"), _get(file, "truth/faces")) if "truth" in file else None
         return Structure(
             case=str(file.attrs["case"]),
             organ=str(file.attrs["organ"]),
             frame=frame,
             origin=np.array(file.attrs["origin"]),
-            image=file["image"][:] if "image" in file else None,
-            mask=file["mask"][:].astype(bool) if "mask" in file else None,
-            boundary=file["boundary"][:].astype(bool) if "boundary" in file else None,
+            image=_get_if_there(file, "image"),
+            mask=_get(file, "mask").astype(bool) if "mask" in file else None,
+            boundary=_get(file, "boundary").astype(bool) if "boundary" in file else None,
             contours=_get_curves(file["contours"], frame) if "contours" in file else None,
             truth=truth,
-            provenance=json.loads(file.attrs["provenance"]),
-            warnings=json.loads(file.attrs["warnings"]),
+            provenance=_get_json(file, "provenance"),
+            warnings=_get_json(file, "warnings"),
         )
 
 
-def read_structure_facts(path: str | Path) -> tuple[Frame, dict, list[str]]:
+def read_structure_facts(path: str | Path) -> tuple[Frame, dict[str, Any], list[str]]:
     """Read the frame, the provenance and the warnings of ``structure.h5``, and none of its arrays."""
     with _open(path) as file:
-        provenance = json.loads(file.attrs["provenance"])
-        return _get_frame(file), provenance, json.loads(file.attrs["warnings"])
+        return _get_frame(file), _get_json(file, "provenance"), _get_json(file, "warnings")
 
 
 # boundaries.h5 --------------------------------------------------------------------------------------
@@ -249,8 +275,8 @@ def write_boundaries(path: str | Path, boundaries: Boundaries) -> None:
 def read_boundaries(path: str | Path) -> Boundaries:
     """Read ``boundaries.h5``."""
     with _open(path) as file:
-        pixels = file["pixels"]
-        return Boundaries(pixels["points"][:], pixels["offsets"][:], pixels["slice"][:], _get_frame(file))
+        points, offsets, slices = (_get(file, f"pixels/{name}") for name in ("points", "offsets", "slice"))
+        return Boundaries(points, offsets, slices, _get_frame(file))
 
 
 # contours.h5 and curves.h5 --------------------------------------------------------------------------
@@ -270,7 +296,7 @@ def write_contours(path: str | Path, curves: Curves, report: Mapping[str, Any]) 
     """
     with _create(path) as file:
         _put_frame(file, curves.frame)
-        file.attrs["report"] = json.dumps(report, sort_keys=True)
+        _put_json(file, "report", report)
         _put_curves(file.create_group("ordered"), curves)
 
 
@@ -287,14 +313,15 @@ def _put_curves(group: h5py.Group, curves: Curves) -> None:
 
 
 def _get_curves(group: h5py.Group, frame: Frame) -> Curves:
-    return Curves(group["points"][:], group["offsets"][:], group["slice"][:], group["hole"][:], frame)
+    points, offsets, slices, hole = (_get(group, name) for name in ("points", "offsets", "slice", "hole"))
+    return Curves(points, offsets, slices, hole, frame)
 
 
 def write_curves(path: str | Path, fitted: FittedCurves) -> None:
     """Write ``curves.h5``: the ordered curves again, and what describes them beside them."""
     with _create(path) as file:
         _put_frame(file, fitted.curves.frame)
-        file.attrs["report"] = json.dumps(fitted.report, sort_keys=True)
+        _put_json(file, "report", fitted.report)
         _put_curves(file.create_group("ordered"), fitted.curves)
         _put(file, "chain_codes/codes", fitted.codes, np.uint8)
         _put(file, "chain_codes/offsets", fitted.curves.offsets, np.int64)
@@ -314,30 +341,29 @@ def read_curves(path: str | Path) -> Curves:
         return _get_curves(file["ordered"], _get_frame(file))
 
 
-def read_chain_codes(path: str | Path) -> np.ndarray:
+def read_chain_codes(path: str | Path) -> npt.NDArray[np.uint8]:
     """Read the Freeman codes (P,) of ``curves.h5``; the offsets are the curves' own."""
     with _open(path) as file:
-        return file["chain_codes/codes"][:]
+        return _get(file, "chain_codes/codes")
 
 
-def read_corners(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+def read_corners(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
     """Read the corner points (K, 2) of ``curves.h5`` and their offsets (C + 1,)."""
     with _open(path) as file:
-        return file["corners/points"][:], file["corners/offsets"][:]
+        return _get(file, "corners/points"), _get(file, "corners/offsets")
 
 
 def read_splines(path: str | Path) -> Splines:
     """Read the closed splines of ``curves.h5``."""
     with _open(path) as file:
-        group, ordered = file["splines"], file["ordered"]
         return Splines(
-            group["control_points"][:],
-            group["offsets"][:],
-            group["knots"][:],
-            group["knot_offsets"][:],
-            ordered["slice"][:],
-            ordered["hole"][:],
-            int(group.attrs["degree"]),
+            _get(file, "splines/control_points"),
+            _get(file, "splines/offsets"),
+            _get(file, "splines/knots"),
+            _get(file, "splines/knot_offsets"),
+            _get(file, "ordered/slice"),
+            _get(file, "ordered/hole"),
+            int(file["splines"].attrs["degree"]),
             _get_frame(file),
         )
 
@@ -425,14 +451,14 @@ def write_graphs(
 def read_graphs(path: str | Path, split: str) -> GraphSplit:
     """Read one split of ``graphs.h5``."""
     with _open(path) as file:
-        return GraphSplit(**{name: file[split][place][:] for name, place in _GRAPH_PATHS.items()})
+        return GraphSplit(**{name: _get(file, f"{split}/{path}") for name, path in _GRAPH_PATHS.items()})
 
 
-def read_graph_facts(path: str | Path) -> tuple[dict[str, int], dict]:
+def read_graph_facts(path: str | Path) -> tuple[dict[str, int], dict[str, Any]]:
     """Read how many graphs each split of ``graphs.h5`` holds, and the file's attributes; no graph."""
     with _open(path) as file:
-        counts = {name: len(file[name]["kind"]) for name in ("training", "validation", "test")}
-        return counts, dict(file.attrs)
+        counts = {name: len(file[f"{name}/kind"]) for name in ("training", "validation", "test")}
+        return counts, dict(file.attrs.items())
 
 
 # comparisons/<name>.h5 ------------------------------------------------------------------------------
@@ -460,18 +486,17 @@ def read_figure(path: str | Path, name: str) -> SliceFigure | None:
     with _open(path) as file:
         if name not in file:
             return None
-        group = file[name]
-        parts = [group["panels"][key] for key in sorted(group["panels"], key=int)]
+        group: h5py.Group = file[name]
         panels = [
             Panel(
                 part.attrs["title"],
-                {layer: points[:] for layer, points in part["layers"].items()},
+                {layer: _get(part["layers"], layer) for layer in part["layers"]},
                 part.attrs["detail"],
                 part.attrs["row"],
             )
-            for part in parts
+            for part in _numbered(group, "panels")
         ]
-        window, image = (group[key][:] if key in group else None for key in ("window", "image"))
+        window, image = _get_if_there(group, "window"), _get_if_there(group, "image")
         return SliceFigure(panels, int(group.attrs["columns"]), window, image)
 
 
@@ -496,22 +521,27 @@ def read_view(path: str | Path) -> View:
     """Read ``view.h5``."""
     with _open(path) as file:
         meshes = {
-            name: Mesh(group["vertices"][:].astype(float), group["faces"][:].astype(np.int64))
-            for name, group in file["meshes"].items()
+            name: Mesh(
+                _get(file, f"meshes/{name}/vertices").astype(float),
+                _get(file, f"meshes/{name}/faces").astype(np.int64),
+            )
+            for name in file["meshes"]
         }
-        values = {name: column[:].astype(float) for name, column in file["values"].items()}
-        flags = {name: column[:] for name, column in file.get("flags", {}).items()}
+        values = {name: _get(file["values"], name).astype(float) for name in file["values"]}
+        flags = {name: _get(file["flags"], name) for name in file["flags"]} if "flags" in file else {}
         return View(meshes, values, int(file.attrs["triangles"]), str(file.attrs["reference"]), flags)
 
 
 # surface.h5 -----------------------------------------------------------------------------------------
 
 
-def write_patches(path: str | Path, patches: list[Patch], frame: Frame, report: dict) -> None:
+def write_patches(
+    path: str | Path, patches: Sequence[Patch], frame: Frame, report: Mapping[str, Any]
+) -> None:
     """Write ``surface.h5``: control nets in mm RAS; ``report`` is plain JSON about the lofting."""
     with _create(path) as file:
         _put_frame(file, frame)
-        file.attrs["report"] = json.dumps(report, sort_keys=True)
+        _put_json(file, "report", report)
         root = file.create_group("patches")
         for number, patch in enumerate(patches):
             group = root.create_group(str(number))
@@ -526,14 +556,21 @@ def write_patches(path: str | Path, patches: list[Patch], frame: Frame, report: 
 def read_patches(path: str | Path) -> list[Patch]:
     """Read the control nets of ``surface.h5``."""
     with _open(path) as file:
-        patches = []
-        for name in sorted(file["patches"], key=int):
-            group = file["patches"][name]
-            arrays = (group[key][:] for key in ("control_points", "weights", "knots_u", "knots_v"))
-            degrees = (int(group.attrs[key]) for key in ("degree_u", "degree_v"))
-            closed = (bool(group.attrs[key]) for key in ("closed_u", "closed_v"))
-            patches.append(Patch(*arrays, *degrees, *closed, int(group.attrs["sign"])))
-        return patches
+        return [_get_patch(group) for group in _numbered(file, "patches")]
+
+
+def _get_patch(group: h5py.Group) -> Patch:
+    return Patch(
+        _get(group, "control_points"),
+        _get(group, "weights"),
+        _get(group, "knots_u"),
+        _get(group, "knots_v"),
+        int(group.attrs["degree_u"]),
+        int(group.attrs["degree_v"]),
+        bool(group.attrs["closed_u"]),
+        bool(group.attrs["closed_v"]),
+        int(group.attrs["sign"]),
+    )
 
 
 def read_surface_frame(path: str | Path) -> Frame:

@@ -1,4 +1,4 @@
-"""The data decide the way to the contours: what is planned for masks, drawn contours and boundary maps, and run."""
+"""The data decide the way to the contours: what masks, drawn contours and boundary maps wait for."""
 
 import runpy
 

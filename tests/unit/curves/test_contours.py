@@ -15,6 +15,7 @@ from cccd.curves.ordering import order_contours
 from cccd.errors import InputError
 from cccd.junctions.checkpoint import load_model
 from cccd.settings import BoundarySettings
+from cccd.tracing import trace_stack
 
 MODEL = Path(__file__).parents[3] / "workflow" / "models" / "junctions.pt"
 
@@ -41,11 +42,11 @@ def model():
 @given(stack=hnp.arrays(bool, st.tuples(st.integers(1, 3), st.just(9), st.just(9))))
 def test_traced_contours_and_what_is_left_out_make_up_the_mask(stack):
     structure = structure_of(stack)
-    try:
-        curves, report = trace_contours(structure)
-    except InputError as error:
-        assert error.problem == "no slice has a closed boundary"
+    if not len(trace_stack(stack, (0, 0, 0), structure.frame)):
+        with pytest.raises(InputError, match="no slice has a closed boundary"):
+            trace_contours(structure)
         return
+    curves, report = trace_contours(structure)
     filled = curves.rasterise(structure.stack_origin, stack.shape)
     missing = report["left_out"]["component_pixels"] + report["left_out"]["spur_pixels"]
     assert not (filled & ~stack).any()
