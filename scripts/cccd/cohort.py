@@ -12,6 +12,7 @@ import functools
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from cccd.errors import InputError
 from cccd.settings import choices, load_schema, nearest
@@ -26,7 +27,7 @@ _TUMOUR = ("tumour", "tumor", "lesion")
 
 
 @functools.cache
-def _columns() -> dict[str, dict]:
+def _columns() -> dict[str, dict[str, Any]]:
     return load_schema(SCHEMA)["properties"]
 
 
