@@ -150,7 +150,9 @@ def read_cohort(path: str | Path) -> list[dict[str, str]]:
         if any(record[len(header) :]):
             raise InputError(location, f"{len(record)} fields under {len(header)} columns", "check its tabs")
         given = {name: value for name, value in zip(header, record, strict=False) if value}
-        row = {name: given.get(name, rules.get("default", "")) for name, rules in _columns().items()}
+        row: dict[str, str] = {
+            name: given.get(name) or rules.get("default", "") for name, rules in _columns().items()
+        }
         row["location"] = location
         _check_row(row)
         key = (row["case"], row["organ"])
