@@ -82,9 +82,11 @@ def smoothing_operator(design: FloatArray, roughness: float, closed: bool) -> Fl
     difference = np.roll(np.eye(count), 1, 0) - 2 * np.eye(count) + np.roll(np.eye(count), -1, 0)
     if not closed:
         difference = difference[1:-1]
-    normal = design.T @ design
-    weight = roughness * np.trace(normal) / count
-    return np.linalg.solve(normal + weight * difference.T @ difference + 1e-12 * np.eye(count), design.T)
+    normal: FloatArray = design.T @ design
+    weight = roughness * float(np.trace(normal)) / count
+    bending: FloatArray = weight * difference.T @ difference
+    system: FloatArray = normal + bending + 1e-12 * np.eye(count)
+    return np.linalg.solve(system, design.T).astype(float, copy=False)
 
 
 @dataclass(frozen=True)

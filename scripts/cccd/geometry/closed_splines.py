@@ -132,6 +132,8 @@ def sample_ragged(control: FloatArray, offsets: IntArray, knots: FloatArray, cou
     for c, count in enumerate(counts):
         begin, end = offsets[c], offsets[c + 1]
         own = knots[begin + 7 * c : end + 7 * (c + 1)]
-        low, high = own[DEGREE], own[-DEGREE - 1]
-        parts.append(evaluate(own, control[begin:end], low + (high - low) * np.arange(count) / count))
+        low, high = float(own[DEGREE]), float(own[-DEGREE - 1])
+        parts.append(
+            evaluate(own, control[begin:end], low + (high - low) * np.arange(int(count)) / int(count))
+        )
     return np.concatenate(parts)

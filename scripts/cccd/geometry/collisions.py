@@ -6,6 +6,7 @@ are tested, each pair in the lowest cell that both reach.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -54,11 +55,13 @@ def passing_pairs(vertices: FloatArray, faces: IntArray) -> IntArray:
 
 def _in_cells(vertices: FloatArray, faces: IntArray) -> _Triangles:
     corners = np.ascontiguousarray(vertices[faces])
-    low, high = corners.min(axis=1), corners.max(axis=1)
+    low: FloatArray = corners.min(axis=1)
+    high: FloatArray = corners.max(axis=1)
     size = float(np.mean(high - low)) * 2 + 1e-12
-    first = np.floor((low - low.min(axis=0)) / size).astype(np.int64)
-    last = np.floor((high - low.min(axis=0)) / size).astype(np.int64)
-    return _Triangles(corners, faces, low, high, first, last, last.max(axis=0) + 1)
+    lowest: FloatArray = low.min(axis=0)
+    first = np.floor((low - lowest) / size).astype(np.int64)
+    last = np.floor((high - lowest) / size).astype(np.int64)
+    return _Triangles(corners, faces, low, high, first, last, np.add(last.max(axis=0), 1))
 
 
 @jit
@@ -81,7 +84,7 @@ def _grid_entries(triangles: _Triangles, entries: int) -> tuple[IntArray, IntArr
 @jit
 def _pairs_in_cells(
     triangles: _Triangles, cell: IntArray, member: IntArray, starts: IntArray
-) -> list[tuple[int, int]]:
+) -> Sequence[tuple[np.int64, np.int64]]:
     """Pairs that pass through each other; ``member[starts[n]:starts[n + 1]]`` reach one cell."""
     found = [(np.int64(0), np.int64(0)) for _ in range(0)]  # typed and empty
     for n in range(len(starts) - 1):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import cv2
 import numpy as np
 from scipy import ndimage
@@ -39,12 +41,12 @@ def to_mask(mask: BoolArray, spacing: FloatArray) -> SingleArray:
     inside = np.ascontiguousarray(mask, np.uint8)
     if np.isclose(*spacing, rtol=1e-3):
         to_outside, to_inside = _pixels_away(inside), _pixels_away(1 - inside)
-        signed = np.where(mask, 0.5 - to_outside, to_inside - 0.5) * spacing.mean()
-        return signed.astype(np.float32)
-    to_outside = ndimage.distance_transform_edt(inside, sampling=spacing)
-    to_inside = ndimage.distance_transform_edt(1 - inside, sampling=spacing)
-    half = spacing.min() / 2  # neighbours along the finer axis decide where most borders lie
-    return np.where(mask, half - to_outside, to_inside - half).astype(np.float32)
+        pixels = np.where(mask, 0.5 - to_outside, to_inside - 0.5)
+        return np.asarray(pixels * float(spacing.mean()), np.float32)
+    to_outside = np.asarray(ndimage.distance_transform_edt(inside, sampling=spacing), float)
+    to_inside = np.asarray(ndimage.distance_transform_edt(1 - inside, sampling=spacing), float)
+    half = float(spacing.min()) / 2  # neighbours along the finer axis decide where most borders lie
+    return np.asarray(np.where(mask, half - to_outside, to_inside - half), np.float32)
 
 
 def _pixels_away(inside: ByteArray) -> FloatArray:
@@ -118,7 +120,8 @@ def _refine(
 
 def unsigned_to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:
     """Distance (P,) of points (P, 3) to the nearest point on a mesh, open or closed."""
-    _, nearest = mesh.to_polydata().find_closest_cell(points, return_closest_point=True)
+    surface = cast(Any, mesh.to_polydata())  # VTK's types are looser than what it returns
+    _, nearest = surface.find_closest_cell(points, return_closest_point=True)
     return np.linalg.norm(points - np.asarray(nearest), axis=1)
 
 

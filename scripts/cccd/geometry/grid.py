@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 
@@ -56,8 +57,8 @@ class ScalarGrid:
         >>> ball.is_closed_manifold, round(ball.volume / (4 / 3 * np.pi * 0.8**3), 2)
         (True, 0.99)
         """
-        from skimage.measure import marching_cubes  # loaded where there is something to mesh
+        from skimage import measure  # loaded where there is something to mesh
 
-        index, faces, _, _ = marching_cubes(self.values, level)
-        nodes = index.astype(float) + np.asarray(self.origin)
+        index, faces, _, _ = cast(Any, measure).marching_cubes(self.values, level)
+        nodes: FloatArray = index.astype(float) + np.asarray(self.origin)
         return Mesh(nodes, faces.astype(np.int64)).transformed(self.affine)

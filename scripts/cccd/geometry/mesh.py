@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -157,8 +157,8 @@ class Mesh:
 
     def count_bodies(self) -> int:
         """Count the connected pieces that are not the inside of a cavity: those of positive volume."""
-        ends = self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel()
-        links = coo_array((np.ones(self.faces.size, bool), ends), shape=2 * (len(self.vertices),))
+        ends, count = (self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel()), len(self.vertices)
+        links = coo_array((np.ones(self.faces.size, bool), ends), shape=(count, count))
         _, piece = connected_components(links, directed=False)
         volume = np.bincount(piece[self.faces[:, 0]], np.einsum("fc,fc->f", *self._spanned()))
         return int(np.count_nonzero(volume > 0))
@@ -196,14 +196,15 @@ class Mesh:
         """Give the mesh as VTK's ``PolyData``."""
         import pyvista  # VTK takes a second to load
 
-        return pyvista.PolyData.from_regular_faces(self.vertices, self.faces)
+        return cast(Any, pyvista.PolyData).from_regular_faces(self.vertices, self.faces)
 
     def _spanned(self) -> tuple[FloatArray, FloatArray]:
         """First corners (F, 3) of the faces, seen from the mean of the vertices, and the others' product.
 
         Their scalar product is six times the signed volume that a face spans with the mean.
         """
-        a, b, c = (self.vertices[self.faces[:, corner]] - self.vertices.mean(axis=0) for corner in range(3))
+        middle: FloatArray = self.vertices.mean(axis=0)
+        a, b, c = (self.vertices[self.faces[:, corner]] - middle for corner in range(3))
         return a, np.cross(b, c)
 
 

@@ -87,8 +87,8 @@ def rasterise_layers(polygons: RaggedPolygons, layer: IntArray, shape: tuple[int
     edge, row = _integers_between(low[:, 0], high[:, 0], rows)
     rise = (high - low)[edge]
     level = rise[:, 0] == 0  # the row runs along the edge
-    share = np.divide(row - low[edge, 0], rise[:, 0], out=np.zeros(len(row)), where=~level)
-    column = low[edge, 1] + share * rise[:, 1]
+    share: FloatArray = np.divide(row - low[edge, 0], rise[:, 0], out=np.zeros(len(row)), where=~level)
+    column: FloatArray = low[edge, 1] + share * rise[:, 1]
     nearest = np.rint(column)
     exact = np.abs(column - nearest) <= ROUNDING * np.maximum(1.0, np.abs(column))
     column = np.where(exact, nearest, column)
@@ -106,8 +106,8 @@ def rasterise_layers(polygons: RaggedPolygons, layer: IntArray, shape: tuple[int
     along = edge[level]
     left = np.minimum(low[along, 1], high[along, 1])
     right = np.maximum(low[along, 1], high[along, 1])
-    which, column = _integers_between(left, right, columns)
-    inside.reshape(-1)[flat[level][which] + column] = True
+    which, along_row = _integers_between(left, right, columns)
+    inside.reshape(-1)[flat[level][which] + along_row] = True
     return inside
 
 
