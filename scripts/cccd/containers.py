@@ -106,8 +106,8 @@ class Structure:
         Boundary maps that still need ordering; replaces the mask as the input.
     contours : Curves or None
         Curves that came ordered (RTSTRUCT); replaces the mask as the input.
-    truth : tuple of ((V, 3) float64 mm RAS, (F, 3) int64) or None
-        Analytic surface of a phantom as a fine closed triangle mesh.
+    truth : Mesh or None
+        Analytic surface of a phantom as a fine closed triangle mesh in mm RAS.
     provenance : dict
         Source files with SHA-256, versions, settings: plain JSON values.
     warnings : list of str
@@ -122,7 +122,7 @@ class Structure:
     mask: np.ndarray | None = None
     boundary: np.ndarray | None = None
     contours: Curves | None = None
-    truth: tuple[np.ndarray, np.ndarray] | None = None
+    truth: Mesh | None = None
     provenance: dict[str, Any] = field(default_factory=dict[str, Any])
     warnings: list[str] = field(default_factory=list[str])
 

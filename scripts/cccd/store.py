@@ -230,15 +230,15 @@ def write_structure(path: str | Path, structure: Structure) -> None:
         if structure.contours is not None:
             _put_curves(file.create_group("contours"), structure.contours)
         if structure.truth is not None:
-            _put(file, "truth/points", structure.truth[0], float)
-            _put(file, "truth/faces", structure.truth[1], np.int64)
+            _put(file, "truth/points", structure.truth.vertices, float)
+            _put(file, "truth/faces", structure.truth.faces, np.int64)
 
 
 def read_structure(path: str | Path) -> Structure:
     """Read ``structure.h5``."""
     with _open(path) as file:
         frame = _get_frame(file)
-        truth = (_get(file, "truth/points"), _get(file, "truth/faces")) if "truth" in file else None
+        truth = Mesh(_get(file, "truth/points"), _get(file, "truth/faces")) if "truth" in file else None
         return Structure(
             case=str(file.attrs["case"]),
             organ=str(file.attrs["organ"]),

@@ -109,7 +109,7 @@ def surface_figures(settings: Settings) -> Figures:
     rows = []
     for structure, curves in phantoms():
         surface = loft_surface(curves, settings.surface)
-        truth, mesh = Mesh(*structure.truth), surface.mesh
+        truth, mesh = structure.truth, surface.mesh
         near = surface_distances(mesh, truth, np.random.default_rng(0), SAMPLES)
         rows.append(
             {

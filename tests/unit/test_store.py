@@ -73,14 +73,14 @@ def test_structure_boundaries_and_patches_come_back(tmp_path):
         "c", "o", FRAME, np.array([1, 2, 3]),
         image=rng.normal(size=(3, 4, 5)).astype(np.float32),
         mask=rng.random((3, 4, 5)) > 0.5,
-        truth=(rng.normal(size=(4, 3)), np.array([[0, 1, 2], [0, 2, 3]])),
+        truth=Mesh(rng.normal(size=(4, 3)), np.array([[0, 1, 2], [0, 2, 3]])),
         provenance={"files": {"ü.nii": "00"}}, warnings=["w"],
     )  # fmt: skip
     store.write_structure(tmp_path / "s.h5", structure)
     back = store.read_structure(tmp_path / "s.h5")
     np.testing.assert_array_equal(back.image, structure.image)
     np.testing.assert_array_equal(back.mask, structure.mask)
-    np.testing.assert_array_equal(back.truth[1], structure.truth[1])
+    np.testing.assert_array_equal(back.truth.faces, structure.truth.faces)
     assert back.boundary is None
     assert back.contours is None
     assert (back.provenance, back.warnings) == (structure.provenance, structure.warnings)

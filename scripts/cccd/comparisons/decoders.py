@@ -11,7 +11,6 @@ from collections.abc import Callable
 from heapq import heappop, heappush
 
 import cv2
-import numba
 import numpy as np
 from scipy import ndimage
 from scipy.sparse import coo_matrix
@@ -23,6 +22,7 @@ from skimage.segmentation import watershed
 from cccd.comparisons.reconstruction.connect2d import connect2d
 from cccd.comparisons.reconstruction.tour import tour
 from cccd.containers import Frame
+from cccd.geometry._jit import jit
 from cccd.tracing import trace_stack
 
 __all__ = [
@@ -128,7 +128,7 @@ def circular_path(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:
     return best
 
 
-@numba.njit(cache=True)
+@jit
 def _wind(cost, centre_row, centre_column, start):
     # sheet 0 and 1 meet where the ray (row of the seed, to its right) is crossed
     rows, columns = cost.shape
@@ -219,7 +219,7 @@ def prize_tour(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:
     return kept[_collect(kept[order].astype(float), _PRIZE_PX, _LONGEST_SKIP, order)]
 
 
-@numba.njit(cache=True)
+@jit
 def _walk(count, links):
     """Order of points along the links of one tour."""
     beside = np.full((count, 2), -1, np.int64)
@@ -236,7 +236,7 @@ def _walk(count, links):
     return order
 
 
-@numba.njit(cache=True)
+@jit
 def _collect(points, prize, window, order):
     # shortest path over the tour, twice around: the second half starts from a settled state
     count = len(points)
@@ -289,7 +289,7 @@ def best_tree_cycle(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:
     return points[_tree_path(parent, depth, a[best], b[best])]
 
 
-@numba.njit(cache=True)
+@jit
 def _from_root(order, parent, step, swept):
     depth = np.zeros(len(parent), np.int64)
     for n in range(1, len(order)):
@@ -299,7 +299,7 @@ def _from_root(order, parent, step, swept):
     return swept, depth
 
 
-@numba.njit(cache=True)
+@jit
 def _tree_path(parent, depth, one, other):
     first = np.empty(len(parent), np.int64)
     second = np.empty(len(parent), np.int64)
@@ -328,7 +328,7 @@ def connected_complex(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:
     return pixels[_longest_loop(len(pixels), links)]
 
 
-@numba.njit(cache=True)
+@jit
 def _longest_loop(count, links):
     """Order of points along the longest chain of links that no junction interrupts."""
     beside = np.full((count, 2), -1, np.int64)

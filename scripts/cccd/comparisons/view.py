@@ -6,7 +6,6 @@ curve points carry whether a greedy chain code gets stuck on them.
 
 from __future__ import annotations
 
-import fast_simplification
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -20,7 +19,6 @@ __all__ = [
     "make_view",
     "mean_curvature",
     "reference_surface",
-    "simplify",
     "sort_spatially",
     "voxel_surface",
 ]
@@ -36,19 +34,9 @@ def voxel_surface(structure: Structure) -> Mesh | None:
 def reference_surface(structure: Structure) -> tuple[Mesh, str] | None:
     """Find what the surface is measured against, and its name: analytic truth, else the mask's voxels."""
     if structure.truth is not None:
-        return Mesh(*structure.truth).outwards(), "the analytic surface"
+        return structure.truth.outwards(), "the analytic surface"
     voxels = voxel_surface(structure)
     return None if voxels is None else (voxels, "the mask's voxel surface")
-
-
-def simplify(mesh: Mesh, most: int) -> Mesh:
-    """Collapse edges by quadric error (Garland and Heckbert 1997) to at most ``most`` triangles."""
-    if len(mesh.faces) <= most:
-        return mesh
-    points, faces = fast_simplification.simplify(
-        mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32), target_count=most
-    )
-    return Mesh(np.asarray(points, float), np.asarray(faces, np.int64))
 
 
 def sort_spatially(mesh: Mesh) -> tuple[Mesh, np.ndarray]:
@@ -106,14 +94,14 @@ def make_view(
         Each mesh is simplified to at most this many.
     """
     whole, cubes = surface.outwards(), voxel_surface(structure)
-    shown, _ = sort_spatially(simplify(whole, triangles))
+    shown, _ = sort_spatially(whole.simplified(triangles))
     values = {"curvature": mean_curvature(whole, shown.vertices)}
     reference, name = reference_surface(structure) or (None, "")
     if reference is not None:
         values["distance"] = to_mesh(shown.vertices, reference)
     meshes = {"surface": shown}
     if cubes is not None:
-        meshes["cubes"] = sort_spatially(simplify(cubes, triangles))[0]
+        meshes["cubes"] = sort_spatially(cubes.simplified(triangles))[0]
     return View(meshes, values, len(whole.faces), name, _stuck(boundaries, curves))
 
 

@@ -163,7 +163,7 @@ def sample_splines(splines: Splines, per_pixel: float = 2.0) -> Curves:
 def _pairs_apart(curves: Curves) -> np.ndarray:
     """Pairs (N, 2) of curves of one slice that do not touch, though their boxes come within two pixels."""
     size = np.unique(curves.slice, return_counts=True)[1]
-    first = np.cumsum(size) - size
+    first = offsets_of(size)[:-1]
     several = [
         begin + np.column_stack(np.triu_indices(n, 1)) for begin, n in zip(first, size, strict=True) if n > 1
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, NdBSpline
 
 from cccd.geometry.arrays import FloatArray
 
@@ -45,9 +45,7 @@ def basis(at: FloatArray, knots: FloatArray, degree: int, closed: bool, derivati
 
     A closed basis wraps: its last ``degree`` functions are added onto the first.
     """
-    low, high = knots[degree], knots[-degree - 1]
-    at = np.asarray(at, float)
-    at = low + np.mod(at - low, high - low) if closed else np.clip(at, low, high)
+    at = _within(at, knots, degree, closed)
     functions = len(knots) - degree - 1
     if derivative > degree:
         full = np.zeros((len(at), functions))
@@ -62,6 +60,13 @@ def basis(at: FloatArray, knots: FloatArray, degree: int, closed: bool, derivati
     for extra in range(degree):  # a spline of fewer than `degree` points wraps more than once
         wrapped[:, extra % count] += full[:, count + extra]
     return wrapped
+
+
+def _within(at: FloatArray, knots: FloatArray, degree: int, closed: bool) -> FloatArray:
+    """Parameters on the base period: a closed direction wraps, an open one ends."""
+    low, high = float(knots[degree]), float(knots[-degree - 1])
+    at = np.asarray(at, float)
+    return low + np.mod(at - low, high - low) if closed else np.clip(at, low, high)
 
 
 def smoothing_operator(design: FloatArray, roughness: float, closed: bool) -> FloatArray:
@@ -146,11 +151,10 @@ class Patch:
         du, dv = derivatives
         if du + dv > 2:
             raise ValueError("derivatives are available up to second order")
-        homogeneous = self.homogeneous
+        spline, at = self._spline(), self._within(u, v)
 
         def sums(a: int, b: int) -> tuple[FloatArray, FloatArray]:
-            bu, bv = self.basis_u(u, a), self.basis_v(v, b)
-            values = np.einsum("pu,pv,uvc->pc", bu, bv, homogeneous, optimize=True)
+            values: FloatArray = spline(at, nu=(a, b))
             return values[:, :3], values[:, 3:]
 
         top, w = sums(0, 0)
@@ -169,6 +173,23 @@ class Patch:
             return (top - wu * sv - wv * su - ddw * point) / w
         slope, dw = first[(1, 0) if du else (0, 1)]
         return (top - 2 * dw * slope - ddw * point) / w
+
+    def _spline(self) -> NdBSpline:
+        """Homogeneous points as a function of (u, v) on the base period; control points of turns repeated."""
+        nu, nv = self.weights.shape
+        index_u = np.arange(nu + self.closed_u * self.degree_u) % nu
+        index_v = np.arange(nv + self.closed_v * self.degree_v) % nv
+        net = self.homogeneous[index_u[:, None], index_v]
+        return NdBSpline((self.knots_u, self.knots_v), net, (self.degree_u, self.degree_v))
+
+    def _within(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Parameters (P, 2) on the base period: closed directions wrap, open ones end."""
+        return np.column_stack(
+            [
+                _within(u, self.knots_u, self.degree_u, self.closed_u),
+                _within(v, self.knots_v, self.degree_v, self.closed_v),
+            ]
+        )
 
     def differential_geometry(self, u: FloatArray, v: FloatArray) -> SurfacePoints:
         """Points, outward normals, Gaussian and mean curvature from the fundamental forms."""

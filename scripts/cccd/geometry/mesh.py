@@ -178,6 +178,17 @@ class Mesh:
         moved = Mesh(self.vertices @ affine[:3, :3].T + affine[:3, 3], self.faces)
         return moved.reversed() if np.linalg.det(affine[:3, :3]) < 0 else moved
 
+    def simplified(self, most: int) -> Mesh:
+        """Collapse edges by quadric error (Garland and Heckbert 1997) to at most ``most`` triangles."""
+        if len(self.faces) <= most:
+            return self
+        import fast_simplification
+
+        vertices, faces = cast(Any, fast_simplification).simplify(
+            self.vertices.astype(np.float32), self.faces.astype(np.int32), target_count=most
+        )
+        return Mesh(np.asarray(vertices, float), np.asarray(faces, np.int64))
+
     def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Draw points (count, 3) uniformly by area."""
         areas = self.face_areas

@@ -145,22 +145,6 @@ def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
 # matplotlib, when VTK cannot -------------------------------------------------------------------------
 
 
-def _cluster_vertices(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Merge vertices on ever coarser grids (Rossignac and Borrel 1993) down to ``most`` faces."""
-    extent = np.ptp(vertices, axis=0).max()
-    cells = int(np.sqrt(most))
-    while len(faces) > most:
-        grid = np.round((vertices - vertices.min(axis=0)) * (cells / extent)).astype(np.int64)
-        keys = (grid[:, 0] * (cells + 1) + grid[:, 1]) * (cells + 1) + grid[:, 2]
-        _, first, merged = np.unique(keys, return_index=True, return_inverse=True)
-        faces = merged[faces]
-        vertices = vertices[first]
-        a, b, c = faces.T
-        faces = faces[(a != b) & (b != c) & (c != a)]
-        cells = cells * 3 // 4
-    return vertices, faces
-
-
 def frame_view(axes, points: np.ndarray) -> np.ndarray:
     """Make a square, axis-free window that holds ``points`` (N, 3) from every side; gives its centre (3,)."""
     low, high = points.min(axis=0), points.max(axis=0)
@@ -211,13 +195,13 @@ def _draw_with_matplotlib(mesh: Mesh, pixels: int) -> np.ndarray:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    vertices, faces = _cluster_vertices(mesh.vertices, mesh.faces, _FALLBACK_TRIANGLES)
+    small = mesh.simplified(_FALLBACK_TRIANGLES)
     figure = Figure(figsize=(len(VIEWS), 1), dpi=pixels)
     canvas = FigureCanvasAgg(figure)
     figure.patch.set_alpha(0)
     for column, view in enumerate(VIEWS):
         axes = figure.add_axes((column / len(VIEWS), 0, 1 / len(VIEWS), 1))
-        paint_mesh(axes, vertices, faces, frame_view(axes, vertices), view)
+        paint_mesh(axes, small.vertices, small.faces, frame_view(axes, small.vertices), view)
     canvas.draw()
     return np.asarray(canvas.buffer_rgba()).copy()
 

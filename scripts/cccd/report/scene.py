@@ -12,6 +12,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from cccd.containers import Boundaries, Curves, Frame, Splines, Structure, View
+from cccd.geometry.arrays import offsets_of
 from cccd.geometry.bsplines import Patch
 from cccd.report.payload import Grid, pack, quantise
 from cccd.report.results import StructureFiles
@@ -255,7 +256,7 @@ def _evaluate(splines: Splines) -> tuple[np.ndarray, np.ndarray]:
         count = int(np.clip(4 * len(control), 24, 240))
         u = np.linspace(knots[degree], knots[-degree - 1], count, endpoint=False)
         parts.append(BSpline(knots, np.vstack([control, control[:degree]]), degree)(u))
-    offsets = np.concatenate([[0], np.cumsum([len(part) for part in parts])])
+    offsets = offsets_of([len(part) for part in parts])
     return (np.concatenate(parts) if parts else np.zeros((0, 2))), offsets
 
 

@@ -45,7 +45,7 @@ def measure_mesh(mesh: Mesh, structure: Structure, seed: int = 0) -> dict[str, f
     if structure.mask is not None:
         block = voxelise(mesh, structure.frame.affine, structure.mask.shape, structure.origin)
         figures["dice_3d"] = float(dice(structure.mask, block))
-    reference = None if structure.truth is None else Mesh(*structure.truth)
+    reference = structure.truth
     whole = None
     voxel = float(np.prod(structure.frame.spacing))
     if reference is not None:

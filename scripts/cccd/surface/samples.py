@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from cccd.geometry.arrays import BoolArray, FloatArray
+from cccd.geometry.arrays import BoolArray, FloatArray, ranks_of
 from cccd.settings import FittingSettings
 from cccd.surface.alignment import align, at_fractions, outward_normals
 from cccd.surface.guide import Guide
@@ -154,7 +154,7 @@ def _between(start: FloatArray, end: FloatArray, length: FloatArray, apart: floa
     """Points (P, 3) inside segments from ``start`` to ``end`` (J, 3), no further ``apart`` than that."""
     pieces = np.ceil(length / apart).astype(np.int64)
     segment = np.repeat(np.arange(len(length)), pieces)
-    share = (np.arange(len(segment)) - np.repeat(np.cumsum(pieces) - pieces, pieces) + 0.5) / pieces[segment]
+    share = (ranks_of(pieces) + 0.5) / pieces[segment]
     return start[segment] + share[:, None] * (end - start)[segment]
 
 

@@ -7,7 +7,7 @@ from typing import Any, cast
 import manifold3d
 import numpy as np
 
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import FloatArray, IntArray, offsets_of
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.mesh import Mesh
 
@@ -33,7 +33,7 @@ def tessellate(patch: Patch, edge: float) -> Mesh:
     nets = np.einsum("rv,uvc->ruc", patch.basis_v(v), patch.homogeneous)
     low, high = (_is_pole(patch, end) for end in (0, -1))
     u = _parameters_around(patch, nets, edge, low, high)
-    starts = np.concatenate([[0], np.cumsum([len(row) for row in u])])
+    starts = offsets_of([len(row) for row in u])
     vertices = _points_of_rows(patch, nets, u)
     faces = [_band(u[r], u[r + 1], starts[r], starts[r + 1]) for r in range(len(v) - 1)]
     normal = _stack_direction(patch)

@@ -21,30 +21,29 @@ from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
+from cccd.geometry.sections import cross_sections
 from cccd.store import atomic_path
 from cccd.tolerances import CONTOUR_PLANE
 from cccd.volumes.grid import LPS_TO_RAS
 
-__all__ = ["cut_mesh", "write_label_map", "write_rtstruct"]
+__all__ = ["write_label_map", "write_rtstruct"]
 
 
-def write_label_map(
-    path: str | Path, vertices: np.ndarray, faces: np.ndarray, frame: Frame, value: int = 1
-) -> None:
+def write_label_map(path: str | Path, mesh: Mesh, frame: Frame, value: int = 1) -> None:
     """Write the voxels inside a closed mesh as NIfTI label map on the source grid.
 
     Parameters
     ----------
     path : path
         ``.nii`` or ``.nii.gz``.
-    vertices, faces : (V, 3) float64 mm RAS, (F, 3) int64
-        Closed mesh.
+    mesh : Mesh
+        Closed, in mm RAS.
     frame : Frame
         The source volume's grid.
     value : int
         Label of the voxels inside, 1 to 255.
     """
-    mask = voxelise(Mesh(vertices, faces), frame.affine, frame.shape)
+    mask = voxelise(mesh, frame.affine, frame.shape)
     image = nib.Nifti1Image(mask.astype(np.uint8) * np.uint8(value), frame.affine)
     image.set_sform(frame.affine, code=1)
     image.set_qform(frame.affine, code=1)
@@ -59,64 +58,6 @@ def write_label_map(
         temporary.write_bytes(content)
 
 
-def cut_mesh(
-    vertices: np.ndarray, faces: np.ndarray, normal: np.ndarray, heights: np.ndarray
-) -> list[list[np.ndarray]]:
-    """Cut a closed mesh by parallel planes.
-
-    Parameters
-    ----------
-    vertices, faces : (V, 3) float64, (F, 3) int64
-        Closed mesh with consistent orientation.
-    normal : (3,) float64
-        Unit normal of the planes.
-    heights : (P,) float64
-        Planes ``x @ normal == height``.
-
-    Returns
-    -------
-    list of list of (n, 3) float64
-        For each plane its closed loops, the first point not repeated.
-    """
-    normal = np.asarray(normal, float)
-    level = vertices @ normal
-    lows, highs = level[faces].min(axis=1), level[faces].max(axis=1)
-    sections = []
-    for height in np.asarray(heights, float):
-        triangles = faces[(lows < height) & (highs >= height)]
-        above = level[triangles] >= height
-        # the edge along which an oriented triangle rises through the plane, and the one where it sinks;
-        # the neighbour across an edge goes along it the other way
-        ahead = np.roll(above, -1, axis=1)
-        rising, sinking = (~above & ahead).argmax(axis=1), (above & ~ahead).argmax(axis=1)
-        rows = np.arange(len(triangles))
-        rise = np.column_stack([triangles[rows, rising], triangles[rows, (rising + 1) % 3]])
-        sink = np.column_stack([triangles[rows, (sinking + 1) % 3], triangles[rows, sinking]])
-        edges, ids = np.unique(np.concatenate([rise, sink]), axis=0, return_inverse=True)
-        successor = np.empty(len(edges), np.int64)
-        ids = ids.reshape(2, -1)
-        successor[ids[0]] = ids[1]
-        below, over = level[edges[:, 0]], level[edges[:, 1]]
-        share = ((height - below) / (over - below))[:, None]
-        points = vertices[edges[:, 0]] * (1 - share) + vertices[edges[:, 1]] * share
-        sections.append([points[cycle] for cycle in _cycles(successor)])
-    return sections
-
-
-def _cycles(successor: np.ndarray) -> list[list[int]]:
-    """Cycles of a permutation."""
-    following, left, cycles = successor.tolist(), set(range(len(successor))), []
-    while left:
-        start = min(left) if len(left) < 2 else next(iter(left))
-        cycle, item = [], start
-        while item in left:
-            left.remove(item)
-            cycle.append(item)
-            item = following[item]
-        cycles.append(cycle)
-    return cycles
-
-
 def _thinned(loop: np.ndarray) -> np.ndarray:
     """Drop points nearer to their predecessor than DICOM's written digits can tell apart."""
     rounded = np.round(loop, 3)
@@ -125,8 +66,7 @@ def _thinned(loop: np.ndarray) -> np.ndarray:
 
 def write_rtstruct(
     path: str | Path,
-    vertices: np.ndarray,
-    faces: np.ndarray,
+    mesh: Mesh,
     frame: Frame,
     *,
     name: str,
@@ -139,8 +79,8 @@ def write_rtstruct(
     ----------
     path : path
         Where.
-    vertices, faces : (V, 3) float64 mm RAS, (F, 3) int64
-        Closed mesh with consistent orientation.
+    mesh : Mesh
+        Closed, in mm RAS.
     frame : Frame
         The source volume's grid; planes are parallel to its slices.
     name : str
@@ -158,16 +98,16 @@ def write_rtstruct(
 
     Notes
     -----
-    Every loop is a ``CLOSED_PLANAR`` contour; holes are told by nesting (even-odd).
+    Every loop is a ``CLOSED_PLANAR`` contour; holes are determined by nesting (even-odd).
     """
     step = frame.affine[:3, frame.slice_axis]
     normal = step / np.linalg.norm(step)
     spacing = frame.slice_spacing if spacing_mm is None else float(spacing_mm)
     base = frame.affine[:3, 3] @ normal
-    level = vertices @ normal
+    level = mesh.vertices @ normal
     first, last = np.floor((level.min() - base) / spacing), np.ceil((level.max() - base) / spacing)
     heights = base + spacing * np.arange(first, last + 1)
-    sections = cut_mesh(vertices, faces, normal, heights)
+    sections = cross_sections(mesh, normal, heights)
     loops = [
         (height, _thinned(loop @ LPS_TO_RAS[:3, :3]))
         for height, section in zip(heights, sections, strict=True)

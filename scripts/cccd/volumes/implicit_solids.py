@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cccd.geometry.grid import ScalarGrid
+from cccd.geometry.mesh import Mesh
 from cccd.tolerances import PROJECTION_MM
 
 __all__ = [
@@ -296,7 +297,7 @@ def sample_lattice(
 
 def mesh_zero_set(
     solid: ImplicitFunction, bbox_min: npt.ArrayLike, bbox_max: npt.ArrayLike, step: float
-) -> tuple[np.ndarray, np.ndarray]:
+) -> Mesh:
     """Triangulate a zero set: marching cubes, then Newton steps that move every vertex onto it.
 
     Parameters
@@ -310,10 +311,9 @@ def mesh_zero_set(
 
     Returns
     -------
-    vertices : (V, 3) float64
-        World mm, each within `PROJECTION_MM` of the zero set where Newton's steps converge.
-    faces : (F, 3) int64
-        Outward normals by the right-hand rule.
+    Mesh
+        Outwards, in world mm; each vertex within `PROJECTION_MM` of the zero set where Newton's steps
+        converge.
 
     See Also
     --------
@@ -323,7 +323,7 @@ def mesh_zero_set(
     shape = np.ceil((bbox_max - bbox_min) / step).astype(int) + 1
     values = sample_lattice(solid, bbox_min, np.full(3, step), shape, coarse=2 * step)
     mesh = ScalarGrid.uniform(values, bbox_min, step).isosurface(0.0)
-    return _project(solid, mesh.vertices, step), mesh.faces
+    return Mesh(_project(solid, mesh.vertices, step), mesh.faces)
 
 
 def _project(solid: ImplicitFunction, vertices: np.ndarray, step: float) -> np.ndarray:

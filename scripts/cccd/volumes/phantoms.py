@@ -408,8 +408,8 @@ def make_phantom(
     affine[:3, 3] = middle - step * ((shape - 1) / 2 + rng.uniform(-0.5, 0.5, 3))
     frame = Frame(affine, 2, (_MATRIX, _MATRIX, slices))
 
-    vertices, faces = mesh_zero_set(anatomy.organ, anatomy.bbox_min, anatomy.bbox_max, anatomy.mesh_step)
-    index = (vertices - affine[:3, 3]) / step
+    truth = mesh_zero_set(anatomy.organ, anatomy.bbox_min, anatomy.bbox_max, anatomy.mesh_step)
+    index = (truth.vertices - affine[:3, 3]) / step
     first = np.floor(index.min(axis=0)).astype(int) - margin_voxels
     last = np.ceil(index.max(axis=0)).astype(int) + margin_voxels
     image, mask = _scan(anatomy, frame, first, last + 1 - first)
@@ -422,6 +422,6 @@ def make_phantom(
         origin=first.astype(np.int64),
         image=np.round(image).astype(np.float32),
         mask=mask,
-        truth=(vertices, faces),
+        truth=truth,
         provenance={"source": "phantom", "seed": int(seed), **settings.as_config()},
     )

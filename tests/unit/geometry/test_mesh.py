@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from solids import sphere
+from solids import box, sphere, torus
 
 from cccd.geometry.mesh import Mesh
 
@@ -79,3 +79,76 @@ def test_outwards_turns_an_inside_out_mesh_and_no_other():
     mesh = sphere(3.0, (100, 100, 100), 2)
     assert mesh.outwards() is mesh
     np.testing.assert_array_equal(mesh.reversed().outwards().faces, mesh.faces)
+
+
+def test_box_has_its_volume_area_and_edges():
+    mesh = box((2, 3, 4))
+    assert mesh.volume == pytest.approx(24)
+    assert mesh.area == pytest.approx(52)
+    assert np.linalg.norm(mesh.unit_normals, axis=1) == pytest.approx(1)
+    assert np.abs(mesh.unit_normals).max(axis=1) == pytest.approx(1)  # along the axes
+    edges, angles, lengths, _ = mesh.dihedrals
+    assert len(edges) == 18
+    bent = angles > 1e-9
+    assert angles[bent] == pytest.approx(np.pi / 2)
+    assert lengths[bent].sum() == pytest.approx(4 * (2 + 3 + 4))
+
+
+def test_torus_has_genus_one_and_the_volume_of_pappus():
+    mesh = torus(10, 3)
+    assert mesh.is_closed_manifold
+    assert len(mesh.vertices) - len(mesh.dihedrals.edges) + len(mesh.faces) == 0
+    assert mesh.volume == pytest.approx(2 * np.pi**2 * 10 * 9, rel=5e-3)
+    assert mesh.area == pytest.approx(4 * np.pi**2 * 10 * 3, rel=5e-3)
+
+
+def test_bodies_are_counted_and_cavities_are_not():
+    shell = together(sphere(10), sphere(5).reversed())
+    assert shell.count_bodies() == 1
+    assert shell.volume == pytest.approx(4 / 3 * np.pi * (1000 - 125), rel=5e-3)
+    assert together(shell, sphere(4, (30, 0, 0))).count_bodies() == 2
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_affine_maps_scale_the_volume_and_keep_the_outside(mirror):
+    affine = np.array([[mirror * 2, 0.3, 0, 5], [0, 1.5, 0.2, -7], [0.1, 0, 0.5, 2], [0, 0, 0, 1.0]])
+    mesh = sphere(10)
+    moved = mesh.transformed(affine)
+    assert moved.volume == pytest.approx(mesh.volume * abs(np.linalg.det(affine[:3, :3])))
+    assert moved.is_closed_manifold
+
+
+def test_samples_lie_on_the_surface_and_fill_it_evenly():
+    points = box((2, 2, 2)).sample(60_000, np.random.default_rng(0))
+    away = np.abs(points)
+    assert away.max(axis=1) == pytest.approx(1)
+    axis = np.argmax(away, axis=1)
+    side = 2 * axis + (np.take_along_axis(points, axis[:, None], 1)[:, 0] > 0)
+    assert np.bincount(side) == pytest.approx(10_000, rel=0.05)
+    assert points.mean(axis=0) == pytest.approx(0, abs=0.02)
+
+
+def test_simplified_keeps_size_and_volume():
+    mesh = sphere(10, subdivisions=5)
+    small = mesh.simplified(3000)
+    assert 500 < len(small.faces) <= 3000
+    assert small.volume == pytest.approx(mesh.volume, rel=0.01)
+    np.testing.assert_allclose(np.ptp(small.vertices, axis=0), 20, atol=1.0)
+    assert mesh.simplified(len(mesh.faces)) is mesh
+
+
+def test_trimesh_agrees_on_everything_it_measures():
+    mesh = torus(10, 3)
+    other = mesh.to_trimesh()
+    assert mesh.volume == pytest.approx(other.volume, rel=1e-12)
+    assert mesh.area == pytest.approx(other.area, rel=1e-12)
+    assert mesh.unit_normals == pytest.approx(other.face_normals, abs=1e-12)
+    assert np.sort(mesh.dihedrals.angles) == pytest.approx(np.sort(other.face_adjacency_angles), abs=1e-7)
+
+
+def test_nothing_is_empty():
+    nothing = Mesh.empty()
+    assert nothing.volume == nothing.area == 0
+    assert not nothing.is_closed_manifold
+    assert nothing.outwards() is nothing
+    assert nothing.self_intersections().shape == (0, 2)

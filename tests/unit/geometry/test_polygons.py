@@ -1,5 +1,8 @@
 import numpy as np
 import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 
 from cccd.geometry.polygons import RaggedPolygons
 
@@ -41,3 +44,43 @@ def test_resampling_is_even_and_keeps_a_circle():
     assert step == pytest.approx(2 * np.sin(np.pi / 50), rel=1e-3)
     assert np.array_equal(points[16], circle[0])
     assert offsets.tolist() == [0, 16, 66]
+
+
+SIZES = st.lists(st.integers(0, 7), max_size=8)
+
+
+@given(SIZES, st.integers(0, 2**32 - 1))
+def test_polygons_come_back_from_one_array(sizes, seed):
+    rng = np.random.default_rng(seed)
+    parts = [rng.normal(size=(size, 2)) for size in sizes]
+    polygons = RaggedPolygons.of(parts)
+    assert len(polygons) == len(parts)
+    assert polygons.sizes.tolist() == sizes
+    assert all(map(np.array_equal, polygons, parts))
+    assert np.array_equal(polygons.points[polygons.successors][polygons.predecessors], polygons.points)
+    assert np.array_equal(polygons.owners, np.repeat(np.arange(len(sizes)), sizes))
+    chosen = rng.random(len(parts)) < 0.5
+    wanted = [part for part, taken in zip(parts, chosen, strict=True) if taken]
+    taken = polygons.take(chosen)
+    assert len(taken) == len(wanted)
+    assert all(map(np.array_equal, taken, wanted))
+    assert all(map(np.array_equal, polygons.take(np.flatnonzero(chosen)[::-1]), wanted[::-1]))
+
+
+@given(st.lists(st.integers(3, 9), min_size=1, max_size=5), st.integers(0, 2**32 - 1))
+def test_areas_and_lengths_are_those_of_shapely(sizes, seed):
+    rng = np.random.default_rng(seed)
+    polygons = RaggedPolygons.of([rng.normal(size=(size, 2)) for size in sizes])
+    rings = polygons.rings()
+    assert polygons.lengths == pytest.approx(shapely.length(rings))
+    simple = polygons.is_simple
+    assert np.array_equal(simple, shapely.is_simple(rings))
+    areas = shapely.area(shapely.polygons(rings))
+    assert np.abs(polygons.signed_areas[simple]) == pytest.approx(areas[simple])
+    assert np.array_equal(polygons.signed_areas[simple] > 0, shapely.is_ccw(rings)[simple])
+
+
+def test_a_polygon_turned_round_has_the_opposite_area():
+    star = np.random.default_rng(1).normal(size=(9, 2))
+    there, back = RaggedPolygons.of([star, star[::-1]]).signed_areas
+    assert there == pytest.approx(-back)

@@ -75,13 +75,6 @@ def test_nothing_is_left_when_the_mesh_cannot_be_read(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["broken.ply"]
 
 
-def test_clustering_reaches_its_limit_and_keeps_the_size():
-    mesh = trimesh.creation.icosphere(subdivisions=5, radius=10)
-    vertices, faces = render._cluster_vertices(np.array(mesh.vertices), np.array(mesh.faces), 3000)
-    assert 500 < len(faces) <= 3000
-    np.testing.assert_allclose(np.ptp(vertices[np.unique(faces)], axis=0), 20, atol=1.0)
-
-
 def test_picture_of_unknown_origin(tmp_path):
     Image.new("RGB", (4, 4)).save(tmp_path / "p.png")
     assert render.picture_renderer(tmp_path / "p.png") is None

@@ -12,7 +12,7 @@ from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.volumes import load_structure
-from cccd.volumes.clinical_export import cut_mesh, write_label_map, write_rtstruct
+from cccd.volumes.clinical_export import write_label_map, write_rtstruct
 
 
 def ball_mesh(centre, radius=15.0):
@@ -72,40 +72,14 @@ def test_cavity_and_mesh_beyond_the_grid():
 def test_label_map_is_read_back(tmp_path, name):
     frame = frame_around(CENTRE)
     vertices, faces = ball_mesh(CENTRE)
-    write_label_map(tmp_path / name, vertices, faces, frame, value=5)
+    write_label_map(tmp_path / name, Mesh(vertices, faces), frame, value=5)
     image = nib.load(tmp_path / name)
     np.testing.assert_allclose(image.affine, frame.affine, atol=1e-5)
     structure = load_structure(row(mask=name, label="5"), tmp_path, settings())
     np.testing.assert_array_equal(full(structure), whole_grid(vertices, faces, frame))
     first = (tmp_path / name).read_bytes()
-    write_label_map(tmp_path / name, vertices, faces, frame, value=5)
+    write_label_map(tmp_path / name, Mesh(vertices, faces), frame, value=5)
     assert (tmp_path / name).read_bytes() == first
-
-
-def test_cut_is_a_circle():
-    vertices, faces = ball_mesh(CENTRE)
-    normal = np.array((1.0, 2.0, -2.0)) / 3
-    heights = CENTRE @ normal + np.array((-30.0, -9.0, 0.0, 12.0))
-    sections = cut_mesh(vertices, faces, normal, heights)
-    assert [len(loops) for loops in sections] == [0, 1, 1, 1]
-    for offset, (loop,) in zip((-9, 0, 12), sections[1:], strict=True):
-        np.testing.assert_allclose(loop @ normal, CENTRE @ normal + offset, atol=1e-9)
-        radius = np.linalg.norm(loop - CENTRE - normal * offset, axis=1)
-        np.testing.assert_allclose(radius, np.sqrt(225 - offset**2), rtol=0.01)
-        steps = np.linalg.norm(np.diff(loop, axis=0, append=loop[:1]), axis=1)
-        assert steps.sum() == pytest.approx(2 * np.pi * np.sqrt(225 - offset**2), rel=0.01)
-
-
-def test_cut_through_vertices_gives_closed_loops():
-    box = trimesh.creation.box((8, 6, 4))
-    sections = cut_mesh(
-        box.vertices, np.asarray(box.faces), np.array((0, 0, 1.0)), np.array((-2.0, 0.0, 2.0))
-    )
-    lengths = [
-        [np.linalg.norm(np.diff(loop, axis=0, append=loop[:1]), axis=1).sum() for loop in loops]
-        for loops in sections
-    ]
-    assert lengths[1] == [pytest.approx(28)]
 
 
 def test_rtstruct_on_its_series(tmp_path):
@@ -115,7 +89,9 @@ def test_rtstruct_on_its_series(tmp_path):
     frame = Frame(affine, 2, shape)
     centre = affine[:3, :3] @ (np.array(shape) / 2) + affine[:3, 3]
     vertices, faces = ball_mesh(centre)
-    write_rtstruct(tmp_path / "rt.dcm", vertices, faces, frame, name="ball", reference=tmp_path / "dicom")
+    write_rtstruct(
+        tmp_path / "rt.dcm", Mesh(vertices, faces), frame, name="ball", reference=tmp_path / "dicom"
+    )
     written = pydicom.dcmread(tmp_path / "rt.dcm")
     assert written.PatientName == series[0].PatientName
     assert written.StudyInstanceUID == series[0].StudyInstanceUID
@@ -134,7 +110,7 @@ def test_rtstruct_on_any_spacing_with_holes(tmp_path):
     outer, faces = ball_mesh(CENTRE)
     inner, _ = ball_mesh(CENTRE, 7.0)
     vertices, both = np.vstack([outer, inner]), np.vstack([faces, faces[:, ::-1] + len(outer)])
-    write_rtstruct(tmp_path / "rt.dcm", vertices, both, frame, name="shell", spacing_mm=1.25)
+    write_rtstruct(tmp_path / "rt.dcm", Mesh(vertices, both), frame, name="shell", spacing_mm=1.25)
     structure = load_structure(row(mask="rt.dcm"), tmp_path, settings())
     curves = structure.contours
     assert structure.frame.slice_spacing == pytest.approx(1.25, abs=1e-3)
@@ -152,14 +128,12 @@ def test_rtstruct_on_any_spacing_with_holes(tmp_path):
 def test_same_surface_same_bytes(tmp_path):
     frame = frame_around(CENTRE)
     for name in ("a.dcm", "b.dcm"):
-        write_rtstruct(tmp_path / name, *ball_mesh(CENTRE), frame, name="ball")
+        write_rtstruct(tmp_path / name, Mesh(*ball_mesh(CENTRE)), frame, name="ball")
     assert (tmp_path / "a.dcm").read_bytes() == (tmp_path / "b.dcm").read_bytes()
 
 
 def test_reference_without_dicom(tmp_path):
     (tmp_path / "empty").mkdir()
-    mesh = ball_mesh(CENTRE)
+    mesh = Mesh(*ball_mesh(CENTRE))
     with pytest.raises(InputError, match="no DICOM images"):
-        write_rtstruct(
-            tmp_path / "a.dcm", *mesh, frame_around(CENTRE), name="x", reference=tmp_path / "empty"
-        )
+        write_rtstruct(tmp_path / "a.dcm", mesh, frame_around(CENTRE), name="x", reference=tmp_path / "empty")

@@ -2,11 +2,9 @@ import functools
 
 import numpy as np
 import pytest
-import trimesh
 from scans import row, settings
 
 from cccd.errors import InputError
-from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.tolerances import PROJECTION_MM
 from cccd.volumes import load_structure
@@ -40,8 +38,7 @@ def phantom(organ, case="a", seed=1, **scanner):
 @pytest.mark.parametrize("organ", ORGANS)
 def test_mask_image_and_truth_agree(organ):
     structure = cached(organ)
-    vertices, faces = structure.truth
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    mesh = structure.truth.to_trimesh()
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     voxels = structure.mask.sum() * abs(np.linalg.det(structure.frame.affine[:3, :3]))
@@ -49,7 +46,7 @@ def test_mask_image_and_truth_agree(organ):
     assert mesh.euler_number == (0 if organ == "torus" else 2 * mesh.body_count)
     assert voxels == pytest.approx(mesh.volume, rel=0.02)
     # the mask is the voxels whose centres are inside
-    filled = voxelise(Mesh(vertices, faces), structure.frame.affine, structure.mask.shape, structure.origin)
+    filled = voxelise(structure.truth, structure.frame.affine, structure.mask.shape, structure.origin)
     assert np.count_nonzero(filled ^ structure.mask) <= 0.005 * filled.sum()
     # a margin on all sides
     assert not structure.mask[[0, -1]].any()
@@ -85,9 +82,9 @@ def test_shapes_stand_for_what_they_are():
 def test_seed_and_case_decide():
     first, again = phantom("kidney"), phantom("kidney")
     np.testing.assert_array_equal(first.image, again.image)
-    np.testing.assert_array_equal(first.truth[0], again.truth[0])
+    np.testing.assert_array_equal(first.truth.vertices, again.truth.vertices)
     for other in (phantom("kidney", case="b"), phantom("kidney", seed=2)):
-        assert other.truth[0].shape != first.truth[0].shape or (other.truth[0] != first.truth[0]).any()
+        assert not np.array_equal(other.truth.vertices, first.truth.vertices)
 
 
 def test_noise_and_spacing_are_as_asked():
@@ -143,8 +140,8 @@ def test_sampling_is_exact_at_the_surface():
 
 def test_mesh_lies_on_the_zero_set():
     field = ellipsoid((1, -2, 3), (15, 15, 15))
-    vertices, faces = mesh_zero_set(field, np.full(3, -20.0), np.full(3, 22.0), 2.0)
-    assert np.abs(field(vertices.T)).max() < PROJECTION_MM
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    ball = mesh_zero_set(field, np.full(3, -20.0), np.full(3, 22.0), 2.0)
+    assert np.abs(field(ball.vertices.T)).max() < PROJECTION_MM
+    mesh = ball.to_trimesh()
     assert mesh.is_watertight
     assert mesh.volume == pytest.approx(4 / 3 * np.pi * 15**3, rel=0.01)

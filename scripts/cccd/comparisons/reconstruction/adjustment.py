@@ -6,10 +6,10 @@ determining an aesthetic shape connecting unorganized 2D points, Computer Graphi
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from cccd.comparisons.reconstruction.delaunay import Triangulation
+from cccd.geometry._jit import jit
 
 __all__ = ["adjust_boundary"]
 
@@ -50,7 +50,7 @@ def adjust_boundary(mesh: Triangulation, in_graph: np.ndarray, piece: np.ndarray
     return wires | (_edge_states(inside, wires, mesh.edge_triangles) == 1)
 
 
-@numba.njit(cache=True)
+@jit
 def _outside(wall, edge_triangles, triangle_edges):
     """Triangles that can be reached from beyond the hull without crossing a wall."""
     outside = np.zeros(len(triangle_edges), np.bool_)
@@ -77,7 +77,7 @@ def _outside(wall, edge_triangles, triangle_edges):
     return outside
 
 
-@numba.njit(cache=True)
+@jit
 def _edge_states(inside, in_graph, edge_triangles):
     """0: no part of the boundary, 1: parts inside from outside, 2: a wire, outside on both sides."""
     state = np.zeros(len(edge_triangles), np.int8)
@@ -91,7 +91,7 @@ def _edge_states(inside, in_graph, edge_triangles):
     return state
 
 
-@numba.njit(cache=True)
+@jit
 def _inflate(inside, in_graph, allowed, triangles, triangle_edges, edges, edge_triangles, length):
     state = _edge_states(inside, in_graph, edge_triangles)
     border = np.zeros(triangles.max() + 1 if len(triangles) else 0, np.int64)
@@ -140,7 +140,7 @@ def _inflate(inside, in_graph, allowed, triangles, triangle_edges, edges, edge_t
             state[edge] = 0 if state[edge] == 1 else 1
 
 
-@numba.njit(cache=True)
+@jit
 def _sculpt(inside, triangles, triangle_edges, edges, edge_triangles, length):
     state = _edge_states(inside, np.zeros(len(edges), np.bool_), edge_triangles)
     on_border = np.zeros(triangles.max() + 1 if len(triangles) else 0, np.bool_)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from cccd.comparisons.links import unique_links
 from cccd.comparisons.reconstruction.delaunay import triangulate
+from cccd.geometry._jit import jit
 from cccd.tolerances import ROUNDING
 
 __all__ = ["crawl"]
@@ -26,7 +26,7 @@ def crawl(points: np.ndarray) -> np.ndarray:
     return unique_links(_crawl(np.ascontiguousarray(points, float), first, end, seeds))
 
 
-@numba.njit(cache=True)
+@jit
 def _crawl(points, first, neighbour, seeds):
     degree = np.zeros(len(points), np.int64)
     links = np.empty((len(points), 2), np.int64)

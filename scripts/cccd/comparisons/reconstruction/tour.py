@@ -7,11 +7,11 @@ the traveling salesman problem and Menger's theorem on length, SoCG 1999.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from scipy.spatial import cKDTree
 
 from cccd.comparisons.links import unique_links
+from cccd.geometry._jit import jit
 from cccd.tolerances import ROUNDING
 
 __all__ = ["tour"]
@@ -35,7 +35,7 @@ def tour(points: np.ndarray) -> np.ndarray:
     return unique_links(np.column_stack([route, np.roll(route, -1)]))
 
 
-@numba.njit(cache=True)
+@jit
 def _root(parent, point):
     while parent[point] != point:
         parent[point] = parent[parent[point]]
@@ -43,7 +43,7 @@ def _root(parent, point):
     return point
 
 
-@numba.njit(cache=True)
+@jit
 def _greedy(n_points, pairs):
     """Links (N, 2) of each point, -1 where free: shortest pairs first, no cycle, no third link."""
     links = np.full((n_points, 2), -1)
@@ -60,7 +60,7 @@ def _greedy(n_points, pairs):
     return links
 
 
-@numba.njit(cache=True)
+@jit
 def _join(points, links):
     """Walk the fragments one after the other, from each end to the nearest end of another."""
     n_points = len(points)
@@ -86,12 +86,12 @@ def _join(points, links):
     return route
 
 
-@numba.njit(cache=True)
+@jit
 def _distance(points, one, other):
     return np.hypot(points[one, 0] - points[other, 0], points[one, 1] - points[other, 1])
 
 
-@numba.njit(cache=True)
+@jit
 def _reverse(route, place, first, last):
     """Reverse the stretch between two places of the cyclic route, or its complement if that is shorter."""
     size = len(route)
@@ -106,7 +106,7 @@ def _reverse(route, place, first, last):
         first, last = (first + 1) % size, (last - 1) % size
 
 
-@numba.njit(cache=True)
+@jit
 def _improve(points, near, route):
     size = len(route)
     place = np.empty(size, np.int64)
@@ -119,7 +119,7 @@ def _improve(points, near, route):
                 improved = True
 
 
-@numba.njit(cache=True)
+@jit
 def _two_opt(points, near, route, place, a):
     """Replace links (a, b) and (c, d) by (a, c) and (b, d), b and d both after or both before."""
     size = len(route)
@@ -141,7 +141,7 @@ def _two_opt(points, near, route, place, a):
     return False
 
 
-@numba.njit(cache=True)
+@jit
 def _or_opt(points, near, route, place, a):
     """Move a stretch of one to three points that begins at ``a`` between two neighbours elsewhere."""
     size = len(route)
@@ -171,7 +171,7 @@ def _or_opt(points, near, route, place, a):
     return False
 
 
-@numba.njit(cache=True)
+@jit
 def _move(route, place, a, last, step, c, d):
     """Cut the stretch a..last out and put it between c and d, a next to c."""
     size = len(route)

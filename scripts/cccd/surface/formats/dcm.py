@@ -15,8 +15,7 @@ def write(path: Path, surface: Surface, scan: Scan) -> None:
     """Write the mesh's sections with planes."""
     write_rtstruct(
         path,
-        surface.vertices,
-        surface.faces,
+        surface.mesh,
         surface.frame,
         name=scan.organ,
         spacing_mm=scan.contour_spacing_mm,

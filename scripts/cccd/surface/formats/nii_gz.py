@@ -13,4 +13,4 @@ __all__ = ["write"]
 
 def write(path: Path, surface: Surface, scan: Scan) -> None:
     """Write the voxels inside."""
-    write_label_map(path, surface.vertices, surface.faces, surface.frame)
+    write_label_map(path, surface.mesh, surface.frame)

@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+from solids import box, sphere
+
+from cccd.geometry.distance import grid_to_mesh, near_polygons, to_mask, to_mesh, unsigned_to_mesh
+from cccd.geometry.polygons import RaggedPolygons
+
+
+def disc(radius, spacing, shape=(61, 61)):
+    i, j = np.meshgrid(*map(np.arange, shape), indexing="ij")
+    centre = (np.array(shape) - 1) / 2
+    return np.hypot((i - centre[0]) * spacing[0], (j - centre[1]) * spacing[1]) - radius
+
+
+@pytest.mark.parametrize("spacing", [(1.0, 1.0), (0.5, 0.5), (0.7, 1.3)])
+def test_distance_to_the_mask_of_a_disc(spacing):
+    exact = disc(18.0 * min(spacing), spacing)
+    measured = to_mask(exact < 0, np.array(spacing))
+    assert measured.dtype == np.float32
+    assert np.array_equal(measured < 0, exact < 0)
+    assert np.abs(measured - exact).max() < 0.75 * max(spacing)
+
+
+@pytest.mark.parametrize("spacing", [(1.0, 1.0), (0.7, 1.3)])
+def test_distance_near_a_drawn_disc_is_exact(spacing):
+    exact = disc(17.3, spacing).astype(np.float32)
+    angle = np.arange(4000) * 2 * np.pi / 4000
+    circle = 17.3 * np.column_stack([np.cos(angle), np.sin(angle)]) + 30 * np.array(spacing)
+    rough = np.where(exact < 0, -99, 99).astype(np.float32)
+    refined = near_polygons(rough, RaggedPolygons.of([circle]), np.array(spacing), 3)
+    near = np.abs(exact) < 2 * min(spacing)
+    assert refined[near] == pytest.approx(exact[near], abs=1e-4)
+    assert np.all(np.abs(refined[np.abs(exact) > 5 * max(spacing)]) == 99)
+    assert np.all(np.abs(rough) == 99)  # what came in is left alone
+
+
+def test_distance_is_positive_outside_and_negative_inside():
+    offsets = np.array([-3.0, -0.5, 0.5, 8.0])
+    points = np.array([0.48, 0.6, 0.64]) * (20 + offsets)[:, None]
+    ball = sphere(20.0, subdivisions=5)
+    np.testing.assert_allclose(to_mesh(points, ball), offsets, atol=0.05)
+    np.testing.assert_allclose(unsigned_to_mesh(points, ball), np.abs(offsets), atol=0.05)
+
+
+def test_distance_on_a_grid_is_that_of_the_box_within_the_band():
+    mesh, half = box((4.0, 6.0, 5.0)), np.array([2.0, 3.0, 2.5])
+    low = np.array([-3.37, -4.21, -3.91])
+    grid = grid_to_mesh(mesh, low, 0.5, (14, 18, 16), 3.0)
+    nodes = low + 0.5 * np.argwhere(np.ones(grid.values.shape))
+    beyond = np.abs(nodes) - half
+    exact = np.linalg.norm(np.maximum(beyond, 0), axis=1) + np.minimum(beyond.max(axis=1), 0)
+    assert grid.values.ravel() == pytest.approx(np.clip(exact, -1.5, 1.5), abs=1e-5)
+    again = grid.isosurface(0.0)
+    assert again.is_closed_manifold
+    assert again.volume == pytest.approx(mesh.volume, rel=0.03)  # the grid cuts edges off
