@@ -177,9 +177,10 @@ class Patch:
     def _spline(self) -> NdBSpline:
         """Homogeneous points as a function of (u, v) on the base period; control points of turns repeated."""
         nu, nv = self.weights.shape
-        index_u = np.arange(nu + self.closed_u * self.degree_u) % nu
-        index_v = np.arange(nv + self.closed_v * self.degree_v) % nv
-        net = self.homogeneous[index_u[:, None], index_v]
+        extra_u, extra_v = int(self.closed_u) * self.degree_u, int(self.closed_v) * self.degree_v
+        net = self.homogeneous
+        net = np.take(net, range(nu + extra_u), axis=0, mode="wrap")
+        net = np.take(net, range(nv + extra_v), axis=1, mode="wrap")
         return NdBSpline((self.knots_u, self.knots_v), net, (self.degree_u, self.degree_v))
 
     def _within(self, u: FloatArray, v: FloatArray) -> FloatArray:

@@ -182,7 +182,7 @@ class Mesh:
         """Collapse edges by quadric error (Garland and Heckbert 1997) to at most ``most`` triangles."""
         if len(self.faces) <= most:
             return self
-        import fast_simplification
+        import fast_simplification  # pyright: ignore[reportMissingTypeStubs]
 
         vertices, faces = cast(Any, fast_simplification).simplify(
             self.vertices.astype(np.float32), self.faces.astype(np.int32), target_count=most
