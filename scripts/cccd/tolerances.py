@@ -8,6 +8,12 @@ from __future__ import annotations
 #: Relative error within which two floating-point results count as equal.
 ROUNDING = 1e-9
 
+#: Squared lengths and pivots count as at least this, so that one can divide by them.
+TINY = 1e-300
+
+#: Speeds along a curve count as at least this.
+STILL = 1e-12
+
 #: Affines whose columns' cosines exceed this are not orthogonal (sheared scans are refused).
 ORTHOGONALITY = 1e-3
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from cccd.geometry.arrays import predecessors, successors
 from cccd.settings.curves import SharpCornerSettings
-from cccd.tolerances import ROUNDING
+from cccd.tolerances import ROUNDING, STILL
 
 __all__ = [
     "CRITERIA",
@@ -189,7 +189,7 @@ def medioni_yasumoto(
     bend = (behind - 2 * points + ahead) / 2
     speed = (ahead - behind) / 2
     cross = speed[:, 0] * bend[:, 1] - speed[:, 1] * bend[:, 0]
-    cube = np.maximum((speed**2).sum(axis=1), 1e-12) ** 1.5
+    cube = np.maximum((speed**2).sum(axis=1), STILL) ** 1.5
     curvature = np.round(2 * np.abs(cross) / cube, 12)
     moved = np.linalg.norm(bend, axis=1) / 3
     return local_extrema(curvature, np.full(len(points), step), ring) & (moved > displacement)
@@ -228,7 +228,7 @@ def cheng_hsu(
         difference = direction[ring.at(j - 1)] - direction[ring.at(-j)]
         bending += 4 - (4 - difference) % 8  # within (-4, 4]
     bending = np.round(np.abs(bending), 12)
-    turns = np.abs(_turning(points, offsets)) > 1e-9
+    turns = np.abs(_turning(points, offsets)) > ROUNDING
     bending = np.where(turns, bending, 0)
     limit = float(k if threshold is None else threshold)
     return local_extrema(bending, np.full(len(points), k), ring) & (bending > limit)

@@ -25,7 +25,7 @@ from cccd.geometry.closed_splines import (
     values_of_basis,
 )
 from cccd.settings.curves import KnotSettings, SplineFittingSettings
-from cccd.tolerances import LEAST_SPACING_PX, LEAST_SPAN_PX, RIDGE
+from cccd.tolerances import LEAST_SPACING_PX, LEAST_SPAN_PX, RIDGE, STILL, TINY
 
 __all__ = ["FEWEST", "fit_closed_spline"]
 
@@ -108,7 +108,7 @@ def _removal_costs(knots, control, points, parameters, kept):
         values_of_basis(knots, s, parameters[m], value[m])
         piece, h = curve[s], parameters[m] - knots[s + 3]
         slope_x, slope_y = slope_at(piece, h, 0), slope_at(piece, h, 1)
-        speed = max(np.sqrt(slope_x * slope_x + slope_y * slope_y), 1e-12)
+        speed = max(np.sqrt(slope_x * slope_x + slope_y * slope_y), STILL)
         normal[m, 0], normal[m, 1] = -slope_y / speed, slope_x / speed
         distance[m] = (points[m, 0] - value_at(piece, h, 0)) * normal[m, 0]
         distance[m] += (points[m, 1] - value_at(piece, h, 1)) * normal[m, 1]
@@ -180,7 +180,7 @@ def _unrolled_factor(cyclic, ridge):
             for e in range(d + 1, min(a, 3) + 1):
                 total -= factor[a, e] * factor[a - d, e - d]
             if d == 0:
-                factor[a, 0] = np.sqrt(max(total, 1e-300))
+                factor[a, 0] = np.sqrt(max(total, TINY))
             else:
                 factor[a, d] = total / factor[a - d, 0]
     return factor

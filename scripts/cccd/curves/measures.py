@@ -17,6 +17,7 @@ from cccd.geometry.arrays import owners_of, sum_per_part
 from cccd.geometry.raster import rasterise
 from cccd.metrics import Confusion, confusion
 from cccd.settings import CurveSettings
+from cccd.tolerances import TINY
 
 __all__ = ["SWEEP", "area_dice", "bytes_per_slice", "distances", "measure_curves", "sweep_k"]
 
@@ -71,7 +72,7 @@ def distances(points: np.ndarray, offsets: np.ndarray, curves: Curves) -> np.nda
     for neighbour in (curves.polygons.successors, curves.polygons.predecessors):
         along = curves.points[neighbour[nearest]] - near
         offset = points - near
-        squared = np.maximum((along**2).sum(axis=1), 1e-300)
+        squared = np.maximum((along**2).sum(axis=1), TINY)
         share = np.clip((offset * along).sum(axis=1) / squared, 0, 1)
         least = np.minimum(least, np.linalg.norm(offset - share[:, None] * along, axis=1))
     return least

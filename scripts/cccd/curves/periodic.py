@@ -21,7 +21,7 @@ from cccd.geometry.closed_splines import (
     value_at,
     values_of_basis,
 )
-from cccd.tolerances import RIDGE
+from cccd.tolerances import RIDGE, TINY
 
 __all__ = ["least_squares", "project", "tangent_least_squares"]
 
@@ -96,7 +96,7 @@ def tangent_least_squares(knots, control, points, weights, parameters, sliding):
         values_of_basis(knots, s, parameters[m], value)
         into = parameters[m] - knots[s + 3]
         dx, dy = slope_at(curve[s], into, 0), slope_at(curve[s], into, 1)
-        squared = max(dx * dx + dy * dy, 1e-300)
+        squared = max(dx * dx + dy * dy, TINY)
         slack = weights[m] * (1.0 - sliding) / squared
         weight_xx = weights[m] * sliding + slack * dy * dy
         weight_yy = weights[m] * sliding + slack * dx * dx
@@ -173,7 +173,7 @@ def _solve(band, border, right):
             total = band[a, d]
             for e in range(d + 1, min(a, width) + 1):
                 total -= band[a, e] * band[a - d, e - d]
-            band[a, d] = np.sqrt(max(total, 1e-300)) if d == 0 else total / band[a - d, 0]
+            band[a, d] = np.sqrt(max(total, TINY)) if d == 0 else total / band[a - d, 0]
     columns = np.empty((body, sides + edge))  # the right-hand sides, then the border's columns
     for a in range(body):
         for c in range(sides + edge):
