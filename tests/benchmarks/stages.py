@@ -94,8 +94,9 @@ def surface(slices: int, settings: Settings) -> Methods:
     """Lofting, beside the isosurface and the smoothing that people take today."""
     organ = make_organ(slices)
     traced = trace_mask(organ)
+    splines = describe_curves(traced, settings.curves).splines
     return {
-        "B-spline lofting": lambda: loft_surface(traced, settings.surface),
+        "B-spline lofting": lambda: loft_surface(traced, settings.surface, splines),
         "flying edges": lambda: flying_edges(organ),
         "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(organ)),
     }
@@ -111,9 +112,8 @@ def pipeline(slices: int, settings: Settings) -> Methods:
         return order_contours(organ, boundaries, model)[0]
 
     def reconstruct(contours: Callable[[], Curves]) -> None:
-        ordered = contours()
-        describe_curves(ordered, settings.curves)
-        measure_surface(loft_surface(ordered, settings.surface), organ)
+        fitted = describe_curves(contours(), settings.curves)
+        measure_surface(loft_surface(fitted.curves, settings.surface, fitted.splines), organ)
 
     return {
         "every stage": lambda: reconstruct(lambda: trace_contours(organ)[0]),

@@ -244,7 +244,7 @@ THICK_SLICES = Comparison(
     "thick_slices",
     "cccd.comparisons.thick_slices.thick_slice_experiment",
     ("structure",),
-    settings={"settings": "comparisons.thick_slices", "lofting": "surface"},
+    settings={"settings": "comparisons.thick_slices", "fitting": "curves", "lofting": "surface"},
     unused=("surface.formats", "surface.contour_spacing_mm"),
     columns=("slice_distance_mm", "every_nth", "method", "seconds"),
     memory_mb=(3000, 60),

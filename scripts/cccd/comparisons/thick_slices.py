@@ -11,9 +11,9 @@ import pandas as pd
 
 from cccd.comparisons.baselines.surfaces import SURFACES
 from cccd.containers import Frame, Structure
-from cccd.settings import LoftSettings
+from cccd.reconstruct import reconstruct_mask
+from cccd.settings import CurveSettings, LoftSettings
 from cccd.settings.comparisons import ThickSliceSettings
-from cccd.surface.loft import loft_surface
 from cccd.surface.measure import measure_mesh
 from cccd.tracing import trace_mask
 
@@ -41,7 +41,7 @@ def every_nth_slice(structure: Structure, n: int) -> Structure:
 
 
 def thick_slice_experiment(
-    structure: Structure, settings: ThickSliceSettings, lofting: LoftSettings
+    structure: Structure, settings: ThickSliceSettings, fitting: CurveSettings, lofting: LoftSettings
 ) -> pd.DataFrame:
     """Reconstruct a structure from every n-th slice and measure against its full resolution.
 
@@ -53,6 +53,7 @@ def thick_slice_experiment(
         The slice distances, and the tolerance and compactness that take the place of those in ``lofting``.
         The other methods' meshes may be as large as they like, so here the control nets are held to
         accuracy more than to size.
+    fitting : CurveSettings
     lofting : LoftSettings
 
     Returns
@@ -78,20 +79,20 @@ def thick_slice_experiment(
         if np.count_nonzero(thick.stack("mask").any(axis=(1, 2))) < FEWEST_SLICES:
             continue
         row = {"slice_distance_mm": n * spacing, "every_nth": n}
-        rows += [row | measured for measured in _reconstructions(thick, structure, accurate)]
+        rows += [row | measured for measured in _reconstructions(thick, structure, fitting, accurate)]
     return pd.DataFrame(rows)
 
 
 def _reconstructions(
-    thick: Structure, structure: Structure, lofting: LoftSettings
+    thick: Structure, structure: Structure, fitting: CurveSettings, lofting: LoftSettings
 ) -> Iterator[dict[str, object]]:
     """Reconstruct thick slices by our way and by the baselines, each measured at full resolution."""
     start = time.perf_counter()
-    curves = trace_mask(thick)
-    surface = loft_surface(curves, lofting)
+    surface = reconstruct_mask(thick, fitting, lofting)
     seconds = time.perf_counter() - start
     sizes = {"seconds": seconds, "control_bytes": surface.report["control_bytes"]}
     yield {"method": "CCCD", **measure_mesh(surface.mesh, structure), **sizes}
+    curves = trace_mask(thick)
     for method in BASELINES:
         start = time.perf_counter()
         mesh = SURFACES[method].run(thick, curves)

@@ -2,8 +2,9 @@
 
 The reference is the pixel-centre polygon of a curve. A digitised smooth outline lies within half a pixel
 of it, in steps; these steps are noise. The automatic fit therefore measures its tolerance against the
-polygon with the steps filtered out (over three tolerances, at most 1.5 pixels, so that a small tolerance
-brings the pixels back), and looks for the fewest knots that stay within it. With a budget the splines
+polygon with the steps filtered out (over 1.5 pixels, and less for a tolerance so small that it asks for
+the pixels), and looks for the fewest knots that stay within it. What is small for its pixels
+keeps its shape: on coarse pixels and on short curves the tolerance is smaller. With a budget the splines
 are fitted to the polygon itself, every point counting alike.
 """
 
@@ -15,10 +16,10 @@ import shapely
 from cccd.containers import Curves, Splines
 from cccd.curves.corners import sharp_corners
 from cccd.curves.knots import FEWEST, fit_closed_spline
-from cccd.geometry.arrays import concatenate_ragged, offsets_of, ranks_of, sum_per_part
+from cccd.geometry.arrays import concatenate_ragged, offsets_of, ranks_of, split_ragged, sum_per_part
 from cccd.geometry.closed_splines import DEGREE, evaluate, sample_ragged
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.settings.curves import CurveSettings, SplineFittingSettings
+from cccd.settings.curves import CurveSettings, SplineFittingSettings, ToleranceSettings
 from cccd.tolerances import CHECKED_CLOSER, CHECKED_PER_PIXEL, CHECKED_PER_SPAN, CHECKED_TURN
 
 __all__ = ["corner_splines", "fit_curves", "sample_splines", "uniform_knots"]
@@ -35,9 +36,10 @@ def fit_curves(curves: Curves, settings: CurveSettings = _DEFAULTS) -> Splines:
     curves : Curves
         Ordered closed curves; pixel chains or any polygons.
     settings : CurveSettings
-        ``tolerance_px`` is the largest distance between the curve and the reference (see the module): the
-        fewest control points that keep it are sought. With ``max_control_points`` each curve is the best
-        for that many, and never has more than half as many as points (at least 4).
+        ``tolerance_px`` is the largest distance between the curve and the reference (see the module), less
+        on coarse pixels and short curves: the fewest control points that keep it are sought. With
+        ``max_control_points`` each curve is the best for that many, and never has more than half as many as
+        points (at least 4).
 
     Returns
     -------
@@ -63,6 +65,12 @@ def fit_curves(curves: Curves, settings: CurveSettings = _DEFAULTS) -> Splines:
     return _replace(splines, wrong, _polygon_splines(_subset(curves, wrong)))
 
 
+def _shares(curves: Curves, rule: ToleranceSettings) -> np.ndarray:
+    """Shares (C,) of the tolerance and of the filter's width: less on coarse pixels and on short curves."""
+    pixel = float(np.sqrt(curves.frame.pixel_spacing.prod()))
+    return min(1.0, rule.coarsest_mm / pixel) * np.minimum(1, curves.polygons.lengths / rule.full_length_px)
+
+
 def _budget(sizes: np.ndarray, most: float | None) -> np.ndarray:
     """Control points (C,) wanted of curves of so many points; 0 where the tolerance decides."""
     if most is None:
@@ -74,20 +82,21 @@ def _budget(sizes: np.ndarray, most: float | None) -> np.ndarray:
 def _fit(
     curves: Curves,
     sharp: np.ndarray,
-    tolerance: float,
+    tolerance_px: float,
     target: np.ndarray,
     sliding: float,
     settings: SplineFittingSettings,
 ) -> Splines:
     steps = settings.reference
-    widest = min(steps.staircase_tolerances * tolerance, steps.staircase_px)
-    # what is small keeps its shape: the filter must not reach round it
-    sigma = np.minimum(widest, curves.polygons.lengths / steps.widths_around)
+    shares = _shares(curves, settings.tolerance)
+    widest = steps.staircase_px * min(1.0, tolerance_px / steps.pixels_tolerance_px) ** 2
     fits = []
-    for polygon, begin, width, count in zip(curves, curves.offsets, sigma, target, strict=False):
-        corners = sharp[begin : begin + len(polygon)]
+    sharp_parts = split_ragged(sharp, curves.offsets)
+    for polygon, corners, tolerance, width, count in zip(
+        curves, sharp_parts, shares * tolerance_px, shares * widest, target, strict=True
+    ):
         if 0 < count < 2 * DEGREE * np.count_nonzero(corners):  # corners would take most of the budget
-            corners = np.zeros(len(polygon), bool)
+            corners = np.zeros_like(corners)
         fits.append(
             fit_closed_spline(polygon, corners, tolerance, 0.0 if count else width, count, sliding, settings)
         )

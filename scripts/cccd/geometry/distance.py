@@ -15,7 +15,10 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import voxelise
 
-__all__ = ["grid_to_mesh", "near_polygons", "to_mask", "to_mesh", "unsigned_to_mesh"]
+__all__ = ["grid_to_mesh", "to_mask", "to_mesh", "to_polygons", "unsigned_to_mesh"]
+
+#: Distances to polygons are exact within this many pixels of them.
+NEAR_PIXELS = 2.0
 
 _Point = tuple[float, float, float]
 
@@ -59,45 +62,84 @@ def _pixels_away(inside: ByteArray) -> FloatArray:
     return np.sqrt(np.rint(away**2))
 
 
-def near_polygons(
-    distance: SingleArray, polygons: RaggedPolygons, spacing: FloatArray, band: float
+def to_polygons(
+    inside: BoolArray, polygons: RaggedPolygons, spacing: FloatArray, outwards: FloatArray
 ) -> SingleArray:
-    """Distances (I, J) that are exact near polygons; what ``distance`` holds is kept further away.
+    """Signed distance of every pixel (I, J) to the nearest of some polygons, each moved outwards.
 
     Parameters
     ----------
-    distance : (I, J) float32
-        Signed distances; their sign stays.
+    inside : (I, J) bool
+        Pixels whose centres the polygons enclose.
     polygons : RaggedPolygons
-        In mm from the centre of the first pixel.
+        In mm from the centre of the first pixel; at least one.
     spacing : (2,) float64
         Edge lengths of a pixel in mm.
-    band : float
-        Pixels within which distances are measured anew.
+    outwards : (C,) float64
+        Pixels by which each polygon moves along its normal, where that is an axis of the pixels; in between
+        it moves by the larger of the normal's two parts times that, as a border of whole pixels lies.
+
+    Notes
+    -----
+    Pixels near a polygon find the nearest point on it; sweeps down and up the plane hand these points on, and
+    each pixel keeps the nearest that it is offered (Danielsson 1980, with points between the pixels).
+
+    Examples
+    --------
+    >>> square = RaggedPolygons.of([np.array([(1.0, 1), (3, 1), (3, 3), (1, 3)])])
+    >>> inside = np.zeros((5, 5), bool)
+    >>> inside[1:4, 1:4] = True
+    >>> to_polygons(inside, square, np.ones(2), np.full(1, 0.5))[2].tolist()
+    [0.5, -0.5, -1.5, -0.5, 0.5]
     """
-    refined = distance.copy()
-    _refine(refined, polygons.points, polygons.offsets, spacing, band)
-    return refined
+    return _swept(inside, polygons.points, polygons.offsets, spacing, outwards)
 
 
 @jit
-def _refine(
-    distance: SingleArray, points: FloatArray, offsets: IntArray, spacing: FloatArray, band: float
-) -> None:
-    height, width = distance.shape
-    reach_i, reach_j = band * spacing[0], band * spacing[1]
-    exact = np.full(distance.shape, np.inf)
-    for member in range(len(offsets) - 1):
-        first, last = offsets[member], offsets[member + 1]
+def _swept(
+    inside: BoolArray, points: FloatArray, offsets: IntArray, spacing: FloatArray, outwards: FloatArray
+) -> SingleArray:
+    height, width = inside.shape
+    foot, gap, owner = _feet_nearby(height, width, points, offsets, spacing)
+    for way in (1, -1):
+        for step in range(height):
+            i = step if way > 0 else height - 1 - step
+            for j in range(width):
+                for side in (-1, 0, 1):
+                    _take_over(foot, gap, owner, i, j, i - way, j + side, spacing)
+            for j in range(1, width):
+                _take_over(foot, gap, owner, i, j, i, j - 1, spacing)
+            for j in range(width - 2, -1, -1):
+                _take_over(foot, gap, owner, i, j, i, j + 1, spacing)
+    distance = np.empty((height, width), np.float32)
+    for i in range(height):
+        for j in range(width):
+            away = np.sqrt(gap[i, j])
+            x, y = abs(i * spacing[0] - foot[i, j, 0]), abs(j * spacing[1] - foot[i, j, 1])
+            pixel = max(spacing[0] * x, spacing[1] * y) / away if away > 0 else spacing.min()
+            distance[i, j] = (-away if inside[i, j] else away) - outwards[owner[i, j]] * pixel
+    return distance
+
+
+@jit
+def _feet_nearby(
+    height: int, width: int, points: FloatArray, offsets: IntArray, spacing: FloatArray
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Nearest point, its squared distance and its polygon, for pixels near a polygon's edges."""
+    foot = np.full((height, width, 2), np.inf)
+    gap = np.full((height, width), np.inf)
+    owner = np.zeros((height, width), np.int64)
+    for polygon in range(len(offsets) - 1):
+        first, last = offsets[polygon], offsets[polygon + 1]
         for n in range(first, last):
             ax, ay = points[n]
             bx, by = points[n + 1] if n + 1 < last else points[first]
             dx, dy = bx - ax, by - ay
             length2 = dx * dx + dy * dy
-            i0 = max(0, int(np.ceil((min(ax, bx) - reach_i) / spacing[0])))
-            i1 = min(height - 1, int((max(ax, bx) + reach_i) / spacing[0]))
-            j0 = max(0, int(np.ceil((min(ay, by) - reach_j) / spacing[1])))
-            j1 = min(width - 1, int((max(ay, by) + reach_j) / spacing[1]))
+            i0 = max(0, int(np.ceil(min(ax, bx) / spacing[0] - NEAR_PIXELS)))
+            i1 = min(height - 1, int(max(ax, bx) / spacing[0] + NEAR_PIXELS))
+            j0 = max(0, int(np.ceil(min(ay, by) / spacing[1] - NEAR_PIXELS)))
+            j1 = min(width - 1, int(max(ay, by) / spacing[1] + NEAR_PIXELS))
             for i in range(i0, i1 + 1):
                 px = i * spacing[0] - ax
                 for j in range(j0, j1 + 1):
@@ -106,13 +148,24 @@ def _refine(
                     if length2 > 0:
                         share = min(1.0, max(0.0, (px * dx + py * dy) / length2))
                     ex, ey = px - share * dx, py - share * dy
-                    gap = ex * ex + ey * ey
-                    if gap < exact[i, j]:
-                        exact[i, j] = gap
-    for i in range(height):
-        for j in range(width):
-            if exact[i, j] < np.inf:
-                distance[i, j] = np.copysign(np.sqrt(exact[i, j]), distance[i, j])
+                    if ex * ex + ey * ey < gap[i, j]:
+                        gap[i, j] = ex * ex + ey * ey
+                        foot[i, j, 0], foot[i, j, 1] = ax + share * dx, ay + share * dy
+                        owner[i, j] = polygon
+    return foot, gap, owner
+
+
+@jit
+def _take_over(
+    foot: FloatArray, gap: FloatArray, owner: IntArray, i: int, j: int, a: int, b: int, spacing: FloatArray
+) -> None:
+    """Let pixel (i, j) take over the nearest point of pixel (a, b) where that is nearer than its own."""
+    if 0 <= a < gap.shape[0] and 0 <= b < gap.shape[1] and gap[a, b] < np.inf:
+        x, y = i * spacing[0] - foot[a, b, 0], j * spacing[1] - foot[a, b, 1]
+        if x * x + y * y < gap[i, j]:
+            gap[i, j] = x * x + y * y
+            foot[i, j] = foot[a, b]
+            owner[i, j] = owner[a, b]
 
 
 # Of meshes --------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ __all__ = [
     "ReferenceSettings",
     "SharpCornerSettings",
     "SplineFittingSettings",
+    "ToleranceSettings",
 ]
 
 _Support = Annotated[int, Field(ge=1, le=1000)]
@@ -54,35 +55,49 @@ class SharpCornerSettings(Section):
     )
 
 
-class ReferenceSettings(Section):
-    """The curve that a spline is fitted to: the pixel polygon, sampled, its staircase filtered away."""
+class ToleranceSettings(Section):
+    """Where less than ``tolerance_px`` is allowed, and less filtered: one rule for fine and coarse scans."""
 
-    staircase_tolerances: float = setting(
-        3.0,
-        "width of the filter that takes the pixels' steps away, in tolerances ...",
-        why="A small tolerance brings the pixels back.",
-        unit="tolerances",
+    coarsest_mm: float = setting(
+        1.5,
+        "the tolerance does not grow with pixels larger than this",
+        why="Organs are as curved on coarse pixels; the same as for the surface's own tolerance.",
+        unit="mm",
         expert=True,
         gt=0,
         le=100,
     )
+    full_length_px: float = setting(
+        120.0,
+        "shorter curves have a tolerance in proportion to their length",
+        why="A bronchus of six pixels would lose a tenth of its width.",
+        unit="px",
+        expert=True,
+        gt=0,
+        le=10000,
+    )
+
+
+class ReferenceSettings(Section):
+    """The curve that a spline is fitted to: the pixel polygon, sampled, its staircase filtered away."""
+
     staircase_px: float = setting(
         1.5,
-        "... and at most so many pixels",
+        "width of the filter that takes the pixels' steps away",
         why="Steps are a pixel high; a wider filter would take the organ's own shape.",
         unit="px",
         expert=True,
         gt=0,
         le=100,
     )
-    widths_around: float = setting(
-        24.0,
-        "at least so many widths of the filter fit around a curve",
-        why="What is small keeps its shape: the filter must not reach round it.",
-        unit="count",
+    pixels_tolerance_px: float = setting(
+        0.15,
+        "below this tolerance the filter narrows with its square",
+        why="A small tolerance brings the pixels back.",
+        unit="px",
         expert=True,
-        ge=1,
-        le=1000,
+        gt=0,
+        le=100,
     )
     spacing_px: float = setting(
         1.0,
@@ -281,6 +296,9 @@ class SplineFittingSettings(Section):
     sharp: SharpCornerSettings = setting(
         SharpCornerSettings(), "sharp corners", why="A smooth spline would cut them off."
     )
+    tolerance: ToleranceSettings = setting(
+        ToleranceSettings(), "where less is allowed", why="What is small for its pixels keeps its shape."
+    )
     reference: ReferenceSettings = setting(
         ReferenceSettings(), "what splines are fitted to", why="The pixels' steps are noise."
     )
@@ -302,9 +320,10 @@ class CurveSettings(Section):
         "(Definition 4).",
     )
     tolerance_px: float = setting(
-        0.5,
+        0.15,
         "auto: largest distance between the spline and the boundary without its steps",
-        why="A digitised outline lies within half a pixel of the true one.",
+        why="Surfaces are lofted from the splines: half a pixel, as far as the steps themselves reach, costs "
+        "them up to a fifth of their accuracy (docs/splines.md).",
         unit="px",
         gt=0,
         le=100,

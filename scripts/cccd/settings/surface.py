@@ -13,6 +13,7 @@ from cccd.settings.validators import without_repeats
 __all__ = [
     "SURFACE_FORMATS",
     "BlendingSettings",
+    "DetailSettings",
     "FittingSettings",
     "InterpolationSettings",
     "LoftSettings",
@@ -45,6 +46,44 @@ class InterpolationSettings(Section):
         expert=True,
         ge=0.5,
         le=10,
+    )
+
+    knot_pixels: float = setting(
+        1.9,
+        "knots of the spline that smooths the slices' distances where tubes meet",
+        why="Narrower and blends show the slices, wider and thin branches shrink.",
+        unit="px",
+        expert=True,
+        ge=1,
+        le=10,
+    )
+
+
+class DetailSettings(Section):
+    """How many control points a surface may have: one continuous rule between the two compactnesses."""
+
+    coarse_mm: tuple[float, float] = setting(
+        (2.0, 3.0),
+        "from the first on a voxel counts as coarse, fully at the second, by its longest effective edge ...",
+        why="Features of organs have a size in mm; on coarse voxels few voxels make one up.",
+        unit="mm",
+        expert=True,
+    )
+    slice_share: float = setting(
+        0.6,
+        "... which is the pixel's, or this share of the slice distance",
+        why="Levels between slices are interpolated; pixels are not.",
+        unit="share",
+        expert=True,
+        gt=0,
+        le=1,
+    )
+    thin_voxels: tuple[float, float] = setting(
+        (15.0, 30.0),
+        "thin below the first of these, not at all from the second on: six times volume by surface",
+        why="A thin organ has few voxels for its curvature.",
+        unit="voxels",
+        expert=True,
     )
 
 
@@ -211,9 +250,9 @@ class FittingSettings(Section):
         le=100,
     )
     smoothing_pixels: float = setting(
-        0.6,
+        0.45,
         "waves of 2 pi times this length are halved, longer ones pass",
-        why="What is shorter than four pixels is noise of the pixels.",
+        why="What is shorter than three pixels is noise of the pixels.",
         unit="px",
         expert=True,
         ge=0,
@@ -310,9 +349,22 @@ class BlendingSettings(Section):
 class LoftSettings(Section):
     """How curves become a surface (section ``surface``)."""
 
+    source: Literal["splines", "polygons", "corners"] = setting(
+        "splines",
+        "lofted from the curves' closed splines, the curves themselves, or splines through their corners",
+        why="Splines carry no pixel steps into the surface; corners are the paper's way (Definition 4).",
+    )
+    corner_k: int = setting(
+        7,
+        "corners: longest support of the k-cosine whose sharpest points the splines go through",
+        why="The middle of the paper's sweep.",
+        unit="px",
+        ge=1,
+        le=1000,
+    )
     tolerance_voxels: float = setting(
         0.15,
-        "mean distance between curves and surface that is good enough, in voxel edges",
+        "mean distance between outlines and surface that is good enough, in voxel edges",
         why="Below that the surface follows the pixels' steps. The edge is the pixel size, the cube root of "
         "the voxel's volume, or 1.5 mm, whichever is least.",
         unit="voxel edges",
@@ -329,7 +381,7 @@ class LoftSettings(Section):
     )
     compactness_thin: float = setting(
         40.0,
-        "the same for thin organs and coarse scans",
+        "the same for thin organs and coarse scans; in between, in between",
         why="An organ that is few voxels thick has too small a mesh to compare with.",
         unit="ratio",
         gt=0,
@@ -364,6 +416,9 @@ class LoftSettings(Section):
     )
     interpolation: InterpolationSettings = setting(
         InterpolationSettings(), "levels between slices", why="Tuned on phantoms and shared scans."
+    )
+    detail: DetailSettings = setting(
+        DetailSettings(), "how many control points", why="Tuned on phantoms and shared scans."
     )
     matching: MatchingSettings = setting(
         MatchingSettings(), "from rings to tubes", why="Tuned on phantoms and shared scans."

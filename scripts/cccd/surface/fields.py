@@ -12,17 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cccd.containers import Curves
-from cccd.geometry.distance import near_polygons, to_mask
+from cccd.geometry.distance import to_mask, to_polygons
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
+from cccd.surface.outlines import Outlines, through_pixel_centres
 
-__all__ = ["Field", "distance_fields", "interpolated_fields", "through_pixel_centres"]
+__all__ = ["Field", "distance_fields", "interpolated_fields"]
 
 #: Fields reach this many pixels beyond the curves, so that every contour closes.
 MARGIN_PIXELS = 4
-#: Distances to polygons are exact within this many pixels, the pixels' distance further out.
-BAND_PIXELS = 3
 
 
 @dataclass(frozen=True)
@@ -44,21 +42,14 @@ class Field:
     source_slice: int | None
 
 
-def through_pixel_centres(curves: Curves) -> bool:
-    """Tell pixel chains (every point an integer) from drawn contours."""
-    return bool(np.array_equal(curves.points, np.rint(curves.points)))
-
-
-def distance_fields(curves: Curves, pixel_centres: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Signed distances of every slice that has curves.
+def distance_fields(outlines: Outlines) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Signed distances of every slice that has outlines.
 
     Parameters
     ----------
-    curves : Curves
-        At least one curve.
-    pixel_centres : bool
-        The curves run through the centres of the outermost pixels and stand for those pixels' area;
-        otherwise they are the outline itself.
+    outlines : Outlines
+        At least one. Distances are to their polygons moved outwards; to the border between pixels where
+        these are chains of pixels.
 
     Returns
     -------
@@ -69,17 +60,21 @@ def distance_fields(curves: Curves, pixel_centres: bool) -> tuple[np.ndarray, np
     origin : (2,) int64
         Source ``(i, j)`` of ``distance[0, 0, 0]``.
     """
+    curves = outlines.curves
     spacing = curves.frame.pixel_spacing
     slices, layer = np.unique(curves.slice, return_inverse=True)
     origin = np.floor(curves.points.min(axis=0)).astype(np.int64) - MARGIN_PIXELS
     shape = tuple(np.ceil(curves.points.max(axis=0)).astype(np.int64) + MARGIN_PIXELS + 1 - origin)
     moved = RaggedPolygons(curves.points - origin, curves.offsets)
     mask = rasterise_layers(moved, layer, (len(slices), *shape))
-    distance = np.stack([to_mask(plane, spacing) for plane in mask])
-    if not pixel_centres:
-        polygons = RaggedPolygons((curves.points - origin) * spacing, curves.offsets)
-        for number, plane in enumerate(distance):
-            distance[number] = near_polygons(plane, polygons.take(layer == number), spacing, BAND_PIXELS)
+    if outlines.of_pixels and through_pixel_centres(curves):
+        distance = np.stack([to_mask(plane, spacing) for plane in mask])
+        return slices.astype(np.int64), distance, origin
+    polygons = RaggedPolygons((curves.points - origin) * spacing, curves.offsets)
+    distance = np.empty(mask.shape, np.float32)
+    for number, inside in enumerate(mask):
+        here = layer == number
+        distance[number] = to_polygons(inside, polygons.take(here), spacing, outlines.outwards[here])
     return slices.astype(np.int64), distance, origin
 
 

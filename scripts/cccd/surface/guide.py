@@ -12,8 +12,6 @@ from cccd.surface.fields import Field
 
 __all__ = ["Guide"]
 
-#: Knots of the smoothing spline lie this many pixels apart, and so many in organs at least so thick.
-SMOOTHING_PIXELS, SMOOTHER_PIXELS, THICK_PIXELS = 2.0, 2.5, 30.0
 #: A polynomial times the cubic B-spline whose second moment vanishes: curved outlines do not shrink.
 FLAT_0, FLAT_2 = 27 / 17, -30 / 17
 
@@ -45,11 +43,10 @@ class Guide:
     knot: float
 
     @classmethod
-    def of(cls, fields: Sequence[Field], spacing: np.ndarray, widest: float, thickness: float) -> Guide:
-        """Guide through fields that are sorted by height, of an organ of some ``thickness`` in mm."""
-        thick = thickness >= THICK_PIXELS * float(np.sqrt(spacing.prod()))
+    def of(cls, fields: Sequence[Field], spacing: np.ndarray, widest: float, knot: float) -> Guide:
+        """Guide through fields that are sorted by height."""
         planes, z = [level.distance for level in fields], np.array([level.z for level in fields])
-        return cls(planes, z, spacing, widest, SMOOTHER_PIXELS if thick else SMOOTHING_PIXELS)
+        return cls(planes, z, spacing, widest, knot)
 
     def __call__(self, points: np.ndarray, within: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """Distances (P,) in mm at points (P, 3) in the plane's mm and height, and how far they are known.
@@ -110,7 +107,7 @@ def _sampled(plane, pixels, knot):
     """Values (P,) of a plane at positions (P, 2) in pixels, smoothed, or linear where ``knot`` is 0."""
     height, width = plane.shape
     out = np.zeros(len(pixels))
-    taps = int(4 * knot) if knot else 2
+    taps = 2 * int(np.ceil(2 * knot)) if knot else 2
     weight = np.empty((2, taps))
     first = np.empty(2, np.int64)
     for p in range(len(pixels)):

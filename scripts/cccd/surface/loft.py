@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cccd.containers import Curves
+from cccd.containers import Curves, Splines
+from cccd.errors import InputError
 from cccd.settings import LoftSettings
-from cccd.surface.fields import through_pixel_centres
 from cccd.surface.matching import match_contours
+from cccd.surface.outlines import lofted_outlines
 from cccd.surface.patches import fit_patches
 from cccd.surface.solid import join_patches
 from cccd.surface.stack import CONTROL_BYTES, SliceStack, interpolate_slices
@@ -17,33 +18,30 @@ __all__ = ["loft_surface"]
 
 #: The tolerance does not grow with voxels larger than this in mm.
 COARSEST_MM = 1.5
-#: Pixels and slices above these sizes in mm (2 x 2 x 3 and some rounding) make a coarse scan.
-COARSE_MM = (2.05, 3.05)
-#: Six times volume by surface, the diameter of a ball, below this many voxels: a thin organ.
-THIN_VOXELS = 15
 
 
-def loft_surface(curves: Curves, settings: LoftSettings, pixel_centres: bool | None = None) -> Surface:
+def loft_surface(curves: Curves, settings: LoftSettings, splines: Splines | None = None) -> Surface:
     """Loft a stack of ordered curves.
 
     Parameters
     ----------
     curves : Curves
-        Closed simple curves, outlines and holes.
+        Closed simple curves, outlines and holes. Those through pixel centres stand for the pixels, whose
+        border lies half a pixel further out; any others are the border itself.
     settings : LoftSettings
         Section ``surface`` of the configuration.
-    pixel_centres : bool, optional
-        Whether the curves run through pixel centres (the surface then encloses the pixels, half a
-        pixel further out) or are the outline itself; by default determined by their coordinates.
+    splines : Splines, optional
+        Closed splines of the curves, from which the surface is lofted where ``settings.source`` says so; by
+        default they are fitted here, by the default settings of the curves.
 
     Raises
     ------
     InputError
         When there is no curve at all, or none goes around the centre of a pixel.
     """
-    if pixel_centres is None:
-        pixel_centres = through_pixel_centres(curves)
-    stack = interpolate_slices(curves, settings, pixel_centres)
+    if len(curves) == 0:
+        raise InputError("curves", "there is not one closed curve", "check the mask or the boundary maps")
+    stack = interpolate_slices(lofted_outlines(curves, splines, settings), settings)
     tubes = match_contours(stack, settings.matching)
     reach = max(settings.blending.reach_pixels * stack.pixel, settings.blending.reach_steps * stack.step)
     tolerance, budget = _tolerance(stack, settings), _budget(stack, settings)
@@ -59,7 +57,10 @@ def _tolerance(stack: SliceStack, settings: LoftSettings) -> float:
 
 def _budget(stack: SliceStack, settings: LoftSettings) -> float:
     """Control points that all patches together may have, by the size of marching cubes' mesh."""
-    coarse = stack.step > COARSE_MM[1] or stack.voxel[1:].max() > COARSE_MM[0]
-    thin = coarse or stack.voxels_through < THIN_VOXELS
-    compactness = settings.compactness_thin if thin else settings.compactness
+    rule = settings.detail
+    edge = max(stack.voxel[1:].max(), rule.slice_share * stack.step)
+    fine = float(np.interp(edge, rule.coarse_mm, (1.0, 0.0)))
+    thick = float(np.interp(stack.voxels_through, rule.thin_voxels, (0.0, 1.0)))
+    ends = np.log([settings.compactness_thin, settings.compactness])
+    compactness = float(np.exp(np.interp(min(fine, thick), (0.0, 1.0), ends)))
     return stack.marching_cubes_bytes / CONTROL_BYTES / compactness

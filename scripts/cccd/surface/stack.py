@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from cccd.containers import Curves
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.settings import LoftSettings
 from cccd.surface.fields import Field, distance_fields, interpolated_fields
 from cccd.surface.guide import Guide
+from cccd.surface.outlines import Outlines
 from cccd.surface.rings import Ring, find_rings
 
 __all__ = ["Run", "SliceStack", "interpolate_slices"]
@@ -57,8 +57,12 @@ class Run:
         return -distance if ring.hole else distance
 
     def volume(self) -> float:
-        """Volume in mm^3 of the levels, half a step beyond the first and the last included."""
-        levels = [rings for rings in self.rings if rings]
+        """Volume in mm^3 of the source slices, half a step beyond the first and the last included."""
+        levels = [
+            rings
+            for rings, plane in zip(self.rings, self.fields, strict=True)
+            if rings and plane.source_slice is not None
+        ]
         if not levels:
             return 0.0
         area = np.array([sum(-ring.area if ring.hole else ring.area for ring in rings) for rings in levels])
@@ -117,29 +121,25 @@ class SliceStack:
         return int(self.voxel_faces.sum()) * (VERTEX_BYTES + 2 * TRIANGLE_BYTES)
 
 
-def interpolate_slices(curves: Curves, settings: LoftSettings, pixel_centres: bool) -> SliceStack:
-    """Turn curves into signed distances, interpolate levels between slices, find every level's rings.
+def interpolate_slices(outlines: Outlines, settings: LoftSettings) -> SliceStack:
+    """Turn outlines into signed distances, interpolate levels between slices, find every level's rings.
 
     Parameters
     ----------
-    curves : Curves
-        Closed simple curves, outlines and holes.
+    outlines : Outlines
+        Closed polygons, outer ones and holes.
     settings : LoftSettings
         Of these ``bridge_slices``, which may be missing before a run of levels ends, and ``interpolation``.
-    pixel_centres : bool
-        Whether the curves run through pixel centres or are the outline itself.
 
     Raises
     ------
     InputError
         When there is no curve at all, or none goes around the centre of a pixel.
     """
-    if len(curves) == 0:
-        raise InputError("curves", "there is not one closed curve", "check the mask or the boundary maps")
-    frame = curves.frame
+    frame = outlines.curves.frame
     spacing = frame.pixel_spacing
     pixel = float(np.sqrt(spacing.prod()))
-    slices, distance, origin = distance_fields(curves, pixel_centres)
+    slices, distance, origin = distance_fields(outlines)
     gaps = np.diff(slices)
     level_spacing = settings.interpolation.level_pixels * pixel
     every = int(np.median(gaps)) if len(gaps) else 1
@@ -150,7 +150,7 @@ def interpolate_slices(curves: Curves, settings: LoftSettings, pixel_centres: bo
     for part in np.split(np.arange(len(slices)), breaks):
         here = slice(part[0], part[-1] + 1)
         fields = list(interpolated_fields(slices[here], distance[here], frame.slice_spacing, level_spacing))
-        rings = [find_rings(plane, level, spacing, pixel_centres) for level, plane in enumerate(fields)]
+        rings = [find_rings(plane, level, spacing, outlines.of_pixels) for level, plane in enumerate(fields)]
         runs.append(Run(fields, rings, spacing, step / 2, scan_range))
     if not any(rings for run in runs for rings in run.rings):
         raise InputError(
@@ -159,7 +159,9 @@ def interpolate_slices(curves: Curves, settings: LoftSettings, pixel_centres: bo
     voxel, voxel_faces = np.array([step, *spacing]), _voxel_faces(distance < 0)
     volume = sum(run.volume() for run in runs)
     thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
-    target = Guide.of(_levels(runs), spacing, settings.bridge_slices * step + pixel, thickness)
+    target = Guide.of(
+        _levels(runs), spacing, settings.bridge_slices * step + pixel, settings.interpolation.knot_pixels
+    )
     return SliceStack(runs, target, origin, voxel, voxel_faces, volume, thickness)
 
 

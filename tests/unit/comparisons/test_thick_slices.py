@@ -3,7 +3,7 @@ import pytest
 
 from cccd.comparisons.thick_slices import every_nth_slice, thick_slice_experiment
 from cccd.containers import Frame, Structure
-from cccd.settings import LoftSettings
+from cccd.settings import CurveSettings, LoftSettings
 from cccd.settings.comparisons import ThickSliceSettings
 
 
@@ -27,7 +27,7 @@ def test_kept_slices_stay_where_they_were(origin):
 
 def test_the_experiment_measures_against_the_full_resolution():
     settings = ThickSliceSettings(spacings_mm=[5.0, 5.2, 40.0], tolerance_voxels=0.1, compactness=12)
-    table = thick_slice_experiment(ellipsoid(), settings, LoftSettings())
+    table = thick_slice_experiment(ellipsoid(), settings, CurveSettings(), LoftSettings())
     assert table["every_nth"].unique().tolist() == [5]  # 5.2 is the same multiple, 40 leaves no shape
     assert table.groupby("every_nth")["method"].count().tolist() == [3]
     assert (table["dice_3d"] > 0.95).all()
@@ -39,4 +39,4 @@ def test_the_experiment_measures_against_the_full_resolution():
 def test_without_a_mask_there_is_nothing_to_compare():
     structure = ellipsoid()
     structure.mask = None
-    assert thick_slice_experiment(structure, ThickSliceSettings(), LoftSettings()).empty
+    assert thick_slice_experiment(structure, ThickSliceSettings(), CurveSettings(), LoftSettings()).empty

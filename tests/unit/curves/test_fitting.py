@@ -52,9 +52,8 @@ def test_tolerance_is_kept_with_few_points(blob, seed, tolerance):
     curves = blob(seed)[1]
     splines = fit_curves(curves, CurveSettings(tolerance_px=tolerance))
     drawn = sample_splines(splines, 4)
-    sigma = min(3 * tolerance, 1.5)
     for polygon, line in zip(curves, drawn, strict=True):
-        smooth, _ = reference(polygon, np.zeros(len(polygon), bool), 0.25, sigma, 24)
+        smooth, _ = reference(polygon, np.zeros(len(polygon), bool), 0.25, 1.5, 24)
         away = shapely.distance(shapely.points(smooth), shapely.linearrings(line))
         assert away.max() <= tolerance + 0.04  # at the samples it is kept, between them almost
     assert distances(curves.points, curves.offsets, drawn).max() <= tolerance + 0.6  # and the steps
@@ -100,7 +99,7 @@ def test_automatic_count_is_near_the_fewest_any_fixed_count_needs(blob, seed):
         line = sample_splines(splines, 4).points
         return shapely.distance(shapely.points(smooth), shapely.linearrings(line)).max()
 
-    splines = fit_curves(curves)
+    splines = fit_curves(curves, CurveSettings(tolerance_px=0.5))
     count = len(splines.control_points)
     assert worst(splines) <= 0.54
     fewer = [fit_curves(curves, at_most(n)) for n in range(4, int(np.ceil(count / 1.1)))]
@@ -113,8 +112,9 @@ def test_a_rectangle_keeps_its_corners_and_a_circle_has_none(frame):
     i, j = np.meshgrid(np.arange(120) - 60, np.arange(120) - 60, indexing="ij")
     mask[1] = np.hypot(i, j) < 40.3
     curves = trace_stack(mask, (0, 0, 0), frame)
-    (square, square_knots), (disc, disc_knots) = fit_curves(curves)
-    drawn = sample_splines(fit_curves(curves), 8)
+    splines = fit_curves(curves, CurveSettings(tolerance_px=0.5))
+    (square, square_knots), (disc, disc_knots) = splines
+    drawn = sample_splines(splines, 8)
     for vertex in [(20, 30), (20, 99), (89, 99), (89, 30)]:
         assert np.linalg.norm(square - vertex, axis=1).min() < 0.02  # a control point on the curve
     assert np.count_nonzero(np.diff(square_knots[3:-3]) == 0) == 2 * 4

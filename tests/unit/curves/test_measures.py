@@ -34,7 +34,7 @@ def test_distances_are_to_the_curve_of_the_same_number(curves_of):
 
 def test_measures_of_a_perfect_and_of_a_fitted_description(blob):
     curves = blob(4)[1]
-    measured = measure_curves(curves, fit_curves(curves))
+    measured = measure_curves(curves, fit_curves(curves, CurveSettings(tolerance_px=0.5)))
     assert measured["slices"] == 2
     assert measured["boundary_points"] == len(curves.points)
     assert measured["control_point_share"] == pytest.approx(measured["control_points"] / len(curves.points))

@@ -25,12 +25,12 @@ def unknown(points, within):
     return np.zeros(len(points)), np.zeros(len(points))
 
 
-def cone(spacing=(0.8, 1.2), slope=0.15, thickness=10.0):
+def cone(spacing=(0.8, 1.2), slope=0.15, knot=1.9):
     """A guide whose distance is known: round discs that shrink with height."""
     i, j = np.indices((50, 40))
     plane = np.hypot((i - 25) * spacing[0], (j - 20) * spacing[1]) - 12
     fields = [Field(2.0 * k, (plane + slope * 2 * k).astype(np.float32), k) for k in range(5)]
-    return Guide.of(fields, np.array(spacing), 10.0, thickness)
+    return Guide.of(fields, np.array(spacing), 10.0, knot)
 
 
 @pytest.mark.parametrize("cell", [0.7, 1.3])
@@ -62,26 +62,26 @@ def test_the_guide_rules_at_seams_and_nowhere_else():
     assert mesh.is_closed_manifold
 
 
-@pytest.mark.parametrize("thickness", [10.0, 60.0])
-def test_a_guide_gives_distances_and_how_far_they_reach(thickness):
+@pytest.mark.parametrize("knot", [1.9, 2.0, 2.5])
+def test_a_guide_gives_distances_and_how_far_they_reach(knot):
     rng = np.random.default_rng(0)
     angle, radius = rng.uniform(0, 2 * np.pi, 60), rng.uniform(6, 14, 60)
     points = np.column_stack(
         [20 + radius * np.cos(angle), 24 + radius * np.sin(angle), rng.uniform(0.1, 7.9, 60)]
     )
-    distance, room = cone(thickness=thickness)(points)
+    distance, room = cone(knot=knot)(points)
     assert distance == pytest.approx(radius - 12 + 0.15 * points[:, 2], abs=0.06)
     assert room == pytest.approx(np.minimum(points[:, 2], 8 - points[:, 2]))
 
 
-def test_a_guide_takes_more_of_the_pixels_steps_off_thick_organs():
+def test_a_guide_of_wider_knots_takes_more_of_the_pixels_steps_off():
     i, j = np.indices((60, 60))
     mask = (i - 29.7) * 0.3 + (j - 30) < 0  # a straight edge: what is left of its steps is noise
     plane = ndimage.distance_transform_edt(~mask) - ndimage.distance_transform_edt(mask)
     fields = [Field(float(k), (plane / 2).astype(np.float32), k) for k in range(30)]
     at = np.linspace(15, 45, 200)
     points = np.column_stack([at, 30 - 0.3 * (at - 29.7), np.full(200, 15.0)])
-    rough, smooth = (Guide.of(fields, np.ones(2), 9.0, thick)(points)[0].std() for thick in (20.0, 40.0))
+    rough, smooth = (Guide.of(fields, np.ones(2), 9.0, knot)(points)[0].std() for knot in (2.0, 2.5))
     assert smooth < 0.8 * rough
     assert rough < 0.1
 

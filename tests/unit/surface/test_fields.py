@@ -3,8 +3,19 @@ import pytest
 from shapes import ball, curves_of
 
 from cccd.containers import Curves, Frame
-from cccd.surface.fields import distance_fields, interpolated_fields, through_pixel_centres
+from cccd.settings import LoftSettings
+from cccd.surface.fields import distance_fields, interpolated_fields
+from cccd.surface.outlines import Outlines, lofted_outlines, through_pixel_centres
 from cccd.surface.rings import find_rings, overlap, signed_area
+
+
+def border(curves):
+    """Outlines that are an organ's border themselves."""
+    return Outlines(curves, np.zeros(len(curves)), of_pixels=False)
+
+
+def polygons(curves):
+    return lofted_outlines(curves, None, LoftSettings(source="polygons"))
 
 
 def circles(radii, spacing=(1.0, 1.0, 1.0)):
@@ -19,7 +30,7 @@ def circles(radii, spacing=(1.0, 1.0, 1.0)):
 
 def test_distances_to_drawn_outlines_are_exact_near_them():
     curves = circles([12.37])
-    _, distance, origin = distance_fields(curves, pixel_centres=False)
+    _, distance, origin = distance_fields(border(curves))
     i, j = np.indices(distance[0].shape)
     true = np.hypot(i + origin[0] - 30, j + origin[1] - 30) - 12.37
     near = np.abs(true) < 2
@@ -31,7 +42,7 @@ def test_the_zero_contour_of_pixels_encloses_the_pixels():
     mask = ball()
     curves = curves_of(mask)
     assert through_pixel_centres(curves)
-    slices, distance, _ = distance_fields(curves, pixel_centres=True)
+    slices, distance, _ = distance_fields(polygons(curves))
     field = next(iter(interpolated_fields(slices[10:11], distance[10:11], 1.0, 1.0)))
     (ring,) = find_rings(field, 0, np.ones(2), of_pixels=True)
     assert ring.area == mask[:, :, slices[10]].sum()
@@ -40,7 +51,7 @@ def test_the_zero_contour_of_pixels_encloses_the_pixels():
 
 def test_levels_between_slices_stay_between_them():
     curves = circles([10.0, 14.0, 15.0, 9.0], (1.0, 1.0, 6.0))
-    slices, distance, _ = distance_fields(curves, pixel_centres=False)
+    slices, distance, _ = distance_fields(border(curves))
     fields = list(interpolated_fields(slices, distance, 6.0, 1.5))
     assert np.diff([field.z for field in fields]) == pytest.approx(1.5)
     assert [field.source_slice for field in fields if field.source_slice is not None] == [0, 1, 2, 3]
@@ -53,7 +64,7 @@ def test_levels_between_slices_stay_between_them():
 
 def test_holes_are_find_rings_their_own():
     mask = ball(radius=20) & ~ball(radius=8)
-    slices, distance, _ = distance_fields(curves_of(mask), pixel_centres=True)
+    slices, distance, _ = distance_fields(polygons(curves_of(mask)))
     middle = int(np.flatnonzero(slices == 30)[0])
     field = next(iter(interpolated_fields(slices[[middle]], distance[[middle]], 1.0, 1.0)))
     outer, hole = find_rings(field, 0, np.ones(2), of_pixels=True)
