@@ -1,4 +1,4 @@
-"""Back to the clinic's formats: the surface as a label map (NIfTI) and as contours (RTSTRUCT).
+"""The surface in clinical formats: a label map (NIfTI) and contours (RTSTRUCT).
 
 NIfTI is written in RAS on the source volume's own grid, RTSTRUCT in LPS as DICOM demands, so that both lie
 on the scan in any viewer.
@@ -10,15 +10,17 @@ import gzip
 import hashlib
 from pathlib import Path
 
-import nibabel as nib
 import numpy as np
 import pydicom
-from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
+from nibabel.nifti1 import Nifti1Image
+from pydicom.dataset import Dataset, FileMetaDataset
+from pydicom.errors import InvalidDicomError
 from pydicom.sequence import Sequence
-from pydicom.uid import ExplicitVRLittleEndian, RTStructureSetStorage, generate_uid
+from pydicom.uid import UID, ExplicitVRLittleEndian, RTStructureSetStorage, generate_uid
 
 from cccd.containers import Frame
 from cccd.errors import InputError
+from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.geometry.sections import cross_sections
@@ -37,14 +39,14 @@ def write_label_map(path: str | Path, mesh: Mesh, frame: Frame, value: int = 1) 
     path : path
         ``.nii`` or ``.nii.gz``.
     mesh : Mesh
-        Closed, in mm RAS.
+        Closed; mm RAS.
     frame : Frame
         The source volume's grid.
     value : int
         Label of the voxels inside, 1 to 255.
     """
     mask = voxelise(mesh, frame.affine, frame.shape)
-    image = nib.Nifti1Image(mask.astype(np.uint8) * np.uint8(value), frame.affine)
+    image = Nifti1Image(mask.astype(np.uint8) * np.uint8(value), frame.affine)
     image.set_sform(frame.affine, code=1)
     image.set_qform(frame.affine, code=1)
     image.header.set_xyzt_units("mm")
@@ -58,8 +60,8 @@ def write_label_map(path: str | Path, mesh: Mesh, frame: Frame, value: int = 1) 
         temporary.write_bytes(content)
 
 
-def _thinned(loop: np.ndarray) -> np.ndarray:
-    """Drop points nearer to their predecessor than DICOM's written digits can tell apart."""
+def _rounded(loop: FloatArray) -> FloatArray:
+    """Round to the digits that are written, and drop points equal to their predecessor."""
     rounded = np.round(loop, 3)
     return rounded[np.abs(np.diff(rounded, axis=0, prepend=rounded[-1:])).max(axis=1) > 0]
 
@@ -78,9 +80,9 @@ def write_rtstruct(
     Parameters
     ----------
     path : path
-        Where.
+        The file to write.
     mesh : Mesh
-        Closed, in mm RAS.
+        Closed, with consistent orientation; mm RAS.
     frame : Frame
         The source volume's grid; planes are parallel to its slices.
     name : str
@@ -89,7 +91,7 @@ def write_rtstruct(
         Distance of the planes, counted from the first slice; the slice spacing by default.
     reference : path, optional
         Folder of the DICOM series that the surface came from. Patient, study, frame of reference and the
-        slices themselves are then referred to; otherwise the object stands alone.
+        slices themselves are then referred to; otherwise the object refers to no other.
 
     Raises
     ------
@@ -109,7 +111,7 @@ def write_rtstruct(
     heights = base + spacing * np.arange(first, last + 1)
     sections = cross_sections(mesh, normal, heights)
     loops = [
-        (height, _thinned(loop @ LPS_TO_RAS[:3, :3]))
+        (float(height), _rounded(loop @ LPS_TO_RAS[:3, :3]))
         for height, section in zip(heights, sections, strict=True)
         for loop in section
     ]
@@ -123,11 +125,12 @@ def write_rtstruct(
 
 
 def _reference_slices(folder: Path) -> list[Dataset]:
-    found = []
+    """Headers of the DICOM images under a folder."""
+    found: list[Dataset] = []
     for file in sorted(item for item in folder.rglob("*") if item.is_file()):
         try:
             header = pydicom.dcmread(file, stop_before_pixels=True)
-        except (pydicom.errors.InvalidDicomError, OSError):
+        except (InvalidDicomError, OSError):
             continue
         if header.get("ImagePositionPatient"):
             found.append(header)
@@ -138,37 +141,89 @@ def _reference_slices(folder: Path) -> list[Dataset]:
     return found
 
 
-def _item(**attributes) -> Dataset:
+def _item(**attributes: object) -> Dataset:
+    """Make a DICOM data set of elements by keyword."""
     dataset = Dataset()
     for keyword, value in attributes.items():
         setattr(dataset, keyword, value)
     return dataset
 
 
+#: What identifies patient and study, copied from the source series.
+_IDENTITY = (
+    "PatientName",
+    "PatientID",
+    "PatientBirthDate",
+    "PatientSex",
+    "StudyDate",
+    "StudyTime",
+    "StudyID",
+    "AccessionNumber",
+    "ReferringPhysicianName",
+)
+
+#: SOP class of a study, retired from the standard and still what an RTSTRUCT refers to (PS3.3, C.8.8.5).
+_STUDY_CLASS = "1.2.840.10008.3.1.2.3.1"
+
+
 def _structure_set(
-    loops: list[tuple[float, np.ndarray]],
+    loops: list[tuple[float, FloatArray]],
     name: str,
     slices: list[Dataset],
-    normal: np.ndarray,
+    normal: FloatArray,
     spacing: float,
-) -> FileDataset:
-    """Assemble the RTSTRUCT; UIDs follow from the content, so the same surface gives the same bytes."""
+) -> Dataset:
+    """Assemble the RTSTRUCT of loops (n, 3) in LPS mm at heights along the normal.
+
+    UIDs follow from the content, so that the same surface gives the same bytes.
+    """
+    source = slices[0] if slices else Dataset()
+    dataset = _identified_dataset(name, source, _digest(loops, name, source))
+    images = [
+        _item(ReferencedSOPClassUID=item.SOPClassUID, ReferencedSOPInstanceUID=item.SOPInstanceUID)
+        for item in slices
+    ]
+    dataset.ReferencedFrameOfReferenceSequence = Sequence([_frame_of_reference(dataset, source, images)])
+    dataset.StructureSetROISequence = Sequence(
+        [
+            _item(
+                ROINumber=1,
+                ReferencedFrameOfReferenceUID=dataset.FrameOfReferenceUID,
+                ROIName=name,
+                ROIGenerationAlgorithm="AUTOMATIC",
+            )
+        ]
+    )
+    contours = _contour_items(loops, _levels(slices, normal), images, CONTOUR_PLANE * spacing)
+    dataset.ROIContourSequence = Sequence(
+        [_item(ReferencedROINumber=1, ROIDisplayColor=[220, 60, 50], ContourSequence=Sequence(contours))]
+    )
+    dataset.RTROIObservationsSequence = Sequence(
+        [_item(ObservationNumber=1, ReferencedROINumber=1, RTROIInterpretedType="ORGAN", ROIInterpreter="")]
+    )
+    return dataset
+
+
+def _digest(loops: list[tuple[float, FloatArray]], name: str, source: Dataset) -> str:
+    """SHA-256 of everything that an RTSTRUCT is made of."""
     digest = hashlib.sha256(name.encode())
     for _, loop in loops:
         digest.update(loop.tobytes())
-    source = slices[0] if slices else Dataset()
     digest.update(str(source.get("SeriesInstanceUID", "")).encode())
-    seed = digest.hexdigest()
+    return digest.hexdigest()
 
-    def uid(part: str) -> str:
+
+def _identified_dataset(name: str, source: Dataset, seed: str) -> Dataset:
+    """Structure set of patient, study and frame of reference of the source, without contours."""
+
+    def uid(part: str) -> UID:
         return generate_uid(entropy_srcs=[seed, part])
 
-    frame_uid = str(source.get("FrameOfReferenceUID") or uid("frame"))
-    meta = FileMetaDataset()
-    meta.MediaStorageSOPClassUID = RTStructureSetStorage
-    meta.MediaStorageSOPInstanceUID = uid("instance")
-    meta.TransferSyntaxUID = ExplicitVRLittleEndian
-    dataset = FileDataset(None, {}, file_meta=meta, preamble=b"\0" * 128)
+    dataset = Dataset()
+    dataset.file_meta = FileMetaDataset()
+    dataset.file_meta.MediaStorageSOPClassUID = RTStructureSetStorage
+    dataset.file_meta.MediaStorageSOPInstanceUID = uid("instance")
+    dataset.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
     dataset.SOPClassUID = RTStructureSetStorage
     dataset.SOPInstanceUID = uid("instance")
     dataset.Modality = "RTSTRUCT"
@@ -176,45 +231,43 @@ def _structure_set(
     dataset.StudyInstanceUID = str(source.get("StudyInstanceUID") or uid("study"))
     if source.get("SpecificCharacterSet"):
         dataset.SpecificCharacterSet = source.SpecificCharacterSet
-    for keyword in (
-        "PatientName",
-        "PatientID",
-        "PatientBirthDate",
-        "PatientSex",
-        "StudyDate",
-        "StudyTime",
-        "StudyID",
-        "AccessionNumber",
-        "ReferringPhysicianName",
-    ):
+    for keyword in _IDENTITY:
         setattr(dataset, keyword, source.get(keyword, ""))
     dataset.SeriesNumber = None
     dataset.Manufacturer = "CCCD"
     dataset.OperatorsName = ""
-    dataset.FrameOfReferenceUID = frame_uid
+    dataset.FrameOfReferenceUID = str(source.get("FrameOfReferenceUID") or uid("frame"))
     dataset.PositionReferenceIndicator = ""
     dataset.StructureSetLabel = name[:16]
     dataset.StructureSetDate = dataset.StructureSetTime = ""
     dataset.ApprovalStatus = "UNAPPROVED"
-    dataset.ReferencedFrameOfReferenceSequence = Sequence([_item(FrameOfReferenceUID=frame_uid)])
-    references = [
-        _item(ReferencedSOPClassUID=item.SOPClassUID, ReferencedSOPInstanceUID=item.SOPInstanceUID)
-        for item in slices
-    ]
-    if slices:
-        series = _item(SeriesInstanceUID=source.SeriesInstanceUID, ContourImageSequence=Sequence(references))
+    return dataset
+
+
+def _frame_of_reference(dataset: Dataset, source: Dataset, images: list[Dataset]) -> Dataset:
+    """Refer to the frame of reference, and to study, series and images where there are any."""
+    frame = _item(FrameOfReferenceUID=dataset.FrameOfReferenceUID)
+    if images:
+        series = _item(SeriesInstanceUID=source.SeriesInstanceUID, ContourImageSequence=Sequence(images))
         study = _item(
-            ReferencedSOPClassUID="1.2.840.10008.3.1.2.3.1",
+            ReferencedSOPClassUID=_STUDY_CLASS,
             ReferencedSOPInstanceUID=dataset.StudyInstanceUID,
             RTReferencedSeriesSequence=Sequence([series]),
         )
-        dataset.ReferencedFrameOfReferenceSequence[0].RTReferencedStudySequence = Sequence([study])
-    roi = _item(
-        ROINumber=1, ReferencedFrameOfReferenceUID=frame_uid, ROIName=name, ROIGenerationAlgorithm="AUTOMATIC"
-    )
-    dataset.StructureSetROISequence = Sequence([roi])
+        frame.RTReferencedStudySequence = Sequence([study])
+    return frame
+
+
+def _levels(slices: list[Dataset], normal: FloatArray) -> FloatArray:
+    """Heights (S,) of slices along a normal (3,) in RAS, mm."""
     positions = np.array([[float(x) for x in item.ImagePositionPatient] for item in slices]).reshape(-1, 3)
-    levels = positions @ LPS_TO_RAS[:3, :3] @ normal
+    return positions @ LPS_TO_RAS[:3, :3] @ normal
+
+
+def _contour_items(
+    loops: list[tuple[float, FloatArray]], levels: FloatArray, images: list[Dataset], tolerance_mm: float
+) -> list[Dataset]:
+    """Write loops as contours; one within the tolerance of an image's level refers to that image."""
     contours = []
     for height, loop in loops:
         contour = _item(
@@ -222,15 +275,8 @@ def _structure_set(
             NumberOfContourPoints=len(loop),
             ContourData=[f"{x:.3f}" for x in loop.ravel()],
         )
-        near = np.flatnonzero(np.abs(levels - height) <= CONTOUR_PLANE * spacing)
+        near = np.flatnonzero(np.abs(levels - height) <= tolerance_mm)
         if len(near):
-            contour.ContourImageSequence = Sequence([references[near[0]]])
+            contour.ContourImageSequence = Sequence([images[near[0]]])
         contours.append(contour)
-    dataset.ROIContourSequence = Sequence(
-        [_item(ReferencedROINumber=1, ROIDisplayColor=[220, 60, 50], ContourSequence=Sequence(contours))]
-    )
-    observation = _item(
-        ObservationNumber=1, ReferencedROINumber=1, RTROIInterpretedType="ORGAN", ROIInterpreter=""
-    )
-    dataset.RTROIObservationsSequence = Sequence([observation])
-    return dataset
+    return contours

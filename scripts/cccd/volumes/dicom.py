@@ -14,7 +14,7 @@ import pydicom
 from pydicom.errors import InvalidDicomError
 
 from cccd.errors import InputError
-from cccd.geometry.arrays import FloatArray, SingleArray
+from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
 from cccd.settings import choices
 from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY, SAME_HEADER, SAME_POSITION_PX
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
@@ -231,8 +231,8 @@ def _stack_affine(location: str, stack: _Stack) -> tuple[FloatArray, float]:
 
 
 def _interpolate_slices(
-    location: str, data: SingleArray, index: FloatArray, spacing: float, fill_gaps: bool
-) -> tuple[SingleArray, str]:
+    location: str, data: AnyArray, index: FloatArray, spacing: float, fill_gaps: bool
+) -> tuple[AnyArray, str]:
     """Interpolate slices (c, r, S) at ``index`` (S,) onto whole indices, if allowed, and say so."""
     gaps = np.diff(index)
     missing = int(np.rint(gaps[gaps > 1.5] - 1).sum())
@@ -250,9 +250,7 @@ def _interpolate_slices(
     even = np.arange(int(np.rint(index[-1])) + 1)
     low = np.clip(np.searchsorted(index, even, side="right") - 1, 0, len(index) - 2)
     share = np.clip((even - index[low]) / (index[low + 1] - index[low]), 0, 1).astype(np.float32)
-    return data[..., low] * (np.float32(1) - share) + data[
-        ..., low + 1
-    ] * share, f"{location}: {problem}; interpolated"
+    return data[..., low] * (1 - share) + data[..., low + 1] * share, f"{location}: {problem}; interpolated"
 
 
 def _lone_thickness(path: Path) -> float:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,14 +16,14 @@ from cccd.cohort import complete_row
 from cccd.containers import Curves, Frame, Structure
 from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError
-from cccd.settings import ImportSettings, choices, nearest
+from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, SingleArray
+from cccd.settings import ImportSettings, nearest
 from cccd.sidecar_files import voxel_files
-from cccd.tolerances import LABEL_VALUE
 from cccd.volumes.contours import assemble_contours, contour_frame
-from cccd.volumes.dicom import choose_labels, read_rtstruct, read_seg, read_series
+from cccd.volumes.dicom import read_rtstruct
 from cccd.volumes.grid import Volume, bounding_box, crop, find_slice_axis, interpolate_on_grid, on_grid
+from cccd.volumes.inputs import read_boundary_maps, read_image, read_mask
 from cccd.volumes.phantoms import make_phantom
-from cccd.volumes.readers import SUFFIXES, read_volume
 from cccd.volumes.regions import find_region
 from cccd.volumes.sources import brain_of_stripped, read_mni152, read_whole_body_ct
 
@@ -31,19 +32,23 @@ __all__ = ["MIN_SLICES", "load_structure"]
 #: A surface needs this many slices with organ.
 MIN_SLICES = 3
 
+#: Distributions whose versions provenance records.
 _READERS = ("h5py", "highdicom", "nibabel", "numpy", "pydicom", "simpleitk")
 
+#: Sources that are read from a package's data.
+_PACKAGED = {"mni152": read_mni152, "whole_body_ct": read_whole_body_ct}
 
-@dataclass
+
+@dataclass(frozen=True)
 class _Scan:
-    """What a row's source gave, on one grid, before it is cropped."""
+    """What a row stands for, on one grid, before it is cropped: contours, boundary maps or a mask."""
 
     frame: Frame
-    image: np.ndarray | None = None
-    mask: np.ndarray | None = None
-    boundary: np.ndarray | None = None
+    image: SingleArray | None = None
+    mask: BoolArray | None = None
+    boundary: BoolArray | None = None
     contours: Curves | None = None
-    provenance: dict = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
 
@@ -59,19 +64,20 @@ def load_structure(
     sheet_dir : path
         Folder of the cohort sheet, from which the row's paths are relative.
     settings : ImportSettings
+        How it is read.
     seed : int
-        Decides everything random in a phantom.
+        Determines everything random in a phantom.
 
     Returns
     -------
     Structure
-        With a margin of background on every side: where the organ touches the scan's face, the mask goes
-        on as background, the grey values as they are on the face, and ``origin`` may be negative.
+        With a margin of background on every side. Beyond the scan's faces the mask is background, grey values
+        are those on the face, and ``origin`` may be negative.
 
     Raises
     ------
     InputError
-        Names the row, what is wrong, and the hint.
+        Names the row, what is wrong, and a hint.
     """
     location = row["location"]
     try:
@@ -98,18 +104,14 @@ def load_structure(
 
 
 def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings) -> _Scan:
-    packaged = {"mni152": read_mni152, "whole_body_ct": read_whole_body_ct}
-    if row["source"] in packaged:
-        image, mask, facts = packaged[row["source"]](row["organ"], row["location"])
-        return _Scan(
-            _frame(mask, settings),
-            np.asarray(image.data, np.float32),
-            mask.data,
-            provenance={"source": row["source"], **facts},
-        )
+    """Read what a row stands for, except a phantom."""
+    if row["source"] in _PACKAGED:
+        image, mask, facts = _PACKAGED[row["source"]](row["organ"], row["location"])
+        provenance = {"source": row["source"], **facts}
+        return _Scan(_frame(mask, settings), image.data, mask.data, provenance=provenance)
     row, implied = complete_row(row, folder)
     paths = {name: _existing(folder / row[name], name) for name in ("image", "mask", "boundary") if row[name]}
-    image = _read_image(paths["image"], row["source"], settings) if "image" in paths else None
+    image = read_image(paths["image"], row["source"], settings.fill_gaps) if "image" in paths else None
     if "mask" in paths:
         paths["mask"] = object_in(paths["mask"])
     if "mask" in paths and paths["mask"].is_file() and dicom_modality(paths["mask"]) == "RTSTRUCT":
@@ -120,26 +122,25 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings)
         scan = _scan_of_contours(paths["mask"], row, image, settings)
     else:
         scan = _scan_of_voxels(paths, row, implied, image, settings)
-    if image is not None:
-        scan.warnings = image.warnings + scan.warnings
-    scan.provenance = {
+    provenance = {
         "source": row["source"],
         "label": row["label"],
         "files": _checksums(row, folder),
         "versions": {name: version(name) for name in _READERS},
         **scan.provenance,
     }
-    return scan
+    warnings = [] if image is None else image.warnings
+    return replace(scan, provenance=provenance, warnings=warnings + scan.warnings)
 
 
 def _frame(volume: Volume, settings: ImportSettings) -> Frame:
-    shape = tuple(int(n) for n in volume.data.shape)
-    return Frame(volume.affine, find_slice_axis(volume.affine, settings.slice_axis), shape)
+    return Frame(volume.affine, find_slice_axis(volume.affine, settings.slice_axis), volume.shape)
 
 
 def _scan_of_contours(
     path: Path, row: Mapping[str, str], image: Volume | None, settings: ImportSettings
 ) -> _Scan:
+    """Read drawn contours, and of the image the slices that they were drawn on."""
     rois, reference = read_rtstruct(path, row["label"], row["organ"])
     drawn = [contour for roi in rois for contour in roi]
     if not drawn:
@@ -167,63 +168,65 @@ def _scan_of_voxels(
     image: Volume | None,
     settings: ImportSettings,
 ) -> _Scan:
-    mask = boundary = None
-    provenance: dict = {}
-    if "mask" in paths:
-        mask = _read_mask(paths["mask"], row, implied, image)
-    if "boundary" in paths:
-        boundary = _read_boundary(paths["boundary"])
-    if mask is None and boundary is None:
+    """Read mask and boundary maps, or find the organ in the image, and move all to one grid."""
+    mask = read_mask(paths["mask"], row, implied, image) if "mask" in paths else None
+    boundary = read_boundary_maps(paths["boundary"]) if "boundary" in paths else None
+    provenance: dict[str, Any] = {}
+    drawn = mask if boundary is None else boundary
+    if drawn is None:
         assert image is not None  # the sheet's check
-        if row["source"] == "upenn_gbm":
-            mask = brain_of_stripped(image)
-        else:
-            region = settings.region
-            axis = find_slice_axis(image.affine, settings.slice_axis)
-            found, bounds = find_region(image.data, image.location, region, slice_axis=axis)
-            mask = Volume(found, image.affine, image.location)
-            window = [None if np.isinf(bound) else bound for bound in bounds]
-            provenance["region"] = region.as_config() | {"window": window}
-    notes = [note for volume in (mask, boundary) if volume is not None for note in volume.warnings]
-    drawn = boundary if boundary is not None else mask
-    if image is not None and on_grid(drawn, image.affine, image.data.shape, fill=False) is not None:
+        mask, provenance = _find_organ(image, row["source"], settings)
+        drawn = mask
+    if image is not None and on_grid(drawn, image.affine, image.shape, fill=False) is not None:
         grid = image
     else:
         grid = drawn
-    mask, boundary, grey = (
-        None if volume is None else _bring(volume, grid, settings.resample, notes)
-        for volume in (mask, boundary, image)
-    )
-    return _Scan(_frame(grid, settings), grey, mask, boundary, provenance=provenance, warnings=notes)
+    warnings = [note for volume in (mask, boundary) if volume is not None for note in volume.warnings]
+    layers: dict[str, Any] = {}
+    for name, volume in (("mask", mask), ("boundary", boundary), ("image", image)):
+        if volume is not None:
+            layers[name], notes = _move_to_grid(volume, grid, settings.resample)
+            warnings += notes
+    return _Scan(_frame(grid, settings), **layers, provenance=provenance, warnings=warnings)
 
 
-def _bring(volume: Volume, grid: Volume, allowed: bool, notes: list[str]) -> np.ndarray:
-    """Voxels of ``volume`` on the grid of another; by interpolation only if that is allowed."""
+def _find_organ(image: Volume, source: str, settings: ImportSettings) -> tuple[Volume, dict[str, Any]]:
+    """Find the organ in an image without a mask: a mask, and how it was found."""
+    if source == "upenn_gbm":
+        return brain_of_stripped(image), {}
+    axis = find_slice_axis(image.affine, settings.slice_axis)
+    found, bounds = find_region(image.data, image.location, settings.region, slice_axis=axis)
+    window = [None if np.isinf(bound) else bound for bound in bounds]
+    region = settings.region.as_config() | {"window": window}
+    return Volume(found, image.affine, image.location), {"region": region}
+
+
+def _move_to_grid(volume: Volume, grid: Volume, interpolate: bool) -> tuple[AnyArray, list[str]]:
+    """Voxels of ``volume`` on the grid of another, by interpolation only if allowed, which is a warning."""
     binary = volume.data.dtype == bool
-    moved = on_grid(volume, grid.affine, grid.data.shape, fill=False if binary else None)
+    moved = on_grid(volume, grid.affine, grid.shape, fill=False if binary else None)
     if moved is not None:
-        return moved.data
-    if not allowed:
+        return moved.data, []
+    if not interpolate:
         raise InputError(
             volume.location,
             f"its grid ({_describe(volume)}) is not that of {grid.location} ({_describe(grid)})",
             "give matching files, or set import: resample: true to interpolate",
         )
-    notes.append(f"{volume.location}: interpolated on the grid of {grid.location}")
-    return interpolate_on_grid(volume, grid.affine, grid.data.shape, order=0 if binary else 1).data
+    moved = interpolate_on_grid(volume, grid.affine, grid.shape, order=0 if binary else 1)
+    return moved.data, [f"{volume.location}: interpolated on the grid of {grid.location}"]
 
 
 def _describe(volume: Volume) -> str:
-    shape = " x ".join(str(n) for n in volume.data.shape)
+    """Describe a volume's grid for a message: voxels, spacing and the first voxel's position."""
+    shape = " x ".join(str(n) for n in volume.shape)
     spacing = " x ".join(f"{size:.4g}" for size in np.linalg.norm(volume.affine[:3, :3], axis=0))
-    corner = ", ".join(f"{x:.4g}" for x in volume.affine[:3, 3])
-    return f"{shape} voxels of {spacing} mm from {corner}"
-
-
-# reading --------------------------------------------------------------------------------------------
+    origin = ", ".join(f"{x:.4g}" for x in volume.affine[:3, 3])
+    return f"{shape} voxels of {spacing} mm from {origin}"
 
 
 def _existing(path: Path, column: str) -> Path:
+    """Refuse a path that does not exist, naming what its folder holds."""
     if path.exists():
         return path
     folder = path.parent
@@ -235,138 +238,24 @@ def _existing(path: Path, column: str) -> Path:
     raise InputError(column, f"there is no {path.name} in {folder}", nearest(path.name, names))
 
 
-def _is_dicom(path: Path) -> bool:
-    return not path.name.lower().endswith(SUFFIXES) and dicom_modality(path) is not None
-
-
-def _read_image(path: Path, source: str, settings: ImportSettings) -> Volume:
-    if path.is_dir():
-        # RIDER keeps a patient's CT and PET together
-        modality = "CT" if source == "rider_lung" else None
-        volume = read_series(path, settings.fill_gaps, modality)
-    elif _is_dicom(path):
-        volume = read_series(path, settings.fill_gaps)
-    else:
-        volume = read_volume(path)
-    bad = volume.data.size - int(np.isfinite(volume.data).sum())
-    if bad:
-        raise InputError(
-            volume.location, f"{bad} of its voxels are not finite", "replace NaN and infinity by numbers"
-        )
-    volume.data = np.asarray(volume.data, np.float32)
-    return volume
-
-
-def _read_mask(path: Path, row: Mapping[str, str], implied: tuple[int, ...], image: Volume | None) -> Volume:
-    label, organ = row["label"], row["organ"]
-    if path.is_dir():
-        return _read_mask_folder(path, label or organ)
-    if _is_dicom(path):
-        modality = dicom_modality(path)
-        if modality != "SEG":
-            raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
-        return read_seg(path, label, organ, image)
-    return _choose_labels(read_volume(path), label, organ, implied)
-
-
-def _read_mask_folder(folder: Path, label: str) -> Volume:
-    """Unite single-organ masks of a folder, named as TotalSegmentator names them: ``liver.nii.gz``."""
-    files: dict[str, Path] = {}
-    for file in sorted(folder.iterdir()):
-        suffix = next((suffix for suffix in SUFFIXES if file.name.lower().endswith(suffix)), None)
-        if suffix:
-            files[file.name[: -len(suffix)]] = file
-    if not files:
-        raise InputError(folder.name, "no masks in this folder", "give a label volume, or a folder of masks")
-    united: Volume | None = None
-    for name in (part.strip() for part in label.split(",")):
-        if name not in files:
-            raise InputError(folder.name, f"no mask of {name!r} in this folder", nearest(name, files))
-        volume = _choose_labels(read_volume(files[name]), "", name)
-        if united is not None:
-            aligned = on_grid(volume, united.affine, united.data.shape, fill=False)
-            if aligned is None:
-                raise InputError(
-                    volume.location, f"its grid is not that of {united.location}", "give one scan's masks"
-                )
-            volume.data = united.data | aligned.data
-        united = volume
-    assert united is not None
-    return united
-
-
-def _choose_labels(volume: Volume, label: str, organ: str, implied: tuple[int, ...] = ()) -> Volume:
-    """Make a label map, a binary mask or a probability map boolean; of ``implied`` labels some may lack."""
-    data, location = volume.data, volume.location
-    if data.dtype == bool:
-        data = data.astype(np.uint8)
-    if np.issubdtype(data.dtype, np.floating):
-        if not np.isfinite(data).all():
-            raise InputError(
-                location, "the mask holds voxels that are not finite", "replace NaN and infinity by 0"
-            )
-        whole = np.rint(data)
-        if np.abs(data - whole).max(initial=0) > LABEL_VALUE:
-            if data.min() < 0 or data.max() > 1 or label:
-                raise InputError(
-                    location, "its values are neither labels nor probabilities", "give a label map"
-                )
-            volume.warnings.append(f"{location}: probabilities, cut at 0.5")
-            whole = data >= 0.5
-        data = whole.astype(np.int32)
-    present = [int(value) for value in np.unique(data) if value > 0]
-    if not present:
-        raise InputError(location, "the mask is empty", "check that it belongs to this organ")
-    names = {value: volume.names.get(value, "") for value in present}
-    called = [value for value, name in names.items() if name.lower() == organ.lower()]
-    if implied:
-        chosen = [value for value in present if value in implied]
-        if not chosen:
-            raise InputError(
-                location, f"it has none of the labels {', '.join(map(str, implied))}", choices(present)
-            )
-    elif label or len(called) == 1:
-        chosen = choose_labels(names, label, organ, location, "label")
-    else:
-        chosen = present
-        if len(present) > 1:
-            volume.warnings.append(f"{location}: no label given, all of {', '.join(map(str, present))} taken")
-    volume.data = np.isin(data, chosen)
-    return volume
-
-
-def _read_boundary(path: Path) -> Volume:
-    volume = read_volume(path)
-    if not np.isfinite(volume.data).all():
-        raise InputError(volume.location, "it holds voxels that are not finite", "give binary boundary maps")
-    values = np.unique(volume.data)
-    if len(values) > 2:
-        raise InputError(
-            volume.location, f"its maps have {len(values)} different values", "give binary boundary maps"
-        )
-    volume.data = volume.data > 0
-    if not volume.data.any():
-        raise InputError(
-            volume.location, "its boundary maps are empty", "check that it belongs to this organ"
-        )
-    return volume
-
-
 # cropping -------------------------------------------------------------------------------------------
 
 
-def _extent(scan: _Scan) -> tuple[np.ndarray, np.ndarray, int]:
+def _extent_of_contours(contours: Curves, frame: Frame) -> tuple[IntArray, IntArray, int]:
+    """First and last index (3,) of the organ in the frame, and the number of its slices."""
+    axis, plane = frame.slice_axis, list(frame.in_plane_axes)
+    first, last = np.zeros(3, np.int64), np.zeros(3, np.int64)
+    first[plane] = np.floor(contours.points.min(axis=0)).astype(int)
+    last[plane] = np.ceil(contours.points.max(axis=0)).astype(int)
+    first[axis], last[axis] = contours.slice.min(), contours.slice.max()
+    return first, last, len(np.unique(contours.slice))
+
+
+def _extent_of_voxels(scan: _Scan) -> tuple[IntArray, IntArray, int]:
     """First and last index (3,) of the organ in the frame, and the number of its slices."""
     axis = scan.frame.slice_axis
-    if scan.contours is not None:
-        curves = scan.contours
-        first, last = np.zeros(3, int), np.zeros(3, int)
-        plane = list(scan.frame.in_plane_axes)
-        first[plane] = np.floor(curves.points.min(axis=0)).astype(int)
-        last[plane] = np.ceil(curves.points.max(axis=0)).astype(int)
-        first[axis], last[axis] = curves.slice.min(), curves.slice.max()
-        return first, last, len(np.unique(curves.slice))
     drawn = scan.mask if scan.boundary is None else scan.boundary
+    assert drawn is not None  # a scan without contours has maps or a mask
     first, last = bounding_box(drawn)
     slices = int(drawn.any(axis=tuple({0, 1, 2} - {axis})).sum())
     if scan.boundary is not None and scan.mask is not None and scan.mask.any():
@@ -376,17 +265,20 @@ def _extent(scan: _Scan) -> tuple[np.ndarray, np.ndarray, int]:
 
 
 def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
+    """Crop a scan to its organ with ``margin`` voxels on every side."""
     frame = scan.frame
-    first, last, slices = _extent(scan)
+    if scan.contours is None:
+        first, last, slices = _extent_of_voxels(scan)
+        warnings = scan.warnings + _cut_notes(frame, first, last)
+    else:
+        first, last, slices = _extent_of_contours(scan.contours, frame)
+        warnings = scan.warnings
     if slices < MIN_SLICES:
         raise InputError(
             row["location"],
             f"{row['organ']} lies in {slices} slice{'s'[: slices > 1]} along axis {frame.slice_axis}",
             f"give an organ of {MIN_SLICES} slices or more, or set import: slice_axis",
         )
-    warnings = list(scan.warnings)
-    if scan.contours is None:
-        warnings += _cut_notes(frame, first, last)
     first, last = first - margin, last + margin
     image, mask, boundary = (
         None if array is None else crop(array, first, last)
@@ -406,8 +298,8 @@ def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
     )
 
 
-def _cut_notes(frame: Frame, first: np.ndarray, last: np.ndarray) -> list[str]:
-    """Say at which faces of the scan the organ may be cut."""
+def _cut_notes(frame: Frame, first: IntArray, last: IntArray) -> list[str]:
+    """Warn at which faces of the scan the organ may be cut."""
     low, high = first <= 0, last >= np.array(frame.shape) - 1
     ends = [name for name, cut in zip(("first", "last"), (low, high), strict=True) if cut[frame.slice_axis]]
     sides = (low | high)[list(frame.in_plane_axes)].any()
@@ -415,9 +307,12 @@ def _cut_notes(frame: Frame, first: np.ndarray, last: np.ndarray) -> list[str]:
     return [f"the organ touches {' and '.join(places)}: it may be cut there"] if places else []
 
 
-def _checksums(row: Mapping, folder: Path) -> dict[str, str]:
-    """Checksums of what a row names, and of the voxels that stand beside headers, by their names."""
-    found = {}
+# provenance -----------------------------------------------------------------------------------------
+
+
+def _checksums(row: Mapping[str, str], folder: Path) -> dict[str, str]:
+    """Checksums of what a row names, and of the voxels in files beside headers, by their names."""
+    found: dict[str, str] = {}
     for name in filter(None, (row[column] for column in ("image", "mask", "boundary"))):
         path = folder / name
         found[name] = _checksum(path)

@@ -17,7 +17,7 @@ from cccd.volumes.clinical_export import write_label_map, write_rtstruct
 
 def ball_mesh(centre, radius=15.0):
     mesh = trimesh.creation.icosphere(4, radius)
-    return mesh.vertices + centre, np.asarray(mesh.faces, np.int64)
+    return Mesh(mesh.vertices + centre, np.asarray(mesh.faces, np.int64))
 
 
 def frame_around(centre, spacing=(1.0, 1.3, 3.0), turn=(20, -30, 50), mirror=True, shape=(44, 36, 16)):
@@ -26,8 +26,20 @@ def frame_around(centre, spacing=(1.0, 1.3, 3.0), turn=(20, -30, 50), mirror=Tru
     return Frame(affine, 2, shape)
 
 
-def whole_grid(vertices, faces, frame):
-    return voxelise(Mesh(vertices, faces), frame.affine, frame.shape)
+def box_mesh(shift=0.0):
+    box = trimesh.creation.box((8, 6, 4))
+    return Mesh(np.add(box.vertices, shift), np.asarray(box.faces, np.int64))
+
+
+def shell_mesh(centre):
+    """A ball with a cavity."""
+    outer, inner = ball_mesh(centre), ball_mesh(centre, 7.0)
+    faces = np.vstack([outer.faces, inner.faces[:, ::-1] + len(outer.vertices)])
+    return Mesh(np.vstack([outer.vertices, inner.vertices]), faces)
+
+
+def whole_grid(mesh, frame):
+    return voxelise(mesh, frame.affine, frame.shape)
 
 
 CENTRE = np.array((4.0, -7.0, 11.0))
@@ -35,8 +47,7 @@ CENTRE = np.array((4.0, -7.0, 11.0))
 
 def test_voxels_inside_a_ball():
     frame = frame_around(CENTRE)
-    vertices, faces = ball_mesh(CENTRE)
-    mask = whole_grid(vertices, faces, frame)
+    mask = whole_grid(ball_mesh(CENTRE), frame)
     world = np.stack(np.indices(frame.shape), -1) @ frame.affine[:3, :3].T + frame.affine[:3, 3]
     distance = np.linalg.norm(world - CENTRE, axis=-1)
     clear = np.abs(distance - 15) > 0.05  # the mesh is a polyhedron
@@ -45,8 +56,7 @@ def test_voxels_inside_a_ball():
 
 def test_vertices_on_voxel_centres():
     """A box whose faces and edges pass exactly through voxel centres is still filled without streaks."""
-    box = trimesh.creation.box((8, 6, 4))
-    mask = whole_grid(np.add(box.vertices, 10), np.asarray(box.faces), Frame(np.eye(4), 2, (20, 20, 20)))
+    mask = whole_grid(box_mesh(10), Frame(np.eye(4), 2, (20, 20, 20)))
     assert mask[7:14, 8:13, 9:12].all()  # the inner voxels
     outer = np.ones((20, 20, 20), bool)
     outer[6:15, 7:14, 8:13] = False
@@ -56,12 +66,8 @@ def test_vertices_on_voxel_centres():
 
 
 def test_cavity_and_mesh_beyond_the_grid():
-    outer, faces = ball_mesh(CENTRE)
-    inner, _ = ball_mesh(CENTRE, 7.0)
-    vertices = np.vstack([outer, inner])
-    both = np.vstack([faces, faces[:, ::-1] + len(outer)])
     frame = frame_around(CENTRE + np.array((12, 0, 0)))
-    mask = whole_grid(vertices, both, frame)
+    mask = whole_grid(shell_mesh(CENTRE), frame)
     world = np.stack(np.indices(frame.shape), -1) @ frame.affine[:3, :3].T + frame.affine[:3, 3]
     distance = np.linalg.norm(world - CENTRE, axis=-1)
     clear = (np.abs(distance - 15) > 0.05) & (np.abs(distance - 7) > 0.05)
@@ -71,14 +77,14 @@ def test_cavity_and_mesh_beyond_the_grid():
 @pytest.mark.parametrize("name", ["out.nii", "out.nii.gz"])
 def test_label_map_is_read_back(tmp_path, name):
     frame = frame_around(CENTRE)
-    vertices, faces = ball_mesh(CENTRE)
-    write_label_map(tmp_path / name, Mesh(vertices, faces), frame, value=5)
+    mesh = ball_mesh(CENTRE)
+    write_label_map(tmp_path / name, mesh, frame, value=5)
     image = nib.load(tmp_path / name)
     np.testing.assert_allclose(image.affine, frame.affine, atol=1e-5)
     structure = load_structure(row(mask=name, label="5"), tmp_path, settings())
-    np.testing.assert_array_equal(full(structure), whole_grid(vertices, faces, frame))
+    np.testing.assert_array_equal(full(structure), whole_grid(mesh, frame))
     first = (tmp_path / name).read_bytes()
-    write_label_map(tmp_path / name, Mesh(vertices, faces), frame, value=5)
+    write_label_map(tmp_path / name, mesh, frame, value=5)
     assert (tmp_path / name).read_bytes() == first
 
 
@@ -88,10 +94,8 @@ def test_rtstruct_on_its_series(tmp_path):
     series = write_series(tmp_path / "dicom", grey(np.zeros(shape, bool)), affine)
     frame = Frame(affine, 2, shape)
     centre = affine[:3, :3] @ (np.array(shape) / 2) + affine[:3, 3]
-    vertices, faces = ball_mesh(centre)
-    write_rtstruct(
-        tmp_path / "rt.dcm", Mesh(vertices, faces), frame, name="ball", reference=tmp_path / "dicom"
-    )
+    mesh = ball_mesh(centre)
+    write_rtstruct(tmp_path / "rt.dcm", mesh, frame, name="ball", reference=tmp_path / "dicom")
     written = pydicom.dcmread(tmp_path / "rt.dcm")
     assert written.PatientName == series[0].PatientName
     assert written.StudyInstanceUID == series[0].StudyInstanceUID
@@ -101,16 +105,13 @@ def test_rtstruct_on_its_series(tmp_path):
     structure = load_structure(row(image="dicom", mask="rt.dcm", label="ball"), tmp_path, settings())
     assert not structure.warnings
     filled = inside(structure.contours, shape)
-    expected = whole_grid(vertices, faces, Frame(affine, 2, shape))
+    expected = whole_grid(mesh, Frame(affine, 2, shape))
     assert np.count_nonzero(filled ^ expected) <= 0.002 * expected.sum()
 
 
 def test_rtstruct_on_any_spacing_with_holes(tmp_path):
     frame = frame_around(CENTRE, mirror=False)
-    outer, faces = ball_mesh(CENTRE)
-    inner, _ = ball_mesh(CENTRE, 7.0)
-    vertices, both = np.vstack([outer, inner]), np.vstack([faces, faces[:, ::-1] + len(outer)])
-    write_rtstruct(tmp_path / "rt.dcm", Mesh(vertices, both), frame, name="shell", spacing_mm=1.25)
+    write_rtstruct(tmp_path / "rt.dcm", shell_mesh(CENTRE), frame, name="shell", spacing_mm=1.25)
     structure = load_structure(row(mask="rt.dcm"), tmp_path, settings())
     curves = structure.contours
     assert structure.frame.slice_spacing == pytest.approx(1.25, abs=1e-3)
@@ -128,12 +129,12 @@ def test_rtstruct_on_any_spacing_with_holes(tmp_path):
 def test_same_surface_same_bytes(tmp_path):
     frame = frame_around(CENTRE)
     for name in ("a.dcm", "b.dcm"):
-        write_rtstruct(tmp_path / name, Mesh(*ball_mesh(CENTRE)), frame, name="ball")
+        write_rtstruct(tmp_path / name, ball_mesh(CENTRE), frame, name="ball")
     assert (tmp_path / "a.dcm").read_bytes() == (tmp_path / "b.dcm").read_bytes()
 
 
 def test_reference_without_dicom(tmp_path):
     (tmp_path / "empty").mkdir()
-    mesh = Mesh(*ball_mesh(CENTRE))
+    mesh = ball_mesh(CENTRE)
     with pytest.raises(InputError, match="no DICOM images"):
         write_rtstruct(tmp_path / "a.dcm", mesh, frame_around(CENTRE), name="x", reference=tmp_path / "empty")

@@ -114,6 +114,21 @@ def test_totalsegmentator_folder_of_masks(tmp_path):
         load("empty")
 
 
+def test_masks_of_a_folder_lie_in_place_whatever_way_their_axes_run(tmp_path):
+    mask, affine = organ(), affine_of()
+    left, right = mask.copy(), mask.copy()
+    left[20:], right[:20] = False, False
+    flipped = affine.copy()
+    flipped[:3, 3] += affine[:3, 0] * (len(mask) - 1)
+    flipped[:3, 0] *= -1
+    (tmp_path / "masks").mkdir()
+    write_nifti(tmp_path / "masks" / "left.nii.gz", left.astype(np.uint8), affine)
+    write_nifti(tmp_path / "masks" / "right.nii.gz", right[::-1].astype(np.uint8), flipped)
+    structure = load_structure(row(mask="masks", label="left,right"), tmp_path, settings())
+    np.testing.assert_allclose(structure.frame.affine, affine, atol=1e-4)
+    np.testing.assert_array_equal(full(structure), mask)
+
+
 def test_totalsegmentator_label_map_with_names(tmp_path):
     import nibabel as nib
 

@@ -1,0 +1,198 @@
+"""The files that a row of the cohort sheet names, as volumes: image, mask and boundary maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cccd.dicom_objects import dicom_modality
+from cccd.errors import InputError
+from cccd.geometry.arrays import AnyArray
+from cccd.settings import choices, nearest
+from cccd.tolerances import LABEL_VALUE
+from cccd.volumes.dicom import choose_labels, read_seg, read_series
+from cccd.volumes.grid import Volume, on_grid
+from cccd.volumes.readers import SUFFIXES, read_volume
+
+__all__ = ["read_boundary_maps", "read_image", "read_mask"]
+
+
+def _is_dicom(path: Path) -> bool:
+    return not path.name.lower().endswith(SUFFIXES) and dicom_modality(path) is not None
+
+
+def read_image(path: Path, source: str, fill_gaps: bool) -> Volume:
+    """Read grey values.
+
+    Parameters
+    ----------
+    path : path
+        A volume, a DICOM file or a folder of a DICOM series.
+    source : str
+        The row's source.
+    fill_gaps : bool
+        Interpolate missing slices of a series, see `read_series`.
+
+    Returns
+    -------
+    Volume
+        Finite, float32.
+
+    Raises
+    ------
+    InputError
+        Not readable, or with voxels that are not finite.
+    """
+    if path.is_dir():
+        # RIDER keeps a patient's CT and PET together
+        volume = read_series(path, fill_gaps, "CT" if source == "rider_lung" else None)
+    elif _is_dicom(path):
+        volume = read_series(path, fill_gaps)
+    else:
+        volume = read_volume(path)
+    bad = volume.data.size - int(np.isfinite(volume.data).sum())
+    if bad:
+        raise InputError(
+            volume.location, f"{bad} of its voxels are not finite", "replace NaN and infinity by numbers"
+        )
+    return replace(volume, data=np.asarray(volume.data, np.float32))
+
+
+def read_boundary_maps(path: Path) -> Volume:
+    """Read a stack of binary boundary maps.
+
+    Returns
+    -------
+    Volume
+        Boolean, not empty.
+
+    Raises
+    ------
+    InputError
+        Not readable, not binary, or empty.
+    """
+    volume = read_volume(path)
+    if not np.isfinite(volume.data).all():
+        raise InputError(volume.location, "it holds voxels that are not finite", "give binary boundary maps")
+    values = np.unique(volume.data)
+    if len(values) > 2:
+        raise InputError(
+            volume.location, f"its maps have {len(values)} different values", "give binary boundary maps"
+        )
+    maps = volume.data > 0
+    if not maps.any():
+        raise InputError(
+            volume.location, "its boundary maps are empty", "check that it belongs to this organ"
+        )
+    return replace(volume, data=maps)
+
+
+def read_mask(path: Path, row: Mapping[str, str], implied: tuple[int, ...], image: Volume | None) -> Volume:
+    """Read an organ's mask.
+
+    Parameters
+    ----------
+    path : path
+        A label map, a binary or a probability map, a DICOM SEG, or a folder of one-organ masks.
+    row : mapping
+        Its ``label`` and ``organ`` say which labels are the organ.
+    implied : tuple of int
+        Labels that the cohort's layout implies, of which some may be missing; empty where it implies none.
+    image : Volume, optional
+        The image, to which a SEG has to refer.
+
+    Returns
+    -------
+    Volume
+        Boolean.
+
+    Raises
+    ------
+    InputError
+        Not readable, neither labels nor probabilities, no such label, or empty.
+    """
+    label, organ = row["label"], row["organ"]
+    if path.is_dir():
+        return _read_mask_folder(path, label or organ)
+    if _is_dicom(path):
+        modality = dicom_modality(path)
+        if modality != "SEG":
+            raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
+        return read_seg(path, label, organ, image)
+    return _organ_of_labels(read_volume(path), label, organ, implied)
+
+
+def _read_mask_folder(folder: Path, label: str) -> Volume:
+    """Unite one-organ masks of a folder, named as TotalSegmentator names them: ``liver.nii.gz``."""
+    files: dict[str, Path] = {}
+    for file in sorted(folder.iterdir()):
+        suffix = next((suffix for suffix in SUFFIXES if file.name.lower().endswith(suffix)), None)
+        if suffix:
+            files[file.name[: -len(suffix)]] = file
+    if not files:
+        raise InputError(folder.name, "no masks in this folder", "give a label volume, or a folder of masks")
+    names = [part.strip() for part in label.split(",")]
+    united = _read_named(folder, files, names[0])
+    for name in names[1:]:
+        volume = _read_named(folder, files, name)
+        aligned = on_grid(volume, united.affine, united.shape, fill=False)
+        if aligned is None:
+            raise InputError(
+                volume.location, f"its grid is not that of {united.location}", "give one scan's masks"
+            )
+        warnings = united.warnings + volume.warnings
+        united = replace(aligned, data=united.data | aligned.data, warnings=warnings)
+    return united
+
+
+def _read_named(folder: Path, files: Mapping[str, Path], name: str) -> Volume:
+    """Read one mask of a folder."""
+    if name not in files:
+        raise InputError(folder.name, f"no mask of {name!r} in this folder", nearest(name, files))
+    return _organ_of_labels(read_volume(files[name]), "", name)
+
+
+def _organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, ...] = ()) -> Volume:
+    """Turn a label map, a binary mask or a probability map into a boolean mask of the organ."""
+    location = volume.location
+    data, warnings = _whole_numbers(volume.data, location, bool(label))
+    present = [int(value) for value in np.unique(data) if value > 0]
+    if not present:
+        raise InputError(location, "the mask is empty", "check that it belongs to this organ")
+    names = {value: volume.names.get(value, "") for value in present}
+    called = [value for value, name in names.items() if name.lower() == organ.lower()]
+    if implied:
+        chosen = [value for value in present if value in implied]
+        if not chosen:
+            raise InputError(
+                location, f"it has none of the labels {', '.join(map(str, implied))}", choices(present)
+            )
+    elif label or len(called) == 1:
+        chosen = choose_labels(names, label, organ, location, "label")
+    else:
+        chosen = present
+        if len(present) > 1:
+            every = ", ".join(map(str, present))
+            warnings = [*warnings, f"{location}: no label given, all of {every} taken"]
+    return replace(volume, data=np.isin(data, chosen), warnings=volume.warnings + warnings)
+
+
+def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyArray, list[str]]:
+    """Labels as integers; probabilities become 0 and 1, with a warning, unless the row names a label."""
+    if data.dtype == bool:
+        return data.astype(np.uint8), []
+    if not np.issubdtype(data.dtype, np.floating):
+        return data, []
+    if not np.isfinite(data).all():
+        raise InputError(
+            location, "the mask holds voxels that are not finite", "replace NaN and infinity by 0"
+        )
+    whole = np.rint(data)
+    if np.abs(data - whole).max(initial=0) <= LABEL_VALUE:
+        return whole.astype(np.int32), []
+    if data.min() < 0 or data.max() > 1 or labelled:
+        raise InputError(location, "its values are neither labels nor probabilities", "give a label map")
+    return (data >= 0.5).astype(np.int32), [f"{location}: probabilities, cut at 0.5"]
