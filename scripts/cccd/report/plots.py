@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from cccd.comparisons.summary import structure_names
@@ -161,21 +162,24 @@ def methods(
             axis.set_title(title)
             axis.set_ylim(len(rows) - 0.4, -0.6)
             axis.set_yticks(range(len(rows)), rows if axis is panels[0] else [])
-            if measure in logarithmic and frame[measure].min() > 0:
-                axis.set_xscale("log")
-                if (
-                    frame[measure].max() < 100 * frame[measure].min()
-                ):  # few powers of ten: name what is between
-                    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-                    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-                axis.xaxis.set_minor_formatter(NullFormatter())
-            else:
-                axis.xaxis.set_major_locator(MaxNLocator(3))
+            _scale(axis, frame[measure], measure in logarithmic)
         for tick, row in zip(panels[0].get_yticklabels(), rows, strict=True):
             tick.set_color(INK if ours in row else SOFT)
         if len(names) > 1:
             legend_below(figure, panels[0], 4)
         return to_svg(figure, key, f"{', '.join(shown.values())} of {len(rows)} methods")
+
+
+def _scale(axis: Axes, values: pd.Series, logarithmic: bool) -> None:
+    """Set the abscissa's scale and ticks for these values; logarithmic only where all are positive."""
+    if not logarithmic or values.min() <= 0:
+        axis.xaxis.set_major_locator(MaxNLocator(3))
+        return
+    axis.set_xscale("log")
+    if values.max() < 100 * values.min():  # few powers of ten: name what is between
+        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
 
 
 def rates(key: str, medians: pd.DataFrame, label: str) -> str:
