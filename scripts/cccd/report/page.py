@@ -7,8 +7,6 @@ costs one sentence on the page and nothing else.
 
 from __future__ import annotations
 
-import base64
-import io
 import json
 import os
 import re
@@ -18,22 +16,28 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-import pandas as pd
 import yaml
 from markupsafe import Markup
 
-from cccd.comparisons.measures import HEADLINES, Measure
-from cccd.comparisons.numerals import number, typeset
+from cccd.comparisons.measures import HEADLINES
+from cccd.comparisons.numerals import number
 from cccd.comparisons.registry import COMPARISONS, ITEMS, SECTIONS, Item
 from cccd.comparisons.summary import Cohort, build_tables, write_notes
-from cccd.containers import Frame
 from cccd.report import plots
 from cccd.report.facts import benchmark_table, duration, provenance
 from cccd.report.html_tables import Table, table, words
 from cccd.report.items import draw
-from cccd.report.render import VIEWS, VTK_PACKAGE, picture_renderer
+from cccd.report.render import VIEWS, VTK_PACKAGE
 from cccd.report.results import Results
-from cccd.report.scene import Scene, build_scene, colour_stops
+from cccd.report.scene import build_scene, colour_stops
+from cccd.report.structure_view import (
+    StructureView,
+    encode_picture,
+    headline_frame,
+    headline_label,
+    source_table,
+    view_structure,
+)
 from cccd.store import atomic_path
 
 __all__ = ["build_report", "build_structure_page"]
@@ -49,35 +53,6 @@ _WIDE_PX = 1600
 
 #: Above this many structures the index leaves out the contact sheet (some 3 kB each).
 _THUMBS_BELOW = 1000
-
-
-@dataclass
-class StructureView:
-    """One structure as the templates see it."""
-
-    case: str
-    organ: str
-    id: str
-    metrics: dict[str, Any]
-    headlines: list[dict[str, str]]
-    warnings: list[str]
-    picture: str | None
-    renderer: str | None
-    link: str
-    sources: list[dict[str, Any]]
-    provenance: str | None
-    grid: str | None
-    scene: Scene | None = None
-
-    @property
-    def name(self) -> str:
-        """``case / organ`` for headings and alternative texts."""
-        return f"{self.case} / {self.organ}"
-
-    @property
-    def measured(self) -> list[tuple[str, str]]:
-        """Every number of metrics.json, in words."""
-        return [(key, number(value)) for key, value in _flat(self.metrics).items()]
 
 
 @dataclass
@@ -141,7 +116,7 @@ def build_report(
             "measured": _measured_table(found, views, index),
             "cohort_plots": _cohort_plots(views) if index else [],
             "sections": _sections(found),
-            "sources": _source_table(views),
+            "sources": source_table(views),
             **_training(found, config),
             **_times(benchmarks),
             **_shared(config),
@@ -153,7 +128,7 @@ def _structure_views(results: Results, index: bool, config: Mapping[str, Any]) -
     """Collect every structure; an index leaves out what their own pages show."""
     thumbs = len(results.structures) <= _THUMBS_BELOW
     width = _THUMB_WIDTH if index else _CARD_WIDTH
-    views = [_structure_view(results, *key, width if thumbs else None) for key in results.structures]
+    views = [view_structure(results, *key, width if thumbs else None) for key in results.structures]
     if not index:
         for view in views:
             files = results.files(view.case, view.organ)
@@ -204,7 +179,7 @@ def build_structure_page(
         The cohort's page, to lead back to.
     """
     found = Results(results, [(case, organ)])
-    view = _structure_view(found, case, organ, _CARD_WIDTH)
+    view = view_structure(found, case, organ, _CARD_WIDTH)
     files = found.files(case, organ)
     view.scene = build_scene(files)
     rows = {name: files.rows(name) for name in sorted(COMPARISONS)}
@@ -289,110 +264,12 @@ def _relative(path: Path, folder: Path) -> str:
     return Path(os.path.relpath(path, folder)).as_posix()
 
 
-# Structures ---------------------------------------------------------------------------------------------
-
-
-def _structure_view(results: Results, case: str, organ: str, width: int | None) -> StructureView:
-    """Collect one structure, its picture at most ``width`` pixels wide; without a width there is none."""
-    files = results.files(case, organ)
-    metrics = files.metrics() or {}
-    pictured = width is not None and files.picture.is_file()
-    read = files.facts()
-    frame, facts, noticed = read if read is not None else (None, {}, [])
-    warnings = metrics.get("warnings") or noticed
-    if read is None:
-        warnings = [*warnings, "No structure.h5: this structure was not imported."]
-    return StructureView(
-        case=case,
-        organ=organ,
-        id=re.sub(r"[^A-Za-z0-9_-]", "-", f"{case}--{organ}"),
-        metrics=metrics,
-        headlines=_headlines(metrics),
-        warnings=warnings,
-        picture=_picture(files.picture, width) if pictured else None,
-        renderer=picture_renderer(files.picture) if pictured else None,
-        link=f"{case}/{organ}/report.html",
-        sources=_sources(facts),
-        provenance=json.dumps(facts, indent=2, sort_keys=True, ensure_ascii=False) if facts else None,
-        grid=_grid(frame) if frame is not None else None,
-    )
-
-
-def _grid(frame: Frame) -> str:
-    shape = " × ".join(str(n) for n in frame.shape)
-    return f"{shape} voxels of {' × '.join(number(x, 3) for x in frame.spacing)} mm"
-
-
-def _label(measure: Measure) -> str:
-    """Heading of a headline with its unit."""
-    headline = measure.headline
-    return f"{headline.heading} ({headline.unit})" if headline.unit else headline.heading
-
-
-def _value(measure: Measure, metrics: Mapping[str, Any]) -> float | None:
-    """Take a headline's number in its unit; None where it was not measured."""
-    found = measure.look_up(metrics)
-    return None if found is None else found * measure.headline.factor
-
-
-def _headlines(metrics: Mapping[str, Any]) -> list[dict[str, str]]:
-    found = []
-    for measure in HEADLINES:
-        value, headline = _value(measure, metrics), measure.headline
-        if value is not None:
-            text = typeset(format(int(value) if headline.form == ",d" else value, headline.form))
-            found.append({"heading": headline.heading, "text": text, "unit": headline.unit})
-    return found
-
-
-def _picture(path: Path, width: int) -> str:
-    """Encode a picture as base64 WebP at most ``width`` pixels wide, transparency kept."""
-    from PIL import Image
-
-    with Image.open(path) as opened:
-        picture = opened.convert("RGBA")
-    picture.thumbnail((width, width))
-    buffer = io.BytesIO()
-    picture.save(buffer, "WEBP", quality=80, method=4)
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
-
-
-def _sources(facts: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Find every mapping anywhere in the provenance that names a file by its checksum."""
-    found = []
-    if isinstance(facts, Mapping):
-        if "sha256" in facts:
-            found.append({key: part for key, part in facts.items() if isinstance(part, (str, int, float))})
-        for part in facts.values():
-            found += _sources(part)
-    elif isinstance(facts, list):
-        for part in facts:
-            found += _sources(part)
-    return found
-
-
-def _source_table(views: Sequence[StructureView]) -> Table | None:
-    rows = [{"structure": view.name, **source} for view in views for source in view.sources]
-    return table("inputs", pd.DataFrame(rows)) if rows else None
-
-
-def _flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Numbers of nested metrics under dotted names; lists and texts are left out."""
-    found: dict[str, Any] = {}
-    for key, value in metrics.items():
-        if isinstance(value, Mapping):
-            found |= _flat(value, f"{prefix}{key} ")
-        elif isinstance(value, (int, float)):
-            found[f"{prefix}{key}"] = value
-    return found
-
-
 def _measured_table(results: Results, views: Sequence[StructureView], index: bool) -> Table | None:
     """``tables/structures.csv``, or the headlines of every structure while it is not there."""
     frame = results.table("structures")
     if frame is None:
         warnings = [len(view.warnings) for view in views]
-        frame = _headline_frame(views).assign(warnings=warnings)
+        frame = headline_frame(views).assign(warnings=warnings)
     if frame.empty:
         return None
     links = None
@@ -404,20 +281,9 @@ def _measured_table(results: Results, views: Sequence[StructureView], index: boo
     return table("structures", frame, links)
 
 
-def _headline_frame(views: Sequence[StructureView]) -> pd.DataFrame:
-    """Every structure's headlines, one row each."""
-    return pd.DataFrame(
-        [
-            {"case": view.case, "organ": view.organ}
-            | {_label(measure): _value(measure, view.metrics) for measure in HEADLINES}
-            for view in views
-        ]
-    )
-
-
 def _cohort_plots(views: Sequence[StructureView]) -> list[Markup]:
-    labels = [_label(measure) for measure in HEADLINES]
-    return [Markup(plot) for plot in plots.strips(_headline_frame(views), labels, "organ")]
+    labels = [headline_label(measure) for measure in HEADLINES]
+    return [Markup(plot) for plot in plots.strips(headline_frame(views), labels, "organ")]
 
 
 # Tables and figures -------------------------------------------------------------------------------------
@@ -447,7 +313,7 @@ def _item_view(item: Item, results: Results) -> ItemView:
         table(item.table, shown) if shown is not None else None,
         [(svg, caption, _width(svg) > _COLUMN_PX) for svg, caption in drawn],
         missing,
-        _picture(picture, _WIDE_PX) if picture is not None else None,
+        encode_picture(picture, _WIDE_PX) if picture is not None else None,
     )
 
 

@@ -1,0 +1,162 @@
+"""One structure as the page shows it: its headlines, its picture, what it came from."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cccd.comparisons.measures import HEADLINES, Measure
+from cccd.comparisons.numerals import number, typeset
+from cccd.containers import Frame
+from cccd.report.html_tables import Table, table
+from cccd.report.render import picture_renderer
+from cccd.report.results import Results
+from cccd.report.scene import Scene
+
+__all__ = [
+    "StructureView", "encode_picture", "headline_frame", "headline_label", "source_table", "view_structure",
+]  # fmt: skip
+
+
+@dataclass
+class StructureView:
+    """One structure as the templates see it."""
+
+    case: str
+    organ: str
+    id: str
+    metrics: dict[str, Any]
+    headlines: list[dict[str, str]]
+    warnings: list[str]
+    picture: str | None
+    renderer: str | None
+    link: str
+    sources: list[dict[str, Any]]
+    provenance: str | None
+    grid: str | None
+    scene: Scene | None = None
+
+    @property
+    def name(self) -> str:
+        """``case / organ`` for headings and alternative texts."""
+        return f"{self.case} / {self.organ}"
+
+    @property
+    def measured(self) -> list[tuple[str, str]]:
+        """Every number of metrics.json, in words."""
+        return [(key, number(value)) for key, value in _flat(self.metrics).items()]
+
+
+def view_structure(results: Results, case: str, organ: str, width: int | None) -> StructureView:
+    """Collect one structure, its picture at most ``width`` pixels wide; without a width there is none."""
+    files = results.files(case, organ)
+    metrics = files.metrics() or {}
+    pictured = width is not None and files.picture.is_file()
+    read = files.facts()
+    frame, facts, noticed = read if read is not None else (None, {}, [])
+    warnings = metrics.get("warnings") or noticed
+    if read is None:
+        warnings = [*warnings, "No structure.h5: this structure was not imported."]
+    return StructureView(
+        case=case,
+        organ=organ,
+        id=re.sub(r"[^A-Za-z0-9_-]", "-", f"{case}--{organ}"),
+        metrics=metrics,
+        headlines=_headlines(metrics),
+        warnings=warnings,
+        picture=encode_picture(files.picture, width) if pictured else None,
+        renderer=picture_renderer(files.picture) if pictured else None,
+        link=f"{case}/{organ}/report.html",
+        sources=_sources(facts),
+        provenance=json.dumps(facts, indent=2, sort_keys=True, ensure_ascii=False) if facts else None,
+        grid=_grid(frame) if frame is not None else None,
+    )
+
+
+def _grid(frame: Frame) -> str:
+    shape = " × ".join(str(n) for n in frame.shape)
+    return f"{shape} voxels of {' × '.join(number(x, 3) for x in frame.spacing)} mm"
+
+
+def headline_label(measure: Measure) -> str:
+    """Heading of a headline with its unit."""
+    headline = measure.headline
+    return f"{headline.heading} ({headline.unit})" if headline.unit else headline.heading
+
+
+def _value(measure: Measure, metrics: Mapping[str, Any]) -> float | None:
+    """Take a headline's number in its unit; None where it was not measured."""
+    found = measure.look_up(metrics)
+    return None if found is None else found * measure.headline.factor
+
+
+def _headlines(metrics: Mapping[str, Any]) -> list[dict[str, str]]:
+    found = []
+    for measure in HEADLINES:
+        value, headline = _value(measure, metrics), measure.headline
+        if value is not None:
+            text = typeset(format(int(value) if headline.form == ",d" else value, headline.form))
+            found.append({"heading": headline.heading, "text": text, "unit": headline.unit})
+    return found
+
+
+def encode_picture(path: Path, width: int) -> str:
+    """Encode a picture as base64 WebP at most ``width`` pixels wide, transparency kept."""
+    from PIL import Image
+
+    with Image.open(path) as opened:
+        picture = opened.convert("RGBA")
+    picture.thumbnail((width, width))
+    buffer = io.BytesIO()
+    picture.save(buffer, "WEBP", quality=80, method=4)
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def _sources(facts: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Find every mapping anywhere in the provenance that names a file by its checksum."""
+    found = []
+    if isinstance(facts, Mapping):
+        if "sha256" in facts:
+            found.append({key: part for key, part in facts.items() if isinstance(part, (str, int, float))})
+        for part in facts.values():
+            found += _sources(part)
+    elif isinstance(facts, list):
+        for part in facts:
+            found += _sources(part)
+    return found
+
+
+def source_table(views: Sequence[StructureView]) -> Table | None:
+    """List every input file with its checksum; None where none was recorded."""
+    rows = [{"structure": view.name, **source} for view in views for source in view.sources]
+    return table("inputs", pd.DataFrame(rows)) if rows else None
+
+
+def _flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Numbers of nested metrics under dotted names; lists and texts are left out."""
+    found: dict[str, Any] = {}
+    for key, value in metrics.items():
+        if isinstance(value, Mapping):
+            found |= _flat(value, f"{prefix}{key} ")
+        elif isinstance(value, (int, float)):
+            found[f"{prefix}{key}"] = value
+    return found
+
+
+def headline_frame(views: Sequence[StructureView]) -> pd.DataFrame:
+    """Every structure's headlines, one row each."""
+    return pd.DataFrame(
+        [
+            {"case": view.case, "organ": view.organ}
+            | {headline_label(measure): _value(measure, view.metrics) for measure in HEADLINES}
+            for view in views
+        ]
+    )
