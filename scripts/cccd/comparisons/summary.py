@@ -42,10 +42,10 @@ class Cohort:
         self.metrics = list(metrics)
 
     def rows(self, name: str) -> pd.DataFrame:
-        """Rows of a comparison; a frame without rows when no structure has any with the promised columns."""
-        promised = ["case", "organ", *(COMPARISONS[name].columns if name in COMPARISONS else ())]
-        found = self._rows.get(name)
-        return found if found is not None and set(promised) <= set(found) else pd.DataFrame(columns=promised)
+        """Rows of a comparison; a frame without rows when no structure has any."""
+        if name in self._rows:
+            return self._rows[name]
+        return pd.DataFrame(columns=["case", "organ", *COMPARISONS[name].columns])
 
     def has(self, item: Item) -> bool:
         """Whether every comparison that an item stands on left rows; those of a network may lack."""
