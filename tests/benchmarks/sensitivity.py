@@ -11,6 +11,7 @@ docs/configuration.md.
 """
 
 import argparse
+import json
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -108,7 +109,7 @@ def surface_figures(settings: Settings) -> Figures:
     """Closeness to the phantoms' true surface, smoothness and size."""
     rows = []
     for structure, curves in phantoms():
-        surface = loft_surface(curves, settings.surface)
+        surface = loft_surface(curves, settings.surface, fit_curves(curves, settings.curves))
         truth, mesh = structure.truth, surface.mesh
         near = surface_distances(mesh, truth, np.random.default_rng(0), SAMPLES)
         rows.append(
@@ -160,7 +161,7 @@ class Chain:
 
 
 CHAINS = (
-    Chain("curves.", (curve_figures,)),
+    Chain("curves.", (curve_figures, surface_figures)),
     Chain("surface.", (surface_figures,)),
     Chain("gnn.inference.", (junction_figures,)),
 )
@@ -176,28 +177,39 @@ def measure(chain: Chain, settings: Settings) -> Figures:
 
 
 def expert_numbers(chain: Chain) -> list[Key]:
-    """The chain's expert keys that hold one number."""
+    """The chain's expert keys that hold a number, or a list of them."""
     return [
         key
         for key in keys()
         if key.expert
         and key.dotted.startswith(chain.prefix)
-        and key.schema.get("type") in ("number", "integer")
+        and all(part.get("type") in ("number", "integer") for part in _parts(key))
     ]
 
 
-def scaled(key: Key, factor: float) -> float:
-    """The key's value times a factor, brought into its range."""
-    schema, value = key.schema, key.default * factor
+def _parts(key: Key) -> list[dict[str, Any]]:
+    """Schemas of the key's numbers: one, or a list's."""
+    return key.schema.get("prefixItems", [key.schema])
+
+
+def scaled(key: Key, factor: float) -> float | list[float]:
+    """The key's value times a factor, brought into its range; of a list, every number."""
+    if isinstance(key.default, list):
+        pairs = zip(key.default, _parts(key), strict=True)
+        return [_in_range(factor * value, value, schema) for value, schema in pairs]
+    return _in_range(factor * key.default, key.default, key.schema)
+
+
+def _in_range(value: float, default: float, schema: dict[str, Any]) -> float:
     value = min(max(value, schema.get("minimum", -np.inf)), schema.get("maximum", np.inf))
     if value <= (low := schema.get("exclusiveMinimum", -np.inf)):
-        value = (low + key.default) / 2
+        value = (low + default) / 2
     if value >= (high := schema.get("exclusiveMaximum", np.inf)):
-        value = (high + key.default) / 2
+        value = (high + default) / 2
     return round(value) if schema["type"] == "integer" else float(value)
 
 
-def with_value(key: Key, value: float) -> Settings:
+def with_value(key: Key, value: float | list[float]) -> Settings:
     """Defaults of every key but one."""
     config: Any = value
     for name in reversed(key.path):
@@ -210,19 +222,25 @@ def rows_of(chain: Chain, chosen: list[Key], known: pd.DataFrame) -> Iterator[di
     base = measure(chain, Settings())
     for key in chosen:
         old = known[known["key"] == key.dotted]
-        own = old[(old["factor"] == 1) & (old["value"] == key.default)]
+        own = old[(old["factor"] == 1) & (old["value"] == json.dumps(key.default))]
         holds = len(own) == 1 and all(
             np.isclose(own.iloc[0].get(name, np.nan), value, rtol=1e-5) for name, value in base.items()
         )
         for factor in FACTORS:
             value = scaled(key, factor)
-            same = old[(old["factor"] == factor) & np.isclose(old["value"], value)]
+            same = old[(old["factor"] == factor) & (old["value"] == json.dumps(value))]
             if holds and len(same) == 1:
                 yield same.iloc[0].dropna().to_dict()
                 continue
-            print(f"{key.dotted} = {value:g}", flush=True)
+            print(f"{key.dotted} = {value}", flush=True)
             figures = base if value == key.default else measure(chain, with_value(key, value))
-            yield {"key": key.dotted, "unit": key.unit, "factor": factor, "value": value, **figures}
+            yield {
+                "key": key.dotted,
+                "unit": key.unit,
+                "factor": factor,
+                "value": json.dumps(value),
+                **figures,
+            }
 
 
 def write(rows: list[dict[str, Any]], kept: pd.DataFrame, path: Path) -> None:
@@ -231,7 +249,9 @@ def write(rows: list[dict[str, Any]], kept: pd.DataFrame, path: Path) -> None:
     order = {key.dotted: number for number, key in enumerate(keys())}
     table = table[table["key"].isin(order)].drop_duplicates(["key", "factor"], keep="last")
     table = table.sort_values("factor").sort_values("key", key=lambda names: names.map(order), kind="stable")
-    table = table.apply(lambda column: column if column.name in ("key", "unit") else column.astype(float))
+    table = table.apply(
+        lambda column: column if column.name in ("key", "unit", "value") else column.astype(float)
+    )
     beside = path.with_name(path.name + ".part")
     table.to_csv(beside, index=False, float_format="%.6g")
     beside.replace(path)
@@ -245,7 +265,7 @@ def main() -> None:
     parser.add_argument("--fresh", action="store_true", help="measure everything again")
     arguments = parser.parse_args()
     empty = pd.DataFrame(columns=["key", "unit", "factor", "value"])
-    before = pd.read_csv(arguments.table) if arguments.table.is_file() else empty
+    before = pd.read_csv(arguments.table, dtype={"value": str}) if arguments.table.is_file() else empty
     rows: list[dict[str, Any]] = []
     for chain in CHAINS:
         chosen = [key for key in expert_numbers(chain) if key.dotted.startswith(tuple(arguments.only))]
