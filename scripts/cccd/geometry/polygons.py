@@ -27,7 +27,7 @@ from cccd.geometry.arrays import (
     sum_per_part,
 )
 
-__all__ = ["RaggedPolygons"]
+__all__ = ["RaggedPolygons", "resample", "signed_area"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,11 +144,38 @@ class RaggedPolygons:
         ring[~last] = self.points
         ring[last] = self.points[self.offsets[:-1]]
         length = np.zeros(len(ring))
-        length[1:] = np.linalg.norm(np.diff(ring, axis=0), axis=1)
-        length[closed[:-1]] = 1.0  # separates the polygons on one common axis
+        length[1:] = np.hypot(*np.diff(ring, axis=0).T)
+        length[closed[1:-1]] = 1.0  # separates the polygons on one common axis
         position = np.cumsum(length)
         begin, end = position[closed[:-1]], position[closed[1:] - 1]
         wanted = np.repeat(begin, counts)
         wanted += ranks_of(counts) * np.repeat((end - begin) / np.maximum(counts, 1), counts)
         columns = [np.interp(wanted, position, ring[:, axis]) for axis in (0, 1)]
         return RaggedPolygons(np.column_stack(columns), offsets_of(counts))
+
+
+def signed_area(points: FloatArray) -> float:
+    """Shoelace area of one polygon (n, 2), positive when it runs counter-clockwise.
+
+    See Also
+    --------
+    RaggedPolygons.signed_areas : The same of many polygons at once.
+
+    Examples
+    --------
+    >>> signed_area(np.array([[0.0, 0], [2, 0], [2, 1], [0, 1]]))
+    2.0
+    """
+    x, y = points[:, 0] - points[0, 0], points[:, 1] - points[0, 1]
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def resample(points: FloatArray, count: int) -> FloatArray:
+    """``count`` points at equal steps of arc length along one closed polygon (n, 2); the first one stays.
+
+    Examples
+    --------
+    >>> resample(np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]]), 8)[:4].tolist()
+    [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 1.0]]
+    """
+    return RaggedPolygons.of([points]).resample(np.array([count])).points

@@ -9,8 +9,8 @@ from scipy.ndimage import uniform_filter1d
 
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import FloatArray
+from cccd.geometry.polygons import resample
 from cccd.settings import FittingSettings
-from cccd.surface.rings import resample
 from cccd.surface.tubes import Tube
 
 __all__ = ["align", "at_fractions", "outward_normals"]

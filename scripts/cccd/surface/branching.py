@@ -16,9 +16,10 @@ import numpy as np
 import shapely
 
 from cccd.geometry.arrays import BoolArray, FloatArray, RealArray, SingleArray
+from cccd.geometry.polygons import signed_area
 from cccd.settings import MatchingSettings
 from cccd.surface.ring_graph import RingGraph
-from cccd.surface.rings import Ring, overlap, signed_area, zero_contours
+from cccd.surface.rings import Ring, overlap, zero_contours
 from cccd.surface.stack import Run
 from cccd.surface.tubes import Section
 

@@ -6,9 +6,10 @@ import numpy as np
 import shapely
 
 from cccd.geometry.arrays import FloatArray
+from cccd.geometry.polygons import resample
 from cccd.settings import MatchingSettings
 from cccd.surface.ring_graph import RingGraph
-from cccd.surface.rings import Ring, overlap, resample
+from cccd.surface.rings import Ring, overlap
 from cccd.surface.stack import Run
 from cccd.surface.tubes import Section
 

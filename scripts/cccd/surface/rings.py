@@ -11,9 +11,10 @@ import numpy as np
 
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import ByteArray, FloatArray, IntArray, RealArray
+from cccd.geometry.polygons import signed_area
 from cccd.surface.fields import Field
 
-__all__ = ["Ring", "find_rings", "overlap", "resample", "signed_area", "zero_contours"]
+__all__ = ["Ring", "find_rings", "overlap", "zero_contours"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,26 +57,6 @@ class Ring:
     def bbox_max(self) -> IntArray:
         """First pixel (2,) beyond the bounding box."""
         return self.bbox_min + self.mask.shape
-
-
-def signed_area(points: FloatArray) -> float:
-    """Shoelace area of a polygon (n, 2), positive when it runs counter-clockwise.
-
-    >>> signed_area(np.array([[0.0, 0], [2, 0], [2, 1], [0, 1]]))
-    2.0
-    """
-    x, y = points[:, 0] - points[0, 0], points[:, 1] - points[0, 1]
-    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
-
-
-def resample(points: FloatArray, count: int) -> FloatArray:
-    """``count`` points at equal steps of arc length along a closed polygon (n, 2)."""
-    closed = np.vstack([points, points[:1]])
-    step = np.diff(closed, axis=0)
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
-    at = np.arange(count) * (float(length[-1]) / count)
-    x, y = (np.interp(at, length, closed[:, axis]) for axis in (0, 1))
-    return np.column_stack([x, y])
 
 
 def zero_contours(plane: RealArray) -> list[FloatArray]:

@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 
 from cccd.geometry.arrays import FloatArray
-from cccd.surface.rings import Ring, signed_area
+from cccd.geometry.polygons import signed_area
+from cccd.surface.rings import Ring
 
 __all__ = ["EndKind", "Section", "Tube"]
 

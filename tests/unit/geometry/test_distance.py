@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from solids import box, sphere
 
-from cccd.geometry.distance import grid_to_mesh, near_polygons, to_mask, to_mesh, unsigned_to_mesh
+from cccd.geometry.distance import grid_to_mesh, to_mask, to_mesh, to_polygons, unsigned_to_mesh
 from cccd.geometry.polygons import RaggedPolygons
 
 
@@ -22,16 +22,16 @@ def test_distance_to_the_mask_of_a_disc(spacing):
 
 
 @pytest.mark.parametrize("spacing", [(1.0, 1.0), (0.7, 1.3)])
-def test_distance_near_a_drawn_disc_is_exact(spacing):
-    exact = disc(17.3, spacing).astype(np.float32)
+def test_distance_to_a_drawn_disc_is_exact_near_it_and_nearly_so_far_away(spacing):
+    exact = disc(17.3, spacing)
     angle = np.arange(4000) * 2 * np.pi / 4000
-    circle = 17.3 * np.column_stack([np.cos(angle), np.sin(angle)]) + 30 * np.array(spacing)
-    rough = np.where(exact < 0, -99, 99).astype(np.float32)
-    refined = near_polygons(rough, RaggedPolygons.of([circle]), np.array(spacing), 3)
+    circle = RaggedPolygons.of(
+        [17.3 * np.column_stack([np.cos(angle), np.sin(angle)]) + 30 * np.array(spacing)]
+    )
+    measured = to_polygons(exact < 0, circle, np.array(spacing), np.zeros(1))
     near = np.abs(exact) < 2 * min(spacing)
-    assert refined[near] == pytest.approx(exact[near], abs=1e-4)
-    assert np.all(np.abs(refined[np.abs(exact) > 5 * max(spacing)]) == 99)
-    assert np.all(np.abs(rough) == 99)  # what came in is left alone
+    assert measured[near] == pytest.approx(exact[near], abs=1e-4)
+    assert measured == pytest.approx(exact, abs=0.05 * max(spacing))
 
 
 def test_distance_is_positive_outside_and_negative_inside():

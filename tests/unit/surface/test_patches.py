@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from shapes import ellipse
 
+from cccd.geometry.polygons import signed_area
 from cccd.settings import FittingSettings
 from cccd.surface.fitting import fit_samples
 from cccd.surface.patches import _patch
 from cccd.surface.refinement import fit_within_budget
-from cccd.surface.rings import signed_area
 from cccd.surface.samples import Samples, sample_tube
 from cccd.surface.tubes import Section, Tube
 

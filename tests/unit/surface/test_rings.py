@@ -8,9 +8,10 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cccd.geometry.polygons import resample, signed_area
 from cccd.surface.fields import Field
 from cccd.surface.ring_graph import DOWN, UP, link_rings
-from cccd.surface.rings import find_rings, overlap, resample, signed_area
+from cccd.surface.rings import find_rings, overlap
 
 ROW, COLUMN = np.indices((64, 56), float)
 

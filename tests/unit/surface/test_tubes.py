@@ -5,12 +5,13 @@ import pytest
 import shapely
 from shapes import SETTINGS, ball, curves_of, drawn, ellipse, fork, grid
 
+from cccd.geometry.polygons import signed_area
 from cccd.surface import loft_surface
 from cccd.surface.caps import rounded_cap
 from cccd.surface.matching import match_contours
 from cccd.surface.outlines import lofted_outlines
 from cccd.surface.ring_graph import DOWN, UP
-from cccd.surface.rings import Ring, signed_area
+from cccd.surface.rings import Ring
 from cccd.surface.stack import interpolate_slices
 
 
