@@ -1,4 +1,4 @@
-"""Which DICOM object a file holds: what tells drawn contours (RTSTRUCT) from masks (SEG and volumes).
+"""Which DICOM object a file holds: drawn contours (RTSTRUCT) or a mask (SEG and volumes).
 
 Imported at every parse of the workflow, so pydicom is imported for DICOM files only, and of those the header
 alone is read.
@@ -18,7 +18,7 @@ _PREAMBLE, _MAGIC = 128, b"DICM"
 
 
 def dicom_modality(path: Path) -> str | None:
-    """Give the modality of a DICOM file (``CT``, ``SEG``, ``RTSTRUCT``, ...), None for any other file.
+    """Read the modality of a DICOM file (``CT``, ``SEG``, ``RTSTRUCT``, ...), None for any other file.
 
     A damaged header has the modality ``""``, as has a file that cannot be opened: its reader will say what is
     wrong with it.
@@ -36,7 +36,7 @@ def dicom_modality(path: Path) -> str | None:
 
 
 def object_in(path: Path) -> Path:
-    """Give the one SEG or RTSTRUCT in a folder; any other path stays as it is.
+    """Find the one SEG or RTSTRUCT in a folder; any other path stays as it is.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def object_in(path: Path) -> Path:
 
 
 def holds_contours(path: Path) -> bool:
-    """Tell whether what the sheet names as a mask is drawn contours: an RTSTRUCT, or a folder with one.
+    """Whether what the sheet names as a mask is drawn contours: an RTSTRUCT, or a folder with one.
 
     Of a path that cannot be read the answer is no; the job that imports it says what is wrong.
 

@@ -1,4 +1,20 @@
-"""Readers and sources of scans: a row of the cohort sheet -> `cccd.containers.Structure`."""
+"""Readers and sources of scans: a row of the cohort sheet -> `cccd.containers.Structure`; and the way back.
+
+===================  ===============================================================================
+module               holds
+===================  ===============================================================================
+``load``             `load_structure`: a row's files on one grid, cropped to the organ
+``inputs``           the files of a row: image, mask, boundary maps
+``readers``          NIfTI, NRRD, MHA and what else SimpleITK reads
+``dicom``            image series, segmentations (SEG), structure sets (RTSTRUCT)
+``contours``         drawn contours to ordered curves
+``regions``          an organ found by its grey values, where there is no mask
+``sources``          scans that come with a package
+``phantoms``         scans of organs whose surface is known, made of ``implicit_solids``
+``grid``             `Volume`, and its move to another grid
+``clinical_export``  a surface as label map (NIfTI) or contours (RTSTRUCT)
+===================  ===============================================================================
+"""
 
 from cccd.volumes.load import load_structure
 

@@ -175,7 +175,7 @@ def _structure_set(
 ) -> Dataset:
     """Assemble the RTSTRUCT of loops (n, 3) in LPS mm at heights along the normal.
 
-    UIDs follow from the content, so that the same surface gives the same bytes.
+    UIDs follow from the content, so that equal surfaces have equal bytes.
     """
     source = slices[0] if slices else Dataset()
     dataset = _identified_dataset(name, source, _digest(loops, name, source))

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from cccd.containers import Curves, Frame
 from cccd.errors import InputError
-from cccd.geometry.arrays import BoolArray, FloatArray
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SAME_POINT_VOXELS, SLICE_DIRECTION
 from cccd.volumes.grid import Volume
@@ -146,9 +146,7 @@ def _frame_of_slices(image: Volume, axis: int, keep: slice) -> Frame:
     return Frame(affine, axis, (shape[0], shape[1], shape[2]))
 
 
-def _move_to_planes(
-    affine: FloatArray, axis: int, shape: Sequence[int] | np.ndarray, planes: _Planes
-) -> Frame:
+def _move_to_planes(affine: FloatArray, axis: int, shape: Sequence[int] | AnyArray, planes: _Planes) -> Frame:
     """Move a grid's slices into the contours' planes, keeping its pixels.
 
     One empty slice on either side shows that the organ ends there, rather than being cut by the scan's end.

@@ -70,7 +70,7 @@ class Volume:
 
 
 def check_affine(affine: npt.ArrayLike | None, location: str) -> FloatArray:
-    """Refuse an affine that is no scanner grid.
+    """Refuse an affine that does not describe a scanner's grid.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def interpolate_on_grid(
     shape : tuple of int
         The other grid's shape.
     order : 0 or 1
-        0 takes the nearest voxel (labels), 1 interpolates linearly (grey values).
+        0 copies the nearest voxel (labels), 1 interpolates linearly (grey values).
 
     See Also
     --------

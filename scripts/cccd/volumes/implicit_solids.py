@@ -15,6 +15,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from cccd.geometry.arrays import AnyArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.tolerances import PROJECTION_MM
@@ -35,7 +36,7 @@ __all__ = [
 ]
 
 #: Maps points (3, ...) in world mm to values (...) of the same precision, negative inside.
-ImplicitFunction = Callable[[np.ndarray], np.ndarray]
+ImplicitFunction = Callable[[AnyArray], AnyArray]
 
 #: Newton steps that put vertices onto a zero set, and the half-width of their central differences.
 _NEWTON_STEPS, _SHIFT_MM = 8, 1e-3
@@ -45,19 +46,19 @@ _SHIFTS = np.eye(3)[:, :, None] * _SHIFT_MM
 _CHUNK = 1 << 15
 
 
-def _column(values: npt.ArrayLike, like: np.ndarray) -> np.ndarray:
+def _column(values: npt.ArrayLike, like: AnyArray) -> AnyArray:
     """Three numbers as a column that broadcasts against points (3, ...), in their precision."""
     return np.asarray(values, like.dtype).reshape(3, *[1] * (like.ndim - 1))
 
 
-def _length(vectors: np.ndarray) -> np.ndarray:
+def _length(vectors: AnyArray) -> AnyArray:
     """Lengths (...) of vectors (3, ...)."""
     x, y, z = vectors
     return np.sqrt(x * x + y * y + z * z)
 
 
 def ellipsoid(
-    centre: npt.ArrayLike, radii: npt.ArrayLike, rotation: np.ndarray | None = None
+    centre: npt.ArrayLike, radii: npt.ArrayLike, rotation: AnyArray | None = None
 ) -> ImplicitFunction:
     """Ellipsoid; the distance is a first-order bound (Quilez: ``k0 (k0 - 1) / k1``), exact for a sphere.
 
@@ -74,7 +75,7 @@ def ellipsoid(
     3.0
     """
 
-    def distance(points: np.ndarray) -> np.ndarray:
+    def distance(points: AnyArray) -> AnyArray:
         local = points - _column(centre, points)
         if rotation is not None:
             local = np.tensordot(rotation.T.astype(points.dtype), local, 1)
@@ -92,7 +93,7 @@ def capsule(start: npt.ArrayLike, end: npt.ArrayLike, radius: float) -> Implicit
     along = np.asarray(np.subtract(end, start), float)
     unit = along / (along @ along)
 
-    def distance(points: np.ndarray) -> np.ndarray:
+    def distance(points: AnyArray) -> AnyArray:
         local = points - _column(start, points)
         share = np.clip(np.tensordot(unit.astype(points.dtype), local, 1), 0, 1)
         return _length(local - _column(along, points) * share) - points.dtype.type(radius)
@@ -114,7 +115,7 @@ def torus(centre: npt.ArrayLike, radius: float, tube: float, axis: int) -> Impli
     """
     first, second = (other for other in range(3) if other != axis)
 
-    def distance(points: np.ndarray) -> np.ndarray:
+    def distance(points: AnyArray) -> AnyArray:
         local = points - _column(centre, points)
         ring = np.hypot(local[first], local[second]) - points.dtype.type(radius)
         return np.hypot(ring, local[axis]) - points.dtype.type(tube)
@@ -126,13 +127,13 @@ def half_space(point: npt.ArrayLike, normal: npt.ArrayLike) -> ImplicitFunction:
     """Everything behind the plane through ``point`` (3,) mm; ``normal`` (3,) points outwards."""
     unit = np.asarray(normal, float) / np.linalg.norm(normal)
 
-    def distance(points: np.ndarray) -> np.ndarray:
+    def distance(points: AnyArray) -> AnyArray:
         return np.tensordot(unit.astype(points.dtype), points - _column(point, points), 1)
 
     return distance
 
 
-def _smooth_minimum(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
+def _smooth_minimum(a: AnyArray, b: AnyArray, radius: float) -> AnyArray:
     """Polynomial smooth minimum (Quilez): C1, and min(a, b) where they differ by more than ``radius``."""
     least = np.minimum(a, b)
     if radius <= 0:
@@ -151,7 +152,7 @@ def union(*solids: ImplicitFunction, radius: float = 0.0) -> ImplicitFunction:
     [-1.0, -1.0, 1.5]
     """
 
-    def distance(points: np.ndarray) -> np.ndarray:
+    def distance(points: AnyArray) -> AnyArray:
         value = solids[0](points)
         for other in solids[1:]:
             value = _smooth_minimum(value, other(points), radius)
@@ -163,7 +164,7 @@ def union(*solids: ImplicitFunction, radius: float = 0.0) -> ImplicitFunction:
 def intersection(*solids: ImplicitFunction, radius: float = 0.0) -> ImplicitFunction:
     """Intersection, its edge rounded over ``radius`` mm."""
 
-    def distance(points: np.ndarray) -> np.ndarray:
+    def distance(points: AnyArray) -> AnyArray:
         value = -solids[0](points)
         for other in solids[1:]:
             value = _smooth_minimum(value, -other(points), radius)
@@ -175,7 +176,7 @@ def intersection(*solids: ImplicitFunction, radius: float = 0.0) -> ImplicitFunc
 def subtraction(body: ImplicitFunction, *cuts: ImplicitFunction, radius: float = 0.0) -> ImplicitFunction:
     """``body`` without the ``cuts``, the edges rounded over ``radius`` mm."""
 
-    def distance(points: np.ndarray) -> np.ndarray:
+    def distance(points: AnyArray) -> AnyArray:
         value = -body(points)
         for cut in cuts:
             value = _smooth_minimum(value, cut(points), radius)
@@ -205,7 +206,7 @@ def warped(
     phases = rng.uniform(0, 2 * np.pi, 6)
     displacements = rng.normal(size=(6, 3)) * amplitude / np.sqrt(3)
 
-    def distance(points: np.ndarray) -> np.ndarray:
+    def distance(points: AnyArray) -> AnyArray:
         flat = points.reshape(3, -1)
         sines = np.sin(waves.astype(flat.dtype) @ flat + phases.astype(flat.dtype)[:, None])
         return solid((flat + displacements.T.astype(flat.dtype) @ sines).reshape(points.shape))
@@ -213,7 +214,7 @@ def warped(
     return distance
 
 
-def _evaluate(solid: ImplicitFunction, origin: np.ndarray, step: np.ndarray, index: np.ndarray) -> np.ndarray:
+def _evaluate(solid: ImplicitFunction, origin: AnyArray, step: AnyArray, index: AnyArray) -> AnyArray:
     """Values (N,) float32 at lattice points ``index`` (3, N)."""
     values = np.empty(index.shape[1], np.float32)
     for start in range(0, len(values), _CHUNK):
@@ -223,7 +224,7 @@ def _evaluate(solid: ImplicitFunction, origin: np.ndarray, step: np.ndarray, ind
     return values
 
 
-def interpolate_lattice(values: np.ndarray, factor: np.ndarray, shape: npt.ArrayLike) -> np.ndarray:
+def interpolate_lattice(values: AnyArray, factor: AnyArray, shape: npt.ArrayLike) -> AnyArray:
     """Interpolate linearly between the points of a lattice.
 
     Parameters
@@ -263,7 +264,7 @@ def sample_lattice(
     shape: npt.ArrayLike,
     coarse: float = 3.0,
     exact: bool = True,
-) -> np.ndarray:
+) -> AnyArray:
     """Evaluate a solid on a lattice: exactly near the surface, interpolated away from it.
 
     Parameters
@@ -326,7 +327,7 @@ def mesh_zero_set(
     return Mesh(_project(solid, mesh.vertices, step), mesh.faces)
 
 
-def _project(solid: ImplicitFunction, vertices: np.ndarray, step: float) -> np.ndarray:
+def _project(solid: ImplicitFunction, vertices: AnyArray, step: float) -> AnyArray:
     """Move vertices (V, 3) of cubes of edge ``step`` onto the zero set by Newton's method."""
     vertices = vertices.copy()
     loose = np.arange(len(vertices))

@@ -303,8 +303,8 @@ def _cut_notes(frame: Frame, first: IntArray, last: IntArray) -> list[str]:
     low, high = first <= 0, last >= np.array(frame.shape) - 1
     ends = [name for name, cut in zip(("first", "last"), (low, high), strict=True) if cut[frame.slice_axis]]
     sides = (low | high)[list(frame.in_plane_axes)].any()
-    places = [f"the scan's {name} slice" for name in ends] + ["the sides of its slices"] * bool(sides)
-    return [f"the organ touches {' and '.join(places)}: it may be cut there"] if places else []
+    faces = [f"the scan's {name} slice" for name in ends] + ["the sides of its slices"] * bool(sides)
+    return [f"the organ touches {' and '.join(faces)}: it may be cut there"] if faces else []
 
 
 # provenance -----------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
+from cccd.geometry.arrays import AnyArray
 from cccd.settings import PhantomSettings, nearest
 from cccd.volumes.implicit_solids import (
     ImplicitFunction,
@@ -67,8 +68,8 @@ class Anatomy:
     """
 
     organ: ImplicitFunction
-    bbox_min: np.ndarray
-    bbox_max: np.ndarray
+    bbox_min: AnyArray
+    bbox_max: AnyArray
     mesh_step: float
     hu: float
     around: list[Tissue]
@@ -78,12 +79,12 @@ class Anatomy:
 def _ribs(cage: ImplicitFunction) -> ImplicitFunction:
     """Twelve oblique bars in the shell around ``cage``, 24 mm apart."""
 
-    def field(points: np.ndarray) -> np.ndarray:
+    def distance(points: AnyArray) -> AnyArray:
         x, y, z = points
         descent = z - 0.45 * y - 0.1 * np.abs(x)
         return np.hypot(cage(points) - 7, np.abs((descent % 24.0) - 12.0) * 0.7) - 4.0
 
-    return field
+    return distance
 
 
 def _trunk(width: float, depth: float) -> list[Tissue]:
@@ -110,7 +111,7 @@ def _trunk(width: float, depth: float) -> list[Tissue]:
     ]
 
 
-def _tree(rng: np.random.Generator, root: np.ndarray, tips: np.ndarray, radius: float) -> ImplicitFunction:
+def _tree(rng: np.random.Generator, root: AnyArray, tips: AnyArray, radius: float) -> ImplicitFunction:
     """Vessels from ``root`` (3,) mm over a common stem to each of ``tips`` (n, 3), thinner after a fork."""
     stem = root + 0.35 * (tips.mean(axis=0) - root)
     pieces = [capsule(root, stem, radius)]
@@ -220,11 +221,11 @@ def _lungs(rng: np.random.Generator) -> Anatomy:
     return Anatomy(organ, np.array((-150, -110, -160)), np.array((150, 110, 145)), 2.0, _LUNG, around, within)
 
 
-def _fissure(middle: np.ndarray, tilt: float) -> ImplicitFunction:
+def _fissure(middle: AnyArray, tilt: float) -> ImplicitFunction:
     """Wavy sheet 3.8 mm thick through ``middle`` (3,) mm, rising against the second axis by ``tilt``."""
     normal = np.array((0.0, tilt, 1.0)) / np.hypot(tilt, 1)
 
-    def distance(points: np.ndarray) -> np.ndarray:
+    def distance(points: AnyArray) -> AnyArray:
         x, y, z = points
         height = (y - middle[1]) * normal[1] + (z - middle[2]) * normal[2]
         return np.abs(height + 2.5 * np.sin(x / 18)) - 1.9
@@ -318,10 +319,10 @@ def _generator(seed: int, case: str, organ: str) -> np.random.Generator:
 def _paint(
     background: float,
     tissues: list[Tissue],
-    origin: np.ndarray,
-    step: np.ndarray,
-    shape: np.ndarray,
-) -> np.ndarray:
+    origin: AnyArray,
+    step: AnyArray,
+    shape: AnyArray,
+) -> AnyArray:
     """HU (shape) of tissues that cover one another in their order, each with an edge one pixel wide."""
     image = np.full(shape, background, np.float32)
     for solid, hu in tissues:
@@ -331,9 +332,7 @@ def _paint(
     return image
 
 
-def _scan(
-    anatomy: Anatomy, frame: Frame, first: np.ndarray, shape: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _scan(anatomy: Anatomy, frame: Frame, first: AnyArray, shape: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Noise-free HU and mask of the crop that starts at ``first``, on the frame's grid."""
     step = np.diag(frame.affine)[:3]
     origin = frame.affine[:3, 3] + step * first
@@ -354,7 +353,7 @@ def _scan(
     return around + share * (within - around), mask
 
 
-def _noise(rng: np.random.Generator, shape: np.ndarray, hu: float) -> np.ndarray:
+def _noise(rng: np.random.Generator, shape: AnyArray, hu: float) -> AnyArray:
     """CT noise of standard deviation ``hu``: grainy in the slice, independent between slices."""
     grain = ndimage.gaussian_filter(rng.standard_normal(tuple(shape), dtype=np.float32), (0.7, 0.7, 0))
     return grain * np.float32(hu / max(grain.std(), 1e-6))

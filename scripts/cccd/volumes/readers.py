@@ -20,6 +20,7 @@ from nibabel.loadsave import load as load_image
 from nibabel.spatialimages import SpatialImage
 
 from cccd.errors import InputError
+from cccd.geometry.arrays import AnyArray
 from cccd.sidecar_files import VoxelHeader, read_voxel_header
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 
@@ -80,7 +81,7 @@ def read_volume(path: Path) -> Volume:
     return read_nifti(path) if path.name.lower().endswith(_NIFTI) else read_itk(path)
 
 
-def _spatial(data: np.ndarray, location: str) -> np.ndarray:
+def _spatial(data: AnyArray, location: str) -> AnyArray:
     """Drop trailing axes of length one; refuse what is still not three-dimensional."""
     while data.ndim > 3 and data.shape[-1] == 1:
         data = data[..., 0]
