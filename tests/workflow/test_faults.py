@@ -22,12 +22,12 @@ BOUNDARIES = [f"results/tiny/{organ}/boundaries.h5" for organ in ("sphere", "two
 #: Loaded by every Python: each rule's first job gets a signal just before its output gets its name.
 STRIKE_ONCE = """
 import os, pathlib, re, sys
-stage = re.search(r"[.]snakemake/scripts/tmp[^/]*[.](\\w+)[.]py$", " ".join(sys.orig_argv))
-if stage:
+if re.search(r"[.]snakemake/scripts/tmp[^/]*[.]py$", " ".join(sys.orig_argv)):
     whole = pathlib.Path.replace
     def replace(self, target):
+        mark = os.path.join(os.environ["STRUCK"], sys.modules["__main__"].snakemake.rule)
         try:
-            mark = os.open(os.path.join(os.environ["STRUCK"], stage[1]), os.O_CREAT | os.O_EXCL | os.O_WRONLY)
+            mark = os.open(mark, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
         except FileExistsError:
             return whole(self, target)
         os.write(mark, b"%d" % os.getpid())
