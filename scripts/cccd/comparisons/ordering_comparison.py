@@ -13,7 +13,7 @@ __all__ = ["compare_ordering"]
 
 
 def compare_ordering(
-    structure: Structure, boundaries: Boundaries, exact: Curves, model: Predictor
+    structure: Structure, boundaries: Boundaries, contours: Curves, model: Predictor
 ) -> pd.DataFrame:
     """Order a mask's boundary pixels by the network and hold the result against the traced contours.
 
@@ -22,7 +22,7 @@ def compare_ordering(
     structure : Structure
     boundaries : Boundaries
         Its boundary pixels.
-    exact : Curves
+    contours : Curves
         The traced contours, taken as the truth.
     model : Predictor
         From `cccd.junctions.checkpoint.load_model`.
@@ -41,8 +41,8 @@ def compare_ordering(
         **totals,
         "unclosed": len(report["unclosed"]),
         "curves": len(ordered),
-        "curves_exact": len(exact),
-        "dice": _dice_3d(exact, ordered),
+        "curves_exact": len(contours),
+        "dice": _dice_3d(contours, ordered),
     }
     return pd.DataFrame([row])
 

@@ -1,5 +1,6 @@
 """The registry names what exists, once, and is light enough to be read at every start of the workflow."""
 
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -46,6 +47,13 @@ def test_every_function_and_section_of_a_comparison_is_there(comparison):
         model = Settings()
         for part in section.split("."):
             model = getattr(model, part)
+
+
+@pytest.mark.parametrize("comparison", COMPARISONS.values(), ids=lambda comparison: comparison.name)
+def test_the_functions_of_a_comparison_accept_what_its_job_passes(comparison):
+    passed = [*comparison.inputs, *comparison.settings, *(["seed"] if comparison.seeded else [])]
+    for function in filter(None, (comparison.run, comparison.figures)):
+        inspect.signature(find(function)).bind(**dict.fromkeys(passed))
 
 
 def test_reading_the_registry_loads_nothing_heavy():
