@@ -12,19 +12,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask, to_polygons
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
 from cccd.surface.outlines import Outlines, through_pixel_centres
 
-__all__ = ["Field", "distance_fields", "interpolated_fields"]
+__all__ = ["LevelField", "distance_fields", "interpolated_fields"]
 
 #: Fields reach this many pixels beyond the curves, so that every contour closes.
 MARGIN_PIXELS = 4
 
 
 @dataclass(frozen=True)
-class Field:
+class LevelField:
     """Signed distances on one level.
 
     Attributes
@@ -38,11 +39,11 @@ class Field:
     """
 
     z: float
-    distance: np.ndarray
+    distance: SingleArray
     source_slice: int | None
 
 
-def distance_fields(outlines: Outlines) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def distance_fields(outlines: Outlines) -> tuple[IntArray, SingleArray, IntArray]:
     """Signed distances of every slice that has outlines.
 
     Parameters
@@ -79,8 +80,8 @@ def distance_fields(outlines: Outlines) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def interpolated_fields(
-    slices: np.ndarray, distance: np.ndarray, slice_spacing: float, level_spacing: float
-) -> Iterator[Field]:
+    slices: IntArray, distance: SingleArray, slice_spacing: float, level_spacing: float
+) -> Iterator[LevelField]:
     """Fields of the slices and of levels between them: shape-based interpolation, monotone in z.
 
     Each pixel's distance runs along z as a piecewise cubic Hermite polynomial with Fritsch-Carlson
@@ -96,10 +97,10 @@ def interpolated_fields(
     level_spacing : float
         mm; levels lie at most this far apart.
     """
-    height = slices * slice_spacing
+    height = np.asarray(slices * slice_spacing, float)
     slope = _slope(distance, height, 0)
     for s, z in enumerate(height):
-        yield Field(float(z), distance[s], int(slices[s]))
+        yield LevelField(float(z), distance[s], int(slices[s]))
         if s + 1 == len(height):
             return
         gap = height[s + 1] - z
@@ -107,7 +108,7 @@ def interpolated_fields(
         parts = int(np.ceil(gap / level_spacing - 1e-6))
         for part in range(1, parts):
             t = np.float32(part / parts)
-            yield Field(
+            yield LevelField(
                 float(z + gap * t),
                 (1 + 2 * t) * (1 - t) ** 2 * distance[s]
                 + t * t * (3 - 2 * t) * distance[s + 1]
@@ -117,7 +118,7 @@ def interpolated_fields(
         slope = next_slope
 
 
-def _slope(distance: np.ndarray, height: np.ndarray, s: int) -> np.ndarray:
+def _slope(distance: SingleArray, height: FloatArray, s: int) -> SingleArray:
     """Fritsch-Carlson slopes at slice ``s``: the weighted harmonic mean of the neighbouring secants."""
     if len(height) == 1:
         return np.zeros_like(distance[0])

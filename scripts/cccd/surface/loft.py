@@ -58,7 +58,7 @@ def _tolerance(stack: SliceStack, settings: LoftSettings) -> float:
 def _budget(stack: SliceStack, settings: LoftSettings) -> float:
     """Control points that all patches together may have, by the size of marching cubes' mesh."""
     rule = settings.detail
-    edge = max(stack.voxel[1:].max(), rule.slice_share * stack.step)
+    edge = max(float(stack.voxel[1:].max()), rule.slice_share * stack.step)
     fine = float(np.interp(edge, rule.coarse_mm, (1.0, 0.0)))
     thick = float(np.interp(stack.voxels_through, rule.thin_voxels, (0.0, 1.0)))
     ends = np.log([settings.compactness_thin, settings.compactness])

@@ -12,7 +12,7 @@ import numpy as np
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import ByteArray, FloatArray, IntArray, RealArray
 from cccd.geometry.polygons import signed_area
-from cccd.surface.fields import Field
+from cccd.surface.fields import LevelField
 
 __all__ = ["Ring", "find_rings", "overlap", "zero_contours"]
 
@@ -65,14 +65,14 @@ def zero_contours(plane: RealArray) -> list[FloatArray]:
     return [line[:, ::-1] for line in lines]
 
 
-def find_rings(field: Field, level: int, spacing: FloatArray, of_pixels: bool) -> list[Ring]:
+def find_rings(field: LevelField, level: int, spacing: FloatArray, of_pixels: bool) -> list[Ring]:
     """Every closed contour of a field at distance zero, largest first.
 
     Contours around no pixel's centre are left out.
 
     Parameters
     ----------
-    field : Field
+    field : LevelField
         Positive along its border.
     level : int
         The field's position in its run of levels.
@@ -90,7 +90,9 @@ def find_rings(field: Field, level: int, spacing: FloatArray, of_pixels: bool) -
     ]
 
 
-def _ring(pixels: FloatArray, field: Field, level: int, spacing: FloatArray, of_pixels: bool) -> Ring | None:
+def _ring(
+    pixels: FloatArray, field: LevelField, level: int, spacing: FloatArray, of_pixels: bool
+) -> Ring | None:
     """Ring of a contour (n, 2) in pixels, not nested yet; None when there is no pixel's centre inside."""
     keep = np.any(np.abs(pixels - np.roll(pixels, 1, axis=0)) > 1e-6, axis=1)
     pixels = np.ascontiguousarray(pixels[keep])

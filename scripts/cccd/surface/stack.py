@@ -11,10 +11,10 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.settings import LoftSettings
-from cccd.surface.fields import Field, distance_fields, interpolated_fields
-from cccd.surface.guide import Guide
+from cccd.surface.fields import LevelField, distance_fields, interpolated_fields
 from cccd.surface.outlines import Outlines
 from cccd.surface.rings import Ring, find_rings
+from cccd.surface.target import TargetField
 
 __all__ = ["Run", "SliceStack", "interpolate_slices"]
 
@@ -28,7 +28,7 @@ class Run:
 
     Attributes
     ----------
-    fields : sequence of Field
+    fields : sequence of LevelField
         Signed distances, of the slices and of levels between them.
     rings : sequence of lists of Ring
         Every level's closed contours.
@@ -40,7 +40,7 @@ class Run:
         Heights in mm of the volume's first and last slice: an organ that reaches them was cut by the scan.
     """
 
-    fields: Sequence[Field]
+    fields: Sequence[LevelField]
     rings: Sequence[Sequence[Ring]]
     spacing: FloatArray
     half_step: float
@@ -78,7 +78,7 @@ class SliceStack:
     ----------
     runs : list of Run
         Levels, parted where too many slices in a row are missing.
-    target : Guide
+    target : TargetField
         The organ's boundary as a smooth function of space.
     origin : (2,) int64
         Source ``(i, j)`` of the plane's first pixel.
@@ -93,7 +93,7 @@ class SliceStack:
     """
 
     runs: list[Run]
-    target: Guide
+    target: TargetField
     origin: IntArray
     voxel: FloatArray
     voxel_faces: IntArray
@@ -159,13 +159,13 @@ def interpolate_slices(outlines: Outlines, settings: LoftSettings) -> SliceStack
     voxel, voxel_faces = np.array([step, *spacing]), _voxel_faces(distance < 0)
     volume = sum(run.volume() for run in runs)
     thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
-    target = Guide.of(
+    target = TargetField.of(
         _levels(runs), spacing, settings.bridge_slices * step + pixel, settings.interpolation.knot_pixels
     )
     return SliceStack(runs, target, origin, voxel, voxel_faces, volume, thickness)
 
 
-def _levels(runs: Sequence[Run]) -> list[Field]:
+def _levels(runs: Sequence[Run]) -> list[LevelField]:
     """All runs' fields by height; what the scan cuts goes on up to its planar cap."""
     fields = [plane for run in runs for plane in run.fields]
     half_step, scan_range = runs[0].half_step, runs[0].scan_range

@@ -8,8 +8,8 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.surface import loft_surface
 from cccd.surface.blending import blend, offset_surface
-from cccd.surface.fields import Field
-from cccd.surface.guide import Guide
+from cccd.surface.fields import LevelField
+from cccd.surface.target import TargetField
 
 NOWHERE = np.zeros((0, 3))
 
@@ -26,11 +26,11 @@ def unknown(points, within):
 
 
 def cone(spacing=(0.8, 1.2), slope=0.15, knot=1.9):
-    """A guide whose distance is known: round discs that shrink with height."""
+    """A target whose distance is known: round discs that shrink with height."""
     i, j = np.indices((50, 40))
     plane = np.hypot((i - 25) * spacing[0], (j - 20) * spacing[1]) - 12
-    fields = [Field(2.0 * k, (plane + slope * 2 * k).astype(np.float32), k) for k in range(5)]
-    return Guide.of(fields, np.array(spacing), 10.0, knot)
+    fields = [LevelField(2.0 * k, (plane + slope * 2 * k).astype(np.float32), k) for k in range(5)]
+    return TargetField.of(fields, np.array(spacing), 10.0, knot)
 
 
 @pytest.mark.parametrize("cell", [0.7, 1.3])
@@ -49,7 +49,7 @@ def test_an_empty_level_set_has_no_mesh():
     assert mesh.vertices.shape == mesh.faces.shape == (0, 3)
 
 
-def test_the_guide_rules_at_seams_and_nowhere_else():
+def test_the_target_rules_at_seams_and_nowhere_else():
     def larger(points, within):
         return np.linalg.norm(points - 14.5, axis=1) - 9.0, np.full(len(points), 99.0)
 
@@ -63,7 +63,7 @@ def test_the_guide_rules_at_seams_and_nowhere_else():
 
 
 @pytest.mark.parametrize("knot", [1.9, 2.0, 2.5])
-def test_a_guide_gives_distances_and_how_far_they_reach(knot):
+def test_a_target_returns_distances_and_how_far_they_reach(knot):
     rng = np.random.default_rng(0)
     angle, radius = rng.uniform(0, 2 * np.pi, 60), rng.uniform(6, 14, 60)
     points = np.column_stack(
@@ -74,25 +74,25 @@ def test_a_guide_gives_distances_and_how_far_they_reach(knot):
     assert room == pytest.approx(np.minimum(points[:, 2], 8 - points[:, 2]))
 
 
-def test_a_guide_of_wider_knots_takes_more_of_the_pixels_steps_off():
+def test_a_target_of_wider_knots_takes_more_of_the_pixels_steps_off():
     i, j = np.indices((60, 60))
     mask = (i - 29.7) * 0.3 + (j - 30) < 0  # a straight edge: what is left of its steps is noise
     plane = ndimage.distance_transform_edt(~mask) - ndimage.distance_transform_edt(mask)
-    fields = [Field(float(k), (plane / 2).astype(np.float32), k) for k in range(30)]
+    fields = [LevelField(float(k), (plane / 2).astype(np.float32), k) for k in range(30)]
     at = np.linspace(15, 45, 200)
     points = np.column_stack([at, 30 - 0.3 * (at - 29.7), np.full(200, 15.0)])
-    rough, smooth = (Guide.of(fields, np.ones(2), 9.0, knot)(points)[0].std() for knot in (2.0, 2.5))
+    rough, smooth = (TargetField.of(fields, np.ones(2), 9.0, knot)(points)[0].std() for knot in (2.0, 2.5))
     assert smooth < 0.8 * rough
     assert rough < 0.1
 
 
-def test_a_guide_says_nothing_beyond_its_levels_and_in_wide_gaps():
+def test_a_target_says_nothing_beyond_its_levels_and_in_wide_gaps():
     whole = cone()
-    parted = Guide(
+    split = TargetField(
         [*whole.planes, *whole.planes], np.r_[whole.z, whole.z + 30], whole.spacing, 10.0, whole.knot
     )
     points = np.array([[20, 24, -1.0], [20, 24, 20.0], [20, 24, 39.0], [20, 24, 4.0]])
-    assert parted(points)[1].tolist() == [0, 0, 0, 4]
+    assert split(points)[1].tolist() == [0, 0, 0, 4]
 
 
 def test_small_parts_are_left_out_with_a_warning():

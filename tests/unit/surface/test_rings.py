@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cccd.geometry.polygons import resample, signed_area
-from cccd.surface.fields import Field
+from cccd.surface.fields import LevelField
 from cccd.surface.ring_graph import DOWN, UP, link_rings
 from cccd.surface.rings import find_rings, overlap
 
@@ -23,7 +23,7 @@ def discs(*circles, spacing=(1.0, 1.0)):
 
 
 def level_of(distance, level=0, spacing=(1.0, 1.0), of_pixels=False):
-    return find_rings(Field(float(level), distance, level), level, np.array(spacing), of_pixels)
+    return find_rings(LevelField(float(level), distance, level), level, np.array(spacing), of_pixels)
 
 
 @pytest.mark.parametrize("spacing", [(1.0, 1.0), (0.5, 0.8)])

@@ -1,4 +1,7 @@
-"""The organ's boundary as a smooth function of space: what the surface follows where tubes meet."""
+"""The target of the lofted surface: the organ's boundary as a smooth function of space.
+
+What the surface follows where tubes meet.
+"""
 
 from __future__ import annotations
 
@@ -8,17 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from cccd.geometry._jit import jit
-from cccd.surface.fields import Field
+from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
+from cccd.surface.fields import LevelField
 
-__all__ = ["Guide"]
+__all__ = ["TargetField"]
 
 #: A polynomial times the cubic B-spline whose second moment vanishes: curved outlines do not shrink.
 FLAT_0, FLAT_2 = 27 / 17, -30 / 17
 
 
 @dataclass(frozen=True, eq=False)
-class Guide:
-    """The fields of one or more stacks as one function of space.
+class TargetField:
+    """The fields of one or more runs of levels as one signed distance in space.
 
     Fields are smoothed by a kernel that takes the steps of pixels and slices off them.
 
@@ -36,36 +40,27 @@ class Guide:
         Pixels between the knots of the smoothing.
     """
 
-    planes: Sequence[np.ndarray]
-    z: np.ndarray
-    spacing: np.ndarray
+    planes: Sequence[SingleArray]
+    z: FloatArray
+    spacing: FloatArray
     widest: float
     knot: float
 
     @classmethod
-    def of(cls, fields: Sequence[Field], spacing: np.ndarray, widest: float, knot: float) -> Guide:
-        """Guide through fields that are sorted by height."""
+    def of(cls, fields: Sequence[LevelField], spacing: FloatArray, widest: float, knot: float) -> TargetField:
+        """Target through fields that are sorted by height."""
         planes, z = [level.distance for level in fields], np.array([level.z for level in fields])
         return cls(planes, z, spacing, widest, knot)
 
-    def __call__(self, points: np.ndarray, within: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(self, points: FloatArray, within: float = np.inf) -> tuple[FloatArray, FloatArray]:
         """Distances (P,) in mm at points (P, 3) in the plane's mm and height, and how far they are known.
 
         The second array (P,) is the distance along z to where the levels end, zero beyond them. Only
         distances of up to about ``within`` mm are smoothed; minus infinity for none.
         """
-        gaps = np.diff(self.z)
-        wide = gaps > self.widest
-        ends = np.concatenate([self.z[:1], self.z[:-1][wide], self.z[1:][wide], self.z[-1:]])
         by_height = np.argsort(points[:, 2], kind="stable")
         z, pixels = points[by_height, 2], points[by_height, :2] / self.spacing
-        value, room = np.zeros(len(points)), np.zeros(len(points))
-        stops = np.searchsorted(z, self.z)
-        for n in np.flatnonzero(~wide):
-            here = slice(stops[n], stops[n + 1])
-            low, high = (_sampled(self.planes[m], pixels[here], 0.0) for m in (n, n + 1))
-            value[here] = low + (z[here] - self.z[n]) / gaps[n] * (high - low)
-            room[here] = np.abs(z[here, None] - ends).min(axis=1)
+        value, room = self._linear(z, pixels)
         knot = self.knot * float(np.sqrt(self.spacing.prod()))
         near = np.flatnonzero((room > 0) & (np.abs(value) < within + knot / 2))
         if len(near):
@@ -74,7 +69,24 @@ class Guide:
         back[by_height] = np.arange(len(points))
         return value[back], room[back]
 
-    def _smoothed(self, z: np.ndarray, pixels: np.ndarray, knot: float) -> np.ndarray:
+    def _linear(self, z: FloatArray, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distances (P,) at ascending heights and at positions (P, 2) in pixels, by linear interpolation.
+
+        The second array (P,) is the distance along z to where the levels end; both are zero beyond them.
+        """
+        gaps = np.diff(self.z)
+        wide = gaps > self.widest
+        ends = np.concatenate([self.z[:1], self.z[:-1][wide], self.z[1:][wide], self.z[-1:]])
+        value, room = np.zeros(len(z)), np.zeros(len(z))
+        stops: IntArray = np.searchsorted(z, self.z)
+        for n in map(int, np.flatnonzero(~wide)):
+            here = slice(stops[n], stops[n + 1])
+            low, high = (_sampled(self.planes[m], pixels[here], 0.0) for m in (n, n + 1))
+            value[here] = low + (z[here] - self.z[n]) / gaps[n] * (high - low)
+            room[here] = np.abs(z[here, None] - ends).min(axis=1)
+        return value, room
+
+    def _smoothed(self, z: FloatArray, pixels: FloatArray, knot: float) -> FloatArray:
         """Smoothed distances (P,) at ascending heights and at positions (P, 2) in pixels."""
         thickness = np.minimum(np.gradient(self.z), knot)
         total, weights = np.zeros(len(z)), np.zeros(len(z))
@@ -87,14 +99,14 @@ class Guide:
 
 
 @jit
-def _kernel(r):
+def _kernel(r: float) -> float:
     """Weight at a distance in knots."""
     bell = 2 / 3 - r * r + r**3 / 2 if r < 1 else max(2 - r, 0.0) ** 3 / 6
     return (FLAT_0 + FLAT_2 * r * r) * bell
 
 
 @jit
-def _kernels(x):
+def _kernels(x: FloatArray) -> FloatArray:
     """Weights at distances (P,) to either side, in knots."""
     out = np.empty_like(x)
     for p in range(len(x)):
@@ -103,7 +115,7 @@ def _kernels(x):
 
 
 @jit
-def _sampled(plane, pixels, knot):
+def _sampled(plane: SingleArray, pixels: FloatArray, knot: float) -> FloatArray:
     """Values (P,) of a plane at positions (P, 2) in pixels, smoothed, or linear where ``knot`` is 0."""
     height, width = plane.shape
     out = np.zeros(len(pixels))
