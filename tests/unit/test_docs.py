@@ -1,0 +1,86 @@
+"""What the docs name is there: functions by their dotted path, files by theirs."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SCRIPTS = ROOT / "scripts"
+PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+
+#: Written by a measurement of hours, `tests/benchmarks/sensitivity.py`; pages may name it before it is there.
+MEASURED = {"docs/sensitivity.csv"}
+
+#: Folders that a path in the docs may begin with; ``<name>`` in one stands for any name.
+FOLDERS = ("config", "docs", "envs", "scripts", "tests", "workflow")
+
+
+def members(body):
+    """What a module's or a class's body defines, by name."""
+    found = {}
+    for node in body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            found[node.name] = node
+        elif isinstance(node, ast.Assign):
+            found |= {target.id: node for target in node.targets if isinstance(target, ast.Name)}
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            found[node.target.id] = node
+    return found
+
+
+def is_there(dotted):
+    """Whether a package, a module, or something that a module defines has this name; nothing is imported."""
+    path, parts = SCRIPTS, dotted.split(".")
+    while parts and (path / parts[0]).is_dir():
+        path /= parts.pop(0)
+    if not parts:
+        return (path / "__init__.py").is_file()
+    module = path / f"{parts.pop(0)}.py"
+    if not module.is_file():
+        return False
+    body = ast.parse(module.read_text(encoding="utf-8")).body
+    for name in parts:
+        node = members(body).get(name)
+        if node is None:
+            return False
+        body = getattr(node, "body", [])
+    return True
+
+
+def quoted(page, pattern):
+    """Texts in backticks that match as a whole, fenced code left out."""
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    return {found for found in re.findall(r"`([^`\n]+)`", text) if re.fullmatch(pattern, found)}
+
+
+def test_what_is_not_there_is_noticed():
+    assert is_there("cccd.surface.loft.loft_surface")
+    assert is_there("cccd.geometry.mesh.Mesh.volume")
+    assert is_there("cccd.junctions")
+    assert not is_there("cccd.surface.loft.loft")
+    assert not is_there("cccd.geometry.mesh.Mesh.weight")
+    assert not is_there("cccd.surfaces")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_function_that_a_page_names_is_there(page):
+    assert {name for name in quoted(page, r"cccd(\.\w+)+") if not is_there(name)} == set()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_file_that_a_page_names_is_there(page):
+    named = quoted(page, rf"({'|'.join(FOLDERS)})/[\w./<>-]*")
+    named -= MEASURED
+    assert {name for name in named if not list(ROOT.glob(re.sub("<[^>]*>", "*", name)))} == set()
+
+
+def test_the_walks_name_their_functions_in_full():
+    walks = ROOT / "docs" / "walks.md"
+    assert len(quoted(walks, r"cccd(\.\w+)+")) > 50
+    rules = "\n".join(
+        path.read_text(encoding="utf-8") for path in (ROOT / "workflow" / "rules").glob("*.smk")
+    )
+    stages = re.findall(r"\*\*`(\w+)`\*\*", walks.read_text(encoding="utf-8"))
+    assert {stage for stage in stages if f"rule {stage}:" not in rules} == set()
