@@ -11,7 +11,7 @@ runs into loops.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates, sobel
@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 __all__ = ["b_spline_snake", "image_snake", "seed_circle"]
 
 Force = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Bound = float | np.ndarray
 
 #: Nodes of the seed, the spacing in pixels beyond which a node is inserted, and where that ends.
 SEED_NODES, SPACING_PX = 12, 12.0
@@ -36,7 +37,7 @@ BASIS = _T ** np.arange(4) @ _CUBIC
 SLOPES = _T ** np.arange(3) * (1, 2, 3) @ _CUBIC[1:]
 
 
-def seed_circle(centre: np.ndarray, radius: float, count: int = SEED_NODES) -> np.ndarray:
+def seed_circle(centre: np.ndarray | Sequence[float], radius: float, count: int = SEED_NODES) -> np.ndarray:
     """Points (count, 2) evenly around a circle, counter-clockwise in (i, j)."""
     angle = 2 * np.pi * np.arange(count) / count
     return np.asarray(centre, float) + radius * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -129,7 +130,7 @@ def _curve(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return points, across / np.maximum(np.hypot(*across.T), 1e-12)[:, None]
 
 
-def _evolve(nodes: np.ndarray, force: Force, low=-np.inf, high=np.inf) -> np.ndarray:
+def _evolve(nodes: np.ndarray, force: Force, low: Bound = -np.inf, high: Bound = np.inf) -> np.ndarray:
     """Move nodes, within bounds, by the force on their stretch of the curve until it rests."""
     weight = BASIS.sum(0)
     for step in range(STEPS):

@@ -96,7 +96,7 @@ def seeded_watershed(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:
     inside = watershed(-away, markers) == 2
     # the map's pixels beside the inside are the organ's own
     inside = cv2.dilate(inside.astype(np.uint8), np.ones((3, 3), np.uint8)) & (inside | drawn)
-    inside = ndimage.binary_opening(inside, np.ones((2, 2)))
+    inside = ndimage.binary_opening(inside, np.ones((2, 2), bool))
     return _largest_border(inside, origin)
 
 
@@ -202,7 +202,7 @@ def _prune(skeleton: np.ndarray, rounds: int) -> np.ndarray:
     around = cv2.filter2D(worn, cv2.CV_8U, kernel, borderType=cv2.BORDER_CONSTANT)
     front = worn & (around <= 1)
     for _ in range(rounds):
-        front = cv2.dilate(front, np.ones((3, 3), np.uint8)) & kept & (1 - worn)
+        front = np.asarray(cv2.dilate(front, np.ones((3, 3), np.uint8))) & kept & (1 - worn)
         if not front.any():
             break
         worn |= front

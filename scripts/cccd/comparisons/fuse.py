@@ -53,7 +53,7 @@ def order_by_links(corners: np.ndarray, reconstruct: Callable[[np.ndarray], np.n
 def order_by_chain(corners: np.ndarray, curve: np.ndarray) -> np.ndarray:
     """Numbers (K,) of the corners by their nearest point on the ordered boundary ``curve`` (n, 2)."""
     distance, place = cKDTree(curve).query(corners)
-    return np.lexsort((distance, place))
+    return np.lexsort((np.asarray(distance), np.asarray(place)))
 
 
 def closed_spline(control_points: np.ndarray, samples_per_span: int = 8) -> np.ndarray:

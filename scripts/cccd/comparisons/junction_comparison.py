@@ -13,6 +13,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.collections import LineCollection
 
 from cccd.chaincode import isolated_corners
 from cccd.comparisons.baselines.decoders import DECODERS
@@ -181,7 +182,7 @@ def draw_worst(
         probability = 1 / (1 + np.exp(-link))
         shown = probability > 0.05
         segments = graph.points[graph.links[shown]][:, :, ::-1]
-        collection = matplotlib.collections.LineCollection(segments, cmap="viridis", lw=1)
+        collection = LineCollection(segments, cmap="viridis", lw=1)
         collection.set_array(probability[shown])
         collection.set_clim(0, 1)
         row[1].add_collection(collection)

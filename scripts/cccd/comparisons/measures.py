@@ -57,5 +57,5 @@ MEASURES = (
     ),
 )
 
-#: The measures that the page shows with each structure.
-HEADLINES = tuple(measure for measure in MEASURES if measure.headline is not None)
+#: The measures that the page shows with each structure, and how.
+HEADLINES = tuple((measure, measure.headline) for measure in MEASURES if measure.headline is not None)

@@ -52,8 +52,8 @@ def table_2(cohort: Cohort) -> str:
     baselines = table[table["method"] != CCCD]
     tuned = baselines[baselines["parameters"] == "best of grid"].groupby(["method", "image", "order"])
     best = tuned[["dice_percent", "of_boundary_percent"]].median()
-    champion = best["dice_percent"].idxmax()
-    score, spent = best.loc[champion]
+    leader = best["dice_percent"].argmax()
+    champion, (score, spent) = best.index.tolist()[leader], best.iloc[leader]
     by_setting = ours.groupby("parameters", sort=False)[["dice_percent", "of_boundary_percent"]].median()
     parts = [f"{dice:.2f} % ({name})" for name, dice in by_setting["dice_percent"].items()]
     automatic = by_setting.loc["automatic"]
@@ -89,7 +89,7 @@ def table_4(cohort: Cohort) -> str:
         own = rows[rows["method"] == CCCD].set_index("organ")
         behind = own[own["rank"] > 1]
         leaders = rows[(rows["rank"] == 1) & (rows["method"] != CCCD)].groupby("method", sort=False)
-        baselines = [method for method, group in leaders if len(group) == len(own)]
+        baselines = [str(method) for method, group in leaders if len(group) == len(own)]
         if behind.empty:
             shared = f", a place it shares with {_listed(baselines)}" if baselines else ""
             sentences.append(f"For the point set “{points}” CCCD comes first on every organ{shared}.")
@@ -116,12 +116,13 @@ def table_5(cohort: Cohort) -> str:
     own = (CCCD, "k = 3")
     baselines = curve[[name for name in curve.index if name[0] in ("Connect2D", "Crawl", "NN-Crust")]]
     slower = int((baselines > curve[own]).sum())
+    quickest = corner.index.tolist()[corner.argmin()][0]
     return (
         f"CCCD takes {corner[own]:.2g} ms for the corners of a slice and {curve[own]:.2g} ms for its curve "
         f"(the paper: 2889 and 395 ms), Connect2D, Crawl and NN-Crust {baselines.min():.2g} to "
         f"{baselines.max():.2g} ms (3440 to 6870 ms). The paper's seconds reproduce for no method; of its "
-        f"order, {corner.idxmin()[0]} is the quickest detector (the paper: FAST) and CCCD's curve is quicker "
-        f"than {slower} of these {len(baselines)} reconstructions (the paper: all)."
+        f"order, {quickest} is the quickest detector (the paper: FAST) and CCCD's curve is quicker than "
+        f"{slower} of these {len(baselines)} reconstructions (the paper: all)."
     )
 
 

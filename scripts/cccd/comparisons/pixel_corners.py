@@ -70,8 +70,8 @@ def fast(image: np.ndarray, threshold: int = 10, suppress: bool = True) -> np.nd
     suppress : bool
         Keep only local maxima of the score. Both as OpenCV's defaults, the paper names no parameter.
     """
-    found = cv2.FastFeatureDetector_create(threshold, suppress).detect(np.ascontiguousarray(image))
-    columns_rows = np.rint(cv2.KeyPoint_convert(found)) if found else np.zeros((0, 2))
+    found = cv2.FastFeatureDetector.create(threshold, suppress).detect(np.ascontiguousarray(image))
+    columns_rows = np.rint(cv2.KeyPoint.convert(found)) if found else np.zeros((0, 2))
     return _in_raster_order(columns_rows[:, ::-1])
 
 

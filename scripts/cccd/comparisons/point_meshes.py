@@ -174,7 +174,7 @@ def poisson(curves: Curves) -> Mesh:
         2 * np.pi * np.fft.rfftfreq(shape[2]),
         indexing="ij",
     )
-    squared = sum(wave**2 for wave in waves)
+    squared = np.sum([wave**2 for wave in waves], axis=0)
     squared[0, 0, 0] = 1.0
     divergence = sum(1j * wave * fft.rfftn(part) for wave, part in zip(waves, field, strict=True))
     indicator = fft.irfftn(-divergence / squared, s=shape)

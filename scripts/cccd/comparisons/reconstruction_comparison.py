@@ -175,7 +175,7 @@ def point_sets(
 def link_along_chain(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
     """Links (N, 2) that join points in the order of their places on an ordered closed ``curve`` (n, 2)."""
     distance, place = cKDTree(curve).query(points)
-    order = np.lexsort((distance, place))
+    order = np.lexsort((np.asarray(distance), np.asarray(place)))
     return unique_links(np.column_stack([order, np.roll(order, -1)]))
 
 

@@ -205,7 +205,7 @@ def thick_slices(results: Results, item: Item) -> Plots:
         )
         for name, part in rows.groupby(structure_names(rows), sort=False)
     ]
-    return [(svg, caption) for svg, caption in drawn if svg is not None][:_MOST_PANELS]
+    return [pair for pair in drawn if pair[0] is not None][:_MOST_PANELS]
 
 
 def junctions(results: Results, item: Item) -> Plots:

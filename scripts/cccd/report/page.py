@@ -282,7 +282,7 @@ def _measured_table(results: Results, views: Sequence[StructureView], index: boo
 
 
 def _cohort_plots(views: Sequence[StructureView]) -> list[Markup]:
-    labels = [headline_label(measure) for measure in HEADLINES]
+    labels = [headline_label(headline) for _, headline in HEADLINES]
     return [Markup(plot) for plot in plots.strips(headline_frame(views), labels, "organ")]
 
 
@@ -310,7 +310,7 @@ def _item_view(item: Item, results: Results) -> ItemView:
     return ItemView(
         item,
         note,
-        table(item.table, shown) if shown is not None else None,
+        table(item.table, shown) if item.table is not None and shown is not None else None,
         [(svg, caption, _width(svg) > _COLUMN_PX) for svg, caption in drawn],
         missing,
         encode_picture(picture, _WIDE_PX) if picture is not None else None,
@@ -319,7 +319,8 @@ def _item_view(item: Item, results: Results) -> ItemView:
 
 def _width(svg: str) -> float:
     """Read the natural width of a plot in CSS pixels."""
-    return float(re.search(r"max-width: (\d+)px", svg)[1])
+    found = re.search(r"max-width: (\d+)px", svg)
+    return float(found[1]) if found else 0.0
 
 
 def _training_facts(results: Results, config: Mapping[str, Any]) -> dict[str, str]:

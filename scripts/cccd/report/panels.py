@@ -98,7 +98,9 @@ def _draw(axis: Axes, panel: Panel, looks: Looks) -> None:
         if points is None or len(points) == 0:
             continue
         if layer == "links":
-            segments = LineCollection(points[:, :, ::-1], colors=look["color"], linewidths=look["linewidth"])
+            segments = LineCollection(
+                list(points[:, :, ::-1]), colors=look["color"], linewidths=look["linewidth"]
+            )
             axis.add_collection(segments)
         elif layer == "corners":
             axis.plot(points[:, 1], points[:, 0], "o", markeredgewidth=0, **look)

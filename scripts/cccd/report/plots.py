@@ -28,9 +28,8 @@ def learning_curve(history: pd.DataFrame) -> str | None:
     """Draw loss and scores against the epoch."""
     if "epoch" not in history:
         return None
-    numeric = [
-        name for name in history.select_dtypes("number") if name != "epoch" and history[name].nunique() > 1
-    ]
+    numbers = [str(name) for name in history.select_dtypes("number")]
+    numeric = [name for name in numbers if name != "epoch" and history[name].nunique() > 1]
     losses = [name for name in numeric if "loss" in name]
     timed = ("second", "time", "rate", "lr", "_s")
     scores = [name for name in numeric if name not in losses and not any(part in name for part in timed)]

@@ -98,7 +98,7 @@ def picture_renderer(png_path: str | Path) -> Renderer | None:
     from PIL import Image
 
     with Image.open(png_path) as picture:
-        stamp = picture.text.get("renderer") if hasattr(picture, "text") else None
+        stamp = getattr(picture, "text", {}).get("renderer")
     return stamp if stamp in ("vtk", "matplotlib") else None
 
 
@@ -129,7 +129,7 @@ def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
     mesh = pv.read(ply_path)
     centre = np.array(mesh.center)
     half_height = 0.57 * np.ptp(mesh.points, axis=0).max()
-    size = (len(VIEWS) * pixels, pixels)
+    size = [len(VIEWS) * pixels, pixels]
     plotter = pv.Plotter(off_screen=True, shape=(1, len(VIEWS)), window_size=size, border=False)
     for column, view in enumerate(VIEWS):
         plotter.subplot(0, column)
@@ -182,7 +182,7 @@ def paint_mesh(axes, vertices: np.ndarray, faces: np.ndarray, centre: np.ndarray
     light = towards + 0.5 * up - 0.4 * right
     shade = np.clip(normals[front][order] @ (light / np.linalg.norm(light)), 0, 1)
     colours = np.clip(np.outer(0.35 + 0.75 * shade, _COLOUR), 0, 1)
-    flat = np.stack([corners @ right, corners @ up], axis=2)
+    flat = list(np.stack([corners @ right, corners @ up], axis=2))
     axes.add_collection(
         PolyCollection(
             flat, facecolors=colours, edgecolors=colours, linewidths=0.15, antialiaseds=False, **options

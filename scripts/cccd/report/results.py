@@ -133,8 +133,11 @@ class Results:
     def shown(self, item: Item) -> tuple[str, str, SliceFigure] | None:
         """Choose the structure of which an item shows a slice: a liver, as in the paper, or the first."""
         livers_first = sorted(self.structures, key=lambda key: key[1] != "liver")
-        found = ((case, organ, self.figure(item, case, organ)) for case, organ in livers_first)
-        return next((one for one in found if one[2] is not None), None)
+        for case, organ in livers_first:
+            figure = self.figure(item, case, organ)
+            if figure is not None:
+                return case, organ, figure
+        return None
 
     def figure(self, item: Item, case: str, organ: str) -> SliceFigure | None:
         """Read what the item's comparison left to draw of one structure."""

@@ -220,9 +220,11 @@ def _pack_curves(
     if "isolated_after" in flags:
         owner, stuck = np.repeat(curves.slice, np.diff(curves.offsets)), flags["isolated_after"]
         arrays |= window.per_slice("isolated_after", curves.points[stuck], owner[stuck])
-    points, offsets = files.corners()
+    corners, splines = files.corners(), files.splines()
+    if corners is None or splines is None:
+        return _Piece(arrays=arrays)
+    points, offsets = corners
     arrays |= window.per_slice("corners", points, np.repeat(curves.slice, np.diff(offsets)))
-    splines = files.splines()
     line, offsets = _evaluate(splines)
     arrays["curve_points"] = quantise(line, window.pixels)
     arrays["curve_offsets"] = offsets.astype(np.uint32)

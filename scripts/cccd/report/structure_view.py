@@ -13,7 +13,7 @@ from typing import Any
 
 import pandas as pd
 
-from cccd.comparisons.measures import HEADLINES, Measure
+from cccd.comparisons.measures import HEADLINES, Headline, Measure
 from cccd.comparisons.numerals import number, typeset
 from cccd.containers import Frame
 from cccd.report.html_tables import Table, table
@@ -59,7 +59,7 @@ def view_structure(results: Results, case: str, organ: str, width: int | None) -
     """Collect one structure, its picture at most ``width`` pixels wide; without a width there is none."""
     files = results.files(case, organ)
     metrics = files.metrics() or {}
-    pictured = width is not None and files.picture.is_file()
+    pictured = width if width is not None and files.picture.is_file() else 0
     read = files.facts()
     frame, facts, noticed = read if read is not None else (None, {}, [])
     warnings = metrics.get("warnings") or noticed
@@ -72,7 +72,7 @@ def view_structure(results: Results, case: str, organ: str, width: int | None) -
         metrics=metrics,
         headlines=_headlines(metrics),
         warnings=warnings,
-        picture=encode_picture(files.picture, width) if pictured else None,
+        picture=encode_picture(files.picture, pictured) if pictured else None,
         renderer=picture_renderer(files.picture) if pictured else None,
         link=f"{case}/{organ}/report.html",
         sources=_sources(facts),
@@ -86,22 +86,21 @@ def _grid(frame: Frame) -> str:
     return f"{shape} voxels of {' × '.join(number(x, 3) for x in frame.spacing)} mm"
 
 
-def headline_label(measure: Measure) -> str:
+def headline_label(headline: Headline) -> str:
     """Heading of a headline with its unit."""
-    headline = measure.headline
     return f"{headline.heading} ({headline.unit})" if headline.unit else headline.heading
 
 
-def _value(measure: Measure, metrics: Mapping[str, Any]) -> float | None:
+def _value(measure: Measure, headline: Headline, metrics: Mapping[str, Any]) -> float | None:
     """Take a headline's number in its unit; None where it was not measured."""
     found = measure.look_up(metrics)
-    return None if found is None else found * measure.headline.factor
+    return None if found is None else found * headline.factor
 
 
 def _headlines(metrics: Mapping[str, Any]) -> list[dict[str, str]]:
     found = []
-    for measure in HEADLINES:
-        value, headline = _value(measure, metrics), measure.headline
+    for measure, headline in HEADLINES:
+        value = _value(measure, headline, metrics)
         if value is not None:
             text = typeset(format(int(value) if headline.form == ",d" else value, headline.form))
             found.append({"heading": headline.heading, "text": text, "unit": headline.unit})
@@ -156,7 +155,7 @@ def headline_frame(views: Sequence[StructureView]) -> pd.DataFrame:
     return pd.DataFrame(
         [
             {"case": view.case, "organ": view.organ}
-            | {headline_label(measure): _value(measure, view.metrics) for measure in HEADLINES}
+            | {headline_label(shown): _value(measure, shown, view.metrics) for measure, shown in HEADLINES}
             for view in views
         ]
     )

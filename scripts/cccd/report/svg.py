@@ -11,13 +11,16 @@ import contextlib
 import io
 import re
 from collections.abc import Iterator
+from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.rcsetup import cycler
 from PIL import Image
 
 __all__ = ["DASHES", "INK", "MARKERS", "RULE", "SERIES", "SOFT", "axes", "legend_below", "style", "to_svg"]
@@ -52,7 +55,7 @@ _VARIABLES = {INK: "--ink", SOFT: "--soft", RULE: "--rule"} | {
     colour: f"--series-{number}" for number, colour in enumerate(SERIES)
 }
 
-_SETTINGS = {
+_SETTINGS: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
     "font.size": 9,
@@ -79,7 +82,7 @@ _SETTINGS = {
     "lines.linewidth": 1.5,
     "lines.markersize": 4.5,
     "figure.constrained_layout.use": True,
-    "axes.prop_cycle": matplotlib.cycler(color=SERIES),
+    "axes.prop_cycle": cycler(color=SERIES),
 }
 
 
@@ -123,7 +126,10 @@ def to_svg(figure: Figure, key: str, label: str) -> str:
     """
     with matplotlib.rc_context({**_SETTINGS, "svg.hashsalt": key}):
         for line in figure.findobj(Line2D):
-            if line.get_marker() not in (None, "None", "none", "") and len(line.get_xdata()) > _MOST_MARKS:
+            if (
+                line.get_marker() not in (None, "None", "none", "")
+                and np.size(line.get_xdata()) > _MOST_MARKS
+            ):
                 marker = to_hex(line.get_color())
                 colour = _PIXEL_COLOURS.get(marker, marker)
                 line.set(rasterized=True, color=colour, markerfacecolor=colour)
@@ -143,7 +149,7 @@ def to_svg(figure: Figure, key: str, label: str) -> str:
     text = re.sub(r"<style[^>]*>.*?</style>", "", text, flags=re.DOTALL)
     text = re.sub(r'<g id="[^"]*"', "<g", text)
     head, rest = text.split(">", 1)
-    view = re.search(r'viewBox="([^"]*)"', head)[1]
+    view = head.split('viewBox="')[1].split('"')[0]
     title = f"<title>{_escape(label)}</title>"
     width = float(view.split()[2]) * 4 / 3  # points to CSS pixels
     size = f"min-width: {min(width, _READABLE_PX):.0f}px; max-width: {width:.0f}px"

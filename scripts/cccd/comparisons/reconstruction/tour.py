@@ -26,7 +26,7 @@ def tour(points: np.ndarray) -> np.ndarray:
     if len(points) < 3:
         return np.arange(len(points)).reshape(-1, 2)[:1] if len(points) == 2 else np.zeros((0, 2), np.int64)
     count = min(NEIGHBOURS + 1, len(points))
-    distance, near = cKDTree(points).query(points, count)
+    distance, near = map(np.asarray, cKDTree(points).query(points, count))
     near = np.where(near == np.arange(len(points))[:, None], near[:, :1], near)[:, 1:]
     pairs = np.column_stack([np.repeat(np.arange(len(points)), count - 1), near.ravel()])
     order = np.lexsort((pairs[:, 1], pairs[:, 0], distance[:, 1:].ravel()))
