@@ -1,7 +1,6 @@
 """The registry names what exists, once, and is light enough to be read at every start of the workflow."""
 
 import inspect
-import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -44,10 +43,6 @@ def test_every_function_of_an_item_is_there(item):
 def test_every_function_and_section_of_a_comparison_is_there(comparison):
     assert all(callable(find(function)) for function in comparison.functions)
     assert set(comparison.inputs) <= set(INPUTS)
-    given = {*comparison.inputs, *comparison.settings, *(["seed"] if comparison.seeded else [])}
-    for function in (comparison.run, comparison.figures):
-        if function is not None:
-            inspect.signature(find(function)).bind(**dict.fromkeys(given))
     for section in comparison.settings.values():
         model = Settings()
         for part in section.split("."):
