@@ -363,7 +363,7 @@ class LoftSettings(Section):
         le=1000,
     )
     tolerance_voxels: float = setting(
-        0.15,
+        0.12,
         "mean distance between outlines and surface that is good enough, in voxel edges",
         why="Below that the surface follows the pixels' steps. The edge is the pixel size, the cube root of "
         "the voxel's volume, or 1.5 mm, whichever is least.",
