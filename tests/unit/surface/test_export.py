@@ -69,7 +69,7 @@ def test_every_format_that_the_configuration_knows_is_written(surface, tmp_path,
 
 def test_an_unknown_format_names_the_known_ones(surface, tmp_path):
     with pytest.raises(InputError, match=r"\.step"):
-        write_surface(tmp_path / "surface.obj", surface)
+        write_surface(tmp_path / "surface.unknown", surface)
 
 
 def test_a_failed_write_leaves_no_file(surface, tmp_path, monkeypatch):
