@@ -4,7 +4,7 @@ from operator import attrgetter
 
 from cccd.job import job
 from cccd.lookup import find
-from cccd.settings import Settings
+from cccd.settings.root import Settings
 from cccd.store import write_figures, write_table
 
 case, organ = snakemake.wildcards.case, snakemake.wildcards.organ

@@ -2,7 +2,7 @@
 
 from cccd.boundary import extract_boundaries
 from cccd.job import job
-from cccd.settings import BoundarySettings
+from cccd.settings.boundaries import BoundarySettings
 from cccd.store import read_structure, write_boundaries
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):

@@ -2,7 +2,7 @@
 
 from cccd.curves import describe_curves
 from cccd.job import job
-from cccd.settings import CurveSettings
+from cccd.settings.curves import CurveSettings
 from cccd.store import read_contours, write_curves
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):

@@ -2,7 +2,7 @@
 
 from cccd.job import job
 from cccd.junctions.frozen_graphs import generate_graphs
-from cccd.settings import NetworkSettings
+from cccd.settings.junctions import NetworkSettings
 
 with job(snakemake.log[0], "training graphs"):
     settings = NetworkSettings(**snakemake.params.settings)

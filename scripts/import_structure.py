@@ -4,7 +4,7 @@ from pathlib import Path
 
 from cccd.cohort import naming_row
 from cccd.job import job
-from cccd.settings import ImportSettings
+from cccd.settings.imports import ImportSettings
 from cccd.store import write_structure
 from cccd.volumes import load_structure
 

@@ -1,7 +1,7 @@
 """Loft the curves of one structure into a closed B-spline surface."""
 
 from cccd.job import job
-from cccd.settings import LoftSettings
+from cccd.settings.surface import LoftSettings
 from cccd.store import read_curves, read_splines, write_patches
 from cccd.surface import loft_surface
 from cccd.surface.export import write_surface

@@ -1,9 +1,9 @@
 """Order boundary pixels into closed curves by the junction network."""
 
-from cccd.curves.ordering import order_contours
 from cccd.job import job
 from cccd.junctions.checkpoint import load_model
-from cccd.settings import InferenceSettings
+from cccd.junctions.contours import order_contours
+from cccd.settings.junctions import InferenceSettings
 from cccd.store import read_boundaries, read_structure, write_contours
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):

@@ -1,6 +1,6 @@
 """Take drawn contours as they are."""
 
-from cccd.curves.contours import take_contours
+from cccd.contours import take_contours
 from cccd.job import job
 from cccd.store import read_structure, write_contours
 

@@ -1,6 +1,6 @@
 """Trace the borders of a mask's slices: no network, no model."""
 
-from cccd.curves.contours import trace_contours
+from cccd.contours import trace_contours
 from cccd.job import job
 from cccd.store import read_structure, write_contours
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from cccd.job import job
 from cccd.junctions.loop import train_model
-from cccd.settings import NetworkSettings
+from cccd.settings.junctions import NetworkSettings
 
 with job(snakemake.log[0], "GNN training"):
     start = snakemake.input.start[0] if snakemake.input.start else None

@@ -15,7 +15,7 @@ from scipy import ndimage
 from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import offsets_of, ranks_of
-from cccd.settings import BoundarySettings
+from cccd.settings.boundaries import BoundarySettings
 
 __all__ = ["KERNEL", "dilation_band", "edge_map", "extract_boundaries", "gradient_ridges", "outline"]
 

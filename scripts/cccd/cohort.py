@@ -14,8 +14,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from cccd.errors import InputError
-from cccd.settings import choices, load_schema, nearest
+from cccd.settings.messages import choices, nearest
 
 __all__ = ["SCHEMA", "complete_row", "naming_row", "read_cohort"]
 
@@ -28,7 +30,11 @@ _TUMOUR = ("tumour", "tumor", "lesion")
 
 @functools.cache
 def _columns() -> dict[str, dict[str, Any]]:
-    return load_schema(SCHEMA)["properties"]
+    from jsonschema import Draft202012Validator  # slow to import, and only planning reads the sheet
+
+    schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
+    Draft202012Validator.check_schema(schema)
+    return schema["properties"]
 
 
 def _read_records(path: Path) -> list[tuple[int, list[str]]]:

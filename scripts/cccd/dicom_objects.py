@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cccd.errors import InputError
-from cccd.settings import choices
+from cccd.settings.messages import choices
 
 __all__ = ["dicom_modality", "holds_contours", "object_in"]
 

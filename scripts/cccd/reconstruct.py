@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from cccd.containers import Structure
 from cccd.curves import describe_curves
-from cccd.settings import CurveSettings, LoftSettings
+from cccd.settings.curves import CurveSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface import Surface, loft_surface
 from cccd.tracing import trace_mask
 

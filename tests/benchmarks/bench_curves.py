@@ -28,7 +28,7 @@ from cccd.curves import describe_curves, fit_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import distances
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.settings import CurveSettings
+from cccd.settings.curves import CurveSettings
 from cccd.tracing import trace_stack
 
 SETTINGS = CurveSettings()

@@ -5,7 +5,7 @@ import pytest
 
 from cccd.containers import Frame, Structure
 from cccd.curves import fit_curves
-from cccd.settings import LoftSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
 

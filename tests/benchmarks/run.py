@@ -33,7 +33,7 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from stages import STAGES  # noqa: E402
 
-from cccd.settings import Settings  # noqa: E402
+from cccd.settings.root import Settings  # noqa: E402
 
 SIZES = (8, 16, 32, 64)
 REPEATS = 3

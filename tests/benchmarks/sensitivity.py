@@ -36,8 +36,10 @@ from cccd.curves.measures import area_dice, distances  # noqa: E402
 from cccd.errors import InputError  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.metrics import surface_distances  # noqa: E402
-from cccd.settings import PhantomSettings, Settings, validate_config  # noqa: E402
 from cccd.settings.emit import Key, keys  # noqa: E402
+from cccd.settings.imports import PhantomSettings  # noqa: E402
+from cccd.settings.root import Settings  # noqa: E402
+from cccd.settings.validation import validate_config  # noqa: E402
 from cccd.surface import loft_surface  # noqa: E402
 from cccd.tracing import trace_mask  # noqa: E402
 from cccd.volumes.phantoms import make_phantom  # noqa: E402

@@ -13,17 +13,18 @@ from scipy.interpolate import splprep
 from cccd.boundary import extract_boundaries
 from cccd.comparisons.volume_meshes import flying_edges, windowed_sinc
 from cccd.containers import Boundaries, Curves
+from cccd.contours import trace_contours
 from cccd.curves import describe_curves
-from cccd.curves.contours import trace_contours
-from cccd.curves.ordering import order_contours
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
+from cccd.junctions.contours import order_contours
 from cccd.junctions.corruptions import corrupt
 from cccd.junctions.data import label_maps
 from cccd.junctions.loss import total_loss
 from cccd.junctions.synthetic_maps import draw_map
-from cccd.settings import LossSettings, NetworkSettings, Settings
+from cccd.settings.junctions import LossSettings, NetworkSettings
+from cccd.settings.root import Settings
 from cccd.surface import loft_surface, measure_surface
 from cccd.tracing import trace_mask
 

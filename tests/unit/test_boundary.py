@@ -10,7 +10,7 @@ from scipy import ndimage
 from cccd.boundary import dilation_band, edge_map, extract_boundaries, outline
 from cccd.containers import Curves, Frame, Structure
 from cccd.errors import InputError
-from cccd.settings import BoundarySettings
+from cccd.settings.boundaries import BoundarySettings
 
 SETTINGS = BoundarySettings(blur_px=1.0)
 

@@ -63,6 +63,24 @@ def test_lofting_and_reporting_never_bring_back_what_stands_before_them(upstream
     assert SCRIPTS / "cccd" / module not in files
 
 
+@pytest.mark.parametrize(
+    ("upstream", "module"),
+    [
+        ("import_structure", "settings/surface.py"),
+        ("trace_contours", "settings/curves.py"),
+        ("trace_contours", "curves/fitting.py"),
+        ("order_contours", "curves/fitting.py"),
+        ("train_gnn", "settings/surface.py"),
+        ("train_gnn", "settings/curves.py"),
+        ("loft_surface", "settings/junctions.py"),
+        ("loft_surface", "junctions/network.py"),
+    ],
+)
+def test_a_stage_s_settings_and_science_bring_back_no_stage_before_it(upstream, module):
+    assert (SCRIPTS / "cccd" / module).is_file()
+    assert SCRIPTS / "cccd" / module not in imported_files(SCRIPTS / f"{upstream}.py", SCRIPTS)
+
+
 @pytest.mark.parametrize("name", ["import_structure", "loft_surface", "build_tables"])
 def test_the_closure_holds_every_module_that_a_script_really_loads(name):
     script = SCRIPTS / f"{name}.py"

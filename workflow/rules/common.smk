@@ -21,7 +21,9 @@ from cccd.dependencies import imported_files
 from cccd.dicom_objects import holds_contours
 from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
-from cccd.settings import SURFACE_FORMATS, nearest, validate_config
+from cccd.settings.messages import nearest
+from cccd.settings.surface import SURFACE_FORMATS
+from cccd.settings.validation import validate_config
 
 
 def find_file(name):

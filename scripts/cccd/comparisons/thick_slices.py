@@ -12,8 +12,9 @@ import pandas as pd
 from cccd.comparisons.baselines.surfaces import SURFACES
 from cccd.containers import Frame, Structure
 from cccd.reconstruct import reconstruct_mask
-from cccd.settings import CurveSettings, LoftSettings
 from cccd.settings.comparisons import ThickSliceSettings
+from cccd.settings.curves import CurveSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface.measure import measure_mesh
 from cccd.tracing import trace_mask
 

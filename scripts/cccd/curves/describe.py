@@ -9,7 +9,7 @@ from cccd.containers import Curves, FittedCurves
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines, fit_curves
 from cccd.geometry.arrays import offsets_of, sum_per_part
-from cccd.settings import CurveSettings
+from cccd.settings.curves import CurveSettings
 
 __all__ = ["describe_curves"]
 

@@ -16,7 +16,7 @@ from cccd.curves.fitting import corner_splines, sample_splines
 from cccd.geometry.arrays import owners_of, sum_per_part
 from cccd.geometry.raster import rasterise
 from cccd.metrics import Confusion, confusion
-from cccd.settings import CurveSettings
+from cccd.settings.curves import CurveSettings
 from cccd.tolerances import TINY
 
 __all__ = ["SWEEP", "area_dice", "bytes_per_slice", "distances", "measure_curves", "sweep_k"]

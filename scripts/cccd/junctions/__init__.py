@@ -20,7 +20,7 @@ module               holds
 ``cut``              the labelling of least energy, by minimum cut
 ``decoding``         labelled triangles to closed chains
 ``inference``        the forward path, batched over slices
-``ordering``         a volume's boundary pixels to curves
+``ordering``         a volume's boundary pixels to curves; ``contours``: a structure's
 ``opencv``           OpenCV's operations, typed
 ``random_masks``     synthetic organs; ``synthetic_images``, ``corruptions``, ``synthetic_maps``, ``labels``:
                      images, noisy boundary maps and labels of them

@@ -15,7 +15,7 @@ import torch
 
 from cccd.errors import InputError
 from cccd.junctions.network import JunctionNetwork
-from cccd.settings import NetworkSettings
+from cccd.settings.junctions import NetworkSettings
 from cccd.store import atomic_path
 
 __all__ = ["Checkpoints", "fingerprint", "load_model", "save_model", "start_from"]

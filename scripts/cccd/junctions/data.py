@@ -17,7 +17,7 @@ from cccd.junctions.energy import EnergyWeights, energy_weights
 from cccd.junctions.labels import inside_shares, link_labels
 from cccd.junctions.observation import observe
 from cccd.junctions.synthetic_maps import ALL_KINDS, RandomStream, SyntheticMap, draw_map
-from cccd.settings import LossSettings, NetworkSettings
+from cccd.settings.junctions import LossSettings, NetworkSettings
 
 __all__ = ["EpochBatches", "Examples", "label_maps"]
 

@@ -22,7 +22,7 @@ from cccd.geometry.arrays import (
 )
 from cccd.junctions.delaunay import DelaunayGraph, fragments
 from cccd.junctions.energy import Logits, inference_energy, least_energy
-from cccd.settings import InferenceSettings
+from cccd.settings.junctions import InferenceSettings
 from cccd.tracing import trace_stack
 
 __all__ = [

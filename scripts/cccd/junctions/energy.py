@@ -24,7 +24,7 @@ import numpy as np
 from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.junctions.cut import minimum_cut
 from cccd.junctions.delaunay import DelaunayGraph
-from cccd.settings import InferenceSettings
+from cccd.settings.junctions import InferenceSettings
 
 if TYPE_CHECKING:
     from torch import Tensor

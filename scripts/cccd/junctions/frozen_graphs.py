@@ -26,7 +26,7 @@ from cccd.junctions.synthetic_maps import (
     draw_large_map,
     draw_map,
 )
-from cccd.settings import GraphSettings, KindWeights
+from cccd.settings.junctions import GraphSettings, KindWeights
 from cccd.store import GraphSplit, read_graphs, write_graphs
 from cccd.tolerances import ROUNDING
 

@@ -13,7 +13,7 @@ from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph, join_graphs
 from cccd.junctions.energy import Logits, inference_energy, least_energy
 from cccd.junctions.intensity import IntensitySlice
 from cccd.junctions.observation import ObservedSlice, observe
-from cccd.settings import InferenceSettings
+from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["DEFAULTS", "PRIOR", "Predictor", "infer_inside", "predict_masks"]
 

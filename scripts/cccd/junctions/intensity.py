@@ -12,7 +12,7 @@ from cccd.boundary import gradient_ridges
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, IntArray, RealArray, SingleArray
 from cccd.junctions.delaunay import HASHES, pixel_hash
 from cccd.junctions.opencv import components, distance_to_zero, gaussian_blur, sobel
-from cccd.settings import InferenceSettings
+from cccd.settings.junctions import InferenceSettings
 from cccd.tolerances import CONTRAST
 
 __all__ = ["BLURS", "IntensitySlice", "image_edges", "normalised_intensity", "sample_channels"]

@@ -27,7 +27,7 @@ from cccd.junctions.loss import total_loss
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.scoring import SliceScore, score_slice
 from cccd.junctions.synthetic_maps import SyntheticMap
-from cccd.settings import InferenceSettings, NetworkSettings
+from cccd.settings.junctions import InferenceSettings, NetworkSettings
 from cccd.store import atomic_path
 
 __all__ = ["train_model", "validate"]

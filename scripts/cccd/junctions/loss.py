@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from cccd.geometry.arrays import FloatArray
 from cccd.junctions.data import Examples
 from cccd.junctions.energy import Energy, energy_of_logits, least_energy
-from cccd.settings import LossSettings
+from cccd.settings.junctions import LossSettings
 
 __all__ = ["cut_loss", "total_loss"]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from cccd.geometry.arrays import AnyArray, RealArray
 from cccd.junctions.delaunay import DelaunayGraph, build_graph
 from cccd.junctions.intensity import IntensitySlice, image_edges, normalised_intensity
-from cccd.settings import InferenceSettings
+from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["ObservedSlice", "observe"]
 

@@ -12,7 +12,7 @@ from cccd.containers import Boundaries, Curves
 from cccd.geometry.arrays import IntArray, RealArray, owners_of, sum_per_part
 from cccd.junctions.decoding import closed_chains
 from cccd.junctions.inference import DEFAULTS, Predictor, predict_masks
-from cccd.settings import InferenceSettings
+from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["order_boundaries"]
 

@@ -15,7 +15,7 @@ from cccd.boundary import edge_map
 from cccd.geometry.arrays import BoolArray, ByteArray, SingleArray
 from cccd.junctions.opencv import distance_to_zero, gaussian_blur, sobel
 from cccd.junctions.random_masks import smooth_noise
-from cccd.settings import BoundarySettings
+from cccd.settings.boundaries import BoundarySettings
 from cccd.tolerances import CONTRAST
 
 __all__ = ["canny_map", "draw_image"]

@@ -1,16 +1,13 @@
-"""JSON schemas: the configuration's from its models, the cohort sheet's from its file."""
+"""JSON schema of the configuration, from its models."""
 
 from __future__ import annotations
 
 import functools
-from pathlib import Path
 from typing import Any, cast
-
-import yaml
 
 from cccd.settings.root import Settings
 
-__all__ = ["load_schema", "raw_schema"]
+__all__ = ["raw_schema"]
 
 
 @functools.cache
@@ -33,12 +30,3 @@ def _written_out(node: Any, definitions: dict[str, Any]) -> Any:
         for key, part in parts.items()
         if key != "$ref" and not (key == "title" and isinstance(part, str))
     }
-
-
-def load_schema(path: str | Path) -> dict[str, Any]:
-    """Read a JSON schema (draft 2020-12) written as YAML."""
-    from jsonschema import Draft202012Validator  # only the sheet's schema needs it
-
-    schema = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    Draft202012Validator.check_schema(schema)
-    return schema

@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.polygons import resample
-from cccd.settings import FittingSettings
+from cccd.settings.surface import FittingSettings
 from cccd.surface.tubes import Tube
 
 __all__ = ["align", "at_fractions", "outward_normals"]

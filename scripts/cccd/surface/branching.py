@@ -17,7 +17,7 @@ import shapely
 
 from cccd.geometry.arrays import BoolArray, FloatArray, RealArray, SingleArray
 from cccd.geometry.polygons import signed_area
-from cccd.settings import MatchingSettings
+from cccd.settings.surface import MatchingSettings
 from cccd.surface.ring_graph import RingGraph
 from cccd.surface.rings import Ring, overlap, zero_contours
 from cccd.surface.stack import Run

@@ -7,7 +7,7 @@ import shapely
 
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.polygons import resample
-from cccd.settings import MatchingSettings
+from cccd.settings.surface import MatchingSettings
 from cccd.surface.ring_graph import RingGraph
 from cccd.surface.rings import Ring, overlap
 from cccd.surface.stack import Run

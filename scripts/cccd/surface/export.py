@@ -12,7 +12,7 @@ from pathlib import Path
 
 from cccd.errors import InputError
 from cccd.geometry.ply import read_ply
-from cccd.settings import SURFACE_FORMATS
+from cccd.settings.surface import SURFACE_FORMATS
 from cccd.store import atomic_path, read_patches, read_report, read_surface_frame
 from cccd.surface.formats import Scan
 from cccd.surface.surface import Surface

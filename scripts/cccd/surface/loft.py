@@ -6,7 +6,7 @@ import numpy as np
 
 from cccd.containers import Curves, Splines
 from cccd.errors import InputError
-from cccd.settings import LoftSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface.matching import match_contours
 from cccd.surface.outlines import lofted_outlines
 from cccd.surface.patches import fit_patches

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cccd.geometry.arrays import FloatArray
-from cccd.settings import MatchingSettings
+from cccd.settings.surface import MatchingSettings
 from cccd.surface.branching import Cut, branch_off, without_cuts
 from cccd.surface.caps import cap_height, opening, planar_cap, reaches_scan_border, rounded_cap
 from cccd.surface.ring_graph import DOWN, UP, RingGraph, link_rings

@@ -10,7 +10,7 @@ from cccd.containers import Curves, Splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines, fit_curves, sample_splines
 from cccd.geometry.arrays import FloatArray, sum_per_part
-from cccd.settings import LoftSettings
+from cccd.settings.surface import LoftSettings
 
 __all__ = ["Outlines", "lofted_outlines", "through_pixel_centres"]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.bsplines import DEGREE, Patch
-from cccd.settings import FittingSettings
+from cccd.settings.surface import FittingSettings
 from cccd.surface.fitting import Fit
 from cccd.surface.matching import Tubes
 from cccd.surface.refinement import fit_within_budget

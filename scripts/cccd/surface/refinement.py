@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cccd.geometry.bsplines import DEGREE
-from cccd.settings import FittingSettings
+from cccd.settings.surface import FittingSettings
 from cccd.surface.fitting import Fit, fit_samples
 from cccd.surface.samples import Samples, lengths
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from cccd.geometry.arrays import BoolArray, FloatArray, ranks_of
-from cccd.settings import FittingSettings
+from cccd.settings.surface import FittingSettings
 from cccd.surface.alignment import align, at_fractions, outward_normals
 from cccd.surface.target import TargetField
 from cccd.surface.tubes import Tube

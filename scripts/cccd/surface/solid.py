@@ -11,7 +11,7 @@ import numpy as np
 from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
-from cccd.settings import BlendingSettings
+from cccd.settings.surface import BlendingSettings
 from cccd.surface.blending import blend, offset_surface
 from cccd.surface.booleans import unite
 from cccd.surface.offset import offset_patch

@@ -10,7 +10,7 @@ import numpy as np
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from cccd.settings import LoftSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface.fields import LevelField, distance_fields, interpolated_fields
 from cccd.surface.outlines import Outlines
 from cccd.surface.rings import Ring, find_rings

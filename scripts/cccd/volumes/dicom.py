@@ -15,7 +15,7 @@ from pydicom.errors import InvalidDicomError
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
-from cccd.settings import choices
+from cccd.settings.messages import choices
 from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY, SAME_HEADER, SAME_POSITION_PX
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.volumes.readers import guarded

@@ -11,7 +11,7 @@ import numpy as np
 from cccd.dicom_objects import dicom_modality
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
-from cccd.settings import choices, nearest
+from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE
 from cccd.volumes.dicom import choose_labels, read_seg, read_series
 from cccd.volumes.grid import Volume, on_grid

@@ -17,7 +17,8 @@ from cccd.containers import Curves, Frame, Structure
 from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, SingleArray
-from cccd.settings import ImportSettings, nearest
+from cccd.settings.imports import ImportSettings
+from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
 from cccd.volumes.contours import assemble_contours, contour_frame
 from cccd.volumes.dicom import read_rtstruct

@@ -18,7 +18,8 @@ from scipy.spatial.transform import Rotation
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
-from cccd.settings import PhantomSettings, nearest
+from cccd.settings.imports import PhantomSettings
+from cccd.settings.messages import nearest
 from cccd.volumes.implicit_solids import (
     ImplicitFunction,
     capsule,

@@ -11,7 +11,7 @@ from skimage.filters import threshold_otsu
 from cccd.containers import Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, SingleArray
-from cccd.settings import RegionSettings
+from cccd.settings.imports import RegionSettings
 
 __all__ = ["draw_region", "find_region"]
 

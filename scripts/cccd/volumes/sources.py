@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
-from cccd.settings import nearest
+from cccd.settings.messages import nearest
 from cccd.volumes.grid import Volume, check_affine
 
 if TYPE_CHECKING:

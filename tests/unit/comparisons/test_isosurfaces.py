@@ -5,8 +5,8 @@ from cccd.comparisons.isosurfaces import compare_isosurfaces
 from cccd.comparisons.point_meshes import ball_pivoting, poisson
 from cccd.comparisons.volume_meshes import distance_isosurface, flying_edges, marching_cubes, windowed_sinc
 from cccd.containers import Frame, Structure
-from cccd.settings import LoftSettings
 from cccd.settings.comparisons import IsosurfaceSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
 

@@ -12,7 +12,7 @@ from cccd.comparisons.ordering_comparison import compare_ordering
 from cccd.comparisons.registry import COMPARISONS
 from cccd.containers import Frame, Structure
 from cccd.junctions.checkpoint import load_model
-from cccd.settings import BoundarySettings
+from cccd.settings.boundaries import BoundarySettings
 from cccd.tracing import trace_mask
 
 MODEL = Path(__file__).parents[3] / "workflow" / "models" / "junctions.pt"

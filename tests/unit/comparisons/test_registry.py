@@ -12,7 +12,8 @@ from cccd.comparisons.baselines.surfaces import SURFACES
 from cccd.comparisons.registry import COMPARISONS, INPUTS, ITEMS, SECTIONS, tables
 from cccd.dependencies import imported_files
 from cccd.lookup import find
-from cccd.settings import Settings, comparisons
+from cccd.settings import comparisons
+from cccd.settings.root import Settings
 
 SCRIPTS = Path(__file__).parents[3] / "scripts"
 

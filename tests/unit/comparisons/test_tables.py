@@ -24,7 +24,7 @@ from cccd.comparisons.summary import Cohort, build_tables, write_notes
 from cccd.containers import Frame, Structure
 from cccd.geometry.raster import rasterise
 from cccd.junctions import order_boundaries
-from cccd.settings import ComparisonSettings
+from cccd.settings.comparisons import ComparisonSettings
 from cccd.tracing import trace_mask
 
 SETTINGS = ComparisonSettings(

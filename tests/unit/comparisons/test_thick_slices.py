@@ -3,8 +3,9 @@ import pytest
 
 from cccd.comparisons.thick_slices import every_nth_slice, thick_slice_experiment
 from cccd.containers import Frame, Structure
-from cccd.settings import CurveSettings, LoftSettings
 from cccd.settings.comparisons import ThickSliceSettings
+from cccd.settings.curves import CurveSettings
+from cccd.settings.surface import LoftSettings
 
 
 def ellipsoid(origin=(0, 0, 0)) -> Structure:

@@ -10,7 +10,7 @@ from cccd.curves import corner_splines, fit_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.knots import reference
 from cccd.curves.measures import area_dice, distances
-from cccd.settings import CurveSettings
+from cccd.settings.curves import CurveSettings
 from cccd.tracing import trace_stack
 
 

@@ -8,7 +8,7 @@ from cccd.curves.measures import area_dice, bytes_per_slice, distances
 from cccd.curves.repeatability import repeatability
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.metrics import dice
-from cccd.settings import CurveSettings
+from cccd.settings.curves import CurveSettings
 from cccd.tracing import trace_stack
 
 SETTINGS = CurveSettings()

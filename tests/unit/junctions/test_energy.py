@@ -14,7 +14,7 @@ from cccd.junctions.energy import (
     inference_energy,
     least_energy,
 )
-from cccd.settings import InferenceSettings
+from cccd.settings.junctions import InferenceSettings
 
 DEFAULTS = InferenceSettings()
 

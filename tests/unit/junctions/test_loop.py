@@ -11,7 +11,7 @@ from cccd.junctions.delaunay import build_graph
 from cccd.junctions.frozen_graphs import generate_graphs, pack_graphs, read_maps
 from cccd.junctions.loop import train_model
 from cccd.junctions.synthetic_maps import draw_large_map
-from cccd.settings import NetworkSettings
+from cccd.settings.junctions import NetworkSettings
 from cccd.store import read_graphs
 
 SETTINGS = {

@@ -7,7 +7,7 @@ import torch
 from cccd.junctions.data import label_maps
 from cccd.junctions.loss import cut_loss
 from cccd.junctions.synthetic_maps import SyntheticMap
-from cccd.settings import NetworkSettings
+from cccd.settings.junctions import NetworkSettings
 
 MARGIN = 2.0
 SQUARE = np.array([(0, 0), (0, 4), (4, 4), (4, 0)])

@@ -16,7 +16,7 @@ from cccd.geometry.bsplines import Patch
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply, write_ply
 from cccd.report.render import render_surface
-from cccd.settings import BoundarySettings
+from cccd.settings.boundaries import BoundarySettings
 from cccd.store import (
     read_boundaries,
     read_curves,

@@ -7,8 +7,9 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from cccd.errors import InputError
-from cccd.settings import Settings, validate_config
 from cccd.settings.emit import documentation, editor_schema, generated_files, keys, yaml_defaults
+from cccd.settings.root import Settings
+from cccd.settings.validation import validate_config
 
 ROOT = Path(__file__).resolve().parents[3]
 KEYS = [key for key in keys() if not key.group]

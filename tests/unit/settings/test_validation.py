@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from cccd.errors import InputError
-from cccd.settings import Settings, nearest, validate_config
+from cccd.settings.messages import nearest
+from cccd.settings.root import Settings
+from cccd.settings.validation import validate_config
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cccd.containers import Curves, Frame, Structure
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.settings import LoftSettings
+from cccd.settings.surface import LoftSettings
 from cccd.tracing import trace_mask
 
 SETTINGS = LoftSettings()

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapes import ellipse
 
-from cccd.settings import FittingSettings
+from cccd.settings.surface import FittingSettings
 from cccd.surface.alignment import align, at_fractions, outward_normals
 from cccd.surface.tubes import Section, Tube
 

@@ -7,7 +7,7 @@ import trimesh
 from shapes import SETTINGS, curves_of, fork
 
 from cccd.errors import InputError
-from cccd.settings import SURFACE_FORMATS
+from cccd.settings.surface import SURFACE_FORMATS
 from cccd.store import write_patches
 from cccd.surface import loft_surface
 from cccd.surface.export import Scan, read_surface, write_surface

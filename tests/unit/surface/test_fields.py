@@ -4,7 +4,7 @@ from shapes import ball, curves_of
 
 from cccd.containers import Curves, Frame
 from cccd.geometry.polygons import signed_area
-from cccd.settings import LoftSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface.fields import distance_fields, interpolated_fields
 from cccd.surface.outlines import Outlines, lofted_outlines, through_pixel_centres
 from cccd.surface.rings import find_rings, overlap

@@ -7,7 +7,8 @@ from shapes import curves_of, drawn, grid, structure_of
 
 from cccd.curves import fit_curves
 from cccd.reconstruct import reconstruct_mask
-from cccd.settings import CurveSettings, LoftSettings
+from cccd.settings.curves import CurveSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.surface.fields import distance_fields
 from cccd.surface.outlines import Outlines, lofted_outlines

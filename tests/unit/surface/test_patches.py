@@ -5,7 +5,7 @@ import pytest
 from shapes import ellipse
 
 from cccd.geometry.polygons import signed_area
-from cccd.settings import FittingSettings
+from cccd.settings.surface import FittingSettings
 from cccd.surface.fitting import fit_samples
 from cccd.surface.patches import _patch
 from cccd.surface.refinement import fit_within_budget

@@ -20,7 +20,7 @@ from pydicom.uid import (
 from scipy.spatial.transform import Rotation
 from skimage.measure import find_contours
 
-from cccd.settings import ImportSettings
+from cccd.settings.imports import ImportSettings
 
 ROOT = Path(__file__).resolve().parents[3]
 DATA = ROOT.parent / "shared" / "data"

@@ -8,7 +8,7 @@ import trimesh
 from scans import DATA, full, row, settings
 
 from cccd.errors import InputError
-from cccd.settings import LoftSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.volumes import load_structure
 

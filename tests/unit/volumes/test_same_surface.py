@@ -17,7 +17,7 @@ from scans import (
 
 from cccd.containers import Curves
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.settings import LoftSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.volumes import load_structure
 

@@ -23,7 +23,7 @@ from scipy import ndimage
 
 from cccd.cohort import read_cohort
 from cccd.errors import InputError
-from cccd.settings import validate_config
+from cccd.settings.validation import validate_config
 from cccd.volumes import load_structure
 
 

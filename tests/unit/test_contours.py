@@ -10,14 +10,14 @@ from hypothesis.extra import numpy as hnp
 
 from cccd.boundary import extract_boundaries
 from cccd.containers import Frame, Structure
-from cccd.curves.contours import take_contours, trace_contours
-from cccd.curves.ordering import order_contours
+from cccd.contours import take_contours, trace_contours
 from cccd.errors import InputError
 from cccd.junctions.checkpoint import load_model
-from cccd.settings import BoundarySettings
+from cccd.junctions.contours import order_contours
+from cccd.settings.boundaries import BoundarySettings
 from cccd.tracing import trace_stack
 
-MODEL = Path(__file__).parents[3] / "workflow" / "models" / "junctions.pt"
+MODEL = Path(__file__).parents[2] / "workflow" / "models" / "junctions.pt"
 
 
 def structure_of(stack=None, contours=None) -> Structure:

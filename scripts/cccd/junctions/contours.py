@@ -1,6 +1,6 @@
 """The junction network orders boundary pixels: of boundary maps, and of edges found in grey images.
 
-A mask needs no network, for border following is exact (`cccd.curves.contours`); the network earns its cost on
+A mask needs no network, for border following is exact (`cccd.contours`); the network earns its cost on
 maps with spurs, bridges and gaps.
 """
 
@@ -9,11 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 from cccd.containers import Boundaries, Curves, Structure
-from cccd.curves.contours import check_closed
+from cccd.contours import check_closed
 from cccd.errors import InputError
-from cccd.junctions import Predictor, order_boundaries
-from cccd.junctions.inference import DEFAULTS
-from cccd.settings import InferenceSettings
+from cccd.junctions.inference import DEFAULTS, Predictor
+from cccd.junctions.ordering import order_boundaries
+from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["order_contours"]
 

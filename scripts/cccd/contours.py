@@ -1,7 +1,7 @@
 """The two ways to ordered contours that need no network: a mask is traced, drawn contours are taken.
 
-The third way, for boundary pixels that still need ordering, is `cccd.curves.ordering`. Which one a structure
-goes the workflow decides from the cohort sheet, before any job starts.
+The third way, for boundary pixels that still need ordering, is `cccd.junctions.contours`. Which one a
+structure goes the workflow decides from the cohort sheet, before any job starts.
 """
 
 from __future__ import annotations
