@@ -38,7 +38,7 @@ def _columns() -> dict[str, dict[str, Any]]:
 
 
 def _read_records(path: Path) -> list[tuple[int, list[str]]]:
-    """Give the sheet's non-blank lines as (line number from 1, stripped fields)."""
+    """Return the sheet's non-blank lines as (line number from 1, stripped fields)."""
     location = path.name
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -73,7 +73,7 @@ def _check_header(location: str, header: list[str]) -> None:
     columns = _columns()
     if len(header) == 1 and re.search("[,;]", header[0]):
         raise InputError(
-            location, "the columns are not parted by tabs", "save the sheet as tab-separated text"
+            location, "the columns are not separated by tabs", "save the sheet as tab-separated text"
         )
     for name in header:
         if name not in columns:
@@ -201,7 +201,7 @@ def naming_row(sheet: str | Path, name: str) -> Iterator[None]:
 def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], tuple[int, ...]]:
     """Fill in what the layout of a named cohort's download implies: mask and label.
 
-    Gives the row and the implied label values, of which a scan need not hold all. What the sheet gives stays.
+    Returns the row and the implied label values, of which a scan need not hold all. The sheet goes first.
     LiTS17: ``segmentation-N.nii`` beside ``volume-N.nii``, 1 liver, 2 tumour
     (which is part of the liver). UPENN-GBM: ``images_segm/ID_segm.nii.gz`` beside ``images_structural/ID/``,
     labels 1, 2, 4; the brain is what skull stripping left.

@@ -71,7 +71,7 @@ def take_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
 
 
 def check_closed(curves: Curves, structure: Structure) -> Curves:
-    """Give the curves back, provided that there is one.
+    """Return the curves, provided that there is one.
 
     Raises
     ------

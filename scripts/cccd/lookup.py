@@ -1,4 +1,4 @@
-"""Functions by their dotted path: what a job is told to call."""
+"""Functions by their dotted path: what a job is to call."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ __all__ = [
 
 @contextlib.contextmanager
 def atomic_path(path: str | Path) -> Generator[Path, None, None]:
-    """Give a temporary path in the same folder; rename it to ``path`` when the block succeeds.
+    """Yield a temporary path in the same folder; rename it to ``path`` when the block succeeds.
 
     The temporary name keeps the suffix (writers choose their format by it) and is unique to the
     process, so that an orphan of a killed run cannot touch what a rerun writes.
@@ -147,7 +147,7 @@ def _get_json(group: h5py.Group, name: str) -> Any:
 
 
 def _numbered(group: h5py.Group, name: str) -> list[h5py.Group]:
-    """Give the groups 0, 1, 2 ... below the group ``name``."""
+    """Return the groups 0, 1, 2 ... below the group ``name``."""
     parent: h5py.Group = group[name]
     return [parent[key] for key in sorted(parent, key=int)]
 

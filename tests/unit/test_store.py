@@ -131,7 +131,7 @@ def test_files_are_readable_by_others(tmp_path):
 @pytest.mark.parametrize(
     "reader", [store.read_structure, store.read_boundaries, store.read_curves, store.read_patches]
 )
-def test_a_truncated_file_is_named_with_its_cure(tmp_path, reader):
+def test_a_truncated_file_is_named_with_a_hint(tmp_path, reader):
     path = tmp_path / "structure.h5"
     store.write_structure(path, Structure("c", "o", FRAME, np.zeros(3), mask=np.ones((9, 9, 9), bool)))
     path.write_bytes(path.read_bytes()[:600])

@@ -81,7 +81,7 @@ def tiny_run(tmp_path_factory) -> Project:
 
 @pytest.fixture
 def tiny_copy(tiny_run, tmp_path) -> Project:
-    """A copy of the finished tiny run, times kept, to break and to mend."""
+    """A copy of the finished tiny run, times kept, to break and to repair."""
     shutil.copytree(tiny_run.folder, tmp_path / "project", symlinks=True)
     return Project(tmp_path / "project")
 

@@ -35,7 +35,7 @@ def test_a_bad_sheet_stops_before_any_job_in_one_line(fresh_project, text, words
         ("cohort=nowhere.tsv", ["nowhere.tsv"]),
     ],
 )
-def test_a_bad_configuration_names_key_and_cure(fresh_project, setting, words):
+def test_a_bad_configuration_names_the_key_and_gives_a_hint(fresh_project, setting, words):
     run = fresh_project.snakemake("--dry-run", "--config", setting, check=False)
     assert run.returncode != 0
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]

@@ -206,7 +206,7 @@ def test_a_torn_file_of_an_older_run_is_named(name, read, tiny_run, tmp_path):
             read(torn)
 
 
-def test_a_torn_file_in_a_run_and_its_cure(tiny_copy):
+def test_a_torn_file_in_a_run_is_named_with_a_hint(tiny_copy):
     torn = tiny_copy.results / "tiny" / "sphere" / "structure.h5"
     torn.write_bytes(torn.read_bytes()[:5000])
     run = tiny_copy.snakemake(BOUNDARIES[0], check=False)

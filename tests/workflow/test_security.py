@@ -175,7 +175,7 @@ def test_no_rule_builds_a_shell_command():
                 ]
             },
             1,
-            "a 1: CVE-1, mended in 2",
+            "a 1: CVE-1, fixed in 2",
         ),
         (None, 0, "skipped"),
     ],

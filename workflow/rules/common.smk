@@ -284,7 +284,7 @@ def list_failures():
             file=sys.stderr,
         )
     print(
-        "\nMend the input and run the same command again: finished files are kept "
+        "\nFix the input and run the same command again: finished files are kept "
         "(add --rerun-incomplete after a kill, --keep-going to finish the other structures first).",
         file=sys.stderr,
     )

@@ -95,7 +95,7 @@ def _detectors(sample: SliceSample, distance_px: float) -> Iterator[dict]:
 
 
 def _cccd(sample: SliceSample, frame: Frame, distance_px: float) -> Iterator[dict]:
-    """Give CCCD's rows for a slice: the k-cosine's corners as control points, and the automatic fit."""
+    """Return CCCD's rows for a slice: the k-cosine's corners as control points, and the automatic fit."""
     offsets = np.array([0, len(sample.curve)])
     curve = Curves(sample.curve, offsets, np.array([sample.k], np.int32), np.zeros(1, bool), frame)
     chained = bool(on_pixel_chain(curve.points, offsets).all())  # drawn contours are none

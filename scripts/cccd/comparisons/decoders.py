@@ -1,7 +1,7 @@
 """Classical decoders of boundary maps: from unordered pixels to one closed curve.
 
-Each takes the map's pixels (N, 2) and a point inside the organ, and gives the corners (n, 2) of a closed
-polygon, empty when it finds none. The point is told to them as by an ideal user; those that need none
+Each accepts the map's pixels (N, 2) and a point inside the organ, and returns the corners (n, 2) of a closed
+polygon, empty when it finds none. The point is what an ideal user would click; those that need none
 ignore it. `decode` turns any of these polygons into a strictly simple pixel chain.
 """
 
@@ -47,7 +47,7 @@ def _raster(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _largest_border(mask: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    """Give the largest strictly simple loop (n, 2) around a mask (I, J); empty when there is none."""
+    """Return the largest strictly simple loop (n, 2) around a mask (I, J); empty when there is none."""
     curves = trace_stack(mask[None].astype(bool), (0, *origin), _FRAME)
     if not len(curves):
         return np.zeros((0, 2))
@@ -321,7 +321,7 @@ def _tree_path(parent, depth, one, other):
 
 
 def connected_complex(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:
-    """Give the closed polygon of Connect2D (Ohrhallinger and Mudur 2013)."""
+    """Return the closed polygon of Connect2D (Ohrhallinger and Mudur 2013)."""
     links = connect2d(pixels.astype(float))
     if len(links) < 3:
         return pixels[:0]

@@ -1,4 +1,4 @@
-"""What curve reconstruction gives back, links between points: counted, ordered, filled.
+"""What curve reconstruction returns, links between points: counted, ordered, filled.
 
 Points are (N, 2) in (i, j); links are (M, 2) pairs of point numbers, each pair ascending, rows unique.
 """
@@ -48,7 +48,7 @@ def unique_links(links: np.ndarray) -> np.ndarray:
 
 
 def _pieces(links: np.ndarray, n_points: int) -> np.ndarray:
-    """Give the number of every point's connected piece, (N,)."""
+    """Return the number of every point's connected piece, (N,)."""
     graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(n_points, n_points))
     return connected_components(graph, directed=False)[1]
 

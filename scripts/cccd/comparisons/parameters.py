@@ -81,7 +81,7 @@ def grid_points(detector: str) -> Iterator[dict]:
 
 
 def parameter_sets(detector: str, image: str) -> dict[str, dict]:
-    """Give a detector's parameter sets by name: the paper's, or its publication's, and the best of the grid.
+    """Return a detector's parameter sets by name: the paper's or its publication's, and the best of the grid.
 
     One that the paper never ran has its publication's, which are its defaults; one without a grid has those
     alone.

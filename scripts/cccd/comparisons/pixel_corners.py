@@ -1,6 +1,6 @@
 """Corner detectors on pixels: Harris, Shi-Tomasi, FAST (OpenCV) and SUSAN.
 
-All take an 8-bit image (I, J) and give corner pixels (K, 2) in (i, j), in raster order.
+All accept an 8-bit image (I, J) and return corner pixels (K, 2) in (i, j), in raster order.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Surfaces from the curves' points alone, as the paper's introduction names them: [3], [4], [5].
 
-Every function takes the curves and gives a mesh in world mm (RAS). What the methods leave
+Every function accepts the curves and returns a mesh in world mm (RAS). What the methods leave
 open or tangled is left so: that is part of the comparison.
 """
 

@@ -44,7 +44,7 @@ FIGURE_16 = ("connect2d", "crawl", "nn_crust", "tour")
 #: Orders boundary pixels into closed curves.
 Orderer = Callable[[Boundaries], Curves]
 
-#: Gives points (N, 2) and the links (M, 2) between them.
+#: Returns points (N, 2) and the links (M, 2) between them.
 Run = Callable[[], tuple[np.ndarray, np.ndarray]]
 
 
@@ -203,7 +203,7 @@ def _link_as_ordered(
 
 
 def _timed(run, repeats: int):
-    """Give the result of ``run`` and the median of its processor times in ms, after a call to warm up."""
+    """Return the result of ``run`` and the median of its processor times in ms, after a call to warm up."""
     result, times = run(), []
     for _ in range(repeats):
         begin = time.process_time()

@@ -1,6 +1,6 @@
 """Surfaces as people make them from masks today: isosurfaces of voxels or of signed distances.
 
-Every function gives a closed mesh in world mm (RAS) that is oriented outwards.
+Every function returns a closed mesh in world mm (RAS) that is oriented outwards.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Corner detectors on chains: the paper's k-cosine (equations 4-5, Definition 3) and its rivals of section 2.
+"""Corner detectors on chains: the paper's k-cosine (equations 4-5, Definition 3), and section 2's baselines.
 
-Every detector takes ragged closed curves, works on all points at once and gives back a bool per point.
+Every detector accepts ragged closed curves, works on all points at once and returns a bool per point.
 Directions are Freeman codes where the curve is a pixel chain; on other polygons they are real numbers in
 the same unit of 45 degrees, so nothing here needs a pixel grid.
 """
@@ -127,7 +127,7 @@ def k_cosine_corners(points: np.ndarray, offsets: np.ndarray, k: int, criterion:
     return local_extrema(np.round(values, 12), support // 2, Ring(offsets))
 
 
-# Its rivals -------------------------------------------------------------------------------------------
+# Its baselines ----------------------------------------------------------------------------------------
 
 
 def rosenfeld_johnston(points: np.ndarray, offsets: np.ndarray, share: float = 0.07) -> np.ndarray:
@@ -280,7 +280,7 @@ def _directions(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
 
 
 def _turning(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """Give the turning (P,) at each point in units of 45 degrees, within [-4, 4)."""
+    """Return the turning (P,) at each point in units of 45 degrees, within [-4, 4)."""
     direction = _directions(points, offsets)
     return (direction - direction[predecessors(offsets)] + 4) % 8 - 4
 

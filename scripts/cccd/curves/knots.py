@@ -212,7 +212,7 @@ def _reweighted(task: _Task, fit: _Fit, weights: np.ndarray) -> _Fit:
 def _insert(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Halve every span that holds a point farther away than the tolerance and at least three points.
 
-    Spans near zero stay: points that crowd there are a fit's failure, which more knots would not mend.
+    Spans near zero stay: points that crowd there are a fit's failure, which more knots would not fix.
     """
     count = len(fit.breaks)
     span = np.searchsorted(fit.breaks, fit.parameters, side="right") - 1

@@ -243,7 +243,7 @@ def _point(vertices: FloatArray, n: int) -> _Point:
 
 @jit
 def _along(a: _Point, share: float, b: _Point) -> _Point:
-    """Give ``a + share * b``."""
+    """Return ``a + share * b``."""
     return (a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2])
 
 

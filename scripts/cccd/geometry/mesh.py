@@ -52,7 +52,7 @@ class Mesh:
 
     @classmethod
     def empty(cls) -> Mesh:
-        """Give the mesh without triangles."""
+        """Return the mesh without triangles."""
         return cls(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
 
     # Measures
@@ -198,13 +198,13 @@ class Mesh:
         return np.einsum("pc,pcx->px", weights, self.vertices[self.faces[chosen]])
 
     def to_trimesh(self) -> trimesh.Trimesh:
-        """Give the same vertices and faces as a ``trimesh.Trimesh``; nothing is merged."""
+        """Return the same vertices and faces as a ``trimesh.Trimesh``; nothing is merged."""
         import trimesh  # loads half of SciPy
 
         return trimesh.Trimesh(self.vertices, self.faces, process=False)
 
     def to_polydata(self) -> pyvista.PolyData:
-        """Give the mesh as VTK's ``PolyData``."""
+        """Return the mesh as VTK's ``PolyData``."""
         import pyvista  # VTK takes a second to load
 
         return cast(Any, pyvista.PolyData).from_regular_faces(self.vertices, self.faces)

@@ -139,6 +139,6 @@ def _link_groups(graph: DelaunayGraph, features: GraphFeatures) -> tuple[Tensor,
 
 
 def _same_pair(pair: IntArray) -> IntArray:
-    """Give equal unordered pairs (L, 2) equal numbers (L,)."""
+    """Assign equal unordered pairs (L, 2) equal numbers (L,)."""
     low, high = np.minimum(*pair.T), np.maximum(*pair.T)
     return cast(Any, pd).factorize(low * (high.max() + 1) + high)[0]

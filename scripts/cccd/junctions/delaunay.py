@@ -139,7 +139,7 @@ def _ghost_points(pixels: AnyArray) -> FloatArray:
 
 
 def pixel_hash(i: IntArray, j: IntArray) -> IntArray:
-    """Give every pixel a number below `HASHES`, as good as random and always the same."""
+    """Assign every pixel a number below `HASHES`, as good as random and always the same."""
     return (i * 7919 + j * 104729) % HASHES
 
 

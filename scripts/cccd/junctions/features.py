@@ -309,7 +309,7 @@ def _regional_intensities(graph: DelaunayGraph, inside: dict[str, AnyArray]) -> 
 
 
 def _steps(graph: DelaunayGraph) -> FloatArray:
-    """Give the vectors (L, 2) from each link's first node to its second."""
+    """Return the vectors (L, 2) from each link's first node to its second."""
     return graph.points[graph.links[:, 1]] - graph.points[graph.links[:, 0]]
 
 

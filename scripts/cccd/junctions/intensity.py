@@ -51,7 +51,7 @@ class IntensitySlice:
 
 
 def _ranks(values: SingleArray, low: float, high: float) -> ByteArray:
-    """Give each value (I, J) its rank among all, 0 to 255; alike ones rank in the middle of their own."""
+    """Assign each value (I, J) its rank among all, 0 to 255; alike ones rank in the middle of their own."""
     bins = np.clip((values - low) * ((_BINS - 1) / max(high - low, CONTRAST)), 0, _BINS - 1).astype(np.uint16)
     counts = np.bincount(bins.ravel(), minlength=_BINS)
     middle = np.cumsum(counts) - counts / 2

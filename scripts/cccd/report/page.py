@@ -137,7 +137,7 @@ def _structure_views(results: Results, index: bool, config: Mapping[str, Any]) -
 
 
 def _training(results: Results, config: Mapping[str, Any]) -> dict[str, Any]:
-    """Collect what tells of the training."""
+    """Collect what the training left."""
     history = results.history
     return {
         "history": table("history", history) if history is not None else None,

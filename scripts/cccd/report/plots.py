@@ -1,6 +1,6 @@
-"""Plots of the tables that go past the paper, and of a whole cohort. Each takes a data frame and gives SVG.
+"""Plots of the tables that go past the paper, and of a whole cohort. Each makes SVG of a data frame.
 
-A plot whose columns are not in its table gives None: the page then shows the table alone.
+A plot whose columns are not in its table is None: the page then shows the table alone.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ __all__ = ["DASHES", "INK", "MARKERS", "RULE", "SERIES", "SOFT", "axes", "legend
 #: Marker colours and the variables that replace them.
 INK, SOFT, RULE = "#010203", "#010204", "#010205"
 
-#: Series colours: Okabe and Ito's, told apart with any colour vision; each also has its own mark and dash.
+#: Series colours: Okabe and Ito's, distinct with any colour vision; each also has its own mark and dash.
 SERIES = ["#010210", "#010211", "#010212", "#010213", "#010214", "#010215", "#010216", "#010217"]
 MARKERS = ["o", "s", "^", "D", "v", "P", "X", "*"]
 DASHES = ["-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)), (0, (7, 2))]

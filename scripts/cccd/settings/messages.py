@@ -21,7 +21,7 @@ _TYPE_NAMES = {
 
 
 def nearest(word: str, candidates: Iterable[str]) -> str:
-    """Give ``"did you mean 'x'?"`` for a near miss, otherwise ``"choose one of ..."``.
+    """Return ``"did you mean 'x'?"`` for a near miss, otherwise ``"choose one of ..."``.
 
     Examples
     --------
@@ -35,7 +35,7 @@ def nearest(word: str, candidates: Iterable[str]) -> str:
 
 
 def choices(candidates: Iterable[Any], limit: int = 20) -> str:
-    """Give ``"choose one of a, b, c"``, cut after ``limit`` names."""
+    """Return ``"choose one of a, b, c"``, cut after ``limit`` names."""
     names = [str(name) for name in candidates]
     if not names:
         return "there is nothing to choose from"

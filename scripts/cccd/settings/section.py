@@ -79,7 +79,7 @@ class Section(BaseModel):
         }
 
     def as_config(self) -> dict[str, Any]:
-        """Give the section as plain values: what YAML holds and rules hand to jobs."""
+        """Return the section as plain values: what YAML holds and rules hand to jobs."""
         return self.model_dump(mode="json", by_alias=True)
 
 
@@ -97,7 +97,7 @@ def _kinds(annotation: Any) -> frozenset[Any]:
 
 
 def _read(value: Any, kinds: frozenset[Any]) -> Any:
-    """Give a value as the field's kinds want it; what cannot be read so is left to pydantic to refuse."""
+    """Return a value as the field's kinds want it; what cannot be read so is left to pydantic to refuse."""
     if isinstance(value, Mapping):
         if any(isinstance(kind, type) and issubclass(kind, Section) for kind in kinds):
             return cast(Any, value)  # the section reads its own
@@ -115,7 +115,7 @@ def _read(value: Any, kinds: frozenset[Any]) -> Any:
 
 
 def _read_text(text: str) -> Any:
-    """Give the number, boolean or null that a text stands for, or the text."""
+    """Return the number, boolean or null that a text stands for, or the text."""
     if text.lower() in _WORDS:
         return _WORDS[text.lower()]
     for number in (int, float):

@@ -20,7 +20,7 @@ __all__ = [
     "MatchingSettings",
 ]
 
-#: Names of the formats, told by their modules without loading them.
+#: Names of the formats, determined by the modules that are there, without loading them.
 SURFACE_FORMATS = tuple(
     sorted(
         path.stem.replace("_", ".")

@@ -103,7 +103,7 @@ def _follow(
 
 
 def _inner(schema: Mapping[str, Any], part: int | str) -> Mapping[str, Any] | None:
-    """Give the schema of one key of a mapping, or of one entry of a list."""
+    """Return the schema of one key of a mapping, or of one entry of a list."""
     if isinstance(part, str):
         named: dict[str, Any] = schema.get("properties", {})
         patterns: dict[str, Any] = schema.get("patternProperties", {})

@@ -6,7 +6,7 @@ __all__ = ["without_repeats"]
 
 
 def without_repeats(values: tuple[str, ...]) -> tuple[str, ...]:
-    """Give the names back; refuse any that comes twice."""
+    """Return the names; refuse any that comes twice."""
     repeated = sorted({name for name in values if values.count(name) > 1})
     if repeated:
         raise ValueError(f"{', '.join(repeated)} stands there twice")

@@ -27,8 +27,8 @@ SEAM_STEP = 0.125
 #: A surface does not run through the grid's nodes, but at least this share of a cell beside them.
 NODE_MARGIN = 1e-4
 
-#: Gives at points (P, 3) the signed distance (P,) to the organ's boundary, which need be smooth only up to a
-#: given distance, and over how many mm (P,) it is known.
+#: Returns at points (P, 3) the signed distance (P,) to the organ's boundary, which need be smooth only up to
+#: a given distance, and over how many mm (P,) it is known.
 TargetDistance = Callable[[FloatArray, float], tuple[FloatArray, FloatArray]]
 
 

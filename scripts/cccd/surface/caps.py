@@ -25,7 +25,7 @@ KERNEL_POINTS = 48
 
 
 def reaches_scan_border(ring: Ring, way: int, run: Run) -> bool:
-    """Tell whether the scan ends at a ring's slice."""
+    """Whether the scan ends at a ring's slice."""
     return abs(ring.z - run.scan_range[way]) < run.half_step
 
 

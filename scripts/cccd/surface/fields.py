@@ -91,7 +91,7 @@ def interpolated_fields(
     Parameters
     ----------
     slices, distance
-        As `distance_fields` gives them.
+        As `distance_fields` returns them.
     slice_spacing : float
         mm between neighbouring source slices.
     level_spacing : float

@@ -27,7 +27,7 @@ def offset_patch(patch: Patch, amount: float, axis: FloatArray) -> Patch:
 
 
 def _normals_at_control_points(patch: Patch) -> FloatArray:
-    """Give unit normals (nu * nv, 3) at the control points' Greville parameters; zero at a pole."""
+    """Return unit normals (nu * nv, 3) at the control points' Greville parameters; zero at a pole."""
     u = greville(patch.knots_u, patch.degree_u, patch.weights.shape[0])
     v = greville(patch.knots_v, patch.degree_v, patch.weights.shape[1])
     bu, slope_u = (patch.basis_u(u, order) for order in (0, 1))

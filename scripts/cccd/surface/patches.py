@@ -46,7 +46,7 @@ class FittedTubes:
         return sum(fit.count for fit in self.fits)
 
     def patches(self) -> list[Patch]:
-        """Give the control nets as patches, in the plane's mm and height."""
+        """Return the control nets as patches, in the plane's mm and height."""
         return [_patch(fit, tube.hole) for fit, tube in zip(self.fits, self.tubes.tubes, strict=True)]
 
 
@@ -65,7 +65,7 @@ def fit_patches(
     tubes : Tubes
         The tubes of ``stack``.
     stack : SliceStack
-        Its target field tells which part of a tube ends up below another's surface.
+        Its target field says which part of a tube ends up below another's surface.
     blend_reach : float
         mm to either side of where tubes meet that a blend will hide.
     tolerance : float

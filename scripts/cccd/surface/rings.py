@@ -127,7 +127,7 @@ def _pixels_inside(points: FloatArray, height: int, width: int) -> ByteArray:
 
 
 def _surrounds(outer: Ring, inner: Ring) -> bool:
-    """Tell whether one ring of a level lies inside another."""
+    """Whether one ring of a level lies inside another."""
     if np.any(inner.bbox_min < outer.bbox_min) or np.any(inner.bbox_max > outer.bbox_max):
         return False
     x, y = (float(value) for value in inner.points[0])

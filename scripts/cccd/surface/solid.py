@@ -51,7 +51,7 @@ class Solid:
     stack: SliceStack
 
     def to_world(self, frame: Frame) -> Surface:
-        """Give the mesh, and the patches moved like it, in mm RAS."""
+        """Return the mesh, and the patches moved like it, in mm RAS."""
         affine = _plane_to_world(frame, self.stack.origin)
         up = np.array([0.0, 0.0, 1.0])
         moved = [offset_patch(patch, patch.sign * self.offset, up) for patch in self.fitted.patches()]

@@ -77,7 +77,7 @@ class SliceStack:
     Attributes
     ----------
     runs : list of Run
-        Levels, parted where too many slices in a row are missing.
+        Levels, split where too many slices in a row are missing.
     target : TargetField
         The organ's boundary as a smooth function of space.
     origin : (2,) int64

@@ -123,7 +123,7 @@ def _band(a: FloatArray, b: FloatArray, first_a: int, first_b: int) -> IntArray:
 
 
 def _stack_direction(patch: Patch) -> FloatArray:
-    """Give the unit vector (3,) across the plane rings, from the low to the high end."""
+    """Return the unit vector (3,) across the plane rings, from the low to the high end."""
     ring = patch.control_points[:, patch.control_points.shape[1] // 2]
     _, _, axes = np.linalg.svd(ring - ring.mean(axis=0))
     run = patch.control_points[:, -1].mean(axis=0) - patch.control_points[:, 0].mean(axis=0)

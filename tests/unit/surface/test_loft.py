@@ -70,7 +70,7 @@ def test_drawn_outlines_are_not_moved_outwards():
     middle = np.abs(surface.vertices[:, 2] - 10) < 5
     radius = np.hypot(*(surface.vertices[middle, :2] - 30).T)
     assert radius.mean() == pytest.approx(15.3, abs=0.05)
-    # Cut by the scan at both ends: flat lids half a slice beyond the first and the last slice.
+    # Cut by the scan at both ends: planar caps half a slice beyond the first and the last slice.
     assert surface.vertices[:, 2].min() == pytest.approx(-0.5)
     assert surface.vertices[:, 2].max() == pytest.approx(21.5)
     assert surface.report["cut_ends"] == 2

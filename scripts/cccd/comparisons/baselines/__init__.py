@@ -26,7 +26,7 @@ class Baseline:
     title : str
         Name in tables and figures.
     run : callable
-        The function; its family's module says what it takes and returns.
+        The function; its family's module says what it accepts and returns.
     note : str
         How this version relates to the authors': shown in the tables.
     """

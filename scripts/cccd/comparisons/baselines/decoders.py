@@ -16,7 +16,7 @@ from cccd.comparisons.decoders import (
 
 __all__ = ["DECODERS"]
 
-#: By the names the tables use; those marked "seeded" are told a point inside the organ.
+#: By the names the tables use; those marked "seeded" get a point inside the organ.
 DECODERS = {
     method.title: method
     for method in (

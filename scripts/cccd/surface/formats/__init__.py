@@ -17,7 +17,7 @@ NOTE = "CCCD surface; unit mm; SPACE=RAS"
 
 @dataclass(frozen=True)
 class Scan:
-    """What formats that lie on the scan are told besides.
+    """What formats that lie on the scan need besides.
 
     Attributes
     ----------
