@@ -1,15 +1,15 @@
 """The data decide the way to the contours: what masks, drawn contours and boundary maps wait for."""
 
 import runpy
+from pathlib import Path
 
 import h5py
 import nibabel
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import ROOT
 
-SCANS = runpy.run_path(str(ROOT / "tests" / "unit" / "volumes" / "scans.py"))
+SCANS = runpy.run_path(str(Path(__file__).parents[1] / "unit" / "volumes" / "scans.py"))
 
 #: Loaded by every Python: whatever imports torch fails.
 NO_TORCH = """
