@@ -48,7 +48,7 @@ def extract_boundaries(structure: Structure, settings: BoundarySettings) -> Boun
     """
     location = f"{structure.case}/{structure.organ}"
     if structure.boundary is not None:
-        maps = structure.stack("boundary")
+        maps = structure.required_stack("boundary")
     elif structure.contours is not None:
         return _draw(structure.contours, structure.frame)
     else:
@@ -61,11 +61,10 @@ def extract_boundaries(structure: Structure, settings: BoundarySettings) -> Boun
                 f"there is no {source}",
                 f"set boundaries.source to auto or name the {source} in the sheet",
             )
-        mask = structure.stack("mask")
         if source == "mask":
-            maps = outline(mask)
+            maps = outline(structure.required_stack("mask"))
         else:
-            maps = edge_map(structure.stack("image"), mask, settings)
+            maps = edge_map(structure.required_stack("image"), structure.stack("mask"), settings)
     if not maps.any():
         raise InputError(location, "no slice has a boundary", "check the label, the threshold or the image")
     return _ragged(maps, structure.stack_origin, structure.frame)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cccd.errors import InputError
 from cccd.geometry.arrays import split_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
@@ -132,6 +133,21 @@ class Structure:
         if array is None:
             return None
         return np.ascontiguousarray(np.moveaxis(array, self.frame.slice_axis, 0))
+
+    def required_stack(self, name: str) -> np.ndarray:
+        """`stack` for what cannot go on without it.
+
+        Raises
+        ------
+        InputError
+            The structure has no array of that name.
+        """
+        stack = self.stack(name)
+        if stack is None:
+            raise InputError(
+                f"{self.case}/{self.organ}", f"there is no {name}", f"name the {name} in the sheet"
+            )
+        return stack
 
     @property
     def stack_origin(self) -> np.ndarray:

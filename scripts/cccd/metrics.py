@@ -65,6 +65,23 @@ class Confusion:
             "JI": _ratio(tp, tp + fp + fn, empty=1.0),  # eq. (21)
         }
 
+    def take(self, regions: np.ndarray) -> Confusion:
+        """Keep the counts of some of the regions, by their numbers."""
+        tp, fp, tn, fn = (np.asarray(count)[regions] for count in (self.tp, self.fp, self.tn, self.fn))
+        return Confusion(tp, fp, tn, fn)
+
+    def together(self) -> Confusion:
+        """Count all regions as one.
+
+        Examples
+        --------
+        >>> counts = Confusion(*(np.array(count) for count in ([4, 1], [0, 2], [5, 5], [1, 0])))
+        >>> int(counts.together().tp), float(counts.together().printed["JI"])
+        (5, 0.625)
+        """
+        tp, fp, tn, fn = (np.sum(count) for count in (self.tp, self.fp, self.tn, self.fn))
+        return Confusion(tp, fp, tn, fn)
+
     @property
     def standard(self) -> dict[str, Rates]:
         """The usual definitions where the printed ones differ from them."""

@@ -21,7 +21,7 @@ def trace_mask(structure: Structure) -> Curves:
 
     See `trace_stack`; what has no polygon is counted by `left_out`.
     """
-    return trace_stack(structure.stack("mask"), structure.stack_origin, structure.frame)
+    return trace_stack(structure.required_stack("mask"), structure.stack_origin, structure.frame)
 
 
 def trace_stack(mask: np.ndarray, origin: Sequence[int] | np.ndarray, frame: Frame) -> Curves:

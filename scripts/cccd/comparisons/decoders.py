@@ -202,7 +202,7 @@ def _prune(skeleton: np.ndarray, rounds: int) -> np.ndarray:
     around = cv2.filter2D(worn, cv2.CV_8U, kernel, borderType=cv2.BORDER_CONSTANT)
     front = worn & (around <= 1)
     for _ in range(rounds):
-        front = np.asarray(cv2.dilate(front, np.ones((3, 3), np.uint8))) & kept & (1 - worn)
+        front = np.asarray(cv2.dilate(front, np.ones((3, 3), np.uint8)), np.uint8) & kept & (1 - worn)
         if not front.any():
             break
         worn |= front

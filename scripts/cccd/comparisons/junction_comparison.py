@@ -181,7 +181,7 @@ def draw_worst(
         row[0].set_title(f"{sample.kind}: map", fontsize=8)
         probability = 1 / (1 + np.exp(-link))
         shown = probability > 0.05
-        segments = graph.points[graph.links[shown]][:, :, ::-1]
+        segments = list(graph.points[graph.links[shown]][:, :, ::-1])
         collection = LineCollection(segments, cmap="viridis", lw=1)
         collection.set_array(probability[shown])
         collection.set_clim(0, 1)

@@ -30,14 +30,14 @@ def every_nth_slice(structure: Structure, n: int) -> Structure:
     """Keep every n-th slice of the mask as a structure of its own, with n times the slice spacing."""
     frame, axis = structure.frame, structure.frame.slice_axis
     first = int(-structure.origin[axis]) % n
-    kept = np.take(structure.mask, np.arange(first, structure.mask.shape[axis], n), axis=axis)
+    kept = np.moveaxis(structure.required_stack("mask")[first::n], 0, axis)
     affine = frame.affine.copy()
     affine[:, axis] *= n
     origin = np.array(structure.origin)
     origin[axis] = (origin[axis] + first) // n
-    shape = tuple(-(-size // n) if a == axis else size for a, size in enumerate(frame.shape))
+    a, b, c = (-(-size // n) if along == axis else size for along, size in enumerate(frame.shape))
     return replace(
-        structure, frame=Frame(affine, axis, shape), origin=origin, mask=kept, image=None, truth=None
+        structure, frame=Frame(affine, axis, (a, b, c)), origin=origin, mask=kept, image=None, truth=None
     )
 
 
@@ -77,7 +77,7 @@ def thick_slice_experiment(
     steps = sorted({max(2, round(distance / spacing)) for distance in settings.spacings_mm})
     for n in steps:
         thick = every_nth_slice(structure, n)
-        if np.count_nonzero(thick.stack("mask").any(axis=(1, 2))) < FEWEST_SLICES:
+        if np.count_nonzero(thick.required_stack("mask").any(axis=(1, 2))) < FEWEST_SLICES:
             continue
         row = {"slice_distance_mm": n * spacing, "every_nth": n}
         rows += [row | measured for measured in _reconstructions(thick, structure, fitting, accurate)]

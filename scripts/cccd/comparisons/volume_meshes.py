@@ -5,6 +5,8 @@ Every function returns a closed mesh in world mm (RAS) that is oriented outwards
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pyvista as pv
 import vtk
@@ -28,7 +30,7 @@ SINC_ITERATIONS, SINC_PASS_BAND = 20, 0.1
 
 
 def _padded_stack(structure: Structure) -> np.ndarray:
-    return np.pad(structure.stack("mask"), 1)
+    return np.pad(structure.required_stack("mask"), 1)
 
 
 def _in_world(structure: Structure, mesh: Mesh) -> Mesh:
@@ -45,10 +47,13 @@ def _to_grid(field: np.ndarray) -> pv.ImageData:
     return grid
 
 
-def from_polydata(surface: pv.PolyData) -> Mesh:
-    """Vertices and faces of what VTK computed, cut into triangles where it has larger faces."""
-    surface = surface.triangulate()
-    return Mesh(np.asarray(surface.points, float), np.asarray(surface.regular_faces, np.int64))
+def from_polydata(surface: pv.DataObject) -> Mesh:
+    """Vertices and faces of the ``PolyData`` VTK computed, cut into triangles where it has larger faces.
+
+    PyVista annotates its filters with what they give for any data set; of a surface they give a surface.
+    """
+    triangles = cast(pv.PolyData, cast(pv.PolyData, surface).triangulate())
+    return Mesh(np.asarray(triangles.points, float), np.asarray(triangles.regular_faces, np.int64))
 
 
 def marching_cubes(structure: Structure) -> Mesh:

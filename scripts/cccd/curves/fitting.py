@@ -58,7 +58,7 @@ def fit_curves(curves: Curves, settings: CurveSettings = _DEFAULTS) -> Splines:
         own = sharp[np.repeat(wrong, sizes)]
         tolerance = share * settings.tolerance_px
         fresh = _fit(_subset(curves, wrong), own, tolerance, wanted, sliding, settings.fitting)
-        splines = fresh if splines is None else _replace(splines, wrong, fresh)
+        splines = _replace(splines, wrong, fresh)
         wrong = _crossing(splines, apart)
         if not wrong.any():
             return splines
@@ -241,7 +241,10 @@ def _subset(curves: Curves, chosen: np.ndarray) -> Curves:
     return Curves(part.points, part.offsets, curves.slice[chosen], curves.hole[chosen], curves.frame)
 
 
-def _replace(splines: Splines, chosen: np.ndarray, others: Splines) -> Splines:
+def _replace(splines: Splines | None, chosen: np.ndarray, others: Splines) -> Splines:
+    """Put the others in the place of the chosen splines; while there are none, the others are all."""
+    if splines is None:
+        return others
     fresh = iter(others)
     pairs = [next(fresh) if wanted else own for own, wanted in zip(splines, chosen, strict=True)]
     control, offsets = concatenate_ragged([pair[0] for pair in pairs])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -15,7 +16,7 @@ from cccd.curves.corners import CRITERIA, k_cosine_corners
 from cccd.curves.fitting import corner_splines, sample_splines
 from cccd.geometry.arrays import owners_of, sum_per_part
 from cccd.geometry.raster import rasterise
-from cccd.metrics import Confusion, confusion
+from cccd.metrics import confusion
 from cccd.settings.curves import CurveSettings
 from cccd.tolerances import TINY
 
@@ -54,7 +55,7 @@ def _regions(curves: Curves, slices: np.ndarray) -> np.ndarray:
     rings = shapely.linearrings(
         curves.points, indices=np.repeat(np.arange(len(curves)), np.diff(curves.offsets))
     )
-    polygons = shapely.polygons(rings)
+    polygons = np.asarray(shapely.polygons(rings))
     invalid = ~shapely.is_valid(polygons)  # the paper's splines may cross themselves
     polygons[invalid] = shapely.make_valid(polygons[invalid])
     begin, end = np.searchsorted(curves.slice, slices), np.searchsorted(curves.slice, slices, side="right")
@@ -139,7 +140,7 @@ def measure_curves(curves: Curves, splines: Splines) -> dict:
     scores, kept = _area_scores(curves, drawn)
     origin, shape = _window(curves)
     raster = confusion(curves.rasterise(origin, shape), drawn.rasterise(origin, shape), (1, 2))
-    raster_dice = raster.printed["DSC"][np.unique(curves.slice) - origin[0]]
+    raster_dice = np.asarray(raster.printed["DSC"])[np.unique(curves.slice) - origin[0]]
     away = distances(curves.points, curves.offsets, drawn)
     total = drawn.polygons.signed_areas.sum() / curves.polygons.signed_areas.sum()
     sizes = bytes_per_slice(curves, splines)
@@ -167,13 +168,14 @@ def _window(curves: Curves) -> tuple[np.ndarray, tuple[int, int, int]]:
     low = np.floor(curves.points.min(axis=0)).astype(int) - 2
     high = np.ceil(curves.points.max(axis=0)).astype(int) + 3
     first, last = int(curves.slice.min()), int(curves.slice.max())
-    return np.array([first, *low]), (last - first + 1, *(int(n) for n in high - low))
+    rows, columns = (int(n) for n in high - low)
+    return np.array([first, *low]), (last - first + 1, rows, columns)
 
 
 def sweep_k(
     curves: Curves,
     truth: np.ndarray | None = None,
-    origin: Sequence[int] | np.ndarray | None = None,
+    origin: Sequence[int] | np.ndarray = (0, 0, 0),
     ks: Sequence[int] = SWEEP,
     criteria: Sequence[str] = CRITERIA,
 ) -> pd.DataFrame:
@@ -212,9 +214,9 @@ def sweep_k(
             per_slice = np.bincount(owner, per_curve, len(slices))
             drawn = sample_splines(corner_splines(curves, corner))
             counts = confusion(truth, drawn.rasterise(origin, truth.shape), axis=(1, 2))
-            here = slices - int(origin[0])
-            each = Confusion(counts.tp[here], counts.fp[here], counts.tn[here] + beyond, counts.fn[here])
-            whole = Confusion(each.tp.sum(), each.fp.sum(), each.tn.sum(), each.fn.sum())
+            inside = counts.take(slices - int(origin[0]))
+            each = replace(inside, tn=inside.tn + beyond)
+            whole = each.together()
             row = {
                 "criterion": criterion,
                 "k": k,

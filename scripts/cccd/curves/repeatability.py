@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from cccd.containers import Curves
+from cccd.containers import Curves, Frame
 from cccd.curves.corners import DETECTORS
 from cccd.geometry.raster import rasterise
 from cccd.tracing import trace_stack
@@ -93,10 +93,10 @@ def _redraw(points: np.ndarray, linear: np.ndarray, sigma: float, rng: np.random
     if sigma > 0:
         moved = moved + rng.normal(0, sigma, moved.shape)
     origin = np.floor(moved.min(axis=0)).astype(int) - 2
-    shape = tuple(int(n) for n in np.ceil(moved.max(axis=0)).astype(int) + 3 - origin)
-    filled = rasterise([moved], origin, shape)
+    rows, columns = (int(n) for n in np.ceil(moved.max(axis=0)).astype(int) + 3 - origin)
+    filled = rasterise([moved], origin, (rows, columns))
     # the frame plays no part: the outline is wanted in the polygon's own coordinates
-    traced = trace_stack(filled[None], (0, *origin), frame=None)
+    traced = trace_stack(filled[None], (0, *origin), Frame(np.eye(4), 0, (1, rows, columns)))
     return next(iter(traced), np.zeros((0, 2)))
 
 
@@ -108,4 +108,4 @@ def _agreement(kept: np.ndarray, found: np.ndarray, radius: float) -> float:
         return 0.0
     forth = cKDTree(found).query(kept)[0] <= radius
     back = cKDTree(kept).query(found)[0] <= radius
-    return (forth.mean() + back.mean()) / 2
+    return float(np.mean(forth) + np.mean(back)) / 2

@@ -134,8 +134,9 @@ def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
     for column, view in enumerate(VIEWS):
         plotter.subplot(0, column)
         plotter.add_mesh(mesh, color=_COLOUR, smooth_shading=True, specular=0.25, specular_power=12)
-        plotter.enable_parallel_projection()
-        plotter.camera_position = (centre + 10 * half_height * np.array(view.towards), centre, view.up)
+        plotter.renderer.enable_parallel_projection()
+        eye = centre + 10 * half_height * np.array(view.towards)
+        plotter.camera_position = [eye.tolist(), centre.tolist(), view.up]
         plotter.camera.parallel_scale = half_height
         plotter.reset_camera_clipping_range()
         plotter.enable_anti_aliasing("ssaa")
