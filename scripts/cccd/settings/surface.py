@@ -62,6 +62,15 @@ class InterpolationSettings(Section):
 class DetailSettings(Section):
     """How many control points a surface may have: one continuous rule between the two compactnesses."""
 
+    coarsest_mm: float = setting(
+        1.5,
+        "tolerance_voxels counts voxels no larger than this",
+        why="On coarse voxels organs show few features; a tolerance that grew with them would lose those.",
+        unit="mm",
+        expert=True,
+        gt=0,
+        le=100,
+    )
     coarse_mm: tuple[float, float] = setting(
         (2.0, 3.0),
         "from the first on a voxel counts as coarse, fully at the second, by its longest effective edge ...",

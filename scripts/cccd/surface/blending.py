@@ -17,8 +17,10 @@ from cccd.geometry.arrays import ByteArray, FloatArray, SingleArray
 from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
+from cccd.settings.surface import BlendingSettings
+from cccd.surface.stack import SliceStack
 
-__all__ = ["TargetDistance", "blend", "offset_surface"]
+__all__ = ["TargetDistance", "blend", "blend_reach", "offset_surface"]
 
 #: Distances are kept up to this many cells to either side of the surface.
 BAND_CELLS = 1.5
@@ -30,6 +32,11 @@ NODE_MARGIN = 1e-4
 #: Returns at points (P, 3) the signed distance (P,) to the organ's boundary, which need be smooth only up to
 #: a given distance, and over how many mm (P,) it is known.
 TargetDistance = Callable[[FloatArray, float], tuple[FloatArray, FloatArray]]
+
+
+def blend_reach(stack: SliceStack, settings: BlendingSettings) -> float:
+    """How far in mm a blend reaches to either side of the lines along which tubes meet."""
+    return max(settings.reach_pixels * stack.pixel, settings.reach_steps * stack.step)
 
 
 def blend(

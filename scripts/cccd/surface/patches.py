@@ -8,10 +8,11 @@ import numpy as np
 
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.bsplines import DEGREE, Patch
-from cccd.settings.surface import FittingSettings
+from cccd.settings.surface import LoftSettings
+from cccd.surface.blending import blend_reach
 from cccd.surface.fitting import Fit
 from cccd.surface.matching import Tubes
-from cccd.surface.refinement import fit_within_budget
+from cccd.surface.refinement import control_point_budget, fit_within_budget, fitting_tolerance
 from cccd.surface.samples import sample_tube
 from cccd.surface.stack import SliceStack
 from cccd.surface.tubes import Tube
@@ -50,14 +51,7 @@ class FittedTubes:
         return [_patch(fit, tube.hole) for fit, tube in zip(self.fits, self.tubes.tubes, strict=True)]
 
 
-def fit_patches(
-    tubes: Tubes,
-    stack: SliceStack,
-    blend_reach: float,
-    tolerance: float,
-    budget: float,
-    settings: FittingSettings,
-) -> FittedTubes:
+def fit_patches(tubes: Tubes, stack: SliceStack, settings: LoftSettings) -> FittedTubes:
     """Fit a patch to every tube.
 
     Parameters
@@ -65,23 +59,18 @@ def fit_patches(
     tubes : Tubes
         The tubes of ``stack``.
     stack : SliceStack
-        Its target field says which part of a tube ends up below another's surface.
-    blend_reach : float
-        mm to either side of where tubes meet that a blend will hide.
-    tolerance : float
-        Mean distance in mm between sections and surface that is good enough.
-    budget : float
-        Control points of all patches together, at most.
-    settings : FittingSettings
-        How tubes are sampled and nets grow.
+        Its target field says which part of a tube ends up below another's surface, its sizes how closely and
+        with how many control points the tubes are fitted.
+    settings : LoftSettings
     """
-    pixel, reach = stack.pixel, blend_reach / 2
+    pixel, hidden = stack.pixel, blend_reach(stack, settings.blending) / 2
     samples = [
-        sample_tube(tube, _samples_around(tube, pixel), stack.target, pixel, reach, settings)
+        sample_tube(tube, _samples_around(tube, pixel), stack.target, pixel, hidden, settings.fitting)
         for tube in tubes.tubes
     ]
     jumps = np.concatenate([sample.jumps for sample in samples])
-    return FittedTubes(tubes, fit_within_budget(samples, tolerance, budget, settings), jumps)
+    tolerance, budget = fitting_tolerance(stack, settings), control_point_budget(stack, settings)
+    return FittedTubes(tubes, fit_within_budget(samples, tolerance, budget, settings.fitting), jumps)
 
 
 def _samples_around(tube: Tube, pixel: float) -> int:

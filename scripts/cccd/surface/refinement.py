@@ -8,16 +8,37 @@ from dataclasses import dataclass
 import numpy as np
 
 from cccd.geometry.bsplines import DEGREE
-from cccd.settings.surface import FittingSettings
+from cccd.settings.surface import FittingSettings, LoftSettings
 from cccd.surface.fitting import Fit, fit_samples
 from cccd.surface.samples import Samples, lengths
+from cccd.surface.stack import CONTROL_BYTES, SliceStack
 
-__all__ = ["fit_within_budget"]
+__all__ = ["control_point_budget", "fit_within_budget", "fitting_tolerance"]
 
 #: Fewest control points around and along a tube.
 FEWEST = (6, 4)
 
 Size = tuple[int, int]
+
+
+def fitting_tolerance(stack: SliceStack, settings: LoftSettings) -> float:
+    """Mean distance in mm between sections and surface that is good enough."""
+    voxel = min(stack.pixel, float(np.cbrt(stack.voxel.prod())), settings.detail.coarsest_mm)
+    return settings.tolerance_voxels * voxel
+
+
+def control_point_budget(stack: SliceStack, settings: LoftSettings) -> float:
+    """Control points that all patches together may have, by the size of marching cubes' mesh.
+
+    Between the compactness of thin or coarse stacks and that of all others runs a ramp of their logarithms.
+    """
+    rule = settings.detail
+    edge = max(float(stack.voxel[1:].max()), rule.slice_share * stack.step)
+    fine = float(np.interp(edge, rule.coarse_mm, (1.0, 0.0)))
+    thick = float(np.interp(stack.voxels_through, rule.thin_voxels, (0.0, 1.0)))
+    ends = np.log([settings.compactness_thin, settings.compactness])
+    compactness = float(np.exp(np.interp(min(fine, thick), (0.0, 1.0), ends)))
+    return stack.marching_cubes_bytes / CONTROL_BYTES / compactness
 
 
 def fit_within_budget(

@@ -11,8 +11,8 @@ import numpy as np
 from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import BlendingSettings
-from cccd.surface.blending import blend, offset_surface
+from cccd.settings.surface import LoftSettings
+from cccd.surface.blending import blend, blend_reach, offset_surface
 from cccd.surface.booleans import unite
 from cccd.surface.offset import offset_patch
 from cccd.surface.patches import FittedTubes
@@ -84,9 +84,7 @@ class Solid:
         }
 
 
-def join_patches(
-    fitted: FittedTubes, stack: SliceStack, blend_reach: float, edge: float, settings: BlendingSettings
-) -> Solid:
+def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings) -> Solid:
     """Join the patches of all tubes into one closed mesh.
 
     Their union, holes subtracted, is blended along the lines where tubes meet, meshed, and moved outwards
@@ -98,25 +96,22 @@ def join_patches(
         The patches.
     stack : SliceStack
         What the slices hold.
-    blend_reach : float
-        mm to either side of where tubes meet over which the surface gives way to the target field.
-    edge : float
-        Edge length in mm of the mesh's triangles; shorter in thin organs.
-    settings : BlendingSettings
-        How blends fade, and how far the surface may move.
+    settings : LoftSettings
+        ``edge_voxels``, shortened in thin organs; how blends fade, and how far the surface may move.
     """
-    tubes = fitted.tubes.tubes
-    cell = float(np.clip(stack.thickness / settings.thickness_cells, edge / 2, CELL_EDGES * edge))
+    tubes, blending = fitted.tubes.tubes, settings.blending
+    edge, reach = settings.edge_voxels * stack.pixel, blend_reach(stack, blending)
+    cell = float(np.clip(stack.thickness / blending.thickness_cells, edge / 2, CELL_EDGES * edge))
     united, origins = unite([tessellate(patch, cell / CELL_EDGES) for patch in fitted.patches()], tubes)
     seams = np.concatenate([_seams(united, origins), fitted.jumps])
-    distance = blend(united, seams, stack.target, blend_reach, cell, settings.fade_cells)
+    distance = blend(united, seams, stack.target, reach, cell, blending.fade_cells)
     meshed = offset_surface(distance)
     if len(meshed.faces) == 0:
         return Solid(united, fitted, 0.0, stack)
     planes = _cap_planes(tubes)
-    most = settings.most_offset_pixels * stack.pixel
+    most = blending.most_offset_pixels * stack.pixel
     offset = float(np.clip(_missing_height(meshed, planes, stack.volume, cell), -most, most))
-    moved = _with_level_caps(offset_surface(distance, offset), planes, offset, cell, settings.cap_cells)
+    moved = _with_level_caps(offset_surface(distance, offset), planes, offset, cell, blending.cap_cells)
     return Solid(moved, fitted, offset, stack)
 
 
