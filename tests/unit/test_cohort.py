@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd.cohort import SCHEMA, naming_row, read_cohort
@@ -100,6 +100,7 @@ field = st.text(st.characters(codec="utf-8"), max_size=12) | st.sampled_from(
 )
 
 
+@settings(deadline=None)
 @given(st.lists(st.lists(field, max_size=5), max_size=5))
 def test_any_text_is_read_or_refused_in_one_line(tmp_path_factory, table):
     path = write(tmp_path_factory.getbasetemp(), "\n".join("\t".join(record) for record in table))
@@ -112,6 +113,7 @@ def test_any_text_is_read_or_refused_in_one_line(tmp_path_factory, table):
         assert all(set(row) == columns for row in rows)
 
 
+@settings(deadline=None)
 @given(st.text(max_size=8))
 def test_names_are_safe_in_paths_and_shells(tmp_path_factory, name):
     path = write(tmp_path_factory.getbasetemp(), f"case\torgan\tmask\n{name}\tliver\tm.nii\n")

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd import metrics
@@ -24,6 +24,7 @@ def test_printed_equations_on_hand_counted_pixels():
     assert counts.standard["false positive rate"] == pytest.approx(1 - printed["SPEC"])
 
 
+@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_identities_hold_per_slice_and_in_total(seed):
     rng = np.random.default_rng(seed)

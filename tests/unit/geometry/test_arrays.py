@@ -1,5 +1,5 @@
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd.geometry.arrays import (
@@ -16,6 +16,7 @@ from cccd.geometry.arrays import (
 COUNTS = st.lists(st.integers(0, 6), max_size=9)
 
 
+@settings(deadline=None)
 @given(COUNTS)
 def test_owner_and_rank_name_every_member(counts):
     offsets = offsets_of(counts)
@@ -23,6 +24,7 @@ def test_owner_and_rank_name_every_member(counts):
     assert np.array_equal(offsets[owners_of(offsets)] + ranks_of(counts), np.arange(sum(counts)))
 
 
+@settings(deadline=None)
 @given(COUNTS, st.integers(0, 2**32 - 1))
 def test_splitting_undoes_joining(counts, seed):
     parts = [np.random.default_rng(seed).integers(0, 99, (count, 2)) for count in counts]
@@ -33,6 +35,7 @@ def test_splitting_undoes_joining(counts, seed):
     assert sum_per_part(values[:, 0], offsets).tolist() == [part[:, 0].sum() for part in parts]
 
 
+@settings(deadline=None)
 @given(COUNTS)
 def test_going_round_a_part_takes_as_many_steps_as_it_has_members(counts):
     offsets = offsets_of(counts)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd.geometry.polygons import RaggedPolygons
@@ -49,6 +49,7 @@ def test_resampling_is_even_and_keeps_a_circle():
 SIZES = st.lists(st.integers(0, 7), max_size=8)
 
 
+@settings(deadline=None)
 @given(SIZES, st.integers(0, 2**32 - 1))
 def test_polygons_come_back_from_one_array(sizes, seed):
     rng = np.random.default_rng(seed)
@@ -67,6 +68,7 @@ def test_polygons_come_back_from_one_array(sizes, seed):
     assert all(map(np.array_equal, polygons.take(np.flatnonzero(chosen)[::-1]), wanted[::-1]))
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(3, 9), min_size=1, max_size=5), st.integers(0, 2**32 - 1))
 def test_areas_and_lengths_are_those_of_shapely(sizes, seed):
     rng = np.random.default_rng(seed)

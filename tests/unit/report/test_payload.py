@@ -5,7 +5,7 @@ import json
 import zlib
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -33,6 +33,7 @@ def unpack(text):
 shapes = st.tuples(st.integers(0, 30), st.integers(1, 3))
 
 
+@settings(deadline=None)
 @given(st.sampled_from([np.uint8, np.uint16, np.uint32]).flatmap(lambda kind: hnp.arrays(kind, shapes)))
 def test_pack_round_trip(array):
     meta, arrays = unpack(pack({"k": [1, 2]}, {"first": np.arange(5, dtype=np.uint8), "table": array}))
@@ -44,6 +45,7 @@ def test_pack_round_trip(array):
 points = hnp.arrays(float, st.tuples(st.integers(1, 20), st.just(3)), elements=st.floats(-1e4, 1e4))
 
 
+@settings(deadline=None)
 @given(points)
 def test_quantise_is_within_half_a_step(where):
     grid = Grid(where)

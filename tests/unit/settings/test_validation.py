@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -127,15 +127,13 @@ def test_near_name_is_found_whatever_the_case():
     assert nearest("qqq", ["liver", "spleen"]) == "choose one of liver, spleen"
 
 
-values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
-    max_leaves=6,
-)
+scalars = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5)
+flat = scalars | st.lists(scalars, max_size=3)
+values = flat | st.dictionaries(st.text(max_size=5), flat, max_size=3)
 GOOD = {"k": 5, "method": "corners", "max_control_points": None, "sweep": [1]}
 
 
-@hypothesis_settings(deadline=None)
+@hypothesis_settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     st.dictionaries(
         st.sampled_from(["seed", "curves", "surface", "x"]),

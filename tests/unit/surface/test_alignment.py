@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from shapes import ellipse
 
@@ -70,6 +71,7 @@ def test_a_tube_that_shifts_and_widens_is_not_twisted():
     assert np.abs(np.mean(angle - angle[:1], axis=1)).max() < np.deg2rad(1)
 
 
+@hypothesis_settings(deadline=None)
 @given(st.lists(st.tuples(st.floats(4, 15), st.floats(0, 0.8), st.floats(0, 1)), min_size=2, max_size=6))
 def test_the_order_around_is_kept(shapes):
     outlines = []

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd.geometry.polygons import resample, signed_area
@@ -65,6 +65,7 @@ def test_contours_around_no_pixel_centre_are_left_out():
     assert level_of(discs((20.5, 20.5, 0.3))) == []
 
 
+@settings(deadline=None)
 @given(st.floats(0, 25), st.floats(0, 2 * np.pi))
 def test_overlap_counts_the_pixels_in_both(apart, angle):
     first = discs((30.1, 26.2, 10.3))
@@ -73,6 +74,7 @@ def test_overlap_counts_the_pixels_in_both(apart, angle):
     assert overlap(a, b) == overlap(b, a) == np.count_nonzero((first < 0) & (second < 0))
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(2, 9), min_size=4, max_size=20), st.integers(5, 90))
 def test_areas_and_resampling_of_star_shaped_polygons(radii, count):
     angle = 2 * np.pi * np.arange(len(radii)) / len(radii)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scans import affine_of, full, row, settings, write_itk, write_nifti
 
@@ -71,6 +72,7 @@ def test_slice_axis_by_configuration(tmp_path):
     assert structure.frame.slice_axis == 0
 
 
+@hypothesis_settings(deadline=None)
 @given(
     st.permutations(range(3)),
     st.tuples(*[st.booleans()] * 3),
@@ -127,6 +129,7 @@ def test_same_grid_looks_at_far_corners():
     assert not same_grid(affine, stretched, (500, 10, 10))
 
 
+@hypothesis_settings(deadline=None)
 @given(st.tuples(*[st.integers(-3, 6)] * 3), st.tuples(*[st.integers(0, 8)] * 3))
 def test_crop_is_padding_and_cutting(first, size):
     array = np.arange(5 * 6 * 7).reshape(5, 6, 7) + 1
