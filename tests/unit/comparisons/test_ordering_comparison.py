@@ -1,15 +1,11 @@
-"""What the network makes of a traced mask's pixels, called as the workflow calls every comparison."""
+"""What the network makes of a traced mask's pixels."""
 
-import importlib
-import inspect
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from cccd.boundary import extract_boundaries
 from cccd.comparisons.ordering_comparison import compare_ordering
-from cccd.comparisons.registry import COMPARISONS
 from cccd.containers import Frame, Structure
 from cccd.junctions.checkpoint import load_model
 from cccd.settings.boundaries import BoundarySettings
@@ -28,14 +24,3 @@ def test_clean_outlines_are_ordered_as_they_are_traced():
     assert row["dice"] == 1
     assert row["curves"] == row["curves_exact"] == 3
     assert row["unclosed"] == row["isolated_after"] == row["holes"] == 0
-
-
-@pytest.mark.parametrize("name", COMPARISONS)
-def test_every_comparison_takes_what_the_workflow_passes(name):
-    comparison = COMPARISONS[name]
-    passed = {*comparison.inputs, *comparison.settings, *(["seed"] if comparison.seeded else [])}
-    for function in filter(None, (comparison.run, comparison.figures)):
-        module, _, attribute = function.rpartition(".")
-        parameters = inspect.signature(getattr(importlib.import_module(module), attribute)).parameters
-        needed = {key for key, part in parameters.items() if part.default is part.empty}
-        assert needed <= passed <= set(parameters), function
