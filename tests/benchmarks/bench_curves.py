@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 
 from cccd.chaincode import chain_codes
 from cccd.containers import Curves, Frame
-from cccd.curves import describe_curves, fit_curves, sample_splines
+from cccd.curves import describe_curves, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import distances
 from cccd.geometry.arrays import concatenate_ragged
@@ -76,7 +76,7 @@ def main(path: str | None) -> None:
     for size in SIZES:
         polygons = [contour(size, rng) for _ in range(BATCH)]
         one, many = bundle(polygons[:1]), bundle(polygons)
-        drawn = sample_splines(fit_curves(one), 4)
+        drawn = sample_splines(fit_splines(one), 4)
         squares = float((distances(one.points, one.offsets, drawn) ** 2).sum())
         ring = np.vstack([one.points, one.points[:1]]).T
         knots = len(splprep(ring, per=1, s=squares)[0][0])
@@ -85,7 +85,7 @@ def main(path: str | None) -> None:
             "splprep": lambda ring=ring, squares=squares: splprep(ring, per=1, s=squares),
             "chain code": lambda one=one: chain_codes(one.points, one.offsets),
             "corners": lambda one=one: k_cosine_corners(one.points, one.offsets, 7),
-            "spline": lambda one=one: fit_curves(one),
+            "spline": lambda one=one: fit_splines(one),
             "chain code + corners + spline": lambda one=one: describe_curves(one, SETTINGS),
         }
         took = {step: milliseconds(work, repeats) for step, work in steps.items()}
@@ -97,7 +97,7 @@ def main(path: str | None) -> None:
                     "step": step,
                     "ms": round(spent, 3),
                     "ratio": round(spent / took["splprep"], 2),
-                    "control_points": len(fit_curves(one).control_points),
+                    "control_points": len(fit_splines(one).control_points),
                     "splprep_control_points": knots - 7,
                 }
             )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame, Structure
-from cccd.curves import fit_curves
+from cccd.curves import fit_splines
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
@@ -33,7 +33,7 @@ def test_brain(benchmark, slices):
         curves.hole[:count],
         curves.frame,
     )
-    splines = fit_curves(part)
+    splines = fit_splines(part)
     loft_surface(part, SETTINGS, splines)  # compile
     surface = benchmark.pedantic(loft_surface, (part, SETTINGS, splines), rounds=3)
     assert surface.report["compactness"] >= 150 or slices < 155

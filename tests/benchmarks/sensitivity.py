@@ -31,7 +31,7 @@ import pandas as pd  # noqa: E402
 from scipy.spatial import cKDTree  # noqa: E402
 
 from cccd.containers import Curves, Frame, Structure  # noqa: E402
-from cccd.curves import fit_curves, sample_splines  # noqa: E402
+from cccd.curves import fit_splines, sample_splines  # noqa: E402
 from cccd.curves.measures import area_dice, distances  # noqa: E402
 from cccd.errors import InputError  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
@@ -94,7 +94,7 @@ def curve_figures(settings: Settings) -> Figures:
     budget = settings.curves.model_copy(update={"max_control_points": BUDGET})
     rows = []
     for _, curves in phantoms():
-        splines, fewer = fit_curves(curves, settings.curves), fit_curves(curves, budget)
+        splines, fewer = fit_splines(curves, settings.curves), fit_splines(curves, budget)
         drawn, roughly = sample_splines(splines, 4), sample_splines(fewer, 4)
         rows.append(
             {
@@ -111,7 +111,7 @@ def surface_figures(settings: Settings) -> Figures:
     """Closeness to the phantoms' true surface, smoothness and size."""
     rows = []
     for structure, curves in phantoms():
-        surface = loft_surface(curves, settings.surface, fit_curves(curves, settings.curves))
+        surface = loft_surface(curves, settings.surface, fit_splines(curves, settings.curves))
         truth, mesh = structure.truth, surface.mesh
         near = surface_distances(mesh, truth, np.random.default_rng(0), SAMPLES)
         rows.append(

@@ -23,7 +23,7 @@ from cccd.comparisons.fuse import (
 from cccd.comparisons.parameters import GRID, LARGEST_SHARE, grid_points, parameter_sets
 from cccd.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
-from cccd.curves import corner_splines, fit_curves, sample_splines
+from cccd.curves import corner_splines, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import SWEEP
 from cccd.geometry.polygons import RaggedPolygons
@@ -102,7 +102,7 @@ def _cccd(sample: SliceSample, frame: Frame, distance_px: float) -> Iterator[dic
     for setting in (*SWEEP, "automatic"):
         begin = time.process_time()
         if setting == "automatic":
-            splines, middle = fit_curves(curve), time.process_time()
+            splines, middle = fit_splines(curve), time.process_time()
             found = splines.control_points
         else:
             if chained:

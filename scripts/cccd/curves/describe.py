@@ -7,7 +7,7 @@ import numpy as np
 from cccd.chaincode import chain_codes, on_pixel_chain
 from cccd.containers import Curves, FittedCurves
 from cccd.curves.corners import k_cosine_corners
-from cccd.curves.fitting import corner_splines, fit_curves
+from cccd.curves.fitting import corner_splines, fit_splines
 from cccd.geometry.arrays import offsets_of, sum_per_part
 from cccd.settings.curves import CurveSettings
 
@@ -36,7 +36,7 @@ def describe_curves(curves: Curves, settings: CurveSettings) -> FittedCurves:
     if settings.method == "corners":
         splines = corner_splines(curves, corner)
     else:
-        splines = fit_curves(curves, settings)
+        splines = fit_splines(curves, settings)
     report = {
         "method": settings.method,
         "curves": len(curves),

@@ -22,13 +22,13 @@ from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.curves import CurveSettings, SplineFittingSettings, ToleranceSettings
 from cccd.tolerances import CHECKED_CLOSER, CHECKED_PER_PIXEL, CHECKED_PER_SPAN, CHECKED_TURN
 
-__all__ = ["corner_splines", "fit_curves", "sample_splines", "uniform_knots"]
+__all__ = ["corner_splines", "fit_splines", "sample_splines", "uniform_knots"]
 
 #: What holds when nobody says otherwise.
 _DEFAULTS = CurveSettings()
 
 
-def fit_curves(curves: Curves, settings: CurveSettings = _DEFAULTS) -> Splines:
+def fit_splines(curves: Curves, settings: CurveSettings = _DEFAULTS) -> Splines:
     """Fit a closed cubic spline to every curve.
 
     Parameters

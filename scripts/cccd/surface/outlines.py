@@ -8,7 +8,7 @@ import numpy as np
 
 from cccd.containers import Curves, Splines
 from cccd.curves.corners import k_cosine_corners
-from cccd.curves.fitting import corner_splines, fit_curves, sample_splines
+from cccd.curves.fitting import corner_splines, fit_splines, sample_splines
 from cccd.geometry.arrays import FloatArray, sum_per_part
 from cccd.settings.surface import LoftSettings
 
@@ -57,7 +57,7 @@ def lofted_outlines(curves: Curves, splines: Splines | None, settings: LoftSetti
     if settings.source == "corners":
         splines = corner_splines(curves, k_cosine_corners(curves.points, curves.offsets, settings.corner_k))
     elif splines is None:
-        splines = fit_curves(curves)
+        splines = fit_splines(curves)
     drawn = sample_splines(splines)
     return Outlines(drawn, _outwards(curves, drawn) if of_pixels else np.zeros(len(curves)), of_pixels)
 

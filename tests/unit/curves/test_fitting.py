@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from cccd.containers import Frame
-from cccd.curves import corner_splines, fit_curves, sample_splines
+from cccd.curves import corner_splines, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.knots import reference
 from cccd.curves.measures import area_dice, distances
@@ -33,7 +33,7 @@ def uniform_least_squares(points, count):
 
 def test_splines_follow_the_data_contract(blob):
     curves = blob(0)[1]
-    splines = fit_curves(curves)
+    splines = fit_splines(curves)
     drawn = sample_splines(splines)
     assert len(splines) == len(curves)
     for (control, knots), polygon in zip(splines, drawn, strict=True):
@@ -50,7 +50,7 @@ def test_splines_follow_the_data_contract(blob):
 @pytest.mark.parametrize("tolerance", [0.3, 0.5, 1.0])
 def test_tolerance_is_kept_with_few_points(blob, seed, tolerance):
     curves = blob(seed)[1]
-    splines = fit_curves(curves, CurveSettings(tolerance_px=tolerance))
+    splines = fit_splines(curves, CurveSettings(tolerance_px=tolerance))
     drawn = sample_splines(splines, 4)
     for polygon, line in zip(curves, drawn, strict=True):
         smooth, _ = reference(polygon, np.zeros(len(polygon), bool), 0.25, 1.5, 24)
@@ -67,7 +67,7 @@ def test_smaller_tolerances_follow_the_pixels_more_closely(blob):
     curves = blob(7)[1]
     away, count = [], []
     for tolerance in (2.0, 1.0, 0.5, 0.2, 0.05):
-        splines = fit_curves(curves, CurveSettings(tolerance_px=tolerance))
+        splines = fit_splines(curves, CurveSettings(tolerance_px=tolerance))
         away.append(distances(curves.points, curves.offsets, sample_splines(splines, 8)).mean())
         count.append(len(splines.control_points))
     assert np.all(np.diff(away) < 0)
@@ -79,7 +79,7 @@ def test_smaller_tolerances_follow_the_pixels_more_closely(blob):
 def test_a_budget_is_kept_and_beats_even_knots(blob, seed):
     curves = blob(seed, waves=0.25)[1]
     for share in (0.1, 0.05):
-        splines = fit_curves(curves, at_most(share))
+        splines = fit_splines(curves, at_most(share))
         counts = np.diff(splines.offsets)
         assert np.all(counts <= np.maximum(share * np.diff(curves.offsets), 4))
         drawn = sample_splines(splines, 4)
@@ -87,7 +87,7 @@ def test_a_budget_is_kept_and_beats_even_knots(blob, seed):
             own = slice(curves.offsets[number], curves.offsets[number + 1])
             here = distances(curves.points, curves.offsets, drawn)[own]
             assert np.sqrt(np.mean(here**2)) < uniform_least_squares(points, count)
-    assert np.diff(fit_curves(curves, at_most(12)).offsets).tolist() == [12] * len(curves)
+    assert np.diff(fit_splines(curves, at_most(12)).offsets).tolist() == [12] * len(curves)
 
 
 @pytest.mark.parametrize("seed", [11, 12])
@@ -99,10 +99,10 @@ def test_automatic_count_is_near_the_fewest_any_fixed_count_needs(blob, seed):
         line = sample_splines(splines, 4).points
         return shapely.distance(shapely.points(smooth), shapely.linearrings(line)).max()
 
-    splines = fit_curves(curves, CurveSettings(tolerance_px=0.5))
+    splines = fit_splines(curves, CurveSettings(tolerance_px=0.5))
     count = len(splines.control_points)
     assert worst(splines) <= 0.54
-    fewer = [fit_curves(curves, at_most(n)) for n in range(4, int(np.ceil(count / 1.1)))]
+    fewer = [fit_splines(curves, at_most(n)) for n in range(4, int(np.ceil(count / 1.1)))]
     assert all(worst(other) > 0.5 for other in fewer)
 
 
@@ -112,7 +112,7 @@ def test_a_rectangle_keeps_its_corners_and_a_circle_has_none(frame):
     i, j = np.meshgrid(np.arange(120) - 60, np.arange(120) - 60, indexing="ij")
     mask[1] = np.hypot(i, j) < 40.3
     curves = trace_stack(mask, (0, 0, 0), frame)
-    splines = fit_curves(curves, CurveSettings(tolerance_px=0.5))
+    splines = fit_splines(curves, CurveSettings(tolerance_px=0.5))
     (square, square_knots), (disc, disc_knots) = splines
     drawn = sample_splines(splines, 8)
     for vertex in [(20, 30), (20, 99), (89, 99), (89, 30)]:
@@ -135,7 +135,7 @@ def test_a_rectangle_keeps_its_corners_and_a_circle_has_none(frame):
 def test_splines_never_cross_themselves_however_small_or_ragged(seed, budget):
     mask = np.random.default_rng(seed).random((2, 14, 15)) < 0.62
     curves = trace_stack(mask, (0, 0, 0), Frame(np.eye(4), 2, (60, 60, 4)))
-    splines = fit_curves(curves, at_most(budget))
+    splines = fit_splines(curves, at_most(budget))
     drawn = sample_splines(splines, 8)
     assert drawn.polygons.is_simple.all()
     assert np.isfinite(splines.control_points).all()
@@ -149,7 +149,7 @@ def test_acute_corners_do_not_fold(frame, budget):
     for layer, slope in enumerate((0.15, 0.3, 0.6)):
         mask[layer] = (np.abs(i - 100 - 12 * np.sin(j / 30)) < slope * (j - 20)) & (j < 180)
     curves = trace_stack(mask, (0, 0, 0), frame)
-    drawn = sample_splines(fit_curves(curves, at_most(budget)), 20)
+    drawn = sample_splines(fit_splines(curves, at_most(budget)), 20)
     assert drawn.polygons.is_simple.all()
 
 
@@ -159,7 +159,7 @@ def test_thin_walls_are_not_crossed(frame):
     mask[0, 12:48, 12:48] = False  # a wall two pixels wide
     mask[0, 30, 12:46] = True  # and a spit within
     curves = trace_stack(mask, (0, 0, 0), frame)
-    for splines in (fit_curves(curves), fit_curves(curves, at_most(0.05))):
+    for splines in (fit_splines(curves), fit_splines(curves, at_most(0.05))):
         rings = [shapely.Polygon(line) for line in sample_splines(splines, 4)]
         rings.sort(key=lambda ring: -ring.area)
         assert all(ring.is_valid for ring in rings)
@@ -168,15 +168,15 @@ def test_thin_walls_are_not_crossed(frame):
 
 def test_the_same_curves_give_the_same_splines_in_any_company(blob, curves_of):
     polygons = list(blob(3, slices=3)[1])
-    together = fit_curves(curves_of(*polygons))
+    together = fit_splines(curves_of(*polygons))
     for polygon, (control, knots) in zip(polygons, together, strict=True):
-        alone = fit_curves(curves_of(polygon))
+        alone = fit_splines(curves_of(polygon))
         assert np.array_equal(alone.control_points, control)
         assert np.array_equal(alone.knots, knots)
 
 
 def test_nothing_and_nonsense(curves_of):
-    nothing = fit_curves(curves_of())
+    nothing = fit_splines(curves_of())
     assert len(nothing) == len(sample_splines(nothing)) == 0
     for bad in ({"tolerance_px": 0}, {"max_control_points": 0}):
         with pytest.raises(ValueError, match="greater than 0"):
@@ -235,6 +235,6 @@ def test_splines_are_nearer_to_the_outline_than_its_pixels_are(seed):
         return max(dice_of(inset, shape) for inset in insets)
 
     pixels = shapely.Polygon(curves.points)
-    spline = shapely.Polygon(sample_splines(fit_curves(curves, at_most(0.1)), 8).points)
+    spline = shapely.Polygon(sample_splines(fit_splines(curves, at_most(0.1)), 8).points)
     assert to_outline(spline) > to_outline(pixels) + 0.0005
     assert dice_of(spline, pixels) > to_outline(pixels)

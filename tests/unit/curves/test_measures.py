@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from cccd.containers import Curves
-from cccd.curves import corner_splines, describe_curves, fit_curves, measure_curves, sample_splines, sweep_k
+from cccd.curves import corner_splines, describe_curves, fit_splines, measure_curves, sample_splines, sweep_k
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import area_dice, bytes_per_slice, distances
 from cccd.curves.repeatability import repeatability
@@ -34,14 +34,14 @@ def test_distances_are_to_the_curve_of_the_same_number(curves_of):
 
 def test_measures_of_a_perfect_and_of_a_fitted_description(blob):
     curves = blob(4)[1]
-    measured = measure_curves(curves, fit_curves(curves, CurveSettings(tolerance_px=0.5)))
+    measured = measure_curves(curves, fit_splines(curves, CurveSettings(tolerance_px=0.5)))
     assert measured["slices"] == 2
     assert measured["boundary_points"] == len(curves.points)
     assert measured["control_point_share"] == pytest.approx(measured["control_points"] / len(curves.points))
     assert 0.995 < measured["dice_p5"] <= measured["dice_median"] < 1
     assert measured["raster_dice_median"] < measured["dice_median"]  # half of the centres on the border
     assert measured["area_kept"] == pytest.approx(1, abs=1e-3)
-    exact = measure_curves(curves, fit_curves(curves, CurveSettings(tolerance_px=0.05)))
+    exact = measure_curves(curves, fit_splines(curves, CurveSettings(tolerance_px=0.05)))
     assert exact["dice_median"] > 0.9995
     assert exact["distance_max_px"] < 0.1
     assert exact["control_points"] > 5 * measured["control_points"]
@@ -49,7 +49,7 @@ def test_measures_of_a_perfect_and_of_a_fitted_description(blob):
 
 def test_bytes_are_what_the_formats_need(curves_of, blob):
     curves = blob(4)[1]
-    splines = fit_curves(curves, CurveSettings(max_control_points=20))
+    splines = fit_splines(curves, CurveSettings(max_control_points=20))
     sizes = bytes_per_slice(curves, splines)
     links = np.diff(curves.offsets)
     assert sizes["spline"].tolist() == [4 + 4 + 20 * 8 + 21 * 4] * 2

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from shapes import curves_of, drawn, grid, structure_of
 
-from cccd.curves import fit_curves
+from cccd.curves import fit_splines
 from cccd.reconstruct import reconstruct_mask
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
@@ -115,10 +115,10 @@ def test_polygons_are_the_pixels_themselves():
 
 def test_given_splines_are_the_ones_that_are_lofted():
     curves = curves_of(ellipse_mask())
-    loose = fit_curves(curves, CurveSettings(tolerance_px=2.0))
+    loose = fit_splines(curves, CurveSettings(tolerance_px=2.0))
     given = loft_surface(curves, LoftSettings(), loose)
     assert not np.array_equal(given.vertices, loft_surface(curves, LoftSettings()).vertices)
-    same = loft_surface(curves, LoftSettings(), fit_curves(curves))
+    same = loft_surface(curves, LoftSettings(), fit_splines(curves))
     assert np.array_equal(same.vertices, loft_surface(curves, LoftSettings()).vertices)
 
 
