@@ -1,7 +1,7 @@
 """The surface in clinical formats: a label map (NIfTI) and contours (RTSTRUCT).
 
 NIfTI is written in RAS on the source volume's own grid, RTSTRUCT in LPS as DICOM demands, so that both lie
-on the scan in any viewer.
+on the scan in any viewer. That no half file is left is the caller's to see to (`cccd.store.atomic_path`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.geometry.sections import cross_sections
-from cccd.store import atomic_path
 from cccd.tolerances import CONTOUR_PLANE
 from cccd.volumes.grid import LPS_TO_RAS
 
@@ -37,7 +36,7 @@ def write_label_map(path: str | Path, mesh: Mesh, frame: Frame, value: int = 1) 
     Parameters
     ----------
     path : path
-        ``.nii`` or ``.nii.gz``.
+        Compressed when it ends with ``.gz``.
     mesh : Mesh
         Closed; mm RAS.
     frame : Frame
@@ -50,14 +49,10 @@ def write_label_map(path: str | Path, mesh: Mesh, frame: Frame, value: int = 1) 
     image.set_sform(frame.affine, code=1)
     image.set_qform(frame.affine, code=1)
     image.header.set_xyzt_units("mm")
-    path = Path(path)
-    suffix = ".nii.gz" if path.name.endswith(".gz") else ".nii"
-    with atomic_path(path) as temporary:
-        # the temporary name may end with .gz alone, by which nibabel would not know the format
-        content = image.to_bytes()
-        if suffix == ".nii.gz":
-            content = gzip.compress(content, compresslevel=6, mtime=0)
-        temporary.write_bytes(content)
+    content = image.to_bytes()  # nibabel would not know the format of a name that ends with .gz alone
+    if Path(path).suffix == ".gz":
+        content = gzip.compress(content, compresslevel=6, mtime=0)
+    Path(path).write_bytes(content)
 
 
 def _rounded(loop: FloatArray) -> FloatArray:
@@ -120,8 +115,7 @@ def write_rtstruct(
         raise InputError(str(path), "no plane meets the surface", "choose a smaller spacing_mm")
     slices = [] if reference is None else _reference_slices(Path(reference))
     dataset = _structure_set(loops, name, slices, normal, spacing)
-    with atomic_path(path) as temporary:
-        dataset.save_as(temporary, enforce_file_format=True)
+    dataset.save_as(path, enforce_file_format=True)
 
 
 def _reference_slices(folder: Path) -> list[Dataset]:
