@@ -26,8 +26,7 @@ LAYERS = (
 LAYER = {name: number for number, layer in enumerate(LAYERS) for name in layer}
 
 #: What the report may read of the comparisons: what they are called, and the tables that they left.
-#: Of ``k_sweep`` it takes a constant, the k at which Figure 12 is drawn.
-DESCRIPTIONS = {"registry", "summary", "measures", "numerals", "k_sweep"}
+DESCRIPTIONS = {"registry", "summary", "measures", "numerals", "paper_k"}
 
 #: The only modules that may import these.
 ONLY = {
@@ -102,8 +101,14 @@ def test_the_report_imports_no_algorithm(name):
     }
     experiments = {part.split(".")[1] for part in read if part.split(".")[0] == "comparisons"}
     assert experiments <= DESCRIPTIONS
-    constants = {part for part in read if part.startswith("comparisons.k_sweep.")}
-    assert all(part.rpartition(".")[2].isupper() for part in constants)
+
+
+def test_what_the_report_reads_of_the_comparisons_knows_no_algorithm():
+    for name in DESCRIPTIONS:
+        read = own(MODULES[f"comparisons.{name}"])
+        assert {part.split(".")[0] for part in read} <= {"comparisons", "lookup", "store"}, name
+        beside = {part.split(".")[1] for part in read if part.startswith("comparisons.")}
+        assert beside <= {*DESCRIPTIONS, "published"}, name
 
 
 @pytest.mark.parametrize("script", sorted((ROOT / "scripts").glob("*.py")), ids=lambda path: path.stem)

@@ -7,19 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from cccd.comparisons.paper_k import OUTLINES
 from cccd.containers import Curves, Panel, SliceFigure, Structure
 from cccd.curves import corner_splines, sample_splines, sweep_k
 from cccd.curves.corners import k_cosine_corners
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
 
-__all__ = ["COARSE_K", "OUTLINES", "compare_k", "middle_curve", "outline_figures"]
-
-#: k at which the paper compares two organs (Figure 12).
-COARSE_K = 20
-
-#: The outlines that figures show, by k.
-OUTLINES = {"figure10": (3, 5, 7, 20), "figure12": (COARSE_K,), "figure14": (3, 7, 12)}
+__all__ = ["compare_k", "middle_curve", "outline_figures"]
 
 
 def compare_k(structure: Structure, curves: Curves, ks: Sequence[int]) -> pd.DataFrame:

@@ -12,8 +12,8 @@ import pandas as pd
 
 from cccd.comparisons import paper_tables, summary
 from cccd.comparisons.corner_comparison import CCCD
-from cccd.comparisons.k_sweep import COARSE_K
 from cccd.comparisons.numerals import number
+from cccd.comparisons.paper_k import COARSE_K
 from cccd.comparisons.reconstruction_comparison import HARRIS
 from cccd.comparisons.summary import Cohort, structure_names
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import pandas as pd
 from markupsafe import Markup
 
-from cccd.comparisons.k_sweep import COARSE_K
+from cccd.comparisons.paper_k import COARSE_K
 from cccd.comparisons.registry import Item
 from cccd.comparisons.summary import structure_names
 from cccd.containers import SliceFigure
