@@ -179,11 +179,11 @@ _EXPERT_HEAD = """
 
 Numbers that were tuned while the code was written. They are not in `config/config.yaml`, but may be set like
 any other key, and results depend on them. The last columns show how much: on phantoms, the change of each
-figure in percent when the key has half its value, and twice (`tests/benchmarks/sensitivity.py`; all figures
-are in `docs/sensitivity.csv`). ASSD is the mean distance from the true surface; normals the median error of
-the normals' angles; bending the energy per area; points the number of control points. Dice and distance of
-curves are between splines and pixels; correct maps are those that the network orders as they should be.
-Empty cells were not measured.
+figure in percent when the key has half its value, and twice, or the nearest that its range allows
+(`tests/benchmarks/sensitivity.py`; all figures are in `docs/sensitivity.csv`). ASSD is the mean distance from
+the true surface; normals the median error of the normals' angles; bending the energy per area; points the
+number of control points. Dice and distance of curves are between splines and pixels; correct maps are those
+that the network orders as they should be. Empty cells were not measured.
 """
 
 #: Columns of docs/sensitivity.csv that the page shows, and their heads.
@@ -270,18 +270,22 @@ def _range(schema: dict[str, Any]) -> str:
 
 
 def _change(key: str, factor: float, sensitivity: list[dict[str, str]]) -> str:
-    """Change of every measured figure against the default's, e.g. ``ASSD +3 %, points -40 %``."""
+    """Change of every measured figure against the default's, e.g. ``ASSD +3 %, points -40 %``.
+
+    Empty where nothing was measured, ``none`` where nothing changed.
+    """
     rows = {float(row["factor"]): row for row in sensitivity if row["key"] == key}
     if 1 not in rows or factor not in rows:
         return ""
-    changes: list[str] = []
+    percents: dict[str, float] = {}
     for column, head in FIGURES.items():
         before, after = rows[1].get(column), rows[factor].get(column)
         if before and after and float(before):
-            percent = 100 * (float(after) / float(before) - 1)
-            if abs(percent) >= 0.05:
-                changes.append(f"{head} {percent:+.1f} %".replace("-", "−"))
-    return ", ".join(changes) or "none"
+            percents[head] = 100 * (float(after) / float(before) - 1)
+    if not percents:
+        return ""
+    changes = (f"{head} {part:+.1f} %" for head, part in percents.items() if abs(part) >= 0.05)
+    return ", ".join(changes).replace("-", "−") or "none"
 
 
 # Where they go ------------------------------------------------------------------------------------------

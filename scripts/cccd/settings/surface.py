@@ -412,9 +412,9 @@ class LoftSettings(Section):
     )
     formats: Annotated[tuple[_Format, ...], AfterValidator(without_repeats)] = setting(
         ("ply",),
-        "besides, of stl, vtp, glb, step (CAD), nii.gz (label map), dcm (RTSTRUCT)",
-        why="The PLY mesh is always written. step needs the extra cadquery-ocp-novtk; nii.gz is a label map "
-        "on the scan's grid.",
+        f"the surface's files, of {', '.join(SURFACE_FORMATS)}; ply always",
+        why="Every later step reads the PLY mesh. step is for CAD and needs the extra cadquery-ocp-novtk; "
+        "nii.gz is a label map on the scan's grid, dcm an RTSTRUCT.",
     )
     contour_spacing_mm: float | None = setting(
         None,

@@ -106,3 +106,10 @@ def test_sensitivity_stands_beside_its_key():
     ]
     (line,) = [line for line in documentation(rows).splitlines() if line.startswith(f"| `{expert[0]}` |")]
     assert line.endswith("| ASSD +10.0 % | ASSD −50.0 %, points +20.0 % |")
+
+
+def test_what_could_not_be_measured_is_left_empty():
+    key = next(key.dotted for key in KEYS if key.expert)
+    rows = [{"key": key, "factor": factor, "assd_mm": assd} for factor, assd in [("1", "0.10"), ("2", "")]]
+    (line,) = [line for line in documentation(rows).splitlines() if line.startswith(f"| `{key}` |")]
+    assert line.endswith("|  |  |")
