@@ -39,7 +39,7 @@ _MARGIN = 3
 
 
 def _raster(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Draw the map as a raster (I, J) with an empty margin; give the pixel of its first element too."""
+    """Draw the map as a raster (I, J) with an empty margin; return its first element's pixel too."""
     origin = pixels.min(axis=0) - _MARGIN
     drawn = np.zeros(pixels.max(axis=0) + _MARGIN + 1 - origin, np.uint8)
     drawn[tuple((pixels - origin).T)] = 1

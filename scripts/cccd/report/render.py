@@ -94,7 +94,7 @@ def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420
 
 
 def picture_renderer(png_path: str | Path) -> Renderer | None:
-    """Tell what drew a picture made by `render_surface`; None when the file does not say."""
+    """Return what drew a picture made by `render_surface`; None when the file does not say."""
     from PIL import Image
 
     with Image.open(png_path) as picture:
@@ -147,7 +147,7 @@ def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
 
 
 def frame_view(axes, points: np.ndarray) -> np.ndarray:
-    """Make a square, axis-free window that holds ``points`` (N, 3) from every side; gives its centre (3,)."""
+    """Make a square, axis-free window that holds ``points`` (N, 3) from every side; return its centre."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = 0.57 * (high - low).max()
     axes.set_axis_off()

@@ -312,7 +312,7 @@ def _letters(right: np.ndarray, down: np.ndarray) -> dict[str, str]:
 
 
 def _tiles(structure: Structure, k: np.ndarray, picture: Mapping[str, Any]) -> tuple[np.ndarray | None, dict]:
-    """Lay the slices side by side in one 8-bit image, each as it lies on the screen; tell the arrangement."""
+    """Lay the slices side by side in one 8-bit image, each as it lies on the screen; return the layout."""
     stack = structure.stack("image")
     if stack is None:
         return None, {"columns": 1, "width": 1, "height": 1, "shrink": 1}

@@ -63,7 +63,7 @@ def lofted_outlines(curves: Curves, splines: Splines | None, settings: LoftSetti
 
 
 def through_pixel_centres(curves: Curves) -> bool:
-    """Tell pixel chains (every point an integer) from drawn contours."""
+    """Report whether these are pixel chains (every point an integer), not drawn contours."""
     return bool(np.array_equal(curves.points, np.rint(curves.points)))
 
 
