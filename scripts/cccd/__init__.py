@@ -6,4 +6,4 @@ curves -> surface -> comparisons -> report, with ``errors``, ``tolerances``, ``s
 ``metrics`` and ``store`` underneath.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
