@@ -140,7 +140,7 @@ def test_another_sweep_fits_nothing_again(tiny_copy):
     with (tiny_copy.folder / "tiny.yaml").open("a") as configuration:
         configuration.write("curves: {sweep: [3, 9]}\n")
     planned = set(tiny_copy.planned())
-    assert "sweep_corners" in planned
+    assert "compare_k_sweep" in planned
     assert planned.isdisjoint({*BEFORE_CURVES, "fit_curves", "loft_surface"})
 
 
