@@ -141,7 +141,7 @@ def test_another_sweep_fits_nothing_again(tiny_copy):
         configuration.write("curves: {sweep: [3, 9]}\n")
     planned = set(tiny_copy.planned())
     assert "compare_k_sweep" in planned
-    assert planned.isdisjoint({*BEFORE_CURVES, "fit_curves", "loft_surface"})
+    assert planned.isdisjoint({*BEFORE_CURVES, "fit_curves", "loft_surface", "compare_thick_slices"})
 
 
 def test_another_ordering_neither_retrains_nor_imports(tiny_copy):

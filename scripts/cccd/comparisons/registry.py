@@ -245,7 +245,7 @@ THICK_SLICES = Comparison(
     "cccd.comparisons.thick_slices.thick_slice_experiment",
     ("structure",),
     settings={"settings": "comparisons.thick_slices", "fitting": "curves", "lofting": "surface"},
-    unused=("surface.formats", "surface.contour_spacing_mm"),
+    unused=("curves.ordering", "curves.sweep", "surface.formats", "surface.contour_spacing_mm"),
     columns=("slice_distance_mm", "every_nth", "method", "seconds"),
     memory_mb=(3000, 60),
     minutes=30,
