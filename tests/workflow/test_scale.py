@@ -1,4 +1,4 @@
-"""A thousand structures: planning their thirteen thousand jobs takes time in proportion and little memory."""
+"""A thousand structures: planning their fourteen thousand jobs takes time in proportion and little memory."""
 
 import subprocess
 import sys
