@@ -104,13 +104,11 @@ def _swept(
     for way in (1, -1):
         for step in range(height):
             i = step if way > 0 else height - 1 - step
-            for j in range(width):
+            if 0 <= i - way < height:
                 for side in (-1, 0, 1):
-                    _take_over(foot, gap, owner, i, j, i - way, j + side, spacing)
-            for j in range(1, width):
-                _take_over(foot, gap, owner, i, j, i, j - 1, spacing)
-            for j in range(width - 2, -1, -1):
-                _take_over(foot, gap, owner, i, j, i, j + 1, spacing)
+                    _take_over(foot, gap, owner, i, i - way, side, spacing)
+            _take_over(foot, gap, owner, i, i, -1, spacing)
+            _take_over(foot, gap, owner, i, i, 1, spacing)
     distance = np.empty((height, width), np.float32)
     for i in range(height):
         for j in range(width):
@@ -157,15 +155,22 @@ def _feet_nearby(
 
 @jit
 def _take_over(
-    foot: FloatArray, gap: FloatArray, owner: IntArray, i: int, j: int, a: int, b: int, spacing: FloatArray
+    foot: FloatArray, gap: FloatArray, owner: IntArray, i: int, a: int, side: int, spacing: FloatArray
 ) -> None:
-    """Let pixel (i, j) take over the nearest point of pixel (a, b) where that is nearer than its own."""
-    if 0 <= a < gap.shape[0] and 0 <= b < gap.shape[1] and gap[a, b] < np.inf:
-        x, y = i * spacing[0] - foot[a, b, 0], j * spacing[1] - foot[a, b, 1]
-        if x * x + y * y < gap[i, j]:
-            gap[i, j] = x * x + y * y
-            foot[i, j] = foot[a, b]
-            owner[i, j] = owner[a, b]
+    """Let the pixels of row ``i`` take over nearer points from row ``a``, ``side`` columns beside them.
+
+    A row at a time, because to hand arrays on costs more than to compare two distances.
+    """
+    width = gap.shape[1]
+    for n in range(width - abs(side)):
+        j = width - 2 - n if side > 0 else n - side
+        b = j + side
+        if gap[a, b] < np.inf:
+            x, y = i * spacing[0] - foot[a, b, 0], j * spacing[1] - foot[a, b, 1]
+            if x * x + y * y < gap[i, j]:
+                gap[i, j] = x * x + y * y
+                foot[i, j, 0], foot[i, j, 1] = foot[a, b, 0], foot[a, b, 1]
+                owner[i, j] = owner[a, b]
 
 
 # Of meshes --------------------------------------------------------------------------------------------
