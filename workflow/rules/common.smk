@@ -132,6 +132,20 @@ NETWORKED = (
 )
 
 
+def contour_sources(wildcards):
+    """What the structure's way reads: its boundary pixels and the network only where they must be ordered."""
+    names = ["structure"] + ["boundaries"] * (way_of(wildcards) == "order_contours")
+    files = {
+        name: f"results/{wildcards.case}/{wildcards.organ}/{name}.h5" for name in names
+    }
+    return files | ({"model": MODEL} if "boundaries" in files else {})
+
+
+def ordering_settings(wildcards):
+    """Settings of the network's decoder, for the structures whose boundary pixels it orders."""
+    return config["gnn"]["inference"] if way_of(wildcards) == "order_contours" else {}
+
+
 def for_structures(name, keys=None):
     """The file ``name`` of every structure that is reconstructed (or of ``keys``)."""
     return [
@@ -154,6 +168,64 @@ def for_pages():
     """The structures' own pages, to which the report of a large cohort links."""
     large = len(RECONSTRUCTED) > config["report"]["pages_above"]
     return for_structures("report.html") if large else []
+
+
+def comparison_inputs(comparison):
+    """What the comparison's function asks for -> the files it is read from; none where it may do without."""
+    return {
+        name: [
+            (
+                f"results/{file}"
+                if INPUTS[name].shared
+                else f"results/{{case}}/{{organ}}/{file}"
+            )
+            for file in INPUTS[name].files
+            if NETWORKED or not INPUTS[name].optional
+        ]
+        for name in comparison.inputs
+    }
+
+
+def comparison_settings(comparison):
+    """The sections of the configuration that the comparison names, in their places, and no other."""
+    settings = {}
+    for section in comparison.settings.values():
+        *parents, name = section.split(".")
+        here, there = settings, config
+        for parent in parents:
+            here, there = here.setdefault(parent, {}), there[parent]
+        value = there[name]
+        if isinstance(value, dict):
+            value = {
+                key: part
+                for key, part in value.items()
+                if f"{section}.{key}" not in comparison.unused
+            }
+        here[name] = value
+    return settings
+
+
+def comparison_files(wildcards):
+    """What a structure's comparisons leave; how a network would order is compared where a mask was traced."""
+    traced = NETWORKED and way_of(wildcards) == "trace_contours"
+    folder = f"results/{wildcards.case}/{wildcards.organ}/comparisons"
+    return [
+        f"{folder}/{name}.{suffix}"
+        for name, comparison in COMPARISONS.items()
+        if traced or not comparison.network
+        for suffix in ["csv"] + ["h5"] * (comparison.figures is not None)
+    ]
+
+
+def all_comparison_files(_):
+    """What the comparisons of all structures leave."""
+    keys = [SimpleNamespace(case=case, organ=organ) for case, organ in RECONSTRUCTED]
+    return [file for key in keys for file in comparison_files(key)]
+
+
+def all_comparison_rows(_):
+    """The tables of all structures' comparisons."""
+    return [file for file in all_comparison_files(_) if file.endswith(".csv")]
 
 
 def source_files(wildcards):

@@ -1,41 +1,5 @@
 """Comparisons: every method the paper names, on the same structures, in the same run."""
 
-
-def comparison_inputs(comparison):
-    """What the comparison's function asks for -> the files it is read from; none where it may do without."""
-    return {
-        name: [
-            (
-                f"results/{file}"
-                if INPUTS[name].shared
-                else f"results/{{case}}/{{organ}}/{file}"
-            )
-            for file in INPUTS[name].files
-            if NETWORKED or not INPUTS[name].optional
-        ]
-        for name in comparison.inputs
-    }
-
-
-def comparison_settings(comparison):
-    """The sections of the configuration that the comparison names, in their places, and no other."""
-    settings = {}
-    for section in comparison.settings.values():
-        *parents, name = section.split(".")
-        here, there = settings, config
-        for parent in parents:
-            here, there = here.setdefault(parent, {}), there[parent]
-        value = there[name]
-        if isinstance(value, dict):
-            value = {
-                key: part
-                for key, part in value.items()
-                if f"{section}.{key}" not in comparison.unused
-            }
-        here[name] = value
-    return settings
-
-
 #: One rule per comparison of the registry: compare_corners, compare_reconstruction and so on.
 for comparison in COMPARISONS.values():
 

@@ -26,20 +26,6 @@ rule extract_boundaries:
         "../../scripts/extract_boundaries.py"
 
 
-def contour_sources(wildcards):
-    """What the structure's way reads: its boundary pixels and the network only where they must be ordered."""
-    names = ["structure"] + ["boundaries"] * (way_of(wildcards) == "order_contours")
-    files = {
-        name: f"results/{wildcards.case}/{wildcards.organ}/{name}.h5" for name in names
-    }
-    return files | ({"model": MODEL} if "boundaries" in files else {})
-
-
-def ordering_settings(wildcards):
-    """Settings of the network's decoder, for the structures whose boundary pixels it orders."""
-    return config["gnn"]["inference"] if way_of(wildcards) == "order_contours" else {}
-
-
 rule make_contours:
     """Trace a mask, take drawn contours, or let the network order boundary pixels: ordered closed curves."""
     input:

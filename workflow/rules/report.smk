@@ -5,29 +5,6 @@ SUMMARIES = [part for item in ITEMS for part in (item.tabulate, item.note) if pa
 PLOTS = [item.plots for item in ITEMS if item.plots]
 
 
-def comparison_files(wildcards):
-    """What a structure's comparisons leave; how a network would order is compared where a mask was traced."""
-    traced = NETWORKED and way_of(wildcards) == "trace_contours"
-    folder = f"results/{wildcards.case}/{wildcards.organ}/comparisons"
-    return [
-        f"{folder}/{name}.{suffix}"
-        for name, comparison in COMPARISONS.items()
-        if traced or not comparison.network
-        for suffix in ["csv"] + ["h5"] * (comparison.figures is not None)
-    ]
-
-
-def all_comparison_files(_):
-    """What the comparisons of all structures leave."""
-    keys = [SimpleNamespace(case=case, organ=organ) for case, organ in RECONSTRUCTED]
-    return [file for key in keys for file in comparison_files(key)]
-
-
-def all_comparison_rows(_):
-    """The tables of all structures' comparisons."""
-    return [file for file in all_comparison_files(_) if file.endswith(".csv")]
-
-
 rule build_tables:
     """One CSV per table of the paper, ours beside theirs, and the tables that go past it."""
     input:
