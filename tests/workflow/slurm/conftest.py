@@ -108,7 +108,7 @@ class Submission:
     def done(self, seconds: float) -> None:
         """Wait for its end; it must be a good one."""
         status = self.process.wait(seconds)
-        assert status == 0, self.said
+        assert status == 0, "\n".join(self.said.splitlines()[-60:])
 
 
 @pytest.fixture(scope="session")
