@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from organ import make_organ
 from scipy.interpolate import splprep
+from torch_geometric.data import Batch
 
 from cccd.boundary import extract_boundaries
 from cccd.comparisons.volume_meshes import flying_edges, windowed_sinc
@@ -20,7 +21,7 @@ from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.contours import order_contours
 from cccd.junctions.corruptions import corrupt
-from cccd.junctions.data import label_maps
+from cccd.junctions.data import label_map
 from cccd.junctions.loss import total_loss
 from cccd.junctions.synthetic_maps import draw_map
 from cccd.settings.junctions import LossSettings, NetworkSettings
@@ -57,16 +58,16 @@ def junctions(slices: int, settings: Settings) -> Methods:
 def network(slices: int, settings: Settings) -> Methods:
     """The junction network on damaged maps, on the GPU beside the CPU where there is one."""
     maps = [draw_map(np.random.default_rng([settings.seed, n]), "mixed") for n in range(slices)]
-    examples = label_maps(maps, [False] * slices, NetworkSettings())
+    data = [label_map(drawn, False, NetworkSettings()) for drawn in maps]
     methods = {}
     for device in ("CPU", "CUDA") if torch.cuda.is_available() else ("CPU",):
-        model, there = load_model(MODEL).to(device.lower()), examples.to(device.lower())
+        model, there = load_model(MODEL).to(device.lower()), Batch.from_data_list(data).to(device.lower())
 
         def step(model=model, there=there) -> None:
             model.zero_grad()
-            total_loss(model.train()(there.batch), there, LossSettings()).backward()
+            total_loss(model.train()(there), there, LossSettings()).backward()
 
-        methods[f"prediction, {device}"] = partial(model.predict, there.batch)
+        methods[f"prediction, {device}"] = partial(model.predict, data)
         methods[f"step of training, {device}"] = step
     return methods
 

@@ -20,6 +20,7 @@ DISTRIBUTIONS = {
     "OCP": "cadquery-ocp-novtk",
     "PIL": "pillow",
     "skimage": "scikit-image",
+    "torch_geometric": "torch-geometric",
     "SimpleITK": "simpleitk",
     "vtkmodules": "vtk",
     "yaml": "pyyaml",

@@ -33,7 +33,10 @@ ONLY = {
     "h5py": {"store"},
     "torch": {
         f"junctions.{name}"
-        for name in ("layers", "network", "batch", "energy", "data", "loss", "loop", "checkpoint")
+        for name in ("layers", "network", "graph_data", "energy", "data", "loss", "loop", "checkpoint")
+    },
+    "torch_geometric": {
+        f"junctions.{name}" for name in ("layers", "network", "graph_data", "data", "loss", "loop")
     },
     "snakemake": set(),
 }

@@ -173,7 +173,7 @@ def draw_worst(
         sample = samples[n]
         seen = observe(sample.pixels, sample.image, DEFAULTS)
         graph = seen.graph
-        _, link = model.logits(graph, [seen.intensity])
+        ((_, link),) = model.logits([seen])
         if sample.image is not None:
             row[0].imshow(sample.image, cmap="gray")
         ink = "k" if sample.image is None else "tab:red"

@@ -2,7 +2,7 @@
 
 Delaunay links of the boundary pixels are classified by a graph network (eq. 11); a minimum cut then
 labels what lies inside, and the border of the inside is closed and simple whatever the network says.
-Only the network and its training import torch.
+Only the network and its training import torch and PyTorch Geometric, on which both stand.
 
 ==================== ===============================================================================
 module               holds
@@ -13,7 +13,7 @@ module               holds
 ``observation``      a slice's map and image to its graph
 ``columns``          tables of features with named columns
 ``features``         what the network reads at nodes, links and triangles
-``batch``            graph and features as tensors
+``graph_data``       graph and features as `torch_geometric` data
 ``layers``           message passing
 ``network``          the network
 ``energy``           unary and pairwise terms, for training and inference

@@ -1,11 +1,11 @@
-"""Inside or outside for every triangle: an exact minimum cut per slice."""
+"""Inside or outside for every triangle: an exact minimum cut."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from cccd.geometry._jit import jit
-from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, RealArray
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, RealArray
 from cccd.tolerances import FLOW
 
 __all__ = ["minimum_cut"]
@@ -16,7 +16,6 @@ def minimum_cut(
     pairwise: RealArray,
     neighbours: AnyArray,
     triangle_links: AnyArray,
-    offsets: IntArray,
 ) -> BoolArray:
     """Label triangles so that unary energies inside and pairwise ones along the border are least.
 
@@ -28,8 +27,6 @@ def minimum_cut(
         What the border costs where it runs along a link.
     neighbours, triangle_links : (T, 3) int32 arrays
         See `cccd.junctions.delaunay.DelaunayGraph`.
-    offsets : (S + 1,) int64 array
-        Slices are independent of each other; the batch is solved slice by slice.
 
     Returns
     -------
@@ -48,29 +45,17 @@ def minimum_cut(
 
     >>> neighbours = np.array([(1, -1, -1), (0, -1, -1)])
     >>> links = np.array([(0, -1, -1), (0, -1, -1)])
-    >>> [minimum_cut([-2, 1], [cost], neighbours, links, np.array([0, 2])).tolist() for cost in (0.5, 1.5)]
+    >>> [minimum_cut([-2, 1], [cost], neighbours, links).tolist() for cost in (0.5, 1.5)]
     [[True, False], [True, True]]
     """
     unary = np.ascontiguousarray(unary, np.float64)
     pairwise = np.ascontiguousarray(pairwise, np.float64)
     capacity = np.append(pairwise, 0.0)[triangle_links]  # -1, beyond the ghost points, takes the last
-    return _cut_slices(unary, capacity, neighbours, offsets)
-
-
-@jit
-def _cut_slices(
-    unary: FloatArray, capacity: FloatArray, neighbours: AnyArray, offsets: IntArray
-) -> BoolArray:
-    inside = np.zeros(len(unary), np.bool_)
-    for n in range(len(offsets) - 1):
-        low, high = offsets[n], offsets[n + 1]
-        inside[low:high] = _cut(unary[low:high], capacity[low:high], neighbours[low:high] - low)
-    return inside
+    return _cut(unary, capacity, neighbours)
 
 
 @jit
 def _cut(unary: FloatArray, capacity: FloatArray, neighbours: AnyArray) -> BoolArray:
-    # of one slice; neighbours that are none are negative
     residual = capacity.copy()
     reverse = _reverse_sides(neighbours)
     source, sink = np.maximum(-unary, 0.0), np.maximum(unary, 0.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -83,7 +82,7 @@ def label_inside(graph: DelaunayGraph, logits: Logits, settings: InferenceSettin
 # Loops ------------------------------------------------------------------------------------------------
 
 
-def border_loops(graph: DelaunayGraph, inside: BoolArray) -> list[list[IntArray]]:
+def border_loops(graph: DelaunayGraph, inside: BoolArray) -> list[IntArray]:
     """Trace the closed loops of links between inside and outside triangles.
 
     Parameters
@@ -93,32 +92,26 @@ def border_loops(graph: DelaunayGraph, inside: BoolArray) -> list[list[IntArray]
 
     Returns
     -------
-    list of list of (n, 2) int64 array
-        For each slice, pixels (i, j) along the loops, inside on the left.
+    list of (n, 2) int64 array
+        Pixels (i, j) along the loops, inside on the left.
     """
-    nodes, sizes, first = _trace(graph.triangles, graph.neighbours, np.ascontiguousarray(inside))
-    loops = split_ragged(graph.points[nodes].astype(np.int64), offsets_of(sizes))
-    bounds = np.searchsorted(first, graph.triangle_offsets)
-    return [loops[low:high] for low, high in pairwise(bounds)]
+    nodes, sizes = _trace(graph.triangles, graph.neighbours, np.ascontiguousarray(inside))
+    return split_ragged(graph.points[nodes].astype(np.int64), offsets_of(sizes))
 
 
 @jit
-def _trace(
-    triangles: AnyArray, neighbours: AnyArray, inside: BoolArray
-) -> tuple[IntArray, IntArray, IntArray]:
-    # half-edges lie opposite a triangle's node; nodes along all loops, the loops' sizes and first triangles
+def _trace(triangles: AnyArray, neighbours: AnyArray, inside: BoolArray) -> tuple[IntArray, IntArray]:
+    # half-edges lie opposite a triangle's node; nodes along all loops, and the loops' sizes
     count = len(triangles)
     done = np.zeros((count, 3), np.bool_)
     nodes = np.empty(3 * count, np.int64)
     sizes = np.zeros(count, np.int64)
-    first = np.empty(count, np.int64)
     written, loops = 0, 0
     for start in range(3 * count):
         cell, side = start // 3, start % 3
         beyond = neighbours[cell, side]
         if not inside[cell] or done[cell, side] or (beyond >= 0 and inside[beyond]):
             continue
-        first[loops] = cell
         while not done[cell, side]:
             done[cell, side] = True
             nodes[written] = triangles[cell, (side + 1) % 3]
@@ -126,7 +119,7 @@ def _trace(
             sizes[loops] += 1
             cell, side = _following(cell, side, triangles, neighbours, inside)
         loops += 1
-    return nodes[:written], sizes[:loops], first[:loops]
+    return nodes[:written], sizes[:loops]
 
 
 @jit
@@ -166,14 +159,14 @@ def fill_inside(graph: DelaunayGraph, inside: BoolArray) -> tuple[BoolArray, Int
 
     Returns
     -------
-    masks : (S, I, J) bool array
+    masks : (1, I, J) bool array
     origin : (2,) int64 array
         Pixel (i, j) of ``masks[:, 0, 0]``.
     """
     pixels = graph.points[~graph.ghost].astype(np.int64)
     origin = pixels.min(axis=0) - 1
     shape = pixels.max(axis=0) + 2 - origin
-    return fill_loops(border_loops(graph, inside), origin, shape), origin
+    return fill_loops([border_loops(graph, inside)], origin, shape), origin
 
 
 def closed_chains(

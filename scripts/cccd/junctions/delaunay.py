@@ -3,13 +3,11 @@
 Pixels are the nodes. The triangulation's edges are the candidate links: links between 8-neighbours,
 short gap links, and long ones across empty space. Its triangles are the cells that a closed curve splits
 into inside and outside, so that any labelling of the triangles has closed curves as its border.
-Ghost points on a wide circle around the pixels make the outside known. Nodes, links and triangles of all
-slices of a batch stand in common ragged arrays; memory grows with their number.
+Ghost points on a wide circle around the pixels make the outside known. Memory grows with the number of links.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -18,7 +16,7 @@ import numpy.typing as npt
 from scipy.spatial import Delaunay
 
 from cccd.geometry._jit import jit
-from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, offsets_of
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from cccd.junctions.branches import connected_nodes
 
 __all__ = [
@@ -27,7 +25,6 @@ __all__ = [
     "DelaunayGraph",
     "build_graph",
     "fragments",
-    "join_graphs",
     "pixel_hash",
 ]
 
@@ -47,19 +44,10 @@ HASHES = 65521
 # Grid points are cocircular; a shift this small makes their triangulation unique and changes nothing else.
 _SHIFT_PX = 1e-3
 
-# What the indices of a graph's index columns count, so that joining can shift them.
-_POINTS_TO = {
-    "triangles": "node",
-    "neighbours": "triangle",
-    "triangle_links": "link",
-    "links": "node",
-    "link_triangles": "triangle",
-}
-
 
 @dataclass(frozen=True, eq=False)
 class DelaunayGraph:
-    """Nodes, links and triangles of one slice or of a batch of slices.
+    """Nodes, links and triangles of one slice.
 
     Attributes
     ----------
@@ -83,8 +71,6 @@ class DelaunayGraph:
         Region of each triangle when links up to ``REGION_GAPS_PX[g]`` are walls, numbered from 0.
     depths : (T, G) int16
         Fewest such walls between a triangle and the outside.
-    node_offsets, triangle_offsets, link_offsets : (S + 1,) int64
-        Where each slice begins.
     """
 
     points: FloatArray
@@ -97,19 +83,11 @@ class DelaunayGraph:
     link_triangles: IndexArray
     regions: IndexArray
     depths: DepthArray
-    node_offsets: IntArray
-    triangle_offsets: IntArray
-    link_offsets: IntArray
 
     @property
     def nbytes(self) -> int:
         """Memory of all arrays in bytes."""
         return sum(getattr(self, field.name).nbytes for field in fields(self))
-
-    @property
-    def slice_count(self) -> int:
-        """Number of slices."""
-        return len(self.triangle_offsets) - 1
 
     @cached_property
     def link_lengths(self) -> FloatArray:
@@ -189,7 +167,6 @@ def build_graph(pixels: AnyArray, edges: AnyArray | None = None) -> DelaunayGrap
         link_triangles,
         regions,
         depths,
-        *(offsets_of([n]) for n in (len(points), len(triangles), len(links))),
     )
 
 
@@ -203,31 +180,6 @@ def _links(triangles: IndexArray, neighbours: IndexArray) -> tuple[IndexArray, I
     triangle_links[first, side] = np.arange(len(first))
     triangle_links[second, other_side] = np.arange(len(first))
     return links.astype(np.int32), np.column_stack([first, second]).astype(np.int32), triangle_links
-
-
-def join_graphs(parts: Sequence[DelaunayGraph]) -> DelaunayGraph:
-    """One graph of several, in order; indices are shifted, regions renumbered."""
-    base = {
-        kind: offsets_of([getattr(part, f"{kind}_offsets")[-1] for part in parts])
-        for kind in ("node", "triangle", "link")
-    }
-    joined = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("points", "ghost", "observed", "depths")
-    }
-    region_base = np.cumsum([part.regions.max(axis=0) + 1 for part in parts], axis=0, dtype=np.int32)
-    region_base = np.vstack([np.zeros_like(region_base[:1]), region_base[:-1]])
-    joined["regions"] = np.concatenate([p.regions + b for p, b in zip(parts, region_base, strict=True)])
-    for name, kind in _POINTS_TO.items():
-        shifted = [
-            np.where(index >= 0, index + np.int32(shift), -1).astype(np.int32)
-            for index, shift in zip([getattr(part, name) for part in parts], base[kind][:-1], strict=True)
-        ]
-        joined[name] = np.concatenate(shifted)
-    for kind, shifts in base.items():
-        own = [getattr(p, f"{kind}_offsets")[:-1] + s for p, s in zip(parts, shifts[:-1], strict=True)]
-        joined[f"{kind}_offsets"] = np.concatenate([*own, shifts[-1:]])
-    return DelaunayGraph(**joined)
 
 
 def _regions_and_depths(

@@ -114,4 +114,4 @@ def inference_energy(graph: DelaunayGraph, logits: Logits, settings: InferenceSe
 def least_energy(graph: DelaunayGraph, energy: Energy[FloatArray]) -> BoolArray:
     """Inside triangles (T,) of the least energy; those at the ghost points are outside."""
     unary = np.where(graph.outer, _NEVER_INSIDE, energy.unary)
-    return minimum_cut(unary, energy.pairwise, graph.neighbours, graph.triangle_links, graph.triangle_offsets)
+    return minimum_cut(unary, energy.pairwise, graph.neighbours, graph.triangle_links)

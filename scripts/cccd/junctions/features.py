@@ -6,13 +6,12 @@ exactly these, so the constants here are part of their definition and no setting
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray, SingleArray, owners_of
+from cccd.geometry.arrays import AnyArray, ByteArray, FloatArray, IntArray, SingleArray
 from cccd.junctions.branches import SHAPE_COLUMNS, find_branches
 from cccd.junctions.columns import Column, FeatureSchema
 from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph, fragments
@@ -30,8 +29,8 @@ _PATCH = (2, 2)
 # Scales of `REGION_GAPS_PX` whose regions have their intensities measured.
 _REGIONAL = (0, 2)
 
-# Around slices on one raster: more than the farthest sample of a patch and half its box.
-_APART_PX = 40
+# Around a slice on its raster: more than the farthest sample of a patch and half its box.
+_MARGIN_PX = 40
 
 
 # Columns ----------------------------------------------------------------------------------------------
@@ -139,22 +138,22 @@ class GraphFeatures:
     group: IntArray
 
 
-def measure_features(graph: DelaunayGraph, intensities: Sequence[IntensitySlice | None]) -> GraphFeatures:
-    """Measure the features of a batch of slices.
+def measure_features(graph: DelaunayGraph, intensity: IntensitySlice | None) -> GraphFeatures:
+    """Measure the features of a slice.
 
     Parameters
     ----------
     graph : DelaunayGraph
-    intensities : sequence of IntensitySlice or None
-        From `cccd.junctions.intensity.normalised_intensity`, for every slice.
+    intensity : IntensitySlice or None
+        From `cccd.junctions.intensity.normalised_intensity`.
     """
-    places = _side_by_side(graph)
-    inside = _triangle_intensities(graph, intensities)
+    places = _raster_places(graph)
+    inside = _triangle_intensities(graph, intensity)
     branch, group, continuation = _link_branches(graph, places)
     triangles = TRIANGLES.assemble(
         {
             **_triangle_shapes(graph),
-            "has_image": _per_member(intensities, graph.triangle_offsets),
+            "has_image": np.full(len(graph.triangles), intensity is not None),
             **inside,
             **_triangle_regions(graph),
             **_regional_intensities(graph, inside),
@@ -164,29 +163,15 @@ def measure_features(graph: DelaunayGraph, intensities: Sequence[IntensitySlice 
     links = LINKS.assemble(
         {
             **_link_shapes(graph),
-            "has_image": _per_member(intensities, graph.link_offsets),
+            "has_image": np.full(len(graph.links), intensity is not None),
             **_link_sides(graph, inside),
-            **_link_intensities(graph, intensities),
+            **_link_intensities(graph, intensity),
             **_link_fragments(graph),
             **continuation,
         },
         np.float32,
     )
-    return GraphFeatures(_node_features(graph, places, intensities), links, triangles, branch, group)
-
-
-def _per_member(intensities: Sequence[IntensitySlice | None], offsets: IntArray) -> BoolArray:
-    """Whether the slice of each node, link or triangle has an image."""
-    return np.array([intensity is not None for intensity in intensities])[owners_of(offsets)]
-
-
-def _with_image(
-    intensities: Sequence[IntensitySlice | None], offsets: IntArray
-) -> Iterator[tuple[IntensitySlice, slice]]:
-    """Images there are, and where their slices' nodes, links or triangles stand."""
-    for n, intensity in enumerate(intensities):
-        if intensity is not None:
-            yield intensity, slice(offsets[n], offsets[n + 1])
+    return GraphFeatures(_node_features(graph, places, intensity), links, triangles, branch, group)
 
 
 # Nodes ------------------------------------------------------------------------------------------------
@@ -202,24 +187,16 @@ def _patches(raster: ByteArray, at: IntArray, half: int, step: int) -> ByteArray
     return padded.ravel()[centre[:, None] + window]
 
 
-def _side_by_side(graph: DelaunayGraph) -> IntArray:
-    """Places (N, 2) of all nodes but ghost points on one raster, so far apart that no slice sees another."""
-    inner = ~graph.ghost
-    pixels = graph.points[inner].astype(np.int64)
-    slices = owners_of(graph.node_offsets)[inner]
-    first: IntArray = np.flatnonzero(np.diff(slices, prepend=-1))
-    low, high = np.minimum.reduceat(pixels, first) - _APART_PX, np.maximum.reduceat(pixels, first)
-    width = high[:, 1] - low[:, 1]
-    low[:, 1] -= np.cumsum(width) - width
-    return pixels - low[slices]
+def _raster_places(graph: DelaunayGraph) -> IntArray:
+    """Places (N, 2) of all nodes but ghost points on a raster with a margin."""
+    pixels = graph.points[~graph.ghost].astype(np.int64)
+    return pixels - pixels.min(axis=0) + _MARGIN_PX
 
 
-def _node_features(
-    graph: DelaunayGraph, places: IntArray, intensities: Sequence[IntensitySlice | None]
-) -> ByteArray:
+def _node_features(graph: DelaunayGraph, places: IntArray, intensity: IntensitySlice | None) -> ByteArray:
     inner = ~graph.ghost
     observed = graph.observed[inner]
-    raster = np.zeros(places.max(axis=0) + _APART_PX, np.uint8)
+    raster = np.zeros(places.max(axis=0) + _MARGIN_PX, np.uint8)
     raster[tuple(places[observed].T)] = 255
     columns: dict[str, AnyArray] = {}
     for half, step in _SCALES:
@@ -227,12 +204,12 @@ def _node_features(
         seen = raster if step == 1 else cv2.blur(raster, (step, step), borderType=cv2.BORDER_CONSTANT)
         gained = np.minimum(seen * np.uint16(1 if step == 1 else min(step, 4)), 255).astype(np.uint8)
         columns[f"occupancy_{step}px"] = _patches(gained, places, half, step)
-    patches = np.zeros((len(graph.points), NODES["intensity"].stop - NODES["intensity"].start), np.uint8)
-    for intensity, own in _with_image(intensities, graph.node_offsets):
-        at = graph.points[own][inner[own]].astype(np.int64) - intensity.origin
-        patches[own][inner[own]] = _patches(intensity.scaled, at, *_PATCH)
-    columns["intensity"] = patches[inner]
-    columns["has_image"] = 255 * _per_member(intensities, graph.node_offsets)[inner]
+    patches = np.zeros((len(places), NODES["intensity"].stop - NODES["intensity"].start), np.uint8)
+    if intensity is not None:
+        at = graph.points[inner].astype(np.int64) - intensity.origin
+        patches = _patches(intensity.scaled, at, *_PATCH)
+    columns["intensity"] = patches
+    columns["has_image"] = np.full(len(places), 0 if intensity is None else 255)
     columns["unobserved"] = np.where(observed, 0, 255)
     nodes = np.zeros((len(graph.points), NODES.width), np.uint8)
     nodes[inner] = NODES.assemble(columns, np.uint8)
@@ -262,25 +239,23 @@ def _triangle_regions(graph: DelaunayGraph) -> dict[str, AnyArray]:
     area = np.empty(graph.regions.shape, np.float32)
     for g, region in enumerate(graph.regions.T):
         area[:, g] = np.bincount(region, inner_area)[region]
-    slice_area = np.maximum(np.add.reduceat(inner_area, graph.triangle_offsets[:-1]), 1)
+    slice_area = np.maximum(inner_area.sum(), 1)
     return {
         "enclosed": np.minimum(depth, 1),
         "depth": np.minimum(depth, 6) / 3,
         "region_area": np.log1p(area) / 4,
-        "region_share": np.log((area + 1) / slice_area[owners_of(graph.triangle_offsets)][:, None]) / 4,
+        "region_share": np.log((area + 1) / slice_area) / 4,
     }
 
 
-def _triangle_intensities(
-    graph: DelaunayGraph, intensities: Sequence[IntensitySlice | None]
-) -> dict[str, AnyArray]:
+def _triangle_intensities(graph: DelaunayGraph, intensity: IntensitySlice | None) -> dict[str, AnyArray]:
     """Mean and spread of four samples of each triangle; zeros where there is no image."""
     mean, spread = (np.zeros((len(graph.triangles), 2 + len(BLURS))) for _ in range(2))
-    for intensity, own in _with_image(intensities, graph.triangle_offsets):
-        corners = graph.points[graph.triangles[own]]
+    if intensity is not None:
+        corners = graph.points[graph.triangles]
         centre = corners.mean(axis=1, keepdims=True)
         samples = sample_channels(intensity, np.concatenate([centre, (corners + centre) / 2], axis=1))
-        mean[own], spread[own] = samples.mean(axis=1) - 0.5, samples.std(axis=1)
+        mean[:], spread[:] = samples.mean(axis=1) - 0.5, samples.std(axis=1)
     return {
         "intensity_mean": mean[:, 0],
         "intensity_spread": spread[:, 0],
@@ -343,26 +318,23 @@ def _link_sides(graph: DelaunayGraph, inside: dict[str, AnyArray]) -> dict[str, 
     }
 
 
-def _link_intensities(
-    graph: DelaunayGraph, intensities: Sequence[IntensitySlice | None]
-) -> dict[str, AnyArray]:
+def _link_intensities(graph: DelaunayGraph, intensity: IntensitySlice | None) -> dict[str, AnyArray]:
     """Intensity across and along links, at three places of each; zeros where there is no image."""
     count = len(graph.links)
     middle = np.zeros(count)
     across, slope = np.zeros((len(BLURS), count, 2)), np.zeros((count, 2))
-    steps, lengths = _steps(graph), graph.link_lengths
-    for intensity, own in _with_image(intensities, graph.link_offsets):
-        step = steps[own]
-        normal = np.column_stack([-step[:, 1], step[:, 0]]) / lengths[own, None]
-        start = graph.points[graph.links[own, 0]]
+    if intensity is not None:
+        step = _steps(graph)
+        normal = np.column_stack([-step[:, 1], step[:, 0]]) / graph.link_lengths[:, None]
+        start = graph.points[graph.links[:, 0]]
         places = start[:, None] + step[:, None] * np.array([1 / 6, 1 / 2, 5 / 6])[:, None]
         for n, (_, reach) in enumerate(BLURS):
             beside = reach * normal[:, None]
             change = sample_channels(intensity, places + beside) - sample_channels(intensity, places - beside)
-            across[n, own] = _mean_and_least(change[..., n + 1])
+            across[n] = _mean_and_least(change[..., n + 1])
             if n == 0:
-                middle[own] = np.abs(change[:, 1, 0])
-        slope[own] = _mean_and_least(sample_channels(intensity, places)[..., -1])
+                middle = np.abs(change[:, 1, 0])
+        slope = _mean_and_least(sample_channels(intensity, places)[..., -1])
     named = {f"equalised_step_{part}": column for part, column in zip(_BLURRED, across, strict=True)}
     return {"intensity_step": middle, "slope": slope, **named}
 

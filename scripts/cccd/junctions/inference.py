@@ -7,11 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
-from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, RealArray, split_ragged
+from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, RealArray
 from cccd.junctions.decoding import border_loops, fill_loops, find_outline
-from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph, join_graphs
+from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd.junctions.energy import Logits, inference_energy, least_energy
-from cccd.junctions.intensity import IntensitySlice
 from cccd.junctions.observation import ObservedSlice, observe
 from cccd.settings.junctions import InferenceSettings
 
@@ -27,20 +26,23 @@ _PRIOR_SCALE = 2
 class Predictor(Protocol):
     """What tells inside from outside and true links from others: a network, or the prior."""
 
-    def logits(self, graph: DelaunayGraph, intensities: Sequence[IntensitySlice | None]) -> Logits:
-        """Logits that triangles (T,) are inside and that links (L,) are true."""
+    def logits(self, slices: Sequence[ObservedSlice]) -> list[Logits]:
+        """Logits of every slice: that its triangles (T,) are inside and that its links (L,) are true."""
         ...
 
 
 class Prior:
     """What is assumed without a network."""
 
-    def logits(self, graph: DelaunayGraph, intensities: Sequence[IntensitySlice | None]) -> Logits:
+    def logits(self, slices: Sequence[ObservedSlice]) -> list[Logits]:
         """Say inside of what walls of 8-neighbours and gaps up to 6 pixels enclose, true of short links.
 
         Of triangles that have no longer side themselves, as between the steps of a staircase, it says
         nothing.
         """
+        return [self._logits(observed.graph) for observed in slices]
+
+    def _logits(self, graph: DelaunayGraph) -> Logits:
         length = np.append(graph.link_lengths, np.inf)  # for the sides that have no link
         open_inside = length[graph.triangle_links].max(axis=1) > REGION_GAPS_PX[_PRIOR_SCALE]
         enclosed = graph.depths[:, _PRIOR_SCALE] > 0
@@ -59,7 +61,7 @@ def infer_inside(
     Parameters
     ----------
     slices : sequence of ObservedSlice
-        They are joined to one batch.
+        The predictor gets them as one batch.
     predictor : Predictor
     settings : InferenceSettings
     """
@@ -67,10 +69,11 @@ def infer_inside(
     doubtful = [observed for observed, outline in zip(slices, outlines, strict=True) if not outline.exact]
     if not doubtful:
         return [outline.enclosed for outline in outlines]
-    batch = join_graphs([observed.graph for observed in doubtful])
-    logits = predictor.logits(batch, [observed.intensity for observed in doubtful])
-    cut = least_energy(batch, inference_energy(batch, logits, settings))
-    cuts = iter(split_ragged(cut, batch.triangle_offsets))
+    graphs = [observed.graph for observed in doubtful]
+    cuts = iter(
+        least_energy(graph, inference_energy(graph, logits, settings))
+        for graph, logits in zip(graphs, predictor.logits(doubtful), strict=True)
+    )
     inside: list[BoolArray] = []
     for outline in outlines:
         cut = outline.enclosed if outline.exact else next(cuts)
@@ -111,7 +114,7 @@ def predict_masks(
         slices = [observe(*both, settings) for both in zip(maps[batch], shown[batch], strict=True)]
         inside = infer_inside(slices, predictor or PRIOR, settings)
         for observed, within in zip(slices, inside, strict=True):
-            loops += border_loops(observed.graph, within)
+            loops.append(border_loops(observed.graph, within))
     corners = np.concatenate([np.zeros((0, 2), np.int64), *(loop for around in loops for loop in around)])
     if not len(corners):
         return np.zeros((len(maps), 1, 1), bool), np.zeros(2, np.int64)

@@ -14,13 +14,14 @@ import numpy as np
 import pandas as pd
 import torch
 from torch import nn
-from torch.utils.data import DataLoader
+from torch_geometric.data import HeteroData
+from torch_geometric.loader import DataLoader
 from tqdm import tqdm
 
 from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.junctions.checkpoint import Checkpoints, fingerprint, save_model, start_from
-from cccd.junctions.data import EpochBatches, Examples, label_maps
+from cccd.junctions.data import EpochMaps, label_map
 from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
 from cccd.junctions.frozen_graphs import read_maps
 from cccd.junctions.loss import total_loss
@@ -71,8 +72,8 @@ def train_model(
     frozen, validation = (read_maps(graphs_path, split) for split in ("training", "validation"))
     if not frozen or not validation:
         raise InputError("config gnn.graphs", "training or validation is empty", "draw at least one of each")
-    examples = [label_maps([drawn], [False], settings) for drawn in validation]
-    run = _Run.start(settings, len(EpochBatches(frozen, settings, seed, 0)))
+    prepared = [label_map(drawn, False, settings) for drawn in validation]
+    run = _Run.start(settings, len(_loader(EpochMaps(frozen, settings, seed, 0), threads)))
     checkpoints = Checkpoints(Path(checkpoint_dir), fingerprint(graphs_path, settings, seed))
     state = checkpoints.newest()
     if state is not None:
@@ -81,8 +82,8 @@ def train_model(
         if run.is_stuck(epoch, settings.patience):
             break
         begun = time.perf_counter()
-        loss = _run_epoch(run, EpochBatches(frozen, settings, seed, epoch), threads)
-        row = {"epoch": epoch, "loss": loss, **validate(run.model, validation, examples, settings.inference)}
+        loss = _run_epoch(run, EpochMaps(frozen, settings, seed, epoch), threads)
+        row = {"epoch": epoch, "loss": loss, **validate(run.model, validation, prepared, settings.inference)}
         seconds = round(time.perf_counter() - begun, 2)
         run.record({**row, "seconds": seconds, "device": run.device_name(threads)})
         checkpoints.save(epoch, run.state())
@@ -173,45 +174,46 @@ class _Run:
         self.history, self.best = state["history"], state["best"]
 
 
-def _only(batch: list[Examples]) -> Examples:
-    return batch[0]
-
-
-def _run_epoch(run: _Run, batches: EpochBatches, threads: int) -> float:
-    """One pass over an epoch's batches; returns the mean loss."""
-    run.model.train()
+def _loader(maps: EpochMaps, threads: int) -> DataLoader[HeteroData]:
+    """Batches of an epoch; a last one that is too small is left out."""
     workers = max(0, min(threads, os.cpu_count() or 1) - 1)
-    loader = DataLoader(batches, batch_size=1, collate_fn=_only, num_workers=workers)
+    size = min(maps.settings.batch_size, len(maps))
+    return DataLoader(maps, batch_size=size, drop_last=True, num_workers=workers)
+
+
+def _run_epoch(run: _Run, maps: EpochMaps, threads: int) -> float:
+    """One pass over an epoch's maps; returns the mean loss."""
+    run.model.train()
+    loader = _loader(maps, threads)
     total = 0.0
-    for examples in tqdm(loader, desc=f"epoch {batches.epoch}", unit="batch", mininterval=2):
-        if run.device.type != "cpu":
-            examples = examples.to(run.device)
-        loss = total_loss(run.model(examples.batch), examples, batches.settings.loss)
+    for batch in tqdm(loader, desc=f"epoch {maps.epoch}", unit="batch", mininterval=2):
+        there = batch.to(run.device)
+        loss = total_loss(run.model(there), there, maps.settings.loss)
         run.optimiser.zero_grad(set_to_none=True)
         torch.autograd.backward(loss)
-        nn.utils.clip_grad_norm_(run.model.parameters(), batches.settings.optimiser.gradient_norm)
+        nn.utils.clip_grad_norm_(run.model.parameters(), maps.settings.optimiser.gradient_norm)
         run.optimiser.step()
         run.schedule.step()
         total += float(loss.detach())
-    return total / len(batches)
+    return total / len(loader)
 
 
 def validate(
     model: JunctionNetwork,
     maps: Sequence[SyntheticMap],
-    prepared: Sequence[Examples],
+    prepared: Sequence[HeteroData],
     settings: InferenceSettings,
 ) -> dict[str, float]:
     """Link precision, recall and F1, and the share of slices that the decoder gets right."""
     true_positive = positive = true = 0.0
     scores: list[SliceScore] = []
-    for drawn, examples in zip(maps, prepared, strict=True):
-        logits = model.predict(examples.batch)
-        predicted, label = logits[1] > 0, examples.true.numpy() > 0.5
+    for drawn, data in zip(maps, prepared, strict=True):
+        (logits,) = model.predict([data])
+        predicted, label = logits[1] > 0, data["link"].y.numpy() > 0.5
         true_positive += np.count_nonzero(predicted & label)
         positive += np.count_nonzero(predicted)
         true += np.count_nonzero(label)
-        masks, origin = fill_inside(examples.graph, label_inside(examples.graph, logits, settings))
+        masks, origin = fill_inside(data.graph, label_inside(data.graph, logits, settings))
         curves = closed_chains(masks, origin, np.zeros(1, np.int64), _FLAT, settings)
         scores.append(score_slice(list(curves), drawn.contours))
     precision, recall = true_positive / max(positive, 1), true_positive / max(true, 1)

@@ -2,49 +2,66 @@
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 from torch import Tensor, nn
+from torch_geometric.data import HeteroData
 
-from cccd.geometry.arrays import FloatArray
-from cccd.junctions.data import Examples
-from cccd.junctions.energy import Energy, energy_of_logits, least_energy
+from cccd.geometry.arrays import BoolArray, FloatArray, offsets_of, split_ragged
+from cccd.junctions.delaunay import DelaunayGraph
+from cccd.junctions.energy import Energy, EnergyWeights, energy_of_logits, least_energy
+from cccd.junctions.graph_data import TRIANGLE_LINKS
 from cccd.settings.junctions import LossSettings
 
 __all__ = ["cut_loss", "total_loss"]
 
 
-def total_loss(logits: tuple[Tensor, Tensor], examples: Examples, settings: LossSettings) -> Tensor:
+def total_loss(logits: tuple[Tensor, Tensor], batch: HeteroData, settings: LossSettings) -> Tensor:
     """Mean over slices of the triangles' and the links' cross entropy, and the loss of the cut.
 
     Parameters
     ----------
     logits : tuple of (T,) and (L,)
         That a triangle is inside and that a link is true.
-    examples : Examples
+    batch : Batch
+        Of slices from `cccd.junctions.data.label_map`.
     settings : LossSettings
     """
     inside, link = logits
-    cross_entropy = nn.functional.binary_cross_entropy_with_logits
-    triangles = cross_entropy(inside, examples.inside, examples.inside_weight, reduction="sum")
-    links = cross_entropy(link, examples.true, examples.true_weight, reduction="sum")
-    return triangles + links + settings.cut_weight * cut_loss(inside, link, examples, settings.margin)
+    entropies = [
+        nn.functional.binary_cross_entropy_with_logits(logit, part.y, part.weight, reduction="sum")
+        for logit, part in ((inside, batch["triangle"]), (link, batch["link"]))
+    ]
+    return sum(entropies) / batch.num_graphs + settings.cut_weight * cut_loss(
+        inside, link, batch, settings.margin
+    )
 
 
-def cut_loss(inside: Tensor, link: Tensor, examples: Examples, margin: float) -> Tensor:
+def cut_loss(inside: Tensor, link: Tensor, batch: HeteroData, margin: float) -> Tensor:
     """How much more energy the true labels have than the least: the structured hinge loss.
 
     The least is sought with every wrong triangle ``margin`` nats cheaper, so that the true labels win by a
     margin (Tsochantaridis et al. 2005; Szummer, Kohli and Hoiem 2008 for graph cuts). Mean over triangles
     by extent. The energy is that of inference: `cccd.junctions.energy`.
     """
-    extent, share = examples.energy_weights.unary, examples.inside
-    energy = energy_of_logits(examples.energy_weights, inside, link, nn.functional.softplus)
+    triangles = batch["triangle"]
+    extent, share = triangles.energy_weight, triangles.y
+    weights = EnergyWeights(extent, batch["link"].energy_weight)
+    energy = energy_of_logits(weights, inside, link, nn.functional.softplus)
     cheapened = Energy(energy.unary - margin * extent * (1 - 2 * share), energy.pairwise)
-    least = least_energy(examples.graph, Energy(_doubles(cheapened.unary), _doubles(cheapened.pairwise)))
     truth = (share > 0.5) & (extent > 0)
-    found = torch.as_tensor(least).to(inside.device)
-    excess = cheapened.difference(truth.float(), found.float(), examples.batch.link_triangles)
+    found = torch.as_tensor(_least(cheapened, batch)).to(inside.device)
+    excess = cheapened.difference(truth.float(), found.float(), batch[TRIANGLE_LINKS].edge_index)
     return excess / extent.sum()
+
+
+def _least(energy: Energy[Tensor], batch: HeteroData) -> BoolArray:
+    """Labels (T,) of the least energy, slice by slice."""
+    graphs: list[DelaunayGraph] = batch.graph
+    unary = split_ragged(_doubles(energy.unary), offsets_of([len(graph.triangles) for graph in graphs]))
+    pairwise = split_ragged(_doubles(energy.pairwise), offsets_of([len(graph.links) for graph in graphs]))
+    slices = zip(graphs, unary, pairwise, strict=True)
+    return np.concatenate([least_energy(graph, Energy(one, other)) for graph, one, other in slices])
 
 
 def _doubles(values: Tensor) -> FloatArray:

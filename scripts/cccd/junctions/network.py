@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast
 
 import torch
 from torch import Tensor, nn
+from torch_geometric.data import Batch, HeteroData
 
-from cccd.junctions.batch import CORNER_WIDTH, GraphBatch, make_batch
-from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import Logits
 from cccd.junctions.features import LINKS, NODES, TRIANGLES
-from cccd.junctions.intensity import IntensitySlice
-from cccd.junctions.layers import GatedConvolution, MessageLayer, RowGroups
+from cccd.junctions.graph_data import CORNER_WIDTH, CORNERS, PIXEL_LINKS, make_data
+from cccd.junctions.layers import EquationEleven, MessageLayer, both_ways
+from cccd.junctions.observation import ObservedSlice
 
 __all__ = ["JunctionNetwork"]
 
@@ -68,12 +67,12 @@ class JunctionNetwork(nn.Module):
             nn.Linear(_HIDDEN * width, width),
         )
         self.pixel_layers = nn.ModuleList(
-            GatedConvolution(width, width, dropout, heads) for _ in range(pixel_layers)
+            EquationEleven(width, width, dropout, heads) for _ in range(pixel_layers)
         )
         # parts of a link's gates that are the same, and that change sign, for its two directions
         self.even_gates = nn.ModuleList(nn.Linear(LINKS.width, heads) for _ in range(pixel_layers))
         self.odd_gates = nn.ModuleList(nn.Linear(2, heads, bias=False) for _ in range(pixel_layers))
-        self.corner_layer = GatedConvolution(width, width, dropout, heads)
+        self.corner_layer = EquationEleven(width, width, dropout, heads)
         self.corner_gate = nn.Linear(CORNER_WIDTH, heads)
         self.triangle_encoder = nn.Sequential(
             nn.BatchNorm1d(TRIANGLES.width), nn.Linear(TRIANGLES.width, width)
@@ -88,40 +87,42 @@ class JunctionNetwork(nn.Module):
         )
         self.link_head = nn.Sequential(nn.BatchNorm1d(link_width), nn.ReLU(), nn.Linear(link_width, 1))
 
-    def forward(self, batch: GraphBatch) -> tuple[Tensor, Tensor]:
-        """Logits that a triangle (T,) is inside and that a link (L,) is true."""
-        features = self.link_encoder[0](batch.links)  # normalised: gates read the same
-        x = self._pixel_states(batch, features)
-        t = self.triangle_encoder(batch.triangles)
-        t = t + self.corner_layer.over_sides(x, batch.corners, self.corner_gate(batch.corner_direction))
+    def forward(self, data: HeteroData) -> tuple[Tensor, Tensor]:
+        """Logits that a triangle (T,) is inside and that a link (L,) is true, of a `Batch` of slices."""
+        links, triangles = data["link"], data["triangle"]
+        features = self.link_encoder[0](links.x)  # normalised: gates read the same
+        x = self._pixel_states(data, features)
+        t = self.triangle_encoder(triangles.x)
+        corners = data[CORNERS]
+        gate = self.corner_gate(corners.edge_attr)
+        t = t + self.corner_layer(x, corners.edge_index, gate, receivers=len(t))
         ends = self.end_encoder(x)
-        first, second = batch.link_nodes
+        first, second = data[PIXEL_LINKS].edge_index
         e = self.link_encoder[1](features) + ends.index_select(0, first) + ends.index_select(0, second)
-        regions, link_groups = (
-            [RowGroups.of(number) for number in part] for part in (batch.regions, batch.link_groups)
-        )
         for layer in self.message_layers:
-            t, e = layer(t, e, batch, regions, link_groups)
+            t, e = layer(t, e, data)
         return self.inside_head(t).squeeze(1), self.link_head(e).squeeze(1)
 
-    def _pixel_states(self, batch: GraphBatch, link_features: Tensor) -> Tensor:
+    def _pixel_states(self, data: HeteroData, link_features: Tensor) -> Tensor:
         """States of the pixels (V, width) after their own layers."""
-        x: Tensor = self.pixel_encoder(batch.nodes.float() / 255)
-        first, second = batch.link_nodes
-        source, target = torch.cat([first, second]), torch.cat([second, first])
-        for module, even, odd in zip(self.pixel_layers, self.even_gates, self.odd_gates, strict=True):
-            layer = cast(GatedConvolution, module)
-            both, turned = even(link_features), odd(batch.link_direction)
-            x = x + layer.along_links(x, source, target, torch.cat([both + turned, both - turned]))
+        x: Tensor = self.pixel_encoder(data["pixel"].x.float() / 255)
+        edges = both_ways(data[PIXEL_LINKS].edge_index)
+        for layer, even, odd in zip(self.pixel_layers, self.even_gates, self.odd_gates, strict=True):
+            both, turned = even(link_features), odd(data["link"].direction)
+            x = x + layer(x, edges, torch.cat([both + turned, both - turned]))
         return x
 
     @torch.inference_mode()
-    def predict(self, batch: GraphBatch) -> Logits:
-        """`forward` in evaluation mode, as float64 arrays (T,) and (L,)."""
-        device = next(self.parameters()).device
-        inside, link = self.eval()(batch.to(device))
-        return inside.double().cpu().numpy(), link.double().cpu().numpy()
+    def predict(self, slices: Sequence[HeteroData]) -> list[Logits]:
+        """`forward` in evaluation mode, as float64 arrays (T,) and (L,) of every slice."""
+        batch = Batch.from_data_list(slices).to(next(self.parameters()).device)
+        inside, link = (part.double().cpu() for part in self.eval()(batch))
+        triangles, links = ([data[name].num_nodes for data in slices] for name in ("triangle", "link"))
+        return [
+            (one.numpy(), other.numpy())
+            for one, other in zip(inside.split(triangles), link.split(links), strict=True)
+        ]
 
-    def logits(self, graph: DelaunayGraph, intensities: Sequence[IntensitySlice | None]) -> Logits:
-        """Logits of a batch of slices: what `cccd.junctions.inference` asks a predictor for."""
-        return self.predict(make_batch(graph, intensities))
+    def logits(self, slices: Sequence[ObservedSlice]) -> list[Logits]:
+        """Logits of some slices: what `cccd.junctions.inference` asks a predictor for."""
+        return self.predict([make_data(observed.graph, observed.intensity) for observed in slices])

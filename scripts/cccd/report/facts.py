@@ -23,7 +23,6 @@ PACKAGES = (
     "scikit-image",
     "opencv-contrib-python-headless",
     "shapely",
-    "networkx",
     "trimesh",
     "manifold3d",
     "pyvista",

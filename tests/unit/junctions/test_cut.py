@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 
 from cccd.junctions.cut import minimum_cut
-from cccd.junctions.delaunay import build_graph, join_graphs
+from cccd.junctions.delaunay import build_graph
 
 
 def energy(inside, unary, pairwise, sides):
@@ -21,7 +21,7 @@ def test_no_labelling_is_better_than_the_cut():
         cells = len(graph.triangles)
         assert cells <= 16
         unary, pairwise = rng.normal(size=cells), rng.exponential(0.5, len(graph.links))
-        found = minimum_cut(unary, pairwise, graph.neighbours, graph.triangle_links, graph.triangle_offsets)
+        found = minimum_cut(unary, pairwise, graph.neighbours, graph.triangle_links)
         every = np.array(list(itertools.product([False, True], repeat=cells)))
         values = (every * unary).sum(axis=1)
         values += (
@@ -34,22 +34,5 @@ def test_without_link_costs_each_cell_goes_where_it_is_cheaper():
     rng = np.random.default_rng(1)
     graph = build_graph(np.unique(rng.integers(0, 30, (80, 2)), axis=0))
     unary = rng.normal(size=len(graph.triangles))
-    found = minimum_cut(
-        unary, np.zeros(len(graph.links)), graph.neighbours, graph.triangle_links, graph.triangle_offsets
-    )
+    found = minimum_cut(unary, np.zeros(len(graph.links)), graph.neighbours, graph.triangle_links)
     assert np.array_equal(found, unary < 0)
-
-
-def test_slices_do_not_influence_each_other():
-    rng = np.random.default_rng(2)
-    parts = [build_graph(np.unique(rng.integers(0, 30, (60, 2)), axis=0)) for _ in range(3)]
-    joined = join_graphs(parts)
-    unary, pairwise = rng.normal(size=len(joined.triangles)), rng.exponential(0.3, len(joined.links))
-    together = minimum_cut(unary, pairwise, joined.neighbours, joined.triangle_links, joined.triangle_offsets)
-    for n, part in enumerate(parts):
-        cells = slice(*joined.triangle_offsets[n : n + 2])
-        links = slice(*joined.link_offsets[n : n + 2])
-        alone = minimum_cut(
-            unary[cells], pairwise[links], part.neighbours, part.triangle_links, part.triangle_offsets
-        )
-        assert np.array_equal(together[cells], alone)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cccd.junctions.delaunay import REGION_GAPS_PX, build_graph, join_graphs
+from cccd.junctions.delaunay import REGION_GAPS_PX, build_graph
 from cccd.junctions.opencv import border_pixels
 
 
@@ -70,24 +70,6 @@ def test_a_gap_is_closed_by_walls_as_long_as_it_is(missing):
     middle = np.argmax(np.where(graph.outer, 0, graph.areas))
     for scale, wall in enumerate(REGION_GAPS_PX):
         assert (graph.depths[middle, scale] > 0) == (width <= wall)
-
-
-def test_joining_keeps_slices_apart_and_in_order():
-    parts = [build_graph(ring(n)) for n in (5, 8, 11)]
-    joined = join_graphs(parts)
-    for n, part in enumerate(parts):
-        low, high = joined.triangle_offsets[n : n + 2]
-        node = joined.node_offsets[n]
-        assert np.array_equal(joined.triangles[low:high] - node, part.triangles)
-        beyond = joined.neighbours[low:high]
-        assert np.array_equal(np.where(beyond >= 0, beyond - low, -1), part.neighbours)
-    assert (
-        len(
-            set(joined.regions[: joined.triangle_offsets[1], 0])
-            & set(joined.regions[joined.triangle_offsets[1] :, 0])
-        )
-        == 0
-    )
 
 
 def test_memory_grows_with_the_number_of_links():

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cccd.junctions.delaunay import build_graph, join_graphs
+from cccd.junctions.delaunay import build_graph
 from cccd.junctions.features import INTENSITIES, LINKS, NODES, TRIANGLES, measure_features
 from cccd.junctions.intensity import normalised_intensity
 from cccd.junctions.network import JunctionNetwork
@@ -18,7 +18,7 @@ def disc():
 def test_no_image_reads_as_zeros():
     pixels = border_pixels(disc())[0]
     graph = build_graph(pixels)
-    features = measure_features(graph, [None])
+    features = measure_features(graph, None)
     assert features.nodes.shape == (len(graph.points), NODES.width)
     assert features.links.shape == (len(graph.links), LINKS.width)
     assert features.triangles.shape == (len(graph.triangles), TRIANGLES.width)
@@ -41,7 +41,7 @@ def test_grey_values_are_read_where_the_image_has_them():
     pixels = border_pixels(mask)[0]
     graph = build_graph(pixels)
     seen = normalised_intensity(mask.astype(np.float32), pixels)
-    values = measure_features(graph, [seen]).triangles[:, INTENSITIES]
+    values = measure_features(graph, seen).triangles[:, INTENSITIES]
     centre = graph.points[graph.triangles].mean(axis=1)
     far = np.hypot(*(centre - 40).T)
     assert values[far < 12].min() > values[(far > 30) & ~graph.outer].max(initial=values[graph.outer].max())
@@ -51,10 +51,10 @@ def test_neither_units_nor_place_of_the_image_change_what_is_read():
     mask = disc()
     image = np.random.default_rng(0).normal(0, 1, mask.shape) + mask
     pixels = border_pixels(mask)[0]
-    here = measure_features(build_graph(pixels), [normalised_intensity(image, pixels)])
+    here = measure_features(build_graph(pixels), normalised_intensity(image, pixels))
     moved = pixels + np.array([9, 17])
     wide = 1000 * np.pad(image, ((9, 3), (17, 5))) - 7
-    there = measure_features(build_graph(moved), [normalised_intensity(wide, moved)])
+    there = measure_features(build_graph(moved), normalised_intensity(wide, moved))
     assert np.array_equal(here.nodes, there.nodes)
     values, moved_values = (np.sort(part.triangles[:, INTENSITIES], axis=0) for part in (here, there))
     assert values == pytest.approx(moved_values, abs=0.02)
@@ -63,7 +63,7 @@ def test_neither_units_nor_place_of_the_image_change_what_is_read():
 def test_a_fragment_is_known_by_its_size():
     ring = border_pixels(disc())[0]
     graph = build_graph(np.vstack([ring, [[2, 2], [2, 3]]]))
-    links = measure_features(graph, [None]).links
+    links = measure_features(graph, None).links
     fewer, more = links[:, LINKS["fragment_size"]].T
     one = links[:, LINKS["same_fragment"]]
     ends = graph.links >= len(ring)
@@ -75,33 +75,10 @@ def test_a_fragment_is_known_by_its_size():
     assert np.exp(4 * fewer[across]) == pytest.approx(2, rel=1e-5)
 
 
-def test_a_slice_reads_the_same_alone_and_among_others():
-    rng = np.random.default_rng(0)
-    slices = [
-        np.unique(rng.integers(low, high, (90, 2)), axis=0) for low, high in ((0, 30), (7, 80), (3, 50))
-    ]
-    image = rng.normal(0, 1, (80, 80))
-    intensities = [None, normalised_intensity(image, slices[1]), None]
-    graphs = [build_graph(pixels) for pixels in slices]
-    together = measure_features(join_graphs(graphs), intensities)
-    apart = [
-        measure_features(graph, [intensity]) for graph, intensity in zip(graphs, intensities, strict=True)
-    ]
-    for name in ("nodes", "links", "triangles"):
-        expected = np.concatenate([getattr(part, name) for part in apart])
-        np.testing.assert_allclose(getattr(together, name), expected, rtol=1e-4, atol=1e-5)
-    # a branch is the same set of pixels, and none reaches over two slices
-    of = np.repeat(np.arange(3), [len(graph.points) for graph in graphs])
-    for which in ("branch", "group"):
-        pairs = np.unique(np.column_stack([getattr(together, which), of]), axis=0)
-        assert len(pairs) == sum(len(np.unique(getattr(part, which))) for part in apart)
-        assert len(np.unique(pairs[:, 0])) == len(pairs)
-
-
 def test_columns_hold_what_their_names_say():
     rng = np.random.default_rng(1)
     graph = build_graph(np.unique(rng.integers(0, 40, (90, 2)), axis=0))
-    features = measure_features(graph, [None])
+    features = measure_features(graph, None)
     named = {
         "links": (LINKS, {"length": np.log(graph.link_lengths), "short": graph.link_lengths < 1.5}),
         "triangles": (TRIANGLES, {"area": np.log1p(graph.areas), "outer": graph.outer, "has_image": 0}),

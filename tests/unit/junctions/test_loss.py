@@ -3,8 +3,9 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
+from torch_geometric.data import Batch
 
-from cccd.junctions.data import label_maps
+from cccd.junctions.data import label_map
 from cccd.junctions.loss import cut_loss
 from cccd.junctions.synthetic_maps import SyntheticMap
 from cccd.settings.junctions import NetworkSettings
@@ -17,31 +18,32 @@ SQUARE = np.array([(0, 0), (0, 4), (4, 4), (4, 0)])
 def examples():
     """A square whose middle pixel belongs to nothing: four triangles inside."""
     pixels = np.vstack([SQUARE, [(2, 2)]]).astype(np.int32) + 20
-    return label_maps(
-        [SyntheticMap(pixels, [SQUARE.astype(np.int32) + 20], "clean", (45, 45))], [False], NetworkSettings()
-    )
+    drawn = SyntheticMap(pixels, [SQUARE.astype(np.int32) + 20], "clean", (45, 45))
+    return Batch.from_data_list([label_map(drawn, False, NetworkSettings())])
 
 
 def energy(examples, inside, link, labels):
-    graph = examples.graph
-    gain = np.asarray(inside) * examples.energy_weights.unary.numpy()
-    cost = examples.energy_weights.pairwise.numpy() * np.logaddexp(0, -np.asarray(link))
+    (graph,) = examples.graph
+    gain = np.asarray(inside) * examples["triangle"].energy_weight.numpy()
+    cost = examples["link"].energy_weight.numpy() * np.logaddexp(0, -np.asarray(link))
     border = labels[graph.link_triangles[:, 0]] != labels[graph.link_triangles[:, 1]]
     return (gain * labels).sum() - (cost * border).sum()
 
 
 def test_it_is_the_margin_by_which_the_best_of_all_labellings_beats_the_true_one(examples):
     rng = np.random.default_rng(0)
-    graph, extent = examples.graph, examples.energy_weights.unary.numpy()
+    (graph,), extent = examples.graph, examples["triangle"].energy_weight.numpy()
     free = np.flatnonzero(~graph.outer)
-    truth = (examples.inside.numpy() > 0.5) & ~graph.outer
+    truth = (examples["triangle"].y.numpy() > 0.5) & ~graph.outer
     for _ in range(20):
         inside, link = rng.normal(0, 3, len(graph.triangles)), rng.normal(0, 3, len(graph.links))
         best = -np.inf
         for chosen in product([False, True], repeat=len(free)):
             labels = np.zeros(len(graph.triangles), bool)
             labels[free] = chosen
-            wrong = MARGIN * extent * (1 - 2 * examples.inside.numpy()) * (labels.astype(float) - truth)
+            wrong = (
+                MARGIN * extent * (1 - 2 * examples["triangle"].y.numpy()) * (labels.astype(float) - truth)
+            )
             best = max(best, energy(examples, inside, link, labels) + wrong.sum())
         expected = (best - energy(examples, inside, link, truth)) / extent.sum()
         found = cut_loss(torch.from_numpy(inside).float(), torch.from_numpy(link).float(), examples, MARGIN)
@@ -49,8 +51,8 @@ def test_it_is_the_margin_by_which_the_best_of_all_labellings_beats_the_true_one
 
 
 def test_it_is_zero_for_sure_and_right_logits_and_falls_along_its_gradient(examples):
-    sure = torch.where(examples.inside > 0.5, 9.0, -9.0)
-    links = torch.where(examples.true > 0.5, 9.0, -9.0)
+    sure = torch.where(examples["triangle"].y > 0.5, 9.0, -9.0)
+    links = torch.where(examples["link"].y > 0.5, 9.0, -9.0)
     assert float(cut_loss(sure, links, examples, MARGIN)) == pytest.approx(0, abs=1e-4)
     wrong = (-sure / 9).requires_grad_()
     found = cut_loss(wrong, links, examples, MARGIN)

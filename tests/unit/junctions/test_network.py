@@ -1,16 +1,19 @@
 import numpy as np
 import pytest
 import torch
+from torch_geometric.data import Batch
+from torch_geometric.nn import MessagePassing
 
-from cccd.junctions.batch import make_batch
 from cccd.junctions.delaunay import build_graph
-from cccd.junctions.layers import GatedConvolution
+from cccd.junctions.graph_data import TRIANGLE_LINKS, make_data
+from cccd.junctions.intensity import normalised_intensity
+from cccd.junctions.layers import EquationEleven, pooled_mean
 from cccd.junctions.network import JunctionNetwork
 
 
 def layer(width_in=5, width_out=4, heads=1):
     torch.manual_seed(0)
-    convolution = GatedConvolution(width_in, width_out, 0.0, heads)
+    convolution = EquationEleven(width_in, width_out, 0.0, heads)
     with torch.no_grad():
         for parameter in convolution.parameters():
             parameter.normal_()
@@ -35,47 +38,92 @@ def test_convolution_is_equation_11_evaluated_densely():
             if adjacency[i, j]:
                 normed = (x[j] @ W + b - mean) / np.sqrt(var + norm.eps) * gamma + beta
                 expected[i] += np.maximum(normed, 0)
-    source, target = map(torch.from_numpy, np.nonzero(adjacency))
+    assert isinstance(convolution, MessagePassing)
+    edges = torch.from_numpy(np.stack(np.nonzero(adjacency)))
     with torch.no_grad():
-        result = convolution.along_links(torch.from_numpy(x).float(), source, target)
+        result = convolution(torch.from_numpy(x).float(), edges)
     np.testing.assert_allclose(result.numpy(), expected, rtol=1e-4, atol=1e-5)
 
 
 def test_gates_of_one_change_nothing_and_zero_closes_a_link():
     convolution = layer(heads=2)
     x = torch.randn(6, 5)
-    source, target = torch.tensor([0, 1, 2, 3]), torch.tensor([1, 0, 4, 4])
+    edges = torch.tensor([[0, 1, 2, 3], [1, 0, 4, 4]])
     with torch.no_grad():
-        plain = convolution.along_links(x, source, target)
-        assert torch.equal(convolution.along_links(x, source, target, torch.ones(4, 2)), plain)
+        plain = convolution(x, edges)
+        assert torch.equal(convolution(x, edges, torch.ones(4, 2)), plain)
         gate = torch.ones(4, 2)
         gate[2] = 0
-        closed = convolution.along_links(x, source, target, gate)
-        assert torch.allclose(closed[4], convolution.along_links(x, source[3:], target[3:])[4])
+        closed = convolution(x, edges, gate)
+        assert torch.allclose(closed[4], convolution(x, edges[:, 3:])[4])
 
 
-def test_three_sides_and_a_list_of_links_agree():
-    convolution = layer(width_in=4)
-    x = torch.randn(7, 4)
-    neighbours = torch.randint(0, 7, (7, 3))
+def test_receivers_may_be_others_than_senders():
+    convolution = layer()
+    x = torch.randn(3, 5)
     with torch.no_grad():
-        listed = convolution.along_links(x, neighbours.reshape(-1), torch.arange(7).repeat_interleave(3))
-        assert torch.allclose(convolution.over_sides(x, neighbours), listed, atol=1e-6)
+        received = convolution(x, torch.tensor([[0, 2, 2], [5, 5, 1]]), receivers=7)
+        sent = convolution.sent(x)
+    assert received.shape == (7, 4)
+    assert torch.allclose(received[5], sent[0] + sent[2])
+    assert torch.equal(received[1], sent[2])
+    assert not received[[0, 2, 3, 4, 6]].any()
+
+
+def test_pooling_gives_every_row_its_pools_mean():
+    values = torch.arange(10.0).view(5, 2)
+    pooled = pooled_mean(values, torch.tensor([1, 0, 1, 1, 0]))
+    assert torch.equal(pooled[[0, 2, 3]], values[[0, 2, 3]].mean(dim=0).expand(3, 2))
+    assert torch.equal(pooled[[1, 4]], values[[1, 4]].mean(dim=0).expand(2, 2))
 
 
 def test_dropout_acts_in_training_only():
-    convolution = GatedConvolution(5, 4, 0.5)
+    convolution = EquationEleven(5, 4, 0.5)
     x = torch.randn(50, 5)
     convolution.train()
-    assert not torch.equal(convolution.messages(x), convolution.messages(x))
+    assert not torch.equal(convolution.sent(x), convolution.sent(x))
     convolution.eval()
-    assert torch.equal(convolution.messages(x), convolution.messages(x))
+    assert torch.equal(convolution.sent(x), convolution.sent(x))
+
+
+def slices_of(extents, image_of=1):
+    rng = np.random.default_rng(0)
+    graphs = [build_graph(np.unique(rng.integers(low, high, (90, 2)), axis=0)) for low, high in extents]
+    pixels = graphs[image_of].points[graphs[image_of].observed].astype(int)
+    seen = normalised_intensity(rng.normal(0, 1, (80, 80)), pixels)
+    return graphs, [make_data(g, seen if n == image_of else None) for n, g in enumerate(graphs)]
+
+
+def test_a_batch_keeps_its_slices_apart():
+    graphs, slices = slices_of([(0, 30), (7, 80), (3, 50)])
+    batch = Batch.from_data_list(slices)
+    triangles = np.cumsum([0, *(len(graph.triangles) for graph in graphs)])
+    sides = batch[TRIANGLE_LINKS].edge_index
+    assert torch.equal(batch["triangle"].batch[sides[0]], batch["triangle"].batch[sides[1]])
+    links = np.cumsum([0, *(len(graph.links) for graph in graphs)])
+    for n, graph in enumerate(graphs):
+        own = sides[:, links[n] : links[n + 1]] - triangles[n]
+        assert np.array_equal(own.numpy(), graph.link_triangles.T)
+    for name in ("triangle", "link"):
+        pools, owner = batch[name].pool_index, batch[name].batch
+        for pool in pools:
+            assert len(torch.unique(torch.stack([pool, owner]), dim=1)[0]) == len(torch.unique(pool))
+
+
+def test_a_slice_gets_the_same_logits_alone_and_among_others():
+    torch.manual_seed(0)
+    _, slices = slices_of([(0, 30), (7, 80), (3, 50)])
+    model = JunctionNetwork(width=16, link_width=8, message_layers=2, heads=4)
+    together = model.predict(slices)
+    for data, found in zip(slices, together, strict=True):
+        for one, other in zip(model.predict([data])[0], found, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-4)
 
 
 def test_every_link_and_triangle_gets_one_logit_and_every_weight_a_gradient():
     rng = np.random.default_rng(0)
     graph = build_graph(np.unique(rng.integers(0, 40, (90, 2)), axis=0))
-    batch = make_batch(graph, [None])
+    batch = Batch.from_data_list([make_data(graph, None)])
     model = JunctionNetwork(width=16, link_width=8, message_layers=2, heads=4)
     inside, link = model(batch)
     assert inside.shape == (len(graph.triangles),)
@@ -89,8 +137,9 @@ def test_a_gpu_gives_what_the_cpu_gives():
     torch.manual_seed(0)
     rng = np.random.default_rng(0)
     graph = build_graph(np.unique(rng.integers(0, 60, (300, 2)), axis=0))
-    batch = make_batch(graph, [None])
+    slices = [make_data(graph, None)]
     model = JunctionNetwork()
-    here = model.predict(batch)
-    for ours, theirs in zip(here, model.to("cuda").predict(batch), strict=True):
+    (here,) = model.predict(slices)
+    (there,) = model.to("cuda").predict(slices)
+    for ours, theirs in zip(here, there, strict=True):
         np.testing.assert_allclose(theirs, ours, rtol=1e-3, atol=1e-3)

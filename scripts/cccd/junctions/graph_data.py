@@ -1,0 +1,129 @@
+"""A slice's graph and its features as `torch_geometric.data.HeteroData`: what the network's layers read.
+
+==================== ===============================================================================
+stored at            holds
+==================== ===============================================================================
+``pixel``            ``x`` (V, NODES.width) uint8
+``link``             ``x`` (L, LINKS.width), ``direction`` (L, 2): unit vector from first pixel to second
+``triangle``         ``x`` (T, TRIANGLES.width), ``intensity`` (T, len(BLURS)), ``extent`` (T,): its weight in
+                     the slice's mean intensity
+``pool_index``       of triangles (`TRIANGLE_POOLS`, T) their region, at two scales; of links
+                     (`LINK_POOLS`, L) what they share with others: the same two regions, at two scales,
+                     the same two branches, the same two good-continuation groups
+`PIXEL_LINKS`        the two pixels of every link, each link once, in the order of ``link``
+`TRIANGLE_LINKS`     the two triangles that share a link, in the same order
+`CORNERS`            pixels to the triangles that they are corners of; ``edge_attr`` (3 T, CORNER_WIDTH):
+                     cosine and sine of the corner's angle at the centroid, of twice the angle, log of its
+                     distance
+==================== ===============================================================================
+
+`torch_geometric.data.Batch` joins slices: it shifts indices by what they count, pools included.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import pandas as pd
+import torch
+from torch import Tensor
+from torch_geometric.data import HeteroData
+
+from cccd.geometry.arrays import AnyArray, IntArray
+from cccd.junctions.delaunay import DelaunayGraph
+from cccd.junctions.features import INTENSITIES, GraphFeatures, measure_features
+from cccd.junctions.intensity import IntensitySlice
+from cccd.tolerances import LEAST_PX
+
+__all__ = [
+    "CORNERS",
+    "CORNER_WIDTH",
+    "LINK_POOLS",
+    "PIXEL_LINKS",
+    "TRIANGLE_LINKS",
+    "TRIANGLE_POOLS",
+    "make_data",
+]
+
+#: Types of edges.
+PIXEL_LINKS = ("pixel", "link", "pixel")
+TRIANGLE_LINKS = ("triangle", "link", "triangle")
+CORNERS = ("pixel", "corner", "triangle")
+
+#: Rows of ``pool_index``.
+TRIANGLE_POOLS, LINK_POOLS = 2, 4
+
+#: Columns of the corners' ``edge_attr``.
+CORNER_WIDTH = 5
+
+# Scales of `REGION_GAPS_PX` at which triangles and links are pooled: near and far.
+_POOLED_SCALES = (0, 2)
+
+
+class SliceData(HeteroData):
+    """A `HeteroData` whose ``pool_index`` is shifted as well when slices are joined."""
+
+    def __cat_dim__(self, key: str, value: Any, *args: Any, **kwargs: Any) -> Any:
+        """Along which dimension slices are joined."""
+        return 1 if key == "pool_index" else super().__cat_dim__(key, value, *args, **kwargs)
+
+    def __inc__(self, key: str, value: Any, *args: Any, **kwargs: Any) -> Any:
+        """By how much the next slice's numbers are raised."""
+        if key == "pool_index":
+            return value.amax(dim=1, keepdim=True) + 1
+        return super().__inc__(key, value, *args, **kwargs)
+
+
+def make_data(graph: DelaunayGraph, intensity: IntensitySlice | None) -> HeteroData:
+    """Measure a slice's features and put graph and features into tensors."""
+    features = measure_features(graph, intensity)
+    data = SliceData()
+    data["pixel"].x = torch.as_tensor(features.nodes)
+    data["link"].x = _real(features.links)
+    data["link"].direction = _real(_link_directions(graph))
+    data["triangle"].x = _real(features.triangles)
+    data["triangle"].intensity = _real(features.triangles[:, INTENSITIES])
+    data["triangle"].extent = _real(np.where(graph.outer, 0, graph.areas))
+    data[PIXEL_LINKS].edge_index = _index(graph.links.T)
+    data[TRIANGLE_LINKS].edge_index = _index(graph.link_triangles.T)
+    owners = np.arange(len(graph.triangles)).repeat(3)
+    data[CORNERS].edge_index = _index(np.stack([graph.triangles.ravel(), owners]))
+    data[CORNERS].edge_attr = _real(_corner_directions(graph))
+    data["triangle"].pool_index = _index(graph.regions[:, _POOLED_SCALES].T)
+    data["link"].pool_index = _index(_link_pools(graph, features))
+    return data
+
+
+def _index(array: AnyArray) -> Tensor:
+    return torch.as_tensor(np.ascontiguousarray(array, np.int64))
+
+
+def _real(array: AnyArray) -> Tensor:
+    return torch.as_tensor(np.ascontiguousarray(array, np.float32))
+
+
+def _link_directions(graph: DelaunayGraph) -> AnyArray:
+    first, second = graph.links.T
+    step = graph.points[second] - graph.points[first]
+    return step / np.linalg.norm(step, axis=1, keepdims=True)
+
+
+def _corner_directions(graph: DelaunayGraph) -> AnyArray:
+    corners = graph.points[graph.triangles]
+    spoke = (corners - corners.mean(axis=1, keepdims=True)).reshape(-1, 2)
+    reach = np.maximum(np.linalg.norm(spoke, axis=1), LEAST_PX)
+    cosine, sine = spoke[:, 1] / reach, spoke[:, 0] / reach
+    return np.stack([cosine, sine, cosine**2 - sine**2, 2 * cosine * sine, np.log(reach)], axis=1)
+
+
+def _link_pools(graph: DelaunayGraph, features: GraphFeatures) -> IntArray:
+    pairs = [graph.regions[graph.link_triangles, g] for g in _POOLED_SCALES]
+    pairs += [labels[graph.links] for labels in (features.branch, features.group)]
+    return np.stack([_same_pair(pair.astype(np.int64)) for pair in pairs])
+
+
+def _same_pair(pair: IntArray) -> IntArray:
+    """Assign equal unordered pairs (L, 2) equal numbers (L,)."""
+    low, high = np.minimum(*pair.T), np.maximum(*pair.T)
+    return cast(Any, pd).factorize(low * (high.max() + 1) + high)[0]

@@ -1,0 +1,1 @@
+"""The part of PyTorch Geometric that the junction networks use: it ships no types."""
