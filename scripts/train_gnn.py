@@ -1,6 +1,4 @@
-"""Train the junction GNN, from its last checkpoint if there is one."""
-
-from pathlib import Path
+"""Train a junction GNN, ours or the paper's, from its last checkpoint if there is one."""
 
 from cccd.job import job
 from cccd.junctions.loop import train_model
@@ -12,7 +10,7 @@ with job(snakemake.log[0], "GNN training"):
         snakemake.input.graphs,
         NetworkSettings(**snakemake.params.settings, start=start),
         seed=snakemake.params.seed,
-        checkpoint_dir=Path(snakemake.output.model).parent / "checkpoints",
+        checkpoint_dir=snakemake.params.checkpoints,
         model_path=snakemake.output.model,
         history_path=snakemake.output.history,
         threads=snakemake.threads,

@@ -28,16 +28,14 @@ LAYER = {name: number for number, layer in enumerate(LAYERS) for name in layer}
 #: What the report may read of the comparisons: what they are called, and the tables that they left.
 DESCRIPTIONS = {"registry", "summary", "measures", "numerals", "paper_k"}
 
+#: Where graphs are PyTorch Geometric's.
+GEOMETRIC = ("layers", "network", "graph_data", "data", "loss", "paper_network", "tasks")
+
 #: The only modules that may import these.
 ONLY = {
     "h5py": {"store"},
-    "torch": {
-        f"junctions.{name}"
-        for name in ("layers", "network", "graph_data", "energy", "data", "loss", "loop", "checkpoint")
-    },
-    "torch_geometric": {
-        f"junctions.{name}" for name in ("layers", "network", "graph_data", "data", "loss", "loop")
-    },
+    "torch": {*(f"junctions.{name}" for name in (*GEOMETRIC, "energy", "checkpoint", "loop"))},
+    "torch_geometric": {f"junctions.{name}" for name in GEOMETRIC},
     "snakemake": set(),
 }
 

@@ -122,6 +122,18 @@ def test_a_network_that_is_named_is_compared_on_masks_too(fresh_project, sheet):
             ["gnn.pretrained", "train: false"],
         ),
         (["train=false", "gnn={start: workflow/models/junctions.pt}"], ["gnn.start", "train: true"]),
+        (
+            ["train=false", "gnn={pretrained: workflow/models/paper.pt}"],
+            ["workflow/models/paper.pt", "set gnn.network to paper"],
+        ),
+        (
+            ["train=false", "gnn={network: paper, pretrained: workflow/models/junctions.pt}"],
+            ["workflow/models/junctions.pt", "set gnn.network to ours"],
+        ),
+        (
+            ["train=true", "gnn={width: 16, start: workflow/models/junctions.pt}"],
+            ["its width is not 16", "set gnn.width to 32"],
+        ),
     ],
 )
 def test_two_wishes_that_exclude_each_other_are_refused(fresh_project, settings, words):

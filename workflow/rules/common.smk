@@ -21,6 +21,8 @@ from cccd.dependencies import imported_files
 from cccd.dicom_objects import holds_contours
 from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
+from cccd.junctions.model_header import check_model, check_start
+from cccd.settings.junctions import NetworkSettings
 from cccd.settings.messages import nearest
 from cccd.settings.surface import SURFACE_FORMATS
 from cccd.settings.validation import validate_config
@@ -122,8 +124,25 @@ def way_of(wildcards):
 #: The model in use; the one that comes with the project; and the one that is taken where none is trained.
 MODEL = "results/gnn/model.pt"
 SHIPPED = near(ROOT / "workflow" / "models" / "junctions.pt")
+SHIPPED_PAPER = near(ROOT / "workflow" / "models" / "paper.pt")
 PRETRAINED = config["gnn"]["pretrained"]
-READY = near(find_file(PRETRAINED)) if PRETRAINED else SHIPPED
+ORDERS = config["gnn"]["network"]
+READY = (
+    near(find_file(PRETRAINED))
+    if PRETRAINED
+    else {"ours": SHIPPED, "paper": SHIPPED_PAPER}[ORDERS]
+)
+START = [near(find_file(name)) for name in [config["gnn"]["start"]] if name]
+
+try:
+    # a job that starts loses its outputs: what it would refuse is refused here, and no trained model with it
+    for path in START:
+        if os.path.exists(path):
+            check_start(path, NetworkSettings(**config["gnn"]))
+    if not TRAINED and os.path.exists(READY):
+        check_model(READY, ORDERS)
+except InputError as error:
+    sys.exit(f"Error: {error}")
 
 #: Whether this run uses a network: it trains one, or names one, or needs one to order contours. What compares
 #: networks is planned only then.

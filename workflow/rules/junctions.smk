@@ -26,20 +26,25 @@ rule generate_graphs:
 #: What tells of the training; a model that is taken comes without.
 TRAINING_FILES = ["results/gnn/graphs.h5", "results/gnn/history.csv"] if TRAINED else []
 
+#: The paper's network where ours orders: it is trained beside, for the comparison.
+PAPER_MODEL = "results/gnn/paper.pt"
+
 #: What tells of the network's worth, where one is used.
 JUNCTION_FILES = (
     ["results/tables/junctions.csv", "results/gnn/worst.png"] if NETWORKED else []
 )
 
 #: The models that are compared, by the names that the table gives them.
-COMPARED = {
-    **(
-        {"trained here": MODEL}
-        if TRAINED
-        else {"pretrained": MODEL} if PRETRAINED else {}
-    ),
-    "shipped": SHIPPED,
-}
+if ORDERS == "paper":
+    COMPARED = {f"the paper's, {'trained here' if TRAINED else 'taken'}": MODEL}
+elif TRAINED:
+    COMPARED = {"trained here": MODEL, "the paper's, trained here": PAPER_MODEL}
+else:
+    COMPARED = {
+        **({"pretrained": MODEL} if PRETRAINED else {}),
+        "the paper's, shipped": SHIPPED_PAPER,
+    }
+COMPARED["shipped"] = SHIPPED
 
 if TRAINED:
 
@@ -47,7 +52,7 @@ if TRAINED:
         """Train link prediction (eq. 11); a checkpoint each epoch, so that a killed run goes on from there."""
         input:
             graphs="results/gnn/graphs.h5",
-            start=[near(find_file(name)) for name in [config["gnn"]["start"]] if name],
+            start=START,
         output:
             model=MODEL,
             history="results/gnn/history.csv",
@@ -63,10 +68,48 @@ if TRAINED:
             runtime=minutes(60),
         params:
             library=library("train_gnn"),
-            settings=leave("gnn", "pretrained", "start", "test_maps"),
+            settings=leave(
+                "gnn",
+                "pretrained",
+                "start",
+                "test_maps",
+                *(["paper"] if ORDERS == "ours" else []),
+            ),
+            checkpoints="results/gnn/checkpoints",
             seed=config["seed"],
         script:
             "../../scripts/train_gnn.py"
+
+    if ORDERS == "ours":
+
+        rule train_paper_network:
+            """Train the paper's network on the same graphs, to stand beside ours in the junction table."""
+            input:
+                graphs="results/gnn/graphs.h5",
+                start=[],
+            output:
+                model=PAPER_MODEL,
+                history="results/gnn/paper_history.csv",
+            log:
+                "logs/gnn/train_paper_network.log",
+            benchmark:
+                "benchmarks/gnn/train_paper_network.tsv"
+            conda:
+                "../../envs/cccd.yaml"
+            threads: 1
+            resources:
+                mem_mb=memory(2000),
+                runtime=minutes(20),
+            params:
+                library=library("train_gnn"),
+                settings={
+                    **pick("gnn", "paper", "inference", "optimiser"),
+                    "network": "paper",
+                },
+                checkpoints="results/gnn/paper_checkpoints",
+                seed=config["seed"],
+            script:
+                "../../scripts/train_gnn.py"
 
 else:
 

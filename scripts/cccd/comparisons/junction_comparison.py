@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import cast
 
 import cv2
 import matplotlib
@@ -24,12 +25,16 @@ from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.corruptions import KINDS
 from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
+from cccd.junctions.grid import LinkPredictor, build_grid, find_chains
 from cccd.junctions.inference import DEFAULTS, Predictor, predict_masks
 from cccd.junctions.labels import inside_shares, link_labels
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.observation import observe
+from cccd.junctions.paper_network import PaperNetwork
 from cccd.junctions.scoring import SliceScore, score_slice
 from cccd.junctions.synthetic_maps import ALL_KINDS, RandomStream, SyntheticMap, draw_map, truth_mask
+from cccd.junctions.tasks import make_task
+from cccd.settings.junctions import NetworkSettings
 from cccd.store import atomic_path, write_table
 
 __all__ = ["compare_decoders", "draw_worst", "evaluate", "network_decoder"]
@@ -43,7 +48,7 @@ _FRAME = Frame(np.eye(4), 2, (1, 1, 1))
 Decoder = Callable[[Sequence[SyntheticMap]], list[list[np.ndarray]]]
 
 
-def network_decoder(model: Predictor | None, grey: bool = True) -> Decoder:
+def network_decoder(model: Predictor | LinkPredictor | None, grey: bool = True) -> Decoder:
     """Join the network (``None``: no network) and its decoder; without ``grey`` no images are shown."""
 
     def run(samples: Sequence[SyntheticMap]) -> list[list[np.ndarray]]:
@@ -139,13 +144,37 @@ def compare_decoders(
     return pd.concat([table, mean[table.columns]], ignore_index=True), scores
 
 
-def _isolated(samples: Sequence[SyntheticMap], model: JunctionNetwork) -> tuple[float, float]:
-    """Isolated corners per map (Figure 4) before and after ordering by the network."""
+def _isolated(samples: Sequence[SyntheticMap], model: JunctionNetwork | PaperNetwork) -> tuple[float, float]:
+    """Isolated corners per map (Figure 4) before and after ordering by the network.
+
+    After the paper's network: the open chains that it drops.
+    """
     points, offsets = concatenate_ragged([sample.pixels for sample in samples])
     frame = Frame(np.eye(4), 2, (1, 1, len(samples)))
     maps = Boundaries(points, offsets, np.arange(len(samples), dtype=np.int32), frame)
     before = isolated_corners(maps).sum() / len(samples)
-    return float(before), order_boundaries(maps, model)[1]["isolated_after"] / len(samples)
+    if isinstance(model, LinkPredictor):
+        grids = [build_grid(sample.pixels) for sample in samples]
+        scores = zip(grids, model.link_scores(grids), strict=True)
+        left = sum(find_chains(g, s if g.has_junctions else None).open_ends for g, s in scores)
+    else:
+        left = order_boundaries(maps, model)[1]["isolated_after"]
+    return float(before), left / len(samples)
+
+
+def _network_rows(
+    model: JunctionNetwork | PaperNetwork, maps: Mapping[str, Sequence[SyntheticMap]]
+) -> dict[str, dict[str, float]]:
+    """By kind: the F1 of the links that a network calls true, and isolated corners before and after."""
+    network = "paper" if isinstance(model, PaperNetwork) else "ours"
+    task = make_task([], NetworkSettings(network=network), 0)
+    rows: dict[str, dict[str, float]] = {}
+    for kind, samples in maps.items():
+        before, after = _isolated(samples, model)
+        links = task.score(model, samples)["link_f1"]
+        rows[kind] = {"link_f1": links, "isolated_before": before, "isolated_after": after}
+    mean = pd.DataFrame([rows[kind] for kind in TEN if kind in rows]).mean()
+    return rows | {"all ten": {str(name): float(value) for name, value in mean.items()}}
 
 
 #: The picture of the worst maps shows at most so many of a kind, so that the hardest kind leaves some room.
@@ -214,12 +243,13 @@ def evaluate(
     Parameters
     ----------
     models : mapping of name to path
-        Trained networks; the picture is of the last.
+        Trained networks; the picture is of the last, which is ours.
     settings : mapping
         ``test_maps``: maps per kind.
     seed : int
     scores_path, worst_path : path
-        CSV (see `compare_decoders`, and per kind the isolated corners per map before and after) and PNG.
+        CSV (see `compare_decoders`; of the last network and of the paper's also ``link_f1``,
+        ``isolated_before`` and ``isolated_after``) and PNG.
     """
     maps = {}
     for number, kind in enumerate(ALL_KINDS):
@@ -235,12 +265,16 @@ def evaluate(
     }
     decoders |= {name: _classical(method.run) for name, method in DECODERS.items()}
     table, _ = compare_decoders(decoders, maps)
-    isolated = {kind: _isolated(samples, networks[last]) for kind, samples in maps.items()}
-    shown = table["decoder"] == f"GNN, {last}"
-    for column, which in (("isolated_before", 0), ("isolated_after", 1)):
+    measured = {
+        f"GNN, {name}": _network_rows(network, maps)
+        for name, network in networks.items()
+        if name == last or isinstance(network, PaperNetwork)
+    }
+    for column in ("link_f1", "isolated_before", "isolated_after"):
         table[column] = [
-            isolated[kind][which] if ours and kind in isolated else np.nan
-            for kind, ours in zip(table["kind"], shown, strict=True)
+            measured.get(decoder, {}).get(kind, {}).get(column, np.nan)
+            for decoder, kind in zip(table["decoder"], table["kind"], strict=True)
         ]
     write_table(scores_path, table)
-    draw_worst(worst_path, networks[last], [sample for samples in maps.values() for sample in samples])
+    ours = cast(JunctionNetwork, networks[last])
+    draw_worst(worst_path, ours, [sample for samples in maps.values() for sample in samples])

@@ -496,7 +496,18 @@ ITEMS = (
         "Boundary maps with spurs, bridges, gaps and noise, ordered by the network and by the classical "
         "decoders.",
         table="junctions",
-        columns=("decoder", "kind", "maps", "correct", "dice", "hausdorff_px", "ms"),
+        columns=(
+            "decoder",
+            "kind",
+            "maps",
+            "correct",
+            "dice",
+            "hausdorff_px",
+            "ms",
+            "link_f1",
+            "isolated_before",
+            "isolated_after",
+        ),
         plots=_PLOTS + "junctions",
         captions=(
             "Share of slices whose curve is right, and mean Dice, per kind of corruption.",

@@ -24,8 +24,10 @@ module               holds
 ``opencv``           OpenCV's operations, typed
 ``random_masks``     synthetic organs; ``synthetic_images``, ``corruptions``, ``synthetic_maps``, ``labels``:
                      images, noisy boundary maps and labels of them
+``grid``             the paper's graph, the pixel grid, and its decoder; ``paper_network``: its network
 ``frozen_graphs``    ``graphs.h5``: graphs drawn once
-``data``             labelled batches; ``loss``, ``loop``, ``checkpoint``: the rest of the training
+``data``             labelled maps; ``tasks``, ``loss``, ``loop``, ``checkpoint``: the rest of the training
+``model_header``     whose weights a file holds, read without torch
 ``scoring``          when an ordered slice counts as correct
 ==================== ===============================================================================
 """

@@ -13,14 +13,17 @@ from typing import Any
 
 import torch
 
-from cccd.errors import InputError
+from cccd.junctions.model_header import foreign, read_header
 from cccd.junctions.network import JunctionNetwork
+from cccd.junctions.paper_network import PaperNetwork
 from cccd.settings.junctions import NetworkSettings
 from cccd.store import atomic_path
 
 __all__ = ["Checkpoints", "fingerprint", "load_model", "save_model", "start_from"]
 
 logger = logging.getLogger(__name__)
+
+_NETWORKS = {"ours": JunctionNetwork, "paper": PaperNetwork}
 
 # How many checkpoints are kept: the newest may be torn.
 _KEPT = 2
@@ -43,7 +46,8 @@ def save_content(path: Path, content: Mapping[str, Any]) -> None:
 def fingerprint(graphs_path: str | Path, settings: NetworkSettings, seed: int) -> str:
     """Digest what a checkpoint must have in common with a run to be resumed by it."""
     graphs = hashlib.sha256(Path(graphs_path).read_bytes()).hexdigest()
-    chosen = settings.model_dump(mode="json", exclude={"pretrained", "test_maps"})
+    unread = {"pretrained", "test_maps"} | ({"paper"} if settings.network == "ours" else set[str]())
+    chosen = settings.model_dump(mode="json", exclude=unread)
     return hashlib.sha256(json.dumps([graphs, chosen, seed], sort_keys=True).encode()).hexdigest()
 
 
@@ -85,10 +89,15 @@ class Checkpoints:
 
 
 def save_model(
-    path: str | Path, sizes: Mapping[str, int | float], weights: Mapping[str, torch.Tensor], seed: int
+    path: str | Path,
+    network: str,
+    sizes: Mapping[str, int | float],
+    weights: Mapping[str, torch.Tensor],
+    seed: int,
 ) -> None:
     """Write ``model.pt``: what `load_model` reads."""
-    save_content(Path(path), {"sizes": dict(sizes), "weights": dict(weights), "seed": seed})
+    content = {"network": network, "sizes": dict(sizes), "weights": dict(weights), "seed": seed}
+    save_content(Path(path), content)
 
 
 def _read_model(path: str | Path) -> dict[str, Any]:
@@ -96,15 +105,10 @@ def _read_model(path: str | Path) -> dict[str, Any]:
         content = torch.load(path, weights_only=True, map_location="cpu")
         return {key: content[key] for key in ("sizes", "weights")}
     except Exception as error:  # torch raises many kinds
-        raise _foreign(path, type(error).__name__) from error
+        raise foreign(path, type(error).__name__) from error
 
 
-def _foreign(path: str | Path, why: str) -> InputError:
-    problem = f"not a junction model of this version ({why})"
-    return InputError(str(path), problem, "name another in gnn.pretrained, or train one")
-
-
-def load_model(path: str | Path) -> JunctionNetwork:
+def load_model(path: str | Path) -> JunctionNetwork | PaperNetwork:
     """Read a trained network, ready for prediction, on the CPU or on the GPU where there is one.
 
     Raises
@@ -112,33 +116,25 @@ def load_model(path: str | Path) -> JunctionNetwork:
     InputError
         When the file is not one that `save_model` wrote.
     """
-    content = _read_model(path)
+    header, content = read_header(path), _read_model(path)
     try:
-        model = JunctionNetwork(**content["sizes"])
+        model = _NETWORKS[header.network](**content["sizes"])
         model.load_state_dict(content["weights"])
-    except (TypeError, RuntimeError) as error:
-        raise _foreign(path, "its weights do not fit") from error
+    except (KeyError, TypeError, RuntimeError) as error:
+        raise foreign(path, "its weights do not fit") from error
     return model.eval().to("cuda" if torch.cuda.is_available() else "cpu")
 
 
 @torch.no_grad()
-def start_from(model: JunctionNetwork, path: str | Path, new_messages: float) -> None:
+def start_from(model: JunctionNetwork | PaperNetwork, path: str | Path, new_messages: float) -> None:
     """Put a file's weights into a network, in place.
+
+    Whether they fit says `cccd.junctions.model_header.check_start`.
 
     What is new (features, messages, layers) hardly acts at first: its messages are scaled
     by ``new_messages``.
-
-    Raises
-    ------
-    InputError
-        When weights of the file would be lost.
     """
     content = _read_model(path)
-    for key in ("width", "link_width", "pixel_layers", "heads", "message_layers"):
-        old, new = content["sizes"].get(key), model.sizes[key]
-        if old != new and (key != "message_layers" or old is None or old > new):  # layers may be added
-            hint = f"set gnn.{key} to {old}, or gnn.start to null"
-            raise InputError(str(path), f"its {key} is not {new}", hint)
     for name, value in model.state_dict().items():
         if name.endswith(_CARRYING):
             value.mul_(new_messages)

@@ -11,6 +11,7 @@ from typing import Any
 from cccd.containers import Boundaries, Curves, Structure
 from cccd.contours import check_closed
 from cccd.errors import InputError
+from cccd.junctions.grid import LinkPredictor
 from cccd.junctions.inference import DEFAULTS, Predictor
 from cccd.junctions.ordering import order_boundaries
 from cccd.settings.junctions import InferenceSettings
@@ -21,7 +22,7 @@ __all__ = ["order_contours"]
 def order_contours(
     structure: Structure,
     boundaries: Boundaries,
-    model: Predictor,
+    model: Predictor | LinkPredictor,
     settings: InferenceSettings = DEFAULTS,
 ) -> tuple[Curves, dict[str, Any]]:
     """Order the boundary pixels of every slice into closed simple curves.
@@ -32,7 +33,7 @@ def order_contours(
         Its image is read beside the pixels, where it has one.
     boundaries : Boundaries
         Its boundary pixels.
-    model : Predictor
+    model : Predictor or LinkPredictor
         From `cccd.junctions.checkpoint.load_model`.
     settings : InferenceSettings
 

@@ -11,6 +11,7 @@ from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, RealArray
 from cccd.junctions.decoding import border_loops, fill_loops, find_outline
 from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd.junctions.energy import Logits, inference_energy, least_energy
+from cccd.junctions.grid import LinkPredictor, build_grid, find_chains
 from cccd.junctions.observation import ObservedSlice, observe
 from cccd.settings.junctions import InferenceSettings
 
@@ -83,9 +84,17 @@ def infer_inside(
     return inside
 
 
+def _chain_loops(maps: Sequence[AnyArray], predictor: LinkPredictor) -> list[list[IntArray]]:
+    """Follow each map's chains; the predictor is asked of maps that have junctions."""
+    grids = [build_grid(pixels) for pixels in maps]
+    doubtful = [grid for grid in grids if grid.has_junctions]
+    scores = iter(predictor.link_scores(doubtful) if doubtful else [])
+    return [find_chains(grid, next(scores) if grid.has_junctions else None).loops for grid in grids]
+
+
 def predict_masks(
     maps: Sequence[AnyArray],
-    predictor: Predictor | None,
+    predictor: Predictor | LinkPredictor | None,
     images: Sequence[RealArray | None],
     settings: InferenceSettings = DEFAULTS,
 ) -> tuple[BoolArray, IntArray]:
@@ -95,8 +104,9 @@ def predict_masks(
     ----------
     maps : sequence of (N, 2) int arrays
         Boundary pixels of each slice; none may be empty.
-    predictor : Predictor or None
-        ``None``: the decoder alone, by its prior; it looks at no image.
+    predictor : Predictor, LinkPredictor or None
+        ``None``: the decoder alone, by its prior; it looks at no image. A `LinkPredictor`, the paper's
+        network, looks at none either, and its chains are followed as they are.
     images : sequence of (I, J) arrays or None
         Grey slice of each, in the pixels' coordinates.
     settings : InferenceSettings
@@ -111,6 +121,9 @@ def predict_masks(
     loops: list[list[IntArray]] = []
     for begin in range(0, len(maps), settings.slices_per_batch):
         batch = slice(begin, begin + settings.slices_per_batch)
+        if isinstance(predictor, LinkPredictor):
+            loops += _chain_loops(maps[batch], predictor)
+            continue
         slices = [observe(*both, settings) for both in zip(maps[batch], shown[batch], strict=True)]
         inside = infer_inside(slices, predictor or PRIOR, settings)
         for observed, within in zip(slices, inside, strict=True):

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, FloatArray
-from cccd.junctions.delaunay import DelaunayGraph
+from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray
+from cccd.junctions.delaunay import DelaunayGraph, build_graph
+from cccd.junctions.grid import GridGraph
 
-__all__ = ["fill_contours", "inside_shares", "link_labels"]
+__all__ = ["fill_contours", "grid_labels", "inside_shares", "link_labels"]
 
 # A sub-pixel raster this fine tells inside from outside in the half-pixel triangles between neighbours.
 _SUBPIXELS = 4
@@ -44,3 +45,14 @@ def link_labels(graph: DelaunayGraph, shares: FloatArray) -> BoolArray:
     """Whether each link (L,) is part of the best border: between a triangle mostly inside and one not."""
     inside = shares > 0.5
     return inside[graph.link_triangles[:, 0]] != inside[graph.link_triangles[:, 1]]
+
+
+def grid_labels(grid: GridGraph, contours: Sequence[AnyArray]) -> IntArray:
+    """Label every candidate (C,) of a pixel grid: +1 on the best border, -1 elsewhere (section 4.2).
+
+    The best border is the Delaunay graph's (`link_labels`), as far as it runs between 8-neighbours.
+    """
+    graph = build_graph(grid.pixels[grid.observed])
+    true = graph.links[link_labels(graph, inside_shares(graph, contours))].astype(np.int64)
+    keys = [np.minimum(*ends.T) * len(graph.points) + np.maximum(*ends.T) for ends in (grid.candidates, true)]
+    return np.where(np.isin(*keys), 1, -1)

@@ -11,6 +11,7 @@ from cccd.chaincode import broken_links, isolated_corners, junction_pixels
 from cccd.containers import Boundaries, Curves
 from cccd.geometry.arrays import IntArray, RealArray, owners_of, sum_per_part
 from cccd.junctions.decoding import closed_chains
+from cccd.junctions.grid import LinkPredictor
 from cccd.junctions.inference import DEFAULTS, Predictor, predict_masks
 from cccd.settings.junctions import InferenceSettings
 
@@ -19,7 +20,7 @@ __all__ = ["order_boundaries"]
 
 def order_boundaries(
     boundaries: Boundaries,
-    model: Predictor | None,
+    model: Predictor | LinkPredictor | None,
     image: RealArray | None = None,
     image_origin: Sequence[int] | IntArray = (0, 0, 0),
     settings: InferenceSettings = DEFAULTS,
@@ -29,7 +30,7 @@ def order_boundaries(
     Parameters
     ----------
     boundaries : Boundaries
-    model : Predictor or None
+    model : Predictor, LinkPredictor or None
         From `cccd.junctions.checkpoint.load_model`; ``None`` lets the decoder decide by walls and gaps alone.
     image : (S, I, J) array, optional
         Grey slices, used where given.

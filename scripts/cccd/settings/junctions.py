@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from cccd.settings.section import Section, setting
 
 __all__ = [
@@ -11,6 +13,7 @@ __all__ = [
     "LossSettings",
     "NetworkSettings",
     "OptimiserSettings",
+    "PaperSettings",
 ]
 
 
@@ -26,17 +29,17 @@ class GraphSettings(Section):
         le=100000,
     )
     validation: int = setting(
-        64,
+        40,
         "graphs that choose the best epoch",
-        why="Enough that chance alone does not choose it.",
+        why="The paper's number.",
         unit="count",
         ge=1,
         le=100000,
     )
     test: int = setting(
-        64,
-        "graphs on which the trained network's links are scored at the end",
-        why="As many as choose the epoch.",
+        50,
+        "graphs on which the trained network is scored at the end",
+        why="The paper's number.",
         unit="count",
         ge=1,
         le=100000,
@@ -253,8 +256,63 @@ class OptimiserSettings(Section):
     )
 
 
+class PaperSettings(Section):
+    """The paper's network: of these the paper prints the dropout alone, the rest is ours."""
+
+    width: int = setting(
+        16, "channels of a pixel", why="Not in the paper; not swept.", unit="count", ge=2, le=512
+    )
+    layers: int = setting(
+        4,
+        "convolutions of eq. (11) one after another",
+        why="Not in the paper; a pixel then sees four links around it.",
+        unit="count",
+        ge=1,
+        le=32,
+    )
+    dropout: float = setting(
+        0.5, "share of messages dropped in training", why="The paper's number.", unit="share", ge=0, le=0.9
+    )
+    epochs: int = setting(
+        15,
+        "epochs at most",
+        why="Not in the paper; keeps its training below a minute.",
+        unit="count",
+        ge=1,
+        le=10000,
+    )
+    patience: int = setting(
+        15,
+        "epochs without a better validation before training stops",
+        why="Not in the paper; all epochs are run by default.",
+        unit="count",
+        ge=1,
+        le=10000,
+    )
+    batch_size: int = setting(
+        10, "graphs per step", why="Not in the paper; 20 steps an epoch.", unit="count", ge=1, le=1024
+    )
+    learning_rate: float = setting(
+        0.01,
+        "learning rate at its peak (one cycle of AdamW, as for our network)",
+        why="Neither the rate nor the optimiser is in the paper.",
+        unit="1",
+        ge=1e-6,
+        le=0.1,
+    )
+
+
 class NetworkSettings(Section):
     """The junction network and its training (section ``gnn``)."""
+
+    network: Literal["ours", "paper"] = setting(
+        "ours",
+        "ours: Delaunay graph, triangles, minimum cut; paper: its grid, eq. (11), chains followed",
+        why="Ours repairs more maps; the paper's stands beside it in the junction table.",
+    )
+    paper: PaperSettings = setting(
+        PaperSettings(), "the paper's network", why="What the paper leaves open is chosen here."
+    )
 
     pretrained: str | None = setting(
         None,

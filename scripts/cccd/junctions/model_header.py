@@ -1,0 +1,102 @@
+"""What a ``model.pt`` says of itself, read without torch and before any job starts.
+
+A run that would be refused for its model is refused when it is planned: a job that starts loses its outputs,
+and with them a model trained before.
+"""
+
+from __future__ import annotations
+
+import pickle
+import zipfile
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cccd.errors import InputError
+from cccd.settings.junctions import NetworkSettings
+
+__all__ = ["ModelHeader", "check_model", "check_start", "foreign", "read_header"]
+
+#: Names of networks in words.
+NAMES = {"ours": "our network", "paper": "the paper's network"}
+
+# Sizes that a start must have in common with the network; layers may be added.
+_SHARED = {
+    "ours": ("width", "link_width", "pixel_layers", "heads", "message_layers"),
+    "paper": ("width", "layers"),
+}
+
+
+@dataclass(frozen=True)
+class ModelHeader:
+    """Whose weights a file holds (``ours`` or ``paper``), and the network's sizes."""
+
+    network: str
+    sizes: dict[str, Any]
+
+
+class _HeaderReader(pickle.Unpickler):
+    """Reads plain values; of tensors nothing, and of code none."""
+
+    def find_class(self, module: str, name: str) -> Callable[..., Any]:
+        if (module, name) == ("collections", "OrderedDict"):
+            return OrderedDict
+        if module.split(".")[0] == "torch":
+            return _nothing
+        raise pickle.UnpicklingError(f"{module}.{name} has no place in a model")
+
+    def persistent_load(self, pid: Any) -> None:
+        return None
+
+
+def _nothing(*_: Any) -> None:
+    return None
+
+
+def foreign(path: str | Path, why: str) -> InputError:
+    """Make the error of a file that is no model of this version."""
+    problem = f"not a junction model of this version ({why})"
+    return InputError(str(path), problem, "name another in gnn.pretrained, or train one")
+
+
+def read_header(path: str | Path) -> ModelHeader:
+    """Read whose weights a file holds, without its tensors.
+
+    Raises
+    ------
+    InputError
+        When the file is not one that `cccd.junctions.checkpoint.save_model` wrote.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            (name,) = (part for part in archive.namelist() if part.endswith("/data.pkl"))
+            with archive.open(name) as file:
+                content = _HeaderReader(file).load()
+        # files of 0.2 do not say whose they are: they are all ours
+        return ModelHeader(content.get("network", "ours"), dict(content["sizes"]))
+    except Exception as error:  # whatever a foreign file makes the readers raise
+        raise foreign(path, type(error).__name__) from error
+
+
+def check_model(path: str | Path, network: str) -> ModelHeader:
+    """Refuse a file that holds another network's weights than the configuration asks for."""
+    header = read_header(path)
+    if header.network != network:
+        held, wanted = (NAMES.get(name, name) for name in (header.network, network))
+        problem = f"holds the weights of {held}, and gnn.network asks for {wanted}"
+        raise InputError(str(path), problem, f"set gnn.network to {header.network}, or name another file")
+    return header
+
+
+def check_start(path: str | Path, settings: NetworkSettings) -> None:
+    """Refuse a start whose weights do not fit the network that is to be trained, or would be lost."""
+    header = check_model(path, settings.network)
+    section = "gnn" if settings.network == "ours" else "gnn.paper"
+    wanted = (settings if settings.network == "ours" else settings.paper).model_dump()
+    for key in _SHARED[settings.network]:
+        old, new = header.sizes.get(key), wanted[key]
+        if old != new and (key != "message_layers" or old is None or old > new):  # layers may be added
+            hint = f"set {section}.{key} to {old}, or gnn.start to null"
+            raise InputError(str(path), f"its {key} is not {new}", hint)

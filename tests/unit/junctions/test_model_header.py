@@ -1,0 +1,79 @@
+from pathlib import Path
+
+import pytest
+import torch
+
+from cccd.errors import InputError
+from cccd.junctions.checkpoint import load_model, save_model
+from cccd.junctions.model_header import check_model, check_start, read_header
+from cccd.junctions.network import JunctionNetwork
+from cccd.junctions.paper_network import PaperNetwork
+from cccd.settings.junctions import NetworkSettings
+
+MODELS = Path(__file__).parents[3] / "workflow" / "models"
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A file of each network."""
+    networks = {
+        "ours": JunctionNetwork(width=8, link_width=8, heads=2, message_layers=2),
+        "paper": PaperNetwork(4, 2, 0.5),
+    }
+    for name, network in networks.items():
+        save_model(tmp_path / f"{name}.pt", name, network.sizes, network.state_dict(), 0)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["ours", "paper"])
+def test_a_file_says_whose_it_is_and_loads(files, name):
+    header = read_header(files / f"{name}.pt")
+    assert header.network == name
+    assert load_model(files / f"{name}.pt").sizes == header.sizes
+
+
+@pytest.mark.parametrize(("name", "other"), [("ours", "paper"), ("paper", "ours")])
+def test_the_other_networks_file_is_refused_in_one_line(files, name, other):
+    with pytest.raises(InputError) as error:
+        check_model(files / f"{name}.pt", other)
+    assert f"{name}.pt" in str(error.value)
+    assert f"set gnn.network to {name}" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_the_shipped_files_are_read():
+    assert read_header(MODELS / "junctions.pt").network == "ours"
+    assert read_header(MODELS / "paper.pt").network == "paper"
+    assert isinstance(load_model(MODELS / "paper.pt"), PaperNetwork)
+
+
+@pytest.mark.parametrize("content", [b"not a model", b""])
+def test_a_file_that_is_no_model_is_named(tmp_path, content):
+    path = tmp_path / "model.pt"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"model\.pt"):
+        read_header(path)
+
+
+class Bomb:
+    def __reduce__(self):
+        return Path.touch, (Path("exploded"),)
+
+
+def test_reading_runs_no_code(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    torch.save({"sizes": Bomb(), "weights": {}}, tmp_path / "model.pt")
+    with pytest.raises(InputError):
+        read_header(tmp_path / "model.pt")
+    assert not (tmp_path / "exploded").exists()
+
+
+@pytest.mark.parametrize(("key", "other"), [("width", 16), ("message_layers", 1)])
+def test_a_start_that_would_lose_weights_is_refused(files, key, other):
+    fitting = {"width": 8, "link_width": 8, "heads": 2, "message_layers": 2}
+    check_start(files / "ours.pt", NetworkSettings(**fitting))
+    check_start(files / "ours.pt", NetworkSettings(**fitting | {"message_layers": 3}))
+    with pytest.raises(InputError, match=f"set gnn.{key}"):
+        check_start(files / "ours.pt", NetworkSettings(**fitting | {key: other}))
+    with pytest.raises(InputError, match=r"gnn\.network"):
+        check_start(files / "ours.pt", NetworkSettings(network="paper"))
