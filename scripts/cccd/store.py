@@ -416,6 +416,9 @@ class GraphSplit:
         return sum(column.nbytes for name, column in vars(self).items() if not name.startswith("image"))
 
 
+# Version of ``graphs.h5``: to be raised when its columns mean something else.
+_GRAPHS_VERSION = 2
+
 # Where the columns of a `GraphSplit` stand in the split's group.
 _GRAPH_PATHS = {
     "pixels": "pixels/points",
@@ -440,6 +443,7 @@ def write_graphs(
 ) -> None:
     """Write ``graphs.h5``: one group per split (training, validation, test), and what is known of all."""
     with _create(path) as file:
+        file.attrs["version"] = _GRAPHS_VERSION
         for name, value in attributes.items():
             file.attrs[name] = value
         for split, columns in splits.items():
@@ -451,6 +455,10 @@ def write_graphs(
 def read_graphs(path: str | Path, split: str) -> GraphSplit:
     """Read one split of ``graphs.h5``."""
     with _open(path) as file:
+        found = int(file.attrs["version"])
+        if found != _GRAPHS_VERSION:
+            problem = f"graphs of version {found}, and this program reads {_GRAPHS_VERSION}"
+            raise InputError(str(path), problem, "delete it and run snakemake again")
         return GraphSplit(**{name: _get(file, f"{split}/{path}") for name, path in _GRAPH_PATHS.items()})
 
 

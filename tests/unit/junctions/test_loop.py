@@ -75,6 +75,21 @@ def test_graphs_are_the_same_for_a_seed_and_sparse(graphs, tmp_path):
     assert len(split.links) < 3.2 * (len(split.pixels) + 12 * 6)
 
 
+@pytest.mark.parametrize("version", [None, 1])
+def test_graphs_of_another_version_are_refused_in_one_line(graphs, tmp_path, version):
+    path = tmp_path / "graphs.h5"
+    path.write_bytes(graphs.read_bytes())
+    with h5py.File(path, "r+") as file:
+        del file.attrs["version"]
+        if version is not None:
+            file.attrs["version"] = version
+    with pytest.raises(InputError) as error:
+        read_maps(path, "training")
+    assert str(path) in str(error.value)
+    assert "delete it and run snakemake again" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
 def test_graphs_of_the_papers_size_take_a_two_hundredth_of_dense_matrices(graphs):
     with h5py.File(graphs) as file:
         facts = dict(file.attrs)
