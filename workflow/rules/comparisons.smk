@@ -1,4 +1,4 @@
-"""Comparisons: every method the paper names, on the same structures, in the same run."""
+"""Comparisons: the methods the paper names, its segmentation networks aside, on the same structures, in the same run."""
 
 #: One rule per comparison of the registry: compare_corners, compare_reconstruction and so on.
 for comparison in COMPARISONS.values():

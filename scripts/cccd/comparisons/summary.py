@@ -10,6 +10,7 @@ import pandas as pd
 
 from cccd.comparisons import published
 from cccd.comparisons.measures import MEASURES
+from cccd.comparisons.paper_k import FIGURE_11
 from cccd.comparisons.registry import COMPARISONS, ITEMS, Item
 from cccd.lookup import find
 from cccd.store import read_json, read_table
@@ -18,6 +19,7 @@ __all__ = [
     "Cohort",
     "build_tables",
     "compactness",
+    "figure_11_rows",
     "ordering",
     "read_cohort",
     "structure_names",
@@ -104,6 +106,21 @@ def structure_names(frame: pd.DataFrame) -> pd.Series:
     return frame["case"].astype(str) + " / " + frame["organ"].astype(str)
 
 
+def figure_11_rows(corners: pd.DataFrame) -> pd.DataFrame:
+    """Rows of the series that Figure 11 shows, ``method`` naming the series: what is drawn and spoken of.
+
+    The fused detectors with Table 2's parameters on the mask, their corners along a short tour, and CCCD for
+    four k.
+    """
+    fused = corners[
+        (corners["order"] == "tour")
+        & (corners["image"] == "mask")
+        & (corners["parameters"] == "paper, Table 2")
+    ]
+    own = corners[(corners["detector"] == "cccd") & corners["parameters"].isin(FIGURE_11)]
+    return pd.concat([fused, own.assign(method="CCCD, " + own["parameters"])])
+
+
 # Tables out of metrics.json -----------------------------------------------------------------------------
 
 
@@ -137,7 +154,12 @@ def ordering(cohort: Cohort) -> pd.DataFrame:
 
     Of a traced mask it is the network's ordering beside the tracing, where the run uses a network.
     """
-    compared = cohort.rows("ordering").rename(columns={"dice": "GNN against exact tracing, Dice"})
+    compared = cohort.rows("ordering").rename(
+        columns={
+            "dice": "GNN against exact tracing, Dice",
+            "dice_decided": "the same, slices decided by the GNN",
+        }
+    )
     beside = compared.set_index(["case", "organ"]).to_dict("index")
     rows = []
     for metrics in cohort.metrics:

@@ -22,8 +22,12 @@ __all__ = ["every_nth_slice", "thick_slice_experiment"]
 
 #: Fewer slices with organ than this say nothing about a reconstruction.
 FEWEST_SLICES = 3
-#: The baselines: an isosurface, then windowed-sinc smoothing.
-BASELINES = ("flying edges + windowed sinc", "signed distance + isosurface + windowed sinc")
+#: The baselines: an isosurface, then windowed-sinc smoothing, of the distances at two strengths.
+BASELINES = (
+    "flying edges + windowed sinc",
+    "signed distance + isosurface + windowed sinc",
+    "signed distance + isosurface + windowed sinc 0.01",
+)
 
 
 def every_nth_slice(structure: Structure, n: int) -> Structure:

@@ -17,6 +17,7 @@ from cccd.containers import Structure
 from cccd.geometry.mesh import Mesh
 
 __all__ = [
+    "SLICER_PASS_BAND",
     "distance_isosurface",
     "flying_edges",
     "from_polydata",
@@ -27,6 +28,8 @@ __all__ = [
 
 #: Windowed-sinc smoothing as VTK's users set it (Taubin et al. 1996): rounds and pass band.
 SINC_ITERATIONS, SINC_PASS_BAND = 20, 0.1
+#: The pass band of 3D Slicer's default, which smooths more.
+SLICER_PASS_BAND = 0.01
 
 
 def _padded_stack(structure: Structure) -> np.ndarray:

@@ -19,7 +19,6 @@ PACKAGES = (
     "scipy",
     "numba",
     "torch",
-    "torch-geometric",
     "scikit-image",
     "opencv-contrib-python-headless",
     "shapely",

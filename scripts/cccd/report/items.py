@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from cccd.comparisons.paper_k import COARSE_K
 from cccd.comparisons.registry import Item
-from cccd.comparisons.summary import structure_names
+from cccd.comparisons.summary import figure_11_rows, structure_names
 from cccd.containers import SliceFigure
 from cccd.lookup import find
 from cccd.report import plots
@@ -34,9 +34,6 @@ _MOST_PANELS = 6
 
 #: Figure 12 shows so many structures.
 _MOST_OUTLINES = 4
-
-#: CCCD's settings in the paper's Figure 11; with the three fused methods they make seven series.
-_FIGURE_11 = ["k = 3", "k = 5", "k = 7", "k = 20"]
 
 _RATES = ["TP rate", "FP rate", "TN rate", "FN rate", "ACC", "MC", "PRE", "SPEC", "DSC", "JI"]
 
@@ -117,12 +114,7 @@ def figure_11(results: Results, item: Item) -> Plots:
     rows = results.rows(item.rows[0])
     if rows is None:
         return []
-    fused = rows[
-        (rows["order"] == "tour") & (rows["image"] == "mask") & (rows["parameters"] == "paper, Table 2")
-    ]
-    own = rows[(rows["detector"] == "cccd") & rows["parameters"].isin(_FIGURE_11)]
-    own = own.assign(method="CCCD, " + own["parameters"])
-    medians = pd.concat([fused, own]).groupby("method", sort=False)[_RATES].median()
+    medians = figure_11_rows(rows).groupby("method", sort=False)[_RATES].median()
     return [
         (plots.rates(item.key, medians, "Ten rates of the fused detectors and of CCCD"), item.captions[0])
     ]

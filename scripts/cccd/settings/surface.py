@@ -413,8 +413,8 @@ class LoftSettings(Section):
     formats: Annotated[tuple[_Format, ...], AfterValidator(without_repeats)] = setting(
         ("ply",),
         f"the surface's files, of {', '.join(SURFACE_FORMATS)}; ply always",
-        why="Every later step reads the PLY mesh. step is for CAD and needs the extra cadquery-ocp-novtk; "
-        "nii.gz is a label map on the scan's grid, dcm an RTSTRUCT.",
+        why="Every later step reads the PLY mesh. step holds the tubes as open faces and needs the extra "
+        "cadquery-ocp-novtk; nii.gz is a label map on the scan's grid, dcm an RTSTRUCT.",
     )
     contour_spacing_mm: float | None = setting(
         None,

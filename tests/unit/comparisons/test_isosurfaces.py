@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cccd.comparisons.isosurfaces import compare_isosurfaces
+from cccd.comparisons.isosurfaces import NETS, compare_isosurfaces, control_net_mesh
 from cccd.comparisons.point_meshes import ball_pivoting, poisson
 from cccd.comparisons.volume_meshes import distance_isosurface, flying_edges, marching_cubes, windowed_sinc
 from cccd.containers import Frame, Structure
@@ -16,6 +16,7 @@ METHODS = [
     "surface nets",
     "signed distance + isosurface",
     "signed distance + isosurface + windowed sinc",
+    "signed distance + isosurface + windowed sinc 0.01",
     "ball pivoting",
     "Poisson",
     "alpha shape",
@@ -58,12 +59,26 @@ def test_point_methods_come_near_the_ellipsoid(structure, make):
 
 def test_one_row_per_method(structure):
     curves = trace_mask(structure)
-    table = compare_isosurfaces(
-        structure, curves, loft_surface(curves, LoftSettings()), IsosurfaceSettings(methods=METHODS)
-    )
-    assert table["method"].tolist() == ["CCCD", *METHODS]
+    surface = loft_surface(curves, LoftSettings())
+    table = compare_isosurfaces(structure, curves, surface, IsosurfaceSettings(methods=METHODS))
+    assert table["method"].tolist() == ["CCCD", NETS, *METHODS]
     assert table["dice_3d"].between(0, 1).all()
     ours = table.iloc[0]
     assert ours["closed_manifold"]
     assert ours["self_intersections"] == 0
-    assert ours["bytes"] < table.loc[1, "bytes"] / 40
+    nets, cubes = (table[table["method"] == name].iloc[0] for name in (NETS, METHODS[0]))
+    assert nets["bytes"] < cubes["bytes"] / 40
+    assert ours["bytes"] == 12 * len(surface.mesh.vertices) + 13 * len(surface.mesh.faces)
+    assert nets["dice_3d"] > 0.97
+
+
+def test_control_nets_alone_are_united_and_cavities_taken_away(structure):
+    """A ball with a cavity: the nets know both, without the mesh's blends."""
+    i, j, k = np.indices((40, 40, 40)) - 20
+    radius = np.sqrt(i**2 + j**2 + k**2)
+    mask = (radius <= 15) & (radius > 7)
+    ball = Structure("case", "ball", Frame(np.eye(4), 2, mask.shape), np.zeros(3, int), mask=mask)
+    surface = loft_surface(trace_mask(ball), LoftSettings())
+    mesh = control_net_mesh(surface)
+    assert mesh.is_closed_manifold
+    assert mesh.volume == pytest.approx(4 / 3 * np.pi * (15.0**3 - 7.0**3), rel=0.05)

@@ -30,6 +30,11 @@ def _distance_isosurface_smoothed(structure: Structure, curves: Curves) -> Mesh:
     return volume_meshes.windowed_sinc(volume_meshes.distance_isosurface(structure))
 
 
+def _distance_isosurface_smoothed_more(structure: Structure, curves: Curves) -> Mesh:
+    rough = volume_meshes.distance_isosurface(structure)
+    return volume_meshes.windowed_sinc(rough, pass_band=volume_meshes.SLICER_PASS_BAND)
+
+
 def _ball_pivoting(structure: Structure, curves: Curves) -> Mesh:
     return point_meshes.ball_pivoting(curves)
 
@@ -54,6 +59,11 @@ SURFACES = {
             "signed distance + isosurface + windowed sinc",
             _distance_isosurface_smoothed,
             "slices interpolated by shape, VTK",
+        ),
+        Baseline(
+            "signed distance + isosurface + windowed sinc 0.01",
+            _distance_isosurface_smoothed_more,
+            "slices interpolated by shape, VTK, pass band of 3D Slicer's default",
         ),
         Baseline("ball pivoting", _ball_pivoting, "by Delaunay triangles, after Bernardini et al. (1999)"),
         Baseline("Poisson", _poisson, "on a regular grid, after Kazhdan et al. (2006)"),
