@@ -1,24 +1,36 @@
-"""The sweep over k on one structure: Figures 10, 12, 13 and 14."""
+"""The sweep over k on one structure, Figures 10, 12, 13 and 14, and section 2's detectors beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from cccd.comparisons.paper_k import OUTLINES
-from cccd.containers import Curves, Panel, SliceFigure, Structure
-from cccd.curves import corner_splines, sample_splines, sweep_k
-from cccd.curves.corners import k_cosine_corners
+from cccd.comparisons.samples import choose_slices
+from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
+from cccd.curves import corner_splines, sample_splines
+from cccd.curves.corners import CRITERIA, DETECTORS, k_cosine_corners
+from cccd.curves.measures import measure_corners
+from cccd.curves.repeatability import CHANGES, Detector, repeatability
+from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
+from cccd.settings.comparisons import SliceChoice
 
-__all__ = ["compare_k", "middle_curve", "outline_figures"]
+__all__ = ["OWN", "compare_k", "middle_curve", "outline_figures"]
+
+#: What stands for the criterion of detectors that have one of their own.
+OWN = "its own"
 
 
-def compare_k(structure: Structure, curves: Curves, ks: Sequence[int]) -> pd.DataFrame:
-    """Measure the paper's own splines for each k and criterion (see `cccd.curves.sweep_k`).
+def compare_k(
+    structure: Structure, curves: Curves, ks: Sequence[int], settings: SliceChoice, seed: int
+) -> pd.DataFrame:
+    """Measure the paper's own splines for each k and criterion, and section 2's detectors beside them.
 
     Parameters
     ----------
@@ -26,12 +38,58 @@ def compare_k(structure: Structure, curves: Curves, ks: Sequence[int]) -> pd.Dat
         Its mask is the truth; without one the filled curves are.
     curves : Curves
     ks : sequence of int
+    settings : SliceChoice
+        The slices on which corners are looked for again.
+    seed : int
+        Of the noise.
+
+    Returns
+    -------
+    DataFrame
+        One row per detector, for the k-cosine per criterion and k: ``detector``, ``criterion``, ``k``, what
+        `cccd.curves.measures.measure_corners` says, ``ms`` of processor time for the corners of all curves,
+        and how often corners are found again under ``rotation``, ``scale`` and ``noise``, 0 to 1
+        (`cccd.curves.repeatability.repeatability`, means over their amounts).
     """
-    return sweep_k(curves, structure.stack("mask"), structure.stack_origin, ks=ks)
+    detectors = {
+        ("k-cosine", criterion, float(k)): partial(k_cosine_corners, k=k, criterion=criterion)
+        for criterion in CRITERIA
+        for k in ks
+    }
+    detectors |= {(name, OWN, np.nan): detect for name, detect in DETECTORS.items() if name != "k-cosine"}
+    truth, origin = structure.stack("mask"), structure.stack_origin
+    rows = []
+    for (name, criterion, k), detect in detectors.items():
+        begin = time.process_time()
+        corner = detect(curves.points, curves.offsets)
+        ms = 1e3 * (time.process_time() - begin)
+        row = {"detector": name, "criterion": criterion, "k": k}
+        rows.append(row | measure_corners(curves, corner, truth, origin) | {"ms": ms})
+    samples = choose_slices(structure, curves, settings.n_slices, settings.min_contour_px)
+    again = _found_again([sample.curve for sample in samples], curves.frame, detectors, seed)
+    return pd.concat([pd.DataFrame(rows), again], axis=1)
 
 
-def outline_figures(structure: Structure, curves: Curves, ks: Sequence[int]) -> dict[str, SliceFigure]:
-    """Outline the middle slice for the k of Figures 10, 12 and 14; nothing where there is no outer curve."""
+def _found_again(
+    outlines: Sequence[np.ndarray], frame: Frame, detectors: Mapping[tuple, Detector], seed: int
+) -> pd.DataFrame:
+    """Repeatability of every detector, a row each, by what changed the outlines."""
+    lines = RaggedPolygons.of(outlines)
+    count = len(outlines)
+    curves = Curves(lines.points, lines.offsets, np.arange(count), np.zeros(count, bool), frame)
+    named = {str(number): detect for number, detect in enumerate(detectors.values())}
+    table = repeatability(curves, np.random.default_rng(seed), named)
+    means = table.groupby(["detector", "change"])["repeatability"].mean().unstack("change")
+    return means.loc[list(named), list(CHANGES)].reset_index(drop=True)
+
+
+def outline_figures(
+    structure: Structure, curves: Curves, ks: Sequence[int], settings: SliceChoice, seed: int
+) -> dict[str, SliceFigure]:
+    """Outline the middle slice for the k of Figures 10, 12 and 14; nothing where there is no outer curve.
+
+    Parameters as in `compare_k`.
+    """
     curve = middle_curve(curves)
     if curve is None:
         return {}

@@ -22,7 +22,7 @@ from cccd.comparisons.summary import Cohort, figure_11_rows, structure_names
 
 __all__ = [
     "compactness", "figure_9", "figure_10", "figure_11", "figure_12", "figure_13", "figure_14", "figure_15",
-    "figure_16", "figure_17", "ordering", "table_1", "table_2", "table_3", "table_4", "table_5",
+    "figure_16", "figure_17", "k_sweep", "ordering", "table_1", "table_2", "table_3", "table_4", "table_5",
 ]  # fmt: skip
 
 #: CCCD's setting in the paper's comparisons.
@@ -331,7 +331,7 @@ def _maxima(cohort: Cohort) -> pd.DataFrame:
     """Rows of the sweep for corners at maxima of curvature, with the structure's name as index."""
     sweep = cohort.rows("k_sweep")
     sweep = sweep.assign(structure=structure_names(sweep))
-    return sweep[sweep["criterion"].str.startswith("max")].set_index("structure")
+    return sweep[sweep["criterion"].str.startswith("max")].astype({"k": int}).set_index("structure")
 
 
 def figure_12(cohort: Cohort) -> str:
@@ -354,7 +354,7 @@ def figure_13(cohort: Cohort) -> str:
     sweep = cohort.rows("k_sweep")
     lines = {}
     for name in ("max", "min"):
-        rows = sweep[sweep["criterion"].str.startswith(name)]
+        rows = sweep[sweep["criterion"].str.startswith(name)].astype({"k": int})
         if rows.empty:
             return ""
         lines[name] = 100 * rows.groupby("k")["DSC"].median()
@@ -392,6 +392,29 @@ def figure_14(cohort: Cohort) -> str:
         printed = f"{theirs.dice_percent:.2f} % from {100 * theirs.boundary_pixels / pixels:.0f} %"
         parts.append(f"{_beside(ours, printed)} at k = {k}")
     return f"Dice is {_listed(parts)}."
+
+
+def k_sweep(cohort: Cohort) -> str:
+    """Name the detector with the best splines and the one whose corners are found again most often."""
+    sweep = cohort.rows("k_sweep")
+    if sweep.empty or "rotation" not in sweep:
+        return ""
+    k = sweep["k"].map(lambda value: "" if pd.isna(value) else f", k = {value:.0f}")
+    sweep = sweep.assign(series=sweep["detector"] + k)[~sweep["criterion"].str.startswith("min")]
+    changes = ["rotation", "scale", "noise"]
+    medians = sweep.groupby("series", sort=False)[["DSC", "share", "too_few", *changes]].median()
+    best, steady = str(medians["DSC"].idxmax()), str(medians[changes].mean(axis=1).idxmax())
+    own = sweep.groupby("series", sort=False)["k"].first().isna()
+    found = _listed([f"{100 * medians.T[steady][change]:.0f} % under {change}" for change in changes])
+    parts = [f"{name} {_kept(row)}" for name, row in medians[own].iterrows()]
+    return (
+        f"Medians of the structures, maxima only: {best} has the highest Dice, {_kept(medians.T[best])}; "
+        f"{_listed(parts)}. The corners found again most often are those of {steady}: {found}."
+    )
+
+
+def _kept(row: pd.Series) -> str:
+    return f"{100 * row['DSC']:.1f} % from {100 * row['share']:.1f} % of the pixels"
 
 
 def figure_17(cohort: Cohort) -> str:

@@ -13,14 +13,22 @@ from scipy.spatial import cKDTree
 
 from cccd.containers import Curves, Splines
 from cccd.curves.corners import CRITERIA, k_cosine_corners
-from cccd.curves.fitting import corner_splines, sample_splines
+from cccd.curves.fitting import FEWEST, corner_splines, sample_splines
 from cccd.geometry.arrays import owners_of, sum_per_part
 from cccd.geometry.raster import rasterise
 from cccd.metrics import confusion
 from cccd.settings.curves import CurveSettings
 from cccd.tolerances import TINY
 
-__all__ = ["SWEEP", "area_dice", "bytes_per_slice", "distances", "measure_curves", "sweep_k"]
+__all__ = [
+    "SWEEP",
+    "area_dice",
+    "bytes_per_slice",
+    "distances",
+    "measure_corners",
+    "measure_curves",
+    "sweep_k",
+]
 
 #: The k of the paper's figures 10-13.
 SWEEP = CurveSettings().sweep
@@ -194,11 +202,44 @@ def sweep_k(
     Returns
     -------
     DataFrame
-        One row per criterion and k: ``corners`` and their ``share`` of the boundary pixels,
-        ``corners_per_slice`` and ``bytes_per_slice`` (two 32-bit numbers per corner, as the paper
-        counts), both medians; equations 12-21 under their printed names as medians over slices and, with
-        ``(whole)``, over all pixels of the slices with organ; the standard definitions likewise.
-        Rates are shares of the source volume's whole slices.
+        One row per criterion and k; what it holds, `measure_corners` says.
+    """
+    rows = [
+        {"criterion": criterion, "k": k}
+        | measure_corners(
+            curves, k_cosine_corners(curves.points, curves.offsets, k, criterion), truth, origin
+        )
+        for criterion in criteria
+        for k in ks
+    ]
+    return pd.DataFrame(rows)
+
+
+def measure_corners(
+    curves: Curves,
+    corner: np.ndarray,
+    truth: np.ndarray | None = None,
+    origin: Sequence[int] | np.ndarray = (0, 0, 0),
+) -> dict[str, float]:
+    """Measure the splines whose control points are some of the curves' points (Definition 4).
+
+    Parameters
+    ----------
+    curves : Curves
+    corner : (P,) bool array
+        Which points are control points.
+    truth, origin
+        As in `sweep_k`.
+
+    Returns
+    -------
+    dict
+        ``corners`` and their ``share`` of the boundary pixels; ``too_few``, the share of curves with fewer
+        corners than a closed cubic needs, which get evenly spaced points instead; ``corners_per_slice`` and
+        ``bytes_per_slice`` (two 32-bit numbers per corner, as the paper counts), both medians; equations
+        12-21 under their printed names as medians over slices and, with ``(whole)``, over all pixels of the
+        slices with organ; the standard definitions likewise. Rates are shares of the source volume's
+        whole slices.
     """
     if truth is None:
         origin, shape = _window(curves)
@@ -206,28 +247,20 @@ def sweep_k(
     slices, owner = np.unique(curves.slice, return_inverse=True)
     rows, columns = (curves.frame.shape[axis] for axis in curves.frame.in_plane_axes)
     beyond = rows * columns - truth.shape[1] * truth.shape[2]  # background outside the window
-    table = []
-    for criterion in criteria:
-        for k in ks:
-            corner = k_cosine_corners(curves.points, curves.offsets, k, criterion)
-            per_curve = sum_per_part(corner, curves.offsets)
-            per_slice = np.bincount(owner, per_curve, len(slices))
-            drawn = sample_splines(corner_splines(curves, corner))
-            counts = confusion(truth, drawn.rasterise(origin, truth.shape), axis=(1, 2))
-            inside = counts.take(slices - int(origin[0]))
-            each = replace(inside, tn=inside.tn + beyond)
-            whole = each.together()
-            row = {
-                "criterion": criterion,
-                "k": k,
-                "corners": int(corner.sum()),
-                "share": corner.sum() / len(corner),
-                "corners_per_slice": float(np.median(per_slice)),
-                "bytes_per_slice": 8 * float(np.median(per_slice)),
-            }
-            for name, values in (each.printed | each.standard).items():
-                row[name] = float(np.nanmedian(values))
-            for name, value in (whole.printed | whole.standard).items():
-                row[f"{name} (whole)"] = float(value)
-            table.append(row)
-    return pd.DataFrame(table)
+    per_curve = sum_per_part(corner, curves.offsets)
+    per_slice = np.bincount(owner, per_curve, len(slices))
+    drawn = sample_splines(corner_splines(curves, corner))
+    counts = confusion(truth, drawn.rasterise(origin, truth.shape), axis=(1, 2))
+    inside = counts.take(slices - int(origin[0]))
+    each = replace(inside, tn=inside.tn + beyond)
+    whole = each.together()
+    row = {
+        "corners": int(corner.sum()),
+        "share": corner.sum() / len(corner),
+        "too_few": float(np.mean(per_curve < FEWEST)),
+        "corners_per_slice": float(np.median(per_slice)),
+        "bytes_per_slice": 8 * float(np.median(per_slice)),
+    }
+    row |= {name: float(np.nanmedian(values)) for name, values in (each.printed | each.standard).items()}
+    row |= {f"{name} (whole)": float(value) for name, value in (whole.printed | whole.standard).items()}
+    return row

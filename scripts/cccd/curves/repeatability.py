@@ -18,7 +18,10 @@ from cccd.curves.corners import DETECTORS
 from cccd.geometry.raster import rasterise
 from cccd.tracing import trace_stack
 
-__all__ = ["repeatability"]
+__all__ = ["CHANGES", "Detector", "repeatability"]
+
+#: What changes an outline.
+CHANGES = ("rotation", "scale", "noise")
 
 Detector = Callable[[np.ndarray, np.ndarray], np.ndarray]
 

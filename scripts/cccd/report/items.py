@@ -106,7 +106,9 @@ def figure_12(results: Results, item: Item) -> Plots:
 
 def _sweep(results: Results, item: Item) -> pd.DataFrame | None:
     sweep = results.rows(item.rows[0])
-    return None if sweep is None else sweep.assign(structure=structure_names(sweep))
+    if sweep is None:
+        return None
+    return sweep[sweep["k"].notna()].assign(structure=structure_names(sweep))
 
 
 def figure_11(results: Results, item: Item) -> Plots:

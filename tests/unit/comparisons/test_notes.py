@@ -10,6 +10,7 @@ import pytest
 from cccd.comparisons import notes, published
 from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS
 from cccd.comparisons.corner_comparison import CCCD
+from cccd.comparisons.k_sweep import OWN
 from cccd.comparisons.reconstruction_comparison import DENSE, HARRIS
 from cccd.comparisons.registry import ITEMS
 from cccd.comparisons.summary import Cohort, write_notes
@@ -18,7 +19,9 @@ ORGANS = ("brain", "liver", "lungs")
 RATES = ["TP rate", "FP rate", "TN rate", "FN rate", "ACC", "MC", "PRE", "SPEC", "DSC", "JI"]
 
 #: Words of a sentence that finds something; numbers alone are no verdict.
-VERDICT = re.compile(r"\b(first|above|fewer|more|less|quickest|quicker|strongest|falls|rises|take)\b")
+VERDICT = re.compile(
+    r"\b(first|above|fewer|more|less|quickest|quicker|strongest|highest|most|falls|rises|take)\b"
+)
 
 
 def corner_rows(rng) -> pd.DataFrame:
@@ -65,18 +68,15 @@ def link_rows(rng) -> pd.DataFrame:
 
 def sweep_rows(rng, scores=None) -> pd.DataFrame:
     ks = (3, 5, 7, 12, 20)
+    series = [("k-cosine", criterion, n, k) for criterion in ("max", "min") for n, k in enumerate(ks)]
+    series += [("Beus-Tiu", OWN, None, np.nan), ("Cheng-Hsu", OWN, None, np.nan)]
+    changes = ("rotation", "scale", "noise")
     return pd.DataFrame(
-        {
-            "case": "a",
-            "organ": organ,
-            "criterion": criterion,
-            "k": k,
-            "share": rng.uniform(),
-            "ACC": 1.0,
-            "JI": 1.0,
-        }
-        | {"DSC": rng.uniform() if scores is None else scores[organ, criterion][n]}
-        for organ, criterion, (n, k) in itertools.product(ORGANS, ("max", "min"), enumerate(ks))
+        {"case": "a", "organ": organ, "detector": detector, "criterion": criterion, "k": k, "JI": 1.0}
+        | {"share": rng.uniform(), "ACC": 1.0, "too_few": 0.0}
+        | dict(zip(changes, rng.uniform(size=3), strict=True))
+        | {"DSC": rng.uniform() if scores is None or n is None else scores[organ, criterion][n]}
+        for organ, (detector, criterion, n, k) in itertools.product(ORGANS, series)
     )
 
 
@@ -126,7 +126,7 @@ def turned(rows: dict[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
     changed = {}
     for name, frame in rows.items():
         frame = frame.copy()
-        for column in {"dice", "DSC", "MC", "FP rate", "FN rate"} & set(frame):
+        for column in {"dice", "DSC", "MC", "FP rate", "FN rate", "rotation", "scale", "noise"} & set(frame):
             frame[column] = 1 - frame[column]
         for column in {"ms", "corner_ms", "curve_ms", "bending_per_area_mm2"} & set(frame):
             frame[column] = 1 / frame[column]
@@ -147,7 +147,7 @@ def sentences(text: str) -> list[str]:
 
 def verdict(sentence: str) -> str:
     """A sentence without its measurements: words, and counts such as 2 of 3, are left."""
-    return re.sub(r"(?<![\d.])[\d.]+(?:e-?\d+)?(?! of \d)(?<! of \d)", "#", sentence)
+    return re.sub(r"(?<![\d.])(?<!k = )[\d.]+(?:e-?\d+)?(?! of \d)(?<! of \d)", "#", sentence)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,53 @@
+"""The sweep over k, and the chain-code detectors beside it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from known_curves import bean
+
+from cccd.comparisons.k_sweep import OWN, compare_k
+from cccd.containers import Frame, Structure
+from cccd.curves.corners import DETECTORS
+from cccd.geometry.raster import rasterise
+from cccd.settings.comparisons import SliceChoice
+from cccd.tracing import trace_mask
+
+KS = (3, 20)
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """A five-pointed star below a round bean."""
+    angle = 2 * np.pi * np.arange(10) / 10
+    star = 70 + np.where(np.arange(10) % 2, 25, 60)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    mask = np.stack([rasterise([outline], (0, 0), (140, 140)) for outline in (star, bean(200))], axis=2)
+    structure = Structure("a", "b", Frame(np.eye(4), 2, mask.shape), np.zeros(3, int), mask=mask)
+    curves = trace_mask(structure)
+    return [compare_k(structure, curves, KS, SliceChoice(min_contour_px=30), seed) for seed in (1, 1, 2)]
+
+
+def test_every_detector_is_a_row(rows):
+    table = rows[0]
+    assert set(table["detector"]) == set(DETECTORS)
+    own = table[table["criterion"] == OWN]
+    assert sorted(own["detector"]) == sorted(set(DETECTORS) - {"k-cosine"})
+    assert own["k"].isna().all()
+    assert table.groupby("criterion")["k"].apply(lambda k: sorted(k.dropna())).to_dict() == {
+        "max": list(KS), "min": list(KS), OWN: [],
+    }  # fmt: skip
+
+
+def test_corners_are_few_and_found_again_as_a_share(rows):
+    table = rows[0]
+    assert table.loc[table["criterion"] != "min", "share"].between(0, 0.5).all()
+    assert table[["rotation", "scale", "noise"]].stack().between(0, 1).all()
+    own = table.set_index("detector").loc[["Rosenfeld-Johnston", "Cheng-Hsu"]]
+    assert (own["rotation"] > 0.6).all()  # a star's tips and dents stay where they are
+    assert (own["corners"] >= 10).all()
+
+
+def test_only_the_noise_hangs_on_the_seed(rows):
+    first, again, other = (table.drop(columns="ms") for table in rows)
+    pd.testing.assert_frame_equal(first, again)
+    pd.testing.assert_frame_equal(first.drop(columns="noise"), other.drop(columns="noise"))
+    assert not first["noise"].equals(other["noise"])
