@@ -16,13 +16,14 @@ from cccd.comparisons import paper_tables, published, summary
 from cccd.comparisons.corner_comparison import CCCD
 from cccd.comparisons.isosurfaces import NETS
 from cccd.comparisons.numerals import number
-from cccd.comparisons.paper_k import COARSE_K
+from cccd.comparisons.paper_k import AUTOMATIC, COARSE_K
 from cccd.comparisons.reconstruction_comparison import HARRIS
 from cccd.comparisons.summary import Cohort, figure_11_rows, structure_names
 
 __all__ = [
-    "compactness", "figure_9", "figure_10", "figure_11", "figure_12", "figure_13", "figure_14", "figure_15",
-    "figure_16", "figure_17", "k_sweep", "ordering", "table_1", "table_2", "table_3", "table_4", "table_5",
+    "compactness", "corner_surfaces", "figure_9", "figure_10", "figure_11", "figure_12", "figure_13",
+    "figure_14", "figure_15", "figure_16", "figure_17", "k_sweep", "ordering", "table_1", "table_2",
+    "table_3", "table_4", "table_5",
 ]  # fmt: skip
 
 #: CCCD's setting in the paper's comparisons.
@@ -415,6 +416,36 @@ def k_sweep(cohort: Cohort) -> str:
 
 def _kept(row: pd.Series) -> str:
     return f"{100 * row['DSC']:.1f} % from {100 * row['share']:.1f} % of the pixels"
+
+
+def corner_surfaces(cohort: Cohort) -> str:
+    """Name what the corner splines of each k keep and cost, in the plane and in space."""
+    table = paper_tables.corner_surfaces(cohort)
+    columns = ["share", "dice_2d", "dice_3d", "assd_mm", "stack_bytes", "image_bytes", "seconds"]
+    beside = ["paper_share", "paper_dice_2d", "memory_less_percent", "paper_memory_less_percent"]
+    medians = table.groupby("k", sort=False)[[*columns, *beside]].median()
+    parts = []
+    for k, row in medians.iterrows():
+        kept = f"{100 * row['share']:.1f} % of the pixels, 2D Dice {100 * row['dice_2d']:.2f} %"
+        if pd.notna(row["paper_share"]):
+            kept = _beside(kept, f"{100 * row['paper_share']:.2f} % and {100 * row['paper_dice_2d']:.2f} %")
+        parts.append(
+            f"{k if k == AUTOMATIC else f'k = {k}'}: {kept}, 3D Dice {100 * row['dice_3d']:.2f} %, ASSD "
+            f"{row['assd_mm']:.2f} mm, {row['seconds']:.1f} s"
+        )
+    best = medians["dice_3d"].idxmax()
+    finest = medians.T.get("3")
+    size = ""
+    if finest is not None:
+        stack = f"{finest['stack_bytes'] / 1000:.0f} kB against {finest['image_bytes'] / 1e6:.0f} MB"
+        less = f"{finest['memory_less_percent']:.2f} % less"
+        theirs = f"{finest['paper_memory_less_percent']:.2f} % of one image"
+        size = f" 200 slices of k = 3 take {_beside(stack, '160 KB against 64 MB')}, {_beside(less, theirs)}."
+    most = table["slices"].max()
+    return (
+        f"Medians of the structures, in slabs of up to {most:.0f} slices. {'; '.join(parts)}. The highest "
+        f"3D Dice has {best if best == AUTOMATIC else f'k = {best}'}.{size}"
+    )
 
 
 def figure_17(cohort: Cohort) -> str:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-__all__ = ["COARSE_K", "FIGURE_11", "OUTLINES"]
+__all__ = ["AUTOMATIC", "COARSE_K", "FIGURE_11", "OUTLINES"]
+
+#: The row of splines that choose their own control points, beside those of every k.
+AUTOMATIC = "automatic"
 
 #: k at which the paper compares two organs (Figure 12).
 COARSE_K = 20

@@ -18,7 +18,7 @@ from cccd.comparisons.corner_comparison import CCCD
 from cccd.comparisons.reconstruction_comparison import HARRIS
 from cccd.comparisons.summary import Cohort
 
-__all__ = ["table_1", "table_2", "table_3", "table_4", "table_5"]
+__all__ = ["corner_surfaces", "table_1", "table_2", "table_3", "table_4", "table_5"]
 
 #: What the paper's byte counts come to: two 32-bit indices for each point (section 1).
 BYTES_PER_POINT = 8
@@ -126,3 +126,24 @@ def table_5(cohort: Cohort) -> pd.DataFrame:
     theirs = published.TABLE_5
     table = _beside(table, theirs, ["key"])
     return table.sort_values("organ", kind="stable").drop(columns="key").reset_index(drop=True)
+
+
+def corner_surfaces(cohort: Cohort) -> pd.DataFrame:
+    """Surfaces from the corners of each k, with the paper's shares and Dice for the same k."""
+    rows = cohort.rows("corner_surfaces")
+    paper = published.TABLE_3.dropna(subset=["k"])
+    theirs = pd.DataFrame(
+        {
+            "k": paper["k"].astype(int).astype(str),
+            "paper_share": paper["boundary_pixels"] / published.TABLE_3["boundary_pixels"].max(),
+            "paper_dice_2d": paper["dice_percent"] / 100,
+            "paper_memory_less_percent": 100
+            * (1 - paper["memory_kb"] / published.TABLE_3["memory_kb"].max()),
+        }
+    )
+    table = rows.assign(
+        k=rows["k"].astype(str),
+        fewer_points_percent=100 * (1 - rows["share"]),
+        memory_less_percent=100 * (1 - rows["stack_bytes"] / rows["image_bytes"]),
+    )
+    return table.merge(theirs, how="left", on="k")

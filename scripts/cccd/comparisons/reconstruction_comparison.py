@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,6 +13,7 @@ from scipy.spatial import cKDTree
 from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS, reconstruct
 from cccd.comparisons.links import count_links, enclosed_region, unique_links
+from cccd.comparisons.orderers import Orderer
 from cccd.comparisons.parameters import PAPER_TABLE_2
 from cccd.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd.containers import Boundaries, Curves, Frame, Panel, SliceFigure, Structure
@@ -24,10 +24,8 @@ __all__ = [
     "DENSE",
     "HARRIS",
     "JITTERED",
-    "Orderer",
     "compare_reconstruction",
     "link_along_chain",
-    "load_orderers",
     "point_sets",
     "reconstruction_figures",
 ]
@@ -41,27 +39,8 @@ CCCD = "Proposed CCCD"
 #: Methods of the paper's Figure 16, then the strongest of the others.
 FIGURE_16 = ("connect2d", "crawl", "nn_crust", "tour")
 
-#: Orders boundary pixels into closed curves.
-Orderer = Callable[[Boundaries], Curves]
-
 #: Returns points (N, 2) and the links (M, 2) between them.
 Run = Callable[[], tuple[np.ndarray, np.ndarray]]
-
-
-def load_orderers(*paths: str | Path) -> list[Orderer]:
-    """Load the junction networks that the run uses, each to order boundary pixels with.
-
-    Only here does this module need torch, and only where there is a network.
-    """
-    return [_load_orderer(path) for path in paths]
-
-
-def _load_orderer(path: str | Path) -> Orderer:
-    from cccd.junctions import order_boundaries
-    from cccd.junctions.checkpoint import load_model
-
-    model = load_model(path)
-    return lambda boundaries: order_boundaries(boundaries, model)[0]
 
 
 def compare_reconstruction(
@@ -82,8 +61,8 @@ def compare_reconstruction(
     seed : int
         Of the jitter.
     orderers : sequence of Orderer
-        From `load_orderers`: CCCD orders the dense boundary with each. A run without a network has none, and
-        no such row.
+        From `cccd.comparisons.orderers.load_orderers`: CCCD orders the dense boundary with each. A run
+        without a network has none, and no such row.
 
     Returns
     -------

@@ -52,7 +52,7 @@ INPUTS = {
     "model": Input(("gnn/model.pt",), "cccd.junctions.checkpoint.load_model", shared=True),
     "orderers": Input(
         ("gnn/model.pt",),
-        "cccd.comparisons.reconstruction_comparison.load_orderers",
+        "cccd.comparisons.orderers.load_orderers",
         shared=True,
         optional=True,
     ),
@@ -233,6 +233,20 @@ K_SWEEP = Comparison(
         "noise",
     ),
     minutes=15,
+)  # fmt: skip
+
+CORNER_SURFACES = Comparison(
+    "corner_surfaces",
+    "cccd.comparisons.corner_surfaces.compare_corner_surfaces",
+    ("structure", "boundaries", "curves", "orderers"),
+    settings={"settings": "comparisons.corner_surfaces", "ks": "curves.sweep", "lofting": "surface"},
+    unused=("surface.formats", "surface.contour_spacing_mm", "surface.source", "surface.corner_k"),
+    columns=(
+        "k", "slices", "control_points", "share", "dice_2d", "dice_3d", "assd_mm", "stack_bytes",
+        "image_bytes", "net_bytes", "seconds",
+    ),
+    memory_mb=(3000, 60),
+    minutes=30,
 )  # fmt: skip
 
 ISOSURFACES = Comparison(
@@ -475,6 +489,20 @@ ITEMS = (
         note=_NOTES + "figure_17",
         plots=_PLOTS + "figure_17",
         captions=("from the front, flat-shaded.",),
+    ),
+    Item(
+        "corner_surfaces",
+        "From corners to the surface",
+        "The chain that the paper prints, to its end, for each k: the corners are the control points, the "
+        "surface is lofted from their splines; beside them the automatic splines. The paper keeps 39.13 % of "
+        "the boundary's pixels at k = 3 (92.34 % less memory than an image of 19.2 KB) and 72.46 % fewer at "
+        "k = 12, and counts 160 KB for 200 slices against 64 MB.",
+        section="paper",
+        rows=(CORNER_SURFACES,),
+        table="corner_surfaces",
+        columns=("case", "organ", *CORNER_SURFACES.columns),
+        tabulate=_TABLES + "corner_surfaces",
+        note=_NOTES + "corner_surfaces",
     ),
     Item(
         "surfaces",

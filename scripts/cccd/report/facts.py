@@ -19,6 +19,7 @@ PACKAGES = (
     "scipy",
     "numba",
     "torch",
+    "torch-geometric",
     "scikit-image",
     "opencv-contrib-python-headless",
     "shapely",

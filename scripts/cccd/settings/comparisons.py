@@ -13,6 +13,7 @@ __all__ = [
     "ActiveContourSettings",
     "ComparisonSettings",
     "CornerComparisonSettings",
+    "CornerSurfaceSettings",
     "IsosurfaceSettings",
     "ReconstructionSettings",
     "SliceChoice",
@@ -125,6 +126,19 @@ class ActiveContourSettings(SliceChoice):
     )
 
 
+class CornerSurfaceSettings(Section):
+    """Surfaces from the corner splines of each k."""
+
+    most_slices: int = setting(
+        12,
+        "of an organ with more slices, a slab of so many adjacent ones is taken",
+        why="A surface for each k takes seconds each; paper_offline.yaml takes them all.",
+        unit="count",
+        ge=3,
+        le=100000,
+    )
+
+
 class IsosurfaceSettings(Section):
     """Surfaces by other methods, measured alike."""
 
@@ -182,6 +196,9 @@ class ComparisonSettings(Section):
     )
     active_contour: ActiveContourSettings = setting(
         ActiveContourSettings(), "a B-spline snake", why="Figure 15."
+    )
+    corner_surfaces: CornerSurfaceSettings = setting(
+        CornerSurfaceSettings(), "surfaces from the corners of each k", why="The paper's chain to its end."
     )
     isosurfaces: IsosurfaceSettings = setting(
         IsosurfaceSettings(), "surfaces by other methods", why="What surfaces are made with today."

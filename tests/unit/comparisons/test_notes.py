@@ -18,6 +18,8 @@ from cccd.comparisons.summary import Cohort, write_notes
 ORGANS = ("brain", "liver", "lungs")
 RATES = ["TP rate", "FP rate", "TN rate", "FN rate", "ACC", "MC", "PRE", "SPEC", "DSC", "JI"]
 
+SCORES = {"dice", "dice_3d", "DSC", "MC", "FP rate", "FN rate", "rotation", "scale", "noise"}
+
 #: Words of a sentence that finds something; numbers alone are no verdict.
 VERDICT = re.compile(
     r"\b(first|above|fewer|more|less|quickest|quicker|strongest|highest|most|falls|rises|take)\b"
@@ -80,6 +82,15 @@ def sweep_rows(rng, scores=None) -> pd.DataFrame:
     )
 
 
+def corner_surface_rows(rng) -> pd.DataFrame:
+    return pd.DataFrame(
+        {"case": "a", "organ": organ, "k": k, "slices": 12, "share": rng.uniform(), "dice_2d": rng.uniform()}
+        | {"dice_3d": rng.uniform(), "assd_mm": rng.uniform(), "stack_bytes": 1e5, "image_bytes": 1e8}
+        | {"seconds": rng.uniform()}
+        for organ, k in itertools.product(ORGANS, ("3", "5", "7", "12", "20", "automatic"))
+    )
+
+
 def surface_rows(rng) -> pd.DataFrame:
     return pd.DataFrame(
         {"case": "a", "organ": organ, "method": method, "bending_per_area_mm2": rng.uniform(0.1, 10)}
@@ -115,6 +126,7 @@ def made(seed=3) -> dict[str, pd.DataFrame]:
         "corners": corner_rows(rng),
         "reconstruction": link_rows(rng),
         "k_sweep": sweep_rows(rng),
+        "corner_surfaces": corner_surface_rows(rng),
         "isosurfaces": surface_rows(rng),
         "active_contour": snakes,
         "ordering": ordered,
@@ -126,7 +138,17 @@ def turned(rows: dict[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
     changed = {}
     for name, frame in rows.items():
         frame = frame.copy()
-        for column in {"dice", "DSC", "MC", "FP rate", "FN rate", "rotation", "scale", "noise"} & set(frame):
+        for column in {
+            "dice",
+            "dice_3d",
+            "DSC",
+            "MC",
+            "FP rate",
+            "FN rate",
+            "rotation",
+            "scale",
+            "noise",
+        } & set(frame):
             frame[column] = 1 - frame[column]
         for column in {"ms", "corner_ms", "curve_ms", "bending_per_area_mm2"} & set(frame):
             frame[column] = 1 / frame[column]
@@ -190,7 +212,8 @@ def test_no_title_or_caption_finds_an_agreement():
 
 @pytest.mark.parametrize(
     "key",
-    ["table1", "table2", "table3", "table5"] + [f"figure{n}" for n in (9, 10, 11, 12, 13, 14, 15, 16)],
+    ["table1", "table2", "table3", "table5", "corner_surfaces"]
+    + [f"figure{n}" for n in (9, 10, 11, 12, 13, 14, 15, 16)],
 )
 def test_the_papers_own_number_stands_beside_ours(spoken, key):
     assert "(the paper: " in spoken["as made"][key]

@@ -1,0 +1,162 @@
+"""The paper's chain to its end: corners of each k, splines with them as control points, a surface."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+import pandas as pd
+
+from cccd.comparisons.orderers import Orderer
+from cccd.comparisons.paper_k import AUTOMATIC
+from cccd.containers import Boundaries, Curves, Frame, Structure
+from cccd.curves import corner_splines, fit_splines, sample_splines
+from cccd.curves.corners import k_cosine_corners
+from cccd.geometry.arrays import offsets_of
+from cccd.metrics import dice
+from cccd.settings.comparisons import CornerSurfaceSettings
+from cccd.settings.surface import LoftSettings
+from cccd.surface import loft_surface
+from cccd.surface.measure import measure_mesh
+from cccd.tracing import trace_mask
+
+__all__ = ["compare_corner_surfaces", "middle_slab"]
+
+_Stack = TypeVar("_Stack", Boundaries, Curves)
+
+#: Bytes of a point as the paper counts them, two 32-bit indices, and of a grey value.
+POINT_BYTES, GREY_BYTES = 8, 2
+#: The paper's stack (section 1).
+STACK = 200
+
+
+def compare_corner_surfaces(
+    structure: Structure,
+    boundaries: Boundaries,
+    curves: Curves,
+    settings: CornerSurfaceSettings,
+    ks: Sequence[int],
+    lofting: LoftSettings,
+    orderers: Sequence[Orderer] = (),
+) -> pd.DataFrame:
+    """Loft a surface from the corner splines of each k, and one from the automatic splines beside them.
+
+    Parameters
+    ----------
+    structure : Structure
+        With a mask, against which the surfaces are measured; without one the table is empty.
+    boundaries, curves : Boundaries, Curves
+        Its boundary pixels and ordered curves.
+    settings : CornerSurfaceSettings
+        ``most_slices``: of an organ with more, a slab of so many adjacent slices is taken.
+    ks : sequence of int
+    lofting : LoftSettings
+    orderers : sequence of Orderer
+        The run's network, whose ordering is timed; without one it is the mask's tracing.
+
+    Returns
+    -------
+    DataFrame
+        One row per k and one ``automatic``: ``slices`` taken, ``control_points`` of the splines and their
+        ``share`` of the boundary's pixels, ``dice_2d`` (median over the slices, against the filled curves),
+        ``dice_3d``, ``assd_mm`` and ``volume_bias`` against the slab (missing where nothing solid comes out);
+        ``stack_bytes``, what the control points of 200 such slices take at the paper's 8 bytes each, and
+        ``image_bytes``, what 200 images of the scan's matrix take at 16 bits; ``net_bytes`` of the surface;
+        processor seconds to ``order_s`` the boundary pixels, ``curve_s`` (corners and splines) and
+        ``surface_s``, and their sum ``seconds``.
+    """
+    if structure.mask is None or not len(curves):
+        return pd.DataFrame()
+    structure, boundaries, curves = middle_slab(structure, boundaries, curves, settings.most_slices)
+    if orderers:  # compiled before anything is timed
+        k = int(boundaries.slice[0])
+        orderers[0](_between(boundaries, k, k, boundaries.frame))
+    begin = time.process_time()
+    if orderers:
+        orderers[0](boundaries)
+    else:
+        trace_mask(structure)
+    order_s = time.process_time() - begin
+    rows = [_surface_of(curves, structure, k, lofting, order_s) for k in (*ks, None)]
+    table = pd.DataFrame(rows)
+    table.insert(0, "k", [*map(str, ks), AUTOMATIC])
+    return table
+
+
+def _surface_of(
+    curves: Curves, structure: Structure, k: int | None, lofting: LoftSettings, order_s: float
+) -> dict[str, float]:
+    """Splines and surface of one k, or of the automatic splines, measured."""
+    begin = time.process_time()
+    if k is None:
+        splines = fit_splines(curves)
+    else:
+        splines = corner_splines(curves, k_cosine_corners(curves.points, curves.offsets, k))
+    middle = time.process_time()
+    surface = loft_surface(curves, lofting.model_copy(update={"source": "splines"}), splines)
+    end = time.process_time()
+    points, slices = len(splines.control_points), len(np.unique(curves.slice))
+    rows, columns = (structure.frame.shape[axis] for axis in structure.frame.in_plane_axes)
+    figures = measure_mesh(surface.mesh, structure) if len(surface.mesh.faces) else {}
+    return {
+        "slices": slices,
+        "control_points": points,
+        "share": points / len(curves.points),
+        "dice_2d": _dice_2d(curves, sample_splines(splines)),
+        **{name: figures.get(name, np.nan) for name in ("dice_3d", "assd_mm", "volume_bias")},
+        "stack_bytes": POINT_BYTES * STACK * points / slices,
+        "image_bytes": GREY_BYTES * STACK * rows * columns,
+        "net_bytes": surface.report["control_bytes"],
+        "order_s": order_s,
+        "curve_s": middle - begin,
+        "surface_s": end - middle,
+        "seconds": order_s + end - begin,
+    }
+
+
+def _dice_2d(curves: Curves, drawn: Curves) -> float:
+    """Median over the slices of the Dice of what the splines enclose, counted in pixels."""
+    low = np.floor(np.minimum(curves.points.min(axis=0), drawn.points.min(axis=0))).astype(int) - 1
+    high = np.ceil(np.maximum(curves.points.max(axis=0), drawn.points.max(axis=0))).astype(int) + 2
+    slices = np.unique(curves.slice)
+    rows, columns = (int(size) for size in high - low)
+    origin, shape = (int(slices[0]), *low), (int(slices[-1] - slices[0]) + 1, rows, columns)
+    scores = np.asarray(dice(curves.rasterise(origin, shape), drawn.rasterise(origin, shape), axis=(1, 2)))
+    return float(np.median(scores[slices - slices[0]]))
+
+
+def middle_slab(
+    structure: Structure, boundaries: Boundaries, curves: Curves, most_slices: int
+) -> tuple[Structure, Boundaries, Curves]:
+    """Cut a slab of adjacent slices out of the organ's middle, as a scan of its own; all where it fits."""
+    used = np.unique(curves.slice)
+    if len(used) <= most_slices:
+        return structure, boundaries, curves
+    first, *_, last = (int(k) for k in used[(len(used) - most_slices) // 2 :][:most_slices])
+    frame, axis = structure.frame, structure.frame.slice_axis
+    affine = frame.affine.copy()
+    affine[:3, 3] += first * affine[:3, axis]
+    a, b, c = (last - first + 1 if along == axis else size for along, size in enumerate(frame.shape))
+    slab = Frame(affine, axis, (a, b, c))
+    begin = first - int(structure.origin[axis])
+    mask = np.moveaxis(structure.required_stack("mask")[begin : begin + last - first + 1], 0, axis)
+    origin = np.array(structure.origin)
+    origin[axis] = 0
+    cut = replace(structure, frame=slab, origin=origin, mask=mask, image=None, truth=None, contours=None)
+    return cut, _between(boundaries, first, last, slab), _between(curves, first, last, slab)
+
+
+def _between(stack: _Stack, first: int, last: int, frame: Frame) -> _Stack:
+    """Take what lies on the slices from ``first`` to ``last``, counted from the first."""
+    chosen = (stack.slice >= first) & (stack.slice <= last)
+    size = np.diff(stack.offsets)
+    kept = {
+        "points": stack.points[np.repeat(chosen, size)],
+        "offsets": offsets_of(size[chosen]),
+        "slice": (stack.slice[chosen] - first).astype(stack.slice.dtype),
+        "frame": frame,
+    }
+    return replace(stack, **kept, **({"hole": stack.hole[chosen]} if isinstance(stack, Curves) else {}))
