@@ -15,11 +15,11 @@ LAYERS = (
     ("containers", "metrics", "cohort", "dicom_objects"),
     ("store",),
     ("volumes",),
-    ("boundary", "tracing", "chaincode"),
+    ("boundary", "tracing", "chaincode", "filling"),
     ("contours",),
     ("junctions", "curves"),
     ("surface",),
-    ("reconstruct",),
+    ("reconstruct", "filling_training"),
     ("comparisons",),
     ("report",),
 )

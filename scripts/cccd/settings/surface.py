@@ -49,13 +49,23 @@ class InterpolationSettings(Section):
     )
 
     knot_pixels: float = setting(
-        1.9,
+        1.4,
         "knots of the spline that smooths the slices' distances where tubes meet",
         why="Narrower and blends show the slices, wider and thin branches shrink.",
         unit="px",
         expert=True,
         ge=1,
         le=10,
+    )
+
+    learned_ratios: tuple[float, float, float, float] = setting(
+        (1.2, 1.5, 2.5, 3.5),
+        "slice distances, in pixels, between which the learned filling has a share in the fields: none, all, "
+        "all, none",
+        why="Below them the pixels tell as much as the slices do; above them contours are known finely "
+        "enough to be interpolated, which on smooth organs is nearer to the truth.",
+        unit="px",
+        expert=True,
     )
 
 
@@ -380,6 +390,14 @@ class LoftSettings(Section):
         gt=0,
         le=10,
     )
+    tolerance_filled: float = setting(
+        0.03,
+        "the same where the learned filling interpolates the slices",
+        why="It takes the pixels' steps off the outlines: there is nothing that the fit should leave out.",
+        unit="voxel edges",
+        gt=0,
+        le=10,
+    )
     compactness: float = setting(
         150.0,
         "marching cubes' bytes per byte of control points, at least",
@@ -392,6 +410,13 @@ class LoftSettings(Section):
         40.0,
         "the same for thin organs and coarse scans; in between, in between",
         why="An organ that is few voxels thick has too small a mesh to compare with.",
+        unit="ratio",
+        gt=0,
+    )
+    compactness_filled: float = setting(
+        8.0,
+        "the same for thin organs and coarse scans whose slices the learned filling interpolates",
+        why="What it adds between the slices, marching cubes' mesh of the voxels does not show.",
         unit="ratio",
         gt=0,
     )

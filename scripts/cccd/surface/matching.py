@@ -62,10 +62,13 @@ def match_contours(stack: SliceStack, settings: MatchingSettings) -> Tubes:
 
 
 def _match_run(run: Run, smallest: float, settings: MatchingSettings) -> tuple[list[Tube], int]:
-    """Tubes of one run of levels, and how many parts of less than ``smallest`` mm^3 were left out."""
+    """Tubes of one run of levels, and how many parts of less than ``smallest`` mm^3 were left out.
+
+    What no slice shows is not a part: the fields between slices may hold a speck of their own.
+    """
     graph = link_rings(run.rings)
     trimmed = [_without_fading_ends(chain, graph, run, settings) for chain in graph.chains()]
-    chains = [chain for chain in trimmed if chain]
+    chains = [chain for chain in trimmed if any(ring.source_slice is not None for ring in chain)]
     kept = [chain for chain in chains if _volume(chain, run.half_step) >= smallest]
     if not kept:
         kept = sorted(chains, key=lambda chain: -_volume(chain, run.half_step))[:1]

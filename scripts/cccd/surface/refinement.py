@@ -24,19 +24,24 @@ Size = tuple[int, int]
 def fitting_tolerance(stack: SliceStack, settings: LoftSettings) -> float:
     """Mean distance in mm between sections and surface that is good enough."""
     voxel = min(stack.pixel, float(np.cbrt(stack.voxel.prod())), settings.detail.coarsest_mm)
-    return settings.tolerance_voxels * voxel
+    share = np.interp(stack.filled, (0.0, 1.0), (settings.tolerance_voxels, settings.tolerance_filled))
+    return float(share) * voxel
 
 
 def control_point_budget(stack: SliceStack, settings: LoftSettings) -> float:
     """Control points that all patches together may have, by the size of marching cubes' mesh.
 
-    Between the compactness of thin or coarse stacks and that of all others runs a ramp of their logarithms.
+    Between the compactness of thin or coarse stacks and that of all others runs a ramp of their logarithms;
+    so it does between that of stacks that the learned filling interpolates and that of others.
     """
     rule = settings.detail
     edge = max(float(stack.voxel[1:].max()), rule.slice_share * stack.step)
     fine = float(np.interp(edge, rule.coarse_mm, (1.0, 0.0)))
     thick = float(np.interp(stack.voxels_through, rule.thin_voxels, (0.0, 1.0)))
-    ends = np.log([settings.compactness_thin, settings.compactness])
+    least = np.interp(
+        stack.filled, (0.0, 1.0), np.log([settings.compactness_thin, settings.compactness_filled])
+    )
+    ends = least, np.log(settings.compactness)
     compactness = float(np.exp(np.interp(min(fine, thick), (0.0, 1.0), ends)))
     return stack.marching_cubes_bytes / CONTROL_BYTES / compactness
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from cccd.errors import InputError
+from cccd.filling import fill_between_slices
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.settings.surface import LoftSettings
 from cccd.surface.fields import LevelField, distance_fields, interpolated_fields
@@ -56,19 +57,6 @@ class Run:
         distance = self.fields[ring.level].distance
         return -distance if ring.hole else distance
 
-    def volume(self) -> float:
-        """Volume in mm^3 of the source slices, half a step beyond the first and the last included."""
-        levels = [
-            rings
-            for rings, plane in zip(self.rings, self.fields, strict=True)
-            if rings and plane.source_slice is not None
-        ]
-        if not levels:
-            return 0.0
-        area = np.array([sum(-ring.area if ring.hole else ring.area for ring in rings) for rings in levels])
-        height = np.array([rings[0].z for rings in levels])
-        return float(np.trapezoid(area, height) + (area[0] + area[-1]) * self.half_step)
-
 
 @dataclass(frozen=True, eq=False)
 class SliceStack:
@@ -90,6 +78,8 @@ class SliceStack:
         What the slices enclose in mm^3.
     thickness : float
         Six times volume by surface in mm: the diameter of a ball, three times the thickness of a plate.
+    filled : float
+        Share of the learned filling in what lies between the slices.
     """
 
     runs: list[Run]
@@ -99,6 +89,7 @@ class SliceStack:
     voxel_faces: IntArray
     volume: float
     thickness: float
+    filled: float
 
     @property
     def step(self) -> float:
@@ -146,10 +137,13 @@ def interpolate_slices(outlines: Outlines, settings: LoftSettings) -> SliceStack
     step = every * frame.slice_spacing
     scan_range = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
     breaks = np.flatnonzero(gaps > every * settings.bridge_slices) + 1
+    share = float(np.interp(step / pixel, settings.interpolation.learned_ratios, (0.0, 1.0, 1.0, 0.0)))
     runs: list[Run] = []
     for part in np.split(np.arange(len(slices)), breaks):
         here = slice(part[0], part[-1] + 1)
         fields = list(interpolated_fields(slices[here], distance[here], frame.slice_spacing, level_spacing))
+        if share > 0 and np.all(np.diff(slices[here]) == every):
+            fields = _filled(fields, distance[here], pixel, step, scan_range, share)
         rings = [find_rings(plane, level, spacing, outlines.of_pixels) for level, plane in enumerate(fields)]
         runs.append(Run(fields, rings, spacing, step / 2, scan_range))
     if not any(rings for run in runs for rings in run.rings):
@@ -157,12 +151,33 @@ def interpolate_slices(outlines: Outlines, settings: LoftSettings) -> SliceStack
             "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"
         )
     voxel, voxel_faces = np.array([step, *spacing]), _voxel_faces(distance < 0)
-    volume = sum(run.volume() for run in runs)
+    volume = _volume(slices, _areas(outlines, slices, distance), frame.slice_spacing, step, breaks)
     thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
     target = TargetField.of(
         _levels(runs), spacing, settings.bridge_slices * step + pixel, settings.interpolation.knot_pixels
     )
-    return SliceStack(runs, target, origin, voxel, voxel_faces, volume, thickness)
+    return SliceStack(runs, target, origin, voxel, voxel_faces, volume, thickness, share)
+
+
+def _filled(
+    fields: Sequence[LevelField],
+    distance: SingleArray,
+    pixel: float,
+    step: float,
+    scan_range: tuple[float, float],
+    share: float,
+) -> list[LevelField]:
+    """Give the learned filling its share in the fields of slices (S, I, J) ``step`` mm apart and between."""
+    low, high = abs(fields[0].z - scan_range[0]), abs(fields[-1].z - scan_range[1])
+    filling = fill_between_slices(distance, pixel, step, (low < step / 2, high < step / 2))
+    return [
+        replace(
+            field,
+            distance=np.float32(1 - share) * field.distance
+            + np.float32(share) * filling.field((field.z - fields[0].z) / step),
+        )
+        for field in fields
+    ]
 
 
 def _levels(runs: Sequence[Run]) -> list[LevelField]:
@@ -174,6 +189,25 @@ def _levels(runs: Sequence[Run]) -> list[LevelField]:
         for way, end, border in ((-1, fields[0], scan_range[0]), (1, fields[-1], scan_range[1]))
     )
     return [*below, *fields, *above]
+
+
+def _areas(outlines: Outlines, slices: IntArray, distance: SingleArray) -> FloatArray:
+    """Area in mm^2 of what the outlines of each slice (S,) enclose: that of their pixels, or their own."""
+    curves = outlines.curves
+    pixel = float(curves.frame.pixel_spacing.prod())
+    if outlines.of_pixels:
+        return pixel * np.count_nonzero(distance < 0, axis=(1, 2)).astype(float)
+    areas = np.abs(curves.polygons.signed_areas) * np.where(curves.hole, -pixel, pixel)
+    return np.bincount(np.searchsorted(slices, curves.slice), areas, len(slices)).astype(float)
+
+
+def _volume(slices: IntArray, areas: FloatArray, spacing: float, step: float, breaks: IntArray) -> float:
+    """Volume in mm^3 of runs of slices that begin at ``breaks``, half a step beyond their ends included."""
+    total = 0.0
+    for part in np.split(np.arange(len(slices)), breaks):
+        area, height = areas[part], slices[part] * spacing
+        total += float(np.trapezoid(area, height) + (area[0] + area[-1]) * step / 2)
+    return total
 
 
 def _voxel_faces(mask: BoolArray) -> IntArray:

@@ -1,0 +1,79 @@
+"""The learned filling: nearer to bodies that it never saw than interpolation is."""
+
+import numpy as np
+import pytest
+import torch
+
+from cccd.filling import FillingNetwork, fill_between_slices, shipped_network
+from cccd.filling.network import WEIGHTS
+from cccd.filling_training.bodies import sliced_body
+from cccd.filling_training.training import FillingModel, interpolated, save_weights, train
+
+#: Far from the seeds that the shipped weights were trained on.
+UNSEEN = range(900_000, 900_012)
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return [body for body in map(sliced_body, UNSEEN) if body is not None]
+
+
+def predicted(body):
+    """Distances (16, A, B, S) at the parts of a node: interpolated, and filled."""
+    linear = interpolated(torch.tensor(body.distance, dtype=torch.float32)[None, None])[0].numpy()
+    a, b, s = body.distance.shape
+    corrections = shipped_network().corrections(body.distance.astype(np.float32), body.ratio, body.pixel)
+    parts = corrections.reshape(a, 2, b, 2, s, 4).transpose(1, 3, 5, 0, 2, 4).reshape(16, a, b, s)
+    return linear, linear + parts
+
+
+def test_it_is_nearer_to_bodies_that_it_never_saw(bodies):
+    wrong = []
+    for body in bodies:
+        near = np.abs(body.truth) < 1
+        near[..., -1] = False
+        wrong.append([np.abs(np.clip(p, -1.5, 1.5) - body.truth)[near].mean() for p in predicted(body)])
+    linear, filled = np.array(wrong).T
+    assert np.all(filled < linear)
+    assert filled.mean() < 0.6 * linear.mean()
+
+
+def test_numpy_and_torch_run_the_same_network(tmp_path):
+    torch.manual_seed(3)
+    model = FillingModel(width=6, layers=2)
+    torch.nn.init.normal_(model.last.weight)
+    save_weights(model, tmp_path / "weights.npz")
+    i, j, k = np.indices((12, 10, 7))
+    distance = np.clip(np.hypot(np.hypot(i - 5, j - 4), 2 * (k - 3)) - 4, -3, 3).astype(np.float32)
+    with torch.no_grad():
+        parts, near = model(torch.tensor(distance)[None, None], torch.tensor([2.0]), torch.tensor([0.5]))
+    expected = (parts * near)[0].numpy().reshape(2, 2, 4, 12, 10, 7).transpose(3, 0, 4, 1, 5, 2)
+    found = FillingNetwork.load(tmp_path / "weights.npz").corrections(distance, 2.0, 0.5)
+    assert found == pytest.approx(expected.reshape(24, 20, 28), abs=1e-5)
+
+
+def test_far_from_the_surface_it_corrects_nothing():
+    distance = np.full((6, 30, 30), 9.0, np.float32)
+    filling = fill_between_slices(distance, 1.0, 2.0, (False, False))
+    assert np.all(filling.corrections == 0)
+    assert filling.field(2.3) == pytest.approx(3.0)
+
+
+def test_where_the_scan_cuts_an_organ_it_goes_on():
+    i, j = np.indices((40, 40)) - 20
+    distance = np.repeat((np.hypot(i, j) - 11).astype(np.float32)[None], 8, axis=0)
+    cut = fill_between_slices(distance, 1.0, 2.0, (True, True))
+    areas = [np.count_nonzero(cut.field(at) < 0) for at in (0, 0.5, 3.5, 7)]
+    assert areas == pytest.approx([np.pi * 121] * 4, rel=0.03)
+
+
+def test_training_learns_and_repeats(bodies):
+    first, losses = train(bodies, 30, 2e-3, seed=5)
+    second, again = train(bodies, 30, 2e-3, seed=5)
+    assert np.mean(losses[-10:]) < np.mean(losses[:10])
+    assert losses == again
+    assert all(torch.equal(a, b) for a, b in zip(first.parameters(), second.parameters(), strict=True))
+
+
+def test_the_shipped_weights_are_small():
+    assert WEIGHTS.stat().st_size < 2_000_000
