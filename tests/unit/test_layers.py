@@ -34,7 +34,10 @@ GEOMETRIC = ("layers", "network", "graph_data", "data", "loss", "paper_network",
 #: The only modules that may import these.
 ONLY = {
     "h5py": {"store"},
-    "torch": {*(f"junctions.{name}" for name in (*GEOMETRIC, "energy", "checkpoint", "loop"))},
+    "torch": {
+        "filling_training.training",
+        *(f"junctions.{name}" for name in (*GEOMETRIC, "energy", "checkpoint", "loop")),
+    },
     "torch_geometric": {f"junctions.{name}" for name in GEOMETRIC},
     "snakemake": set(),
 }

@@ -1,8 +1,8 @@
 """Learned filling: what lies between slices and below their pixels.
 
 Interpolating the slices' distances gives a surface that runs straight from slice to slice, and on coarse
-pixels follows their steps. A small network, which has seen many random smooth, rough, plate-like and branching
-bodies cut into slices, predicts by how much the true signed distance differs from that
+pixels follows their steps. A small network, which has seen many random smooth, rough, plate-like and
+branching bodies cut into slices, predicts by how much the true signed distance differs from that
 (`cccd.filling_training` made the bodies and trained it). It works on a grid of about half the slice distance,
 whatever the scan's voxels are.
 """
@@ -23,6 +23,8 @@ __all__ = ["Filling", "fill_between_slices"]
 NODES_PER_STEP = 2
 #: The surface moves by at most so many nodes on a slice, and by so many more per slice distance away from it.
 MOST_MOVED, MOST_MOVED_BETWEEN = 1.0, 3.0
+#: The finest pixel, in nodes, that the network was trained with.
+FINEST = 0.25
 #: Empty slices below the first and above the last.
 BEYOND = 2
 
@@ -63,10 +65,13 @@ class Filling:
         share = np.float32(height - below)
         plane = (1 - share) * self.corrections[..., below] + share * self.corrections[..., below + 1]
         i, j = (PARTS[0] * (1 + np.arange(size) / self.every) for size in self.slices.shape[1:])
-        return map_coordinates(plane, np.meshgrid(i, j, indexing="ij"), order=1, mode="nearest")
+        at_pixels = np.meshgrid(i, j, indexing="ij")
+        return map_coordinates(plane, at_pixels, np.float32, order=1, mode="nearest")
 
 
-def fill_between_slices(distance: SingleArray, pixel: float, step: float, cut: tuple[bool, bool]) -> Filling:
+def fill_between_slices(
+    distance: SingleArray, pixel: float, step: float, cut: tuple[bool, bool], of_pixels: bool
+) -> Filling:
     """Predict what lies between slices.
 
     Parameters
@@ -77,9 +82,12 @@ def fill_between_slices(distance: SingleArray, pixel: float, step: float, cut: t
         mm.
     cut : (bool, bool)
         Whether the scan ends at the first and at the last slice: the organ goes on there.
+    of_pixels : bool
+        Whether the slices are known to a pixel only; drawn contours are known more finely than that.
     """
     every = max(1, round(step / (NODES_PER_STEP * pixel)))
     node = every * pixel
+    known = 1 / every if of_pixels else min(1 / every, FINEST)
     nodes = np.clip(distance[:, ::every, ::every] / node, -FARTHEST, FARTHEST)
     nodes = np.pad(nodes, ((0, 0), (1, 1), (1, 1)), constant_values=FARTHEST)
     empty = np.full((BEYOND, *nodes.shape[1:]), FARTHEST, np.float32)
@@ -88,6 +96,6 @@ def fill_between_slices(distance: SingleArray, pixel: float, step: float, cut: t
         for end, goes_on in zip((0, -1), cut, strict=True)
     )
     stack = np.ascontiguousarray(np.concatenate([low, nodes, high]).transpose(1, 2, 0), np.float32)
-    corrections = np.float32(node) * shipped_network().corrections(stack, step / node, 1 / every)
+    corrections = np.float32(node) * shipped_network().corrections(stack, step / node, known)
     reach = FARTHEST * node
     return Filling(np.clip(distance, -reach, reach).astype(np.float32), corrections, every, node)

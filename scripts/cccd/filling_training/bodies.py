@@ -106,7 +106,7 @@ def _distances(slices: Array, pixel: float, ratio: int) -> Array | None:
 
 
 def _at_parts(truth: Array, ratio: int, thick: bool, shape: tuple[int, ...]) -> Array:
-    """True distances (16, A, B, S) in nodes at the parts of a node, from those of fine voxels in voxels."""
+    """Take true distances (16, A, B, S) in nodes at the parts of a node; ``truth`` is in fine voxels."""
     step = FINE * ratio
     if thick:
         first, grid = (0, 0, step // 2), truth

@@ -143,7 +143,7 @@ def interpolate_slices(outlines: Outlines, settings: LoftSettings) -> SliceStack
         here = slice(part[0], part[-1] + 1)
         fields = list(interpolated_fields(slices[here], distance[here], frame.slice_spacing, level_spacing))
         if share > 0 and np.all(np.diff(slices[here]) == every):
-            fields = _filled(fields, distance[here], pixel, step, scan_range, share)
+            fields = _filled(fields, distance[here], outlines, step, scan_range, share)
         rings = [find_rings(plane, level, spacing, outlines.of_pixels) for level, plane in enumerate(fields)]
         runs.append(Run(fields, rings, spacing, step / 2, scan_range))
     if not any(rings for run in runs for rings in run.rings):
@@ -162,14 +162,16 @@ def interpolate_slices(outlines: Outlines, settings: LoftSettings) -> SliceStack
 def _filled(
     fields: Sequence[LevelField],
     distance: SingleArray,
-    pixel: float,
+    outlines: Outlines,
     step: float,
     scan_range: tuple[float, float],
     share: float,
 ) -> list[LevelField]:
     """Give the learned filling its share in the fields of slices (S, I, J) ``step`` mm apart and between."""
     low, high = abs(fields[0].z - scan_range[0]), abs(fields[-1].z - scan_range[1])
-    filling = fill_between_slices(distance, pixel, step, (low < step / 2, high < step / 2))
+    pixel = float(np.sqrt(outlines.curves.frame.pixel_spacing.prod()))
+    cut = low < step / 2, high < step / 2
+    filling = fill_between_slices(distance, pixel, step, cut, outlines.of_pixels)
     return [
         replace(
             field,

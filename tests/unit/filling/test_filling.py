@@ -54,7 +54,7 @@ def test_numpy_and_torch_run_the_same_network(tmp_path):
 
 def test_far_from_the_surface_it_corrects_nothing():
     distance = np.full((6, 30, 30), 9.0, np.float32)
-    filling = fill_between_slices(distance, 1.0, 2.0, (False, False))
+    filling = fill_between_slices(distance, 1.0, 2.0, (False, False), True)
     assert np.all(filling.corrections == 0)
     assert filling.field(2.3) == pytest.approx(3.0)
 
@@ -62,16 +62,15 @@ def test_far_from_the_surface_it_corrects_nothing():
 def test_where_the_scan_cuts_an_organ_it_goes_on():
     i, j = np.indices((40, 40)) - 20
     distance = np.repeat((np.hypot(i, j) - 11).astype(np.float32)[None], 8, axis=0)
-    cut = fill_between_slices(distance, 1.0, 2.0, (True, True))
+    cut = fill_between_slices(distance, 1.0, 2.0, (True, True), False)
     areas = [np.count_nonzero(cut.field(at) < 0) for at in (0, 0.5, 3.5, 7)]
     assert areas == pytest.approx([np.pi * 121] * 4, rel=0.03)
 
 
 def test_training_learns_and_repeats(bodies):
-    first, losses = train(bodies, 30, 2e-3, seed=5)
-    second, again = train(bodies, 30, 2e-3, seed=5)
-    assert np.mean(losses[-10:]) < np.mean(losses[:10])
-    assert losses == again
+    _, losses = train(bodies[:1], 60, 2e-3, seed=5)
+    assert np.mean(losses[-5:]) < 0.9 * np.mean(losses[:5])
+    first, second = (train(bodies, 5, 2e-3, seed=6)[0] for _ in range(2))
     assert all(torch.equal(a, b) for a, b in zip(first.parameters(), second.parameters(), strict=True))
 
 
