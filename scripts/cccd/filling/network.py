@@ -15,6 +15,8 @@ __all__ = ["FARTHEST", "PARTS", "FillingNetwork", "shipped_network"]
 
 #: The trained weights.
 WEIGHTS = Path(__file__).with_name("weights.npz")
+#: Their SHA-256: the workflow lofts again when this file changes, so with other weights it must change.
+WEIGHTS_SHA256 = "264cb86c82be0a7bd000bfc4f713b341a9c60340b3efe47b88bd04dba84ac170"
 #: Distances beyond this many nodes say no more than their sign.
 FARTHEST = 3.0
 #: Parts of a node, along either axis of the plane, and of a slice distance that have a correction each.

@@ -1,11 +1,13 @@
 """The learned filling: nearer to bodies that it never saw than interpolation is."""
 
+import hashlib
+
 import numpy as np
 import pytest
 import torch
 
 from cccd.filling import FillingNetwork, fill_between_slices, shipped_network
-from cccd.filling.network import WEIGHTS
+from cccd.filling.network import WEIGHTS, WEIGHTS_SHA256
 from cccd.filling_training.bodies import sliced_body
 from cccd.filling_training.training import FillingModel, interpolated, save_weights, train
 
@@ -74,5 +76,6 @@ def test_training_learns_and_repeats(bodies):
     assert all(torch.equal(a, b) for a, b in zip(first.parameters(), second.parameters(), strict=True))
 
 
-def test_the_shipped_weights_are_small():
+def test_the_shipped_weights_are_small_and_are_those_that_the_code_names():
     assert WEIGHTS.stat().st_size < 2_000_000
+    assert hashlib.sha256(WEIGHTS.read_bytes()).hexdigest() == WEIGHTS_SHA256
