@@ -15,6 +15,7 @@ LOFT = "scripts/cccd/surface/loft.py"
 AFTER_CURVES = {
     "loft_surface",
     "render_surface",
+    "compare_corner_surfaces",
     "compare_isosurfaces",
     "compare_thick_slices",
     "measure_structure",
