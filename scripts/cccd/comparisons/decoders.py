@@ -23,6 +23,7 @@ from cccd.comparisons.reconstruction.connect2d import connect2d
 from cccd.comparisons.reconstruction.tour import tour
 from cccd.containers import Frame
 from cccd.geometry._jit import jit
+from cccd.junctions.grid import follow_chains
 from cccd.tracing import trace_stack
 
 __all__ = [
@@ -215,25 +216,8 @@ def prize_tour(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:
     kept = np.argwhere(_prune(skeletonize(drawn > 0), _SPUR_PX)) + origin
     if len(kept) < 8:
         return kept[:0]
-    order = _walk(len(kept), tour(kept.astype(float)))
+    (order,), _ = follow_chains(tour(kept.astype(float)), len(kept))
     return kept[_collect(kept[order].astype(float), _PRIZE_PX, _LONGEST_SKIP, order)]
-
-
-@jit
-def _walk(count, links):
-    """Order of points along the links of one tour."""
-    beside = np.full((count, 2), -1, np.int64)
-    for n in range(len(links)):
-        a, b = links[n]
-        beside[a, 0 if beside[a, 0] < 0 else 1] = b
-        beside[b, 0 if beside[b, 0] < 0 else 1] = a
-    order = np.empty(count, np.int64)
-    here, before = 0, -1
-    for n in range(count):
-        order[n] = here
-        following = beside[here, 0] if beside[here, 0] != before else beside[here, 1]
-        before, here = here, following
-    return order
 
 
 @jit
