@@ -19,6 +19,7 @@ DISTRIBUTIONS = {
     "cv2": "opencv-contrib-python-headless",
     "OCP": "cadquery-ocp-novtk",
     "PIL": "pillow",
+    "itk": "itk-morphologicalcontourinterpolation",
     "skimage": "scikit-image",
     "torch_geometric": "torch-geometric",
     "SimpleITK": "simpleitk",

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from manifold3d import Manifold, Mesh64, OpType
 
-from cccd.comparisons.baselines.surfaces import SURFACES
+from cccd.comparisons.baselines.surfaces import FAMILIES, SURFACES
+from cccd.comparisons.tuning import SAMPLES, Truth, tuned_rows
 from cccd.containers import Curves, Structure
 from cccd.geometry.mesh import Mesh
 from cccd.settings.comparisons import IsosurfaceSettings
 from cccd.surface import Surface
-from cccd.surface.measure import measure_mesh
+from cccd.surface.measure import Reference, measure_mesh
 from cccd.surface.tessellation import tessellate
 
 __all__ = ["NETS", "compare_isosurfaces", "control_net_mesh"]
@@ -41,23 +45,37 @@ def compare_isosurfaces(
     Returns
     -------
     DataFrame
-        One row per method: Dice, ASSD and 95 % Hausdorff distance in mm, volume bias, bending per
-        area, triangles, bytes (of the mesh; of the control nets for the nets alone), seconds, soundness.
+        One row per method, and up to two for a tuned one (see `cccd.comparisons.tuning`): Dice, ASSD and
+        95 % Hausdorff distance in mm, volume bias, bending per area, triangles, bytes (of the mesh; of the
+        control nets for the nets alone), seconds, soundness.
     """
-    nets = measure_mesh(control_net_mesh(surface), structure) | {"bytes": surface.report["control_bytes"]}
-    rows = [
-        {"method": "CCCD", **measure_mesh(surface.mesh, structure), "seconds": None},
+    if structure.mask is None:
+        return pd.DataFrame(_own_rows(surface, partial(measure_mesh, structure=structure)))
+    truth = Truth(Reference.of(structure))
+
+    def measure(mesh: Mesh) -> dict[str, Any]:
+        return measure_mesh(mesh, structure, reference=truth.reference, samples=SAMPLES)
+
+    rows = _own_rows(surface, measure)
+    bends = rows[0]["curvature_per_area_mm"]
+    for name in settings.methods:
+        if name in SURFACES:
+            start = time.perf_counter()
+            mesh = SURFACES[name].run(structure, curves)
+            seconds = time.perf_counter() - start
+            rows.append({"method": name, **measure(mesh), "seconds": seconds})
+        elif FAMILIES[name].available():
+            rows += tuned_rows(FAMILIES[name], structure, structure, truth, bends)
+    return pd.DataFrame(rows)
+
+
+def _own_rows(surface: Surface, measure: Callable[[Mesh], dict[str, Any]]) -> list[dict[str, Any]]:
+    """Measure our mesh and, in their own bytes, its control nets alone."""
+    nets = measure(control_net_mesh(surface)) | {"bytes": surface.report["control_bytes"]}
+    return [
+        {"method": "CCCD", "chosen": None, "setting": None, **measure(surface.mesh), "seconds": None},
         {"method": NETS, **nets, "seconds": None},
     ]
-    wanted = settings.methods if structure.mask is not None else []
-    for name, method in SURFACES.items():
-        if name not in wanted:
-            continue
-        start = time.perf_counter()
-        mesh = method.run(structure, curves)
-        seconds = time.perf_counter() - start
-        rows.append({"method": method.title, **measure_mesh(mesh, structure), "seconds": seconds})
-    return pd.DataFrame(rows)
 
 
 def control_net_mesh(surface: Surface) -> Mesh:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-__all__ = ["HEADLINES", "MEASURES", "Headline", "Measure"]
+__all__ = ["AS_SMOOTH", "BEST", "HEADLINES", "MEASURES", "Headline", "Measure"]
+
+#: For what a tuned baseline's setting was taken, as the column ``chosen`` says.
+BEST, AS_SMOOTH = "best ASSD", "as smooth as ours"
 
 
 class Headline(NamedTuple):

@@ -13,8 +13,10 @@ import numpy as np
 import pandas as pd
 
 from cccd.comparisons import paper_tables, published, summary
+from cccd.comparisons.baselines.surfaces import FAMILIES
 from cccd.comparisons.corner_comparison import CCCD
 from cccd.comparisons.isosurfaces import NETS
+from cccd.comparisons.measures import AS_SMOOTH, BEST
 from cccd.comparisons.numerals import number
 from cccd.comparisons.paper_k import AUTOMATIC, COARSE_K
 from cccd.comparisons.reconstruction_comparison import HARRIS
@@ -22,8 +24,8 @@ from cccd.comparisons.summary import Cohort, figure_11_rows, structure_names
 
 __all__ = [
     "compactness", "corner_surfaces", "figure_9", "figure_10", "figure_11", "figure_12", "figure_13",
-    "figure_14", "figure_15", "figure_16", "figure_17", "k_sweep", "ordering", "table_1", "table_2",
-    "table_3", "table_4", "table_5",
+    "figure_14", "figure_15", "figure_16", "figure_17", "k_sweep", "ordering", "surfaces", "table_1",
+    "table_2", "table_3", "table_4", "table_5", "thick_slices",
 ]  # fmt: skip
 
 #: CCCD's setting in the paper's comparisons.
@@ -453,6 +455,8 @@ def figure_17(cohort: Cohort) -> str:
     surfaces = cohort.rows("isosurfaces")
     if "bending_per_area_mm2" not in surfaces:
         return ""
+    if "chosen" in surfaces:
+        surfaces = surfaces[surfaces["chosen"] != AS_SMOOTH]
     medians = surfaces.groupby("method")["bending_per_area_mm2"].median()
     ours, cubes = medians.get("CCCD"), medians.get("marching cubes")
     if not ours or not cubes:
@@ -462,8 +466,50 @@ def figure_17(cohort: Cohort) -> str:
     less = f"less than ours is that of {_listed(smoother)}" if smoother else "no other surface's is less"
     return (
         f"Our surface's bending per area is {number(ours)} per mm², that of marching cubes {number(cubes)}, "
-        f"{number(cubes / ours, 1)} times ours; {less} (medians of the structures)."
+        f"{number(cubes / ours, 1)} times ours; {less} (medians of the structures; what is "
+        "smoothed by windowed sinc is at its smallest ASSD)."
     )
+
+
+def surfaces(cohort: Cohort) -> str:
+    """Hold our surface against the best of the tuned baselines."""
+    rows = cohort.rows("isosurfaces")
+    text = _against_the_best(rows, ["case", "organ"])
+    if text and rows[rows["method"] == "CCCD"].get("normals_median_deg", pd.Series([np.nan])).isna().any():
+        text += " Where no true surface is known, distances are to the mask's own isosurface, with its steps."
+    return text
+
+
+def thick_slices(cohort: Cohort) -> str:
+    """Hold our surface of thick slices against the best of the tuned baselines."""
+    return _against_the_best(cohort.rows("thick_slices"), ["case", "organ", "every_nth"])
+
+
+def _against_the_best(rows: pd.DataFrame, keys: list[str]) -> str:
+    """Compare ASSD and bending of our row with the best baseline's, in each group of rows."""
+    if not {"chosen", "assd_mm"}.issubset(rows.columns):
+        return ""
+    columns = ["assd_mm", "curvature_per_area_mm"]
+    ours = rows[rows["method"] == "CCCD"].set_index(keys)[columns]
+    sentences = []
+    for why, which in ((BEST, "nearest to the truth"), (AS_SMOOTH, "nearest of those as smooth as ours")):
+        theirs = rows[rows["chosen"].astype(str).str.contains(why, regex=False)]
+        if len(theirs) == 0:
+            continue
+        best = theirs.loc[theirs.groupby(keys)["assd_mm"].idxmin()].set_index(keys)
+        ratios = best[columns] / ours.loc[best.index]
+        named = (best["method"] + ", " + best["setting"]).mode()[0]
+        distance, bending = ratios.median()
+        sentences.append(
+            f"The baseline {which} (most often {named}) has {distance:.2f} times our ASSD at {bending:.2f} "
+            f"times our bending (medians); it is nearer than ours in {sum(ratios['assd_mm'] < 1)} of "
+            f"{len(ours)}."
+        )
+    if not sentences:
+        return ""
+    absent = [one for one in FAMILIES.values() if one.package and one.title not in set(rows["method"])]
+    sentences += [f"There is no {one.title} here; it needs the package {one.package}." for one in absent]
+    return " ".join(sentences)
 
 
 def ordering(cohort: Cohort) -> str:

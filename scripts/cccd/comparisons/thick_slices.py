@@ -5,29 +5,24 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from cccd.comparisons.baselines.surfaces import SURFACES
+from cccd.comparisons.baselines.surfaces import FAMILIES
+from cccd.comparisons.tuning import SAMPLES, Truth, tuned_rows
 from cccd.containers import Frame, Structure
 from cccd.reconstruct import reconstruct_mask
 from cccd.settings.comparisons import ThickSliceSettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface.measure import measure_mesh
-from cccd.tracing import trace_mask
+from cccd.surface.measure import Reference, measure_mesh
 
 __all__ = ["every_nth_slice", "thick_slice_experiment"]
 
 #: Fewer slices with organ than this say nothing about a reconstruction.
 FEWEST_SLICES = 3
-#: The baselines: an isosurface, then windowed-sinc smoothing, of the distances at two strengths.
-BASELINES = (
-    "flying edges + windowed sinc",
-    "signed distance + isosurface + windowed sinc",
-    "signed distance + isosurface + windowed sinc 0.01",
-)
 
 
 def every_nth_slice(structure: Structure, n: int) -> Structure:
@@ -64,8 +59,8 @@ def thick_slice_experiment(
     Returns
     -------
     DataFrame
-        One row per slice distance and method, with the columns of `measure_mesh`, ``seconds``, and for
-        ours ``control_bytes``.
+        One row per slice distance and method, two for a tuned one (see `cccd.comparisons.tuning`), with
+        the columns of `measure_mesh`, ``seconds``, and for ours ``control_bytes``.
     """
     rows = []
     if structure.mask is None:
@@ -78,28 +73,27 @@ def thick_slice_experiment(
             "compactness_thin": settings.compactness,
         }
     )
+    truth = Truth(Reference.of(structure))
     steps = sorted({max(2, round(distance / spacing)) for distance in settings.spacings_mm})
     for n in steps:
         thick = every_nth_slice(structure, n)
         if np.count_nonzero(thick.required_stack("mask").any(axis=(1, 2))) < FEWEST_SLICES:
             continue
         row = {"slice_distance_mm": n * spacing, "every_nth": n}
-        rows += [row | measured for measured in _reconstructions(thick, structure, fitting, accurate)]
+        rows += [row | measured for measured in _reconstructions(thick, structure, truth, fitting, accurate)]
     return pd.DataFrame(rows)
 
 
 def _reconstructions(
-    thick: Structure, structure: Structure, fitting: CurveSettings, lofting: LoftSettings
-) -> Iterator[dict[str, object]]:
+    thick: Structure, structure: Structure, truth: Truth, fitting: CurveSettings, lofting: LoftSettings
+) -> Iterator[dict[str, Any]]:
     """Reconstruct thick slices by our way and by the baselines, each measured at full resolution."""
     start = time.perf_counter()
     surface = reconstruct_mask(thick, fitting, lofting)
     seconds = time.perf_counter() - start
+    ours = measure_mesh(surface.mesh, structure, reference=truth.reference, samples=SAMPLES)
     sizes = {"seconds": seconds, "control_bytes": surface.report["control_bytes"]}
-    yield {"method": "CCCD", **measure_mesh(surface.mesh, structure), **sizes}
-    curves = trace_mask(thick)
-    for method in BASELINES:
-        start = time.perf_counter()
-        mesh = SURFACES[method].run(thick, curves)
-        seconds = time.perf_counter() - start
-        yield {"method": method, **measure_mesh(mesh, structure), "seconds": seconds}
+    yield {"method": "CCCD", "chosen": None, "setting": None, **ours, **sizes}
+    for family in FAMILIES.values():
+        if family.available():
+            yield from tuned_rows(family, thick, structure, truth, ours["curvature_per_area_mm"])

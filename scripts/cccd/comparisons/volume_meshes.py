@@ -5,6 +5,11 @@ Every function returns a closed mesh in world mm (RAS) that is oriented outwards
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import tempfile
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -13,23 +18,29 @@ import vtk
 from scipy import ndimage
 from skimage import measure
 
+from cccd.comparisons import interpolate_contours
 from cccd.containers import Structure
 from cccd.geometry.mesh import Mesh
 
 __all__ = [
-    "SLICER_PASS_BAND",
+    "MORPHOLOGICAL",
+    "antialiased_isosurface",
     "distance_isosurface",
     "flying_edges",
     "from_polydata",
+    "has_morphological",
     "marching_cubes",
+    "morphological_isosurface",
     "surface_nets",
     "windowed_sinc",
 ]
 
+#: The optional package that interpolates contours by morphology.
+MORPHOLOGICAL = "itk-morphologicalcontourinterpolation"
+#: Of SimpleITK's filter: its largest change of a level, and its most rounds.
+_ANTI_ALIAS_ERROR, _ANTI_ALIAS_ROUNDS = 0.07, 50
 #: Windowed-sinc smoothing as VTK's users set it (Taubin et al. 1996): rounds and pass band.
 SINC_ITERATIONS, SINC_PASS_BAND = 20, 0.1
-#: The pass band of 3D Slicer's default, which smooths more.
-SLICER_PASS_BAND = 0.01
 
 
 def _padded_stack(structure: Structure) -> np.ndarray:
@@ -82,11 +93,11 @@ def surface_nets(structure: Structure) -> Mesh:
     return _in_world(structure, from_polydata(pv.wrap(nets.GetOutput())))
 
 
-def distance_isosurface(structure: Structure) -> Mesh:
+def distance_isosurface(structure: Structure, sigma_pixels: float = 0.0) -> Mesh:
     """Shape-based interpolation (Raya and Udupa 1990), then flying edges.
 
     Every slice becomes a signed distance map; slices are interpolated linearly until they lie about one
-    pixel apart; the surface is the zero level.
+    pixel apart; the surface is the zero level, of a Gaussian of all that where ``sigma_pixels`` is given.
     """
     frame = structure.frame
     spacing = frame.pixel_spacing
@@ -102,13 +113,54 @@ def distance_isosurface(structure: Structure) -> Mesh:
         # A slice without the organ mirrors its neighbour: the organ ends half a slice beyond its last.
         near = [n for n in (s - 1, s + 1) if 0 <= n < len(stack) and stack[n].any()]
         signed[s] = np.max([np.abs(signed[n]) for n in near], axis=0) if near else reach
-    parts = max(1, round(frame.slice_spacing / float(np.sqrt(spacing.prod()))))
+    parts = _parts(structure)
     fine = np.arange((len(stack) - 1) * parts + 1) / parts
     low = np.minimum(fine.astype(np.int64), len(stack) - 2)
     share = (fine - low).astype(np.float32)[:, None, None]
     field = (1 - share) * signed[low] + share * signed[low + 1]
+    if sigma_pixels > 0:
+        field = ndimage.gaussian_filter(field, sigma_pixels)
     mesh = from_polydata(_to_grid(field).contour([0.0], scalars="field", method="flying_edges"))
     return _in_world(structure, Mesh((mesh.vertices / (parts, 1, 1)) - (0, 2, 2), mesh.faces))
+
+
+def _parts(structure: Structure) -> int:
+    """Into how many parts a slice step is cut so that levels lie about one pixel apart."""
+    return max(1, round(structure.frame.slice_spacing / float(np.sqrt(structure.frame.pixel_spacing.prod()))))
+
+
+def antialiased_isosurface(structure: Structure) -> Mesh:
+    """Whitaker's anti-aliasing of binary volumes (2000), by SimpleITK, then flying edges."""
+    import SimpleITK
+
+    binary = SimpleITK.GetImageFromArray(np.pad(_padded_stack(structure), 2).astype(np.uint8))
+    levels = SimpleITK.AntiAliasBinary(binary, _ANTI_ALIAS_ERROR, _ANTI_ALIAS_ROUNDS)
+    field = SimpleITK.GetArrayFromImage(levels).astype(np.float32)
+    mesh = from_polydata(_to_grid(field).contour([0.0], scalars="field", method="flying_edges"))
+    return _in_world(structure, Mesh(mesh.vertices - 2, mesh.faces))
+
+
+def has_morphological() -> bool:
+    """Whether the optional package of `morphological_isosurface` is installed."""
+    try:
+        return bool(version(MORPHOLOGICAL))
+    except PackageNotFoundError:
+        return False
+
+
+def morphological_isosurface(structure: Structure) -> Mesh:
+    """Morphological contour interpolation (Zukić et al. 2016) by ITK, then flying edges."""
+    stack, parts = _padded_stack(structure), _parts(structure)
+    labels = np.zeros(((len(stack) - 1) * parts + 1, *stack.shape[1:]), np.uint8)
+    labels[::parts] = stack
+    with tempfile.TemporaryDirectory() as folder:
+        given, filled = Path(folder) / "given.npy", Path(folder) / "filled.npy"
+        np.save(given, labels)
+        script = interpolate_contours.__file__
+        subprocess.run([sys.executable, script, given, filled], capture_output=True, check=False)
+        field = np.load(filled).astype(np.float32)
+    mesh = from_polydata(_to_grid(field).contour([0.5], scalars="field", method="flying_edges"))
+    return _in_world(structure, Mesh(mesh.vertices / (parts, 1, 1), mesh.faces))
 
 
 def windowed_sinc(mesh: Mesh, iterations: int = SINC_ITERATIONS, pass_band: float = SINC_PASS_BAND) -> Mesh:

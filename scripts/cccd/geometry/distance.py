@@ -7,6 +7,7 @@ from typing import Any, cast
 import cv2
 import numpy as np
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, SingleArray
@@ -15,7 +16,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import voxelise
 
-__all__ = ["grid_to_mesh", "to_mask", "to_mesh", "to_polygons", "unsigned_to_mesh"]
+__all__ = ["NearTriangles", "grid_to_mesh", "to_mask", "to_mesh", "to_polygons", "unsigned_to_mesh"]
 
 #: Distances to polygons are exact within this many pixels of them.
 NEAR_PIXELS = 2.0
@@ -181,6 +182,47 @@ def unsigned_to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:
     surface = cast(Any, mesh.to_polydata())  # VTK's types are looser than what it returns
     _, nearest = surface.find_closest_cell(points, return_closest_point=True)
     return np.linalg.norm(points - np.asarray(nearest), axis=1)
+
+
+class NearTriangles:
+    """Distances to a mesh of small triangles by those whose centres are near, found once.
+
+    They hold for any mesh with the same faces whose vertices have moved little. A triangle much larger than
+    those around it may be missed: to choose among meshes, not to measure one.
+    """
+
+    #: Triangles that are tried for each point.
+    COUNT = 16
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh
+        self._tree = cKDTree(mesh.vertices[mesh.faces].mean(axis=1), balanced_tree=False, compact_nodes=False)
+
+    def nearest(self, points: FloatArray) -> IntArray:
+        """Faces (P, K) whose centres are nearest to points (P, 3)."""
+        count = min(self.COUNT, len(self.mesh.faces))
+        return np.asarray(self._tree.query(points, k=range(1, count + 1))[1], np.int64)
+
+    def to(self, points: FloatArray) -> FloatArray:
+        """Distance (P,) of points (P, 3)."""
+        return self.distances(points, self.mesh, self.nearest(points))
+
+    @staticmethod
+    def distances(points: FloatArray, mesh: Mesh, faces: IntArray) -> FloatArray:
+        """Distance (P,) of points (P, 3) to the nearest of their faces (P, K)."""
+        return _to_faces(np.ascontiguousarray(points), np.ascontiguousarray(mesh.vertices), mesh.faces, faces)
+
+
+@jit
+def _to_faces(points: FloatArray, vertices: FloatArray, faces: IntArray, tried: IntArray) -> FloatArray:
+    distance = np.full(len(points), np.inf)
+    for n in range(len(points)):
+        point = _point(points, n)
+        for f in tried[n]:
+            a, b, c = faces[f]
+            squared = _squared_distance(point, _point(vertices, a), _point(vertices, b), _point(vertices, c))
+            distance[n] = min(distance[n], np.sqrt(squared))
+    return distance
 
 
 def to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:

@@ -27,6 +27,7 @@ class Dihedrals(NamedTuple):
     angles: FloatArray  # (E,) between the normals of the two faces, in radians
     lengths: FloatArray  # (E,)
     areas: FloatArray  # (E,) of the two faces together
+    faces: IntArray  # (E, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +103,8 @@ class Mesh:
         sine = np.linalg.norm(np.cross(unit[first], unit[second]), axis=1)
         angle = np.where((size[first] > 0) & (size[second] > 0), np.arctan2(sine, cosine), 0.0)
         length = np.linalg.norm(self.vertices[edge[:, 1]] - self.vertices[edge[:, 0]], axis=1)
-        return Dihedrals(edge, angle, length, (size[first] + size[second]) / 2)
+        area = (size[first] + size[second]) / 2
+        return Dihedrals(edge, angle, length, area, np.column_stack([first, second]))
 
     @property
     def bending_per_area(self) -> float:
@@ -114,12 +116,12 @@ class Mesh:
         together area A. The second is :math:`4 \pi \chi` by Gauss and Bonnet, with the Euler
         characteristic of the mesh. Slivers count as if they were as wide as a tenth of their edge.
         """
-        edge, theta, length, area = self.dihedrals
+        edge, theta, length, area, _ = self.dihedrals
         if len(edge) == 0:
             return 0.0
         area = np.maximum(area, 0.1 * length**2)
         shell = np.divide(3 * theta**2 * length**2, area, out=np.zeros_like(area), where=area > 0).sum()
-        euler = len(np.unique(self.faces)) - len(edge) + len(self.faces)
+        euler = self._used() - len(edge) + len(self.faces)
         return float(max(shell - 4 * np.pi * euler, 0.0) / self.area)
 
     @property
@@ -129,7 +131,7 @@ class Mesh:
         The dihedral angles of a mesh measure its total curvature without dividing by small faces, so this
         figure is the one to compare between meshes of different make.
         """
-        _, theta, length, _ = self.dihedrals
+        theta, length = self.dihedrals.angles, self.dihedrals.lengths
         return float(np.sum(np.abs(theta) * length) / self.area)
 
     # Soundness
@@ -149,7 +151,7 @@ class Mesh:
         forward, backward = np.sort(start * count + end), end * count + start
         if np.any(forward[1:] == forward[:-1]) or not np.array_equal(forward, np.sort(backward)):
             return False
-        return _count_fans(faces) == len(np.unique(faces))
+        return _count_fans(faces) == self._used()
 
     def self_intersections(self) -> IntArray:
         """Pairs (K, 2) of triangles that pass through each other; see `cccd.geometry.collisions`."""
@@ -208,6 +210,10 @@ class Mesh:
         import pyvista  # VTK takes a second to load
 
         return cast(Any, pyvista.PolyData).from_regular_faces(self.vertices, self.faces)
+
+    def _used(self) -> int:
+        """Count the vertices that faces have."""
+        return int(np.count_nonzero(np.bincount(self.faces.ravel())))
 
     def _spanned(self) -> tuple[FloatArray, FloatArray]:
         """First corners (F, 3) of the faces, seen from the mean of the vertices, and the others' product.

@@ -11,6 +11,7 @@ from dataclasses import replace
 import pandas as pd
 from markupsafe import Markup
 
+from cccd.comparisons.measures import AS_SMOOTH
 from cccd.comparisons.paper_k import COARSE_K
 from cccd.comparisons.registry import Item
 from cccd.comparisons.summary import figure_11_rows, structure_names
@@ -175,6 +176,8 @@ def surfaces(results: Results, item: Item) -> Plots:
     rows = results.table("surfaces")
     if rows is None:
         return []
+    if "chosen" in rows:
+        rows = rows.assign(method=rows["method"] + (", " + rows["chosen"].astype(object)).fillna(""))
     shown = {
         "dice_3d": "3D Dice",
         "assd_mm": "ASSD (mm)",
@@ -191,6 +194,8 @@ def thick_slices(results: Results, item: Item) -> Plots:
     rows = results.table("thick_slices")
     if rows is None:
         return []
+    if "chosen" in rows:
+        rows = rows[rows["chosen"] != AS_SMOOTH]
     shown = {"assd_mm": "ASSD (mm)", "volume_bias": "Volume bias", "bending_per_area_mm2": "Bending / area"}
     drawn: Plots = [
         (

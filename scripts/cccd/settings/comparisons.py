@@ -28,7 +28,9 @@ _Method = Literal[
     "surface nets",
     "signed distance + isosurface",
     "signed distance + isosurface + windowed sinc",
-    "signed distance + isosurface + windowed sinc 0.01",
+    "signed distance + Gaussian + windowed sinc",
+    "anti-aliased binary + windowed sinc",
+    "morphological interpolation + windowed sinc",
     "ball pivoting",
     "Poisson",
     "alpha shape",
@@ -149,13 +151,15 @@ class IsosurfaceSettings(Section):
             "surface nets",
             "signed distance + isosurface",
             "signed distance + isosurface + windowed sinc",
-            "signed distance + isosurface + windowed sinc 0.01",
+            "signed distance + Gaussian + windowed sinc",
+            "anti-aliased binary + windowed sinc",
+            "morphological interpolation + windowed sinc",
             "ball pivoting",
             "Poisson",
             "alpha shape",
         ),
         "methods to run beside ours",
-        why="All that there are.",
+        why="All that there are. Those with windowed sinc are shown at their best settings of a grid.",
     )
 
 

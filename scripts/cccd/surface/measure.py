@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from cccd.metrics import dice, surface_distances
 from cccd.surface.surface import Surface
 from cccd.tolerances import VOLUME_BIAS
 
-__all__ = ["mask_surface", "measure_mesh", "measure_surface", "volume_warnings"]
+__all__ = ["Reference", "mask_surface", "measure_mesh", "measure_surface", "volume_warnings"]
 
 
 def mask_surface(structure: Structure) -> Mesh:
@@ -27,8 +27,32 @@ def mask_surface(structure: Structure) -> Mesh:
     return grid.isosurface(0.5).outwards()
 
 
-def measure_mesh(mesh: Mesh, structure: Structure, seed: int = 0) -> dict[str, float | int | bool]:
+class Reference(NamedTuple):
+    """What a structure's surfaces are measured against: the truth's mesh, or marching cubes on the mask."""
+
+    mesh: Mesh
+    volume: float  # mm^3: the truth's, or that of the mask's voxels
+
+    @classmethod
+    def of(cls, structure: Structure) -> Reference:
+        """Take it from a structure that has a mask or a truth."""
+        if structure.truth is not None:
+            return cls(structure.truth, structure.truth.volume)
+        voxel = float(np.prod(structure.frame.spacing))
+        return cls(mask_surface(structure), np.count_nonzero(structure.required_stack("mask")) * voxel)
+
+
+def measure_mesh(
+    mesh: Mesh,
+    structure: Structure,
+    seed: int = 0,
+    reference: Reference | None = None,
+    samples: int = 50_000,
+) -> dict[str, float | int | bool]:
     """Figures of one closed mesh; those that need a mask or a truth are absent without one.
+
+    Who measures many meshes makes the ``reference`` of the structure once; distances are from so many
+    ``samples`` of each surface.
 
     The volume is compared with the phantom's where there is a truth, with what drawn contours enclose,
     and with the voxels' otherwise; distances are to the truth's surface, or to marching cubes on the mask.
@@ -45,20 +69,18 @@ def measure_mesh(mesh: Mesh, structure: Structure, seed: int = 0) -> dict[str, f
     if structure.mask is not None:
         block = voxelise(mesh, structure.frame.affine, structure.mask.shape, structure.origin)
         figures["dice_3d"] = float(dice(structure.mask, block))
-    reference = structure.truth
     whole = None
-    voxel = float(np.prod(structure.frame.spacing))
+    if reference is None and (structure.truth is not None or structure.mask is not None):
+        reference = Reference.of(structure)
     if reference is not None:
         whole = reference.volume
-    elif structure.mask is not None:
-        reference = mask_surface(structure)
-        whole = np.count_nonzero(structure.mask) * voxel
     elif structure.contours is not None:
+        voxel = float(np.prod(structure.frame.spacing))
         whole = float(structure.contours.polygons.signed_areas.sum()) * voxel
     if whole is not None:
         figures["volume_bias"] = mesh.volume / whole - 1
     if reference is not None:
-        distances = surface_distances(mesh, reference, np.random.default_rng(seed))
+        distances = surface_distances(mesh, reference.mesh, np.random.default_rng(seed), samples)
         figures |= {f"{name}_mm": value for name, value in distances.items()}
     return figures
 

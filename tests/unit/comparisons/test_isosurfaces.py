@@ -3,7 +3,13 @@ import pytest
 
 from cccd.comparisons.isosurfaces import NETS, compare_isosurfaces, control_net_mesh
 from cccd.comparisons.point_meshes import ball_pivoting, poisson
-from cccd.comparisons.volume_meshes import distance_isosurface, flying_edges, marching_cubes, windowed_sinc
+from cccd.comparisons.volume_meshes import (
+    antialiased_isosurface,
+    distance_isosurface,
+    flying_edges,
+    marching_cubes,
+    windowed_sinc,
+)
 from cccd.containers import Frame, Structure
 from cccd.settings.comparisons import IsosurfaceSettings
 from cccd.settings.surface import LoftSettings
@@ -16,7 +22,6 @@ METHODS = [
     "surface nets",
     "signed distance + isosurface",
     "signed distance + isosurface + windowed sinc",
-    "signed distance + isosurface + windowed sinc 0.01",
     "ball pivoting",
     "Poisson",
     "alpha shape",
@@ -34,7 +39,7 @@ def structure():
     return Structure("case", "organ", Frame(affine, 0, mask.shape), np.zeros(3, int), mask=mask)
 
 
-@pytest.mark.parametrize("make", [marching_cubes, flying_edges, distance_isosurface])
+@pytest.mark.parametrize("make", [marching_cubes, flying_edges, distance_isosurface, antialiased_isosurface])
 def test_isosurfaces_lie_where_the_voxels_do(structure, make):
     mesh = make(structure)
     assert mesh.is_closed_manifold
@@ -61,7 +66,10 @@ def test_one_row_per_method(structure):
     curves = trace_mask(structure)
     surface = loft_surface(curves, LoftSettings())
     table = compare_isosurfaces(structure, curves, surface, IsosurfaceSettings(methods=METHODS))
-    assert table["method"].tolist() == ["CCCD", NETS, *METHODS]
+    assert table["method"].drop_duplicates().tolist() == ["CCCD", NETS, *METHODS]
+    tuned = table["method"].str.endswith("windowed sinc")
+    assert table.loc[tuned, "chosen"].notna().all()
+    assert table.loc[~tuned, "chosen"].isna().all()
     assert table["dice_3d"].between(0, 1).all()
     ours = table.iloc[0]
     assert ours["closed_manifold"]

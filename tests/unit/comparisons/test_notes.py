@@ -11,6 +11,7 @@ from cccd.comparisons import notes, published
 from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS
 from cccd.comparisons.corner_comparison import CCCD
 from cccd.comparisons.k_sweep import OWN
+from cccd.comparisons.measures import AS_SMOOTH, BEST
 from cccd.comparisons.reconstruction_comparison import DENSE, HARRIS
 from cccd.comparisons.registry import ITEMS
 from cccd.comparisons.summary import Cohort, write_notes
@@ -92,9 +93,13 @@ def corner_surface_rows(rng) -> pd.DataFrame:
 
 
 def surface_rows(rng) -> pd.DataFrame:
+    methods = [("CCCD", None), ("marching cubes", None), ("surface nets", None)]
+    methods += [("flying edges + windowed sinc", BEST), ("anti-aliased binary + windowed sinc", AS_SMOOTH)]
+    figures = ("bending_per_area_mm2", "curvature_per_area_mm", "assd_mm")
     return pd.DataFrame(
-        {"case": "a", "organ": organ, "method": method, "bending_per_area_mm2": rng.uniform(0.1, 10)}
-        for organ, method in itertools.product(ORGANS, ("CCCD", "marching cubes", "surface nets"))
+        {"case": "a", "organ": organ, "method": method, "chosen": chosen, "setting": "pass band 0.1"}
+        | dict(zip(figures, rng.uniform(0.1, 10, len(figures)), strict=True))
+        for organ, (method, chosen) in itertools.product(ORGANS, methods)
     )
 
 
@@ -128,6 +133,7 @@ def made(seed=3) -> dict[str, pd.DataFrame]:
         "k_sweep": sweep_rows(rng),
         "corner_surfaces": corner_surface_rows(rng),
         "isosurfaces": surface_rows(rng),
+        "thick_slices": surface_rows(rng).assign(every_nth=5),
         "active_contour": snakes,
         "ordering": ordered,
     }
@@ -150,7 +156,8 @@ def turned(rows: dict[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
             "noise",
         } & set(frame):
             frame[column] = 1 - frame[column]
-        for column in {"ms", "corner_ms", "curve_ms", "bending_per_area_mm2"} & set(frame):
+        inverted = {"ms", "corner_ms", "curve_ms", "bending_per_area_mm2", "curvature_per_area_mm", "assd_mm"}
+        for column in inverted & set(frame):
             frame[column] = 1 / frame[column]
         if "closed" in frame:
             frame["closed"] = ~frame["closed"]

@@ -8,7 +8,7 @@ from typing import get_args
 
 import pytest
 
-from cccd.comparisons.baselines.surfaces import SURFACES
+from cccd.comparisons.baselines.surfaces import FAMILIES, SURFACES
 from cccd.comparisons.registry import COMPARISONS, INPUTS, ITEMS, SECTIONS, tables
 from cccd.dependencies import imported_files
 from cccd.lookup import find
@@ -84,4 +84,4 @@ def test_a_change_of_one_comparison_runs_no_other():
 def test_the_configuration_knows_every_surface():
     field = comparisons.IsosurfaceSettings.model_fields["methods"]
     names = get_args(get_args(field.annotation)[0])
-    assert set(names) == set(SURFACES)
+    assert set(names) == {*SURFACES, *FAMILIES}

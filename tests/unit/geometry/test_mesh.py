@@ -87,7 +87,7 @@ def test_box_has_its_volume_area_and_edges():
     assert mesh.area == pytest.approx(52)
     assert np.linalg.norm(mesh.unit_normals, axis=1) == pytest.approx(1)
     assert np.abs(mesh.unit_normals).max(axis=1) == pytest.approx(1)  # along the axes
-    edges, angles, lengths, _ = mesh.dihedrals
+    edges, angles, lengths, _, _ = mesh.dihedrals
     assert len(edges) == 18
     bent = angles > 1e-9
     assert angles[bent] == pytest.approx(np.pi / 2)

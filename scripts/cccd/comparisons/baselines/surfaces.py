@@ -2,20 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
 from cccd.comparisons import point_meshes, volume_meshes
 from cccd.comparisons.baselines import Baseline
 from cccd.containers import Curves, Structure
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["SURFACES"]
+__all__ = ["FAMILIES", "SURFACES", "Family"]
+
+
+def _always() -> bool:
+    return True
+
+
+@dataclass(frozen=True)
+class Family:
+    """An isosurface that is smoothed by windowed sinc, at the settings that suit it best.
+
+    Attributes
+    ----------
+    title : str
+        Name in tables and figures.
+    shapes : dict of str to callable
+        What makes the isosurface of a structure, by the setting's name.
+    unsmoothed : bool
+        Whether it is tried without windowed sinc, too.
+    available : callable
+        Whether the packages that it needs are there.
+    package : str
+        The optional one.
+    """
+
+    title: str
+    shapes: dict[str, Callable[[Structure], Mesh]]
+    unsmoothed: bool = False
+    available: Callable[[], bool] = _always
+    package: str = ""
 
 
 def _marching_cubes(structure: Structure, curves: Curves) -> Mesh:
     return volume_meshes.marching_cubes(structure)
-
-
-def _flying_edges_smoothed(structure: Structure, curves: Curves) -> Mesh:
-    return volume_meshes.windowed_sinc(volume_meshes.flying_edges(structure))
 
 
 def _surface_nets(structure: Structure, curves: Curves) -> Mesh:
@@ -24,15 +53,6 @@ def _surface_nets(structure: Structure, curves: Curves) -> Mesh:
 
 def _distance_isosurface(structure: Structure, curves: Curves) -> Mesh:
     return volume_meshes.distance_isosurface(structure)
-
-
-def _distance_isosurface_smoothed(structure: Structure, curves: Curves) -> Mesh:
-    return volume_meshes.windowed_sinc(volume_meshes.distance_isosurface(structure))
-
-
-def _distance_isosurface_smoothed_more(structure: Structure, curves: Curves) -> Mesh:
-    rough = volume_meshes.distance_isosurface(structure)
-    return volume_meshes.windowed_sinc(rough, pass_band=volume_meshes.SLICER_PASS_BAND)
 
 
 def _ball_pivoting(structure: Structure, curves: Curves) -> Mesh:
@@ -52,21 +72,31 @@ SURFACES = {
     method.title: method
     for method in (
         Baseline("marching cubes", _marching_cubes, "scikit-image"),
-        Baseline("flying edges + windowed sinc", _flying_edges_smoothed, "VTK"),
         Baseline("surface nets", _surface_nets, "VTK"),
         Baseline("signed distance + isosurface", _distance_isosurface, "slices interpolated by shape, VTK"),
-        Baseline(
-            "signed distance + isosurface + windowed sinc",
-            _distance_isosurface_smoothed,
-            "slices interpolated by shape, VTK",
-        ),
-        Baseline(
-            "signed distance + isosurface + windowed sinc 0.01",
-            _distance_isosurface_smoothed_more,
-            "slices interpolated by shape, VTK, pass band of 3D Slicer's default",
-        ),
         Baseline("ball pivoting", _ball_pivoting, "by Delaunay triangles, after Bernardini et al. (1999)"),
         Baseline("Poisson", _poisson, "on a regular grid, after Kazhdan et al. (2006)"),
         Baseline("alpha shape", _alpha_shape, "on Delaunay tetrahedra, after Edelsbrunner and Mücke (1994)"),
+    )
+}
+
+#: Those that are tuned, by the same names.
+FAMILIES = {
+    family.title: family
+    for family in (
+        Family("flying edges + windowed sinc", {"": volume_meshes.flying_edges}),
+        Family("signed distance + isosurface + windowed sinc", {"": volume_meshes.distance_isosurface}),
+        Family(
+            "signed distance + Gaussian + windowed sinc",
+            {"sigma 1 px": partial(volume_meshes.distance_isosurface, sigma_pixels=1.0)},
+            unsmoothed=True,
+        ),
+        Family("anti-aliased binary + windowed sinc", {"": volume_meshes.antialiased_isosurface}),
+        Family(
+            "morphological interpolation + windowed sinc",
+            {"": volume_meshes.morphological_isosurface},
+            available=volume_meshes.has_morphological,
+            package=volume_meshes.MORPHOLOGICAL,
+        ),
     )
 }
