@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cccd.geometry.distance import unsigned_to_mesh
+from cccd.geometry.distance import nearest_faces, unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["Confusion", "confusion", "dice", "jaccard", "surface_distances"]
+__all__ = ["Confusion", "confusion", "dice", "jaccard", "normal_angles", "surface_distances"]
 
 Counts = np.ndarray | int
 Rates = np.ndarray | float
@@ -148,3 +148,22 @@ def surface_distances(
         "hd95": float(max(np.percentile(there, 95), np.percentile(back, 95))),
         "hausdorff": float(max(there.max(), back.max())),
     }
+
+
+def normal_angles(mesh: Mesh, truth: Mesh, rng: np.random.Generator, count: int = 10_000) -> np.ndarray:
+    """Angles (count,) in degrees between a mesh's normals and the true surface's at the nearest points.
+
+    Points are uniform by area of the truth. A mesh's normal is that of the face nearest to the point; the
+    true surface's is between those of its vertices, because its own faces are coarser than its shape.
+    """
+    face = rng.choice(len(truth.faces), count, p=truth.face_areas / truth.area)
+    weights = rng.dirichlet(np.ones(3), count)
+    points = np.einsum("pc,pcx->px", weights, truth.vertices[truth.faces[face]])
+    at_vertices = np.zeros_like(truth.vertices)
+    for corner in range(3):
+        np.add.at(at_vertices, truth.faces[:, corner], truth.face_normals)
+    at_vertices /= np.maximum(np.linalg.norm(at_vertices, axis=1, keepdims=True), 1e-12)
+    true = np.einsum("pc,pcx->px", weights, at_vertices[truth.faces[face]])
+    nearest = mesh.unit_normals[nearest_faces(points, mesh)]
+    across = np.linalg.norm(np.cross(true, nearest), axis=1)
+    return np.degrees(np.arctan2(across, np.einsum("px,px->p", true, nearest)))

@@ -7,9 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import numpy as np
 import pandas as pd
-from manifold3d import Manifold, Mesh64, OpType
 
 from cccd.comparisons.baselines.surfaces import FAMILIES, SURFACES
 from cccd.comparisons.tuning import SAMPLES, Truth, tuned_rows
@@ -17,10 +15,9 @@ from cccd.containers import Curves, Structure
 from cccd.geometry.mesh import Mesh
 from cccd.settings.comparisons import IsosurfaceSettings
 from cccd.surface import Surface
-from cccd.surface.measure import Reference, measure_mesh
-from cccd.surface.tessellation import tessellate
+from cccd.surface.measure import Reference, measure_mesh, patches_mesh
 
-__all__ = ["NETS", "compare_isosurfaces", "control_net_mesh"]
+__all__ = ["NETS", "compare_isosurfaces"]
 
 #: Our surface as its control nets hold it: before its tubes are blended, and in their few bytes.
 NETS = "CCCD, control nets alone"
@@ -71,22 +68,8 @@ def compare_isosurfaces(
 
 def _own_rows(surface: Surface, measure: Callable[[Mesh], dict[str, Any]]) -> list[dict[str, Any]]:
     """Measure our mesh and, in their own bytes, its control nets alone."""
-    nets = measure(control_net_mesh(surface)) | {"bytes": surface.report["control_bytes"]}
+    nets = measure(patches_mesh(surface)) | {"bytes": surface.report["control_bytes"]}
     return [
         {"method": "CCCD", "chosen": None, "setting": None, **measure(surface.mesh), "seconds": None},
         {"method": NETS, **nets, "seconds": None},
     ]
-
-
-def control_net_mesh(surface: Surface) -> Mesh:
-    """Unite the tubes of the control nets and take the cavities away, in mm RAS: nothing is blended."""
-    edge = float(surface.frame.pixel_spacing.mean())
-    bodies = [(patch.sign, _solid(tessellate(patch, edge))) for patch in surface.patches]
-    solid = Manifold.batch_boolean([body for sign, body in bodies if sign > 0], OpType.Add)
-    cavities = Manifold.batch_boolean([body for sign, body in bodies if sign < 0], OpType.Add)
-    mesh = (solid - cavities).to_mesh64()
-    return Mesh(np.array(mesh.vert_properties[:, :3], float), np.array(mesh.tri_verts, np.int64))
-
-
-def _solid(mesh: Mesh) -> Manifold:
-    return Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, np.uint64)))

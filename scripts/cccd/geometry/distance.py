@@ -16,7 +16,15 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import voxelise
 
-__all__ = ["NearTriangles", "grid_to_mesh", "to_mask", "to_mesh", "to_polygons", "unsigned_to_mesh"]
+__all__ = [
+    "NearTriangles",
+    "grid_to_mesh",
+    "nearest_faces",
+    "to_mask",
+    "to_mesh",
+    "to_polygons",
+    "unsigned_to_mesh",
+]
 
 #: Distances to polygons are exact within this many pixels of them.
 NEAR_PIXELS = 2.0
@@ -175,6 +183,12 @@ def _take_over(
 
 
 # Of meshes --------------------------------------------------------------------------------------------
+
+
+def nearest_faces(points: FloatArray, mesh: Mesh) -> IntArray:
+    """Faces (P,) of a mesh that are nearest to points (P, 3)."""
+    surface = cast(Any, mesh.to_polydata())
+    return np.asarray(surface.find_closest_cell(points), np.int64)
 
 
 def unsigned_to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:

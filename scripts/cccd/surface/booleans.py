@@ -6,7 +6,7 @@ The booleans are manifold3d's.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any, NamedTuple, Protocol, cast
 
 import manifold3d
 import numpy as np
@@ -14,12 +14,32 @@ from manifold3d import Manifold, OpType
 
 from cccd.geometry.arrays import IntArray
 from cccd.geometry.mesh import Mesh
-from cccd.surface.tubes import Tube
 
-__all__ = ["unite"]
+__all__ = ["Nesting", "unite"]
 
 
-def unite(meshes: Sequence[Mesh], tubes: Sequence[Tube]) -> tuple[Mesh, IntArray]:
+class Nested(Protocol):
+    """What is known of where a tube lies."""
+
+    @property
+    def depth(self) -> int:
+        """How many tubes it lies in."""
+        ...
+
+    @property
+    def hole(self) -> bool:
+        """Whether it bounds a hole."""
+        ...
+
+
+class Nesting(NamedTuple):
+    """The place of a tube of which nothing else is known."""
+
+    depth: int
+    hole: bool
+
+
+def unite(meshes: Sequence[Mesh], tubes: Sequence[Nested]) -> tuple[Mesh, IntArray]:
     """Unite the closed meshes of some tubes in the order in which their rings nest.
 
     Outlines (depth 0) are joined, their holes (depth 1) taken away, islands in holes (depth 2) added,

@@ -11,11 +11,13 @@ from cccd.containers import Structure
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
-from cccd.metrics import dice, surface_distances
+from cccd.metrics import dice, normal_angles, surface_distances
+from cccd.surface.booleans import Nesting, unite
 from cccd.surface.surface import Surface
+from cccd.surface.tessellation import tessellate
 from cccd.tolerances import VOLUME_BIAS
 
-__all__ = ["Reference", "mask_surface", "measure_mesh", "measure_surface", "volume_warnings"]
+__all__ = ["Reference", "mask_surface", "measure_mesh", "measure_surface", "patches_mesh", "volume_warnings"]
 
 
 def mask_surface(structure: Structure) -> Mesh:
@@ -25,6 +27,10 @@ def mask_surface(structure: Structure) -> Mesh:
     padded = np.pad(structure.mask, 1).astype(np.float32)
     grid = ScalarGrid(padded, structure.frame.affine, structure.origin - 1)
     return grid.isosurface(0.5).outwards()
+
+
+#: What of the lofting's report is no figure, or measured anew.
+_UNMEASURED = ("warnings", "vertices", "depths")
 
 
 class Reference(NamedTuple):
@@ -82,7 +88,7 @@ def measure_mesh(
     if reference is not None:
         distances = surface_distances(mesh, reference.mesh, np.random.default_rng(seed), samples)
         figures |= {f"{name}_mm": value for name, value in distances.items()}
-    return figures
+    return figures | _normals(mesh, structure)
 
 
 def volume_warnings(figures: Mapping[str, Any]) -> list[str]:
@@ -94,8 +100,46 @@ def volume_warnings(figures: Mapping[str, Any]) -> list[str]:
 
 
 def measure_surface(surface: Surface, structure: Structure) -> dict[str, Any]:
-    """Everything for ``metrics.json``: the mesh's figures and what the lofting reported."""
+    """Everything for ``metrics.json``: the mesh's figures, the patches' alone, what the lofting reported."""
+    reported = {key: value for key, value in surface.report.items() if key not in _UNMEASURED}
+    alone = _agreement(patches_mesh(surface), structure)
     return {
         **measure_mesh(surface.mesh, structure),
-        **{key: value for key, value in surface.report.items() if key not in ("warnings", "vertices")},
+        **reported,
+        **{f"patches_{key}": value for key, value in alone.items()},
+    }
+
+
+def patches_mesh(surface: Surface) -> Mesh:
+    """Join the tessellated patches by booleans as they nest, in mm RAS: nothing is blended."""
+    edge = float(surface.frame.pixel_spacing.mean())
+    places = [
+        Nesting(depth, patch.sign < 0)
+        for depth, patch in zip(surface.report["depths"], surface.patches, strict=True)
+    ]
+    return unite([tessellate(patch, edge) for patch in surface.patches], places)[0]
+
+
+def _agreement(mesh: Mesh, structure: Structure) -> dict[str, float]:
+    """Dice, distances and normals of a mesh, as far as there is something to agree with."""
+    figures: dict[str, float] = {}
+    if structure.mask is not None:
+        block = voxelise(mesh, structure.frame.affine, structure.mask.shape, structure.origin)
+        figures["dice_3d"] = float(dice(structure.mask, block))
+    if structure.mask is None and structure.truth is None:
+        return figures
+    reference = Reference.of(structure).mesh
+    distances = surface_distances(mesh, reference, np.random.default_rng(0))
+    figures |= {f"{name}_mm": value for name, value in distances.items()}
+    return figures | _normals(mesh, structure)
+
+
+def _normals(mesh: Mesh, structure: Structure) -> dict[str, float]:
+    """Angles to the true surface's normals in degrees, where there is a true surface."""
+    if structure.truth is None:
+        return {}
+    angles = normal_angles(mesh, structure.truth, np.random.default_rng(0))
+    return {
+        "normals_median_deg": float(np.median(angles)),
+        "normals_p90_deg": float(np.percentile(angles, 90)),
     }

@@ -67,6 +67,7 @@ class Solid:
         control_bytes = CONTROL_BYTES * self.fitted.control_points
         return {
             "tubes": len(tubes.tubes),
+            "depths": [tube.depth for tube in tubes.tubes],
             "cavities": sum(tube.hole for tube in tubes.tubes),
             "joined_ends": ends.count("joined"),
             "caps": ends.count("cap"),

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cccd.comparisons.isosurfaces import NETS, compare_isosurfaces, control_net_mesh
+from cccd.comparisons.isosurfaces import NETS, compare_isosurfaces
 from cccd.comparisons.point_meshes import ball_pivoting, poisson
 from cccd.comparisons.volume_meshes import (
     antialiased_isosurface,
@@ -79,15 +79,3 @@ def test_one_row_per_method(structure):
     assert nets["bytes"] <= cubes["bytes"] / LoftSettings().compactness_filled
     assert ours["bytes"] == 12 * len(surface.mesh.vertices) + 13 * len(surface.mesh.faces)
     assert nets["dice_3d"] > 0.97
-
-
-def test_control_nets_alone_are_united_and_cavities_taken_away(structure):
-    """A ball with a cavity: the nets know both, without the mesh's blends."""
-    i, j, k = np.indices((40, 40, 40)) - 20
-    radius = np.sqrt(i**2 + j**2 + k**2)
-    mask = (radius <= 15) & (radius > 7)
-    ball = Structure("case", "ball", Frame(np.eye(4), 2, mask.shape), np.zeros(3, int), mask=mask)
-    surface = loft_surface(trace_mask(ball), LoftSettings())
-    mesh = control_net_mesh(surface)
-    assert mesh.is_closed_manifold
-    assert mesh.volume == pytest.approx(4 / 3 * np.pi * (15.0**3 - 7.0**3), rel=0.05)
