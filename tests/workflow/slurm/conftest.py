@@ -13,6 +13,8 @@ import psutil
 import pytest
 
 PROFILES = Path("workflow/profiles")
+#: The watchdog's patience (s): longer than the plugin's own 180 s between two looks at its jobs.
+QUIET_S = 240
 #: Where this cluster differs from a site's: one disk, and a queue that is nobody else's.
 QUICK = {
     "slurm": [
@@ -89,13 +91,14 @@ class Submission:
 
     project: object
     command: list[str]
+    quiet_s: int
     process: subprocess.Popen = field(init=False)
 
     def __post_init__(self):
         self.process = subprocess.Popen(
             self.command,
             cwd=self.project.folder,
-            env=self.project.surroundings()["env"] | {"CCCD_QUIET_S": "30"},
+            env=self.project.surroundings()["env"] | {"CCCD_QUIET_S": str(self.quiet_s)},
             stdout=(self.project.folder / "said.txt").open("w"),
             stderr=subprocess.STDOUT,
             start_new_session=True,
@@ -123,13 +126,13 @@ def submit(cluster, fresh_project):
     """Start the pipeline: ``submit("slurm", *options)``. Whatever still runs at the end is ended."""
     started = []
 
-    def start(profile: str, *options: str, watchdog: bool = False) -> Submission:
+    def start(profile: str, *options: str, watchdog: bool = False, quiet_s: int = QUIET_S) -> Submission:
         base = [sys.executable, "-m", "snakemake", "--workflow-profile", PROFILES / profile]
         if watchdog:
             base = [sys.executable, PROFILES / profile / "submit"]
         own = ["--cores=2", "--jobs=8", "--latency-wait=10", "--configfile=tiny.yaml"]
         own += ["--max-jobs-per-timespan=100/1s", *QUICK[profile]]
-        started.append(Submission(fresh_project, [*map(str, base), *own, *options]))
+        started.append(Submission(fresh_project, [*map(str, base), *own, *options], quiet_s))
         return started[-1]
 
     yield start

@@ -89,7 +89,7 @@ def test_a_batch_with_a_bad_structure_is_finished_one_by_one(cluster, submit, fr
 
 
 def test_the_watchdog_ends_a_hang(cluster, submit, fresh_project):
-    run = submit("slurm", "--slurm-status-attempts=2", "--", *BOUNDARIES, watchdog=True)
+    run = submit("slurm", "--slurm-status-attempts=2", "--", *BOUNDARIES, watchdog=True, quiet_s=30)
     cluster.wait_for_jobs()
     away(cluster, run, 20)  # without accounting, the plugin now forgets its jobs
     run.done(400)
