@@ -1,5 +1,6 @@
 """A tiny cohort, run for real: the pipeline in a copy of the project, so that tests may edit modules."""
 
+import fcntl
 import os
 import shutil
 import subprocess
@@ -74,9 +75,16 @@ def copy_project(folder: Path) -> Project:
 @pytest.fixture(scope="session")
 def tiny_run(tmp_path_factory) -> Project:
     """The tiny cohort, reconstructed from the import to the report. Shared: leave it as it is."""
-    project = copy_project(tmp_path_factory.mktemp("tiny") / "project")
-    project.snakemake()
-    return project
+    base = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:  # one run for all workers, which have folders of their own
+        base = base.parent
+    folder = base / "tiny" / "project"
+    with (base / "tiny.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "results" / "report.html").exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            copy_project(folder).snakemake()
+    return Project(folder)
 
 
 @pytest.fixture

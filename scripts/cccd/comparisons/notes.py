@@ -198,6 +198,28 @@ def table_5(cohort: Cohort) -> str:
     )
 
 
+def stage_times(cohort: Cohort) -> str:
+    """Set CCCD's whole way beside the quickest other that closes every curve, structure by structure."""
+    rows = cohort.rows("stage_times")
+    sentences = []
+    for (case, organ), group in rows.groupby(["case", "organ"], sort=False):
+        own = group[group["method"] == CCCD].iloc[0]
+        others = group[(group["method"] != CCCD) & (group["closed"] == 1)]
+        lead = (
+            f"{case}/{organ}: CCCD {own['total_ms']:.0f} ms a slice ({own['surface_ms']:.0f} of them its "
+            f"surface), {100 * own['closed']:.0f} % of the curves closed, 3D Dice {own['dice_3d']:.4f}"
+        )
+        if others.empty:
+            sentences.append(f"{lead}; no other closes every curve.")
+            continue
+        quick = others.loc[others["total_ms"].idxmin()]
+        sentences.append(
+            f"{lead}; the quickest other that closes every curve, {quick['method']}, "
+            f"{quick['total_ms']:.0f} ms, {quick['dice_3d']:.4f}."
+        )
+    return " ".join(sentences)
+
+
 def _rows(frame: pd.DataFrame) -> list[pd.Series]:
     return [row for _, row in frame.iterrows()]
 

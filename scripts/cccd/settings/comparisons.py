@@ -17,6 +17,7 @@ __all__ = [
     "IsosurfaceSettings",
     "ReconstructionSettings",
     "SliceChoice",
+    "StageTimeSettings",
     "ThickSliceSettings",
 ]
 
@@ -141,6 +142,19 @@ class CornerSurfaceSettings(Section):
     )
 
 
+class StageTimeSettings(Section):
+    """From the image to the surface by every method of Table 5."""
+
+    most_slices: int = setting(
+        6,
+        "of an organ with more slices, a slab of so many adjacent ones is taken",
+        why="Bad curves make bad surfaces, which take longest.",
+        unit="count",
+        ge=3,
+        le=100000,
+    )
+
+
 class IsosurfaceSettings(Section):
     """Surfaces by other methods, measured alike."""
 
@@ -203,6 +217,9 @@ class ComparisonSettings(Section):
     )
     corner_surfaces: CornerSurfaceSettings = setting(
         CornerSurfaceSettings(), "surfaces from the corners of each k", why="The paper's chain to its end."
+    )
+    stage_times: StageTimeSettings = setting(
+        StageTimeSettings(), "every method from the image to the surface", why="Table 5, whole."
     )
     isosurfaces: IsosurfaceSettings = setting(
         IsosurfaceSettings(), "surfaces by other methods", why="What surfaces are made with today."
