@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 __all__ = ["imported_files"]
@@ -15,7 +15,7 @@ def _direct_imports(path: Path, folder: Path) -> frozenset[Path]:
     """Files below ``folder`` that ``path`` imports itself, the ``__init__`` of their packages included."""
     package = path.relative_to(folder).parts[:-1]
     names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
+    for node in _statements(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -25,9 +25,21 @@ def _direct_imports(path: Path, folder: Path) -> frozenset[Path]:
     return frozenset().union(*(_module_files(name, folder) for name in names if name))
 
 
+def _statements(block: ast.AST) -> Iterator[ast.AST]:
+    """Statements in a block and in the blocks within it: no expression imports, and most nodes are those."""
+    for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+        inner = getattr(block, part, ())
+        for node in inner if isinstance(inner, list) else ():  # a conditional expression's is none
+            yield node
+            yield from _statements(node)
+
+
+@functools.cache
 def _module_files(name: str, folder: Path) -> frozenset[Path]:
     """Files below ``folder`` of a dotted name: the module's, and the ``__init__`` of its packages."""
     parts = name.split(".")
+    if len(parts) > 1 and not (folder / parts[0]).is_dir():
+        return frozenset()  # somebody else's
     stems = [folder.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
     return frozenset(
         file for stem in stems for file in (stem.with_suffix(".py"), stem / "__init__.py") if file.is_file()

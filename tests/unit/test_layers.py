@@ -12,7 +12,7 @@ LIBRARY = ROOT / "scripts" / "cccd"
 LAYERS = (
     ("errors", "tolerances", "lookup", "dependencies"),
     ("settings", "geometry", "job", "sidecar_files"),
-    ("containers", "metrics", "cohort", "dicom_objects"),
+    ("containers", "metrics", "cohort", "dicom_objects", "model_header"),
     ("store",),
     ("volumes",),
     ("boundary", "tracing", "chaincode", "filling"),

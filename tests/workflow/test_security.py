@@ -19,7 +19,7 @@ import torch
 
 from cccd.errors import InputError
 from cccd.junctions.checkpoint import load_model
-from cccd.junctions.model_header import read_header
+from cccd.model_header import read_header
 from cccd.report.page import build_report
 
 ROOT = Path(__file__).parents[2]
@@ -142,7 +142,7 @@ def calls(source: Path):
 
 
 #: Reads what a model says of itself, by an unpickler that knows no class but plain ones.
-HEADERS = ROOT / "scripts" / "cccd" / "junctions" / "model_header.py"
+HEADERS = ROOT / "scripts" / "cccd" / "model_header.py"
 
 
 def test_a_model_is_not_run_when_the_run_is_planned(tmp_path):

@@ -21,7 +21,7 @@ from cccd.dependencies import imported_files
 from cccd.dicom_objects import holds_contours
 from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
-from cccd.junctions.model_header import check_model, check_start
+from cccd.model_header import check_model, check_start
 from cccd.settings.junctions import NetworkSettings
 from cccd.settings.messages import nearest
 from cccd.settings.surface import SURFACE_FORMATS

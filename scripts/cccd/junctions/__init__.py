@@ -27,7 +27,6 @@ module               holds
 ``grid``             the paper's graph, the pixel grid, and its decoder; ``paper_network``: its network
 ``frozen_graphs``    ``graphs.h5``: graphs drawn once
 ``data``             labelled maps; ``tasks``, ``loss``, ``loop``, ``checkpoint``: the rest of the training
-``model_header``     whose weights a file holds, read without torch
 ``scoring``          when an ordered slice counts as correct
 ==================== ===============================================================================
 """

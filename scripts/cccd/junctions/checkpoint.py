@@ -13,7 +13,7 @@ from typing import Any
 
 import torch
 
-from cccd.junctions.model_header import foreign, read_header
+from cccd.model_header import foreign, read_header
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.paper_network import PaperNetwork
 from cccd.settings.junctions import NetworkSettings
@@ -129,7 +129,7 @@ def load_model(path: str | Path) -> JunctionNetwork | PaperNetwork:
 def start_from(model: JunctionNetwork | PaperNetwork, path: str | Path, new_messages: float) -> None:
     """Put a file's weights into a network, in place.
 
-    Whether they fit says `cccd.junctions.model_header.check_start`.
+    Whether they fit says `cccd.model_header.check_start`.
 
     What is new (features, messages, layers) hardly acts at first: its messages are scaled
     by ``new_messages``.

@@ -1,0 +1,73 @@
+"""How a trained network's score depends on the number of its training graphs (the paper's section 8).
+
+    python tests/benchmarks/training_graphs.py [--table FILE]
+
+Both networks are trained on the first 25, 50, 100 and 200 of the frozen training graphs of the default seed,
+and on no others; the fewer there are, the more epochs, so that all take as many steps. The same 40 graphs
+choose the epoch, the same 50 are scored. The table that is committed is docs/training_graphs.csv.
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "scripts")]
+
+import pandas as pd  # noqa: E402
+
+from cccd.junctions.frozen_graphs import generate_graphs  # noqa: E402
+from cccd.junctions.loop import train_model  # noqa: E402
+from cccd.settings.junctions import NetworkSettings  # noqa: E402
+from cccd.settings.root import Settings  # noqa: E402
+
+COUNTS = (25, 50, 100, 200)
+#: Epochs over the largest number of graphs.
+EPOCHS = 12
+
+
+def score(network: str, count: int, folder: Path) -> dict[str, float | int | str]:
+    """Train one network on so many graphs, and return its scores on the test graphs."""
+    plain, seed = NetworkSettings(), Settings().seed
+    epochs = EPOCHS * max(COUNTS) // count
+    graphs = plain.graphs.model_copy(update={"training": count})
+    plan = {"epochs": epochs, "patience": epochs}
+    settings = plain.model_copy(
+        update={
+            "network": network,
+            "graphs": graphs,
+            "fresh_maps": 0,
+            "paper": plain.paper.model_copy(update=plan),
+            **plan,
+        }
+    )
+    generate_graphs(graphs, settings.kind_weights, seed, folder / "graphs.h5")
+    history = folder / "history.csv"
+    train_model(folder / "graphs.h5", settings, seed, folder / "checkpoints", folder / "model.pt", history, 1)
+    rows = pd.read_csv(history).dropna(subset=["test_correct"])
+    tested = rows[[name for name in rows if name.startswith("test_")]].iloc[0].to_dict()
+    return {"network": network, "training_graphs": count, "epochs": epochs, **tested}
+
+
+def main() -> None:
+    """Train every size of both networks; rows are written as they come."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--table", type=Path, default=ROOT / "docs" / "training_graphs.csv")
+    table, rows = parser.parse_args().table, []
+    for network in ("ours", "paper"):
+        for count in COUNTS:
+            with tempfile.TemporaryDirectory() as folder:
+                rows.append(score(network, count, Path(folder)))
+            print(rows[-1], file=sys.stderr)
+            pd.DataFrame(rows).to_csv(table, index=False, float_format="%.4f")
+
+
+if __name__ == "__main__":
+    main()
