@@ -5,9 +5,9 @@ import torch
 
 from cccd.errors import InputError
 from cccd.junctions.checkpoint import load_model, save_model
-from cccd.model_header import check_model, check_start, read_header
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.paper_network import PaperNetwork
+from cccd.model_header import check_model, check_start, read_header
 from cccd.settings.junctions import NetworkSettings
 
 MODELS = Path(__file__).parents[2] / "workflow" / "models"

@@ -16,6 +16,7 @@ AFTER_CURVES = {
     "loft_surface",
     "render_surface",
     "compare_corner_surfaces",
+    "compare_stage_times",
     "compare_isosurfaces",
     "compare_thick_slices",
     "measure_structure",

@@ -20,6 +20,7 @@ from cccd.comparisons.fuse import (
     order_by_chain,
     order_by_links,
 )
+from cccd.comparisons.paper_k import CCCD
 from cccd.comparisons.parameters import GRID, LARGEST_SHARE, grid_points, parameter_sets
 from cccd.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
@@ -31,9 +32,7 @@ from cccd.geometry.raster import rasterise
 from cccd.metrics import confusion
 from cccd.settings.comparisons import CornerComparisonSettings
 
-__all__ = ["CCCD", "compare_corners", "corner_figures", "fused_spline", "order_corners", "search"]
-
-CCCD = "Proposed CCCD"
+__all__ = ["compare_corners", "corner_figures", "fused_spline", "order_corners", "search"]
 
 
 def compare_corners(structure: Structure, curves: Curves, settings: CornerComparisonSettings) -> pd.DataFrame:

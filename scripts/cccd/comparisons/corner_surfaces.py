@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 import pandas as pd
 
 from cccd.comparisons.orderers import Orderer
 from cccd.comparisons.paper_k import AUTOMATIC
-from cccd.containers import Boundaries, Curves, Frame, Structure
+from cccd.comparisons.samples import between, middle_slab
+from cccd.containers import Boundaries, Curves, Structure
 from cccd.curves import corner_splines, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
-from cccd.geometry.arrays import offsets_of
 from cccd.metrics import dice
 from cccd.settings.comparisons import CornerSurfaceSettings
 from cccd.settings.surface import LoftSettings
@@ -23,9 +21,7 @@ from cccd.surface import loft_surface
 from cccd.surface.measure import measure_mesh
 from cccd.tracing import trace_mask
 
-__all__ = ["compare_corner_surfaces", "middle_slab"]
-
-_Stack = TypeVar("_Stack", Boundaries, Curves)
+__all__ = ["compare_corner_surfaces"]
 
 #: Bytes of a point as the paper counts them, two 32-bit indices, and of a grey value.
 POINT_BYTES, GREY_BYTES = 8, 2
@@ -73,7 +69,7 @@ def compare_corner_surfaces(
     structure, boundaries, curves = middle_slab(structure, boundaries, curves, settings.most_slices)
     if orderers:  # compiled before anything is timed
         k = int(boundaries.slice[0])
-        orderers[0](_between(boundaries, k, k, boundaries.frame))
+        orderers[0](between(boundaries, k, k, boundaries.frame))
     begin = time.process_time()
     if orderers:
         orderers[0](boundaries)
@@ -126,37 +122,3 @@ def _dice_2d(curves: Curves, drawn: Curves) -> float:
     origin, shape = (int(slices[0]), *low), (int(slices[-1] - slices[0]) + 1, rows, columns)
     scores = np.asarray(dice(curves.rasterise(origin, shape), drawn.rasterise(origin, shape), axis=(1, 2)))
     return float(np.median(scores[slices - slices[0]]))
-
-
-def middle_slab(
-    structure: Structure, boundaries: Boundaries, curves: Curves, most_slices: int
-) -> tuple[Structure, Boundaries, Curves]:
-    """Cut a slab of adjacent slices out of the organ's middle, as a scan of its own; all where it fits."""
-    used = np.unique(curves.slice)
-    if len(used) <= most_slices:
-        return structure, boundaries, curves
-    first, *_, last = (int(k) for k in used[(len(used) - most_slices) // 2 :][:most_slices])
-    frame, axis = structure.frame, structure.frame.slice_axis
-    affine = frame.affine.copy()
-    affine[:3, 3] += first * affine[:3, axis]
-    a, b, c = (last - first + 1 if along == axis else size for along, size in enumerate(frame.shape))
-    slab = Frame(affine, axis, (a, b, c))
-    begin = first - int(structure.origin[axis])
-    mask = np.moveaxis(structure.required_stack("mask")[begin : begin + last - first + 1], 0, axis)
-    origin = np.array(structure.origin)
-    origin[axis] = 0
-    cut = replace(structure, frame=slab, origin=origin, mask=mask, image=None, truth=None, contours=None)
-    return cut, _between(boundaries, first, last, slab), _between(curves, first, last, slab)
-
-
-def _between(stack: _Stack, first: int, last: int, frame: Frame) -> _Stack:
-    """Take what lies on the slices from ``first`` to ``last``, counted from the first."""
-    chosen = (stack.slice >= first) & (stack.slice <= last)
-    size = np.diff(stack.offsets)
-    kept = {
-        "points": stack.points[np.repeat(chosen, size)],
-        "offsets": offsets_of(size[chosen]),
-        "slice": (stack.slice[chosen] - first).astype(stack.slice.dtype),
-        "frame": frame,
-    }
-    return replace(stack, **kept, **({"hole": stack.hole[chosen]} if isinstance(stack, Curves) else {}))

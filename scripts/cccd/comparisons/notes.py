@@ -14,11 +14,10 @@ import pandas as pd
 
 from cccd.comparisons import paper_tables, published, summary
 from cccd.comparisons.baselines.surfaces import FAMILIES
-from cccd.comparisons.corner_comparison import CCCD
 from cccd.comparisons.isosurfaces import NETS
 from cccd.comparisons.measures import AS_SMOOTH, BEST
 from cccd.comparisons.numerals import number
-from cccd.comparisons.paper_k import AUTOMATIC, COARSE_K
+from cccd.comparisons.paper_k import AUTOMATIC, CCCD, COARSE_K
 from cccd.comparisons.reconstruction_comparison import HARRIS
 from cccd.comparisons.summary import Cohort, figure_11_rows, structure_names
 
@@ -204,10 +203,10 @@ def stage_times(cohort: Cohort) -> str:
     sentences = []
     for (case, organ), group in rows.groupby(["case", "organ"], sort=False):
         own = group[group["method"] == CCCD].iloc[0]
-        others = group[(group["method"] != CCCD) & (group["closed"] == 1)]
+        others = group[(group["method"] != CCCD) & (group["closed_share"] == 1)]
         lead = (
             f"{case}/{organ}: CCCD {own['total_ms']:.0f} ms a slice ({own['surface_ms']:.0f} of them its "
-            f"surface), {100 * own['closed']:.0f} % of the curves closed, 3D Dice {own['dice_3d']:.4f}"
+            f"surface), {100 * own['closed_share']:.0f} % of the curves closed, 3D Dice {own['dice_3d']:.4f}"
         )
         if others.empty:
             sentences.append(f"{lead}; no other closes every curve.")

@@ -1,8 +1,11 @@
-"""The k that the paper's figures show; what computes them and what draws them read it here."""
+"""CCCD's name and the k that the paper's figures show, for what computes them and what draws them."""
 
 from __future__ import annotations
 
-__all__ = ["AUTOMATIC", "COARSE_K", "FIGURE_11", "OUTLINES"]
+__all__ = ["AUTOMATIC", "CCCD", "COARSE_K", "FIGURE_11", "OUTLINES"]
+
+#: Our method's name in tables and figures.
+CCCD = "Proposed CCCD"
 
 #: The row of splines that choose their own control points, beside those of every k.
 AUTOMATIC = "automatic"

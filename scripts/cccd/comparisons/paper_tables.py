@@ -14,7 +14,7 @@ import pandas as pd
 
 from cccd.comparisons import published
 from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS
-from cccd.comparisons.corner_comparison import CCCD
+from cccd.comparisons.paper_k import CCCD
 from cccd.comparisons.reconstruction_comparison import HARRIS
 from cccd.comparisons.summary import Cohort
 

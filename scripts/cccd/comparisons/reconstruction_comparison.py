@@ -14,6 +14,7 @@ from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS, reconstruct
 from cccd.comparisons.links import count_links, enclosed_region, unique_links
 from cccd.comparisons.orderers import Orderer
+from cccd.comparisons.paper_k import CCCD
 from cccd.comparisons.parameters import PAPER_TABLE_2
 from cccd.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd.containers import Boundaries, Curves, Frame, Panel, SliceFigure, Structure
@@ -33,8 +34,6 @@ __all__ = [
 #: The point sets by the names that tables and figures show.
 DENSE, HARRIS = "dense boundary", "Harris corners on the boundary"
 JITTERED = "every {every}th pixel with jitter"
-
-CCCD = "Proposed CCCD"
 
 #: Methods of the paper's Figure 16, then the strongest of the others.
 FIGURE_16 = ("connect2d", "crawl", "nn_crust", "tour")

@@ -256,7 +256,7 @@ STAGE_TIMES = Comparison(
     settings={"settings": "comparisons.stage_times", "finding": "boundaries", "lofting": "surface"},
     unused=("surface.formats", "surface.contour_spacing_mm", "surface.source", "surface.corner_k"),
     columns=(
-        "method", "slices", "corner_ms", "curve_ms", "spline_ms", "surface_ms", "total_ms", "closed",
+        "method", "slices", "corner_ms", "curve_ms", "spline_ms", "surface_ms", "total_ms", "closed_share",
         "dice_3d",
     ),
     memory_mb=(3000, 60),

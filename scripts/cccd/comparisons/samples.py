@@ -7,15 +7,19 @@ method; the choice depends on nothing else.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
-from cccd.containers import Curves, Structure
+from cccd.containers import Boundaries, Curves, Frame, Structure
+from cccd.geometry.arrays import offsets_of
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
 
-__all__ = ["SliceSample", "choose_slices", "middle_slice", "to_bytes"]
+__all__ = ["SliceSample", "between", "choose_slices", "middle_slab", "middle_slice", "to_bytes"]
+
+_Stack = TypeVar("_Stack", Boundaries, Curves)
 
 #: Pixels of background around the curve, so that what leaks out of it is seen.
 MARGIN = 8
@@ -149,3 +153,37 @@ def to_bytes(stack: np.ndarray, organ: np.ndarray | None = None) -> np.ndarray:
         low, high = middle - 2 * (most - few), middle + 2 * (most - few)
     scaled = np.where(finite, stack - low, 0) * (255 / max(high - low, np.finfo(np.float32).tiny))
     return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
+
+
+def middle_slab(
+    structure: Structure, boundaries: Boundaries, curves: Curves, most_slices: int
+) -> tuple[Structure, Boundaries, Curves]:
+    """Cut a slab of adjacent slices out of the organ's middle, as a scan of its own; all where it fits."""
+    used = np.unique(curves.slice)
+    if len(used) <= most_slices:
+        return structure, boundaries, curves
+    first, *_, last = (int(k) for k in used[(len(used) - most_slices) // 2 :][:most_slices])
+    frame, axis = structure.frame, structure.frame.slice_axis
+    affine = frame.affine.copy()
+    affine[:3, 3] += first * affine[:3, axis]
+    a, b, c = (last - first + 1 if along == axis else size for along, size in enumerate(frame.shape))
+    slab = Frame(affine, axis, (a, b, c))
+    begin = first - int(structure.origin[axis])
+    mask = np.moveaxis(structure.required_stack("mask")[begin : begin + last - first + 1], 0, axis)
+    origin = np.array(structure.origin)
+    origin[axis] = 0
+    cut = replace(structure, frame=slab, origin=origin, mask=mask, image=None, truth=None, contours=None)
+    return cut, between(boundaries, first, last, slab), between(curves, first, last, slab)
+
+
+def between(stack: _Stack, first: int, last: int, frame: Frame) -> _Stack:
+    """Take what lies on the slices from ``first`` to ``last``, counted from the first."""
+    chosen = (stack.slice >= first) & (stack.slice <= last)
+    size = np.diff(stack.offsets)
+    kept = {
+        "points": stack.points[np.repeat(chosen, size)],
+        "offsets": offsets_of(size[chosen]),
+        "slice": (stack.slice[chosen] - first).astype(stack.slice.dtype),
+        "frame": frame,
+    }
+    return replace(stack, **kept, **({"hole": stack.hole[chosen]} if isinstance(stack, Curves) else {}))

@@ -13,12 +13,11 @@ import pandas as pd
 from cccd.boundary import extract_boundaries
 from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS, reconstruct
-from cccd.comparisons.corner_comparison import CCCD
-from cccd.comparisons.corner_surfaces import middle_slab
 from cccd.comparisons.fuse import near_boundary, order_by_links
 from cccd.comparisons.orderers import Orderer
+from cccd.comparisons.paper_k import CCCD
 from cccd.comparisons.parameters import PAPER_TABLE_2
-from cccd.comparisons.samples import SliceSample, choose_slices
+from cccd.comparisons.samples import SliceSample, choose_slices, middle_slab
 from cccd.containers import Boundaries, Curves, Frame, Splines, Structure
 from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
@@ -97,7 +96,7 @@ def time_stages(
     DataFrame
         One row per method: ``slices``; processor time per slice in ms to find the corners (``corner_ms``),
         to link them into a curve (``curve_ms``) and to fit the spline (``spline_ms``), and for the surface
-        of all of them (``surface_ms``, per slice too); their sum ``total_ms``; ``closed``, the share of
+        of all of them (``surface_ms``, per slice too); their sum ``total_ms``; ``closed_share``, the share of
         slices with one closed simple curve, the others having no spline; ``dice_3d`` of the surface. A
         curve is what CCCD has first: its ``curve_ms`` has the boundary pixels and their order.
     """
@@ -204,7 +203,7 @@ def _timed(method: str, planar: _Planar, slab: Structure, n_slices: int, lofting
     stages = {f"{stage}_ms": 1e3 * seconds.get(stage, np.nan) / n_slices for stage in STAGES}
     total = sum(stages.values())  # missing where a stage is
     return {"method": method, "slices": n_slices, **stages, "total_ms": total,
-            "closed": slices / n_slices, "dice_3d": score}  # fmt: skip
+            "closed_share": slices / n_slices, "dice_3d": score}  # fmt: skip
 
 
 def _clocked(run: Callable[[], _Result]) -> tuple[_Result, float]:

@@ -13,9 +13,9 @@ from typing import Any
 
 import torch
 
-from cccd.model_header import foreign, read_header
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.paper_network import PaperNetwork
+from cccd.model_header import foreign, read_header
 from cccd.settings.junctions import NetworkSettings
 from cccd.store import atomic_path
 

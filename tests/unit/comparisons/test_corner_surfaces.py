@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from cccd.boundary import extract_boundaries
-from cccd.comparisons.corner_surfaces import compare_corner_surfaces, middle_slab
+from cccd.comparisons.corner_surfaces import compare_corner_surfaces
 from cccd.comparisons.paper_k import AUTOMATIC
+from cccd.comparisons.samples import middle_slab
 from cccd.containers import Frame, Structure
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.comparisons import CornerSurfaceSettings

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from cccd.comparisons.corner_comparison import CCCD, compare_corners
+from cccd.comparisons.corner_comparison import compare_corners
+from cccd.comparisons.paper_k import CCCD
 from cccd.containers import Curves, Frame, Structure
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.settings.comparisons import CornerComparisonSettings

@@ -9,9 +9,9 @@ import pytest
 
 from cccd.comparisons import notes, published
 from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS
-from cccd.comparisons.corner_comparison import CCCD
 from cccd.comparisons.k_sweep import OWN
 from cccd.comparisons.measures import AS_SMOOTH, BEST
+from cccd.comparisons.paper_k import CCCD
 from cccd.comparisons.reconstruction_comparison import DENSE, HARRIS
 from cccd.comparisons.registry import ITEMS
 from cccd.comparisons.summary import Cohort, write_notes
@@ -92,6 +92,15 @@ def corner_surface_rows(rng) -> pd.DataFrame:
     )
 
 
+def stage_rows(rng) -> pd.DataFrame:
+    methods = (CCCD, "FAST, 2-opt tour", "Harris, Crawl")
+    return pd.DataFrame(
+        {"case": "a", "organ": organ, "method": method, "total_ms": rng.uniform(10, 99), "surface_ms": 9.0}
+        | {"closed_share": 1.0, "dice_3d": rng.uniform()}
+        for organ, method in itertools.product(ORGANS, methods)
+    )
+
+
 def surface_rows(rng) -> pd.DataFrame:
     methods = [("CCCD", None), ("marching cubes", None), ("surface nets", None)]
     methods += [("flying edges + windowed sinc", BEST), ("anti-aliased binary + windowed sinc", AS_SMOOTH)]
@@ -132,6 +141,7 @@ def made(seed=3) -> dict[str, pd.DataFrame]:
         "reconstruction": link_rows(rng),
         "k_sweep": sweep_rows(rng),
         "corner_surfaces": corner_surface_rows(rng),
+        "stage_times": stage_rows(rng),
         "isosurfaces": surface_rows(rng),
         "thick_slices": surface_rows(rng).assign(every_nth=5),
         "active_contour": snakes,
@@ -156,7 +166,15 @@ def turned(rows: dict[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
             "noise",
         } & set(frame):
             frame[column] = 1 - frame[column]
-        inverted = {"ms", "corner_ms", "curve_ms", "bending_per_area_mm2", "curvature_per_area_mm", "assd_mm"}
+        inverted = {
+            "ms",
+            "total_ms",
+            "corner_ms",
+            "curve_ms",
+            "bending_per_area_mm2",
+            "curvature_per_area_mm",
+            "assd_mm",
+        }
         for column in inverted & set(frame):
             frame[column] = 1 / frame[column]
         if "closed" in frame:

@@ -71,6 +71,7 @@ def test_a_change_of_one_comparison_runs_no_other():
         "k_sweep": "comparisons/k_sweep.py",
         "active_contour": "comparisons/active_contour_comparison.py",
         "reconstruction": "comparisons/reconstruction_comparison.py",
+        "stage_times": "comparisons/stage_times.py",
         "isosurfaces": "comparisons/isosurfaces.py",
         "thick_slices": "comparisons/thick_slices.py",
     }

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cccd.comparisons.corner_comparison import CCCD
+from cccd.comparisons.paper_k import CCCD
 from cccd.comparisons.stage_times import WAYS, time_stages
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.comparisons import StageTimeSettings
@@ -24,12 +24,8 @@ def table():
 def test_every_method_goes_as_far_as_its_curves_allow(table):
     assert set(table["method"]) == {way.title for way in WAYS} | {CCCD}
     assert (table["slices"] == 4).all()
-    assert (
-        table.loc[table["closed"] < 0.5, "spline_ms"]
-        .isna()
-        .equals(table["closed"][table["closed"] < 0.5] == 0)
-    )
-    assert (table["surface_ms"].notna() == (table["closed"] > 0.25)).all()
+    assert (table["spline_ms"].isna() == (table["closed_share"] == 0)).all()
+    assert (table["surface_ms"].notna() == (table["closed_share"] > 0.25)).all()
 
 
 def test_the_total_is_the_sum_of_the_stages(table):
@@ -40,5 +36,5 @@ def test_the_total_is_the_sum_of_the_stages(table):
 
 def test_ours_closes_every_curve_and_comes_nearest(table):
     own = table.set_index("method").loc[CCCD]
-    assert own["closed"] == 1
+    assert own["closed_share"] == 1
     assert own["dice_3d"] == table["dice_3d"].max() > 0.97

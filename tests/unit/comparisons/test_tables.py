@@ -10,7 +10,8 @@ from cccd.comparisons import published
 from cccd.comparisons.active_contour_comparison import active_contour_figures, compare_active_contour
 from cccd.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS
-from cccd.comparisons.corner_comparison import CCCD, compare_corners, corner_figures, search
+from cccd.comparisons.corner_comparison import compare_corners, corner_figures, search
+from cccd.comparisons.paper_k import CCCD
 from cccd.comparisons.parameters import GRID
 from cccd.comparisons.reconstruction_comparison import (
     DENSE,
