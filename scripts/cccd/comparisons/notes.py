@@ -211,7 +211,7 @@ def stage_times(cohort: Cohort) -> str:
         if others.empty:
             sentences.append(f"{lead}; no other closes every curve.")
             continue
-        quick = others.loc[others["total_ms"].idxmin()]
+        quick = others.sort_values("total_ms", kind="stable").iloc[0]
         sentences.append(
             f"{lead}; the quickest other that closes every curve, {quick['method']}, "
             f"{quick['total_ms']:.0f} ms, {quick['dice_3d']:.4f}."
