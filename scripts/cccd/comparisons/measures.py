@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-__all__ = ["AS_SMOOTH", "BEST", "HEADLINES", "MEASURES", "Headline", "Measure"]
+__all__ = ["AS_SMOOTH", "BEST", "DISTANCES", "HEADLINES", "MEASURES", "Headline", "Measure"]
 
 #: For what a tuned baseline's setting was taken, as the column ``chosen`` says.
 BEST, AS_SMOOTH = "best ASSD", "as smooth as ours"
+#: The distances between our splines, learned filling included, without tubes: ours, and no baseline.
+DISTANCES = "CCCD, distances alone + windowed sinc"
 
 
 class Headline(NamedTuple):

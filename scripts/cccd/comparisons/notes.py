@@ -15,7 +15,7 @@ import pandas as pd
 from cccd.comparisons import paper_tables, published, summary
 from cccd.comparisons.baselines.surfaces import FAMILIES
 from cccd.comparisons.isosurfaces import NETS
-from cccd.comparisons.measures import AS_SMOOTH, BEST
+from cccd.comparisons.measures import AS_SMOOTH, BEST, DISTANCES
 from cccd.comparisons.numerals import number
 from cccd.comparisons.paper_k import AUTOMATIC, CCCD, COARSE_K
 from cccd.comparisons.reconstruction_comparison import HARRIS
@@ -482,7 +482,7 @@ def figure_17(cohort: Cohort) -> str:
     ours, cubes = medians.get("CCCD"), medians.get("marching cubes")
     if not ours or not cubes:
         return ""
-    others = medians.drop(["CCCD", NETS], errors="ignore")
+    others = medians.drop(["CCCD", NETS, DISTANCES], errors="ignore")
     smoother = [str(name) for name in others.index[others < ours]]
     less = f"less than ours is that of {_listed(smoother)}" if smoother else "no other surface's is less"
     return (
@@ -512,6 +512,7 @@ def _against_the_best(rows: pd.DataFrame, keys: list[str]) -> str:
         return ""
     columns = ["assd_mm", "curvature_per_area_mm"]
     ours = rows[rows["method"] == "CCCD"].set_index(keys)[columns]
+    rows = rows[rows["method"] != DISTANCES]
     sentences = []
     for why, which in ((BEST, "nearest to the truth"), (AS_SMOOTH, "nearest of those as smooth as ours")):
         theirs = rows[rows["chosen"].astype(str).str.contains(why, regex=False)]

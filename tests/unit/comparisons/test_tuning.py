@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from cccd.comparisons.baselines.surfaces import FAMILIES
-from cccd.comparisons.measures import AS_SMOOTH, BEST
+from cccd.comparisons.measures import AS_SMOOTH, BEST, DISTANCES
 from cccd.comparisons.notes import thick_slices
 from cccd.comparisons.sinc_grid import GRID, smoothed
 from cccd.comparisons.summary import Cohort
@@ -88,6 +88,14 @@ def test_morphological_interpolation_lies_where_the_voxels_do(structure):
     assert mesh.volume == pytest.approx(2.0 * structure.mask.sum(), rel=0.05)
 
 
+def test_the_distances_that_we_loft_from_enclose_the_ball(structure):
+    mesh = FAMILIES[DISTANCES].shapes[""](structure)
+    assert mesh.is_closed_manifold
+    assert mesh.volume == pytest.approx(4 / 3 * np.pi * RADIUS**3, rel=0.02)
+    away = np.linalg.norm(mesh.sample(4000, np.random.default_rng(1)), axis=1) - RADIUS
+    assert np.abs(away).mean() < 0.2  # a tenth of the slice distance
+
+
 def test_the_note_speaks_of_the_best_baseline():
     """Two structures: of one the best is flying edges, of the other it is behind ours and rougher."""
     edges, distance = "flying edges + windowed sinc", "signed distance + isosurface + windowed sinc"
@@ -96,6 +104,7 @@ def test_the_note_speaks_of_the_best_baseline():
         ("a", edges, BEST, 0.5, 0.4),
         ("a", edges, AS_SMOOTH, 1.5, 0.2),
         ("a", distance, BEST, 0.7, 0.1),
+        ("a", DISTANCES, BEST, 0.1, 0.1),
         ("b", "CCCD", None, 1.0, 0.2),
         ("b", edges, BEST, 1.5, 0.8),
     ]

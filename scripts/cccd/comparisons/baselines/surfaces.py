@@ -8,6 +8,8 @@ from functools import partial
 
 from cccd.comparisons import point_meshes, volume_meshes
 from cccd.comparisons.baselines import Baseline
+from cccd.comparisons.lofted_distances import lofted_distances
+from cccd.comparisons.measures import DISTANCES
 from cccd.containers import Curves, Structure
 from cccd.geometry.mesh import Mesh
 
@@ -98,5 +100,6 @@ FAMILIES = {
             available=volume_meshes.has_morphological,
             package=volume_meshes.MORPHOLOGICAL,
         ),
+        Family(DISTANCES, {"": lofted_distances}),
     )
 }
