@@ -52,7 +52,7 @@ def _zero_level(run: Run, origin: np.ndarray, frame: Frame) -> Mesh:
     rows, columns = (np.arange(size) - 1.0 + first for size, first in zip(block.shape, origin, strict=False))
     grid = pv.RectilinearGrid(rows, columns, np.array([level.z for level in levels]))
     grid.point_data["distance"] = block.ravel(order="F")
-    mesh = from_polydata(grid.contour([0.0], scalars="distance").clean())
+    mesh = from_polydata(grid.contour([0.0], scalars="distance"))
     return Mesh(frame.to_world(mesh.vertices[:, :2], mesh.vertices[:, 2] / frame.slice_spacing), mesh.faces)
 
 
