@@ -146,11 +146,11 @@ def _scores(
 def corner_figures(
     structure: Structure, curves: Curves, settings: CornerComparisonSettings
 ) -> dict[str, SliceFigure]:
-    """Figure 9: corners and fused splines over the boundary of the middle slice, one column per detector.
+    """Figure 6, the middle slice and its boundary; Figure 9, corners and fused splines over it.
 
-    The upper row has the paper's parameters of Figure 9 (the publication's for SUSAN), the lower row the
-    best of the grid; corners are ordered by a short tour, which is what corners alone allow. Parameters as
-    in `compare_corners`; nothing where there is no curve.
+    Of Figure 9 each detector has a column. The upper row has the paper's parameters of Figure 9 (the
+    publication's for SUSAN), the lower row the best of the grid; corners are ordered by a short tour, which
+    is what corners alone allow. Parameters as in `compare_corners`; nothing where there is no curve.
     """
     sample = middle_slice(structure, curves, settings.n_slices, settings.min_contour_px)
     if sample is None:
@@ -164,7 +164,12 @@ def corner_figures(
         for row in (0, -1)
         for detector, sets in zip(CORNER_DETECTORS, columns, strict=True)
     ]
-    return {"figure9": SliceFigure(panels, len(columns), sample.window, sample.images[sample.picture])}
+    image = sample.images[sample.picture]
+    raw = [Panel("slice", {}), Panel("its boundary", {"boundary": sample.curve})]
+    return {
+        "figure6": SliceFigure(raw, len(raw), sample.window, image),
+        "figure9": SliceFigure(panels, len(columns), sample.window, image),
+    }
 
 
 def _fused_panel(

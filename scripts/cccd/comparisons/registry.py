@@ -312,6 +312,51 @@ ITEMS = (
         tabulate="cccd.comparisons.summary.structures",
     ),
     Item(
+        "figure5",
+        "The network that corrects chain codes",
+        "Equation (11) in a picture: dense layer, batch normalisation, dropout 0.5, ReLU, a sum over the "
+        "neighbours; links are predicted. Its depth and width are not printed.",
+        name="Figure 5",
+        section="paper",
+        plots=_PLOTS + "figure_5",
+        captions=(
+            "The paper's network as printed (gnn.network: paper); from the dense layer to the sum, layer "
+            "after layer. Ours reads a Delaunay graph instead and decides by a minimum cut.",
+        ),
+    ),
+    Item(
+        "figure6",
+        "Raw images",
+        "One slice each of LiTS17, RIDER Lung PET-CT and UPENN-GBM.",
+        name="Figure 6",
+        section="paper",
+        rows=(CORNERS,),
+        plots=_PLOTS + "figure_6",
+        captions=("The middle slice as it came (the mask where there is no image), and its boundary.",),
+    ),
+    Item(
+        "figure7",
+        "Training data",
+        "Boundary maps of the three datasets, 290 graphs.",
+        name="Figure 7",
+        section="paper",
+        plots=_PLOTS + "figure_7",
+        captions=("The first training graphs: pixels (dots) over their true contour (band).",),
+        network=True,
+    ),
+    Item(
+        "figure8",
+        "The whole method",
+        "Algorithm 1 as a block diagram.",
+        name="Figure 8",
+        section="paper",
+        plots=_PLOTS + "figure_8",
+        captions=(
+            "Algorithm 1 with its lines. Here a mask is traced and asks no network, and the surface is "
+            "lofted from automatic splines unless surface.source is corners.",
+        ),
+    ),
+    Item(
         "table1",
         "Corners that miss the boundary",
         "On one liver slice Harris finds 716 corners, 232 of them on the boundary (67.5 % false); "

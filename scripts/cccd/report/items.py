@@ -15,16 +15,19 @@ from cccd.comparisons.measures import AS_SMOOTH
 from cccd.comparisons.paper_k import COARSE_K
 from cccd.comparisons.registry import Item
 from cccd.comparisons.summary import figure_11_rows, structure_names
-from cccd.containers import SliceFigure
+from cccd.containers import Panel, SliceFigure
+from cccd.geometry.arrays import split_ragged
 from cccd.lookup import find
 from cccd.report import plots
+from cccd.report.diagrams import draw_steps
 from cccd.report.panels import LINK_LOOKS, LOOKS, OUTLINE_LOOKS, Looks, draw_slice_figure
 from cccd.report.results import Results
 from cccd.report.stills import draw_surface_still
 
 __all__ = [
-    "compactness", "draw", "figure_9", "figure_10", "figure_11", "figure_12", "figure_13", "figure_14",
-    "figure_15", "figure_16", "figure_17", "junctions", "surfaces", "table_5", "thick_slices",
+    "compactness", "draw", "figure_5", "figure_6", "figure_7", "figure_8", "figure_9", "figure_10",
+    "figure_11", "figure_12", "figure_13", "figure_14", "figure_15", "figure_16", "figure_17", "junctions",
+    "surfaces", "table_5", "thick_slices",
 ]  # fmt: skip
 
 #: Pairs of SVG (None: no data) and caption.
@@ -35,6 +38,35 @@ _MOST_PANELS = 6
 
 #: Figure 12 shows so many structures.
 _MOST_OUTLINES = 4
+
+#: Figure 7 shows so many training graphs.
+_MOST_GRAPHS = 8
+
+#: Figure 5, the paper's network as printed, and Figure 8, Algorithm 1 with its lines.
+_NETWORK = (
+    "boundary pixels,\n8 neighbours each",
+    "features x:\n+1 and −1",
+    "dense:\nx W + b",
+    "batch\nnormalisation",
+    "dropout 0.5",
+    "ReLU",
+    "sum over the\nneighbours, eq. (11)",
+    "a value per link\n(how: invented)",
+    "at most two links\nper pixel",
+    "chains followed:\nclosed curves",
+)
+_ALGORITHM = (
+    "volume, slice\nby slice (line 7)",
+    "Gaussian blur,\ndilation (line 9)",
+    "boundary\n(line 10)",
+    "chain code\n(line 13)",
+    "isolated corners?\n(line 14)",
+    "network drops\nlinks (line 15)",
+    "k-cosine corners\n(line 16)",
+    "closed B-spline\n(line 17)",
+    "curves\nstacked",
+    "B-spline surface\n(line 22)",
+)
 
 _RATES = ["TP rate", "FP rate", "TN rate", "FN rate", "ACC", "MC", "PRE", "SPEC", "DSC", "JI"]
 
@@ -59,6 +91,42 @@ def _on_a_slice(
     caption = item.captions[0]
     svg = draw_slice_figure(figure, key or item.key, caption, looks, panel_inches)
     return [(svg, f"{case} / {organ}, middle slice. {caption}")]
+
+
+def figure_5(results: Results, item: Item) -> Plots:
+    """Draw the paper's network, step by step."""
+    return [(draw_steps(item.key, _NETWORK, item.captions[0]), item.captions[0])]
+
+
+def figure_8(results: Results, item: Item) -> Plots:
+    """Draw Algorithm 1, step by step."""
+    return [(draw_steps(item.key, _ALGORITHM, item.captions[0]), item.captions[0])]
+
+
+def figure_6(results: Results, item: Item) -> Plots:
+    """Draw the middle slice of the structures as it came, and its boundary."""
+    drawn: Plots = []
+    for case, organ in results.structures[:_MOST_OUTLINES]:
+        figure = results.figure(item, case, organ)
+        if figure is not None:
+            label = f"{case} / {organ}. {item.captions[0]}"
+            drawn.append((draw_slice_figure(figure, f"{item.key}-{case}-{organ}", label), label))
+    return drawn
+
+
+def figure_7(results: Results, item: Item) -> Plots:
+    """Draw the first training graphs: their pixels over the true contours."""
+    kept, facts = results.training_graphs(), results.graphs()
+    if kept is None or facts is None:
+        return []
+    pixels = split_ragged(kept.pixels, kept.pixel_offsets)
+    contours = split_ragged(kept.contours, kept.contour_offsets)
+    panels = []
+    for n in range(min(_MOST_GRAPHS, len(pixels))):
+        longest = max((contours[c] for c in (kept.contour_graph == n).nonzero()[0]), key=len)
+        panels.append(Panel(f"{len(pixels[n])} pixels", {"boundary": longest, "corners": pixels[n]}))
+    svg = draw_slice_figure(SliceFigure(panels, 4), item.key, item.captions[0], OUTLINE_LOOKS, 1.7)
+    return [(svg, item.captions[0])]
 
 
 def figure_9(results: Results, item: Item) -> Plots:

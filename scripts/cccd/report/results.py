@@ -130,6 +130,10 @@ class Results:
         """Read how many graphs the network was trained on, and what they hold."""
         return _if_there(store.read_graph_facts, self.folder / "gnn" / "graphs.h5")
 
+    def training_graphs(self) -> store.GraphSplit | None:
+        """Read the frozen training graphs."""
+        return _if_there(lambda path: store.read_graphs(path, "training"), self.folder / "gnn" / "graphs.h5")
+
     def shown(self, item: Item) -> tuple[str, str, SliceFigure] | None:
         """Choose the structure of which an item shows a slice: a liver, as in the paper, or the first."""
         livers_first = sorted(self.structures, key=lambda key: key[1] != "liver")
