@@ -10,9 +10,6 @@ ROOT = Path(__file__).parents[2]
 SCRIPTS = ROOT / "scripts"
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
 
-#: Written by a measurement of hours, `tests/benchmarks/sensitivity.py`; pages may name it before it is there.
-MEASURED = {"docs/sensitivity.csv"}
-
 #: Folders that a path in the docs may begin with; ``<name>`` in one stands for any name.
 FOLDERS = ("config", "docs", "envs", "scripts", "tests", "workflow")
 
@@ -72,7 +69,6 @@ def test_every_function_that_a_page_names_is_there(page):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_file_that_a_page_names_is_there(page):
     named = quoted(page, rf"({'|'.join(FOLDERS)})/[\w./<>-]*")
-    named -= MEASURED
     assert {name for name in named if not list(ROOT.glob(re.sub("<[^>]*>", "*", name)))} == set()
 
 
