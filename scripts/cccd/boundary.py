@@ -33,7 +33,8 @@ def extract_boundaries(structure: Structure, settings: BoundarySettings) -> Boun
     ----------
     structure : Structure
         A boundary stack is passed on as it is. Ordered contours (RTSTRUCT) need no boundary; their
-        pixels are given for display. Otherwise the mask or the image is used.
+        pixels are given for display. Around a region it is sought in the image, and a mask beside it is not
+        looked at. Otherwise the mask or the image is used.
     settings : BoundarySettings
 
     Returns
@@ -51,6 +52,8 @@ def extract_boundaries(structure: Structure, settings: BoundarySettings) -> Boun
         maps = structure.required_stack("boundary")
     elif structure.contours is not None:
         return _draw(structure.contours, structure.frame)
+    elif structure.region is not None:
+        maps = edge_map(structure.required_stack("image"), structure.required_stack("region"), settings)
     else:
         source = settings.source
         if source == "auto":

@@ -19,12 +19,14 @@ import yaml
 from cccd.errors import InputError
 from cccd.settings.messages import choices, nearest
 
-__all__ = ["SCHEMA", "complete_row", "naming_row", "read_cohort"]
+__all__ = ["SCHEMA", "brings_maps", "complete_row", "naming_row", "read_cohort"]
 
 #: The sheet's columns, their defaults and what they may hold.
 SCHEMA = Path(__file__).resolve().parents[2] / "workflow" / "schemas" / "cohort.schema.yaml"
 
 _FROM_FILES = ("files", "lits17", "rider_lung", "upenn_gbm")
+#: Sources whose boundary pixels need ordering; a mask that they bring is ground truth only.
+_UNORDERED = ("mni152_scan", "damaged_phantom")
 _TUMOUR = ("tumour", "tumor", "lesion")
 
 
@@ -169,6 +171,19 @@ def read_cohort(path: str | Path) -> list[dict[str, str]]:
         seen[key] = location
         rows.append(row)
     return rows
+
+
+def brings_maps(row: Mapping[str, str]) -> bool:
+    """Whether a row's boundary pixels need ordering: boundary maps, and edges of an image without a mask.
+
+    Examples
+    --------
+    >>> brings_maps({"source": "files", "boundary": "maps.nii.gz"})
+    True
+    >>> brings_maps({"source": "phantom", "boundary": ""})
+    False
+    """
+    return bool(row["boundary"]) or row["source"] in _UNORDERED
 
 
 @contextlib.contextmanager

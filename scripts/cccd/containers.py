@@ -102,7 +102,10 @@ class Structure:
     image : (a, b, c) float32 or None
         Grey values (HU for CT).
     mask : (a, b, c) bool or None
-        Ground truth of a boundary-only structure, the organ itself otherwise.
+        Ground truth of a structure with a region or boundary maps, the organ itself otherwise.
+    region : (a, b, c) bool or None
+        Where a threshold found the organ in the image; its boundary is sought in the image's edges near by.
+        Replaces the mask as the input.
     boundary : (a, b, c) bool or None
         Boundary maps that still need ordering; replaces the mask as the input.
     contours : Curves or None
@@ -121,6 +124,7 @@ class Structure:
     origin: np.ndarray
     image: np.ndarray | None = None
     mask: np.ndarray | None = None
+    region: np.ndarray | None = None
     boundary: np.ndarray | None = None
     contours: Curves | None = None
     truth: Mesh | None = None
@@ -128,7 +132,7 @@ class Structure:
     warnings: list[str] = field(default_factory=list[str])
 
     def stack(self, name: str) -> np.ndarray | None:
-        """``image``, ``mask`` or ``boundary`` as a contiguous stack (S, I, J) with slices first."""
+        """``image``, ``mask``, ``region`` or ``boundary`` as a contiguous stack (S, I, J), slices first."""
         array = getattr(self, name)
         if array is None:
             return None

@@ -224,7 +224,7 @@ def write_structure(path: str | Path, structure: Structure) -> None:
         _put_json(file, "warnings", structure.warnings)
         if structure.image is not None:
             _put(file, "image", structure.image, np.float32)
-        for name in ("mask", "boundary"):
+        for name in ("mask", "region", "boundary"):
             if getattr(structure, name) is not None:
                 _put(file, name, getattr(structure, name), np.uint8)
         if structure.contours is not None:
@@ -246,6 +246,7 @@ def read_structure(path: str | Path) -> Structure:
             origin=np.array(file.attrs["origin"]),
             image=_get_if_there(file, "image"),
             mask=_get(file, "mask").astype(bool) if "mask" in file else None,
+            region=_get(file, "region").astype(bool) if "region" in file else None,
             boundary=_get(file, "boundary").astype(bool) if "boundary" in file else None,
             contours=_get_curves(file["contours"], frame) if "contours" in file else None,
             truth=truth,

@@ -128,11 +128,11 @@ def surface_figures(settings: Settings) -> Figures:
 def junction_figures(settings: Settings) -> Figures:
     """Share of synthetic boundary maps that the shipped network and its decoder order as they should be."""
     from cccd.junctions.checkpoint import load_model
-    from cccd.junctions.corruptions import KINDS
     from cccd.junctions.decoding import closed_chains
     from cccd.junctions.inference import predict_masks
     from cccd.junctions.scoring import score_slice
     from cccd.junctions.synthetic_maps import draw_map
+    from cccd.volumes.corruptions import KINDS
 
     rng, inference = np.random.default_rng(settings.seed), settings.gnn.inference
     samples = [draw_map(rng, kind, 1.0) for kind in KINDS for _ in range(MAPS)]

@@ -20,7 +20,6 @@ from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.contours import order_contours
-from cccd.junctions.corruptions import corrupt
 from cccd.junctions.data import label_map
 from cccd.junctions.loss import total_loss
 from cccd.junctions.synthetic_maps import draw_map
@@ -28,6 +27,7 @@ from cccd.settings.junctions import LossSettings, NetworkSettings
 from cccd.settings.root import Settings
 from cccd.surface import loft_surface, measure_surface
 from cccd.tracing import trace_mask
+from cccd.volumes.corruptions import corrupt
 
 __all__ = ["STAGES"]
 

@@ -38,6 +38,8 @@ def test_default_sheet():
         ("mni152", "brain"),
         ("phantom", "liver"),
         ("phantom", "lungs"),
+        ("mni152_scan", "brain"),
+        ("damaged_phantom", "kidney"),
     ]
     assert {row["role"] for row in rows} == {"reconstruct"}
 

@@ -104,6 +104,13 @@ def test_a_cohort_of_masks_and_contours_does_without_model_and_torch(fresh_proje
     assert ordering["method"].tolist() == ["traced mask", "contours as given"]
 
 
+def test_what_starts_from_outlines_is_not_compared_on_maps(fresh_project, sheet):
+    (fresh_project.folder / "ways.tsv").write_text("case\torgan\tsource\nscan\tbrain\tmni152_scan\n")
+    planned = fresh_project.planned(*sheet)
+    assert {rule for rule in planned if rule.startswith("compare_")} == {"compare_map_surfaces"}
+    assert planned["adopt_gnn"] == planned["draw_region"] == 1
+
+
 def test_a_network_that_is_named_is_compared_on_masks_too(fresh_project, sheet):
     (fresh_project.folder / "ways.tsv").write_text("case\torgan\tmask\nmask\tball\tmask.nii.gz\n")
     named = [*sheet, "gnn={pretrained: workflow/models/junctions.pt}"]

@@ -15,7 +15,7 @@ ROOT = Path(workflow.basedir)
 SCRIPTS = ROOT / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 
-from cccd.cohort import complete_row, read_cohort
+from cccd.cohort import brings_maps, complete_row, read_cohort
 from cccd.comparisons.registry import COMPARISONS, INPUTS, ITEMS, tables
 from cccd.dependencies import imported_files
 from cccd.dicom_objects import holds_contours
@@ -78,7 +78,10 @@ RECONSTRUCTED = [key for key, row in ROW.items() if row["role"] != "train"]
 REGIONS = [
     key
     for key in RECONSTRUCTED
-    if ROW[key]["source"] == "files" and not (ROW[key]["mask"] or ROW[key]["boundary"])
+    if ROW[key]["source"] == "mni152_scan"
+    or (
+        ROW[key]["source"] == "files" and not (ROW[key]["mask"] or ROW[key]["boundary"])
+    )
 ]
 
 
@@ -107,10 +110,11 @@ def is_drawn(mask):
 def is_ordered(row):
     """Whether the boundary pixels of a row's structure are ordered by the network.
 
-    So are boundary maps; masks, those that a threshold finds included, if ``curves: ordering: gnn`` asks for it.
+    So are boundary maps; masks, those that a threshold finds in a file included, if ``curves: ordering: gnn``
+    asks for it.
     """
     asked = config["curves"]["ordering"] == "gnn"
-    return bool(row["boundary"]) or (asked and not is_drawn(row["mask"]))
+    return brings_maps(row) or (asked and not is_drawn(row["mask"]))
 
 
 def way_of(wildcards):
@@ -225,13 +229,15 @@ def comparison_settings(comparison):
 
 
 def comparison_files(wildcards):
-    """What a structure's comparisons leave; how a network would order is compared where a mask was traced."""
+    """What a structure's comparisons leave: which of them are made of it, what the data are decides."""
+    maps = brings_maps(row_of(wildcards))
     traced = NETWORKED and way_of(wildcards) == "trace_contours"
+    made = {"outlines": not maps, "traced masks": traced, "maps": maps}
     folder = f"results/{wildcards.case}/{wildcards.organ}/comparisons"
     return [
         f"{folder}/{name}.{suffix}"
         for name, comparison in COMPARISONS.items()
-        if traced or not comparison.network
+        if made[comparison.of]
         for suffix in ["csv"] + ["h5"] * (comparison.figures is not None)
     ]
 

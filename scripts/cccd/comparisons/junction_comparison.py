@@ -23,7 +23,6 @@ from cccd.containers import Boundaries, Frame
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
-from cccd.junctions.corruptions import KINDS
 from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
 from cccd.junctions.grid import LinkPredictor, build_grid, find_chains
 from cccd.junctions.inference import DEFAULTS, Predictor, predict_masks
@@ -36,6 +35,7 @@ from cccd.junctions.synthetic_maps import ALL_KINDS, RandomStream, SyntheticMap,
 from cccd.junctions.tasks import make_task
 from cccd.settings.junctions import NetworkSettings
 from cccd.store import atomic_path, write_table
+from cccd.volumes.corruptions import KINDS
 
 __all__ = ["compare_decoders", "draw_worst", "evaluate", "network_decoder"]
 

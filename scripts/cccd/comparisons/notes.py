@@ -23,8 +23,8 @@ from cccd.comparisons.summary import Cohort, figure_11_rows, structure_names
 
 __all__ = [
     "compactness", "corner_surfaces", "figure_9", "figure_10", "figure_11", "figure_12", "figure_13",
-    "figure_14", "figure_15", "figure_16", "figure_17", "k_sweep", "ordering", "surfaces", "table_1",
-    "table_2", "table_3", "table_4", "table_5", "thick_slices",
+    "figure_14", "figure_15", "figure_16", "figure_17", "k_sweep", "map_surfaces", "ordering", "surfaces",
+    "table_1", "table_2", "table_3", "table_4", "table_5", "thick_slices",
 ]  # fmt: skip
 
 #: CCCD's setting in the paper's comparisons.
@@ -548,6 +548,25 @@ def ordering(cohort: Cohort) -> str:
     if scores.empty:
         return f"{text}."
     return f"{text}; on these its Dice against the tracing is {number(scores.min(), 4)} at least."
+
+
+def map_surfaces(cohort: Cohort) -> str:
+    """Say for every structure how many slices were decided, and the error of each way's surface."""
+    rows = cohort.rows("map_surfaces")
+    sentences = []
+    for name, part in rows.groupby(structure_names(rows), sort=False):
+        network = part.iloc[0]
+        decided, slices = int(network["decided"]), int(network["slices"])
+        text = f"{name}: {number(decided)} of {number(slices)} slices are no outlines already"
+        scored = part.dropna(subset=["assd_mm"]) if "assd_mm" in part else part.iloc[:0]
+        if len(scored):
+            errors = [
+                f"{row['method']} {number(row['assd_mm'], 2)} mm (HD95 {number(row['hd95_mm'], 2)} mm)"
+                for _, row in scored.sort_values("assd_mm").iterrows()
+            ]
+            text += f"; ASSD, the smallest first: {_listed(errors)}"
+        sentences.append(f"{text}.")
+    return " ".join(sentences)
 
 
 def compactness(cohort: Cohort) -> str:

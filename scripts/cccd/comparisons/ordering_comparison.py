@@ -34,23 +34,19 @@ def compare_ordering(
     Returns
     -------
     DataFrame
-        One row: the totals of `cccd.junctions.order_boundaries` (``unclosed`` as a number of slices),
-        boundary pixels that are ``dropped`` from the chains and pixels that were ``bridged``; ``slices``, and
-        how many of them the network ``decided``, because they are no outlines already; ``curves`` by the
-        network, ``curves_exact`` by tracing, and the two's Dice in three dimensions, of all slices
-        (``dice``) and of the decided ones (``dice_decided``, missing where there is none).
+        One row: the totals of `cccd.junctions.order_boundaries` (``unclosed`` as a number of slices);
+        ``slices``, and how many of them the network ``decided``, because they are no outlines already;
+        ``curves`` by the network, ``curves_exact`` by tracing, and the two's Dice in three dimensions, of all
+        slices (``dice``) and of the decided ones (``dice_decided``, missing where there is none).
     """
     ordered, report = order_boundaries(
         boundaries, model, image=structure.stack("image"), image_origin=structure.stack_origin
     )
     totals = {name: value for name, value in report.items() if isinstance(value, int)}
     decided = decided_slices(boundaries)
-    given, chained = _pixels(boundaries), _pixels(ordered)
     row = {
         **totals,
         "unclosed": len(report["unclosed"]),
-        "dropped": len(given - chained),
-        "bridged": len(chained - given),
         "slices": len(boundaries.slice),
         "decided": len(decided),
         "curves": len(ordered),
@@ -70,12 +66,6 @@ def decided_slices(boundaries: Boundaries) -> IntArray:
         if len(pixels) and not find_outline(build_graph(pixels), settings).exact
     ]
     return np.array(doubtful, np.int64)
-
-
-def _pixels(points: Boundaries | Curves) -> set[tuple[int, ...]]:
-    """Pixels (k, i, j) of a stack."""
-    rows = np.column_stack([np.repeat(points.slice, np.diff(points.offsets)), np.rint(points.points)])
-    return set(map(tuple, rows.astype(np.int64).tolist()))
 
 
 def _dice_3d(exact: Curves, other: Curves, slices: IntArray) -> float:

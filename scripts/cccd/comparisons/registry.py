@@ -86,9 +86,10 @@ class Comparison:
     memory_mb : (int, int)
         Base, and per MB of input.
     minutes : int
-    network : bool
-        Whether it says how a network would have done what was done without: it is made where a mask was
-        traced, in a run that uses a network, and an item stands without it elsewhere.
+    of : {"outlines", "traced masks", "maps"}
+        Which structures it is made of. ``outlines``: those with a mask or drawn contours, from which it
+        starts. ``traced masks``: those whose mask was traced, in a run that uses a network: it says how that
+        would have done, and an item stands without it. ``maps``: those whose boundary pixels need ordering.
     """
 
     name: str
@@ -101,7 +102,7 @@ class Comparison:
     columns: tuple[str, ...] = ()
     memory_mb: tuple[int, int] = (1500, 20)
     minutes: int = 20
-    network: bool = False
+    of: str = "outlines"
 
     @property
     def functions(self) -> tuple[str, ...]:
@@ -294,7 +295,22 @@ ORDERING = Comparison(
     ),
     memory_mb=(2500, 20),
     minutes=15,
-    network=True,
+    of="traced masks",
+)  # fmt: skip
+
+MAP_SURFACES = Comparison(
+    "map_surfaces",
+    "cccd.comparisons.map_surfaces.compare_map_surfaces",
+    ("structure", "boundaries", "contours", "surface"),
+    settings={"fitting": "curves", "lofting": "surface"},
+    unused=("curves.ordering", "curves.sweep", "surface.formats", "surface.contour_spacing_mm"),
+    figures="cccd.comparisons.map_surfaces.map_figures",
+    columns=(
+        "method", "slices", "decided", "without_curve", "pixels", "kept", "dropped", "bridged", "curves",
+        "dice_3d", "assd_mm", "hd95_mm", "volume_bias",
+    ),
+    memory_mb=(2500, 40),
+    of="maps",
 )  # fmt: skip
 
 # The items, in the page's order -------------------------------------------------------------------------
@@ -639,6 +655,23 @@ ITEMS = (
         ),
         picture="gnn/worst.png",
         network=True,
+    ),
+    Item(
+        "map_surfaces",
+        "Surfaces from boundary maps",
+        "Structures that come without a mask: their boundary pixels are edges of an image or a damaged map, "
+        "and the network orders them. Beside the surface stands the one that a classical decoder of the "
+        "table above, the pruned skeleton with its tour, gives from the same pixels, and of an image the "
+        "surface of the region that a threshold finds. They are measured against a mask that none has seen.",
+        rows=(MAP_SURFACES,),
+        table="map_surfaces",
+        columns=("case", "organ", *MAP_SURFACES.columns),
+        note=_NOTES + "map_surfaces",
+        plots=_PLOTS + "map_surfaces",
+        captions=(
+            "links of the boundary map that are kept (thick) and dropped (thin), and links that bridge its "
+            "gaps (dark), on slices that are no outlines already.",
+        ),
     ),
     Item(
         "ordering",

@@ -50,8 +50,9 @@ class Cohort:
         return pd.DataFrame(columns=["case", "organ", *COMPARISONS[name].columns])
 
     def has(self, item: Item) -> bool:
-        """Whether every comparison that an item stands on left rows; those of a network may lack."""
-        return all(len(self.rows(comparison.name)) > 0 for comparison in item.rows if not comparison.network)
+        """Whether every comparison that an item stands on left rows; those of traced masks may lack."""
+        needed = [comparison.name for comparison in item.rows if comparison.of != "traced masks"]
+        return all(len(self.rows(name)) > 0 for name in needed)
 
 
 def read_cohort(comparisons: Iterable[str | Path], metrics: Iterable[str | Path]) -> Cohort:

@@ -21,9 +21,8 @@ module               holds
 ``decoding``         labelled triangles to closed chains
 ``inference``        the forward path, batched over slices
 ``ordering``         a volume's boundary pixels to curves; ``contours``: a structure's
-``opencv``           OpenCV's operations, typed
-``random_masks``     synthetic organs; ``synthetic_images``, ``corruptions``, ``synthetic_maps``, ``labels``:
-                     images, noisy boundary maps and labels of them
+``random_masks``     synthetic organs; ``synthetic_images``, ``synthetic_maps``, ``labels``: images, noisy
+                     boundary maps (`cccd.volumes.corruptions`) and labels of them
 ``grid``             the paper's graph, the pixel grid, and its decoder; ``paper_network``: its network
 ``frozen_graphs``    ``graphs.h5``: graphs drawn once
 ``data``             labelled maps; ``tasks``, ``loss``, ``loop``, ``checkpoint``: the rest of the training

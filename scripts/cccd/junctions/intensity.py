@@ -10,8 +10,8 @@ import numpy as np
 
 from cccd.boundary import gradient_ridges
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, IntArray, RealArray, SingleArray
+from cccd.geometry.opencv import components, distance_to_zero, gaussian_blur, sobel
 from cccd.junctions.delaunay import HASHES, pixel_hash
-from cccd.junctions.opencv import components, distance_to_zero, gaussian_blur, sobel
 from cccd.settings.junctions import InferenceSettings
 from cccd.tolerances import CONTRAST
 

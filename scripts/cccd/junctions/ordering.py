@@ -15,7 +15,7 @@ from cccd.junctions.grid import LinkPredictor
 from cccd.junctions.inference import DEFAULTS, Predictor, predict_masks
 from cccd.settings.junctions import InferenceSettings
 
-__all__ = ["order_boundaries"]
+__all__ = ["count_changes", "order_boundaries"]
 
 
 def order_boundaries(
@@ -45,7 +45,8 @@ def order_boundaries(
     report : dict
         Plain JSON. ``slices``: per slice its number ``k``, ``pixels``, ``junctions``, ``isolated_before``
         and ``isolated_after`` (Figure 4, in the map and in the ordered chains), ``outer`` and ``holes``;
-        ``unclosed``: the numbers of slices that have no closed boundary; and the totals.
+        ``unclosed``: the numbers of slices that have no closed boundary; and the totals, with those of
+        `count_changes`.
     """
     first, *corner = np.asarray(image_origin) if image is not None else np.zeros(3, np.int64)
     filled = [n for n, pixels in enumerate(boundaries) if len(pixels)]
@@ -76,4 +77,25 @@ def _report(boundaries: Boundaries, curves: Curves) -> dict[str, Any]:
     ]
     unclosed = boundaries.slice[counts["outer"] == 0]
     totals = {name: int(values.sum()) for name, values in counts.items()}
+    totals |= count_changes(boundaries, curves)
     return {"slices": slices, "unclosed": [int(k) for k in unclosed], **totals}
+
+
+def count_changes(boundaries: Boundaries, curves: Curves) -> dict[str, int]:
+    """Count what became of the boundary pixels on the way to the curves through them.
+
+    Returns
+    -------
+    dict
+        ``kept``: pixels of the map that lie on a curve; ``dropped``: those that lie on none; ``bridged``:
+        pixels of the curves that are not the map's.
+    """
+    given, chained = _pixels(boundaries), _pixels(curves)
+    kept = len(given & chained)
+    return {"kept": kept, "dropped": len(given) - kept, "bridged": len(chained) - kept}
+
+
+def _pixels(stack: Boundaries | Curves) -> set[tuple[int, ...]]:
+    """Pixels (k, i, j) of a stack."""
+    rows = np.column_stack([np.repeat(stack.slice, np.diff(stack.offsets)), np.rint(stack.points)])
+    return set(map(tuple, rows.astype(np.int64).tolist()))

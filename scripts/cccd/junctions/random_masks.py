@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from cccd.geometry.arrays import AnyArray, ByteArray, SingleArray
-from cccd.junctions.opencv import components
+from cccd.geometry.opencv import components
 from cccd.tolerances import CONTRAST
 
 __all__ = ["draw_mask", "smooth_noise"]

@@ -13,7 +13,7 @@ import numpy as np
 
 from cccd.boundary import edge_map
 from cccd.geometry.arrays import BoolArray, ByteArray, SingleArray
-from cccd.junctions.opencv import distance_to_zero, gaussian_blur, sobel
+from cccd.geometry.opencv import distance_to_zero, gaussian_blur, sobel
 from cccd.junctions.random_masks import smooth_noise
 from cccd.settings.boundaries import BoundarySettings
 from cccd.tolerances import CONTRAST

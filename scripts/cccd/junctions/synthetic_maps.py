@@ -9,11 +9,11 @@ from enum import IntEnum
 import numpy as np
 
 from cccd.geometry.arrays import AnyArray, ByteArray, SingleArray
-from cccd.junctions.corruptions import KINDS, corrupt
+from cccd.geometry.opencv import border_pixels
 from cccd.junctions.labels import fill_contours
-from cccd.junctions.opencv import border_pixels
 from cccd.junctions.random_masks import draw_mask
 from cccd.junctions.synthetic_images import canny_map, draw_image
+from cccd.volumes.corruptions import KINDS, corrupt
 
 __all__ = [
     "ALL_KINDS",

@@ -20,14 +20,14 @@ from cccd.geometry.arrays import split_ragged
 from cccd.lookup import find
 from cccd.report import plots
 from cccd.report.diagrams import draw_steps
-from cccd.report.panels import LINK_LOOKS, LOOKS, OUTLINE_LOOKS, Looks, draw_slice_figure
+from cccd.report.panels import LINK_LOOKS, LOOKS, MAP_LOOKS, OUTLINE_LOOKS, Looks, draw_slice_figure
 from cccd.report.results import Results
 from cccd.report.stills import draw_surface_still
 
 __all__ = [
     "compactness", "draw", "figure_5", "figure_6", "figure_7", "figure_8", "figure_9", "figure_10",
     "figure_11", "figure_12", "figure_13", "figure_14", "figure_15", "figure_16", "figure_17", "junctions",
-    "surfaces", "table_5", "thick_slices",
+    "map_surfaces", "surfaces", "table_5", "thick_slices",
 ]  # fmt: skip
 
 #: Pairs of SVG (None: no data) and caption.
@@ -282,6 +282,18 @@ def junctions(results: Results, item: Item) -> Plots:
         return []
     shown = {"correct": "Correct", "dice": "Mean Dice"}
     return [(plots.methods(item.key, rows, "kind", shown, group="decoder", ours="all"), item.captions[0])]
+
+
+def map_surfaces(results: Results, item: Item) -> Plots:
+    """Draw what became of the links of every structure that came as boundary maps."""
+    drawn: Plots = []
+    for case, organ in results.structures:
+        figure = results.figure(item, case, organ)
+        if figure is not None and len(drawn) < _MOST_PANELS:
+            caption = f"{case} / {organ}: {item.captions[0]}"
+            svg = draw_slice_figure(figure, f"{item.key}-{case}-{organ}", caption, MAP_LOOKS)
+            drawn.append((svg, caption))
+    return drawn
 
 
 def compactness(results: Results, item: Item) -> Plots:

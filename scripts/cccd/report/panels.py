@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from cccd.containers import Panel, SliceFigure
 from cccd.report.svg import INK, SERIES, style, to_svg
 
-__all__ = ["LINK_LOOKS", "LOOKS", "OUTLINE_LOOKS", "draw_slice_figure"]
+__all__ = ["LINK_LOOKS", "LOOKS", "MAP_LOOKS", "OUTLINE_LOOKS", "draw_slice_figure"]
 
 Looks = Mapping[str, Mapping[str, Any]]
 
@@ -40,6 +39,14 @@ OUTLINE_LOOKS: Looks = {
     "boundary": {"color": SERIES[5], "linewidth": 3.2, "alpha": 0.55},
     "spline": {"color": INK, "linewidth": 1.0},
     "corners": {"color": SERIES[1], "markersize": 2.6},
+}
+
+
+#: What became of a boundary map's links.
+MAP_LOOKS: Looks = {
+    "dropped": {"color": SERIES[1], "linewidth": 0.7},
+    "kept": {"color": SERIES[0], "linewidth": 1.5},
+    "bridged": {"color": INK, "linewidth": 1.5},
 }
 
 
@@ -97,11 +104,10 @@ def _draw(axis: Axes, panel: Panel, looks: Looks) -> None:
         points = panel.layers.get(layer)
         if points is None or len(points) == 0:
             continue
-        if layer == "links":
-            segments = LineCollection(
-                list(points[:, :, ::-1]), colors=look["color"], linewidths=look["linewidth"]
-            )
-            axis.add_collection(segments)
+        if points.ndim == 3:  # links
+            broken = np.full((len(points), 3, 2), np.nan)  # one path, lifted after each link
+            broken[:, :2] = points
+            axis.plot(broken[..., 1].ravel(), broken[..., 0].ravel(), **look)
         elif layer == "corners":
             axis.plot(points[:, 1], points[:, 0], "o", markeredgewidth=0, **look)
         else:

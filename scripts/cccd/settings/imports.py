@@ -8,8 +8,22 @@ from pydantic import Field
 
 from cccd.settings.section import Section, setting
 
-__all__ = ["ImportSettings", "PhantomSettings", "RegionSettings"]
+__all__ = ["DamageSettings", "ImportSettings", "PhantomSettings", "RegionSettings", "ScanSettings"]
 
+_Block = Annotated[int, Field(ge=1, le=20)]
+_Damage = Literal[
+    "clean",
+    "spurs",
+    "bridges",
+    "pinch",
+    "blocks",
+    "gaps",
+    "noise",
+    "double",
+    "thick",
+    "mixed",
+    "everything",
+]
 _Spacing = Annotated[float, Field(ge=0.1, le=20)]
 
 
@@ -76,6 +90,51 @@ class PhantomSettings(Section):
     )
 
 
+class ScanSettings(Section):
+    """How the brain of source ``mni152_scan`` is scanned."""
+
+    every: tuple[_Block, _Block, _Block] = setting(
+        (2, 2, 5),
+        "voxels of the template that become one, along each axis",
+        why="2 x 2 x 5 mm: a quick clinical scan, and seconds to order.",
+        unit="voxels",
+    )
+    noise: float = setting(
+        0.03,
+        "standard deviation of the noise (Rician), as a share of the brightest tissue",
+        why="BrainWeb's middle level, 3 %.",
+        unit="share",
+        ge=0,
+        le=1,
+    )
+    bias: float = setting(
+        0.4,
+        "how far a coil's bias field spreads one tissue's grey values, as a share of their mean",
+        why="BrainWeb's stronger field, 40 %: factors from 0.8 to 1.2.",
+        unit="share",
+        ge=0,
+        lt=2,
+    )
+
+
+class DamageSettings(Section):
+    """How the boundary maps of source ``damaged_phantom`` are damaged."""
+
+    severity: float = setting(
+        1.0,
+        "1: as in the comparison of the decoders (table of junctions)",
+        why="The decoders' own test.",
+        unit="1",
+        gt=0,
+        le=3,
+    )
+    kinds: Annotated[tuple[_Damage, ...], Field(min_length=1)] = setting(
+        ("spurs", "bridges", "pinch", "blocks", "gaps", "noise", "double", "thick", "mixed"),
+        "kinds of damage, of which each slice has one, drawn by chance",
+        why="All that the comparison of the decoders has, but for undamaged maps.",
+    )
+
+
 class ImportSettings(Section):
     """How a structure is read and cropped (section ``import``)."""
 
@@ -117,5 +176,15 @@ class ImportSettings(Section):
         why="Read only for such rows of the sheet.",
     )
     phantom: PhantomSettings = setting(
-        PhantomSettings(), "how phantoms are scanned", why="Read only for rows of source phantom."
+        PhantomSettings(),
+        "how phantoms are scanned",
+        why="Read only for rows of source phantom and damaged_phantom.",
+    )
+    scan: ScanSettings = setting(
+        ScanSettings(), "how source mni152_scan is scanned", why="Read only for rows of this source."
+    )
+    damage: DamageSettings = setting(
+        DamageSettings(),
+        "how the maps of source damaged_phantom are damaged",
+        why="Read only for rows of this source.",
     )

@@ -11,6 +11,7 @@ module               holds
 ``regions``          an organ found by its grey values, where there is no mask
 ``sources``          scans that come with a package
 ``phantoms``         scans of organs whose surface is known, made of ``implicit_solids``
+``degraded``         structures without a mask: a noisy scan, damaged boundary maps (``corruptions``)
 ``grid``             `Volume`, and its move to another grid
 ``clinical_export``  a surface as label map (NIfTI) or contours (RTSTRUCT)
 ===================  ===============================================================================

@@ -21,6 +21,7 @@ from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
 from cccd.volumes.contours import assemble_contours, contour_frame
+from cccd.volumes.degraded import damage_maps, rescan
 from cccd.volumes.dicom import read_rtstruct
 from cccd.volumes.grid import Volume, bounding_box, crop, find_slice_axis, interpolate_on_grid, on_grid
 from cccd.volumes.inputs import read_boundary_maps, read_image, read_mask
@@ -42,11 +43,12 @@ _PACKAGED = {"mni152": read_mni152, "whole_body_ct": read_whole_body_ct}
 
 @dataclass(frozen=True)
 class _Scan:
-    """What a row stands for, on one grid, before it is cropped: contours, boundary maps or a mask."""
+    """What a row stands for, on one grid, before it is cropped."""
 
     frame: Frame
     image: SingleArray | None = None
     mask: BoolArray | None = None
+    region: BoolArray | None = None
     boundary: BoolArray | None = None
     contours: Curves | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
@@ -67,7 +69,7 @@ def load_structure(
     settings : ImportSettings
         How it is read.
     seed : int
-        Determines everything random in a phantom.
+        Determines everything random in a phantom, a scan and its damage.
 
     Returns
     -------
@@ -82,16 +84,9 @@ def load_structure(
     """
     location = row["location"]
     try:
-        if row["source"] == "phantom":
-            return make_phantom(
-                row["case"],
-                row["organ"],
-                settings.phantom,
-                seed=seed,
-                margin_voxels=settings.margin_voxels,
-                location=location,
-            )
-        scan = _read_source(row, Path(sheet_dir), settings)
+        if row["source"] in ("phantom", "damaged_phantom"):
+            return _make_phantom(row, settings, seed)
+        scan = _read_source(row, Path(sheet_dir), settings, seed)
         return _crop(scan, row, settings.margin_voxels)
     except InputError as error:
         if error.location == location:
@@ -101,11 +96,28 @@ def load_structure(
         raise InputError(location, "the scan does not fit into memory", "give the job more memory") from None
 
 
+def _make_phantom(row: Mapping[str, str], settings: ImportSettings, seed: int) -> Structure:
+    """Make a phantom, its slices' boundary maps damaged where the row's source says so."""
+    phantom = make_phantom(
+        row["case"],
+        row["organ"],
+        settings.phantom,
+        seed=seed,
+        margin_voxels=settings.margin_voxels,
+        location=row["location"],
+    )
+    if row["source"] == "phantom":
+        return phantom
+    return damage_maps(phantom, settings.damage, np.random.default_rng(seed))
+
+
 # one grid -------------------------------------------------------------------------------------------
 
 
-def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings) -> _Scan:
+def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings, seed: int) -> _Scan:
     """Read what a row stands for, except a phantom."""
+    if row["source"] == "mni152_scan":
+        return _scan_brain(row, settings, seed)
     if row["source"] in _PACKAGED:
         image, mask, facts = _PACKAGED[row["source"]](row["organ"], row["location"])
         provenance = {"source": row["source"], **facts}
@@ -132,6 +144,15 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings)
     }
     warnings = [] if image is None else image.warnings
     return replace(scan, provenance=provenance, warnings=warnings + scan.warnings)
+
+
+def _scan_brain(row: Mapping[str, str], settings: ImportSettings, seed: int) -> _Scan:
+    """Scan the MNI brain anew, and find its region in this image alone; the mask is ground truth."""
+    clean, brain, facts = read_mni152(row["organ"], row["location"])
+    image, mask = rescan(clean, brain, settings.scan, np.random.default_rng(seed))
+    region, found = _find_organ(image, row["source"], settings)
+    provenance = {"source": row["source"], **facts, "scan": settings.scan.as_config(), "seed": seed, **found}
+    return _Scan(_frame(image, settings), image.data, mask.data, region.data, provenance=provenance)
 
 
 def _frame(volume: Volume, settings: ImportSettings) -> Frame:
@@ -255,8 +276,7 @@ def _extent_of_contours(contours: Curves, frame: Frame) -> tuple[IntArray, IntAr
 def _extent_of_voxels(scan: _Scan) -> tuple[IntArray, IntArray, int]:
     """First and last index (3,) of the organ in the frame, and the number of its slices."""
     axis = scan.frame.slice_axis
-    drawn = scan.mask if scan.boundary is None else scan.boundary
-    assert drawn is not None  # a scan without contours has maps or a mask
+    drawn = next(array for array in (scan.region, scan.boundary, scan.mask) if array is not None)
     first, last = bounding_box(drawn)
     slices = int(drawn.any(axis=tuple({0, 1, 2} - {axis})).sum())
     if scan.boundary is not None and scan.mask is not None and scan.mask.any():
@@ -281,10 +301,12 @@ def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
             f"give an organ of {MIN_SLICES} slices or more, or set import: slice_axis",
         )
     first, last = first - margin, last + margin
-    image, mask, boundary = (
+    image, mask, region, boundary = (
         None if array is None else crop(array, first, last)
-        for array in (scan.image, scan.mask, scan.boundary)
+        for array in (scan.image, scan.mask, scan.region, scan.boundary)
     )
+    if region is not None and scan.mask is not None and mask is not None:
+        warnings = warnings + _unscored_notes(scan.mask, mask)
     return Structure(
         case=row["case"],
         organ=row["organ"],
@@ -292,6 +314,7 @@ def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
         origin=first.astype(np.int64),
         image=None if image is None else np.ascontiguousarray(image, np.float32),
         mask=mask,
+        region=region,
         boundary=boundary,
         contours=scan.contours,
         provenance=scan.provenance,
@@ -306,6 +329,14 @@ def _cut_notes(frame: Frame, first: IntArray, last: IntArray) -> list[str]:
     sides = (low | high)[list(frame.in_plane_axes)].any()
     faces = [f"the scan's {name} slice" for name in ends] + ["the sides of its slices"] * bool(sides)
     return [f"the organ touches {' and '.join(faces)}: it may be cut there"] if faces else []
+
+
+def _unscored_notes(truth: BoolArray, mask: BoolArray) -> list[str]:
+    """Say how much of the ground truth lies outside a crop that was made without looking at it."""
+    outside = int(np.count_nonzero(truth)) - int(np.count_nonzero(mask))
+    if not outside:
+        return []
+    return [f"{outside} voxels of the ground truth lie outside the crop, and are not scored"]
 
 
 # provenance -----------------------------------------------------------------------------------------

@@ -47,7 +47,7 @@ def find_region(
     Raises
     ------
     InputError
-        The image is of one grey value, or the window holds no voxel.
+        The image is of one grey value, or the window holds no voxel or all of them.
     """
     if image.min() == image.max():
         raise InputError(location, f"all its grey values are {image.min():g}", "give another scan, or a mask")
@@ -61,11 +61,11 @@ def find_region(
     chosen = np.argsort(-sizes, kind="stable")[: settings.components]
     chosen = chosen[sizes[chosen] >= max(settings.smallest_share * sizes.max(), 1)]
     mask = np.isin(labels, chosen)
-    if not mask.any():
-        span = f"{image.min():g} to {image.max():g}"
+    if mask.all() or not mask.any():
+        found = "the whole image lies" if mask.any() else "no region"
         raise InputError(
             location,
-            f"no region between {low:g} and {high:g} (grey values {span})",
+            f"{found} between {low:g} and {high:g} (grey values {image.min():g} to {image.max():g})",
             "set import: region: window",
         )
     return (ndimage.binary_fill_holes(mask) if settings.fill_holes else mask), (low, high)
@@ -83,18 +83,19 @@ def draw_region(structure: Structure, path: str | Path) -> None:
     Parameters
     ----------
     structure : Structure
-        With image and mask.
+        With an image, and the region or the mask that it gave.
     path : path
         Where the picture goes.
 
     Raises
     ------
     ValueError
-        The structure lacks its image or its mask.
+        The structure lacks its image, or what was found in it.
     """
     from matplotlib.figure import Figure
 
-    image, mask, spacing = structure.image, structure.mask, structure.frame.spacing
+    image, spacing = structure.image, structure.frame.spacing
+    mask = structure.mask if structure.region is None else structure.region
     if image is None or mask is None:
         raise ValueError("a region is drawn of an image and its mask")
     figure = Figure(figsize=(9, 9), layout="constrained")

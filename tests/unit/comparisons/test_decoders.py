@@ -4,10 +4,10 @@ import pytest
 
 from cccd.comparisons.baselines.decoders import DECODERS
 from cccd.comparisons.decoders import decode
+from cccd.geometry.opencv import border_pixels
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.junctions.corruptions import corrupt
-from cccd.junctions.opencv import border_pixels
 from cccd.junctions.scoring import score_slice
+from cccd.volumes.corruptions import corrupt
 
 SEED = np.array([60.0, 60.0])
 

@@ -10,6 +10,7 @@ import pytest
 from cccd.comparisons import notes, published
 from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS
 from cccd.comparisons.k_sweep import OWN
+from cccd.comparisons.map_surfaces import CLASSICAL, NETWORK
 from cccd.comparisons.measures import AS_SMOOTH, BEST
 from cccd.comparisons.paper_k import CCCD
 from cccd.comparisons.reconstruction_comparison import DENSE, HARRIS
@@ -136,6 +137,11 @@ def made(seed=3) -> dict[str, pd.DataFrame]:
         }
         for organ in ORGANS
     )
+    mapped = pd.DataFrame(
+        {"case": "b", "organ": organ, "method": method, "slices": 30, "decided": 20}
+        | {"assd_mm": rng.uniform(1, 9), "hd95_mm": 9.0}
+        for organ, method in itertools.product(("brain", "kidney"), (NETWORK, CLASSICAL))
+    )
     return {
         "corners": corner_rows(rng),
         "reconstruction": link_rows(rng),
@@ -145,6 +151,7 @@ def made(seed=3) -> dict[str, pd.DataFrame]:
         "isosurfaces": surface_rows(rng),
         "thick_slices": surface_rows(rng).assign(every_nth=5),
         "active_contour": snakes,
+        "map_surfaces": mapped,
         "ordering": ordered,
     }
 

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cccd.geometry.opencv import border_pixels
 from cccd.junctions.delaunay import REGION_GAPS_PX, build_graph
-from cccd.junctions.opencv import border_pixels
 
 
 def disc(radius: int) -> np.ndarray:

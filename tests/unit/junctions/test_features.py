@@ -2,11 +2,11 @@ import cv2
 import numpy as np
 import pytest
 
+from cccd.geometry.opencv import border_pixels
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.features import INTENSITIES, LINKS, NODES, TRIANGLES, measure_features
 from cccd.junctions.intensity import normalised_intensity
 from cccd.junctions.network import JunctionNetwork
-from cccd.junctions.opencv import border_pixels
 
 
 def disc():

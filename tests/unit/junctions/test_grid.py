@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from cccd.chaincode import on_pixel_chain
 from cccd.containers import Boundaries, Frame
 from cccd.geometry.arrays import concatenate_ragged
+from cccd.geometry.opencv import border_pixels
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.junctions import order_boundaries
 from cccd.junctions.grid import build_grid, find_chains, follow_chains, keep_two
 from cccd.junctions.labels import grid_labels
-from cccd.junctions.opencv import border_pixels
 from cccd.junctions.paper_network import PaperNetwork, grid_data
 from cccd.junctions.scoring import score_slice
 

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from cccd.chaincode import on_pixel_chain
 from cccd.containers import Boundaries, Frame
 from cccd.geometry.arrays import concatenate_ragged
+from cccd.geometry.opencv import border_pixels
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.inference import DEFAULTS, predict_masks
-from cccd.junctions.opencv import border_pixels
 from cccd.junctions.scoring import score_slice
 from cccd.junctions.synthetic_maps import draw_map
 

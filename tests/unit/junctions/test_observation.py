@@ -3,10 +3,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cccd.geometry.opencv import border_pixels
 from cccd.junctions.inference import DEFAULTS
 from cccd.junctions.intensity import image_edges, normalised_intensity
 from cccd.junctions.observation import observe
-from cccd.junctions.opencv import border_pixels
 
 
 def scene():

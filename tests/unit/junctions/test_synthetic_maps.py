@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from cccd.junctions.corruptions import KINDS, corrupt
+from cccd.geometry.opencv import border_pixels
 from cccd.junctions.decoding import fill_inside
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.labels import inside_shares, link_labels
-from cccd.junctions.opencv import border_pixels
 from cccd.junctions.random_masks import draw_mask
 from cccd.junctions.synthetic_maps import ALL_KINDS, draw_map, truth_mask
+from cccd.volumes.corruptions import KINDS, corrupt
 
 
 def square(size=21):

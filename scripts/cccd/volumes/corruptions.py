@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, IntArray, ranks_of
-from cccd.junctions.opencv import border_pixels, distance_to_zero
+from cccd.geometry.opencv import border_pixels, distance_to_zero
 from cccd.tolerances import ROUNDING
 
 __all__ = ["KINDS", "corrupt"]
