@@ -40,8 +40,9 @@ def test_default_sheet():
         ("phantom", "lungs"),
         ("mni152_scan", "brain"),
         ("damaged_phantom", "kidney"),
+        *(("phantom", letter) for letter in "AHX"),
     ]
-    assert {row["role"] for row in rows} == {"reconstruct"}
+    assert [row["role"] for row in rows] == 5 * ["reconstruct"] + 3 * ["measure"]
 
 
 def test_every_sheet_in_config_is_sound():

@@ -72,7 +72,7 @@ except InputError as error:
     sys.exit(f"Error: {error}")
 
 ROW = {(row["case"], row["organ"]): row for row in COHORT}
-#: The structures that are reconstructed and reported on; rows of role train are left out.
+#: The structures that are reconstructed, measured and reported on; rows of role train are left out.
 RECONSTRUCTED = [key for key, row in ROW.items() if row["role"] != "train"]
 #: Those whose region is found in the image: what was taken is worth a look.
 REGIONS = [
@@ -229,7 +229,12 @@ def comparison_settings(comparison):
 
 
 def comparison_files(wildcards):
-    """What a structure's comparisons leave: which of them are made of it, what the data are decides."""
+    """What a structure's comparisons leave: which of them are made of it, what the data are decides.
+
+    One of role measure is in none.
+    """
+    if row_of(wildcards)["role"] == "measure":
+        return []
     maps = brings_maps(row_of(wildcards))
     traced = NETWORKED and way_of(wildcards) == "trace_contours"
     made = {"outlines": not maps, "traced masks": traced, "maps": maps}

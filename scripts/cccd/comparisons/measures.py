@@ -64,6 +64,8 @@ MEASURES = (
     Measure("volume_bias", ("surface", "volume_bias"), Headline("Volume bias", "%", 100, "+z.2f")),
     Measure("closed_manifold", ("surface", "closed_manifold")),
     Measure("self_intersections", ("surface", "self_intersections")),
+    Measure("genus", ("surface", "genus")),
+    Measure("genus_true", ("surface", "genus_true")),
     Measure("control_points", ("surface", "control_points"), Headline("Control points", "", 1, ",d")),
     Measure("control_bytes", ("surface", "control_bytes"), Headline("Control net", "kB", 1e-3, ".1f")),
     Measure(

@@ -594,6 +594,19 @@ ITEMS = (
         note=_NOTES + "corner_surfaces",
     ),
     Item(
+        "shapes",
+        "Shapes such as 'A', 'H' and 'X'",
+        "Section 9 leaves them to future study: intersecting splines that replicate organs of complex shapes "
+        "such as these characters. Here every surface whose truth is known: its genus, counted on the closed "
+        "mesh, and its volume beside the true ones.",
+        name="Section 9",
+        section="paper",
+        table="shapes",
+        columns=("case", "organ", "slices", "tubes", "genus", "genus_true", "volume_bias"),
+        tabulate="cccd.comparisons.summary.shapes",
+        note=_NOTES + "shapes",
+    ),
+    Item(
         "surfaces",
         "Against the baselines' surfaces",
         "Every method on the same structures, measured alike. Baselines with windowed-sinc smoothing are "

@@ -22,6 +22,7 @@ __all__ = [
     "figure_11_rows",
     "ordering",
     "read_cohort",
+    "shapes",
     "structure_names",
     "structures",
     "write_notes",
@@ -134,6 +135,23 @@ def structures(cohort: Cohort) -> pd.DataFrame:
         for metrics in cohort.metrics
     ]
     return pd.DataFrame(rows, columns=["case", "organ", *(measure.name for measure in MEASURES), "warnings"])
+
+
+def shapes(cohort: Cohort) -> pd.DataFrame:
+    """Tubes, genus and volume of every surface that has a truth, beside the true ones."""
+    columns = ["tubes", "joined_ends", "genus", "genus_true", "volume_ml", "volume_bias", "assd_mm"]
+    return pd.DataFrame(
+        [
+            {
+                "case": metrics["case"],
+                "organ": metrics["organ"],
+                "slices": metrics["curves"]["slices"],
+                **{name: metrics["surface"].get(name) for name in columns},
+            }
+            for metrics in cohort.metrics
+            if "genus_true" in metrics["surface"]
+        ]
+    )
 
 
 def compactness(cohort: Cohort) -> pd.DataFrame:

@@ -157,12 +157,19 @@ class Mesh:
         """Pairs (K, 2) of triangles that pass through each other; see `cccd.geometry.collisions`."""
         return passing_pairs(self.vertices, self.faces)
 
+    @property
+    def genus(self) -> int:
+        r"""Handles of all pieces of a closed manifold together: :math:`\sum (1 - \chi / 2)`.
+
+        A ball has none, nor has a shell, whose inner and outer surface have none each; a torus has one, and
+        so has a solid letter A.
+        """
+        euler = self._used() - len(self.faces) // 2  # closed: three edges to two faces
+        return int(self._pieces().max(initial=-1)) + 1 - euler // 2
+
     def count_bodies(self) -> int:
         """Count the connected pieces that are not the inside of a cavity: those of positive volume."""
-        ends, count = (self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel()), len(self.vertices)
-        links = coo_array((np.ones(self.faces.size, bool), ends), shape=(count, count))
-        _, piece = connected_components(links, directed=False)
-        volume = np.bincount(piece[self.faces[:, 0]], np.einsum("fc,fc->f", *self._spanned()))
+        volume = np.bincount(self._pieces(), np.einsum("fc,fc->f", *self._spanned()))
         return int(np.count_nonzero(volume > 0))
 
     # Other meshes and points from this one
@@ -214,6 +221,13 @@ class Mesh:
     def _used(self) -> int:
         """Count the vertices that faces have."""
         return int(np.count_nonzero(np.bincount(self.faces.ravel())))
+
+    def _pieces(self) -> IntArray:
+        """Give each face (F,) the number, from 0, of the connected piece that it is of."""
+        ends, count = (self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel()), len(self.vertices)
+        links = coo_array((np.ones(self.faces.size, bool), ends), shape=(count, count))
+        _, piece = connected_components(links, directed=False)
+        return np.unique(piece[self.faces[:, 0]], return_inverse=True)[1]
 
     def _spanned(self) -> tuple[FloatArray, FloatArray]:
         """First corners (F, 3) of the faces, seen from the mean of the vertices, and the others' product.

@@ -91,16 +91,19 @@ def _thinned(points: FloatArray, reach: float) -> FloatArray:
 
 @jit
 def _weights(points: FloatArray, shape: tuple[int, int, int], reach: float) -> ByteArray:
-    """Weights (A, B, C) in 255ths: full up to half of ``reach`` nodes from the nearest point, none at it."""
+    """Weights (A, B, C) in 255ths: full up to half of ``reach`` nodes from the nearest point, none at it.
+
+    Nodes on the grid's faces have none: they stay outside the mesh, and what is meshed is closed.
+    """
     weight = np.zeros(shape, np.uint8)
     for p in range(len(points)):
         x, y, z = points[p]
-        for i in range(max(0, int(np.ceil(x - reach))), min(shape[0] - 1, int(x + reach)) + 1):
-            for j in range(max(0, int(np.ceil(y - reach))), min(shape[1] - 1, int(y + reach)) + 1):
+        for i in range(max(1, int(np.ceil(x - reach))), min(shape[0] - 2, int(x + reach)) + 1):
+            for j in range(max(1, int(np.ceil(y - reach))), min(shape[1] - 2, int(y + reach)) + 1):
                 square = (i - x) ** 2 + (j - y) ** 2
                 if square >= reach**2:
                     continue
-                for k in range(max(0, int(np.ceil(z - reach))), min(shape[2] - 1, int(z + reach)) + 1):
+                for k in range(max(1, int(np.ceil(z - reach))), min(shape[2] - 2, int(z + reach)) + 1):
                     away = np.sqrt(square + (k - z) ** 2)
                     here = np.uint8(255 * min(1.0, max(0.0, 2 - 2 * away / reach)))
                     if here > weight[i, j, k]:

@@ -72,6 +72,10 @@ def measure_mesh(
         "closed_manifold": mesh.is_closed_manifold,
         "self_intersections": len(mesh.self_intersections()),
     }
+    if figures["closed_manifold"]:
+        figures["genus"] = mesh.genus
+    if structure.truth is not None:
+        figures["genus_true"] = structure.truth.genus
     if structure.mask is not None:
         block = voxelise(mesh, structure.frame.affine, structure.mask.shape, structure.origin)
         figures["dice_3d"] = float(dice(structure.mask, block))

@@ -12,7 +12,7 @@ from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
-from cccd.surface.blending import blend, blend_reach, offset_surface
+from cccd.surface.blending import TargetDistance, blend, blend_reach, offset_surface
 from cccd.surface.booleans import unite
 from cccd.surface.offset import offset_patch
 from cccd.surface.patches import FittedTubes
@@ -104,7 +104,8 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
     edge, reach = settings.edge_voxels * stack.pixel, blend_reach(stack, blending)
     cell = float(np.clip(stack.thickness / blending.thickness_cells, edge / 2, CELL_EDGES * edge))
     united, origins = unite([tessellate(patch, cell / CELL_EDGES) for patch in fitted.patches()], tubes)
-    seams = np.concatenate([_seams(united, origins), fitted.jumps])
+    strayed = _strayed(united, stack.target, reach / 2)
+    seams = np.concatenate([_seams(united, origins), fitted.jumps, strayed])
     distance = blend(united, seams, stack.target, reach, cell, blending.fade_cells)
     meshed = offset_surface(distance)
     if len(meshed.faces) == 0:
@@ -124,6 +125,17 @@ def _seams(mesh: Mesh, origins: IntArray) -> FloatArray:
         np.minimum.at(first, mesh.faces[:, corner], origins)
         np.maximum.at(last, mesh.faces[:, corner], origins)
     return mesh.vertices[first < last]
+
+
+def _strayed(mesh: Mesh, target: TargetDistance, most: float) -> FloatArray:
+    """Vertices (P, 3) with no boundary of the organ within about ``most`` mm in their plane or along z.
+
+    Where many tubes meet on one level little is left of their trunk, and a spline through what is left of
+    its sections can swing far aside: as along seams, the target takes over there.
+    """
+    along_z = np.array([[0, 0, -most], [0, 0, 0], [0, 0, most]])
+    distance = np.array([target(mesh.vertices + step, -np.inf)[0] for step in along_z])
+    return mesh.vertices[(distance.min(axis=0) > most) | (distance.max(axis=0) < -most)]
 
 
 def _cap_planes(tubes: Sequence[Tube]) -> list[tuple[float, int]]:

@@ -299,6 +299,27 @@ def _shell(rng: np.random.Generator) -> ImplicitFunction:
     return subtraction(ellipsoid(centre, (26, 26, 26)), ellipsoid(centre, (13, 13, 13)))
 
 
+#: The letters of section 9 of the paper, upright: ends (x, z) of their strokes in mm.
+_LETTERS = {
+    "A": [((-34, -40), (0, 44)), ((34, -40), (0, 44)), ((-22, -12), (22, -12))],
+    "H": [((-26, -42), (-26, 42)), ((26, -42), (26, 42)), ((-26, 0), (26, 0))],
+    "X": [((-30, -40), (30, 40)), ((-30, 40), (30, -40))],
+}
+
+
+def _letter(name: str) -> Callable[[np.random.Generator], ImplicitFunction]:
+    """Solid letter that stands on the slices: its strokes branch and merge along them, and A has a hole."""
+
+    def shape(rng: np.random.Generator) -> ImplicitFunction:
+        ends = np.array(_LETTERS[name], float)[..., [0, 0, 1]] * (1, 0, 1)
+        depth = rng.uniform(-1.5, 1.5, 2)  # leans back, as nothing scanned stands along an axis
+        ends[..., 1] = depth[0] + depth[1] * ends[..., 2] / 20
+        radius = rng.uniform(7.5, 8.5)
+        return union(*(capsule(start, end, radius) for start, end in ends), radius=4)
+
+    return shape
+
+
 #: What ``organ`` may be when ``source`` is ``phantom``.
 ORGANS: dict[str, Callable[[np.random.Generator], Anatomy]] = {
     "liver": _liver,
@@ -308,6 +329,7 @@ ORGANS: dict[str, Callable[[np.random.Generator], Anatomy]] = {
     "torus": _simple(_torus),
     "two_spheres": _simple(_two_spheres),
     "shell": _simple(_shell),
+    **{name: _simple(_letter(name)) for name in _LETTERS},
 }
 
 

@@ -213,7 +213,7 @@ def spoken():
 
 def test_the_cohort_has_every_note_of_the_rows(spoken):
     noted = {item.key for item in ITEMS if item.note is not None}
-    assert noted - set(spoken["as made"]) <= {"compactness"}
+    assert noted - set(spoken["as made"]) <= {"compactness", "shapes"}  # which speak of metrics.json
 
 
 def test_every_finding_changes_with_its_rows(spoken):
@@ -305,3 +305,19 @@ def test_the_papers_dice_by_k_is_one_series():
     printed = published.TABLE_2[published.TABLE_2["detector"] == "cccd"]
     by_k = printed["parameters"].str.removeprefix("k = ").astype(int)
     assert dict(zip(by_k, printed["dice_percent"], strict=True)) == published.CCCD_DICE.to_dict()
+
+
+def test_a_wrong_genus_is_told():
+    def surface(organ, bias, **genus):
+        figures = {"volume_bias": bias, "genus_true": 1, **genus}
+        return {"case": "a", "organ": organ, "curves": {"slices": 9}, "surface": figures}
+
+    sound = [surface("A", 0.01, genus=1), {"case": "a", "organ": "real", "surface": {"genus": 7}}]
+    assert notes.shapes(Cohort({}, sound)) == (
+        "Genus found / true: A 1 / 1; the true one for 1 of 1. The largest error of a volume is 1.00 %."
+    )
+    broken = [surface("H", -0.02, genus=0), surface("X", 0.0)]
+    text = notes.shapes(Cohort({}, [*sound, *broken]))
+    assert "H 0 / 1, X none, as it is not closed / 1; the true one for 1 of 3" in text
+    assert text.endswith("2.00 %.")
+    assert notes.shapes(Cohort({}, sound[1:])) == ""

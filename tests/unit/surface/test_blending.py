@@ -9,6 +9,7 @@ from cccd.geometry.raster import voxelise
 from cccd.surface import loft_surface
 from cccd.surface.blending import blend, offset_surface
 from cccd.surface.fields import LevelField
+from cccd.surface.solid import _strayed
 from cccd.surface.target import TargetField
 
 NOWHERE = np.zeros((0, 3))
@@ -60,6 +61,27 @@ def test_the_target_rules_at_seams_and_nowhere_else():
     assert radius[away < 3] == pytest.approx(9, abs=0.05)
     assert radius[away > 9] == pytest.approx(8, abs=0.05)
     assert mesh.is_closed_manifold
+
+
+def test_a_target_that_reaches_beyond_the_grid_leaves_the_mesh_closed():
+    def everywhere(points, within):
+        return np.full(len(points), -5.0), np.full(len(points), 99.0)
+
+    seam = np.array([[14.5, 14.5, 22.5]])
+    mesh = offset_surface(blend(sphere_mesh(), seam, everywhere, 20.0, 0.8, 2.0))
+    assert mesh.is_closed_manifold
+    assert mesh.volume > 4 / 3 * np.pi * 8**3
+
+
+def test_what_strays_from_the_target_is_told_from_a_flat_top():
+    """On the top of a disc the distance in the plane is large, and the boundary near."""
+
+    def disc(points, within):
+        away = np.hypot(points[:, 0], points[:, 1])
+        return np.where(np.abs(points[:, 2]) < 8, away - 20, away + 20), np.ones(len(points))
+
+    vertices = np.array([(0, 0, 7.5), (20, 0, 0), (22, 0, 7.5), (40, 0, 0), (0, 0, 0), (0, 0, 6)], float)
+    assert _strayed(Mesh(vertices, np.zeros((0, 3), int)), disc, 3.0).tolist() == [[40, 0, 0], [0, 0, 0]]
 
 
 @pytest.mark.parametrize("knot", [1.9, 2.0, 2.5])
