@@ -3,6 +3,7 @@
 snakemake --cores 2                              the default cohort: training, surfaces, tables, report
 snakemake --cores 2 --config cohort=sheet.tsv    your own structures
 snakemake --cores 2 results/CASE/ORGAN/surface.ply
+snakemake --cores 2 phantoms                     scans and true surfaces, as files for a benchmark
 """
 
 from snakemake.utils import min_version
@@ -28,6 +29,7 @@ include: "workflow/rules/curves.smk"
 include: "workflow/rules/surfaces.smk"
 include: "workflow/rules/comparisons.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/phantoms.smk"
 
 
 rule all:

@@ -22,6 +22,7 @@ from cccd.dicom_objects import holds_contours
 from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
 from cccd.model_header import check_model, check_start
+from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.settings.junctions import NetworkSettings
 from cccd.settings.messages import nearest
 from cccd.settings.surface import SURFACE_FORMATS

@@ -8,7 +8,19 @@ from pydantic import Field
 
 from cccd.settings.section import Section, setting
 
-__all__ = ["DamageSettings", "ImportSettings", "PhantomSettings", "RegionSettings", "ScanSettings"]
+__all__ = [
+    "PHANTOM_DISTANCES_MM",
+    "PHANTOM_ORGANS",
+    "DamageSettings",
+    "ImportSettings",
+    "PhantomSettings",
+    "RegionSettings",
+    "ScanSettings",
+]
+
+#: Phantoms that ``snakemake phantoms`` writes, and the slice distances at which it scans each, in mm.
+PHANTOM_ORGANS = ("A", "H", "X", "kidney", "liver", "lungs", "shell", "sphere", "torus", "two_spheres")
+PHANTOM_DISTANCES_MM = (2, 5, 8)
 
 _Block = Annotated[int, Field(ge=1, le=20)]
 _Damage = Literal[

@@ -12,6 +12,7 @@ module               holds
 ``sources``          scans that come with a package
 ``phantoms``         scans of organs whose surface is known, made of ``implicit_solids``
 ``degraded``         structures without a mask: a noisy scan, damaged boundary maps (``corruptions``)
+``phantom_files``    phantoms as a folder of files, for others
 ``grid``             `Volume`, and its move to another grid
 ``clinical_export``  a surface as label map (NIfTI) or contours (RTSTRUCT)
 ===================  ===============================================================================

@@ -11,6 +11,7 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pydicom
 from nibabel.nifti1 import Nifti1Image
 from pydicom.dataset import Dataset, FileMetaDataset
@@ -27,7 +28,29 @@ from cccd.geometry.sections import cross_sections
 from cccd.tolerances import CONTOUR_PLANE
 from cccd.volumes.grid import LPS_TO_RAS
 
-__all__ = ["write_label_map", "write_rtstruct"]
+__all__ = ["write_label_map", "write_nifti", "write_rtstruct"]
+
+
+def write_nifti(path: str | Path, values: npt.NDArray[np.integer], affine: FloatArray) -> None:
+    """Write a volume as NIfTI (mm, RAS); the same bytes for the same volume.
+
+    Parameters
+    ----------
+    path : path
+        Compressed when it ends with ``.gz``.
+    values : (a, b, c) array
+        Of the type in which they are to be stored.
+    affine : (4, 4) float64
+        ``world_mm = affine @ (a, b, c, 1)``.
+    """
+    image = Nifti1Image(values, affine)
+    image.set_sform(affine, code=1)
+    image.set_qform(affine, code=1)
+    image.header.set_xyzt_units("mm")
+    content = image.to_bytes()  # nibabel would not know the format of a name that ends with .gz alone
+    if Path(path).suffix == ".gz":
+        content = gzip.compress(content, compresslevel=6, mtime=0)
+    Path(path).write_bytes(content)
 
 
 def write_label_map(path: str | Path, mesh: Mesh, frame: Frame, value: int = 1) -> None:
@@ -45,14 +68,7 @@ def write_label_map(path: str | Path, mesh: Mesh, frame: Frame, value: int = 1) 
         Label of the voxels inside, 1 to 255.
     """
     mask = voxelise(mesh, frame.affine, frame.shape)
-    image = Nifti1Image(mask.astype(np.uint8) * np.uint8(value), frame.affine)
-    image.set_sform(frame.affine, code=1)
-    image.set_qform(frame.affine, code=1)
-    image.header.set_xyzt_units("mm")
-    content = image.to_bytes()  # nibabel would not know the format of a name that ends with .gz alone
-    if Path(path).suffix == ".gz":
-        content = gzip.compress(content, compresslevel=6, mtime=0)
-    Path(path).write_bytes(content)
+    write_nifti(path, mask.astype(np.uint8) * np.uint8(value), frame.affine)
 
 
 def _rounded(loop: FloatArray) -> FloatArray:

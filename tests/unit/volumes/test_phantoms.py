@@ -67,6 +67,7 @@ def test_grey_values_are_hounsfield():
 
 def test_shapes_stand_for_what_they_are():
     """Lungs are two bodies that split and merge along z; the torus goes from one contour to two; shell."""
+
     def counts(structure):
         return [ndimage.label(part, np.ones((3, 3)))[1] for part in structure.stack("mask") if part.any()]
 
@@ -80,9 +81,7 @@ def test_shapes_stand_for_what_they_are():
     assert ring[-1] == 1
 
 
-@pytest.mark.parametrize(
-    ("letter", "contours"), {"A": [2, 1, 2, 1], "H": [2, 1, 2], "X": [2, 1, 2]}.items()
-)
+@pytest.mark.parametrize(("letter", "contours"), {"A": [2, 1, 2, 1], "H": [2, 1, 2], "X": [2, 1, 2]}.items())
 def test_letters_stand_on_slices_on_which_they_branch_and_merge(letter, contours):
     """Upwards, the two legs of an A meet in its bar, part around its hole, and meet in its apex."""
     counts = [

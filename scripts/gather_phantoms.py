@@ -1,0 +1,12 @@
+"""One table of all phantoms, beside the words that say what they are and how they may be used."""
+
+import shutil
+
+from cccd.job import job
+from cccd.store import write_table
+from cccd.volumes.phantom_files import gather_tables
+
+with job(snakemake.log[0], "phantoms"):
+    write_table(snakemake.output.table, gather_tables(snakemake.input.tables))
+    shutil.copyfile(snakemake.input.text, snakemake.output.text)
+    shutil.copyfile(snakemake.input.licence, snakemake.output.licence)

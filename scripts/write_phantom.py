@@ -1,0 +1,17 @@
+"""Write one phantom as files: its true surface, its scans, and a table for each of them."""
+
+from cccd.job import job
+from cccd.settings.imports import PhantomSettings
+from cccd.store import write_table
+from cccd.volumes.phantom_files import describe_scan, scan_phantom, write_scan, write_truth
+
+organ = snakemake.wildcards.organ
+output = snakemake.output
+with job(snakemake.log[0], f"phantoms/{organ}"):
+    settings = PhantomSettings(**snakemake.params.settings)
+    for n, distance in enumerate(snakemake.params.distances):
+        structure = scan_phantom(organ, distance, settings, snakemake.params.seed)
+        write_scan(output.images[n], output.masks[n], structure)
+        write_table(output.tables[n], describe_scan(structure))
+        if n == 0:
+            write_truth(output.truth, structure)
