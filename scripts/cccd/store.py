@@ -486,6 +486,7 @@ def write_figures(path: str | Path, figures: Mapping[str, SliceFigure]) -> None:
                 part = group.create_group(f"panels/{number}")
                 for key in ("title", "detail", "row"):
                     part.attrs[key] = getattr(panel, key)
+                part.create_group("layers")  # there also where nothing is drawn over the picture
                 for layer, points in panel.layers.items():
                     _put(part, f"layers/{layer}", points, np.float64)
 

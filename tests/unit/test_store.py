@@ -166,6 +166,12 @@ def test_figures_come_back_panel_by_panel(tmp_path):
     assert store.read_figure(tmp_path / "f.h5", "another") is None
 
 
+def test_a_panel_of_a_picture_alone_comes_back(tmp_path):
+    store.write_figures(tmp_path / "f.h5", {"raw": SliceFigure([Panel("slice", {})], 1, image=np.eye(3))})
+    (panel,) = store.read_figure(tmp_path / "f.h5", "raw").panels
+    assert panel.layers == {}
+
+
 @pytest.mark.parametrize("reference", ["", "the truth"])
 def test_a_view_comes_back(tmp_path, reference):
     mesh = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[0, 2, 1], [0, 1, 3]]))
