@@ -193,7 +193,8 @@ def test_whole_body_ct_without_network(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "name", ["lits17", "rider_lung", "upenn_gbm", "whole_body_ct", "totalsegmentator", "paper"]
+    "name",
+    ["lits17", "rider_lung", "upenn_gbm", "whole_body_ct", "totalsegmentator", "paper", "paper_offline"],
 )
 def test_named_configurations_are_sound(name):
     """Each is a small file of differences laid over the default."""
