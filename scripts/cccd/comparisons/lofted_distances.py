@@ -10,7 +10,6 @@ import pyvista as pv
 
 from cccd.comparisons.volume_meshes import from_polydata
 from cccd.containers import Frame, Structure
-from cccd.curves import fit_splines
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
 from cccd.surface.fields import LevelField
@@ -38,8 +37,8 @@ def lofted_distances(structure: Structure) -> Mesh:
     Mesh
         In world mm (RAS), outwards.
     """
-    settings, curves = LoftSettings(), trace_mask(structure)
-    stack = interpolate_slices(lofted_outlines(curves, fit_splines(curves), settings), settings)
+    settings = LoftSettings()
+    stack = interpolate_slices(lofted_outlines(trace_mask(structure), None, settings), settings)
     parts = [_zero_level(run, stack.origin, structure.frame) for run in stack.runs]
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     faces = [part.faces + start for part, start in zip(parts, starts, strict=False)]

@@ -10,9 +10,10 @@ import pandas as pd
 from cccd.comparisons.baselines.decoders import DECODERS
 from cccd.comparisons.decoders import decode
 from cccd.comparisons.ordering_comparison import decided_slices
+from cccd.comparisons.samples import between
 from cccd.containers import Boundaries, Curves, Panel, SliceFigure, Structure
 from cccd.curves import describe_curves
-from cccd.geometry.arrays import concatenate_ragged
+from cccd.geometry.arrays import offsets_of
 from cccd.junctions.grid import build_grid
 from cccd.junctions.ordering import count_changes
 from cccd.metrics import dice
@@ -117,9 +118,10 @@ def decoded_curves(boundaries: Boundaries) -> Curves:
     run: Callable[..., np.ndarray] = DECODERS[CLASSICAL].run
     chains = [decode(run, pixels, pixels.mean(axis=0)) for pixels in boundaries]
     found = [n for n, chain in enumerate(chains) if len(chain)]
-    points, offsets = concatenate_ragged([chains[n] for n in found] or [np.zeros((0, 2))])
+    points = np.concatenate([np.zeros((0, 2)), *(chains[n] for n in found)])
+    offsets = offsets_of([len(chains[n]) for n in found])
     slices = boundaries.slice[found]
-    return Curves(points.astype(float), offsets, slices, np.zeros(len(found), bool), boundaries.frame)
+    return Curves(points, offsets, slices, np.zeros(len(found), bool), boundaries.frame)
 
 
 # What was decided ---------------------------------------------------------------------------------------
@@ -171,33 +173,25 @@ def map_figures(
         return {}
     places = ((np.arange(min(_SHOWN, len(decided))) + 0.5) * len(decided) / _SHOWN).astype(int)
     shown = decided[np.minimum(places, len(decided) - 1)]
+    maps = [between(boundaries, k, k, boundaries.frame) for k in shown.tolist()]
+    ordered = [between(contours, k, k, contours.frame) for k in shown.tolist()]
+    decoded = [decoded_curves(pixels) for pixels in maps]
     panels = [
-        _panel(structure, boundaries, curves, int(k), method)
-        for method, curves in ((NETWORK, contours), (CLASSICAL, decoded_curves(boundaries)))
-        for k in shown
+        _panel(structure, pixels, curves, int(k), method)
+        for method, stack in ((NETWORK, ordered), (CLASSICAL, decoded))
+        for k, pixels, curves in zip(shown, maps, stack, strict=True)
     ]
     return {"map_surfaces": SliceFigure(panels, len(shown))}
 
 
 def _panel(structure: Structure, boundaries: Boundaries, curves: Curves, k: int, method: str) -> Panel:
-    pixels = list(boundaries)[int(np.searchsorted(boundaries.slice, k))]
-    here = _of_slice(curves, k)
-    links = map_links(pixels, here)
+    """Draw slice ``k``, whose pixels and curves are given alone, as slice 0."""
+    links = map_links(boundaries.points, curves)
     detail = ", ".join(f"{len(links[name])} {name}" for name in ("kept", "dropped", "bridged"))
     truth = structure.stack("mask")
     if truth is not None:
         first, *corner = structure.stack_origin
         _, rows, columns = truth.shape
-        filled = here.rasterise((k, *corner), (1, rows, columns))[0]
+        filled = curves.rasterise((0, *corner), (1, rows, columns))[0]
         detail += f"\nDice {float(dice(truth[k - first], filled)):.3f}"
     return Panel(f"slice {k}", links, detail, method)
-
-
-def _of_slice(curves: Curves, k: int) -> Curves:
-    """Take the curves of one slice."""
-    chosen = np.flatnonzero(curves.slice == k)
-    parts = list(curves)
-    points, offsets = concatenate_ragged([parts[c] for c in chosen] or [np.zeros((0, 2))])
-    if not len(chosen):
-        offsets = offsets[:1]
-    return Curves(points, offsets, curves.slice[chosen], curves.hole[chosen], curves.frame)

@@ -12,7 +12,7 @@ module             holds
 ``ply``            meshes to and from PLY files, in double precision
 ``polygons``       `RaggedPolygons`: areas, lengths, resampling, simplicity
 ``raster``         polygons to pixels, meshes to voxels
-``opencv``           OpenCV's operations on images, typed
+``opencv``         OpenCV's operations on images, typed
 ``sections``       the loops in which a mesh meets parallel planes
 ``distance``       signed distances of masks, polygons and meshes
 ``grid``           `ScalarGrid`: values on a grid and their isosurface

@@ -10,10 +10,11 @@ from cccd.comparisons.map_surfaces import (
     NETWORK,
     THRESHOLD,
     compare_map_surfaces,
+    decoded_curves,
     map_figures,
     map_links,
 )
-from cccd.containers import Curves, Frame, Structure
+from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd.curves import fit_splines
 from cccd.junctions.ordering import count_changes
 from cccd.settings.boundaries import BoundarySettings
@@ -89,3 +90,17 @@ def test_surfaces_are_scored_beside_the_classical_decoder_s():
     assert len(figure.panels) == 2 * figure.columns == 8
     assert set(figure.panels[0].layers) == {"kept", "dropped", "bridged"}
     assert ", 0 bridged\nDice 1.000" in figure.panels[0].detail
+
+
+def test_a_slice_that_no_chain_closes_has_no_curve_and_keeps_no_link():
+    line = np.array([[3, 3], [3, 4]], np.int32)
+    frame = Frame(np.eye(4), 2, (8, 8, 1))
+    alone = Boundaries(line, np.array([0, 2]), np.zeros(1, np.int32), frame)
+    curves = decoded_curves(alone)
+    assert len(curves) == 0
+    assert {name: len(links) for name, links in map_links(line, curves).items()} == {
+        "dropped": 1,
+        "kept": 0,
+        "bridged": 0,
+    }
+    assert not curves.rasterise((0, 0, 0), (1, 8, 8)).any()
