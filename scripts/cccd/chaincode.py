@@ -14,14 +14,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from cccd.containers import Boundaries
+from cccd.containers import Boundaries, Curves
 from cccd.geometry._jit import jit
-from cccd.geometry.arrays import owners_of, successors, sum_per_part
+from cccd.geometry.arrays import BoolArray, owners_of, successors, sum_per_part
 
 __all__ = [
     "DIRECTIONS",
     "broken_links",
     "chain_codes",
+    "changed_pixels",
     "decode",
     "isolated_corners",
     "junction_pixels",
@@ -40,10 +41,7 @@ _CODE_OF_STEP[DIRECTIONS[:, 0] + 1, DIRECTIONS[:, 1] + 1] = np.arange(8)
 
 
 def broken_links(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """Corners (P,) bool of closed curves whose successor is not one of their eight neighbours.
-
-    In an ordered chain these are the isolated corners that are left (section 4.1, Figure 4).
-    """
+    """Points (P,) bool of closed curves whose successor is not one of their eight neighbours."""
     step = points[successors(offsets)] - points
     return ~((np.abs(step).max(axis=1, initial=0) == 1) & (step == np.rint(step)).all(axis=1))
 
@@ -155,3 +153,25 @@ def _greedy_dead_ends(neighbours):  # a walk is sequential by nature
                 closed |= neighbours[current, code] == start
         stuck[current] = not closed
     return stuck
+
+
+# What became of the pixels -------------------------------------------------------------------------------
+
+
+def changed_pixels(boundaries: Boundaries, curves: Curves) -> tuple[BoolArray, BoolArray]:
+    """Find what ordering dropped of a boundary map and what it bridged.
+
+    Returns
+    -------
+    dropped : (P,) bool
+        Pixels of the map that lie on no curve.
+    bridged : (Q,) bool
+        Points of the curves that are no pixel of the map.
+    """
+    rows = [
+        np.column_stack([part.slice[owners_of(part.offsets)], np.rint(part.points)]).astype(np.int64)
+        for part in (boundaries, curves)
+    ]
+    _, number = np.unique(np.concatenate(rows), axis=0, return_inverse=True)
+    given, chained = np.split(number, [len(rows[0])])
+    return ~np.isin(given, chained), ~np.isin(chained, given)

@@ -339,8 +339,8 @@ class View:
     reference : str
         What ``distance`` is measured to; empty without it.
     flags : dict of str to (P,) bool
-        ``junctions`` and ``isolated_before`` of the boundary's pixels, ``isolated_after`` of the curves'
-        points.
+        ``junctions``, ``isolated_corners`` and ``dropped`` of the boundary's pixels, ``bridged`` of the
+        curves' points.
     """
 
     meshes: dict[str, Mesh]

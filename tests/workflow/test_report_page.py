@@ -197,7 +197,7 @@ def test_overlays_lie_where_the_organ_is(report, open_page):
     structure = open_structure(page, "phantom--liver")
     wait_for(page, "structures[0].slices && structures[0].slices.sprite")
     canvas = structure.locator("canvas[data-part=slice]")
-    for name in ("junctions", "isolated_before", "isolated_after", "curve", "corners"):
+    for name in ("junctions", "isolated_corners", "dropped", "bridged", "curve", "corners"):
         toggle = structure.locator(f"input[data-overlay={name}]")
         if toggle.count():
             toggle.uncheck()

@@ -234,15 +234,16 @@ class SliceViewer {
     };
     if (this.shown.boundary) box("boundary", 0.75);
     if (this.shown.junctions) box("junctions", 0.95);
+    if (this.shown.dropped) box("dropped", 0.95);
+    if (this.shown.bridged) box("bridged", 0.95);
     if (this.shown.curve) this.paintCurves(pen, k[index], at, tint("curve"), 1.6 * dots);
     if (this.shown.corners) ring("corners", 2.4, true);
-    if (this.shown.isolated_before) ring("isolated_before", 5, false);
-    if (this.shown.isolated_after) ring("isolated_after", 7.5, false);
+    if (this.shown.isolated_corners) ring("isolated_corners", 5, false);
     this.label.textContent = `Slice ${k[index]} · ${index + 1} of ${k.length}`;
     this.slider.setAttribute("aria-valuetext", this.label.textContent);
     canvas.dataset.slice = k[index];
-    const named = [["boundary", "boundary pixels"], ["junctions", "junction pixels"], ["isolated_before", "isolated corners before"],
-      ["isolated_after", "after"], ["corners", "corners"]];
+    const named = [["boundary", "boundary pixels"], ["junctions", "junction pixels"], ["isolated_corners", "isolated corners"],
+      ["dropped", "dropped"], ["bridged", "bridged"], ["corners", "corners"]];
     this.counts.textContent = named.map(([name, words]) => [this.count(name, index), words])
       .filter(([count]) => count !== null).map(([count, words]) => `${count} ${words}`).join(" · ");
   }

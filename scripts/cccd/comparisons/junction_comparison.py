@@ -16,7 +16,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.collections import LineCollection
 
-from cccd.chaincode import isolated_corners
 from cccd.comparisons.baselines.decoders import DECODERS
 from cccd.comparisons.decoders import decode
 from cccd.containers import Boundaries, Frame
@@ -24,7 +23,7 @@ from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
-from cccd.junctions.grid import LinkPredictor, build_grid, find_chains
+from cccd.junctions.grid import LinkPredictor
 from cccd.junctions.inference import DEFAULTS, Predictor, predict_masks
 from cccd.junctions.labels import inside_shares, link_labels
 from cccd.junctions.network import JunctionNetwork
@@ -43,6 +42,9 @@ __all__ = ["compare_decoders", "draw_worst", "evaluate", "network_decoder"]
 TEN = tuple(kind for kind in KINDS if kind != "everything")
 
 _FRAME = Frame(np.eye(4), 2, (1, 1, 1))
+
+#: What is counted of a network's ordering, besides its links.
+_CHANGES = ("isolated_corners", "dropped", "bridged")
 
 #: Orders a batch of maps: a list of closed chains (n, 2) for each.
 Decoder = Callable[[Sequence[SyntheticMap]], list[list[np.ndarray]]]
@@ -144,35 +146,24 @@ def compare_decoders(
     return pd.concat([table, mean[table.columns]], ignore_index=True), scores
 
 
-def _isolated(samples: Sequence[SyntheticMap], model: JunctionNetwork | PaperNetwork) -> tuple[float, float]:
-    """Isolated corners per map (Figure 4) before and after ordering by the network.
-
-    After the paper's network: the open chains that it drops.
-    """
+def _changes(samples: Sequence[SyntheticMap], model: JunctionNetwork | PaperNetwork) -> dict[str, float]:
+    """Per map: isolated corners (Figure 4), and pixels that the network's ordering dropped and bridged."""
     points, offsets = concatenate_ragged([sample.pixels for sample in samples])
     frame = Frame(np.eye(4), 2, (1, 1, len(samples)))
     maps = Boundaries(points, offsets, np.arange(len(samples), dtype=np.int32), frame)
-    before = isolated_corners(maps).sum() / len(samples)
-    if isinstance(model, LinkPredictor):
-        grids = [build_grid(sample.pixels) for sample in samples]
-        scores = zip(grids, model.link_scores(grids), strict=True)
-        left = sum(find_chains(g, s if g.has_junctions else None).open_ends for g, s in scores)
-    else:
-        left = order_boundaries(maps, model)[1]["isolated_after"]
-    return float(before), left / len(samples)
+    counted = order_boundaries(maps, model)[1]
+    return {name: counted[name] / len(samples) for name in _CHANGES}
 
 
 def _network_rows(
     model: JunctionNetwork | PaperNetwork, maps: Mapping[str, Sequence[SyntheticMap]]
 ) -> dict[str, dict[str, float]]:
-    """By kind: the F1 of the links that a network calls true, and isolated corners before and after."""
+    """By kind: the F1 of the links that a network calls true, and what its ordering changes."""
     network = "paper" if isinstance(model, PaperNetwork) else "ours"
     task = make_task([], NetworkSettings(network=network), 0)
     rows: dict[str, dict[str, float]] = {}
     for kind, samples in maps.items():
-        before, after = _isolated(samples, model)
-        links = task.score(model, samples)["link_f1"]
-        rows[kind] = {"link_f1": links, "isolated_before": before, "isolated_after": after}
+        rows[kind] = {"link_f1": task.score(model, samples)["link_f1"], **_changes(samples, model)}
     mean = pd.DataFrame([rows[kind] for kind in TEN if kind in rows]).mean()
     return rows | {"all ten": {str(name): float(value) for name, value in mean.items()}}
 
@@ -249,7 +240,7 @@ def evaluate(
     seed : int
     scores_path, worst_path : path
         CSV (see `compare_decoders`; of the last network and of the paper's also ``link_f1``,
-        ``isolated_before`` and ``isolated_after``) and PNG.
+        and per map ``isolated_corners``, ``dropped`` and ``bridged`` pixels) and PNG.
     """
     maps = {}
     for number, kind in enumerate(ALL_KINDS):
@@ -270,7 +261,7 @@ def evaluate(
         for name, network in networks.items()
         if name == last or isinstance(network, PaperNetwork)
     }
-    for column in ("link_f1", "isolated_before", "isolated_after"):
+    for column in ("link_f1", *_CHANGES):
         table[column] = [
             measured.get(decoder, {}).get(kind, {}).get(column, np.nan)
             for decoder, kind in zip(table["decoder"], table["kind"], strict=True)

@@ -290,8 +290,8 @@ ORDERING = Comparison(
     "cccd.comparisons.ordering_comparison.compare_ordering",
     ("structure", "boundaries", "contours", "model"),
     columns=(
-        "pixels", "junctions", "isolated_before", "isolated_after", "slices", "decided", "curves",
-        "curves_exact", "dice", "dice_decided",
+        "pixels", "junctions", "isolated_corners", "kept", "dropped", "bridged", "slices", "decided",
+        "curves", "curves_exact", "dice", "dice_decided",
     ),
     memory_mb=(2500, 20),
     minutes=15,
@@ -644,8 +644,8 @@ ITEMS = (
         "Boundary maps with spurs, bridges, gaps and noise, ordered by our network, the paper's and the "
         "classical decoders. The paper prints its network's graph, features, convolution, dropout and "
         "labels; depth, width, epochs, batch, optimiser, the loss and how two pixels give a link's value "
-        "are invented. Its chains bridge nothing; its isolated corners afterwards are chains that stay open "
-        "and are dropped.",
+        "are invented. Its chains bridge nothing: one that stays open is dropped whole. Dropped are pixels "
+        "of a map that lie on no curve, bridged those of the curves that are none of the map's.",
         table="junctions",
         columns=(
             "decoder",
@@ -656,8 +656,9 @@ ITEMS = (
             "hausdorff_px",
             "ms",
             "link_f1",
-            "isolated_before",
-            "isolated_after",
+            "isolated_corners",
+            "dropped",
+            "bridged",
         ),
         plots=_PLOTS + "junctions",
         captions=(
@@ -688,9 +689,9 @@ ITEMS = (
     ),
     Item(
         "ordering",
-        "Isolated corners, before and after",
-        "Where a greedy chain code gets stuck on the boundary pixels (Figure 4). The curves ordered of "
-        "them are closed and simple, so that none can be left on these. Of a mask that was traced: what "
+        "Isolated corners, and what became of the pixels",
+        "Where a greedy chain code gets stuck on the boundary pixels (Figure 4), how many of these pixels "
+        "the ordered curves keep and drop, and how many they bridge gaps by. Of a mask that was traced: what "
         "the network would have made of its pixels, on the slices that are no outlines already, which "
         "alone it decides.",
         rows=(ORDERING,),

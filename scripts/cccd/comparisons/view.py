@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cccd.chaincode import broken_links, isolated_corners, junction_pixels, on_pixel_chain
+from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels, on_pixel_chain
 from cccd.containers import Boundaries, Curves, Structure, View
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
@@ -106,10 +106,10 @@ def make_view(
 
 
 def _stuck(boundaries: Boundaries | None, curves: Curves) -> dict[str, np.ndarray]:
-    """Flag the boundary's junction pixels and isolated corners (P,), and the curves' broken links (Q,)."""
-    flags = {}
-    if boundaries is not None:
-        flags = {"junctions": junction_pixels(boundaries), "isolated_before": isolated_corners(boundaries)}
+    """Flag the boundary's junction pixels and isolated corners (P,), and what ordering changed (P,), (Q,)."""
+    if boundaries is None:
+        return {}
+    flags = {"junctions": junction_pixels(boundaries), "isolated_corners": isolated_corners(boundaries)}
     if on_pixel_chain(curves.points, curves.offsets).any():  # contours as given have no chain code
-        flags["isolated_after"] = broken_links(curves.points, curves.offsets)
+        flags["dropped"], flags["bridged"] = changed_pixels(boundaries, curves)
     return flags

@@ -19,7 +19,7 @@ from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, offsets_of, split_ragged
 from cccd.geometry.polygons import RaggedPolygons
 
-__all__ = ["Chains", "GridGraph", "LinkPredictor", "build_grid", "find_chains", "follow_chains", "keep_two"]
+__all__ = ["GridGraph", "LinkPredictor", "build_grid", "find_chains", "follow_chains", "keep_two"]
 
 # Steps to four of the eight neighbours; the other four lead back.
 _STEPS = ((0, 1), (1, -1), (1, 0), (1, 1))
@@ -93,34 +93,21 @@ def build_grid(pixels: AnyArray) -> GridGraph:
     return GridGraph(nodes + origin, observed, every, every[observed[every].all(axis=1)])
 
 
-@dataclass(frozen=True, eq=False)
-class Chains:
-    """What is left of a slice's boundary map.
+def find_chains(grid: GridGraph, scores: FloatArray | None) -> list[IntArray]:
+    """Keep two links per pixel and follow the chains; without scores (C,) all links count alike.
 
-    Attributes
-    ----------
-    loops : list of (n, 2) int64
-        Closed simple chains of 8-connected pixels.
-    open_ends : int
-        Chains that end at an isolated corner (Figure 4), and are dropped.
-    crossing : int
-        Closed chains that cross or touch themselves, or enclose nothing, and are dropped.
+    Returns
+    -------
+    list of (n, 2) int64
+        Closed simple chains of 8-connected pixels. Chains that end at an isolated corner (Figure 4), that
+        cross or touch themselves, or enclose nothing are dropped.
     """
-
-    loops: list[IntArray]
-    open_ends: int
-    crossing: int
-
-
-def find_chains(grid: GridGraph, scores: FloatArray | None) -> Chains:
-    """Keep two links per pixel and follow the chains; without scores (C,) all links count alike."""
     value = np.ones(len(grid.candidates)) if scores is None else scores
     kept = grid.candidates[keep_two(grid.candidates, value, len(grid.pixels))]
     chains, closed = follow_chains(kept, len(grid.pixels))
     rings = [grid.pixels[chain] for chain, whole in zip(chains, closed, strict=True) if whole]
     simple = RaggedPolygons.of([ring.astype(float) for ring in rings]).is_simple
-    loops = [ring for ring, good in zip(rings, simple, strict=True) if good and len(ring) >= _SHORTEST]
-    return Chains(loops, int(np.count_nonzero(~closed)), len(rings) - len(loops))
+    return [ring for ring, good in zip(rings, simple, strict=True) if good and len(ring) >= _SHORTEST]
 
 
 def keep_two(links: IntArray, scores: FloatArray, count: int) -> BoolArray:

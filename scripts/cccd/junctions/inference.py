@@ -89,7 +89,7 @@ def _chain_loops(maps: Sequence[AnyArray], predictor: LinkPredictor) -> list[lis
     grids = [build_grid(pixels) for pixels in maps]
     doubtful = [grid for grid in grids if grid.has_junctions]
     scores = iter(predictor.link_scores(doubtful) if doubtful else [])
-    return [find_chains(grid, next(scores) if grid.has_junctions else None).loops for grid in grids]
+    return [find_chains(grid, next(scores) if grid.has_junctions else None) for grid in grids]
 
 
 def predict_masks(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cccd.chaincode import broken_links, isolated_corners, junction_pixels
+from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels
 from cccd.containers import Boundaries, Curves
 from cccd.geometry.arrays import IntArray, RealArray, owners_of, sum_per_part
 from cccd.junctions.decoding import closed_chains
@@ -43,10 +43,10 @@ def order_boundaries(
     -------
     curves : Curves
     report : dict
-        Plain JSON. ``slices``: per slice its number ``k``, ``pixels``, ``junctions``, ``isolated_before``
-        and ``isolated_after`` (Figure 4, in the map and in the ordered chains), ``outer`` and ``holes``;
-        ``unclosed``: the numbers of slices that have no closed boundary; and the totals, with those of
-        `count_changes`.
+        Plain JSON. ``slices``: per slice its number ``k``, ``pixels``, ``junctions`` and
+        ``isolated_corners`` of the map (Figure 4), its pixels that were ``kept`` and ``dropped``, those
+        that were ``bridged`` (`count_changes`), ``outer`` and ``holes``; ``unclosed``: the numbers of
+        slices that have no closed boundary; and the totals.
     """
     first, *corner = np.asarray(image_origin) if image is not None else np.zeros(3, np.int64)
     filled = [n for n, pixels in enumerate(boundaries) if len(pixels)]
@@ -62,12 +62,14 @@ def order_boundaries(
 def _report(boundaries: Boundaries, curves: Curves) -> dict[str, Any]:
     count = len(boundaries)
     of = np.searchsorted(boundaries.slice, curves.slice)
-    broken = of[owners_of(curves.offsets)[broken_links(curves.points, curves.offsets)]]
+    dropped, bridged = changed_pixels(boundaries, curves)
     counts = {
         "pixels": np.diff(boundaries.offsets),
         "junctions": sum_per_part(junction_pixels(boundaries), boundaries.offsets),
-        "isolated_before": sum_per_part(isolated_corners(boundaries), boundaries.offsets),
-        "isolated_after": np.bincount(broken, minlength=count),
+        "isolated_corners": sum_per_part(isolated_corners(boundaries), boundaries.offsets),
+        "kept": sum_per_part(~dropped, boundaries.offsets),
+        "dropped": sum_per_part(dropped, boundaries.offsets),
+        "bridged": np.bincount(of[owners_of(curves.offsets)[bridged]], minlength=count),
         "outer": np.bincount(of[~curves.hole], minlength=count),
         "holes": np.bincount(of[curves.hole], minlength=count),
     }
@@ -77,7 +79,6 @@ def _report(boundaries: Boundaries, curves: Curves) -> dict[str, Any]:
     ]
     unclosed = boundaries.slice[counts["outer"] == 0]
     totals = {name: int(values.sum()) for name, values in counts.items()}
-    totals |= count_changes(boundaries, curves)
     return {"slices": slices, "unclosed": [int(k) for k in unclosed], **totals}
 
 
@@ -90,12 +91,9 @@ def count_changes(boundaries: Boundaries, curves: Curves) -> dict[str, int]:
         ``kept``: pixels of the map that lie on a curve; ``dropped``: those that lie on none; ``bridged``:
         pixels of the curves that are not the map's.
     """
-    given, chained = _pixels(boundaries), _pixels(curves)
-    kept = len(given & chained)
-    return {"kept": kept, "dropped": len(given) - kept, "bridged": len(chained) - kept}
-
-
-def _pixels(stack: Boundaries | Curves) -> set[tuple[int, ...]]:
-    """Pixels (k, i, j) of a stack."""
-    rows = np.column_stack([np.repeat(stack.slice, np.diff(stack.offsets)), np.rint(stack.points)])
-    return set(map(tuple, rows.astype(np.int64).tolist()))
+    dropped, bridged = changed_pixels(boundaries, curves)
+    return {
+        "kept": int(np.count_nonzero(~dropped)),
+        "dropped": int(np.count_nonzero(dropped)),
+        "bridged": int(np.count_nonzero(bridged)),
+    }

@@ -166,7 +166,7 @@ class PaperTask:
         labels = [grid_labels(grid, drawn.contours) > 0 for grid, drawn in zip(grids, maps, strict=True)]
         scores: list[SliceScore] = []
         for grid, value, drawn in zip(grids, values, maps, strict=True):
-            loops = find_chains(grid, value if grid.has_junctions else None).loops
+            loops = find_chains(grid, value if grid.has_junctions else None)
             origin = grid.pixels.min(axis=0) - 1
             masks = fill_loops([loops], origin, grid.pixels.max(axis=0) + 2 - origin)
             curves = closed_chains(masks, origin, np.zeros(1, np.int64), _FLAT, self.settings.inference)

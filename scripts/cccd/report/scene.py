@@ -207,7 +207,7 @@ class _Window:
 def _pack_boundaries(window: _Window, boundaries: Boundaries, flags: Mapping[str, np.ndarray]) -> _Piece:
     owner = np.repeat(boundaries.slice, np.diff(boundaries.offsets))
     arrays = window.per_slice("boundary", boundaries.points, owner)
-    for name in ("junctions", "isolated_before"):
+    for name in ("junctions", "isolated_corners", "dropped"):
         if name in flags:
             arrays |= window.per_slice(name, boundaries.points[flags[name]], owner[flags[name]])
     return _Piece(arrays=arrays)
@@ -217,9 +217,9 @@ def _pack_curves(
     window: _Window, curves: Curves, files: StructureFiles, flags: Mapping[str, np.ndarray]
 ) -> _Piece:
     arrays = {}
-    if "isolated_after" in flags:
-        owner, stuck = np.repeat(curves.slice, np.diff(curves.offsets)), flags["isolated_after"]
-        arrays |= window.per_slice("isolated_after", curves.points[stuck], owner[stuck])
+    if "bridged" in flags:
+        owner, bridged = np.repeat(curves.slice, np.diff(curves.offsets)), flags["bridged"]
+        arrays |= window.per_slice("bridged", curves.points[bridged], owner[bridged])
     corners, splines = files.corners(), files.splines()
     if corners is None or splines is None:
         return _Piece(arrays=arrays)

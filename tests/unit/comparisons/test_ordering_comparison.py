@@ -23,4 +23,4 @@ def test_clean_outlines_are_ordered_as_they_are_traced():
     (row,) = table.to_dict("records")
     assert row["dice"] == 1
     assert row["curves"] == row["curves_exact"] == 3
-    assert row["unclosed"] == row["isolated_after"] == row["holes"] == 0
+    assert row["unclosed"] == row["dropped"] == row["bridged"] == row["holes"] == 0

@@ -31,7 +31,7 @@ def test_what_a_structure_cannot_have_stays_empty(tmp_path):
     for case, parts in {"full": whole, "bare": {"curves": {"slices": 2}, "surface": {}}}.items():
         files.append(tmp_path / f"{case}.json")
         files[-1].write_text(json.dumps({"case": case, "organ": "o", "warnings": ["w"], **parts}))
-    (tmp_path / "ordering.csv").write_text("case,organ,isolated_before,dice\nfull,o,3,0.75\n")
+    (tmp_path / "ordering.csv").write_text("case,organ,isolated_corners,dice\nfull,o,3,0.75\n")
     cohort = read_cohort([tmp_path / "ordering.csv"], files)
     table = structures(cohort).set_index("case")
     assert table.loc["full", "dice_3d"] == 0.5
@@ -41,7 +41,7 @@ def test_what_a_structure_cannot_have_stays_empty(tmp_path):
     counted = ordering(cohort)
     assert counted["case"].tolist() == ["full"]
     assert counted["method"].tolist() == ["traced mask"]
-    assert counted["isolated_before"].tolist() == [3]
+    assert counted["isolated_corners"].tolist() == [3]
     assert counted["GNN against exact tracing, Dice"].tolist() == [0.75]
     without = build_tables(read_cohort([], files))["ordering"]  # a run without a network
     assert without.to_dict("list") == {"case": ["full"], "organ": ["o"], "method": ["traced mask"]}

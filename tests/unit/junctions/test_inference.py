@@ -132,15 +132,17 @@ def test_slices_without_a_closed_boundary_are_reported_by_number_and_the_rest_go
     assert curves.slice.tolist() == [4, 6]
 
 
-def test_isolated_corners_and_junctions_are_counted_before_and_after():
+def test_isolated_corners_junctions_and_what_was_dropped_are_counted():
     chain = border_pixels(blob())[0]
     spur = chain[0] + np.column_stack([-np.arange(1, 9), np.zeros(8, int)])
     _, report = order_boundaries(boundaries([raster_order(np.vstack([chain, spur]))]), None)
     row = report["slices"][0]
     assert row["pixels"] == len(chain) + 8
-    assert row["isolated_before"] >= 1
-    assert row["isolated_after"] == 0
+    assert row["isolated_corners"] >= 1
     assert row["junctions"] >= 1
+    assert row["kept"] + row["dropped"] == row["pixels"]
+    assert row["dropped"] >= 8  # the spur
+    assert row["bridged"] == 0
 
 
 @pytest.fixture(scope="module")

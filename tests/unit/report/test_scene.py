@@ -63,7 +63,8 @@ def test_overlays_are_counted_per_slice(folder):
     offsets = arrays["boundary_offsets"].ravel().astype(int)
     assert offsets[-1] == len(arrays["boundary_points"])
     assert (np.diff(offsets) > 0).all()
-    assert arrays["isolated_after_offsets"].ravel()[-1] == 0  # every link of a closed chain is there
+    dropped, bridged = (arrays[f"{name}_offsets"].ravel()[-1] for name in ("dropped", "bridged"))
+    assert dropped == bridged == 0  # a traced mask's pixels are its curves
 
 
 def test_sprite_shows_the_organ_where_the_boundary_is(folder):
