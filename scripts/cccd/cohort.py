@@ -17,12 +17,13 @@ from typing import Any
 import yaml
 
 from cccd.errors import InputError
+from cccd.project import PROJECT
 from cccd.settings.messages import choices, nearest
 
 __all__ = ["SCHEMA", "brings_maps", "complete_row", "naming_row", "read_cohort"]
 
 #: The sheet's columns, their defaults and what they may hold.
-SCHEMA = Path(__file__).resolve().parents[2] / "workflow" / "schemas" / "cohort.schema.yaml"
+SCHEMA = PROJECT / "workflow" / "schemas" / "cohort.schema.yaml"
 
 _FROM_FILES = ("files", "lits17", "rider_lung", "upenn_gbm")
 #: Sources whose boundary pixels need ordering; a mask that they bring is ground truth only.

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cccd.errors import InputError
+from cccd.extras import missing_extra
 from cccd.settings.messages import choices
 
 __all__ = ["dicom_modality", "holds_contours", "object_in"]
@@ -22,6 +23,11 @@ def dicom_modality(path: Path) -> str | None:
 
     A damaged header has the modality ``""``, as has a file that cannot be opened: its reader will say what is
     wrong with it.
+
+    Raises
+    ------
+    InputError
+        It is DICOM, and pydicom is not installed.
     """
     try:
         with path.open("rb") as file:
@@ -31,6 +37,8 @@ def dicom_modality(path: Path) -> str | None:
 
         header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=["Modality"])
         return str(header.get("Modality", ""))
+    except ModuleNotFoundError as error:
+        raise missing_extra(error, path.name) from None
     except Exception:  # pydicom raises whatever its parser meets
         return ""
 

@@ -10,7 +10,8 @@ LIBRARY = ROOT / "scripts" / "cccd"
 
 #: Packages and single modules of the library, by layer; those of one layer do not know each other.
 LAYERS = (
-    ("errors", "tolerances", "lookup", "dependencies"),
+    ("errors", "tolerances", "lookup", "dependencies", "project"),
+    ("extras",),
     ("settings", "geometry", "job", "sidecar_files"),
     ("containers", "metrics", "cohort", "dicom_objects", "model_header"),
     ("store",),
@@ -19,7 +20,8 @@ LAYERS = (
     ("contours",),
     ("junctions", "curves"),
     ("surface",),
-    ("reconstruct", "filling_training"),
+    ("reconstruction", "filling_training"),
+    ("api",),
     ("comparisons",),
     ("report",),
 )

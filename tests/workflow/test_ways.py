@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import cccd
+
 SCANS = runpy.run_path(str(Path(__file__).parents[1] / "unit" / "volumes" / "scans.py"))
 
 #: Loaded by every Python: whatever imports torch fails.
@@ -102,6 +104,10 @@ def test_a_cohort_of_masks_and_contours_does_without_model_and_torch(fresh_proje
     assert not (fresh_project.results / "tables" / "junctions.csv").exists()
     ordering = pd.read_csv(fresh_project.results / "tables" / "ordering.csv")
     assert ordering["method"].tolist() == ["traced mask", "contours as given"]
+    for case, path in {"mask": "mask.nii.gz", "folder": "drawn"}.items():
+        cccd.reconstruct(cccd.read(fresh_project.folder / path)).write(tmp_path / f"{case}.ply")
+        workflow = fresh_project.results / case / "ball" / "surface.ply"
+        assert (tmp_path / f"{case}.ply").read_bytes() == workflow.read_bytes()
 
 
 def test_what_starts_from_outlines_is_not_compared_on_maps(fresh_project, sheet):

@@ -13,7 +13,7 @@ import pandas as pd
 from cccd.comparisons.baselines.surfaces import FAMILIES
 from cccd.comparisons.tuning import SAMPLES, Truth, tuned_rows
 from cccd.containers import Frame, Structure
-from cccd.reconstruct import reconstruct_mask
+from cccd.reconstruction import reconstruct_mask
 from cccd.settings.comparisons import ThickSliceSettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-import pandas as pd
 import shapely
 from scipy.spatial import cKDTree
 
@@ -19,6 +19,9 @@ from cccd.geometry.raster import rasterise
 from cccd.metrics import confusion
 from cccd.settings.curves import CurveSettings
 from cccd.tolerances import TINY
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = [
     "SWEEP",
@@ -204,6 +207,8 @@ def sweep_k(
     DataFrame
         One row per criterion and k; what it holds, `measure_corners` says.
     """
+    import pandas as pd  # half a second to load, and surfaces need no table
+
     rows = [
         {"criterion": criterion, "k": k}
         | measure_corners(

@@ -14,10 +14,11 @@ module               holds
 ``degraded``         structures without a mask: a noisy scan, damaged boundary maps (``corruptions``)
 ``phantom_files``    phantoms as a folder of files, for others
 ``grid``             `Volume`, and its move to another grid
-``clinical_export``  a surface as label map (NIfTI) or contours (RTSTRUCT)
+``labels``           which labels, segments or regions are meant
+``nifti_export``     a surface as label map (NIfTI); ``clinical_export``: as contours (RTSTRUCT)
 ===================  ===============================================================================
 """
 
-from cccd.volumes.load import load_structure
+from cccd.volumes.load import load_structure, structure_of_array
 
-__all__ = ["load_structure"]
+__all__ = ["load_structure", "structure_of_array"]

@@ -1,19 +1,15 @@
-"""The surface in clinical formats: a label map (NIfTI) and contours (RTSTRUCT).
+"""The surface as contours on the scan's slices (RTSTRUCT), in LPS as DICOM demands.
 
-NIfTI is written in RAS on the source volume's own grid, RTSTRUCT in LPS as DICOM demands, so that both lie
-on the scan in any viewer. That no half file is left is the caller's to see to (`cccd.store.atomic_path`).
+That no half file is left is the caller's to see to (`cccd.store.atomic_path`).
 """
 
 from __future__ import annotations
 
-import gzip
 import hashlib
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pydicom
-from nibabel.nifti1 import Nifti1Image
 from pydicom.dataset import Dataset, FileMetaDataset
 from pydicom.errors import InvalidDicomError
 from pydicom.sequence import Sequence
@@ -23,52 +19,11 @@ from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.raster import voxelise
 from cccd.geometry.sections import cross_sections
 from cccd.tolerances import CONTOUR_PLANE
 from cccd.volumes.grid import LPS_TO_RAS
 
-__all__ = ["write_label_map", "write_nifti", "write_rtstruct"]
-
-
-def write_nifti(path: str | Path, values: npt.NDArray[np.integer], affine: FloatArray) -> None:
-    """Write a volume as NIfTI (mm, RAS); the same bytes for the same volume.
-
-    Parameters
-    ----------
-    path : path
-        Compressed when it ends with ``.gz``.
-    values : (a, b, c) array
-        Of the type in which they are to be stored.
-    affine : (4, 4) float64
-        ``world_mm = affine @ (a, b, c, 1)``.
-    """
-    image = Nifti1Image(values, affine)
-    image.set_sform(affine, code=1)
-    image.set_qform(affine, code=1)
-    image.header.set_xyzt_units("mm")
-    content = image.to_bytes()  # nibabel would not know the format of a name that ends with .gz alone
-    if Path(path).suffix == ".gz":
-        content = gzip.compress(content, compresslevel=6, mtime=0)
-    Path(path).write_bytes(content)
-
-
-def write_label_map(path: str | Path, mesh: Mesh, frame: Frame, value: int = 1) -> None:
-    """Write the voxels inside a closed mesh as NIfTI label map on the source grid.
-
-    Parameters
-    ----------
-    path : path
-        Compressed when it ends with ``.gz``.
-    mesh : Mesh
-        Closed; mm RAS.
-    frame : Frame
-        The source volume's grid.
-    value : int
-        Label of the voxels inside, 1 to 255.
-    """
-    mask = voxelise(mesh, frame.affine, frame.shape)
-    write_nifti(path, mask.astype(np.uint8) * np.uint8(value), frame.affine)
+__all__ = ["write_rtstruct"]
 
 
 def _rounded(loop: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pydicom
@@ -18,9 +18,10 @@ from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
 from cccd.settings.messages import choices
 from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY, SAME_HEADER, SAME_POSITION_PX
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
+from cccd.volumes.labels import choose_labels
 from cccd.volumes.readers import guarded
 
-__all__ = ["choose_labels", "read_rtstruct", "read_seg", "read_series"]
+__all__ = ["read_rtstruct", "read_seg", "read_series", "region_names", "segment_names"]
 
 _HEADER = [
     "SOPInstanceUID",
@@ -301,7 +302,7 @@ def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volum
     location = path.name
     with guarded(location, "not a readable DICOM SEG", "export the segmentation again"):
         seg = highdicom.seg.segread(path)
-        names = {number: seg.get_segment_description(number).segment_label for number in seg.segment_numbers}
+        names = _segment_names(seg)
         referenced = _referenced(seg)
     chosen = choose_labels(names, label, organ, location, "segment")
     if series is not None and series.instances:
@@ -320,6 +321,40 @@ def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volum
     return Volume(mask, affine, location, frame_of_reference=str(volume.frame_of_reference_uid or ""))
 
 
+def segment_names(path: Path) -> dict[int, str]:
+    """Read the numbers and labels of a SEG's segments.
+
+    Raises
+    ------
+    InputError
+        Not a SEG.
+    """
+    import highdicom
+
+    with guarded(path.name, "not a readable DICOM SEG", "export the segmentation again"):
+        return _segment_names(highdicom.seg.segread(path))
+
+
+def _segment_names(seg: Any) -> dict[int, str]:
+    return {number: seg.get_segment_description(number).segment_label for number in seg.segment_numbers}
+
+
+def region_names(path: Path) -> dict[int, str]:
+    """Read the numbers and names of an RTSTRUCT's regions of interest (ROIs).
+
+    Raises
+    ------
+    InputError
+        Not an RTSTRUCT.
+    """
+    with guarded(path.name, "not a readable RTSTRUCT", "export the structure set again"):
+        return _region_names(pydicom.dcmread(path))
+
+
+def _region_names(dataset: pydicom.Dataset) -> dict[int, str]:
+    return {int(item.ROINumber): str(item.get("ROIName", "")) for item in dataset.StructureSetROISequence}
+
+
 def _referenced(seg: pydicom.Dataset) -> set[str]:
     """SOP instance UIDs of the images whose pixels the frames mark."""
     return {
@@ -328,65 +363,6 @@ def _referenced(seg: pydicom.Dataset) -> set[str]:
         for derivation in frame.get("DerivationImageSequence", [])
         for source in derivation.get("SourceImageSequence", [])
     }
-
-
-def choose_labels(names: dict[int, str], label: str, organ: str, location: str, kind: str) -> list[int]:
-    """Choose labels by number or name.
-
-    Parameters
-    ----------
-    names : dict of int to str
-        The labels that exist.
-    label : str
-        Numbers, one name, or several names separated by commas; empty stands for the only one or the one
-        that is called like the organ.
-    organ : str
-        The row's organ.
-    location, kind : str
-        For the message: the file and what its labels are called.
-
-    Returns
-    -------
-    list of int
-        Numbers of the labels chosen, ascending.
-
-    Raises
-    ------
-    InputError
-        No such label; lists those there are.
-
-    Examples
-    --------
-    >>> choose_labels({5: "liver", 7: "spleen"}, "Spleen", "organ", "scan.nii", "label")
-    [7]
-    >>> choose_labels({5: "liver", 7: "spleen"}, "5, 7", "organ", "scan.nii", "label")
-    [5, 7]
-    """
-    there = choices(f"{number} ({name})" if name else number for number, name in sorted(names.items()))
-    if not label:
-        if len(names) == 1:
-            return list(names)
-        called = [number for number, name in names.items() if name.lower() == organ.lower()]
-        if len(called) == 1:
-            return called
-        raise InputError(location, f"it has {len(names)} {kind}s and the sheet's label is empty", there)
-    wanted = [part.strip() for part in label.split(",")]
-    for parts in ([label], wanted):
-        found = [_labels_called(names, part) for part in parts]
-        if all(found):
-            return sorted({number for numbers in found for number in numbers})
-    absent = next(part for part, numbers in zip(wanted, found, strict=True) if not numbers)
-    raise InputError(location, f"it has no {kind} {absent!r}", there)
-
-
-def _labels_called(names: dict[int, str], wanted: str) -> list[int]:
-    """Numbers that ``wanted`` means: an exact name, then a number, then a name in another case."""
-    exact = [number for number, name in names.items() if name == wanted]
-    if not exact and wanted.isdecimal():
-        exact = [number for number in names if number == int(wanted)]
-    if exact:
-        return exact
-    return [number for number, name in names.items() if name.strip().lower() == wanted.lower()]
 
 
 def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[FloatArray]], str]:
@@ -414,9 +390,7 @@ def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[FloatAr
     location = path.name
     with guarded(location, "not a readable RTSTRUCT", "export the structure set again"):
         dataset = pydicom.dcmread(path)
-        names = {
-            int(item.ROINumber): str(item.get("ROIName", "")) for item in dataset.StructureSetROISequence
-        }
+        names = _region_names(dataset)
         items = {int(item.ReferencedROINumber): item for item in dataset.get("ROIContourSequence", [])}
         frame = str(dataset.get("FrameOfReferenceUID") or "")
         for item in dataset.get("ReferencedFrameOfReferenceSequence", []):

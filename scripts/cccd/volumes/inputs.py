@@ -13,11 +13,11 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
 from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE
-from cccd.volumes.dicom import choose_labels, read_seg, read_series
 from cccd.volumes.grid import Volume, on_grid
+from cccd.volumes.labels import choose_labels
 from cccd.volumes.readers import SUFFIXES, read_volume
 
-__all__ = ["read_boundary_maps", "read_image", "read_mask"]
+__all__ = ["list_labels", "organ_of_labels", "read_boundary_maps", "read_image", "read_mask"]
 
 
 def _is_dicom(path: Path) -> bool:
@@ -46,11 +46,11 @@ def read_image(path: Path, source: str, fill_gaps: bool) -> Volume:
     InputError
         Not readable, or with voxels that are not finite.
     """
-    if path.is_dir():
+    if path.is_dir() or _is_dicom(path):
+        from cccd.volumes.dicom import read_series  # slow to import
+
         # RIDER keeps a patient's CT and PET together
-        volume = read_series(path, fill_gaps, "CT" if source == "rider_lung" else None)
-    elif _is_dicom(path):
-        volume = read_series(path, fill_gaps)
+        volume = read_series(path, fill_gaps, "CT" if path.is_dir() and source == "rider_lung" else None)
     else:
         volume = read_volume(path)
     bad = volume.data.size - int(np.isfinite(volume.data).sum())
@@ -121,17 +121,51 @@ def read_mask(path: Path, row: Mapping[str, str], implied: tuple[int, ...], imag
         modality = dicom_modality(path)
         if modality != "SEG":
             raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
+        from cccd.volumes.dicom import read_seg  # slow to import
+
         return read_seg(path, label, organ, image)
-    return _organ_of_labels(read_volume(path), label, organ, implied)
+    return organ_of_labels(read_volume(path), label, organ, implied)
 
 
-def _read_mask_folder(folder: Path, label: str) -> Volume:
-    """Unite one-organ masks of a folder, named as TotalSegmentator names them: ``liver.nii.gz``."""
+def list_labels(path: Path) -> dict[str, str]:
+    """List what a mask's file or folder holds: what ``label`` may be, and the name of each where it has one.
+
+    Parameters
+    ----------
+    path : path
+        A label map, a DICOM SEG or RTSTRUCT, or a folder of one-organ masks.
+
+    Raises
+    ------
+    InputError
+        Not readable, or no mask.
+    """
+    if path.is_dir():
+        return {name: name for name in _mask_files(path)}
+    if _is_dicom(path):
+        from cccd.volumes.dicom import region_names, segment_names
+
+        names = region_names(path) if dicom_modality(path) == "RTSTRUCT" else segment_names(path)
+        return {str(number): name for number, name in sorted(names.items())}
+    volume = read_volume(path)
+    data, _ = _whole_numbers(volume.data, volume.location, labelled=False)
+    present = [int(value) for value in np.unique(data) if value > 0]
+    return {str(value): volume.names.get(value, "") for value in present}
+
+
+def _mask_files(folder: Path) -> dict[str, Path]:
+    """Volumes in a folder, by their names without the suffix."""
     files: dict[str, Path] = {}
     for file in sorted(folder.iterdir()):
         suffix = next((suffix for suffix in SUFFIXES if file.name.lower().endswith(suffix)), None)
         if suffix:
             files[file.name[: -len(suffix)]] = file
+    return files
+
+
+def _read_mask_folder(folder: Path, label: str) -> Volume:
+    """Unite one-organ masks of a folder, named as TotalSegmentator names them: ``liver.nii.gz``."""
+    files = _mask_files(folder)
     if not files:
         raise InputError(folder.name, "no masks in this folder", "give a label volume, or a folder of masks")
     names = [part.strip() for part in label.split(",")]
@@ -152,10 +186,10 @@ def _read_named(folder: Path, files: Mapping[str, Path], name: str) -> Volume:
     """Read one mask of a folder."""
     if name not in files:
         raise InputError(folder.name, f"no mask of {name!r} in this folder", nearest(name, files))
-    return _organ_of_labels(read_volume(files[name]), "", name)
+    return organ_of_labels(read_volume(files[name]), "", name)
 
 
-def _organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, ...] = ()) -> Volume:
+def organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, ...] = ()) -> Volume:
     """Turn a label map, a binary mask or a probability map into a boolean mask of the organ."""
     location = volume.location
     data, warnings = _whole_numbers(volume.data, location, bool(label))

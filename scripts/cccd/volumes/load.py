@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -16,20 +17,27 @@ from cccd.cohort import complete_row
 from cccd.containers import Curves, Frame, Structure
 from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError
-from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, SingleArray
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
 from cccd.volumes.contours import assemble_contours, contour_frame
 from cccd.volumes.degraded import damage_maps, rescan
-from cccd.volumes.dicom import read_rtstruct
-from cccd.volumes.grid import Volume, bounding_box, crop, find_slice_axis, interpolate_on_grid, on_grid
-from cccd.volumes.inputs import read_boundary_maps, read_image, read_mask
+from cccd.volumes.grid import (
+    Volume,
+    bounding_box,
+    check_affine,
+    crop,
+    find_slice_axis,
+    interpolate_on_grid,
+    on_grid,
+)
+from cccd.volumes.inputs import organ_of_labels, read_boundary_maps, read_image, read_mask
 from cccd.volumes.phantoms import make_phantom
 from cccd.volumes.regions import find_region
 from cccd.volumes.sources import brain_of_stripped, read_mni152, read_whole_body_ct
 
-__all__ = ["MIN_SLICES", "load_structure"]
+__all__ = ["MIN_SLICES", "load_structure", "structure_of_array"]
 
 #: A surface needs this many slices with organ.
 MIN_SLICES = 3
@@ -96,6 +104,35 @@ def load_structure(
         raise InputError(location, "the scan does not fit into memory", "give the job more memory") from None
 
 
+def structure_of_array(
+    mask: AnyArray, affine: FloatArray, settings: ImportSettings, name: str = "mask"
+) -> Structure:
+    """Make a structure of a mask in memory, as `load_structure` does of one in a file.
+
+    Parameters
+    ----------
+    mask : (a, b, c) array
+        Boolean; whole numbers, of which all but 0 are the organ; or probabilities, cut at one half.
+    affine : (4, 4) float
+        Index to world mm (RAS).
+    settings : ImportSettings
+        ``slice_axis`` and ``margin_voxels``.
+    name : str
+        Of the organ, and what messages name.
+
+    Raises
+    ------
+    InputError
+        Not three-dimensional, empty, with an unusable affine, or with too few slices.
+    """
+    array = np.asarray(mask)
+    if array.ndim != 3:
+        raise InputError(name, f"it has {array.ndim} dimensions", "give a three-dimensional array")
+    volume = organ_of_labels(Volume(array, check_affine(affine, name), name), "", name)
+    scan = _Scan(_frame(volume, settings), mask=volume.data, warnings=volume.warnings)
+    return _crop(scan, {"case": name, "organ": name, "location": name}, settings.margin_voxels)
+
+
 def _make_phantom(row: Mapping[str, str], settings: ImportSettings, seed: int) -> Structure:
     """Make a phantom, its slices' boundary maps damaged where the row's source says so."""
     phantom = make_phantom(
@@ -139,7 +176,7 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings,
         "source": row["source"],
         "label": row["label"],
         "files": _checksums(row, folder),
-        "versions": {name: version(name) for name in _READERS},
+        "versions": _versions(),
         **scan.provenance,
     }
     warnings = [] if image is None else image.warnings
@@ -163,6 +200,8 @@ def _scan_of_contours(
     path: Path, row: Mapping[str, str], image: Volume | None, settings: ImportSettings
 ) -> _Scan:
     """Read drawn contours, and of the image the slices that they were drawn on."""
+    from cccd.volumes.dicom import read_rtstruct  # slow to import
+
     rois, reference = read_rtstruct(path, row["label"], row["organ"])
     drawn = [contour for roi in rois for contour in roi]
     if not drawn:
@@ -253,9 +292,7 @@ def _existing(path: Path, column: str) -> Path:
         return path
     folder = path.parent
     if not folder.is_dir():
-        raise InputError(
-            column, f"{path.name} is not there, nor its folder {folder}", "correct the path in the sheet"
-        )
+        raise InputError(column, f"{path.name} is not there, nor its folder {folder}", "correct the path")
     names = sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith("."))
     raise InputError(column, f"there is no {path.name} in {folder}", nearest(path.name, names))
 
@@ -340,6 +377,15 @@ def _unscored_notes(truth: BoolArray, mask: BoolArray) -> list[str]:
 
 
 # provenance -----------------------------------------------------------------------------------------
+
+
+def _versions() -> dict[str, str]:
+    """Versions of the readers that are installed."""
+    found: dict[str, str] = {}
+    for name in _READERS:
+        with contextlib.suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
 
 
 def _checksums(row: Mapping[str, str], folder: Path) -> dict[str, str]:

@@ -13,7 +13,7 @@ from cccd.containers import Structure
 from cccd.geometry.ply import write_ply
 from cccd.settings.imports import PhantomSettings
 from cccd.store import atomic_path, read_table
-from cccd.volumes.clinical_export import write_nifti
+from cccd.volumes.nifti_export import write_nifti
 from cccd.volumes.phantoms import make_phantom
 
 __all__ = ["describe_scan", "gather_tables", "scan_phantom", "write_scan", "write_truth"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from shapes import structure_of
 
-from cccd.reconstruct import reconstruct_mask
+from cccd.reconstruction import reconstruct_mask
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.measure import measure_mesh

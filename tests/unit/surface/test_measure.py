@@ -8,7 +8,7 @@ from cccd.containers import Curves, Frame, Structure
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import normal_angles
-from cccd.reconstruct import reconstruct_mask
+from cccd.reconstruction import reconstruct_mask
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.measure import measure_mesh, measure_surface, patches_mesh, volume_warnings

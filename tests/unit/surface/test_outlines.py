@@ -6,7 +6,7 @@ import trimesh
 from shapes import curves_of, drawn, grid, structure_of
 
 from cccd.curves import fit_splines
-from cccd.reconstruct import reconstruct_mask
+from cccd.reconstruction import reconstruct_mask
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface

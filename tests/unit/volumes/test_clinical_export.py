@@ -12,7 +12,8 @@ from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.volumes import load_structure
-from cccd.volumes.clinical_export import write_label_map, write_rtstruct
+from cccd.volumes.clinical_export import write_rtstruct
+from cccd.volumes.nifti_export import write_label_map
 
 
 def ball_mesh(centre, radius=15.0):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cccd.surface.formats import Scan
 from cccd.surface.surface import Surface
-from cccd.volumes.clinical_export import write_label_map
+from cccd.volumes.nifti_export import write_label_map
 
 __all__ = ["write"]
 

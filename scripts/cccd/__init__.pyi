@@ -1,0 +1,32 @@
+from cccd.api import (
+    Curves,
+    FittedCurves,
+    InputError,
+    Patch,
+    Settings,
+    Structure,
+    Surface,
+    fit_contours,
+    labels,
+    order,
+    read,
+    reconstruct,
+)
+
+__version__: str
+
+__all__ = [
+    "Curves",
+    "FittedCurves",
+    "InputError",
+    "Patch",
+    "Settings",
+    "Structure",
+    "Surface",
+    "__version__",
+    "fit_contours",
+    "labels",
+    "order",
+    "read",
+    "reconstruct",
+]

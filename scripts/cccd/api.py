@@ -1,0 +1,384 @@
+"""What `cccd` offers to others: a file or arrays in, a surface out. The names are listed in ``cccd.__all__``.
+
+The command line and these functions are one: what ``cccd surface`` writes is what `reconstruct` returns, and
+both are what the workflow's jobs make, to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cccd.containers import Curves, FittedCurves, Frame, Structure
+from cccd.curves import describe_curves
+from cccd.dicom_objects import dicom_modality, object_in
+from cccd.errors import InputError
+from cccd.geometry.arrays import concatenate_ragged
+from cccd.geometry.bsplines import Patch
+from cccd.geometry.polygons import RaggedPolygons
+from cccd.project import SHIPPED_WEIGHTS
+from cccd.reconstruction import find_contours, fit_and_loft, order_maps
+from cccd.settings.root import Settings
+from cccd.surface.export import Scan, write_surface
+from cccd.surface.surface import Surface as LoftedSurface
+from cccd.volumes import load_structure, structure_of_array
+from cccd.volumes.grid import check_affine, find_slice_axis
+from cccd.volumes.inputs import list_labels
+from cccd.volumes.readers import SUFFIXES
+
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
+
+__all__ = [
+    "Curves",
+    "FittedCurves",
+    "InputError",
+    "Patch",
+    "Settings",
+    "Structure",
+    "Surface",
+    "fit_contours",
+    "labels",
+    "order",
+    "read",
+    "reconstruct",
+]
+
+_DEFAULTS = Settings()
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A smooth closed surface, in world millimetres (RAS).
+
+    Attributes
+    ----------
+    lofted : cccd.surface.Surface
+        What the library's other functions take.
+    name : str
+        Of the organ.
+    series : Path or None
+        Folder of the DICOM series that it came from; RTSTRUCT refers to it.
+    warnings : tuple of str
+        What was noticed on the way.
+    """
+
+    lofted: LoftedSurface
+    name: str = "surface"
+    series: Path | None = None
+    warnings: tuple[str, ...] = field(default=())
+
+    @cached_property
+    def mesh(self) -> trimesh.Trimesh:
+        """The closed triangle mesh."""
+        return self.lofted.mesh.to_trimesh()
+
+    @property
+    def patches(self) -> list[Patch]:
+        """The control nets: the tubes before they are blended."""
+        return self.lofted.patches
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """The mesh's vertices (V, 3)."""
+        return self.lofted.vertices
+
+    @property
+    def faces(self) -> np.ndarray:
+        """The mesh's triangles (F, 3), counter-clockwise seen from outside."""
+        return self.lofted.faces
+
+    @property
+    def volume(self) -> float:
+        """The volume within the mesh, mm^3."""
+        return float(self.lofted.mesh.volume)
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """Lengths of the mesh's bounding box along x, y and z, mm."""
+        x, y, z = (float(length) for length in np.ptp(self.vertices, axis=0))
+        return x, y, z
+
+    def to_pyvista(self) -> pyvista.PolyData:
+        """Return the mesh for PyVista; needs the extra ``view``."""
+        return self.lofted.mesh.to_polydata()
+
+    def write(self, path: str | Path, contour_spacing_mm: float | None = None) -> Path:
+        """Write the surface; the suffix chooses the format.
+
+        Parameters
+        ----------
+        path : path
+            Ends with ``.ply``, ``.stl``, ``.vtp``, ``.glb``, ``.step``, ``.nii.gz`` (a label map on the
+            scan's grid) or ``.dcm`` (contours, RTSTRUCT). All or nothing is written.
+        contour_spacing_mm : float, optional
+            Distance of the RTSTRUCT's planes; that of the scan's slices by default.
+
+        Returns
+        -------
+        Path
+            Where it was written.
+
+        Raises
+        ------
+        InputError
+            An unknown suffix, or a format whose extra is not installed.
+        """
+        write_surface(path, self.lofted, Scan(self.name, contour_spacing_mm, self.series))
+        return Path(path)
+
+
+def labels(path: str | Path) -> dict[str, str]:
+    """List what the labels of a mask may be.
+
+    Parameters
+    ----------
+    path : path
+        A label map, a DICOM SEG or RTSTRUCT, or a folder with one of them or with a mask per organ.
+
+    Returns
+    -------
+    dict of str to str
+        What `read` takes as ``label``, and its name where the file holds one.
+    """
+    path = Path(path)
+    return list_labels(object_in(path)) if path.exists() else {}
+
+
+def read(
+    path: str | Path,
+    label: str | int | Iterable[int] = "",
+    *,
+    image: str | Path | None = None,
+    boundary: bool = False,
+    settings: Settings = _DEFAULTS,
+) -> Structure:
+    """Read one organ from a file or folder.
+
+    Parameters
+    ----------
+    path : path
+        A mask or label map (NIfTI, NRRD, MHA), a DICOM SEG or RTSTRUCT, a folder with one of these, a folder
+        with a mask per organ (TotalSegmentator), or a folder of a DICOM series, in which a threshold finds
+        the organ.
+    label : str, int or several int
+        Value(s) of a label map, or the name of an organ, segment or ROI; by default the only one.
+    image : path, optional
+        The scan, where it lies elsewhere.
+    boundary : bool
+        The file holds boundary maps that still need ordering.
+    settings : Settings
+        Section ``import`` says how it is read.
+
+    Returns
+    -------
+    Structure
+        What `reconstruct` takes.
+
+    Raises
+    ------
+    InputError
+        Not there, not readable, empty, or without such a label: one line with a hint.
+    """
+    path = Path(path).absolute()
+    name = _stem(path)
+    chosen = str(label) if isinstance(label, (str, int)) else ",".join(str(value) for value in label)
+    wanted = "boundary" if boundary else _column_of(path)
+    columns = {"image": "", "mask": "", "boundary": "", wanted: str(path)}
+    if wanted == "mask" and path.is_dir() and _holds_images(path):
+        columns["image"] = str(path)
+    if image is not None:
+        columns["image"] = str(Path(image).absolute())
+    organ = chosen if chosen and not chosen.replace(",", "").isdecimal() else name
+    row = {"case": name, "organ": organ, "source": "files", "label": chosen, "location": path.name, **columns}
+    return load_structure(row, path.parent, settings.import_, settings.seed)
+
+
+def _stem(path: Path) -> str:
+    """Name of a file without the suffix of its format."""
+    suffix = next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), path.suffix)
+    return path.name.removesuffix(path.name[len(path.name) - len(suffix) :]) if suffix else path.name
+
+
+def _column_of(path: Path) -> str:
+    """Which column of the cohort sheet a path would stand in: ``mask``, or ``image`` for a series alone."""
+    if not path.is_dir():
+        return "mask"
+    files = [file for file in path.rglob("*") if file.is_file()]
+    if not files:
+        raise InputError(path.name, "there is no file in this folder", "give a mask or a DICOM folder")
+    masks = any(file.name.lower().endswith(SUFFIXES) for file in path.iterdir())
+    return "mask" if masks or object_in(path) != path else "image"
+
+
+def _holds_images(folder: Path) -> bool:
+    """Whether a folder holds DICOM images beside a segmentation."""
+    kinds = {dicom_modality(file) for file in folder.iterdir() if file.is_file()}
+    return bool(kinds - {None, "", "SEG", "RTSTRUCT", "RTPLAN", "RTDOSE"})
+
+
+def reconstruct(
+    organ: Structure | Curves | np.ndarray,
+    affine: np.ndarray | None = None,
+    *,
+    settings: Settings = _DEFAULTS,
+    progress: Callable[[str], None] | None = None,
+) -> Surface:
+    """Make a smooth closed surface.
+
+    Parameters
+    ----------
+    organ : (a, b, c) array, Structure or Curves
+        A mask; or what `read` or `order` returned.
+    affine : (4, 4) float, optional
+        Of a mask: ``world_mm = affine @ (a, b, c, 1)``, RAS; voxels of a millimetre by default.
+    settings : Settings
+        The configuration, section by section.
+    progress : callable, optional
+        Gets the name of each step as it begins: ``contours``, ``splines``, ``surface``.
+
+    Returns
+    -------
+    Surface
+
+    Raises
+    ------
+    InputError
+        An empty mask, too few slices, an unusable affine.
+
+    Examples
+    --------
+    >>> import numpy as np, cccd
+    >>> i, j, k = np.indices((24, 24, 12)) - np.array([12, 12, 6]).reshape(3, 1, 1, 1)
+    >>> ball = np.hypot(np.hypot(i, j), 2 * k) <= 8
+    >>> surface = cccd.reconstruct(ball, np.diag([1, 1, 2, 1]))
+    >>> surface.mesh.is_watertight, bool(abs(surface.volume / (2 * ball.sum()) - 1) < 0.01)
+    (True, True)
+    """
+    tell = progress or (lambda step: None)
+    tell("contours")
+    if isinstance(organ, Curves):
+        return Surface(fit_and_loft(organ, settings.curves, settings.surface, tell))
+    if isinstance(organ, Structure):
+        structure = organ
+    else:
+        grid = np.eye(4) if affine is None else np.asarray(affine, float)
+        structure = structure_of_array(organ, grid, settings.import_)
+    curves = find_contours(structure, settings.boundaries, settings.gnn.inference)
+    lofted = fit_and_loft(curves, settings.curves, settings.surface, tell)
+    notes = (*structure.warnings, *lofted.report.get("warnings", []))
+    return Surface(lofted, structure.organ, _series(structure), notes)
+
+
+def _series(structure: Structure) -> Path | None:
+    """Folder of the DICOM series that a structure came from."""
+    folders = (Path(name) for name in structure.provenance.get("files", ()))
+    return next((folder for folder in folders if folder.is_dir()), None)
+
+
+def fit_contours(
+    contours: Curves | Sequence[np.ndarray], affine: np.ndarray | None = None, settings: Settings = _DEFAULTS
+) -> FittedCurves:
+    """Describe closed contours by few points: corners and closed cubic B-splines.
+
+    Parameters
+    ----------
+    contours : Curves or sequence of (n, 2) float arrays
+        What `order` returned; or the contours of one slice in pixels (i, j), outlines counter-clockwise and
+        holes clockwise, the first point not repeated.
+    affine : (4, 4) float, optional
+        Of a sequence: index to world mm; pixels of a millimetre by default.
+    settings : Settings
+        Section ``curves``: the tolerance, or a number of control points.
+
+    Returns
+    -------
+    FittedCurves
+        ``splines`` yields control points (n, 2) and knots of each contour.
+
+    Examples
+    --------
+    >>> import numpy as np, cccd
+    >>> angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+    >>> circle = 30 + 20 * np.column_stack([np.cos(angle), np.sin(angle)])
+    >>> fitted = cccd.fit_contours([circle])
+    >>> len(fitted.splines.control_points) < 30
+    True
+    """
+    if not isinstance(contours, Curves):
+        contours = _one_slice(contours, np.eye(4) if affine is None else np.asarray(affine, float))
+    return describe_curves(contours, settings.curves)
+
+
+def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
+    """Contours (n, 2) of one slice as `Curves`."""
+    rings = [np.asarray(contour, float) for contour in contours]
+    for number, ring in enumerate(rings):
+        if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
+            raise InputError(
+                f"contour {number}",
+                f"an array of shape {ring.shape}",
+                "give three finite points (n, 2) or more",
+            )
+    if not rings:
+        raise InputError("contours", "there is none", "give one array (n, 2) at least")
+    points, offsets = concatenate_ragged(rings)
+    hole = RaggedPolygons(points, offsets).signed_areas < 0
+    shape = tuple(int(size) + 2 for size in np.ceil(points.max(axis=0)))
+    frame = Frame(affine, 2, (shape[0], shape[1], 1))
+    return Curves(points, offsets, np.zeros(len(rings), np.int32), hole, frame)
+
+
+def order(
+    boundary_map: np.ndarray,
+    affine: np.ndarray | None = None,
+    *,
+    image: np.ndarray | None = None,
+    weights: str | Path = SHIPPED_WEIGHTS,
+    settings: Settings = _DEFAULTS,
+) -> Curves:
+    """Order the pixels of noisy boundary maps into closed simple curves; needs the extra ``gnn``.
+
+    Parameters
+    ----------
+    boundary_map : (a, b) or (a, b, c) array
+        One map or a stack of them: everything but 0 is a boundary pixel.
+    affine : (4, 4) float, optional
+        Index to world mm (RAS); slices run along the thickest spacing. Voxels of a millimetre by default.
+    image : array, optional
+        The grey slices, of the same shape.
+    weights : path
+        A trained network; the shipped one by default.
+    settings : Settings
+        Section ``gnn.inference``.
+
+    Returns
+    -------
+    Curves
+        Points (i, j) by curve; what `fit_contours` and `reconstruct` take.
+
+    Raises
+    ------
+    InputError
+        No map encloses anything.
+    """
+    maps = np.asarray(boundary_map) != 0
+    grey = None if image is None else np.asarray(image, np.float32)
+    if maps.ndim == 2:
+        maps, grey = maps[..., None], None if grey is None else grey[..., None]
+    if maps.ndim != 3 or (grey is not None and grey.shape != maps.shape):
+        raise InputError(
+            "boundary map", f"an array of shape {maps.shape}", "give (a, b) or (a, b, c), image alike"
+        )
+    grid = check_affine(np.eye(4) if affine is None else affine, "affine")
+    a, b, c = maps.shape
+    axis = 2 if np.ndim(boundary_map) == 2 else find_slice_axis(grid, settings.import_.slice_axis)
+    frame = Frame(grid, axis, (a, b, c))
+    structure = Structure("boundary", "map", frame, np.zeros(3, np.int64), image=grey, boundary=maps)
+    return order_maps(structure, settings.boundaries, settings.gnn.inference, weights)

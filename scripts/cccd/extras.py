@@ -1,0 +1,38 @@
+"""Optional parts: which extra of the package brings a module, and one line for the one that is missing."""
+
+from __future__ import annotations
+
+from cccd.errors import InputError
+
+__all__ = ["EXTRAS", "missing_extra"]
+
+#: Modules of each extra, by what they are imported as; ``pyproject.toml`` names their distributions.
+EXTRAS: dict[str, tuple[str, ...]] = {
+    "dicom": ("pydicom", "highdicom"),
+    "gnn": ("torch", "torch_geometric"),
+    "view": ("pyvista", "vtkmodules", "vtk"),
+    "report": ("matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification"),
+    "comparisons": ("itk", "nilearn"),
+    "cad": ("OCP",),
+    "run": ("snakemake", "jsonschema"),
+}
+
+
+def missing_extra(error: ModuleNotFoundError, location: str) -> InputError:
+    """Say in one line what is not installed, and how to install it.
+
+    Parameters
+    ----------
+    error : ModuleNotFoundError
+        Of an import.
+    location : str
+        What needed it.
+
+    Examples
+    --------
+    >>> print(missing_extra(ModuleNotFoundError("", name="torch.nn"), "maps.nii.gz"))
+    maps.nii.gz: torch is not installed; pip install 'cccd[gnn]'
+    """
+    module = (error.name or str(error)).split(".")[0]
+    extra = next((extra for extra, modules in EXTRAS.items() if module in modules), "all")
+    return InputError(location, f"{module} is not installed", f"pip install 'cccd[{extra}]'")

@@ -1,0 +1,119 @@
+"""The whole way of a structure to its surface, as the pipeline's jobs go it one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from cccd.containers import Curves, Structure
+from cccd.contours import take_contours, trace_contours
+from cccd.curves import describe_curves
+from cccd.project import SHIPPED_WEIGHTS
+from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.curves import CurveSettings
+from cccd.settings.junctions import InferenceSettings
+from cccd.settings.surface import LoftSettings
+from cccd.surface import Surface, loft_surface
+
+__all__ = ["find_contours", "fit_and_loft", "order_maps", "reconstruct_mask"]
+
+
+def _silent(step: str) -> None:
+    """Tell nobody."""
+
+
+def find_contours(structure: Structure, boundaries: BoundarySettings, inference: InferenceSettings) -> Curves:
+    """Make ordered closed curves of what a structure brings.
+
+    Drawn contours are taken as they are, a mask is traced, anything else is ordered by the shipped network.
+
+    Parameters
+    ----------
+    structure : Structure
+    boundaries, inference
+        Sections ``boundaries`` and ``gnn.inference`` of the configuration, read where a network orders.
+
+    Raises
+    ------
+    InputError
+        No slice has a closed curve.
+    """
+    if structure.contours is not None:
+        return take_contours(structure)[0]
+    if structure.boundary is None and structure.region is None:
+        return trace_contours(structure)[0]
+    return order_maps(structure, boundaries, inference)
+
+
+def order_maps(
+    structure: Structure,
+    boundaries: BoundarySettings,
+    inference: InferenceSettings,
+    weights: str | Path = SHIPPED_WEIGHTS,
+) -> Curves:
+    """Order a structure's boundary pixels by a junction network; needs PyTorch.
+
+    Parameters
+    ----------
+    structure : Structure
+        With boundary maps, or an image and a region.
+    boundaries, inference
+        Sections ``boundaries`` and ``gnn.inference`` of the configuration.
+    weights : path
+        A trained network.
+    """
+    from cccd.boundary import extract_boundaries
+    from cccd.junctions.checkpoint import load_model  # torch takes two seconds to load
+    from cccd.junctions.contours import order_contours
+
+    pixels = extract_boundaries(structure, boundaries)
+    return order_contours(structure, pixels, load_model(weights), inference)[0]
+
+
+def fit_and_loft(
+    curves: Curves, fitting: CurveSettings, lofting: LoftSettings, tell: Callable[[str], None] = _silent
+) -> Surface:
+    """Fit closed splines to ordered curves and loft them.
+
+    Parameters
+    ----------
+    curves : Curves
+    fitting, lofting
+        Sections ``curves`` and ``surface`` of the configuration.
+    tell : callable
+        Gets the name of each step as it begins.
+    """
+    tell("splines")
+    fitted = describe_curves(curves, fitting)
+    tell("surface")
+    return loft_surface(fitted.curves, lofting, fitted.splines)
+
+
+def reconstruct_mask(structure: Structure, fitting: CurveSettings, lofting: LoftSettings) -> Surface:
+    """Trace a structure's mask, fit closed splines to its curves, loft them.
+
+    Parameters
+    ----------
+    structure : Structure
+        With a mask.
+    fitting, lofting
+        Sections ``curves`` and ``surface`` of the configuration.
+
+    Raises
+    ------
+    InputError
+        When the mask has no closed curve.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cccd.containers import Frame
+    >>> i, j, k = np.indices((24, 24, 24)) - 12
+    >>> ball = np.hypot(np.hypot(i, j), k) <= 8
+    >>> frame = Frame(np.eye(4), 2, ball.shape)
+    >>> structure = Structure("case", "ball", frame, np.zeros(3, int), mask=ball)
+    >>> surface = reconstruct_mask(structure, CurveSettings(), LoftSettings())
+    >>> bool(abs(surface.mesh.volume / ball.sum() - 1) < 0.02)
+    True
+    """
+    return fit_and_loft(trace_contours(structure)[0], fitting, lofting)

@@ -1,0 +1,67 @@
+"""Which labels of a label map, segments of a SEG or regions of an RTSTRUCT are meant."""
+
+from __future__ import annotations
+
+from cccd.errors import InputError
+from cccd.settings.messages import choices
+
+__all__ = ["choose_labels"]
+
+
+def choose_labels(names: dict[int, str], label: str, organ: str, location: str, kind: str) -> list[int]:
+    """Choose labels by number or name.
+
+    Parameters
+    ----------
+    names : dict of int to str
+        The labels that exist.
+    label : str
+        Numbers, one name, or several names separated by commas; empty stands for the only one or the one
+        that is called like the organ.
+    organ : str
+        The row's organ.
+    location, kind : str
+        For the message: the file and what its labels are called.
+
+    Returns
+    -------
+    list of int
+        Numbers of the labels chosen, ascending.
+
+    Raises
+    ------
+    InputError
+        No such label; lists those there are.
+
+    Examples
+    --------
+    >>> choose_labels({5: "liver", 7: "spleen"}, "Spleen", "organ", "scan.nii", "label")
+    [7]
+    >>> choose_labels({5: "liver", 7: "spleen"}, "5, 7", "organ", "scan.nii", "label")
+    [5, 7]
+    """
+    there = choices(f"{number} ({name})" if name else number for number, name in sorted(names.items()))
+    if not label:
+        if len(names) == 1:
+            return list(names)
+        called = [number for number, name in names.items() if name.lower() == organ.lower()]
+        if len(called) == 1:
+            return called
+        raise InputError(location, f"it has {len(names)} {kind}s and no label says which", there)
+    wanted = [part.strip() for part in label.split(",")]
+    for parts in ([label], wanted):
+        found = [_labels_called(names, part) for part in parts]
+        if all(found):
+            return sorted({number for numbers in found for number in numbers})
+    absent = next(part for part, numbers in zip(wanted, found, strict=True) if not numbers)
+    raise InputError(location, f"it has no {kind} {absent!r}", there)
+
+
+def _labels_called(names: dict[int, str], wanted: str) -> list[int]:
+    """Numbers that ``wanted`` means: an exact name, then a number, then a name in another case."""
+    exact = [number for number, name in names.items() if name == wanted]
+    if not exact and wanted.isdecimal():
+        exact = [number for number in names if number == int(wanted)]
+    if exact:
+        return exact
+    return [number for number, name in names.items() if name.strip().lower() == wanted.lower()]

@@ -1,0 +1,111 @@
+"""What the library offers: few names, cheap to import, the same surface whichever way it is asked for."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import nibabel
+import numpy as np
+import pytest
+import trimesh
+
+import cccd
+from cccd.project import PROJECT, SHIPPED_WEIGHTS
+
+PUBLIC = {
+    *("fit_contours", "labels", "order", "read", "reconstruct"),
+    *("Curves", "FittedCurves", "InputError", "Patch", "Settings", "Structure", "Surface"),
+    "__version__",
+}
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+AFFINE = np.array([[-1.0, 0, 0, 10], [0, 0.9, 0, -20], [0, 0, 2.5, 5], [0, 0, 0, 1]])
+
+
+def ball(radius=9.0):
+    offset = (np.indices((26, 26, 12)) - np.array([12, 13, 5.5]).reshape(3, 1, 1, 1)).T * (1, 0.9, 2.5)
+    return (np.linalg.norm(offset, axis=-1) <= radius).T
+
+
+@pytest.fixture(scope="module")
+def surface():
+    return cccd.reconstruct(ball(), AFFINE)
+
+
+def test_what_is_public_is_listed_once_and_is_there():
+    assert set(cccd.__all__) == PUBLIC
+    stub = (SCRIPTS / "cccd" / "__init__.pyi").read_text()
+    assert all(f'"{name}"' in stub for name in PUBLIC)
+    for name in PUBLIC - {"__version__"}:
+        assert getattr(cccd, name).__doc__
+        assert name in dir(cccd)
+    with pytest.raises(AttributeError, match="recontsruct"):
+        _ = cccd.recontsruct
+
+
+def test_importing_loads_nothing_and_a_mask_needs_no_torch_and_no_table():
+    code = """
+import sys, cccd
+assert not {"numpy", "cccd.api"} & set(sys.modules), "import cccd is not lazy"
+cccd.reconstruct
+print(*sys.modules)
+"""
+    env = os.environ | {"PYTHONPATH": str(SCRIPTS)}
+    run = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
+    heavy = {"torch", "torch_geometric", "pandas", "matplotlib", "pyvista", "vtk", "highdicom", "snakemake"}
+    assert not heavy & {name.split(".")[0] for name in run.stdout.split()}
+
+
+def test_the_surface_lies_in_the_world(surface):
+    true = 4 / 3 * np.pi * 9**3
+    assert surface.volume == pytest.approx(true, rel=0.03)
+    assert surface.size == pytest.approx((18, 18, 18), abs=1.5)
+    centre = (AFFINE @ (12, 13, 5.5, 1))[:3]
+    assert surface.vertices.mean(axis=0) == pytest.approx(centre, abs=0.3)
+    assert isinstance(surface.mesh, trimesh.Trimesh)
+    assert surface.mesh.is_watertight
+    assert surface.mesh.volume == pytest.approx(surface.volume)
+    assert surface.to_pyvista().n_cells == len(surface.faces)
+    assert isinstance(surface.patches[0], cccd.Patch)
+
+
+def test_a_file_gives_what_its_array_gives_and_every_format_is_the_registry_s(surface, tmp_path):
+    nibabel.save(nibabel.Nifti1Image(ball().astype(np.uint8) * 5, AFFINE), tmp_path / "organ.nii.gz")
+    read = cccd.reconstruct(cccd.read(tmp_path / "organ.nii.gz", 5))
+    # the header keeps single precision of the affine
+    assert np.array_equal(read.faces, surface.faces)
+    assert np.allclose(read.vertices, surface.vertices, atol=1e-5)
+    assert cccd.labels(tmp_path / "organ.nii.gz") == {"5": ""}
+    assert trimesh.load(surface.write(tmp_path / "a.stl")).is_watertight
+    with pytest.raises(cccd.InputError, match=r"unknown surface format '.tsl'.*\.stl"):
+        surface.write(tmp_path / "a.tsl")
+
+
+def test_the_order_of_a_map_s_pixels_is_found_and_lofted():
+    pytest.importorskip("torch")
+    mask = ball()
+    inner = mask & np.roll(mask, 1, 0) & np.roll(mask, -1, 0) & np.roll(mask, 1, 1) & np.roll(mask, -1, 1)
+    curves = cccd.order(mask & ~inner, AFFINE)
+    assert len(curves) == mask.any((0, 1)).sum()
+    assert cccd.reconstruct(curves).volume == pytest.approx(4 / 3 * np.pi * 9**3, rel=0.05)
+    assert len(cccd.order((mask & ~inner)[:, :, 6])) == 1
+    assert SHIPPED_WEIGHTS.is_relative_to(PROJECT)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: cccd.reconstruct(np.zeros((9, 9, 9), bool)), ["the mask is empty"]),
+        (lambda: cccd.reconstruct(np.ones((9, 9), bool)), ["2 dimensions"]),
+        (lambda: cccd.reconstruct(ball()[:, :, 5:7], AFFINE), ["2 slices"]),
+        (lambda: cccd.reconstruct(ball(), np.zeros((4, 4))), ["no extent"]),
+        (lambda: cccd.fit_contours([np.zeros((2, 2))]), ["contour 0", "(2, 2)"]),
+        (lambda: cccd.fit_contours([]), ["there is none"]),
+        (lambda: cccd.order(np.zeros((2, 2, 2, 2))), ["(2, 2, 2, 2)"]),
+    ],
+)
+def test_bad_arrays_are_refused_in_one_line(call, words):
+    with pytest.raises(cccd.InputError) as error:
+        call()
+    assert all(word in str(error.value) for word in words)
+    assert "\n" not in str(error.value)
