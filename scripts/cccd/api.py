@@ -187,7 +187,7 @@ def read(
         Not there, not readable, empty, or without such a label: one line with a hint.
     """
     path = Path(path).absolute()
-    name = _stem(path)
+    name = name_of(path)
     chosen = str(label) if isinstance(label, (str, int)) else ",".join(str(value) for value in label)
     wanted = "boundary" if boundary else _column_of(path)
     columns = {"image": "", "mask": "", "boundary": "", wanted: str(path)}
@@ -200,10 +200,12 @@ def read(
     return load_structure(row, path.parent, settings.import_, settings.seed)
 
 
-def _stem(path: Path) -> str:
-    """Name of a file without the suffix of its format."""
+def name_of(path: Path) -> str:
+    """Return a file's name without the suffix of its format, a folder's as it is."""
+    if path.is_dir():
+        return path.name
     suffix = next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), path.suffix)
-    return path.name.removesuffix(path.name[len(path.name) - len(suffix) :]) if suffix else path.name
+    return path.name[: len(path.name) - len(suffix)]
 
 
 def _column_of(path: Path) -> str:
@@ -279,7 +281,7 @@ def reconstruct(
 def _series(structure: Structure) -> Path | None:
     """Folder of the DICOM series that a structure came from."""
     folders = (Path(name) for name in structure.provenance.get("files", ()))
-    return next((folder for folder in folders if folder.is_dir()), None)
+    return next((folder for folder in folders if folder.is_dir() and _holds_images(folder)), None)
 
 
 def fit_contours(

@@ -1,4 +1,4 @@
-"""Which files of a source folder a script needs: the transitive closure of its imports, read as text."""
+"""Which files of a package a script needs: the transitive closure of its imports, read as text."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ __all__ = ["imported_files"]
 
 
 @functools.cache
-def _direct_imports(path: Path, folder: Path) -> frozenset[Path]:
-    """Files below ``folder`` that ``path`` imports itself, the ``__init__`` of their packages included."""
-    package = path.relative_to(folder).parts[:-1]
+def _direct_imports(path: Path, library: Path) -> frozenset[Path]:
+    """Files of the package ``library`` that ``path`` imports itself, its packages' ``__init__`` included."""
+    package = path.relative_to(library.parent).parts[:-1] if path.is_relative_to(library) else ()
     names = set()
     for node in _statements(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
         if isinstance(node, ast.Import):
@@ -22,7 +22,7 @@ def _direct_imports(path: Path, folder: Path) -> frozenset[Path]:
             parents = package[: len(package) - node.level + 1] if node.level else ()
             base = ".".join((*parents, *filter(None, [node.module])))
             names.update([base, *(f"{base}.{alias.name}" for alias in node.names)])
-    return frozenset().union(*(_module_files(name, folder) for name in names if name))
+    return frozenset().union(*(_module_files(name, library) for name in names if name))
 
 
 def _statements(block: ast.AST) -> Iterator[ast.AST]:
@@ -35,19 +35,19 @@ def _statements(block: ast.AST) -> Iterator[ast.AST]:
 
 
 @functools.cache
-def _module_files(name: str, folder: Path) -> frozenset[Path]:
-    """Files below ``folder`` of a dotted name: the module's, and the ``__init__`` of its packages."""
+def _module_files(name: str, library: Path) -> frozenset[Path]:
+    """Files of the package ``library`` of a dotted name: the module's, its packages' ``__init__``."""
     parts = name.split(".")
-    if len(parts) > 1 and not (folder / parts[0]).is_dir():
+    if parts[0] != library.name:
         return frozenset()  # somebody else's
-    stems = [folder.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
+    stems = [library.parent.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
     return frozenset(
         file for stem in stems for file in (stem.with_suffix(".py"), stem / "__init__.py") if file.is_file()
     )
 
 
-def imported_files(script: Path, folder: Path, modules: Iterable[str] = ()) -> list[Path]:
-    """All files below ``folder`` that running ``script`` can import, sorted, without ``script`` itself.
+def imported_files(script: Path, library: Path, modules: Iterable[str] = ()) -> list[Path]:
+    """All files of a package that running ``script`` can import, sorted, without ``script`` itself.
 
     Imports inside functions count too. Snakemake does not see an edit in an imported module; declared
     as inputs, these files make their stage run again.
@@ -55,15 +55,15 @@ def imported_files(script: Path, folder: Path, modules: Iterable[str] = ()) -> l
     Parameters
     ----------
     script : path
-        A Python file below ``folder``.
-    folder : path
-        The folder on ``sys.path``.
+        A Python file, within the package or elsewhere.
+    library : path
+        The package's own folder.
     modules : iterable of str
         Modules that the script imports by a name it is given, e.g. ``cccd.comparisons.k_sweep``.
     """
     found: set[Path] = set()
-    pending = {script}.union(*(_module_files(module, folder) for module in modules))
+    pending = {script}.union(*(_module_files(module, library) for module in modules))
     while pending:
         found |= pending
-        pending = set().union(*(_direct_imports(path, folder) for path in pending)) - found
+        pending = set().union(*(_direct_imports(path, library) for path in pending)) - found
     return sorted(found - {script})

@@ -12,9 +12,9 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "gnn": ("torch", "torch_geometric"),
     "view": ("pyvista", "vtkmodules", "vtk"),
     "report": ("matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification"),
-    "comparisons": ("itk", "nilearn"),
+    "comparisons": ("itk",),
     "cad": ("OCP",),
-    "run": ("snakemake", "jsonschema"),
+    "run": ("snakemake", "jsonschema", "nilearn"),
 }
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from cccd.errors import InputError
+from cccd.extras import missing_extra
 
 __all__ = ["job"]
 
@@ -52,6 +53,8 @@ def job(log: str | Path, name: str) -> Iterator[logging.Logger]:
     except Exception as error:
         if isinstance(error, InputError):
             line = f"{name}: {error}"
+        elif isinstance(error, ModuleNotFoundError):
+            line = str(missing_extra(error, name))
         elif isinstance(error, MemoryError):
             line = f"{name}: out of memory; run fewer jobs at once or give the job more"
         elif isinstance(error, OSError) and error.errno == errno.ENOSPC:

@@ -30,7 +30,7 @@ def tree(tmp_path):
 
 def test_closure_follows_relative_nested_circular_and_package_imports(tree, tmp_path):
     script = tree("run.py", "from lib.a import thing\nimport os")
-    names = {path.relative_to(tmp_path).as_posix() for path in imported_files(script, tmp_path)}
+    names = {path.relative_to(tmp_path).as_posix() for path in imported_files(script, tmp_path / "lib")}
     assert names == {
         "lib/__init__.py",
         "lib/a.py",
@@ -43,13 +43,13 @@ def test_closure_follows_relative_nested_circular_and_package_imports(tree, tmp_
 
 def test_modules_that_are_given_by_name_are_followed(tree, tmp_path):
     script = tree("run.py", "import os")
-    names = {path.name for path in imported_files(script, tmp_path, ["lib.stranger", "lib.sub.c"])}
+    names = {path.name for path in imported_files(script, tmp_path / "lib", ["lib.stranger", "lib.sub.c"])}
     assert names == {"__init__.py", "stranger.py", "c.py", "a.py", "b.py", "d.py"}
 
 
 def test_submodule_taken_from_its_package_counts(tree, tmp_path):
     script = tree("run.py", "from lib import stranger")
-    names = {path.name for path in imported_files(script, tmp_path)}
+    names = {path.name for path in imported_files(script, tmp_path / "lib")}
     assert names == {"__init__.py", "stranger.py"}
 
 
@@ -59,7 +59,7 @@ def test_submodule_taken_from_its_package_counts(tree, tmp_path):
 )
 @pytest.mark.parametrize("module", ["surface/loft.py", "report/render.py"])
 def test_lofting_and_reporting_never_bring_back_what_stands_before_them(upstream, module):
-    files = imported_files(SCRIPTS / f"{upstream}.py", SCRIPTS)
+    files = imported_files(SCRIPTS / f"{upstream}.py", SCRIPTS / "cccd")
     assert SCRIPTS / "cccd" / module not in files
 
 
@@ -78,7 +78,7 @@ def test_lofting_and_reporting_never_bring_back_what_stands_before_them(upstream
 )
 def test_a_stage_s_settings_and_science_bring_back_no_stage_before_it(upstream, module):
     assert (SCRIPTS / "cccd" / module).is_file()
-    assert SCRIPTS / "cccd" / module not in imported_files(SCRIPTS / f"{upstream}.py", SCRIPTS)
+    assert SCRIPTS / "cccd" / module not in imported_files(SCRIPTS / f"{upstream}.py", SCRIPTS / "cccd")
 
 
 @pytest.mark.parametrize("name", ["import_structure", "loft_surface", "build_tables"])
@@ -96,4 +96,4 @@ def test_the_closure_holds_every_module_that_a_script_really_loads(name):
     run = subprocess.run(command, cwd=SCRIPTS, capture_output=True, text=True, check=True)
     loaded = {Path(line) for line in run.stdout.split()}
     assert loaded
-    assert loaded <= set(imported_files(script, SCRIPTS))
+    assert loaded <= set(imported_files(script, SCRIPTS / "cccd"))

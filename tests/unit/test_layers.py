@@ -24,6 +24,8 @@ LAYERS = (
     ("api",),
     ("comparisons",),
     ("report",),
+    ("bids", "doctor", "workflow_command"),
+    ("cli",),
 )
 LAYER = {name: number for number, layer in enumerate(LAYERS) for name in layer}
 

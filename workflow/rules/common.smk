@@ -13,8 +13,10 @@ from snakemake.exceptions import WorkflowError
 
 ROOT = Path(workflow.basedir)
 SCRIPTS = ROOT / "scripts"
-sys.path.insert(0, str(SCRIPTS))
+if (SCRIPTS / "cccd").is_dir():  # a checkout; the wheel carries the workflow within the library
+    sys.path.insert(0, str(SCRIPTS))
 
+import cccd
 from cccd.cohort import brings_maps, complete_row, read_cohort
 from cccd.comparisons.registry import COMPARISONS, INPUTS, ITEMS, tables
 from cccd.dependencies import imported_files
@@ -27,6 +29,10 @@ from cccd.settings.junctions import NetworkSettings
 from cccd.settings.messages import nearest
 from cccd.settings.surface import SURFACE_FORMATS
 from cccd.settings.validation import validate_config
+
+
+#: The library's folder; its files decide which stages run again.
+LIBRARY = Path(cccd.__file__).parent
 
 
 def find_file(name):
@@ -302,7 +308,7 @@ def library(script, *functions):
     inputs of every job treble the time to plan.
     """
     modules = [function.rpartition(".")[0] for function in functions]
-    files = imported_files(SCRIPTS / f"{script}.py", SCRIPTS, modules)
+    files = imported_files(SCRIPTS / f"{script}.py", LIBRARY, modules)
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()
 
 
@@ -360,27 +366,16 @@ def list_failures():
     if lines:
         print(f"\n{len(lines)} failed:", *lines, sep="\n  ", file=sys.stderr)
     if any(Path(file).exists() for file in for_structures("metrics.json")):
-        from cccd.comparisons.summary import read_cohort as gather
-        from cccd.report.page import build_report
+        from cccd.report.page import build_report_of_finished
 
-        finished = [
-            file
-            for name in COMPARISONS
-            for file in for_structures(f"comparisons/{name}.csv")
-            if Path(file).exists()
-        ]
-        measured = [
-            file for file in for_structures("metrics.json") if Path(file).exists()
-        ]
-        build_report(
-            results=Path("results"),
+        build_report_of_finished(
+            Path("results"),
+            config,
+            Path("results/report.html"),
+            ROOT / "workflow" / "report",
             structures=RECONSTRUCTED,
             failures=lines,
-            config=config,
-            output=Path("results/report.html"),
             benchmarks=Path("benchmarks"),
-            template_dir=ROOT / "workflow" / "report",
-            cohort=gather(finished, measured),
         )
         print(
             f"\nReport of what is finished: {Path('results/report.html').resolve()}",

@@ -22,7 +22,7 @@ from markupsafe import Markup
 from cccd.comparisons.measures import HEADLINES
 from cccd.comparisons.numerals import number
 from cccd.comparisons.registry import COMPARISONS, ITEMS, SECTIONS, Item
-from cccd.comparisons.summary import Cohort, build_tables, write_notes
+from cccd.comparisons.summary import Cohort, build_tables, read_cohort, write_notes
 from cccd.report import plots
 from cccd.report.facts import benchmark_table, duration, provenance
 from cccd.report.html_tables import Table, table, words
@@ -40,7 +40,7 @@ from cccd.report.structure_view import (
 )
 from cccd.store import atomic_path
 
-__all__ = ["build_report", "build_structure_page"]
+__all__ = ["build_report", "build_report_of_finished", "build_structure_page"]
 
 #: Widths in pixels of a picture in a card and in the contact sheet of a cohort.
 _CARD_WIDTH, _THUMB_WIDTH = 900, 240
@@ -122,6 +122,34 @@ def build_report(
             **_shared(config),
         },
     )
+
+
+def build_report_of_finished(
+    results: Path,
+    config: Mapping[str, Any],
+    output: Path,
+    template_dir: Path,
+    structures: Sequence[tuple[str, str]] | None = None,
+    failures: Sequence[str] = (),
+    benchmarks: Path | None = None,
+) -> None:
+    """Write the cohort's page of what is there: the structures that are measured, and their comparisons.
+
+    Parameters
+    ----------
+    results, config, output, template_dir, failures, benchmarks
+        See `build_report`.
+    structures : sequence of (case, organ), optional
+        What was to be reconstructed; what is finished, by default.
+    """
+    measured = {path.parent: str(path) for path in sorted(results.glob("*/*/metrics.json"))}
+    if structures is None:
+        structures = [(folder.parent.name, folder.name) for folder in measured]
+    wanted = [results / case / organ for case, organ in structures]
+    tables = [folder / "comparisons" / f"{name}.csv" for name in COMPARISONS for folder in wanted]
+    metrics = [measured[folder] for folder in wanted if folder in measured]
+    cohort = read_cohort([str(table) for table in tables if table.is_file()], metrics)
+    build_report(results, structures, failures, config, output, benchmarks, template_dir, cohort)
 
 
 def _structure_views(results: Results, index: bool, config: Mapping[str, Any]) -> list[StructureView]:

@@ -17,7 +17,28 @@ from cccd.store import atomic_path, read_patches, read_report, read_surface_fram
 from cccd.surface.formats import Scan
 from cccd.surface.surface import Surface
 
-__all__ = ["Scan", "read_surface", "write_surface"]
+__all__ = ["Scan", "format_of", "read_surface", "write_surface"]
+
+
+def format_of(path: str | Path) -> str:
+    """Name the format that a file's suffix chooses.
+
+    Raises
+    ------
+    InputError
+        Another suffix; those known are listed.
+
+    Examples
+    --------
+    >>> format_of("results/liver.nii.gz")
+    'nii.gz'
+    """
+    name = Path(path).name.lower()
+    known = [form for form in SURFACE_FORMATS if name.endswith(f".{form}")]
+    if not known:
+        names = ", ".join(f".{form}" for form in SURFACE_FORMATS)
+        raise InputError(str(path), f"unknown surface format {Path(path).suffix!r}", f"choose one of {names}")
+    return max(known, key=len)
 
 
 def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) -> None:
@@ -37,12 +58,7 @@ def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) 
     InputError
         For another suffix, or STEP without OpenCASCADE.
     """
-    name = Path(path).name.lower()
-    known = [form for form in SURFACE_FORMATS if name.endswith(f".{form}")]
-    if not known:
-        names = ", ".join(f".{form}" for form in SURFACE_FORMATS)
-        raise InputError(str(path), f"unknown surface format {Path(path).suffix!r}", f"choose one of {names}")
-    module = import_module(f"cccd.surface.formats.{max(known, key=len).replace('.', '_')}")
+    module = import_module(f"cccd.surface.formats.{format_of(path).replace('.', '_')}")
     with atomic_path(path) as temporary:
         module.write(temporary, surface, scan or Scan())
 

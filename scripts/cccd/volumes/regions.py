@@ -78,26 +78,24 @@ def _reaching_sides(labels: AnyArray, slice_axis: int) -> AnyArray:
 
 
 def draw_region(structure: Structure, path: str | Path) -> None:
-    """Draw the region that became the organ: three slices along each axis with the mask's outline, as PNG.
+    """Draw what is taken for the organ: three slices along each axis, its outline over the image, as PNG.
 
     Parameters
     ----------
     structure : Structure
-        With an image, and the region or the mask that it gave.
+        With a region, a mask, boundary maps or drawn contours; and its image, where there is one.
     path : path
         Where the picture goes.
 
     Raises
     ------
     ValueError
-        The structure lacks its image, or what was found in it.
+        The structure brings nothing to draw.
     """
     from matplotlib.figure import Figure
 
-    image, spacing = structure.image, structure.frame.spacing
-    mask = structure.mask if structure.region is None else structure.region
-    if image is None or mask is None:
-        raise ValueError("a region is drawn of an image and its mask")
+    spacing, mask = structure.frame.spacing, _drawn(structure)
+    image = mask.astype(np.float32) if structure.image is None else structure.image
     figure = Figure(figsize=(9, 9), layout="constrained")
     axes = figure.subplots(3, 3)
     low, high = np.percentile(image, (1, 99))
@@ -118,5 +116,24 @@ def draw_region(structure: Structure, path: str | Path) -> None:
             panel.contour(mask.take(index, axis).T, [0.5], colors="tab:red", linewidths=1)
             panel.set_title(f"axis {axis}, index {index + int(structure.origin[axis])}", fontsize=8)
             panel.set_axis_off()
-    figure.suptitle(f"{structure.case} / {structure.organ}: the region found")
-    figure.savefig(path, dpi=100)
+    figure.suptitle(f"{structure.case} / {structure.organ}")
+    figure.savefig(path, dpi=100, format="png")
+
+
+def _drawn(structure: Structure) -> np.ndarray:
+    """Return what stands for the organ, on the grid of the structure's arrays (a, b, c)."""
+    for found in (structure.region, structure.boundary, structure.mask):
+        if found is not None:
+            return found
+    if structure.contours is None:
+        raise ValueError("the structure brings nothing to draw")
+    contours, origin = structure.contours, structure.stack_origin
+    image = structure.stack("image")
+    if image is not None:
+        shape = image.shape
+    else:  # what the image would be cropped to: as much beyond the contours as before them
+        margin = int(contours.slice.min() - origin[0])
+        last = [int(contours.slice.max()), *np.ceil(contours.points.max(axis=0)).astype(int).tolist()]
+        shape = tuple(int(end - begin) + 1 + margin for begin, end in zip(origin, last, strict=True))
+    filled = contours.rasterise(origin, (shape[0], shape[1], shape[2]))
+    return np.moveaxis(filled, 0, structure.frame.slice_axis)

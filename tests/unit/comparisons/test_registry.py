@@ -21,7 +21,7 @@ SCRIPTS = Path(__file__).parents[3] / "scripts"
 def closure(comparison) -> set[str]:
     """Library files whose edit runs a comparison again."""
     modules = [function.rpartition(".")[0] for function in comparison.functions]
-    files = imported_files(SCRIPTS / "compare_structure.py", SCRIPTS, modules)
+    files = imported_files(SCRIPTS / "compare_structure.py", SCRIPTS / "cccd", modules)
     return {path.relative_to(SCRIPTS / "cccd").as_posix() for path in files}
 
 

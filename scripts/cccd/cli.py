@@ -1,0 +1,482 @@
+"""The command ``cccd``: surfaces from files in one process, and the workflow from anywhere.
+
+Whatever is slow to load is imported by the command that needs it, so that ``cccd --help`` is there at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cccd.errors import InputError
+from cccd.extras import missing_extra
+
+if TYPE_CHECKING:
+    from cccd.api import Surface
+    from cccd.containers import Structure
+
+__all__ = ["main"]
+
+_STEPS = ("reading", "contours", "splines", "surface", "writing")
+
+_EXAMPLES = """\
+examples:
+  cccd surface liver.nii.gz                     liver.ply, from a mask
+  cccd surface labels.nii.gz --label 5 -o liver.stl -o liver.step
+  cccd surface labels.nii.gz --all-labels       one file for each label
+  cccd surface dicom_folder/ --label Liver      a series with its RTSTRUCT or SEG
+  cccd check labels.nii.gz                      what is in it: axes, spacing, labels, a picture
+  cccd run sheet.tsv --cores 8                  a cohort, with tables and a report
+  cccd run bids/ out/ participant               the masks of a BIDS data set
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit code: 0, 1 where the input is at fault, 130 after Ctrl-C.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Those of the process by default.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    cut = given.index("--") if "--" in given else len(given)
+    parsed = _parser().parse_args(given[:cut])
+    parsed.further = given[cut + 1 :]
+    try:
+        if parsed.further and parsed.command != "run":
+            raise InputError("--", "only cccd run hands arguments on to Snakemake", "leave them out")
+        return parsed.run(parsed)
+    except InputError as error:
+        return _fail(str(error))
+    except ModuleNotFoundError as error:
+        return _fail(str(missing_extra(error, f"cccd {parsed.command}")))
+    except MemoryError:
+        return _fail("out of memory; crop the scan to the organ, or use a larger machine")
+    except KeyboardInterrupt:
+        return _fail("interrupted; no half-written file is left", 130)
+    except OSError as error:
+        if error.errno == errno.EPIPE:  # the reader of our output has gone
+            return 1
+        return _fail(
+            f"{error.filename or 'file'}: {error.strerror or error}; check the folder's rights and space"
+        )
+
+
+def _fail(line: str, code: int = 1) -> int:
+    print(f"Error: {' '.join(line.split())}", file=sys.stderr)
+    return code
+
+
+# the arguments --------------------------------------------------------------------------------------
+
+
+def _parser() -> argparse.ArgumentParser:
+    from cccd import __version__
+
+    parser = argparse.ArgumentParser(
+        prog="cccd",
+        description="Smooth, watertight B-spline surfaces of organs from stacks of slices.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"cccd {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="command")
+    _add_surface(commands)
+    _add_check(commands)
+    _add_run(commands)
+    _add_export(commands)
+    _add_report(commands)
+    doctor = commands.add_parser("doctor", help="what is installed and works here")
+    doctor.add_argument("--json", action="store_true", help="print JSON")
+    doctor.set_defaults(run=_doctor)
+    return parser
+
+
+def _add_input(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "input",
+        type=Path,
+        help="mask or label map (NIfTI, NRRD, MHA), DICOM SEG or RTSTRUCT, or a folder: a DICOM series, "
+        "a SEG or RTSTRUCT with its series, or a mask per organ",
+    )
+    command.add_argument(
+        "--label",
+        default="",
+        help="value(s) of the label map, 5 or 10,11, or an organ's, segment's, ROI's name",
+    )
+    command.add_argument("--image", type=Path, help="the scan, where it lies elsewhere")
+    command.add_argument(
+        "--boundary", action="store_true", help="the input holds boundary maps, to be ordered by the network"
+    )
+    command.add_argument("--json", action="store_true", help="print JSON")
+
+
+def _add_surface(commands: Any) -> None:
+    surface = commands.add_parser(
+        "surface",
+        help="make a surface of one organ, or of every label",
+        description="Make a smooth closed surface, in this process. Prints its volume, its size and what was "
+        "noticed.",
+    )
+    _add_input(surface)
+    surface.add_argument(
+        "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
+        help="where to, any number of times; the suffix chooses the format: .ply .stl .vtp .glb .step "
+        ".nii.gz (label map) .dcm (RTSTRUCT); default: the input's name with .ply, here",
+    )  # fmt: skip
+    surface.add_argument(
+        "--all-labels", action="store_true", help="a surface of every label, each smoothed alone"
+    )
+    surface.set_defaults(run=_surface)
+
+
+def _add_check(commands: Any) -> None:
+    check = commands.add_parser(
+        "check",
+        help="say what an input holds, and draw it, before anything runs",
+        description="Read the input and say how it was understood: grid, axes, spacing, labels, cut ends.",
+    )
+    _add_input(check)
+    check.add_argument(
+        "-o", "--output", type=Path, metavar="PNG", help="the picture; default: NAME_check.png, here"
+    )
+    check.set_defaults(run=_check)
+
+
+def _add_run(commands: Any) -> None:
+    run = commands.add_parser(
+        "run",
+        help="run the whole workflow on a cohort",
+        description="Run the workflow on a cohort sheet or on the masks of a BIDS data set. What follows -- "
+        "goes to Snakemake: -- --dry-run, -- --config seed=7, -- results/anna/liver/surface.ply",
+    )
+    run.add_argument("input", type=Path, help="cohort sheet (.tsv), or the folder of a BIDS data set")
+    run.add_argument("output", type=Path, nargs="?", help="BIDS: folder of the results")
+    run.add_argument("level", nargs="?", choices=["participant"], help="BIDS: the level of the analysis")
+    run.add_argument("--participant-label", nargs="+", default=[], metavar="LABEL", help="BIDS: these only")
+    run.add_argument(
+        "--cores", type=int, default=os.cpu_count() or 1, help="jobs at once; default: all cores"
+    )
+    run.add_argument("--directory", type=Path, help="folder in which results/ goes; default: here")
+    run.add_argument("--profile", help="slurm, generic, or the folder of a Snakemake profile")
+    run.set_defaults(run=_run)
+
+
+def _add_export(commands: Any) -> None:
+    export = commands.add_parser(
+        "export", help="write a finished structure of the workflow in further formats"
+    )
+    export.add_argument("input", type=Path, help="folder of a finished structure: results/CASE/ORGAN")
+    export.add_argument("-o", "--output", type=Path, action="append", required=True, metavar="FILE")
+    export.set_defaults(run=_export)
+
+
+def _add_report(commands: Any) -> None:
+    report = commands.add_parser("report", help="build the report anew of what is finished")
+    report.add_argument("input", type=Path, nargs="?", default=Path("results"), help="folder of the results")
+    report.add_argument(
+        "-o", "--output", type=Path, metavar="HTML", help="default: report.html in that folder"
+    )
+    report.set_defaults(run=_report)
+
+
+# cccd surface ---------------------------------------------------------------------------------------
+
+
+def _surface(given: argparse.Namespace) -> int:
+    outputs = given.output or [Path(f"{_plain_stem(given.input)}.ply")]
+    _check_outputs(outputs, given.input)
+    if not given.all_labels:
+        chosen = {given.label: ""}
+    else:
+        chosen = _labels_of(given.input)
+    made, failed = [], 0
+    for label, name in chosen.items():
+        files = [_with_name(path, label, name) for path in outputs] if given.all_labels else outputs
+        try:
+            made.append(_make_surface(given, label, files))
+        except InputError as error:
+            if not given.all_labels:
+                raise
+            failed += 1
+            _fail(f"label {label}: {error}")
+        else:
+            if not given.json:
+                _print_surface(made[-1])
+    if given.json:
+        print(json.dumps({"input": str(given.input), "surfaces": made, "failed": failed}, indent=2))
+    return 1 if failed else 0
+
+
+def _plain_stem(path: Path) -> str:
+    from cccd.api import name_of
+
+    return name_of(path.absolute())
+
+
+def _check_outputs(outputs: Sequence[Path], source: Path) -> None:
+    """Refuse what could not be written before anything is computed."""
+    from cccd.surface.export import format_of
+
+    for path in outputs:
+        format_of(path)
+        if path.is_dir():
+            raise InputError(str(path), "that is a folder", "give a file's name in it")
+        if path.exists() and source.exists() and path.samefile(source):
+            raise InputError(str(path), "that is the input", "give another name")
+        _check_writable(path)
+
+
+def _check_writable(path: Path) -> None:
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        problem = "nothing may be written there" if folder.is_dir() else "not a folder"
+        raise InputError(str(folder), problem, "give a folder of your own with -o")
+
+
+def _labels_of(source: Path) -> dict[str, str]:
+    import cccd
+
+    if not source.exists():
+        raise InputError(str(source), "no such file or folder", "check the path")
+    found = cccd.labels(source)
+    if not found:
+        raise InputError(
+            source.name, "it holds no label", "give a label map, a SEG, an RTSTRUCT or a folder of masks"
+        )
+    return found
+
+
+def _with_name(path: Path, label: str, name: str) -> Path:
+    """Put the name of a label, or its number, before a file's suffix."""
+    from cccd.surface.export import format_of
+
+    suffix = f".{format_of(path)}"
+    plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_") or f"label_{label}"
+    return path.with_name(f"{path.name[: -len(suffix)]}_{plain}{suffix}")
+
+
+def _make_surface(given: argparse.Namespace, label: str, files: Sequence[Path]) -> dict[str, Any]:
+    """Make one surface and write it; what there is to say of it."""
+    from tqdm import tqdm
+
+    import cccd
+
+    began = time.perf_counter()
+    with tqdm(total=len(_STEPS), disable=None, leave=False, bar_format="{desc:<12}{bar:30} {elapsed}") as bar:
+
+        def tell(step: str) -> None:
+            bar.set_description_str(step)
+            bar.update(_STEPS.index(step) - bar.n)
+
+        tell("reading")
+        structure = cccd.read(given.input, label, image=given.image, boundary=given.boundary)
+        surface = cccd.reconstruct(structure, progress=tell)
+        tell("writing")
+        for path in files:
+            surface.write(path)
+    return _describe_surface(surface, files, time.perf_counter() - began)
+
+
+def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -> dict[str, Any]:
+    return {
+        "organ": surface.name,
+        "files": [str(path) for path in files],
+        "volume_ml": round(surface.volume / 1000, 4),
+        "size_mm": [round(length, 2) for length in surface.size],
+        "triangles": len(surface.faces),
+        "patches": len(surface.patches),
+        "warnings": list(surface.warnings),
+        "seconds": round(seconds, 2),
+    }
+
+
+def _print_surface(made: dict[str, Any]) -> None:
+    size = " x ".join(f"{length:.1f}" for length in made["size_mm"])
+    print(*made["files"], sep="\n")
+    print(f"  {made['volume_ml']:.4g} ml, {size} mm, {made['triangles']} triangles, {made['seconds']:.1f} s")
+    for warning in made["warnings"]:
+        print(f"  warning: {warning}")
+
+
+# cccd check -----------------------------------------------------------------------------------------
+
+
+def _check(given: argparse.Namespace) -> int:
+    import cccd
+
+    if given.input.suffix == ".tsv":
+        found = [_check_one(given, *row) for row in _rows(given.input)]
+    else:
+        labels = {} if given.boundary or not given.input.exists() else cccd.labels(given.input)
+        label = given.label or (next(iter(labels)) if len(labels) > 1 else "")
+        structure = cccd.read(given.input, label, image=given.image, boundary=given.boundary)
+        found = [_check_one(given, structure, labels)]
+    if given.json:
+        print(json.dumps(found, indent=2))
+    return 0
+
+
+def _rows(sheet: Path) -> list[tuple[Structure, dict[str, str]]]:
+    """Every structure of a cohort sheet."""
+    from cccd.cohort import read_cohort
+    from cccd.settings.root import Settings
+    from cccd.volumes import load_structure
+
+    settings = Settings()
+    rows = read_cohort(sheet)
+    return [(load_structure(row, sheet.parent, settings.import_, settings.seed), {}) for row in rows]
+
+
+def _check_one(given: argparse.Namespace, structure: Structure, labels: dict[str, str]) -> dict[str, Any]:
+    """Say what a structure was understood to be, and draw it."""
+    from cccd.store import atomic_path
+    from cccd.volumes.regions import draw_region
+
+    name = structure.organ if structure.organ == structure.case else f"{structure.case}_{structure.organ}"
+    picture = given.output or Path(f"{name}_check.png")
+    _check_writable(picture)
+    said = _describe_structure(structure, labels)
+    if not given.json:
+        for key, value in said.items():
+            for line in value if isinstance(value, list) else [value]:
+                print(f"{key + ':':<10} {line}")
+    try:
+        with atomic_path(picture) as temporary:
+            draw_region(structure, temporary)
+    except ModuleNotFoundError as error:
+        print(f"no picture: {missing_extra(error, 'its drawing')}", file=sys.stderr)
+        return said
+    if not given.json:
+        print(f"{'picture:':<10} {picture}")
+    return {**said, "picture": str(picture)}
+
+
+def _describe_structure(structure: Structure, labels: dict[str, str]) -> dict[str, Any]:
+    from nibabel.orientations import aff2axcodes
+
+    frame = structure.frame
+    axes = [str(code) for code in aff2axcodes(frame.affine)]
+    along = f"axis {frame.slice_axis} ({axes[frame.slice_axis]})"
+    shape, spacing = " x ".join(map(str, frame.shape)), " x ".join(f"{size:.4g}" for size in frame.spacing)
+    ways = {
+        "contours": "drawn contours, taken as they are",
+        "boundary": "boundary maps, ordered by the network",
+    }
+    way = next(
+        (text for name, text in ways.items() if getattr(structure, name) is not None), "a mask, traced"
+    )
+    return {
+        "organ": structure.organ,
+        "input": way,
+        "grid": f"{shape} voxels of {spacing} mm",
+        "axes": f"index axes run towards {', '.join(axes)} (right, anterior, superior ...)",
+        "slices": f"{_slices(structure)} with organ, along {along}, {frame.slice_spacing:.4g} mm apart",
+        "labels": [f"{label} {name}".strip() for label, name in labels.items()],
+        "warnings": list(structure.warnings),
+    }
+
+
+def _slices(structure: Structure) -> int:
+    if structure.contours is not None:
+        return len(set(structure.contours.slice.tolist()))
+    stacks = (structure.stack(name) for name in ("region", "boundary", "mask"))
+    return int(next(stack for stack in stacks if stack is not None).any(axis=(1, 2)).sum())
+
+
+# the workflow ---------------------------------------------------------------------------------------
+
+
+def _run(given: argparse.Namespace) -> int:
+    from cccd.workflow_command import snakemake_command
+
+    sheet, folder = given.input, given.directory or Path.cwd()
+    if sheet.is_dir():
+        sheet, folder = _sheet_of_bids(given)
+    elif given.output is not None:
+        raise InputError(
+            str(sheet), "not the folder of a BIDS data set", "give BIDS_DIR OUT participant, or a sheet"
+        )
+    command = snakemake_command(sheet, folder, given.cores, given.profile, given.further)
+    sys.stdout.flush()
+    process = subprocess.Popen(command)
+    while True:
+        try:
+            return process.wait()
+        except KeyboardInterrupt:  # Snakemake got it as well, and ends its jobs
+            continue
+
+
+def _sheet_of_bids(given: argparse.Namespace) -> tuple[Path, Path]:
+    """Write the cohort sheet of a BIDS data set into the folder of the results."""
+    import cccd
+    from cccd.bids import find_structures, write_sheet
+
+    if given.output is None or given.level is None:
+        raise InputError(
+            str(given.input), "a folder", "give BIDS_DIR OUT participant, or a cohort sheet (.tsv)"
+        )
+    _check_writable(given.output / "cohort.tsv")
+    rows = find_structures(given.input, cccd.labels, given.participant_label)
+    sheet = given.output / "cohort.tsv"
+    write_sheet(sheet, rows)
+    print(f"{sheet}: {len(rows)} structures of {len({row['case'] for row in rows})} cases")
+    return sheet, given.output
+
+
+def _export(given: argparse.Namespace) -> int:
+    from cccd.surface.export import Scan, read_surface, write_surface
+
+    patches, mesh = given.input / "surface.h5", given.input / "surface.ply"
+    for path in (patches, mesh):
+        if not path.is_file():
+            raise InputError(
+                str(path), "not there", "give the folder of a finished structure: results/CASE/ORGAN"
+            )
+    _check_outputs(given.output, mesh)
+    surface = read_surface(patches, mesh)
+    for path in given.output:
+        write_surface(path, surface, Scan(given.input.resolve().name))
+        print(path)
+    return 0
+
+
+def _report(given: argparse.Namespace) -> int:
+    from cccd.project import PROJECT
+    from cccd.report.page import build_report_of_finished
+    from cccd.settings.root import Settings
+
+    output = given.output or given.input / "report.html"
+    _check_writable(output)
+    if not any(given.input.glob("*/*/metrics.json")):
+        raise InputError(str(given.input), "no structure is finished there", "give the folder of the results")
+    templates = PROJECT / "workflow" / "report"
+    build_report_of_finished(given.input, Settings().as_config(), output, templates)
+    print(output)
+    return 0
+
+
+def _doctor(given: argparse.Namespace) -> int:
+    from cccd.doctor import examine
+
+    findings = examine()
+    if given.json:
+        print(json.dumps([finding._asdict() for finding in findings], indent=2))
+    else:
+        for what, works, detail in findings:
+            print(f"{'yes' if works else 'no ':<4} {what:<18} {detail}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,72 @@
+"""The workflow from anywhere: the command line with which Snakemake runs it."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cccd.errors import InputError
+from cccd.extras import missing_extra
+from cccd.project import PROJECT
+from cccd.settings.messages import choices
+
+__all__ = ["snakemake_command"]
+
+
+def snakemake_command(
+    sheet: Path, folder: Path, cores: int, profile: str | None = None, further: Sequence[str] = ()
+) -> list[str]:
+    """Make the command that runs the workflow on a cohort sheet.
+
+    Parameters
+    ----------
+    sheet : path
+        The cohort sheet.
+    folder : path
+        Where ``results`` goes.
+    cores : int
+        Jobs that run at once.
+    profile : str, optional
+        ``slurm`` or ``generic``, or the folder of another one.
+    further : sequence of str
+        What Snakemake gets besides: targets, ``--dry-run``, ``--config key=value``.
+
+    Raises
+    ------
+    InputError
+        No such sheet or profile, or no Snakemake.
+    """
+    if importlib.util.find_spec("snakemake") is None:
+        raise missing_extra(ModuleNotFoundError(name="snakemake"), "cccd run")
+    if not sheet.is_file():
+        raise InputError(str(sheet), "no such cohort sheet", "give a sheet (.tsv) or a BIDS data set")
+    values, rest = _split_config(further)
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(PROJECT / "Snakefile")]
+    command += ["--directory", str(folder.absolute()), "--config", f"cohort={sheet.absolute()}", *values]
+    if profile is not None:
+        command += ["--workflow-profile", str(_profile(profile))]
+    return [*command, "--cores", str(cores), *rest]
+
+
+def _split_config(further: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Separate the values of ``--config``, which Snakemake takes once only, from the rest."""
+    values, rest, inside = [], [], False
+    for part in further:
+        inside = part == "--config" or (inside and "=" in part and not part.startswith("-"))
+        if inside and part != "--config":
+            values.append(part)
+        elif not inside:
+            rest.append(part)
+    return values, rest
+
+
+def _profile(name: str) -> Path:
+    """Find a profile: one of those that come along, or a folder."""
+    shipped = PROJECT / "workflow" / "profiles"
+    for folder in (Path(name), shipped / name):
+        if (folder / "profile.yaml").is_file() or (folder / "config.yaml").is_file():
+            return folder.absolute()
+    known = sorted(path.name for path in shipped.iterdir() if path.is_dir())
+    raise InputError(name, "no such profile", choices(known))
