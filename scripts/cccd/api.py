@@ -29,6 +29,7 @@ from cccd.surface.surface import Surface as LoftedSurface
 from cccd.volumes import load_structure, structure_of_array
 from cccd.volumes.grid import check_affine, find_slice_axis
 from cccd.volumes.inputs import list_labels
+from cccd.volumes.load import existing
 from cccd.volumes.readers import SUFFIXES
 
 if TYPE_CHECKING:
@@ -187,6 +188,7 @@ def read(
         Not there, not readable, empty, or without such a label: one line with a hint.
     """
     path = Path(path).absolute()
+    existing(path, path.name)
     name = name_of(path)
     chosen = str(label) if isinstance(label, (str, int)) else ",".join(str(value) for value in label)
     wanted = "boundary" if boundary else _column_of(path)

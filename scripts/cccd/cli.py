@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 __all__ = ["main"]
 
+#: What nibabel's letters of the axes stand for.
+_TOWARDS = {"R": "right", "L": "left", "A": "anterior", "P": "posterior", "S": "superior", "I": "inferior"}
+
 _STEPS = ("reading", "contours", "splines", "surface", "writing")
 
 _EXAMPLES = """\
@@ -273,6 +276,8 @@ def _make_surface(given: argparse.Namespace, label: str, files: Sequence[Path]) 
     import cccd
 
     began = time.perf_counter()
+    if not _is_compiled():
+        print("first use: compiling, once, for about a minute ...", file=sys.stderr)
     with tqdm(total=len(_STEPS), disable=None, leave=False, bar_format="{desc:<12}{bar:30} {elapsed}") as bar:
 
         def tell(step: str) -> None:
@@ -286,6 +291,13 @@ def _make_surface(given: argparse.Namespace, label: str, files: Sequence[Path]) 
         for path in files:
             surface.write(path)
     return _describe_surface(surface, files, time.perf_counter() - began)
+
+
+def _is_compiled() -> bool:
+    """Whether Numba's machine code is there, or kept elsewhere, as where the library cannot be written."""
+    library = Path(__file__).parent
+    kept = library / "surface" / "__pycache__"
+    return any(kept.glob("*.nbi")) or not os.access(library, os.W_OK)
 
 
 def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -> dict[str, Any]:
@@ -355,7 +367,7 @@ def _check_one(given: argparse.Namespace, structure: Structure, labels: dict[str
         with atomic_path(picture) as temporary:
             draw_region(structure, temporary)
     except ModuleNotFoundError as error:
-        print(f"no picture: {missing_extra(error, 'its drawing')}", file=sys.stderr)
+        print(missing_extra(error, "no picture"), file=sys.stderr)
         return said
     if not given.json:
         print(f"{'picture:':<10} {picture}")
@@ -380,9 +392,9 @@ def _describe_structure(structure: Structure, labels: dict[str, str]) -> dict[st
         "organ": structure.organ,
         "input": way,
         "grid": f"{shape} voxels of {spacing} mm",
-        "axes": f"index axes run towards {', '.join(axes)} (right, anterior, superior ...)",
+        "axes": f"index axes run towards {', '.join(axes)}: {', '.join(_TOWARDS[axis] for axis in axes)}",
         "slices": f"{_slices(structure)} with organ, along {along}, {frame.slice_spacing:.4g} mm apart",
-        "labels": [f"{label} {name}".strip() for label, name in labels.items()],
+        "labels": ", ".join(f"{label} {name}".strip() for label, name in labels.items()) or "one",
         "warnings": list(structure.warnings),
     }
 

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from cccd.extras import EXTRAS
 
@@ -51,8 +51,7 @@ def _version(module: str) -> str:
 
 
 def _gpu() -> Finding:
-    import torch
-
+    torch: Any = importlib.import_module("torch")
     found = torch.cuda.is_available()
     name = torch.cuda.get_device_name(0) if found else "none: training and ordering run on the processor"
     return Finding("GPU", found, name)

@@ -86,7 +86,7 @@ def test_check_says_axes_labels_and_cut_ends(here, capsys):
     assert "R, A, S" in said["axes"]
     assert any("first slice" in warning for warning in said["warnings"])
     assert main(["check", "labels.nii.gz"]) == 0
-    assert "labels:    7" in capsys.readouterr().out
+    assert "labels:    5, 7" in capsys.readouterr().out
 
 
 WRONG = {

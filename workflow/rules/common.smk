@@ -13,7 +13,9 @@ from snakemake.exceptions import WorkflowError
 
 ROOT = Path(workflow.basedir)
 SCRIPTS = ROOT / "scripts"
-if (SCRIPTS / "cccd").is_dir():  # a checkout; the wheel carries the workflow within the library
+#: The library's folder stands beside the jobs in a checkout; the wheel carries the workflow within the library.
+IN_CHECKOUT = (SCRIPTS / "cccd").is_dir()
+if IN_CHECKOUT:
     sys.path.insert(0, str(SCRIPTS))
 
 import cccd
@@ -29,7 +31,6 @@ from cccd.settings.junctions import NetworkSettings
 from cccd.settings.messages import nearest
 from cccd.settings.surface import SURFACE_FORMATS
 from cccd.settings.validation import validate_config
-
 
 #: The library's folder; its files decide which stages run again.
 LIBRARY = Path(cccd.__file__).parent

@@ -60,7 +60,12 @@ def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) 
     """
     module = import_module(f"cccd.surface.formats.{format_of(path).replace('.', '_')}")
     with atomic_path(path) as temporary:
-        module.write(temporary, surface, scan or Scan())
+        try:
+            module.write(temporary, surface, scan or Scan())
+        except InputError as error:
+            if error.location != str(temporary):
+                raise
+            raise InputError(str(path), error.problem, error.hint) from None
 
 
 def read_surface(patches_path: str | Path, mesh_path: str | Path) -> Surface:

@@ -37,7 +37,7 @@ from cccd.volumes.phantoms import make_phantom
 from cccd.volumes.regions import find_region
 from cccd.volumes.sources import brain_of_stripped, read_mni152, read_whole_body_ct
 
-__all__ = ["MIN_SLICES", "load_structure", "structure_of_array"]
+__all__ = ["MIN_SLICES", "existing", "load_structure", "structure_of_array"]
 
 #: A surface needs this many slices with organ.
 MIN_SLICES = 3
@@ -160,7 +160,7 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings,
         provenance = {"source": row["source"], **facts}
         return _Scan(_frame(mask, settings), image.data, mask.data, provenance=provenance)
     row, implied = complete_row(row, folder)
-    paths = {name: _existing(folder / row[name], name) for name in ("image", "mask", "boundary") if row[name]}
+    paths = {name: existing(folder / row[name], name) for name in ("image", "mask", "boundary") if row[name]}
     image = read_image(paths["image"], row["source"], settings.fill_gaps) if "image" in paths else None
     if "mask" in paths:
         paths["mask"] = object_in(paths["mask"])
@@ -286,8 +286,20 @@ def _describe(volume: Volume) -> str:
     return f"{shape} voxels of {spacing} mm from {origin}"
 
 
-def _existing(path: Path, column: str) -> Path:
-    """Refuse a path that does not exist, naming what its folder holds."""
+def existing(path: Path, column: str) -> Path:
+    """Refuse a path that does not exist, naming what its folder holds.
+
+    Parameters
+    ----------
+    path : path
+    column : str
+        What messages name: the sheet's column.
+
+    Raises
+    ------
+    InputError
+        The path does not exist.
+    """
     if path.exists():
         return path
     folder = path.parent

@@ -1,0 +1,93 @@
+"""What the gallery's pages draw with: the program itself, while the site is built.
+
+MkDocs loads this file as a hook; the pages' code then imports it as ``pictures``.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import html
+import io
+import sys
+import tempfile
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+SCRIPTS = HERE.parent / "scripts"
+
+#: Where the pages' commands are typed.
+FOLDER = Path(tempfile.mkdtemp(prefix="cccd-gallery-"))
+
+
+def on_startup(**_):
+    """Let the pages' code import the library and this file."""
+    sys.path[:0] = [str(HERE), str(SCRIPTS)]
+
+
+def typed(command: str) -> str:
+    """Run a ``cccd`` command, and return it with what it printed, as the page shows both."""
+    from cccd.cli import main
+
+    said = io.StringIO()
+    with contextlib.chdir(FOLDER), contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        code = main(command.split()[1:])
+    if code:
+        raise RuntimeError(f"{command}: {said.getvalue()}")
+    return f"<pre><code>$ {html.escape(command)}\n{html.escape(said.getvalue())}</code></pre>"
+
+
+def phantom(organ: str, spacing_mm: tuple[float, float, float], source: str = "phantom"):
+    """Scan a phantom, whose true surface is known."""
+    from cccd.settings.imports import ImportSettings
+    from cccd.volumes import load_structure
+
+    row = dict.fromkeys(("image", "mask", "boundary", "label"), "")
+    row |= {"case": "gallery", "organ": organ, "source": source, "location": organ}
+    settings = ImportSettings.model_validate({"phantom": {"spacing_mm": spacing_mm}})
+    return load_structure(row, FOLDER, settings, seed=3)
+
+
+def save_mask(structure, name: str) -> None:
+    """Write a structure's mask as a NIfTI file where the commands are typed."""
+    import numpy as np
+
+    from cccd.volumes.nifti_export import write_nifti
+
+    affine = structure.frame.affine.copy()
+    affine[:3, 3] += affine[:3, :3] @ structure.origin
+    write_nifti(FOLDER / name, structure.mask.astype(np.uint8), affine)
+
+
+def picture_of(*names: str) -> str:
+    """Draw meshes (PLY files) from three sides, one below the other."""
+    from cccd.report.render import render_surface
+
+    drawn = []
+    for name in names:
+        path = FOLDER / f"{name}.png"
+        render_surface(FOLDER / name, path, 300)
+        drawn.append(_image(path.read_bytes(), f"{name} from the front, the left and above"))
+    return "\n".join(drawn)
+
+
+def panels(pictures: dict, overlay: dict | None = None) -> str:
+    """Draw slices (I, J) side by side, with closed curves (n, 2) over those that have some."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(3.2 * len(pictures), 3.4), layout="constrained")
+    axes = figure.subplots(1, len(pictures), squeeze=False)[0]
+    for panel, (title, picture) in zip(axes, pictures.items(), strict=True):
+        panel.imshow(picture.T, cmap="gray_r", origin="lower", interpolation="nearest")
+        for curve in (overlay or {}).get(title, []):
+            panel.plot(*[[*axis, axis[0]] for axis in curve.T], color="tab:red", linewidth=1.4)
+        panel.set_title(title, fontsize=9)
+        panel.set_axis_off()
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=110)
+    return _image(content.getvalue(), ", ".join(pictures))
+
+
+def _image(content: bytes, words: str) -> str:
+    data = base64.b64encode(content).decode()
+    return f'<img alt="{html.escape(words)}" src="data:image/png;base64,{data}">'
