@@ -66,10 +66,11 @@ def compare_corner_surfaces(
     """
     if structure.mask is None or not len(curves):
         return pd.DataFrame()
-    structure, boundaries, curves = middle_slab(structure, boundaries, curves, settings.most_slices)
+    structure, curves, slices = middle_slab(structure, curves, settings.most_slices)
+    boundaries = between(boundaries, slices, structure.frame)
     if orderers:  # compiled before anything is timed
         k = int(boundaries.slice[0])
-        orderers[0](between(boundaries, k, k, boundaries.frame))
+        orderers[0](between(boundaries, range(k, k + 1), boundaries.frame))
     begin = time.process_time()
     if orderers:
         orderers[0](boundaries)

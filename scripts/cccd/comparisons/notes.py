@@ -145,28 +145,30 @@ def table_4(cohort: Cohort) -> str:
     table = paper_tables.table_4(cohort)
     sentences = []
     for points, rows in table.groupby("points", sort=False):
-        own = rows[rows["method"] == CCCD].set_index("organ")
-        if own.empty:
-            continue
-        behind = own[own["rank"] > 1]
-        given = _listed(sorted(set(own["given"])))
-        lead = f"For the point set “{points}”, given {given}, CCCD"
-        if behind.empty:
-            leaders = rows[(rows["rank"] == 1) & (rows["method"] != CCCD)].groupby("method", sort=False)
-            shared = [str(method) for method, group in leaders if len(group) == len(own)]
-            share = f", a place shared by {_listed(shared)}" if shared else ""
-            sentences.append(f"{lead} comes first on every organ{share}.")
-        else:
-            first = rows[(rows["rank"] == 1) & rows["organ"].isin(behind.index)]
-            sentences.append(
-                f"{lead} is not first on {_listed(list(behind.index))}: it closes "
-                f"{behind['closed_percent'].min():.0f} % of the curves with Dice "
-                f"{behind['dice_percent'].min():.2f} % and leaves out {behind['left_out'].max():.0f} points; "
-                f"the first there ({_listed(sorted(set(first['method'])))}) close "
-                f"{first['closed_percent'].min():.0f} % with {first['dice_percent'].min():.2f} % and leave "
-                f"out {first['left_out'].max():.0f}."
-            )
+        others = rows[rows["method"] != CCCD]
+        for given, own in rows[rows["method"] == CCCD].groupby("given", sort=False):
+            lead = f"For the point set “{points}”, given {given}, CCCD"
+            sentences.append(_place(lead, own.set_index("organ"), others))
     return " ".join(sentences)
+
+
+def _place(lead: str, own: pd.DataFrame, others: pd.DataFrame) -> str:
+    """Say whether CCCD is first on every organ, and who is where it is not."""
+    behind = own[own["rank"] > 1]
+    if behind.empty:
+        leaders = others[others["rank"] == 1].groupby("method", sort=False)
+        shared = [str(method) for method, group in leaders if len(group) == len(own)]
+        share = f", a place shared by {_listed(shared)}" if shared else ""
+        return f"{lead} comes first on every organ{share}."
+    first = others[(others["rank"] == 1) & others["organ"].isin(behind.index)]
+    return (
+        f"{lead} is not first on {_listed(list(behind.index))}: it closes "
+        f"{behind['closed_percent'].min():.0f} % of the curves with Dice "
+        f"{behind['dice_percent'].min():.2f} % and leaves out {behind['left_out'].max():.0f} points; "
+        f"the first there ({_listed(sorted(set(first['method'])))}) close "
+        f"{first['closed_percent'].min():.0f} % with {first['dice_percent'].min():.2f} % and leave "
+        f"out {first['left_out'].max():.0f}."
+    )
 
 
 def table_5(cohort: Cohort) -> str:
@@ -337,15 +339,16 @@ def figure_16(cohort: Cohort) -> str:
     harris = reconstruction[reconstruction["points"] == HARRIS]
     if harris.empty:
         return "No slice has three Harris corners."
-    means = harris.groupby("method", sort=False)[["closed", "dice"]].mean() * 100
-    segments = harris.groupby("method")["connected"].median()
     paper = published.TABLE_4.set_index("method")["connected"]
-    shown = [name for name in means.index if name in paper.index]
-    parts = [
-        f"{name} {means.loc[name, 'closed']:.0f} % with a mean Dice of {means.loc[name, 'dice']:.1f} % and "
-        f"{_beside(f'{segments[name]:.0f}', f'{paper[name]}')} segments"
-        for name in shown
-    ]
+    parts = []
+    for (name, given), rows in harris.groupby(["method", "given"], sort=False):
+        if name in paper.index:
+            way = f" given {given}" if name == CCCD else ""
+            segments = _beside(f"{rows['connected'].median():.0f}", f"{paper[name]}")
+            parts.append(
+                f"{name}{way} {100 * rows['closed'].mean():.0f} % with a mean Dice of "
+                f"{100 * rows['dice'].mean():.1f} % and {segments} segments"
+            )
     return (
         f"From Harris corners a single closed curve comes out on this share of the slices: {_listed(parts)}."
     )

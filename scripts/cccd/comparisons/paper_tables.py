@@ -15,7 +15,7 @@ import pandas as pd
 from cccd.comparisons import published
 from cccd.comparisons.baselines.reconstructions import RECONSTRUCTIONS
 from cccd.comparisons.paper_k import CCCD
-from cccd.comparisons.reconstruction_comparison import HARRIS
+from cccd.comparisons.reconstruction_comparison import HARRIS, POINTS
 from cccd.comparisons.summary import Cohort
 
 __all__ = ["corner_surfaces", "table_1", "table_2", "table_3", "table_4", "table_5"]
@@ -97,12 +97,24 @@ def table_4(cohort: Cohort) -> pd.DataFrame:
     grouped = rows.groupby(["organ", "points", "method", "given"], sort=False)
     counts = grouped[["n_points", "connected", "disconnected", "open_ends", "junctions", "left_out"]].median()
     table = counts.join(grouped[["closed_percent", "dice_percent"]].mean()).reset_index()
-    order = -(1e6 * table["closed_percent"].round(1) + table["dice_percent"].round(1))
-    table["rank"] = order.groupby([table["organ"], table["points"]]).rank(method="min").astype(int)
+    table["rank"] = _rank(table)
     notes = {method.title: method.note for method in RECONSTRUCTIONS.values()}
     table["version"] = table["method"].map(notes)
     theirs = published.TABLE_4.assign(points=HARRIS)
     return _beside(table, theirs, ["method", "points"])
+
+
+def _rank(table: pd.DataFrame) -> pd.Series:
+    """Each row's place among those that saw the points alone: by curves closed, then by Dice."""
+    value = 1e6 * table["closed_percent"].round(1) + table["dice_percent"].round(1)
+    fair = table["given"] == POINTS
+    better = [
+        np.count_nonzero(
+            fair & (table["organ"] == row["organ"]) & (table["points"] == row["points"]) & (value > value[n])
+        )
+        for n, row in table.iterrows()
+    ]
+    return pd.Series(better, table.index) + 1
 
 
 def table_5(cohort: Cohort) -> pd.DataFrame:

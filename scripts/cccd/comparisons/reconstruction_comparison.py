@@ -18,15 +18,18 @@ from cccd.comparisons.paper_k import CCCD
 from cccd.comparisons.parameters import PAPER_TABLE_2
 from cccd.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd.containers import Boundaries, Curves, Frame, Panel, SliceFigure, Structure
+from cccd.geometry.arrays import offsets_of, successors
 from cccd.metrics import dice
 from cccd.settings.comparisons import ReconstructionSettings
 
 __all__ = [
+    "ALONG_PIXELS",
     "DENSE",
+    "GIVEN_ORDER",
     "HARRIS",
     "JITTERED",
+    "POINTS",
     "compare_reconstruction",
-    "link_along_chain",
     "point_sets",
     "reconstruction_figures",
 ]
@@ -35,11 +38,15 @@ __all__ = [
 DENSE, HARRIS = "dense boundary", "Harris corners on the boundary"
 JITTERED = "every {every}th pixel with jitter"
 
+#: What a method sees, by the names that tables and remarks show: the points alone; the points and their
+#: places in the true chain code; the points and the boundary's pixels, whose order it has to find.
+POINTS, GIVEN_ORDER, ALONG_PIXELS = "points", "points and chain code", "points and boundary pixels"
+
 #: Methods of the paper's Figure 16, then the strongest of the others.
 FIGURE_16 = ("connect2d", "crawl", "nn_crust", "tour")
 
-#: Returns points (N, 2) and the links (M, 2) between them.
-Run = Callable[[], tuple[np.ndarray, np.ndarray]]
+#: Returns links (M, 2) between points.
+Run = Callable[[], np.ndarray]
 
 
 def compare_reconstruction(
@@ -60,8 +67,8 @@ def compare_reconstruction(
     seed : int
         Of the jitter.
     orderers : sequence of Orderer
-        From `cccd.comparisons.orderers.load_orderers`: CCCD orders the dense boundary with each. A run
-        without a network has none, and no such row.
+        From `cccd.comparisons.orderers.load_orderers`: with each CCCD finds an order itself. A run without
+        a network has none, and no such rows.
 
     Returns
     -------
@@ -73,24 +80,25 @@ def compare_reconstruction(
 
     Notes
     -----
-    Bare boundary pixels CCCD orders itself (`cccd.junctions.order_boundaries`). It never throws the
-    boundary away, so a corner carries its place in the chain code, and sparse points are linked along
-    it. The other methods see the points alone. The rows say so in ``given``.
+    The other methods see the points alone. CCCD has up to three rows, which ``given`` tells apart: linked
+    along the true chain code, which orders them; linked along what it finds of the boundary's pixels
+    (`cccd.junctions.order_boundaries`), as the boundary is never thrown away; and, like the others, ordered
+    from the points alone, as if they were a boundary map.
     """
     rng = np.random.default_rng(seed)
     rows = []
     for sample in choose_slices(structure, curves, settings.n_slices, settings.min_contour_px):
         labels = {"case": structure.case, "organ": structure.organ, "slice": sample.k}
         for name, points in point_sets(sample, settings.every, settings.jitter_px, rng).items():
-            runs: list[tuple[str, Run, str]] = [
-                (method.title, lambda key=key, points=points: (points, reconstruct(key, points)), "points")
+            runs: list[tuple[str, str, Run]] = [
+                (method.title, POINTS, partial(reconstruct, key, points))
                 for key, method in RECONSTRUCTIONS.items()
             ]
-            runs += _cccd_runs(sample, name, points, orderers, curves.frame)
-            for method, run, given in runs:
-                (linked, links), ms = _timed(run, settings.repeats)
-                counts = count_links(links, len(linked))
-                region = enclosed_region(linked, links, sample.origin, sample.region.shape)
+            runs += [(CCCD, *run) for run in _cccd_runs(sample, name, points, orderers, curves.frame)]
+            for method, given, run in runs:
+                links, ms = _timed(run, settings.repeats)
+                counts = count_links(links, len(points))
+                region = enclosed_region(points, links, sample.origin, sample.region.shape)
                 score = float(dice(sample.region, region))
                 row = {"points": name, "n_points": len(points), "method": method, "given": given}
                 rows.append(labels | row | vars(counts) | {"dice": score, "ms": ms})
@@ -106,8 +114,9 @@ def reconstruction_figures(
 ) -> dict[str, SliceFigure]:
     """Figure 16: what reconstruction makes of Harris corners: ground truth, the paper's three, a tour, CCCD.
 
-    Parameters as in `compare_reconstruction`; nothing where there is no curve, or where the middle slice has
-    fewer than three Harris corners.
+    CCCD with the order given, and with the order found where there is a network. Parameters as in
+    `compare_reconstruction`; nothing where there is no curve, or where the middle slice has fewer than three
+    Harris corners.
     """
     sample = middle_slice(structure, curves, settings.n_slices, settings.min_contour_px)
     if sample is None:
@@ -117,7 +126,8 @@ def reconstruction_figures(
         return {}
     points = sets[HARRIS]
     linked = {RECONSTRUCTIONS[key].title: reconstruct(key, points) for key in FIGURE_16}
-    linked[CCCD] = link_along_chain(points, sample.curve)
+    for given, run in _cccd_runs(sample, HARRIS, points, orderers[:1], curves.frame):
+        linked[f"{CCCD}, given {given}"] = run()
     panels = [Panel("Ground truth", {"boundary": sample.curve})]
     panels += [_link_panel(title, points, links) for title, links in linked.items()]
     window = np.array([np.floor(sample.curve.min(0)) - 4, np.ceil(sample.curve.max(0)) + 4], np.int64)
@@ -150,34 +160,58 @@ def point_sets(
     return {name: points[np.lexsort(points.T[::-1])] for name, points in sets.items() if len(points) >= 3}
 
 
-def link_along_chain(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
-    """Links (N, 2) that join points in the order of their places on an ordered closed ``curve`` (n, 2)."""
-    distance, place = cKDTree(curve).query(points)
-    order = np.lexsort((np.asarray(distance), np.asarray(place)))
-    return unique_links(np.column_stack([order, np.roll(order, -1)]))
-
-
 def _cccd_runs(
     sample: SliceSample, name: str, points: np.ndarray, orderers: Sequence[Orderer], frame: Frame
-) -> list[tuple[str, Run, str]]:
+) -> list[tuple[str, Run]]:
     """CCCD's ways of linking a point set, and what each is given."""
-    if name != DENSE:
-        return [(CCCD, lambda: (points, link_along_chain(points, sample.curve)), "points and chain code")]
-    pixels = Boundaries(
-        points.astype(np.int32), np.array([0, len(points)]), np.array([sample.k], np.int32), frame
-    )
-    return [(CCCD, partial(_link_as_ordered, orderer, pixels, points), "points") for orderer in orderers]
+    seen = {POINTS: points} if name == DENSE else {POINTS: points, ALONG_PIXELS: sample.curve}
+    runs: list[tuple[str, Run]] = [(GIVEN_ORDER, partial(_link_along, points, sample.curve, sample.curve))]
+    for orderer in orderers:
+        for given, pixels in seen.items():
+            runs.append((given, partial(_link_as_found, points, _as_map(pixels, sample.k, frame), orderer)))
+    return runs
 
 
-def _link_as_ordered(
-    orderer: Orderer, pixels: Boundaries, points: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Links of what ``orderer`` makes of boundary pixels, and the points (N, 2) that they join."""
+def _as_map(pixels: np.ndarray, k: int, frame: Frame) -> Boundaries:
+    """Boundary map of slice ``k`` with a pixel at every one of ``pixels`` (N, 2), rounded."""
+    distinct = np.unique(np.rint(pixels).astype(np.int32), axis=0)
+    return Boundaries(distinct, np.array([0, len(distinct)]), np.array([k], np.int32), frame)
+
+
+def _link_as_found(points: np.ndarray, pixels: Boundaries, orderer: Orderer) -> np.ndarray:
+    """Links (M, 2) of points along the chains that an orderer finds of boundary pixels."""
     ordered = orderer(pixels)
-    # the chains' points among the given ones, then those that fill gaps
-    everything, number = np.unique(np.concatenate([points, ordered.points]), axis=0, return_inverse=True)
-    chain = number.ravel()[len(points) :]
-    return everything, unique_links(np.column_stack([chain, chain[ordered.polygons.successors]]))
+    return _link_along(points, pixels.points.astype(float), ordered.points, ordered.offsets)
+
+
+def _link_along(
+    points: np.ndarray, pixels: np.ndarray, chains: np.ndarray, offsets: np.ndarray | None = None
+) -> np.ndarray:
+    """Join points in the order of their places on closed pixel chains.
+
+    A point's place is that of the nearest of the ``pixels``; where that lies on no chain, it is left out.
+
+    Parameters
+    ----------
+    points, pixels, chains : (N, 2), (P, 2), (Q, 2) float
+    offsets : (C + 1,) int64, optional
+        Of the chains; one where none are given.
+
+    Returns
+    -------
+    (M, 2) int64
+        Links, each once.
+    """
+    bounds = np.array([0, len(chains)]) if offsets is None else offsets
+    if not len(chains):
+        return np.zeros((0, 2), np.int64)
+    apart, nearest = cKDTree(pixels).query(points)
+    off_chain, place = cKDTree(chains).query(pixels[nearest])
+    linked = np.flatnonzero(off_chain == 0)
+    order = linked[np.lexsort((apart[linked], place[linked]))]
+    owner = np.searchsorted(bounds, place[order], side="right") - 1
+    each = offsets_of(np.bincount(owner, minlength=len(bounds) - 1))
+    return unique_links(np.column_stack([order, order[successors(each)]]))
 
 
 def _timed(run, repeats: int):

@@ -254,7 +254,12 @@ STAGE_TIMES = Comparison(
     "stage_times",
     "cccd.comparisons.stage_times.time_stages",
     ("structure", "curves", "orderers"),
-    settings={"settings": "comparisons.stage_times", "finding": "boundaries", "lofting": "surface"},
+    settings={
+        "settings": "comparisons.stage_times",
+        "finding": "boundaries",
+        "lofting": "surface",
+        "on_boundary_px": "comparisons.corners.on_boundary_px",
+    },
     unused=("surface.formats", "surface.contour_spacing_mm", "surface.source", "surface.corner_k"),
     columns=(
         "method", "slices", "corner_ms", "curve_ms", "spline_ms", "surface_ms", "total_ms", "closed_share",
@@ -514,7 +519,8 @@ ITEMS = (
     Item(
         "figure16",
         "Curves reconstructed from corner points",
-        "From Harris corners Connect2D, Crawl and NN-Crust leave gaps; CCCD closes the curve.",
+        "From Harris corners Connect2D, Crawl and NN-Crust leave gaps; CCCD closes the curve. CCCD is shown "
+        "with the order given and with the order found, as in Table 4.",
         name="Figure 16",
         section="paper",
         rows=(RECONSTRUCTION,),
@@ -529,7 +535,9 @@ ITEMS = (
     Item(
         "table4",
         "Connected and disconnected segments",
-        "Connect2D leaves 2 segments, Crawl 4, NN-Crust 12; CCCD one closed curve.",
+        "Connect2D leaves 2 segments, Crawl 4, NN-Crust 12; CCCD one closed curve. CCCD has a row with the "
+        "order given, by the true chain code, and rows with the order found: from the boundary's pixels, "
+        "and from the points alone, which is all that the others see. The rank is among these.",
         name="Table 4",
         section="paper",
         rows=(RECONSTRUCTION,),

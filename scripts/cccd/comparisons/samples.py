@@ -155,13 +155,19 @@ def to_bytes(stack: np.ndarray, organ: np.ndarray | None = None) -> np.ndarray:
     return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
 
 
-def middle_slab(
-    structure: Structure, boundaries: Boundaries, curves: Curves, most_slices: int
-) -> tuple[Structure, Boundaries, Curves]:
-    """Cut a slab of adjacent slices out of the organ's middle, as a scan of its own; all where it fits."""
+def middle_slab(structure: Structure, curves: Curves, most_slices: int) -> tuple[Structure, Curves, range]:
+    """Cut a slab of adjacent slices out of the organ's middle, as a scan of its own; all where it fits.
+
+    Returns
+    -------
+    structure, curves
+        Of the slab, whose slices are counted from its first.
+    slices : range
+        Which slices of the scan they are.
+    """
     used = np.unique(curves.slice)
     if len(used) <= most_slices:
-        return structure, boundaries, curves
+        return structure, curves, range(structure.frame.shape[structure.frame.slice_axis])
     first, *_, last = (int(k) for k in used[(len(used) - most_slices) // 2 :][:most_slices])
     frame, axis = structure.frame, structure.frame.slice_axis
     affine = frame.affine.copy()
@@ -173,17 +179,18 @@ def middle_slab(
     origin = np.array(structure.origin)
     origin[axis] = 0
     cut = replace(structure, frame=slab, origin=origin, mask=mask, image=None, truth=None, contours=None)
-    return cut, between(boundaries, first, last, slab), between(curves, first, last, slab)
+    slices = range(first, last + 1)
+    return cut, between(curves, slices, slab), slices
 
 
-def between(stack: _Stack, first: int, last: int, frame: Frame) -> _Stack:
-    """Take what lies on the slices from ``first`` to ``last``, counted from the first."""
-    chosen = (stack.slice >= first) & (stack.slice <= last)
+def between(stack: _Stack, slices: range, frame: Frame) -> _Stack:
+    """Take what lies on adjacent slices, counted from the first of them."""
+    chosen = np.isin(stack.slice, slices)
     size = np.diff(stack.offsets)
     kept = {
         "points": stack.points[np.repeat(chosen, size)],
         "offsets": offsets_of(size[chosen]),
-        "slice": (stack.slice[chosen] - first).astype(stack.slice.dtype),
+        "slice": (stack.slice[chosen] - slices.start).astype(stack.slice.dtype),
         "frame": frame,
     }
     return replace(stack, **kept, **({"hole": stack.hole[chosen]} if isinstance(stack, Curves) else {}))

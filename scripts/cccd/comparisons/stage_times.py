@@ -18,7 +18,7 @@ from cccd.comparisons.orderers import Orderer
 from cccd.comparisons.paper_k import CCCD
 from cccd.comparisons.parameters import PAPER_TABLE_2
 from cccd.comparisons.samples import SliceSample, choose_slices, middle_slab
-from cccd.containers import Boundaries, Curves, Frame, Splines, Structure
+from cccd.containers import Curves, Frame, Splines, Structure
 from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.geometry.polygons import RaggedPolygons
@@ -33,8 +33,6 @@ __all__ = ["WAYS", "time_stages"]
 
 #: CCCD's k here: the one with which the paper's scores are best.
 K = 3
-#: A corner this near (px) to a boundary pixel lies on the boundary, as FUSE needs.
-ON_BOUNDARY_PX = 1.5
 STAGES = ("corner", "curve", "spline", "surface")
 
 _Result = TypeVar("_Result")
@@ -71,6 +69,7 @@ def time_stages(
     settings: StageTimeSettings,
     finding: BoundarySettings,
     lofting: LoftSettings,
+    on_boundary_px: float,
     orderers: Sequence[Orderer] = (),
 ) -> pd.DataFrame:
     """Take a slab of slices from its images to a surface by every method, and time each stage.
@@ -88,6 +87,8 @@ def time_stages(
     finding : BoundarySettings
         Of CCCD's boundary pixels.
     lofting : LoftSettings
+    on_boundary_px : float
+        How near to a boundary pixel the others' corners must lie.
     orderers : sequence of Orderer
         The run's network, by which CCCD orders the pixels; without one the mask is traced.
 
@@ -103,9 +104,9 @@ def time_stages(
     if structure.mask is None or not len(curves):
         return pd.DataFrame()
     slab, samples = _filled_slab(structure, curves, settings.most_slices)
-    _, _, few = middle_slab(structure, _no_pixels(structure.frame), curves, 3)
+    _, few, _ = middle_slab(structure, curves, 3)
     loft_surface(few, lofting.model_copy(update={"source": "polygons"}))  # compiled before it is timed
-    made = {way.title: _linked_corners(way, samples, slab.frame) for way in WAYS}
+    made = {way.title: _linked_corners(way, samples, slab.frame, on_boundary_px) for way in WAYS}
     made[CCCD] = _ordered_pixels(slab, finding, orderers)
     return pd.DataFrame(
         [_timed(method, planar, slab, len(samples), lofting) for method, planar in made.items()]
@@ -116,17 +117,13 @@ def _filled_slab(
     structure: Structure, curves: Curves, most_slices: int
 ) -> tuple[Structure, list[SliceSample]]:
     """Cut the slab, with the longest curve of each slice filled for its mask, and each slice's sample."""
-    slab, _, inside = middle_slab(structure, _no_pixels(structure.frame), curves, most_slices)
+    slab, inside, _ = middle_slab(structure, curves, most_slices)
     samples = choose_slices(slab, inside, most_slices, 0.0)
     slices = np.array([sample.k for sample in samples])
     longest = _curves([sample.curve for sample in samples], slices, slab.frame)
     mask = longest.rasterise(slab.stack_origin, slab.required_stack("mask").shape)
     filled = replace(slab, mask=np.moveaxis(mask, 0, slab.frame.slice_axis))
     return filled, choose_slices(filled, longest, most_slices, 0.0)
-
-
-def _no_pixels(frame: Frame) -> Boundaries:
-    return Boundaries(np.zeros((0, 2), np.int32), np.zeros(1, np.int64), np.zeros(0, np.int32), frame)
 
 
 def _curves(polygons: Sequence[np.ndarray], slices: np.ndarray, frame: Frame) -> Curves:
@@ -145,14 +142,14 @@ class _Planar(NamedTuple):
     seconds: dict[str, float]
 
 
-def _linked_corners(way: Way, samples: Sequence[SliceSample], frame: Frame) -> _Planar:
+def _linked_corners(way: Way, samples: Sequence[SliceSample], frame: Frame, on_boundary_px: float) -> _Planar:
     """Corners of the slices' masks, those on the boundary linked where that gives a closed simple curve."""
     detect = CORNER_DETECTORS[way.detector].run
     parameters = PAPER_TABLE_2[way.detector]
 
     def corners(sample: SliceSample) -> np.ndarray:
         found = detect(sample.images["mask"], **parameters) + sample.origin
-        return found[near_boundary(found, sample.curve, ON_BOUNDARY_PX)].astype(float)
+        return found[near_boundary(found, sample.curve, on_boundary_px)].astype(float)
 
     corners(samples[0])  # compiled before anything is timed
     reconstruct(way.reconstruction, samples[0].curve[::8])

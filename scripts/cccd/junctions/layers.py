@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 from torch_geometric.data import HeteroData
@@ -61,6 +63,14 @@ class EquationEleven(MessagePassing):
         """
         size = (len(x), len(x) if receivers is None else receivers)
         return self.propagate(edge_index, x=self.sent(x), gate=gate, size=size)
+
+    def propagate(self, edge_index: Tensor, size: tuple[int, int] | None = None, **kwargs: Any) -> Tensor:
+        """Exchange messages as the base class does.
+
+        For a class without its own ``propagate`` PyTorch Geometric compiles one, from a file that every
+        process leaves in the folder for temporary files.
+        """
+        return super().propagate(edge_index, size, **kwargs)
 
     def sent(self, x: Tensor) -> Tensor:
         """``Act(Dropout(BN(x W + b)))`` of every node."""

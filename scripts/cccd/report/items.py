@@ -12,7 +12,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from cccd.comparisons.measures import AS_SMOOTH
-from cccd.comparisons.paper_k import COARSE_K
+from cccd.comparisons.paper_k import CCCD, COARSE_K
 from cccd.comparisons.registry import Item
 from cccd.comparisons.summary import figure_11_rows, structure_names
 from cccd.containers import Panel, SliceFigure
@@ -220,7 +220,8 @@ def figure_16(results: Results, item: Item) -> Plots:
     rows = results.rows(item.rows[0])
     if rows is None:
         return drawn
-    rows = rows.assign(closed=rows["closed"].astype(float))
+    method = rows["method"].where(rows["method"] != CCCD, CCCD + ", given " + rows["given"])
+    rows = rows.assign(closed=rows["closed"].astype(float), method=method)
     means = rows.groupby(["points", "method"], sort=False)[["closed", "dice"]].mean().reset_index()
     shown = {"closed": "Share of single closed curves", "dice": "Mean Dice"}
     dots = plots.methods("figure16-dots", means, "method", shown, group="points")

@@ -6,7 +6,7 @@ import pytest
 from cccd.boundary import extract_boundaries
 from cccd.comparisons.corner_surfaces import compare_corner_surfaces
 from cccd.comparisons.paper_k import AUTOMATIC
-from cccd.comparisons.samples import middle_slab
+from cccd.comparisons.samples import between, middle_slab
 from cccd.containers import Frame, Structure
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.comparisons import CornerSurfaceSettings
@@ -32,7 +32,8 @@ def scanned(axis=2, origin=(0, 0, 0)):
 @pytest.mark.parametrize(("axis", "origin"), [(2, (0, 0, 0)), (0, (3, 5, 7))])
 def test_a_slab_lies_where_it_lay(axis, origin):
     structure, boundaries, curves = scanned(axis, origin)
-    slab, pixels, cut = middle_slab(structure, boundaries, curves, 6)
+    slab, cut, slices = middle_slab(structure, curves, 6)
+    pixels = between(boundaries, slices, slab.frame)
     assert np.unique(cut.slice).tolist() == np.unique(pixels.slice).tolist() == list(range(6))
     whole = curves.frame.to_world(curves.points, np.repeat(curves.slice, np.diff(curves.offsets)))
     part = cut.frame.to_world(cut.points, np.repeat(cut.slice, np.diff(cut.offsets)))
@@ -43,8 +44,11 @@ def test_a_slab_lies_where_it_lay(axis, origin):
 
 
 def test_what_fits_is_taken_whole():
-    parts = scanned()
-    assert all(one is other for one, other in zip(middle_slab(*parts, 99), parts, strict=True))
+    structure, boundaries, curves = scanned()
+    whole, all_curves, slices = middle_slab(structure, curves, 99)
+    assert whole is structure
+    assert all_curves is curves
+    np.testing.assert_array_equal(between(boundaries, slices, whole.frame).points, boundaries.points)
 
 
 def test_a_row_per_k_with_its_cost_and_its_agreement():

@@ -18,7 +18,7 @@ def table():
     scan = PhantomSettings(spacing_mm=(3, 3, 6))
     liver = make_phantom("case", "liver", scan, seed=1, margin_voxels=3, location="liver")
     settings = StageTimeSettings(most_slices=4)
-    return time_stages(liver, trace_mask(liver), settings, BoundarySettings(), LoftSettings())
+    return time_stages(liver, trace_mask(liver), settings, BoundarySettings(), LoftSettings(), 1.5)
 
 
 def test_every_method_goes_as_far_as_its_curves_allow(table):

@@ -14,8 +14,11 @@ from cccd.comparisons.corner_comparison import compare_corners, corner_figures, 
 from cccd.comparisons.paper_k import CCCD
 from cccd.comparisons.parameters import GRID
 from cccd.comparisons.reconstruction_comparison import (
+    ALONG_PIXELS,
     DENSE,
+    GIVEN_ORDER,
     HARRIS,
+    POINTS,
     compare_reconstruction,
     reconstruction_figures,
 )
@@ -147,10 +150,24 @@ def test_scores_are_consistent(rows):
 
 def test_cccd_closes_every_curve_near_the_truth(rows):
     own = rows[1][rows[1]["method"] == CCCD]
-    assert own["closed"].all()
+    assert set(own.loc[own["points"] == DENSE, "given"]) == {POINTS, GIVEN_ORDER}
+    assert set(own.loc[own["points"] == HARRIS, "given"]) == {POINTS, GIVEN_ORDER, ALONG_PIXELS}
     assert (own.loc[own["points"] == DENSE, "dice"] > 0.99).all()
-    assert set(own.loc[own["points"] == DENSE, "given"]) == {"points"}
-    assert set(own.loc[own["points"] == HARRIS, "given"]) == {"points and chain code"}
+    assert own.loc[(own["given"] != POINTS) | (own["points"] == DENSE), "closed"].all()
+
+
+def test_the_order_found_on_an_outline_is_the_order_given(rows):
+    own = rows[1][rows[1]["method"] == CCCD].set_index(["slice", "points"]).drop(columns="ms")
+    found, given = (own[own["given"] == way].drop(columns="given") for way in (ALONG_PIXELS, GIVEN_ORDER))
+    pd.testing.assert_frame_equal(found, given.loc[found.index])
+
+
+def test_a_rank_is_among_those_that_see_the_points_alone(tables):
+    table = tables["table4_reconstruction"]
+    for _, group in table.groupby(["organ", "points"]):
+        alone = group[group["given"] == POINTS]
+        assert alone["rank"].min() == 1
+        assert alone["rank"].max() <= len(alone)
 
 
 def test_the_truth_encloses_itself(rows):
@@ -174,7 +191,7 @@ def test_ours_stand_beside_the_papers(tables):
     assert third.loc[~quoted, "dice_percent"].notna().all()
     fourth = tables["table4_reconstruction"].set_index(["points", "method"])
     assert fourth.loc[(HARRIS, "NN-Crust"), "paper_disconnected"] == 12
-    assert fourth.loc[(DENSE, CCCD), ["paper_connected"]].isna().all()
+    assert fourth.loc[(DENSE, CCCD), "paper_connected"].isna().all()
     fifth = tables["table5_times"].set_index("method")
     assert fifth.loc["Crawl", "paper_curve_s"] == 6.87
     assert fifth["corner_ms"].fillna(fifth["curve_ms"]).notna().all()
@@ -212,8 +229,7 @@ def test_a_mask_without_image_is_enough():
     curves = trace_mask(structure)
     rows = compare_all(structure, curves)
     assert set(rows[0]["image"]) == {"mask", "chain code"}
-    by_points = rows[1].groupby("points")["method"].agg(set)
-    assert [name for name, methods in by_points.items() if CCCD not in methods] == [DENSE]
+    assert set(rows[1].loc[rows[1]["method"] == CCCD, "given"]) == {GIVEN_ORDER}
     assert all("nan" not in text for text in write_notes(as_cohort(rows)).values())
 
 
@@ -237,8 +253,10 @@ def test_figures_hold_every_panel(structure):
     curves = trace_mask(structure)
     links = reconstruction_figures(structure, curves, SETTINGS.reconstruction, 7)["figure16"]
     assert [panel.title for panel in links.panels] == [
-        "Ground truth", "Connect2D", "Crawl", "NN-Crust", "2-opt tour", CCCD,
+        "Ground truth", "Connect2D", "Crawl", "NN-Crust", "2-opt tour", f"{CCCD}, given {GIVEN_ORDER}",
     ]  # fmt: skip
+    found = reconstruction_figures(structure, curves, SETTINGS.reconstruction, 7, ORDERERS)["figure16"]
+    assert len(found.panels) == len(links.panels) + 2
     fused = corner_figures(structure, curves, SETTINGS.corners)["figure9"]
     assert len(fused.panels) == 2 * fused.columns == 2 * len(CORNER_DETECTORS)
     assert fused.image.shape == tuple(np.diff(fused.window, axis=0)[0] + 1)
