@@ -143,6 +143,8 @@ def test_a_network_that_is_named_is_compared_on_masks_too(fresh_project, sheet):
             ["train=false", "gnn={network: paper, pretrained: workflow/models/junctions.pt}"],
             ["workflow/models/junctions.pt", "set gnn.network to ours"],
         ),
+        (["train=false", "gnn={pretrained: no/such.pt}"], ["gnn.pretrained", "no file no/such.pt"]),
+        (["train=true", "gnn={start: no/such.pt}"], ["gnn.start", "no file no/such.pt"]),
         (
             ["train=true", "gnn={width: 16, start: workflow/models/junctions.pt}"],
             ["its width is not 16", "set gnn.width to 32"],

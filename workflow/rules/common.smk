@@ -148,10 +148,18 @@ START = [near(find_file(name)) for name in [config["gnn"]["start"]] if name]
 
 try:
     # a job that starts loses its outputs: what it would refuse is refused here, and no trained model with it
+    for key in ("start", "pretrained"):
+        name = config["gnn"][key]
+        if name and not find_file(name).is_file():
+            # a model that lies where this one would go would be taken for it
+            raise InputError(
+                f"config key gnn.{key}",
+                f"there is no file {name}",
+                "name a model.pt, from here or from the project's folder",
+            )
     for path in START:
-        if os.path.exists(path):
-            check_start(path, NetworkSettings(**config["gnn"]))
-    if not TRAINED and os.path.exists(READY):
+        check_start(path, NetworkSettings(**config["gnn"]))
+    if not TRAINED:
         check_model(READY, ORDERS)
 except InputError as error:
     sys.exit(f"Error: {error}")

@@ -344,7 +344,7 @@ def figure_16(cohort: Cohort) -> str:
     for (name, given), rows in harris.groupby(["method", "given"], sort=False):
         if name in paper.index:
             way = f" given {given}" if name == CCCD else ""
-            segments = _beside(f"{rows['connected'].median():.0f}", f"{paper[name]}")
+            segments = _beside(f"{rows['connected'].median():.0f}", f"{paper[str(name)]}")
             parts.append(
                 f"{name}{way} {100 * rows['closed'].mean():.0f} % with a mean Dice of "
                 f"{100 * rows['dice'].mean():.1f} % and {segments} segments"

@@ -104,17 +104,12 @@ def table_4(cohort: Cohort) -> pd.DataFrame:
     return _beside(table, theirs, ["method", "points"])
 
 
-def _rank(table: pd.DataFrame) -> pd.Series:
+def _rank(table: pd.DataFrame) -> np.ndarray:
     """Each row's place among those that saw the points alone: by curves closed, then by Dice."""
-    value = 1e6 * table["closed_percent"].round(1) + table["dice_percent"].round(1)
-    fair = table["given"] == POINTS
-    better = [
-        np.count_nonzero(
-            fair & (table["organ"] == row["organ"]) & (table["points"] == row["points"]) & (value > value[n])
-        )
-        for n, row in table.iterrows()
-    ]
-    return pd.Series(better, table.index) + 1
+    value = np.asarray(1e6 * table["closed_percent"].round(1) + table["dice_percent"].round(1))
+    organ, points = np.asarray(table["organ"]), np.asarray(table["points"])
+    beside = (organ == organ[:, None]) & (points == points[:, None]) & np.asarray(table["given"] == POINTS)
+    return 1 + np.count_nonzero(beside & (value > value[:, None]), axis=1)
 
 
 def table_5(cohort: Cohort) -> pd.DataFrame:

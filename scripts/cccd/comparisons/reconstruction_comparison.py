@@ -205,8 +205,8 @@ def _link_along(
     bounds = np.array([0, len(chains)]) if offsets is None else offsets
     if not len(chains):
         return np.zeros((0, 2), np.int64)
-    apart, nearest = cKDTree(pixels).query(points)
-    off_chain, place = cKDTree(chains).query(pixels[nearest])
+    apart, nearest = map(np.asarray, cKDTree(pixels).query(points))
+    off_chain, place = map(np.asarray, cKDTree(chains).query(pixels[nearest]))
     linked = np.flatnonzero(off_chain == 0)
     order = linked[np.lexsort((apart[linked], place[linked]))]
     owner = np.searchsorted(bounds, place[order], side="right") - 1

@@ -79,6 +79,11 @@ def test_connect2d_never_crosses_itself(seed):
     assert {tuple(link) for link in reconstruct("connect2d", points).tolist()} <= delaunay
 
 
+def test_connect2d_closes_a_gap_of_three_spacings():
+    points = circle(60)[2:]
+    np.testing.assert_array_equal(reconstruct("connect2d", points), ring_links(58))
+
+
 @pytest.mark.parametrize("method", ["crawl", "hnn_crust", "peel", "gathan"])
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
