@@ -29,7 +29,7 @@ from cccd.settings.root import Settings  # noqa: E402
 
 COUNTS = (25, 70, 200)
 #: Epochs over the largest number of graphs, and graphs per step of our network.
-EPOCHS, BATCH = 5, 4
+EPOCHS, BATCH = 4, 4
 #: Graphs that choose the epoch.
 VALIDATION = 10
 
@@ -65,7 +65,7 @@ def main() -> None:
     )
     parser.add_argument("--table", type=Path, default=ROOT / "docs" / "training_graphs.csv")
     table, rows = parser.parse_args().table, []
-    for network in ("ours", "paper"):
+    for network in ("paper", "ours"):
         for count in COUNTS:
             with tempfile.TemporaryDirectory() as folder:
                 rows.append(score(network, count, Path(folder)))

@@ -173,8 +173,8 @@ def map_figures(
         return {}
     places = ((np.arange(min(_SHOWN, len(decided))) + 0.5) * len(decided) / _SHOWN).astype(int)
     shown = decided[np.minimum(places, len(decided) - 1)]
-    maps = [between(boundaries, k, k, boundaries.frame) for k in shown.tolist()]
-    ordered = [between(contours, k, k, contours.frame) for k in shown.tolist()]
+    maps = [between(boundaries, range(k, k + 1), boundaries.frame) for k in shown.tolist()]
+    ordered = [between(contours, range(k, k + 1), contours.frame) for k in shown.tolist()]
     decoded = [decoded_curves(pixels) for pixels in maps]
     panels = [
         _panel(structure, pixels, curves, int(k), method)

@@ -48,8 +48,8 @@ def train_model(
     checkpoint_dir : path
         One checkpoint per epoch (model, optimiser, scheduler, random state); the last two are kept.
     model_path, history_path : path
-        Best weights by validation correctness, and the table of epochs, in which the row of the weights'
-        epoch has the scores of the test graphs as well.
+        The weights of the last epoch whose validation is within a standard error of the best, and the table
+        of epochs, in which the row of the weights' epoch has the scores of the test graphs as well.
     threads : int
         One computes; the others draw maps.
 
@@ -78,7 +78,8 @@ def train_model(
         scores = task.score(run.model, splits["validation"])
         row = {"epoch": epoch, "loss": loss, **_named("validation", scores)}
         seconds = round(time.perf_counter() - begun, 2)
-        run.record({**row, "seconds": seconds, "device": run.device_name(threads)})
+        row |= {"seconds": seconds, "device": run.device_name(threads)}
+        run.record(row, len(splits["validation"]))
         checkpoints.save(epoch, run.state())
     run.model.load_state_dict(run.best["weights"])
     save_model(model_path, settings.network, run.model.sizes, run.best["weights"], seed)
@@ -89,6 +90,11 @@ def train_model(
     with atomic_path(history_path) as temporary:
         history.to_csv(temporary, index=False)
     logger.info("best epoch %d; %.0f s in this process", run.best["epoch"], time.perf_counter() - started)
+
+
+def _score(row: Mapping[str, Any]) -> float:
+    """Mean of correct and Dice: few slices are on the edge of correct; Dice has less noise."""
+    return float(row["validation_correct"] + row["validation_dice"]) / 2
 
 
 def _named(split: str, scores: Mapping[str, float]) -> dict[str, float]:
@@ -107,7 +113,7 @@ class _Run:
     optimiser: torch.optim.Optimizer
     schedule: torch.optim.lr_scheduler.LRScheduler
     history: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
-    best: dict[str, Any] = field(default_factory=lambda: {"score": -1.0, "epoch": -1, "weights": None})
+    best: dict[str, Any] = field(default_factory=lambda: {"epoch": -1, "weights": None})
 
     @classmethod
     def start(cls, task: Task, plan: NetworkSettings | PaperSettings, steps_per_epoch: int) -> _Run:
@@ -139,20 +145,24 @@ class _Run:
 
     def is_stuck(self, epoch: int, patience: int) -> bool:
         """Whether the best epoch is too long ago."""
-        stuck = self.best["epoch"] >= 0 and epoch - self.best["epoch"] > patience
+        best = max(self.history, key=_score)["epoch"] if self.history else epoch
+        stuck = epoch - best > patience
         if stuck:
-            logger.info("no better than epoch %d for %d epochs: done", self.best["epoch"], patience)
+            logger.info("no better than epoch %d for %d epochs: done", best, patience)
         return stuck
 
-    def record(self, row: dict[str, Any]) -> None:
-        """Keep an epoch's row, and its weights if they are the best so far."""
+    def record(self, row: dict[str, Any], graphs: int) -> None:
+        """Keep an epoch's row, and its weights where so many validation graphs find none surely better.
+
+        Of epochs within a standard error of the best the last is taken: its learning rate is the lowest.
+        """
         logger.info("%s", row)
         self.history = [*self.history, row]
-        # few slices are on the edge of correct; the mean with Dice tells epochs apart with less noise
-        score = (row["validation_correct"] + row["validation_dice"]) / 2
-        if score > self.best["score"]:
+        best = max(self.history, key=_score)
+        share = (best["validation_correct"] * graphs + 1) / (graphs + 2)  # not 0 or 1 for certain
+        if _score(row) >= _score(best) - (share * (1 - share) / graphs) ** 0.5 / 2:
             weights = {name: value.detach().cpu().clone() for name, value in self.model.state_dict().items()}
-            self.best = {"score": float(score), "epoch": row["epoch"], "weights": weights}
+            self.best = {"epoch": row["epoch"], "weights": weights}
 
     def state(self) -> dict[str, Any]:
         """All that a later process needs to go on."""

@@ -274,15 +274,15 @@ class PaperSettings(Section):
         0.5, "share of messages dropped in training", why="The paper's number.", unit="share", ge=0, le=0.9
     )
     epochs: int = setting(
-        15,
+        8,
         "epochs at most",
-        why="Not in the paper; keeps its training below a minute.",
+        why="Not in the paper; its links get no better beyond five.",
         unit="count",
         ge=1,
         le=10000,
     )
     patience: int = setting(
-        15,
+        8,
         "epochs without a better validation before training stops",
         why="Not in the paper; all epochs are run by default.",
         unit="count",
@@ -328,9 +328,9 @@ class NetworkSettings(Section):
         GraphSettings(), "frozen graphs of each split", why="Drawn once, so that runs compare."
     )
     fresh_maps: int = setting(
-        1300,
+        400,
         "maps drawn afresh in each epoch besides",
-        why="Fresh maps cannot be learnt by heart.",
+        why="They cannot be learnt by heart; 1300 take 2.5 times as long, for 0.82 correct instead of 0.77.",
         unit="count",
         ge=0,
         le=1000000,
@@ -352,9 +352,9 @@ class NetworkSettings(Section):
         le=10000,
     )
     batch_size: int = setting(
-        12,
+        6,
         "maps per step",
-        why="What the shipped weights were trained with.",
+        why="In a short training more steps are worth more; the shipped weights took 12.",
         unit="count",
         ge=1,
         le=1024,

@@ -148,6 +148,11 @@ def test_training_stops_when_validation_gets_no_better(graphs, tmp_path):
     assert len(history) < 8
 
 
+def test_of_epochs_that_validate_alike_the_last_is_taken(graphs, tmp_path):
+    _, history = train(graphs, tmp_path, epochs=3, learning_rate=1e-12)
+    assert history["test_correct"].notna().tolist() == [False, False, True]
+
+
 def test_history_reports_what_was_promised(graphs, tmp_path):
     _, history = train(graphs, tmp_path, epochs=1)
     wanted = {"epoch", "loss", "link_precision", "link_recall", "link_f1", "validation_correct", "seconds"}
