@@ -45,6 +45,13 @@ POINTS, GIVEN_ORDER, ALONG_PIXELS = "points", "points and chain code", "points a
 #: Methods of the paper's Figure 16, then the strongest of the others.
 FIGURE_16 = ("connect2d", "crawl", "nn_crust", "tour")
 
+#: What the figure writes over CCCD's panels.
+_PANELS = {
+    GIVEN_ORDER: "CCCD, order given",
+    POINTS: "CCCD, order of points found",
+    ALONG_PIXELS: "CCCD, order of pixels found",
+}
+
 #: Returns links (M, 2) between points.
 Run = Callable[[], np.ndarray]
 
@@ -127,7 +134,7 @@ def reconstruction_figures(
     points = sets[HARRIS]
     linked = {RECONSTRUCTIONS[key].title: reconstruct(key, points) for key in FIGURE_16}
     for given, run in _cccd_runs(sample, HARRIS, points, orderers[:1], curves.frame):
-        linked[f"{CCCD}, given {given}"] = run()
+        linked[_PANELS[given]] = run()
     panels = [Panel("Ground truth", {"boundary": sample.curve})]
     panels += [_link_panel(title, points, links) for title, links in linked.items()]
     window = np.array([np.floor(sample.curve.min(0)) - 4, np.ceil(sample.curve.max(0)) + 4], np.int64)
