@@ -276,8 +276,6 @@ def _make_surface(given: argparse.Namespace, label: str, files: Sequence[Path]) 
     import cccd
 
     began = time.perf_counter()
-    if not _is_compiled():
-        print("first use: compiling, once, for about a minute ...", file=sys.stderr)
     with tqdm(total=len(_STEPS), disable=None, leave=False, bar_format="{desc:<12}{bar:30} {elapsed}") as bar:
 
         def tell(step: str) -> None:
@@ -286,6 +284,8 @@ def _make_surface(given: argparse.Namespace, label: str, files: Sequence[Path]) 
 
         tell("reading")
         structure = cccd.read(given.input, label, image=given.image, boundary=given.boundary)
+        if not _is_compiled():
+            tqdm.write("first use: compiling, once, for about a minute ...", file=sys.stderr)
         surface = cccd.reconstruct(structure, progress=tell)
         tell("writing")
         for path in files:
@@ -296,8 +296,8 @@ def _make_surface(given: argparse.Namespace, label: str, files: Sequence[Path]) 
 def _is_compiled() -> bool:
     """Whether Numba's machine code is there, or kept elsewhere, as where the library cannot be written."""
     library = Path(__file__).parent
-    kept = library / "surface" / "__pycache__"
-    return any(kept.glob("*.nbi")) or not os.access(library, os.W_OK)
+    elsewhere = "NUMBA_CACHE_DIR" in os.environ or not os.access(library, os.W_OK)
+    return elsewhere or any((library / "surface" / "__pycache__").glob("*.nbi"))
 
 
 def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -> dict[str, Any]:
