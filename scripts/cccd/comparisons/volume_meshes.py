@@ -165,7 +165,4 @@ def morphological_isosurface(structure: Structure) -> Mesh:
 
 def windowed_sinc(mesh: Mesh, iterations: int = SINC_ITERATIONS, pass_band: float = SINC_PASS_BAND) -> Mesh:
     """Smooth a mesh by the windowed-sinc filter (Taubin et al. 1996) with VTK's usual settings."""
-    smooth = mesh.to_polydata().smooth_taubin(
-        n_iter=iterations, pass_band=pass_band, normalize_coordinates=True, boundary_smoothing=False
-    )
-    return from_polydata(smooth).outwards()
+    return mesh.low_passed(pass_band, iterations).outwards()

@@ -49,7 +49,7 @@ class InterpolationSettings(Section):
     )
 
     knot_pixels: float = setting(
-        1.4,
+        1.2,
         "knots of the spline that smooths the slices' distances where tubes meet",
         why="Narrower and blends show the slices, wider and thin branches shrink.",
         unit="px",
@@ -74,7 +74,7 @@ class DetailSettings(Section):
 
     coarsest_mm: float = setting(
         1.5,
-        "tolerance_voxels counts voxels no larger than this",
+        "tolerance_voxels and edge_voxels count voxels no larger than this",
         why="On coarse voxels organs show few features; a tolerance that grew with them would lose those.",
         unit="mm",
         expert=True,
@@ -310,7 +310,7 @@ class BlendingSettings(Section):
     """How tubes are joined into one mesh."""
 
     reach_pixels: float = setting(
-        6.0,
+        8.0,
         "blends reach so far to either side of the line along which tubes meet ...",
         why="Wide enough to hide the seam of two fits.",
         unit="px",
@@ -364,6 +364,26 @@ class BlendingSettings(Section):
         le=50,
     )
 
+    fairing_band: float = setting(
+        0.05,
+        "the mesh's windowed sinc filter passes so much of its spectrum per pixel of its edges",
+        why="The grid on which tubes are joined leaves ripples of a few edges; narrower, and the organ's own "
+        "details go.",
+        unit="share per px",
+        expert=True,
+        gt=0,
+        le=2,
+    )
+    fairing_rounds: int = setting(
+        30,
+        "degree of that filter",
+        why="More cut more sharply, and cost as much more.",
+        unit="count",
+        expert=True,
+        ge=1,
+        le=200,
+    )
+
 
 class LoftSettings(Section):
     """How curves become a surface (section ``surface``)."""
@@ -382,10 +402,10 @@ class LoftSettings(Section):
         le=1000,
     )
     tolerance_voxels: float = setting(
-        0.12,
+        0.08,
         "mean distance between outlines and surface that is good enough, in voxel edges",
-        why="Below that the surface follows the pixels' steps. The edge is the pixel size, the cube root of "
-        "the voxel's volume, or 1.5 mm, whichever is least.",
+        why="Much below that the surface follows what splines leave of the pixels' steps. The edge is the "
+        "pixel size, the cube root of the voxel's volume, or 1.5 mm, whichever is least.",
         unit="voxel edges",
         gt=0,
         le=10,
@@ -399,15 +419,15 @@ class LoftSettings(Section):
         le=10,
     )
     compactness: float = setting(
-        150.0,
+        105.0,
         "marching cubes' bytes per byte of control points, at least",
-        why="Control points are added only while marching cubes' mesh (binary PLY) has this many times "
-        "their bytes (float32).",
+        why="Control points are added only while marching cubes' mesh of the slices, interpolated to cubic "
+        "voxels, has this many times their bytes (binary PLY; float32).",
         unit="ratio",
         gt=0,
     )
     compactness_thin: float = setting(
-        40.0,
+        32.0,
         "the same for thin organs and coarse scans; in between, in between",
         why="An organ that is few voxels thick has too small a mesh to compare with.",
         unit="ratio",
@@ -429,8 +449,8 @@ class LoftSettings(Section):
     )
     edge_voxels: float = setting(
         1.5,
-        "edge length of the mesh's triangles, in pixels",
-        why="Finer triangles show no more of what the scan tells.",
+        "edge length of the mesh's triangles, in pixels (of 1.5 mm at most: see detail.coarsest_mm)",
+        why="Finer triangles show no more of what the scan tells; larger ones cut corners of the organ.",
         unit="px",
         ge=0.25,
         le=20,

@@ -14,18 +14,16 @@ import numpy as np
 
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import ByteArray, FloatArray, SingleArray
-from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import BlendingSettings
 from cccd.surface.stack import SliceStack
+from cccd.surface.union import BAND_CELLS
 
-__all__ = ["TargetDistance", "blend", "blend_reach", "offset_surface"]
+__all__ = ["TargetDistance", "blend", "blend_reach", "offset_surface", "points_on_surface"]
 
-#: Distances are kept up to this many cells to either side of the surface.
-BAND_CELLS = 1.5
 #: Distances from a seam are taken from points that lie this share of the blend's reach apart.
-SEAM_STEP = 0.125
+SEAM_STEP = 0.25
 #: A surface does not run through the grid's nodes, but at least this share of a cell beside them.
 NODE_MARGIN = 1e-4
 
@@ -40,38 +38,46 @@ def blend_reach(stack: SliceStack, settings: BlendingSettings) -> float:
 
 
 def blend(
-    mesh: Mesh, seams: FloatArray, target: TargetDistance, reach: float, cell: float, fade_cells: float
+    grid: ScalarGrid,
+    seams: FloatArray,
+    target: TargetDistance,
+    reach: float,
+    fade_cells: float,
+    everywhere: float = 0.0,
 ) -> ScalarGrid:
-    """Sample the distance to a closed mesh, and to the target's zero level near seams.
+    """Let the distance to joined tubes give way to that to the target's zero level near seams.
 
     Parameters
     ----------
-    mesh : Mesh
-        Closed; it may pass through itself.
+    grid : ScalarGrid
+        Signed distances in mm, as `cccd.surface.union.unite_on_grid` returns them.
     seams : (P, 3) float64
         Points of the lines along which tubes meet.
     target : callable
         Distance to the organ's boundary; see `TargetDistance`.
     reach : float
         mm from a seam at which the blend ends; it holds fully up to half of that.
-    cell : float
-        mm between the grid's nodes.
     fade_cells : float
         The blend fades out within so many cells of where the target ends.
+    everywhere : float
+        Share that the target has along the whole surface: 0 where it only closes seams, 1 where it tells more
+        than the tubes do.
 
     Returns
     -------
     ScalarGrid
         float32, mm, negative inside, cut off some cells away from the surface.
     """
-    low = mesh.vertices.min(axis=0) - (3 + 1 / np.pi) * cell
-    count = np.ceil((mesh.vertices.max(axis=0) - low) / cell) + 3
-    shape = (int(count[0]), int(count[1]), int(count[2]))
-    grid = grid_to_mesh(mesh, low, cell, shape, BAND_CELLS)
-    if len(seams) == 0:
+    if len(seams) == 0 and everywhere <= 0:
         return grid
-    weight = _weights(_thinned((seams - low) / cell, reach / cell), shape, reach / cell)
-    nodes = np.argwhere(weight)
+    low, cell = grid.affine[:3, 3], float(grid.affine[0, 0])
+    a, b, c = grid.values.shape
+    weight = _weights(_thinned((seams - low) / cell, reach / cell), (a, b, c), reach / cell)
+    if everywhere > 0:
+        surface = _thinned((points_on_surface(grid) - low) / cell, reach / cell)
+        along = _weights(surface, (a, b, c), reach / cell)
+        weight = np.maximum(weight, (everywhere * along).astype(np.uint8))
+    nodes = np.argwhere(weight.transpose(2, 0, 1))[:, [1, 2, 0]]  # by height, as the target is sampled
     at = tuple(nodes.T)
     limit = BAND_CELLS * cell
     distance, room = target(low + cell * nodes, limit)
@@ -80,6 +86,13 @@ def blend(
     values = grid.values.copy()
     values[at] = (1 - share) * values[at] + share * np.clip(distance, -limit, limit)
     return replace(grid, values=values)
+
+
+def points_on_surface(distance: ScalarGrid) -> FloatArray:
+    """Nodes (P, 3) of a grid twice as coarse that lie within half of its cell of the zero level."""
+    cell = float(distance.affine[0, 0])
+    coarse = np.argwhere(np.abs(distance.values[::2, ::2, ::2]) < cell)
+    return distance.affine[:3, 3] + 2 * cell * coarse
 
 
 def _thinned(points: FloatArray, reach: float) -> FloatArray:
@@ -113,9 +126,23 @@ def _weights(points: FloatArray, shape: tuple[int, int, int], reach: float) -> B
 
 def offset_surface(distance: ScalarGrid, offset: float = 0.0) -> Mesh:
     """Mesh the surface ``offset`` mm outside a grid's zero level, outwards; empty when nothing is inside."""
-    values: SingleArray = distance.values - np.float32(offset)
-    margin = np.float32(NODE_MARGIN * distance.affine[0, 0])
-    values = np.where(np.abs(values) < margin, np.where(values < 0, -margin, margin), values)
-    if not np.any(values < 0):
-        return Mesh.empty()
-    return replace(distance, values=values).isosurface(0.0)
+    margin = NODE_MARGIN * float(distance.affine[0, 0])
+    values, inside = _beside_nodes(np.ascontiguousarray(distance.values, np.float32), offset, margin)
+    return replace(distance, values=values).isosurface(0.0) if inside else Mesh.empty()
+
+
+@jit
+def _beside_nodes(values: SingleArray, offset: float, margin: float) -> tuple[SingleArray, bool]:
+    """Values (A, B, C) less an offset, none within a margin of zero, and whether any is below it."""
+    moved = np.empty_like(values)
+    inside = False
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            for k in range(values.shape[2]):
+                value = values[i, j, k] - offset
+                if value < 0:
+                    inside = True
+                    moved[i, j, k] = min(value, -margin)
+                else:
+                    moved[i, j, k] = max(value, margin)
+    return moved, inside

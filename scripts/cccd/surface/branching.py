@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import shapely
 
-from cccd.geometry.arrays import BoolArray, FloatArray, RealArray, SingleArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray, SingleArray
 from cccd.geometry.polygons import signed_area
 from cccd.settings.surface import MatchingSettings
 from cccd.surface.ring_graph import RingGraph
@@ -127,12 +127,24 @@ def without_cuts(ring: Ring, cuts: Sequence[Cut], run: Run, fade_pixels: float) 
     """Section of a trunk's ring without what it leaves to branches, sinking over ``fade_pixels``."""
     if not cuts:
         return Section.of_ring(ring)
-    plane = run.field_inside(ring).copy()
+    low = np.maximum(ring.bbox_min - 1, 0)  # what is left lies inside the ring
+    plane = run.field_inside(ring)[tuple(map(slice, low, ring.bbox_max + 1))].copy()
     for cut in cuts:
-        sunk = np.clip(1 + cut.beyond / (fade_pixels * run.pixel), 0, 1) * run.pixel
-        plane[cut.window] = np.maximum(plane[cut.window] + sunk, cut.beyond)
-    outline = _outline_around(plane, ring, run.spacing)
+        here, there = _common(cut.window, low, plane.shape)
+        beyond = cut.beyond[there]
+        sunk = np.clip(1 + beyond / (fade_pixels * run.pixel), 0, 1) * run.pixel
+        plane[here] = np.maximum(plane[here] + sunk, beyond)
+    outline = _outline_around(plane, ring, run.spacing, (int(low[0]), int(low[1])))
     return Section.of_ring(ring) if outline is None else Section.of_outline(ring.z, outline)
+
+
+def _common(window: Window, low: IntArray, shape: tuple[int, ...]) -> tuple[Window, Window]:
+    """Part that a block of pixels from ``low`` has in common with a window, in it and in the window."""
+    start = np.array([side.start for side in window])
+    first = np.maximum(start, low)
+    stop = np.maximum(first, np.minimum([side.stop for side in window], low + shape))
+    (a, b), (c, d) = (tuple(map(slice, first - origin, stop - origin)) for origin in (low, start))
+    return (a, b), (c, d)
 
 
 def _split_distances(

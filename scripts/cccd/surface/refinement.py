@@ -31,6 +31,9 @@ def fitting_tolerance(stack: SliceStack, settings: LoftSettings) -> float:
 def control_point_budget(stack: SliceStack, settings: LoftSettings) -> float:
     """Control points that all patches together may have, by the size of marching cubes' mesh.
 
+    It is that of slices interpolated to cubic voxels, as today's programs mesh them: what lies between thick
+    slices has to be described, too.
+
     Between the compactness of thin or coarse stacks and that of all others runs a ramp of their logarithms;
     so it does between that of stacks that the learned filling interpolates and that of others.
     """
@@ -43,7 +46,7 @@ def control_point_budget(stack: SliceStack, settings: LoftSettings) -> float:
     )
     ends = least, np.log(settings.compactness)
     compactness = float(np.exp(np.interp(min(fine, thick), (0.0, 1.0), ends)))
-    return stack.marching_cubes_bytes / CONTROL_BYTES / compactness
+    return stack.cubic_marching_cubes_bytes / CONTROL_BYTES / compactness
 
 
 def fit_within_budget(

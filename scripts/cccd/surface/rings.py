@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import cast
 
 import contourpy
@@ -61,8 +62,16 @@ class Ring:
 
 def zero_contours(plane: RealArray) -> list[FloatArray]:
     """Contours (n, 2) in pixels along which a plane (I, J) is zero, each with its first point once more."""
-    lines = cast("list[FloatArray]", contourpy.contour_generator(z=plane).lines(0.0))
-    return [line[:, ::-1] for line in lines]
+    rows, columns = _pixel_grid(*plane.shape)
+    generator = contourpy.contour_generator(columns, rows, plane)
+    return [line[:, ::-1] for line in cast("list[FloatArray]", generator.lines(0.0))]
+
+
+@lru_cache(maxsize=4)
+def _pixel_grid(height: int, width: int) -> tuple[FloatArray, FloatArray]:
+    """Rows and columns (H, W) of a plane's pixels, which contourpy would make anew for every plane."""
+    rows, columns = np.indices((height, width), float)
+    return rows, columns
 
 
 def find_rings(field: LevelField, level: int, spacing: FloatArray, of_pixels: bool) -> list[Ring]:

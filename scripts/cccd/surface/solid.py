@@ -11,8 +11,8 @@ import numpy as np
 from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import LoftSettings
-from cccd.surface.blending import TargetDistance, blend, blend_reach, offset_surface
+from cccd.settings.surface import BlendingSettings, LoftSettings
+from cccd.surface.blending import TargetDistance, blend, blend_reach, offset_surface, points_on_surface
 from cccd.surface.booleans import unite
 from cccd.surface.offset import offset_patch
 from cccd.surface.patches import FittedTubes
@@ -20,6 +20,7 @@ from cccd.surface.stack import CONTROL_BYTES, SliceStack
 from cccd.surface.surface import Surface
 from cccd.surface.tessellation import tessellate
 from cccd.surface.tubes import Tube
+from cccd.surface.union import unite_on_grid
 
 __all__ = ["Solid", "join_patches"]
 
@@ -101,41 +102,49 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
         ``edge_voxels``, shortened in thin organs; how blends fade, and how far the surface may move.
     """
     tubes, blending = fitted.tubes.tubes, settings.blending
-    edge, reach = settings.edge_voxels * stack.pixel, blend_reach(stack, blending)
+    edge = settings.edge_voxels * min(stack.pixel, settings.detail.coarsest_mm)
+    reach = blend_reach(stack, blending)
     cell = float(np.clip(stack.thickness / blending.thickness_cells, edge / 2, CELL_EDGES * edge))
-    united, origins = unite([tessellate(patch, cell / CELL_EDGES) for patch in fitted.patches()], tubes)
-    strayed = _strayed(united, stack.target, reach / 2)
-    seams = np.concatenate([_seams(united, origins), fitted.jumps, strayed])
-    distance = blend(united, seams, stack.target, reach, cell, blending.fade_cells)
+    meshes = [tessellate(patch, cell / CELL_EDGES) for patch in fitted.patches()]
+    united, meeting = unite_on_grid(meshes, tubes, cell)
+    strayed = _strayed(points_on_surface(united), stack.target, reach / 2)
+    seams = np.concatenate([meeting, fitted.jumps, strayed])
+    distance = blend(united, seams, stack.target, reach, blending.fade_cells, stack.filled)
     meshed = offset_surface(distance)
-    if len(meshed.faces) == 0:
-        return Solid(united, fitted, 0.0, stack)
+    if len(meshed.faces) == 0:  # thinner than a cell everywhere
+        return Solid(unite(meshes, tubes)[0], fitted, 0.0, stack)
     planes = _cap_planes(tubes)
     most = blending.most_offset_pixels * stack.pixel
     offset = float(np.clip(_missing_height(meshed, planes, stack.volume, cell), -most, most))
-    moved = _with_level_caps(offset_surface(distance, offset), planes, offset, cell, blending.cap_cells)
-    return Solid(moved, fitted, offset, stack)
+    shifted = [z + side * offset for z, side in planes]
+    band = blending.fairing_band * cell / CELL_EDGES / stack.pixel
+    moved = _faired(offset_surface(distance, offset), shifted, band, cell, blending)
+    level = _with_level_caps(moved, planes, offset, cell, blending.cap_cells)
+    return Solid(level, fitted, offset, stack)
 
 
-def _seams(mesh: Mesh, origins: IntArray) -> FloatArray:
-    """Vertices (P, 3) at which faces of different origin (F,) meet."""
-    first = np.full(len(mesh.vertices), origins.max() + 1)
-    last = np.full(len(mesh.vertices), origins.min() - 1)
-    for corner in range(3):
-        np.minimum.at(first, mesh.faces[:, corner], origins)
-        np.maximum.at(last, mesh.faces[:, corner], origins)
-    return mesh.vertices[first < last]
+def _faired(
+    mesh: Mesh, planes: Sequence[float], band: float, cell: float, settings: BlendingSettings
+) -> Mesh:
+    """Take the grid's ripples off a mesh, but for its planar caps at heights ``planes`` in mm and their rims.
+
+    Waves pass whose share of the mesh's spectrum is less than ``band``.
+    """
+    smooth = mesh.low_passed(band, settings.fairing_rounds).vertices
+    away = np.abs(mesh.vertices[:, 2:] - np.array(planes)).min(axis=1, initial=np.inf) / cell
+    share = np.clip(away / settings.cap_cells, 0, 1)[:, None]
+    return Mesh(mesh.vertices + share * (smooth - mesh.vertices), mesh.faces)
 
 
-def _strayed(mesh: Mesh, target: TargetDistance, most: float) -> FloatArray:
-    """Vertices (P, 3) with no boundary of the organ within about ``most`` mm in their plane or along z.
+def _strayed(points: FloatArray, target: TargetDistance, most: float) -> FloatArray:
+    """Pick points (P, 3) of a surface with no boundary of the organ within ``most`` mm of them, about.
 
-    Where many tubes meet on one level little is left of their trunk, and a spline through what is left of
-    its sections can swing far aside: as along seams, the target takes over there.
+    That is in their plane and along z. Where many tubes meet on one level little is left of their trunk, and
+    a spline through what is left of its sections can swing far aside: as along seams, the target takes over.
     """
     along_z = np.array([[0, 0, -most], [0, 0, 0], [0, 0, most]])
-    distance = np.array([target(mesh.vertices + step, -np.inf)[0] for step in along_z])
-    return mesh.vertices[(distance.min(axis=0) > most) | (distance.max(axis=0) < -most)]
+    distance = np.array([target(points + step, -np.inf)[0] for step in along_z])
+    return points[(distance.min(axis=0) > most) | (distance.max(axis=0) < -most)]
 
 
 def _cap_planes(tubes: Sequence[Tube]) -> list[tuple[float, int]]:

@@ -111,6 +111,12 @@ class SliceStack:
         """Size of marching cubes' mesh of the slices in binary PLY."""
         return int(self.voxel_faces.sum()) * (VERTEX_BYTES + 2 * TRIANGLE_BYTES)
 
+    @property
+    def cubic_marching_cubes_bytes(self) -> float:
+        """The same of slices that are interpolated until they lie no further apart than pixels do."""
+        faces = float(self.voxel_faces[0] + self.voxel_faces[1:].sum() * max(1.0, self.step / self.pixel))
+        return faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES)
+
 
 def interpolate_slices(outlines: Outlines, settings: LoftSettings) -> SliceStack:
     """Turn outlines into signed distances, interpolate levels between slices, find every level's rings.

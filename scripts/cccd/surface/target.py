@@ -79,7 +79,7 @@ class TargetField:
         ends = np.concatenate([self.z[:1], self.z[:-1][wide], self.z[1:][wide], self.z[-1:]])
         value, room = np.zeros(len(z)), np.zeros(len(z))
         stops: IntArray = np.searchsorted(z, self.z)
-        for n in map(int, np.flatnonzero(~wide)):
+        for n in map(int, np.flatnonzero(~wide & (np.diff(stops) > 0))):
             here = slice(stops[n], stops[n + 1])
             low, high = (_sampled(self.planes[m], pixels[here], 0.0) for m in (n, n + 1))
             value[here] = low + (z[here] - self.z[n]) / gaps[n] * (high - low)
@@ -92,6 +92,8 @@ class TargetField:
         total, weights = np.zeros(len(z)), np.zeros(len(z))
         for level, plane, thick in zip(self.z, self.planes, thickness, strict=True):
             here = slice(*np.searchsorted(z, [level - 2 * knot, level + 2 * knot]))
+            if here.start == here.stop:
+                continue
             weight = thick * _kernels((z[here] - level) / knot)
             total[here] += weight * _sampled(plane, pixels[here], self.knot)
             weights[here] += weight

@@ -30,11 +30,11 @@ def tessellate(patch: Patch, edge: float) -> Mesh:
         Edge length in mm that the triangles aim at.
     """
     v = _row_parameters(patch, edge)
-    nets = np.einsum("rv,uvc->ruc", patch.basis_v(v), patch.homogeneous)
+    nets = np.tensordot(patch.basis_v(v), patch.homogeneous, (1, 1))
     low, high = (_is_pole(patch, end) for end in (0, -1))
     u = _parameters_around(patch, nets, edge, low, high)
     starts = offsets_of([len(row) for row in u])
-    vertices = _points_of_rows(patch, nets, u)
+    vertices = patch.evaluate(np.concatenate(u), np.repeat(v, np.diff(starts)))
     faces = [_band(u[r], u[r + 1], starts[r], starts[r + 1]) for r in range(len(v) - 1)]
     normal = _stack_direction(patch)
     if not low:
@@ -87,13 +87,6 @@ def _parameters_around(
     return [
         np.interp(share * float(total[-1]), total, grid) for share, total in zip(shares, length, strict=True)
     ]
-
-
-def _points_of_rows(patch: Patch, nets: FloatArray, u: list[FloatArray]) -> FloatArray:
-    """Points (P, 3) of all rows, one after the other."""
-    row_of = np.repeat(np.arange(len(u)), [len(row) for row in u])
-    points = np.einsum("pu,puc->pc", patch.basis_u(np.concatenate(u)), nets[row_of])
-    return points[:, :3] / points[:, 3:]
 
 
 def _band(a: FloatArray, b: FloatArray, first_a: int, first_b: int) -> IntArray:

@@ -8,9 +8,11 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.surface import loft_surface
 from cccd.surface.blending import blend, offset_surface
+from cccd.surface.booleans import Nesting
 from cccd.surface.fields import LevelField
 from cccd.surface.solid import _strayed
 from cccd.surface.target import TargetField
+from cccd.surface.union import unite_on_grid
 
 NOWHERE = np.zeros((0, 3))
 
@@ -20,6 +22,10 @@ def sphere_mesh(radius=8.0):
     vertices, faces, _, _ = marching_cubes(np.sqrt(x * x + y * y + z * z) - radius, 0.0)
     radii = np.linalg.norm(vertices - 14.5, axis=1, keepdims=True)
     return Mesh(14.5 + (vertices - 14.5) * radius / radii, faces.astype(np.int64))
+
+
+def sphere_grid(cell, radius=8.0):
+    return unite_on_grid([sphere_mesh(radius)], [Nesting(0, False)], cell)[0]
 
 
 def unknown(points, within):
@@ -37,7 +43,7 @@ def cone(spacing=(0.8, 1.2), slope=0.15, knot=1.9):
 @pytest.mark.parametrize("cell", [0.7, 1.3])
 @pytest.mark.parametrize("level", [-0.5, 0.0, 0.5])
 def test_level_sets_of_a_sphere_are_spheres(cell, level):
-    distance = blend(sphere_mesh(), NOWHERE, unknown, 5.0, cell, 2.0)
+    distance = blend(sphere_grid(cell), NOWHERE, unknown, 5.0, 2.0)
     mesh = offset_surface(distance, level)
     assert mesh.is_closed_manifold
     assert len(mesh.self_intersections()) == 0
@@ -46,7 +52,7 @@ def test_level_sets_of_a_sphere_are_spheres(cell, level):
 
 
 def test_an_empty_level_set_has_no_mesh():
-    mesh = offset_surface(blend(sphere_mesh(1.0), NOWHERE, unknown, 5.0, 1.0, 2.0), -1.4)
+    mesh = offset_surface(blend(sphere_grid(1.0, 1.0), NOWHERE, unknown, 5.0, 2.0), -1.4)
     assert mesh.vertices.shape == mesh.faces.shape == (0, 3)
 
 
@@ -55,7 +61,7 @@ def test_the_target_rules_at_seams_and_nowhere_else():
         return np.linalg.norm(points - 14.5, axis=1) - 9.0, np.full(len(points), 99.0)
 
     seam = np.array([[14.5, 14.5, 22.5]])
-    mesh = offset_surface(blend(sphere_mesh(), seam, larger, 8.0, 0.8, 2.0))
+    mesh = offset_surface(blend(sphere_grid(0.8), seam, larger, 8.0, 2.0))
     radius = np.linalg.norm(mesh.vertices - 14.5, axis=1)
     away = np.linalg.norm(mesh.vertices - seam, axis=1)
     assert radius[away < 3] == pytest.approx(9, abs=0.05)
@@ -68,7 +74,7 @@ def test_a_target_that_reaches_beyond_the_grid_leaves_the_mesh_closed():
         return np.full(len(points), -5.0), np.full(len(points), 99.0)
 
     seam = np.array([[14.5, 14.5, 22.5]])
-    mesh = offset_surface(blend(sphere_mesh(), seam, everywhere, 20.0, 0.8, 2.0))
+    mesh = offset_surface(blend(sphere_grid(0.8), seam, everywhere, 20.0, 2.0))
     assert mesh.is_closed_manifold
     assert mesh.volume > 4 / 3 * np.pi * 8**3
 
@@ -81,7 +87,7 @@ def test_what_strays_from_the_target_is_told_from_a_flat_top():
         return np.where(np.abs(points[:, 2]) < 8, away - 20, away + 20), np.ones(len(points))
 
     vertices = np.array([(0, 0, 7.5), (20, 0, 0), (22, 0, 7.5), (40, 0, 0), (0, 0, 0), (0, 0, 6)], float)
-    assert _strayed(Mesh(vertices, np.zeros((0, 3), int)), disc, 3.0).tolist() == [[40, 0, 0], [0, 0, 0]]
+    assert _strayed(vertices, disc, 3.0).tolist() == [[40, 0, 0], [0, 0, 0]]
 
 
 @pytest.mark.parametrize("knot", [1.9, 2.0, 2.5])

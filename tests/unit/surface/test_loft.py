@@ -194,7 +194,7 @@ def test_same_curves_give_the_same_bytes():
 def test_compactness_is_kept():
     mask = ball((80, 80, 80), (40, 40, 40), 30)
     surface = loft_surface(curves_of(mask), SETTINGS)
-    assert surface.report["compactness"] >= 150
+    assert surface.report["compactness"] >= SETTINGS.compactness
     assert agreement(surface, mask) > 0.985
 
 
