@@ -1,4 +1,4 @@
-"""Write the surface in another format: for viewers, for CAD, or lying on the scan."""
+"""Write the surface in another format: for viewers, or lying on the scan."""
 
 from pathlib import Path
 

@@ -6,6 +6,7 @@ from cccd.job import job
 from cccd.store import (
     read_boundaries,
     read_curves,
+    read_json,
     read_report,
     read_splines,
     read_structure,
@@ -20,6 +21,7 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
     curves, splines = read_curves(snakemake.input.curves), read_splines(snakemake.input.curves)
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
     ordering = read_report(snakemake.input.contours)
+    solids = {report["format"]: report for report in map(read_json, snakemake.input.solids)}
     figures = measure_surface(surface, structure)
     metrics = {
         "case": structure.case,
@@ -27,8 +29,18 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
         "curves": measure_curves(curves, splines),
         "surface": figures,
         "ordering": {key: value for key, value in ordering.items() if key != "slices"},
-        "warnings": [*structure.warnings, *surface.report["warnings"], *volume_warnings(figures)],
+        "warnings": [
+            *structure.warnings,
+            *surface.report["warnings"],
+            *volume_warnings(figures),
+            *(warning for report in solids.values() for warning in report["warnings"]),
+        ],
     }
+    if solids:
+        metrics["solids"] = {
+            name: {key: value for key, value in report.items() if key not in {"format", "warnings"}}
+            for name, report in solids.items()
+        }
     write_json(snakemake.output.metrics, metrics)
     boundaries = read_boundaries(snakemake.input.boundaries)
     triangles = snakemake.params.viewer_triangles

@@ -116,8 +116,9 @@ class Surface:
         Parameters
         ----------
         path : path
-            Ends with ``.ply``, ``.stl``, ``.vtp``, ``.glb``, ``.step``, ``.nii.gz`` (a label map on the
-            scan's grid) or ``.dcm`` (contours, RTSTRUCT). All or nothing is written.
+            Ends with ``.ply``, ``.stl``, ``.vtp``, ``.glb``, ``.step``, ``.iges``, ``.brep`` (closed
+            solids), ``.nii.gz`` (a label map on the scan's grid) or ``.dcm`` (contours, RTSTRUCT). All or
+            nothing is written.
         contour_spacing_mm : float, optional
             Distance of the RTSTRUCT's planes; that of the scan's slices by default.
 

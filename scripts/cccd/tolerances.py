@@ -72,6 +72,9 @@ SAME_POINT_VOXELS = 1e-6
 #: A surface whose volume differs from its organ's by more than this share gets a warning.
 VOLUME_BIAS = 0.05
 
+#: A solid whose volume differs from its mesh's by more than this share gets a warning.
+SOLID_VOLUME = 0.005
+
 #: Grey values that span no more than this, in their own units, have no contrast to scale by.
 CONTRAST = 1e-6
 

@@ -20,6 +20,7 @@ LAYERS = (
     ("contours",),
     ("junctions", "curves"),
     ("surface",),
+    ("solids",),
     ("reconstruction", "filling_training"),
     ("api",),
     ("comparisons",),

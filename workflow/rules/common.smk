@@ -29,7 +29,7 @@ from cccd.model_header import check_model, check_start
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.settings.junctions import NetworkSettings
 from cccd.settings.messages import nearest
-from cccd.settings.surface import SURFACE_FORMATS
+from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS
 from cccd.settings.validation import validate_config
 
 #: The library's folder; its files decide which stages run again.

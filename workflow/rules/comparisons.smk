@@ -50,6 +50,11 @@ rule measure_structure:
         curves="results/{case}/{organ}/curves.h5",
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",
+        solids=[
+            f"results/{{case}}/{{organ}}/solid_{name}.json"
+            for name in config["surface"]["formats"]
+            if name in SOLID_FORMATS
+        ],
     output:
         metrics="results/{case}/{organ}/metrics.json",
         view="results/{case}/{organ}/view.h5",

@@ -1,12 +1,21 @@
 """Surfaces: curves -> lofted B-spline surface -> meshes for viewers and CAD, and a picture."""
 
+#: The writers of meshes, and those of solids.
 WRITERS = [
-    f"cccd.surface.formats.{name.replace('.', '_')}.write" for name in SURFACE_FORMATS
+    f"{module}.write"
+    for name, module in SURFACE_FORMATS.items()
+    if name not in SOLID_FORMATS
 ]
+SOLID_WRITERS = [f"{module}.write" for module in SOLID_FORMATS.values()]
 
 
 wildcard_constraints:
-    format="|".join(re.escape(name) for name in SURFACE_FORMATS if name != "ply"),
+    format="|".join(
+        re.escape(name)
+        for name in SURFACE_FORMATS
+        if name not in {"ply", *SOLID_FORMATS}
+    ),
+    solid_format="|".join(SOLID_FORMATS),
 
 
 rule loft_surface:
@@ -30,14 +39,16 @@ rule loft_surface:
         runtime=minutes(20),
     params:
         library=library("loft_surface", "cccd.surface.formats.ply.write"),
-        settings=leave("surface", "formats", "contour_spacing_mm"),
+        settings=leave(
+            "surface", "formats", "contour_spacing_mm", "step_tolerance_mm", "solid"
+        ),
     script:
         "../../scripts/loft_surface.py"
 
 
 rule export_surface:
-    """The surface for a viewer (STL, VTP, GLB), as patches for CAD (STEP), or back on the scan: a label map on its
-    grid (NIfTI), contours on slices (RTSTRUCT).
+    """The surface for a viewer (STL, VTP, GLB), or back on the scan: a label map on its grid (NIfTI), contours on
+    slices (RTSTRUCT).
     """
     input:
         surface="results/{case}/{organ}/surface.h5",
@@ -62,6 +73,34 @@ rule export_surface:
         contour_spacing_mm=config["surface"]["contour_spacing_mm"],
     script:
         "../../scripts/export_surface.py"
+
+
+rule export_solid:
+    """The mesh's bodies as closed solids for CAD (STEP, IGES, BREP), and what they are worth."""
+    input:
+        surface="results/{case}/{organ}/surface.h5",
+        mesh="results/{case}/{organ}/surface.ply",
+    output:
+        solid="results/{case}/{organ}/surface.{solid_format}",
+        report="results/{case}/{organ}/solid_{solid_format}.json",
+    log:
+        "logs/{case}/{organ}/export_solid_{solid_format}.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/export_solid_{solid_format}.tsv"
+    group:
+        "structure"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(2500, 60),
+        runtime=minutes(30),
+    params:
+        library=library("export_solid", *SOLID_WRITERS),
+        tolerance_mm=config["surface"]["step_tolerance_mm"],
+        settings=config["surface"]["solid"],
+    script:
+        "../../scripts/export_solid.py"
 
 
 rule render_surface:

@@ -42,6 +42,14 @@ class Input:
     optional: bool = False
 
 
+#: Keys of the section ``surface`` that no comparison reads: they are about files.
+UNREAD = (
+    "surface.formats",
+    "surface.contour_spacing_mm",
+    "surface.step_tolerance_mm",
+    "surface.solid",
+)
+
 #: What a comparison's function may ask for, by the name of its parameter.
 INPUTS = {
     "structure": Input(("structure.h5",), "cccd.store.read_structure"),
@@ -241,7 +249,7 @@ CORNER_SURFACES = Comparison(
     "cccd.comparisons.corner_surfaces.compare_corner_surfaces",
     ("structure", "boundaries", "curves", "orderers"),
     settings={"settings": "comparisons.corner_surfaces", "ks": "curves.sweep", "lofting": "surface"},
-    unused=("surface.formats", "surface.contour_spacing_mm", "surface.source", "surface.corner_k"),
+    unused=(*UNREAD, "surface.source", "surface.corner_k"),
     columns=(
         "k", "slices", "control_points", "share", "dice_2d", "dice_3d", "assd_mm", "stack_bytes",
         "image_bytes", "net_bytes", "seconds",
@@ -260,7 +268,7 @@ STAGE_TIMES = Comparison(
         "lofting": "surface",
         "on_boundary_px": "comparisons.corners.on_boundary_px",
     },
-    unused=("surface.formats", "surface.contour_spacing_mm", "surface.source", "surface.corner_k"),
+    unused=(*UNREAD, "surface.source", "surface.corner_k"),
     columns=(
         "method", "slices", "corner_ms", "curve_ms", "spline_ms", "surface_ms", "total_ms", "closed_share",
         "dice_3d",
@@ -284,7 +292,7 @@ THICK_SLICES = Comparison(
     "cccd.comparisons.thick_slices.thick_slice_experiment",
     ("structure",),
     settings={"settings": "comparisons.thick_slices", "fitting": "curves", "lofting": "surface"},
-    unused=("curves.ordering", "curves.sweep", "surface.formats", "surface.contour_spacing_mm"),
+    unused=("curves.ordering", "curves.sweep", *UNREAD),
     columns=("slice_distance_mm", "every_nth", "method", "seconds"),
     memory_mb=(3000, 60),
     minutes=30,
@@ -308,7 +316,7 @@ MAP_SURFACES = Comparison(
     "cccd.comparisons.map_surfaces.compare_map_surfaces",
     ("structure", "boundaries", "contours", "surface"),
     settings={"fitting": "curves", "lofting": "surface"},
-    unused=("curves.ordering", "curves.sweep", "surface.formats", "surface.contour_spacing_mm"),
+    unused=("curves.ordering", "curves.sweep", *UNREAD),
     figures="cccd.comparisons.map_surfaces.map_figures",
     columns=(
         "method", "slices", "decided", "without_curve", "pixels", "kept", "dropped", "bridged", "curves",

@@ -174,6 +174,14 @@ class Mesh:
 
     # Other meshes and points from this one
 
+    def pieces(self) -> list[Mesh]:
+        """Split the mesh into its connected pieces, without unused vertices."""
+        piece = self._pieces()
+        order = np.argsort(piece, kind="stable")
+        parts = np.split(self.faces[order], np.flatnonzero(np.diff(piece[order])) + 1)
+        found = [np.unique(faces, return_inverse=True) for faces in parts if len(faces)]
+        return [Mesh(self.vertices[used], faces.reshape(-1, 3)) for used, faces in found]
+
     def reversed(self) -> Mesh:
         """Turn all faces round."""
         return Mesh(self.vertices, np.ascontiguousarray(self.faces[:, ::-1]))

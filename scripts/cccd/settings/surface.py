@@ -11,6 +11,7 @@ from cccd.settings.section import Section, setting
 from cccd.settings.validators import without_repeats
 
 __all__ = [
+    "SOLID_FORMATS",
     "SURFACE_FORMATS",
     "BlendingSettings",
     "DetailSettings",
@@ -18,20 +19,25 @@ __all__ = [
     "InterpolationSettings",
     "LoftSettings",
     "MatchingSettings",
+    "SolidSettings",
 ]
 
-#: Names of the formats, determined by the modules that are there, without loading them.
-SURFACE_FORMATS = tuple(
-    sorted(
-        path.stem.replace("_", ".")
-        for path in (Path(__file__).parents[1] / "surface" / "formats").glob("[a-z]*.py")
-    )
-)
+
+def _writers(package: str) -> dict[str, str]:
+    """Names of the formats that a package has writers for, and their modules, without loading them."""
+    folder = Path(__file__).parents[1] / package / "formats"
+    found = sorted(path.stem for path in folder.glob("[a-z]*.py"))
+    return {stem.replace("_", "."): f"cccd.{package}.formats.{stem}" for stem in found}
+
+
+#: Formats of solids, by OpenCASCADE, and all formats; each with the module that writes it.
+SOLID_FORMATS = _writers("solids")
+SURFACE_FORMATS = dict(sorted((_writers("surface") | SOLID_FORMATS).items()))
 
 if TYPE_CHECKING:
     _Format = str
 else:
-    _Format = Literal[SURFACE_FORMATS]
+    _Format = Literal[tuple(SURFACE_FORMATS)]
 
 
 class InterpolationSettings(Section):
@@ -385,6 +391,47 @@ class BlendingSettings(Section):
     )
 
 
+class SolidSettings(Section):
+    """How the mesh becomes solids for CAD."""
+
+    first_patches: int = setting(
+        300,
+        "spline patches that a solid begins with, shared out by area; they double until they follow the mesh",
+        why="Where fewer would do the file is small already.",
+        unit="patches",
+        expert=True,
+        ge=12,
+        le=100_000,
+    )
+    most_patches: int = setting(
+        10_000,
+        "spline patches that a solid has at most; what needs more is made of planar facets",
+        why="Four kilobytes each in STEP: more than facets would take.",
+        unit="patches",
+        expert=True,
+        ge=12,
+        le=1_000_000,
+    )
+    unfolding_rounds: int = setting(
+        12,
+        "times that a patch which folds is smoothed and fitted again",
+        why="What still folds then does so with any number of them; twice the patches may not.",
+        unit="count",
+        expert=True,
+        ge=0,
+        le=100,
+    )
+    most_facets: int = setting(
+        40_000,
+        "planar faces that a faceted solid has at most",
+        why="About a kilobyte each in STEP, and CAD programs slow down beyond.",
+        unit="faces",
+        expert=True,
+        ge=4,
+        le=1_000_000,
+    )
+
+
 class LoftSettings(Section):
     """How curves become a surface (section ``surface``)."""
 
@@ -458,8 +505,8 @@ class LoftSettings(Section):
     formats: Annotated[tuple[_Format, ...], AfterValidator(without_repeats)] = setting(
         ("ply",),
         f"the surface's files, of {', '.join(SURFACE_FORMATS)}; ply always",
-        why="Every later step reads the PLY mesh. step holds the tubes as open faces and needs the extra "
-        "cadquery-ocp-novtk; nii.gz is a label map on the scan's grid, dcm an RTSTRUCT.",
+        why="Every later step reads the PLY mesh. step, iges and brep hold closed solids and need the "
+        "extra cadquery-ocp-novtk; nii.gz is a label map on the scan's grid, dcm an RTSTRUCT.",
     )
     contour_spacing_mm: float | None = setting(
         None,
@@ -468,6 +515,16 @@ class LoftSettings(Section):
         unit="mm",
         gt=0,
     )
+    step_tolerance_mm: float = setting(
+        0.2,
+        "solids (step, iges, brep): 99 % of their surface lies so near to the mesh",
+        why="Below the voxels of most scans. Half of it takes about twice the faces; metrics.json says what "
+        "was reached.",
+        unit="mm",
+        gt=0,
+        le=100,
+    )
+    solid: SolidSettings = setting(SolidSettings(), "from the mesh to solids", why="Tuned on phantoms.")
     interpolation: InterpolationSettings = setting(
         InterpolationSettings(), "levels between slices", why="Tuned on phantoms and shared scans."
     )

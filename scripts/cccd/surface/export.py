@@ -1,4 +1,4 @@
-"""Surfaces to files and back: meshes for viewers, patches for CAD, label maps and contours on the scan.
+"""Surfaces to files and back: meshes for viewers, solids for CAD, label maps and contours on the scan.
 
 Everything is in mm RAS, and says so, but where a standard wants it otherwise (glTF: metres with y up;
 DICOM: LPS). 3D Slicer takes meshes for LPS unless a comment ``SPACE=RAS`` says otherwise, so that comment is
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from cccd.errors import InputError
 from cccd.geometry.ply import read_ply
@@ -41,8 +42,8 @@ def format_of(path: str | Path) -> str:
     return max(known, key=len)
 
 
-def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) -> None:
-    """Write a surface; the suffix chooses the format, see `cccd.surface.formats`.
+def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) -> dict[str, Any]:
+    """Write a surface; the suffix chooses the format (`cccd.surface.formats`, `cccd.solids.formats`).
 
     Parameters
     ----------
@@ -51,17 +52,22 @@ def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) 
     surface : Surface
         In mm RAS.
     scan : Scan, optional
-        For formats that lie on the scan.
+        For formats that lie on the scan, and solids.
+
+    Returns
+    -------
+    dict
+        What a solid is worth, see `cccd.solids.build.write_solids`; empty for other formats.
 
     Raises
     ------
     InputError
-        For another suffix, or STEP without OpenCASCADE.
+        For another suffix, or a solid without OpenCASCADE.
     """
-    module = import_module(f"cccd.surface.formats.{format_of(path).replace('.', '_')}")
+    module = import_module(SURFACE_FORMATS[format_of(path)])
     with atomic_path(path) as temporary:
         try:
-            module.write(temporary, surface, scan or Scan())
+            return module.write(temporary, surface, scan or Scan()) or {}
         except InputError as error:
             if error.location != str(temporary):
                 raise

@@ -9,15 +9,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from cccd.settings.surface import LoftSettings, SolidSettings
+
 __all__ = ["NOTE", "Scan"]
 
 #: Written wherever a format has room for text; ``SPACE=RAS`` is what 3D Slicer looks for.
 NOTE = "CCCD surface; unit mm; SPACE=RAS"
 
 
+_DEFAULT = LoftSettings()
+
+
 @dataclass(frozen=True)
 class Scan:
-    """What formats that lie on the scan need besides.
+    """What some formats need besides: those that lie on the scan, and solids.
 
     Attributes
     ----------
@@ -27,8 +32,14 @@ class Scan:
         Distance of contours' planes; None for the scan's slices.
     series : Path or None
         Folder of the DICOM series that the file shall refer to.
+    tolerance_mm : float
+        99 % of a solid's surface shall lie so near to the mesh.
+    solid : SolidSettings
+        Section ``surface.solid`` of the configuration.
     """
 
     organ: str = "surface"
     contour_spacing_mm: float | None = None
     series: Path | None = None
+    tolerance_mm: float = _DEFAULT.step_tolerance_mm
+    solid: SolidSettings = _DEFAULT.solid

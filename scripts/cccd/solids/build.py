@@ -1,0 +1,144 @@
+"""A surface's mesh as solids: one per body, with its cavities, within a tolerance of the mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cccd.errors import InputError
+from cccd.geometry.arrays import concatenate_ragged
+from cccd.geometry.mesh import Mesh
+from cccd.settings.surface import SolidSettings
+from cccd.solids.bodies import split_bodies
+from cccd.solids.kernel import Part, check_solid, make_solid, require_kernel, write_parts
+from cccd.solids.patches import patches_within
+from cccd.solids.shells import Shell, facets_within, measure_deviation
+from cccd.tolerances import SOLID_VOLUME
+
+__all__ = ["Solids", "build_solids", "write_solids"]
+
+#: Percentiles from other samples of the same surfaces differ by up to this factor.
+SAMPLED = 1.25
+
+#: A piece begins with at least so many patches: three on each of twenty triangles.
+LEAST_PATCHES = 60
+
+
+@dataclass(frozen=True)
+class Solids:
+    """The bodies of one organ.
+
+    Attributes
+    ----------
+    bodies : sequence of sequence of Shell
+        Of each body the outer shell, then its cavities'.
+    report : dict
+        Plain JSON: what they are made of, and how far they lie from the mesh.
+    warnings : list of str
+        What they fall short of.
+    """
+
+    bodies: Sequence[Sequence[Shell]]
+    report: dict[str, Any]
+    warnings: list[str]
+
+
+def build_solids(mesh: Mesh, tolerance: float, settings: SolidSettings) -> Solids:
+    """Turn a closed mesh into bodies whose shells follow it.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        In mm.
+    tolerance : float
+        99 % of the surface shall lie within so many mm of the mesh.
+    settings : SolidSettings
+        Section ``surface.solid`` of the configuration.
+    """
+    if not mesh.is_closed_manifold:
+        raise InputError("surface", "the mesh is not closed: it bounds no solid", "export another format")
+    area = mesh.area
+    bodies = [
+        [_follow(piece, piece.area / area, tolerance, settings) for piece in (body.outer, *body.cavities)]
+        for body in split_bodies(mesh)
+    ]
+    report = _report(bodies, mesh, tolerance)
+    return Solids(bodies, report, _warnings(report))
+
+
+def _follow(mesh: Mesh, share: float, tolerance: float, settings: SolidSettings) -> Shell:
+    """Make a piece's shell of patches, or of facets where those fold; ``share`` is its part of the area."""
+    first = max(LEAST_PATCHES, round(settings.first_patches * share))
+    most = max(LEAST_PATCHES, round(settings.most_patches * share))
+    smooth = patches_within(mesh, tolerance, first, most, settings.unfolding_rounds)
+    return smooth or facets_within(mesh, tolerance, max(4, round(settings.most_facets * share)))
+
+
+def _report(bodies: Sequence[Sequence[Shell]], mesh: Mesh, tolerance: float) -> dict[str, Any]:
+    shells = [shell for body in bodies for shell in body]
+    parts = [shell.mesh for shell in shells]
+    vertices, offsets = concatenate_ragged([part.vertices for part in parts], 3)
+    whole = Mesh(vertices, np.concatenate([part.faces + n for part, n in zip(parts, offsets, strict=False)]))
+    deviation = measure_deviation(whole, mesh)
+    return {
+        "bodies": len(bodies),
+        "cavities": len(shells) - len(bodies),
+        "smooth_shells": sum(shell.smooth for shell in shells),
+        "faceted_shells": sum(not shell.smooth for shell in shells),
+        "tolerance_mm": tolerance,
+        "mean_mm": deviation.mean,
+        "p99_mm": deviation.p99,
+        "largest_mm": deviation.largest,
+        "volume_ratio": whole.volume / mesh.volume,
+        "self_intersections": len(whole.self_intersections()),
+    }
+
+
+def _warnings(report: dict[str, Any]) -> list[str]:
+    found: list[str] = []
+    if report["p99_mm"] > SAMPLED * report["tolerance_mm"]:
+        found.append(
+            f"99 % of the solid lie within {report['p99_mm']:.2g} mm of the mesh, not "
+            f"{report['tolerance_mm']:g}: "
+            "allow more faces (surface.solid.most_patches, most_facets) or raise surface.step_tolerance_mm"
+        )
+    if abs(report["volume_ratio"] - 1) > SOLID_VOLUME:
+        found.append(f"the solid holds {report['volume_ratio']:.2%} of the mesh's volume")
+    if report["self_intersections"]:
+        found.append(f"the solid passes through itself in {report['self_intersections']} places")
+    return found
+
+
+def write_solids(path: Path, name: str, solids: Solids, form: str) -> dict[str, Any]:
+    """Write an organ's solids to a file of OpenCASCADE's, checked before.
+
+    Returns
+    -------
+    dict
+        The report of `build_solids`, and what OpenCASCADE finds: ``valid``, ``free_edges``, ``faces``,
+        ``volume_ml``; ``bytes`` of the file; ``warnings``.
+
+    Raises
+    ------
+    InputError
+        Where OpenCASCADE is missing or cannot write.
+    """
+    require_kernel(path)
+    shapes = [make_solid([shell.build() for shell in body]) for body in solids.bodies]
+    checked = [check_solid(shape) for shape in shapes]
+    write_parts(path, [Part(name, shapes)], form)
+    found = {
+        "valid": all(solid.valid for solid in checked),
+        "free_edges": sum(solid.free_edges for solid in checked),
+        "faces": sum(solid.faces for solid in checked),
+        "volume_ml": sum(solid.volume for solid in checked) / 1000,
+        "bytes": path.stat().st_size,
+    }
+    warnings = list(solids.warnings)
+    if not found["valid"] or found["free_edges"]:
+        warnings.append("OpenCASCADE does not find the solid valid: look at it before it is cut or meshed")
+    return {"format": form, **solids.report, **found, "warnings": warnings}

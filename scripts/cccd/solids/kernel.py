@@ -1,0 +1,385 @@
+"""What OpenCASCADE does: shells and solids from shared vertices and edges, their check, the files.
+
+Nothing is sewn or cut: faces are made of the edges that they share, so a shell is closed by construction.
+The optional package ``cadquery-ocp-novtk`` brings OpenCASCADE.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cccd.errors import InputError
+from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.bsplines import DEGREE, open_knots
+from cccd.geometry.mesh import Mesh
+
+__all__ = [
+    "Checked",
+    "Part",
+    "check_solid",
+    "facet_shell",
+    "make_solid",
+    "patch_shell",
+    "require_kernel",
+    "write_parts",
+]
+
+#: Precision of vertices and edges in mm: faces share their points, so there is no more than rounding.
+PRECISION_MM = 1e-6
+
+#: That of the GLB's material.
+DEFAULT_COLOUR = (0.80, 0.47, 0.40)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One organ in a file.
+
+    Attributes
+    ----------
+    name : str
+    solids : sequence of TopoDS_Solid
+        Its bodies, in mm.
+    colour : (r, g, b)
+        Shares from 0 to 1.
+    """
+
+    name: str
+    solids: Sequence[Any]
+    colour: tuple[float, float, float] = DEFAULT_COLOUR
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What OpenCASCADE finds about a solid: valid, edges not in two faces, faces, volume in mm^3."""
+
+    valid: bool
+    free_edges: int
+    faces: int
+    volume: float
+
+
+def require_kernel(path: str | Path) -> None:
+    """Raise `InputError` for a file that needs OpenCASCADE where it is not installed."""
+    try:
+        message = importlib.import_module("OCP.Message")
+    except ImportError:
+        raise InputError(
+            str(path), "CAD files need OpenCASCADE", "pip install 'cadquery-ocp-novtk>=8.0'"
+        ) from None
+    message.Message.DefaultMessenger_s().ChangePrinters().Clear()  # it would print statistics of every file
+
+
+# Shells -----------------------------------------------------------------------------------------------
+
+
+def facet_shell(mesh: Mesh) -> Any:
+    """Make a closed ``TopoDS_Shell`` of a closed manifold: a plane per triangle, a line per edge."""
+    from OCP import BRep, Geom, TopAbs, TopoDS, gp
+
+    build = BRep.BRep_Builder()
+    points = [_point(vertex) for vertex in mesh.vertices]
+    vertices = [_vertex(build, point) for point in points]
+    edges: dict[tuple[int, int], Any] = {}
+    shell = TopoDS.TopoDS_Shell()
+    build.MakeShell(shell)
+    for corners, normal in zip(mesh.faces.tolist(), mesh.unit_normals.tolist(), strict=True):
+        wire = TopoDS.TopoDS_Wire()
+        build.MakeWire(wire)
+        for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
+            if (b, a) in edges:
+                build.Add(wire, edges.pop((b, a)).Oriented(TopAbs.TopAbs_REVERSED))
+                continue
+            edge = TopoDS.TopoDS_Edge()
+            along = gp.gp_Vec(points[a], points[b])
+            build.MakeEdge(edge, Geom.Geom_Line(points[a], gp.gp_Dir(along)), PRECISION_MM)
+            _bound(build, edge, vertices[a], vertices[b], along.Magnitude())
+            edges[a, b] = edge
+            build.Add(wire, edge)
+        face = TopoDS.TopoDS_Face()
+        build.MakeFace(face, Geom.Geom_Plane(points[corners[0]], gp.gp_Dir(*normal)), PRECISION_MM)
+        wire.Closed(True)
+        build.Add(face, wire)
+        build.Add(shell, face)
+    shell.Closed(True)
+    return shell
+
+
+def patch_shell(quads: IntArray, nets: FloatArray) -> Any:
+    """Make a closed ``TopoDS_Shell`` of bicubic patches: a spline surface per quad, a spline per edge.
+
+    Parameters
+    ----------
+    quads : (Q, 4) int64
+        Corners, counter-clockwise from outside.
+    nets : (Q, n, n, 3) float64
+        Control points, along the first axis from corner 0 to 3, along the second from 0 to 1; equal ones on
+        common edges.
+    """
+    from OCP import BRep, Geom, TopAbs, TopoDS
+
+    build = BRep.BRep_Builder()
+    knots, times = _clamped_knots(nets.shape[1])
+    vertices: dict[int, Any] = {}
+    edges: dict[tuple[int, int], Any] = {}
+    shell = TopoDS.TopoDS_Shell()
+    build.MakeShell(shell)
+    for corners, net in zip(quads.tolist(), nets, strict=True):
+        surface = Geom.Geom_BSplineSurface(_poles(net), knots, knots, times, times, DEGREE, DEGREE)
+        face, wire = TopoDS.TopoDS_Face(), TopoDS.TopoDS_Wire()
+        build.MakeFace(face, surface, PRECISION_MM)
+        build.MakeWire(wire)
+        rims = (net[0], net[:, -1], net[-1, ::-1], net[::-1, 0])
+        for side, rim in enumerate(rims):
+            a, b = corners[side], corners[(side + 1) % 4]
+            forward = (b, a) not in edges
+            if forward:
+                for number, end in ((a, rim[0]), (b, rim[-1])):
+                    if number not in vertices:
+                        vertices[number] = _vertex(build, _point(end))
+                edges[a, b] = TopoDS.TopoDS_Edge()
+                curve = Geom.Geom_BSplineCurve(_pole_row(rim), knots, times, DEGREE)
+                build.MakeEdge(edges[a, b], curve, PRECISION_MM)
+                _bound(build, edges[a, b], vertices[a], vertices[b], 1.0)
+            edge = edges[a, b] if forward else edges.pop((b, a))
+            build.UpdateEdge(edge, _rim_in_surface(side, forward), face, PRECISION_MM)
+            build.Range(edge, face, 0.0, 1.0)
+            build.Add(wire, edge.Oriented(TopAbs.TopAbs_FORWARD if forward else TopAbs.TopAbs_REVERSED))
+        wire.Closed(True)
+        build.Add(face, wire)
+        build.Add(shell, face)
+    shell.Closed(True)
+    return shell
+
+
+#: Where the four sides of a patch begin in its parameters, and how they run.
+_RIMS = (
+    ((0.0, 0.0), (1.0, 0.0)),
+    ((1.0, 0.0), (0.0, 1.0)),
+    ((1.0, 1.0), (-1.0, 0.0)),
+    ((0.0, 1.0), (0.0, -1.0)),
+)
+
+
+def _rim_in_surface(side: int, forward: bool) -> Any:
+    """Line of a patch's side in the parameters, or the same from its other end."""
+    from OCP import Geom2d, gp
+
+    (u, v), (du, dv) = _RIMS[side]
+    if not forward:
+        u, v, du, dv = u + du, v + dv, -du, -dv
+    return Geom2d.Geom2d_Line(gp.gp_Pnt2d(u, v), gp.gp_Dir2d(du, dv))
+
+
+def _clamped_knots(count: int) -> tuple[Any, Any]:
+    """Knots of a clamped uniform spline on [0, 1], and how often each stands there."""
+    from OCP import collections
+
+    values = np.unique(open_knots(count, 1.0))
+    knots, times = collections.Array1_double(1, len(values)), collections.Array1_int(1, len(values))
+    for n, value in enumerate(values.tolist(), 1):
+        knots.SetValue(n, value)
+        times.SetValue(n, DEGREE + 1 if n in {1, len(values)} else 1)
+    return knots, times
+
+
+def _poles(net: FloatArray) -> Any:
+    """Control points of a surface: u along the net's second axis, v along its first."""
+    from OCP import collections, gp
+
+    count = len(net)
+    poles = collections.Array2_gp_Pnt(1, count, 1, count)
+    for row, points in enumerate(net.tolist(), 1):
+        for column, point in enumerate(points, 1):
+            poles.SetValue(column, row, gp.gp_Pnt(*point))
+    return poles
+
+
+def _pole_row(points: FloatArray) -> Any:
+    from OCP import collections, gp
+
+    poles = collections.Array1_gp_Pnt(1, len(points))
+    for n, point in enumerate(points.tolist(), 1):
+        poles.SetValue(n, gp.gp_Pnt(*point))
+    return poles
+
+
+def _point(coordinates: FloatArray) -> Any:
+    from OCP import gp
+
+    return gp.gp_Pnt(*(float(x) for x in coordinates))
+
+
+def _vertex(build: Any, point: Any) -> Any:
+    from OCP import TopoDS
+
+    vertex = TopoDS.TopoDS_Vertex()
+    build.MakeVertex(vertex, point, PRECISION_MM)
+    return vertex
+
+
+def _bound(build: Any, edge: Any, first: Any, last: Any, end: float) -> None:
+    """Let an edge run from a vertex at parameter 0 to another at ``end``."""
+    from OCP import TopAbs
+
+    build.Add(edge, first.Oriented(TopAbs.TopAbs_FORWARD))
+    build.Add(edge, last.Oriented(TopAbs.TopAbs_REVERSED))
+    build.Range(edge, 0.0, float(end))
+
+
+# Solids -----------------------------------------------------------------------------------------------
+
+
+def make_solid(shells: Sequence[Any]) -> Any:
+    """Make one ``TopoDS_Solid`` of an outer shell and those of its cavities."""
+    from OCP import BRep, TopoDS
+
+    build = BRep.BRep_Builder()
+    solid = TopoDS.TopoDS_Solid()
+    build.MakeSolid(solid)
+    for shell in shells:
+        build.Add(solid, shell)
+    return solid
+
+
+def check_solid(solid: Any) -> Checked:
+    """Check a solid's validity, edges, faces and volume."""
+    from OCP import BRepCheck, BRepGProp, GProp, TopAbs, TopExp, collections
+
+    faces_of_edges = collections.IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher()
+    TopExp.TopExp.MapShapesAndAncestors_s(solid, TopAbs.TopAbs_EDGE, TopAbs.TopAbs_FACE, faces_of_edges)
+    edges = range(1, faces_of_edges.Extent() + 1)
+    inside = GProp.GProp_GProps()
+    BRepGProp.BRepGProp.VolumeProperties_s(solid, inside)
+    return Checked(
+        BRepCheck.BRepCheck_Analyzer(solid).IsValid(),
+        sum(faces_of_edges.FindFromIndex(n).Size() != 2 for n in edges),
+        count_shapes(solid, TopAbs.TopAbs_FACE),
+        inside.Mass(),
+    )
+
+
+def count_shapes(shape: Any, kind: Any) -> int:
+    """Count the faces, shells or solids of a shape; one that is used twice counts twice."""
+    from OCP import TopExp
+
+    explorer = TopExp.TopExp_Explorer(shape, kind)
+    count = 0
+    while explorer.More():
+        count += 1
+        explorer.Next()
+    return count
+
+
+# Files ------------------------------------------------------------------------------------------------
+
+
+def write_parts(path: Path, parts: Sequence[Part], form: str) -> None:
+    """Write organs to a file: a name and a colour each, an assembly where there are several bodies.
+
+    Parameters
+    ----------
+    path : Path
+    parts : sequence of Part
+        At least one.
+    form : {"step", "iges", "brep"}
+        STEP AP242, IGES 5.3 with manifold solids, or OpenCASCADE's own, which keeps neither name nor colour.
+
+    Raises
+    ------
+    InputError
+        When OpenCASCADE cannot write the file.
+    """
+    writers = {"step": _write_step, "iges": _write_iges, "brep": _write_brep}
+    if not writers[form](str(path), parts):
+        raise InputError(
+            str(path), "OpenCASCADE could not write the file", "check the folder's space and rights"
+        )
+
+
+def _write_step(path: str, parts: Sequence[Part]) -> bool:
+    from OCP import IFSelect, Interface, STEPCAFControl, STEPControl
+
+    # before the settings, which it resets when it is first made
+    writer = STEPCAFControl.STEPCAFControl_Writer()
+    Interface.Interface_Static.SetCVal_s("write.step.schema", "AP242DIS")
+    Interface.Interface_Static.SetCVal_s("write.step.unit", "MM")
+    Interface.Interface_Static.SetIVal_s("write.surfacecurve.mode", 0)  # curves in the surfaces' parameters
+    writer.SetNameMode(True)
+    writer.SetColorMode(True)
+    document = _document(parts)
+    if not writer.Transfer(document, STEPControl.STEPControl_AsIs):
+        return False
+    return writer.Write(path) == IFSelect.IFSelect_RetDone
+
+
+def _write_iges(path: str, parts: Sequence[Part]) -> bool:
+    from OCP import IGESCAFControl, IGESControl, Interface
+
+    IGESControl.IGESControl_Controller.Init_s()
+    Interface.Interface_Static.SetIVal_s("write.iges.brep.mode", 1)
+    Interface.Interface_Static.SetCVal_s("write.iges.unit", "MM")
+    writer = IGESCAFControl.IGESCAFControl_Writer()
+    writer.SetNameMode(True)
+    writer.SetColorMode(True)
+    return writer.Transfer(_document(parts)) and writer.Write(path)
+
+
+def _write_brep(path: str, parts: Sequence[Part]) -> bool:
+    from OCP import BRepTools
+
+    solids = [solid for part in parts for solid in part.solids]
+    return BRepTools.BRepTools.Write_s(solids[0] if len(solids) == 1 else _compound(solids), path)
+
+
+def _compound(shapes: Sequence[Any]) -> Any:
+    from OCP import BRep, TopoDS
+
+    build = BRep.BRep_Builder()
+    compound = TopoDS.TopoDS_Compound()
+    build.MakeCompound(compound)
+    for shape in shapes:
+        build.Add(compound, shape)
+    return compound
+
+
+def _document(parts: Sequence[Part]) -> Any:
+    """Make OpenCASCADE's document of the parts in mm: an organ of several bodies has them as its parts."""
+    from OCP import Quantity, TCollection, TDataStd, TDocStd, UnitsMethods, XCAFApp, XCAFDoc
+
+    document = TDocStd.TDocStd_Document(TCollection.TCollection_ExtendedString("XmlXCAF"))
+    XCAFApp.XCAFApp_Application.GetApplication_s().InitDocument(document)
+    XCAFDoc.XCAFDoc_DocumentTool.SetLengthUnit_s(
+        document, 1.0, UnitsMethods.UnitsMethods_LengthUnit.UnitsMethods_LengthUnit_Millimeter
+    )
+    shapes = XCAFDoc.XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    colours = XCAFDoc.XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+    for part in parts:
+        if len(part.solids) == 1:
+            labels = [shapes.AddShape(part.solids[0], False)]
+        else:
+            organ = shapes.NewShape()
+            components = [shapes.AddComponent(organ, solid, False) for solid in part.solids]
+            labels = [organ, *(_product(shapes, component) for component in components)]
+        colour = Quantity.Quantity_Color(*part.colour, Quantity.Quantity_TOC_sRGB)
+        names = [part.name, *(f"{part.name} {n}" for n in range(1, len(labels)))]
+        for label, name in zip(labels, names, strict=True):
+            TDataStd.TDataStd_Name.Set_s(label, TCollection.TCollection_ExtendedString(name))
+            colours.SetColor(label, colour, XCAFDoc.XCAFDoc_ColorSurf)
+    shapes.UpdateAssemblies()
+    return document
+
+
+def _product(shapes: Any, component: Any) -> Any:
+    """Label of the shape that an assembly's component stands for."""
+    from OCP import TDF
+
+    label = TDF.TDF_Label()
+    shapes.GetReferredShape_s(component, label)
+    return label

@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+import trimesh
+from closed_shapes import mesh_of, sphere, together, torus
+
+from cccd.geometry.mesh import Mesh
+from cccd.solids.bodies import split_bodies
+from cccd.solids.decimation import collapse_edges
+
+
+@pytest.mark.parametrize("mesh", [sphere(), torus()])
+@pytest.mark.parametrize("most", [600, 60])
+def test_topology_is_kept(mesh, most):
+    fewer = collapse_edges(mesh, most)
+    assert len(fewer.faces) == most
+    assert fewer.is_closed_manifold
+    assert fewer.genus == mesh.genus
+    assert len(fewer.self_intersections()) == 0
+
+
+def test_planes_cost_next_to_nothing():
+    box = trimesh.creation.box((4, 5, 6)).subdivide().subdivide().subdivide()
+    fewer = collapse_edges(mesh_of(box), 40)
+    assert fewer.volume == pytest.approx(120, rel=2e-3)
+
+
+def test_the_ring_is_not_pinched():
+    """A torus as thin as three triangles around cannot lose one of them."""
+    ring = mesh_of(trimesh.creation.torus(10, 1, major_sections=30, minor_sections=3))
+    fewer = collapse_edges(ring, 4)
+    assert fewer.is_closed_manifold
+    assert fewer.genus == 1
+
+
+def test_the_mesh_stays_as_it_was():
+    mesh = sphere()
+    vertices, faces = mesh.vertices.copy(), mesh.faces.copy()
+    collapse_edges(mesh, 100)
+    assert np.array_equal(mesh.vertices, vertices)
+    assert np.array_equal(mesh.faces, faces)
+
+
+def test_islands_in_cavities_are_bodies():
+    shells = [
+        sphere(10.0),
+        sphere(7.0).reversed(),
+        sphere(4.0),
+        sphere(2.0).reversed(),
+        sphere(3.0, (30, 0, 0)),
+    ]
+    bodies = split_bodies(together(*shells[::-1]))
+    assert [len(body.cavities) for body in bodies] == [1, 1, 0]
+    volumes = [[round(piece.volume) for piece in (body.outer, *body.cavities)] for body in bodies]
+    expected = [[round(mesh.volume) for mesh in pair] for pair in (shells[:2], shells[2:4], shells[4:])]
+    assert volumes == expected
+
+
+def test_a_cavity_in_nothing_is_refused():
+    with pytest.raises(ValueError, match="cavity"):
+        split_bodies(together(sphere(), sphere(2.0, (50, 0, 0)).reversed()))
+
+
+def test_pieces_use_all_their_vertices():
+    pieces = together(sphere(), torus()).pieces()
+    assert sorted(piece.genus for piece in pieces) == [0, 1]
+    assert all(np.array_equal(np.unique(p.faces), np.arange(len(p.vertices))) for p in pieces)
+    assert Mesh.empty().pieces() == []
