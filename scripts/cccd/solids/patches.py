@@ -36,7 +36,7 @@ EVENNESS = 1e-2
 #: Where more than this share of the patches fold smoothing leaves folds: more patches are tried at once.
 MOST_FOLDED = 0.1
 
-#: Where more than this share fold, handles and thin walls abound: facets need less than patches would.
+#: Where more than this share fold twice in a row, handles and thin walls abound: facets need less.
 HOPELESS = 1 / 3
 
 #: Rounds of smoothing that may leave as many folds as there were.
@@ -160,12 +160,14 @@ def patches_within(mesh: Mesh, tolerance: float, first: int, most: int, rounds: 
     coarse = [mesh]
     for patches in reversed(steps):
         coarse.append(collapse_edges(coarse[-1], max(4, patches // 3), EVENNESS))
+    before = 0.0
     for layer in reversed(coarse[1:]):
         fitted, folded = _unfolded(lay_quads(layer, target, SUBDIVISIONS), target, rounds)
         if fitted is not None and follows(fitted.mesh, mesh, tolerance):
             return fitted
-        if folded > HOPELESS:
+        if min(folded, before) > HOPELESS:
             break
+        before = folded
     return None
 
 
