@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
@@ -217,10 +218,28 @@ class Mesh:
         rounds : int
             Degree of the filter's polynomial.
         """
-        smooth = cast(Any, self.to_polydata()).smooth_taubin(
-            n_iter=rounds, pass_band=band, normalize_coordinates=True, boundary_smoothing=False
+        # VTK takes a while to load, and its types are looser than what it returns
+        arrays, core, data, support = (
+            cast(Any, import_module(f"vtkmodules.{name}"))
+            for name in ("vtkCommonCore", "vtkFiltersCore", "vtkCommonDataModel", "util.numpy_support")
         )
-        return Mesh(np.asarray(smooth.points, float), self.faces)
+        mesh, points, cells = data.vtkPolyData(), arrays.vtkPoints(), data.vtkCellArray()
+        points.SetData(support.numpy_to_vtk(np.ascontiguousarray(self.vertices)))
+        corners = np.ascontiguousarray(self.faces, np.int64).ravel()
+        cells.SetData(3, support.numpy_to_vtkIdTypeArray(corners))
+        mesh.SetPoints(points)
+        mesh.SetPolys(cells)
+        filter_ = core.vtkWindowedSincPolyDataFilter()
+        filter_.SetInputData(mesh)
+        filter_.SetNumberOfIterations(rounds)
+        filter_.SetPassBand(band)
+        filter_.NormalizeCoordinatesOn()
+        filter_.FeatureEdgeSmoothingOff()
+        filter_.BoundarySmoothingOff()
+        filter_.NonManifoldSmoothingOff()
+        filter_.Update()
+        moved = support.vtk_to_numpy(filter_.GetOutput().GetPoints().GetData())
+        return Mesh(moved.astype(float), self.faces)
 
     def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Draw points (count, 3) uniformly by area."""

@@ -449,7 +449,7 @@ class LoftSettings(Section):
         le=1000,
     )
     tolerance_voxels: float = setting(
-        0.08,
+        0.06,
         "mean distance between outlines and surface that is good enough, in voxel edges",
         why="Much below that the surface follows what splines leave of the pixels' steps. The edge is the "
         "pixel size, the cube root of the voxel's volume, or 1.5 mm, whichever is least.",

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from solids import box, sphere, torus
 
+from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 
 
@@ -154,3 +155,16 @@ def test_nothing_is_empty():
     assert not nothing.is_closed_manifold
     assert nothing.outwards() is nothing
     assert nothing.self_intersections().shape == (0, 2)
+
+
+def test_a_low_pass_takes_ripples_off_a_ball_and_keeps_its_volume():
+    axis = np.linspace(-1, 1, 41)
+    distance = np.linalg.norm(np.meshgrid(axis, axis, axis), axis=0) - 0.8
+    ball = ScalarGrid.uniform(distance, (-1, -1, -1), 0.05).isosurface(0.0)
+    rng = np.random.default_rng(0)
+    rough = Mesh(ball.vertices * (1 + 0.004 * rng.standard_normal((len(ball.vertices), 1))), ball.faces)
+    smooth = rough.low_passed(0.05, 30)
+    assert smooth.volume == pytest.approx(4 / 3 * np.pi * 0.8**3, rel=0.01)
+    assert np.linalg.norm(smooth.vertices, axis=1).std() < 0.3 * np.linalg.norm(rough.vertices, axis=1).std()
+    assert smooth.curvature_per_area < 0.6 * rough.curvature_per_area
+    assert smooth.is_closed_manifold

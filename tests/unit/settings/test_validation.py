@@ -85,7 +85,7 @@ def as_text(value):
 
 def test_text_from_the_command_line_is_read_as_what_it_stands_for():
     plain = Settings().as_config()
-    assert as_text(plain)["surface"]["tolerance_voxels"] == "0.08"
+    assert as_text(plain)["surface"]["tolerance_voxels"] == "0.06"
     assert validate_config(as_text(plain)) == Settings()
 
 
