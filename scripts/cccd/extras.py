@@ -10,7 +10,7 @@ __all__ = ["EXTRAS", "missing_extra"]
 EXTRAS: dict[str, tuple[str, ...]] = {
     "dicom": ("pydicom", "highdicom"),
     "gnn": ("torch", "torch_geometric"),
-    "view": ("pyvista", "vtkmodules", "vtk"),
+    "view": ("pyvista",),
     "report": ("matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification"),
     "comparisons": ("itk",),
     "cad": ("OCP",),
