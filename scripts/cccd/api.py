@@ -30,7 +30,7 @@ from cccd.volumes import load_structure, structure_of_array
 from cccd.volumes.grid import check_affine, find_slice_axis
 from cccd.volumes.inputs import list_labels
 from cccd.volumes.load import existing
-from cccd.volumes.readers import SUFFIXES
+from cccd.volumes.readers import SUFFIXES, without_suffix
 
 if TYPE_CHECKING:
     import pyvista
@@ -207,8 +207,8 @@ def name_of(path: Path) -> str:
     """Return a file's name without the suffix of its format, a folder's as it is."""
     if path.is_dir():
         return path.name
-    suffix = next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), path.suffix)
-    return path.name[: len(path.name) - len(suffix)]
+    plain = without_suffix(path.name)
+    return path.stem if plain is None else plain
 
 
 def _column_of(path: Path) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from cccd.errors import InputError
 from cccd.settings.messages import choices
 
-__all__ = ["find_structures", "write_sheet"]
+__all__ = ["find_structures", "plain_name", "write_sheet"]
 
 #: Suffixes of BIDS derivatives that are masks, and of label maps.
 _MASK, _LABELS = "mask", "dseg"
@@ -68,7 +68,7 @@ def find_structures(
             continue
         named = dict(labels(path)) | _table_beside(path)
         for label in dict(labels(path)):
-            organ = _plain(named.get(label, "")) or f"label_{label}"
+            organ = plain_name(named.get(label, "")) or f"label_{label}"
             rows.append({"case": case, "organ": organ, "mask": str(path.resolve()), "label": label})
     return _distinct(rows)
 
@@ -77,13 +77,13 @@ def _case(entities: list[str], path: Path, top: Path) -> str:
     """Participant and session, behind the pipeline where several made derivatives."""
     names = [part for part in entities if part.split("-")[0] in ("sub", "ses")]
     pipeline = path.relative_to(top).parts[0]
-    return "_".join(names if pipeline.startswith("sub-") else [*names, _plain(pipeline)])
+    return "_".join(names if pipeline.startswith("sub-") else [*names, plain_name(pipeline)])
 
 
 def _organ(entities: list[str]) -> str:
     """Name what a mask is of: its entity ``label``, or else ``desc``, or else ``mask``."""
     parts = dict(part.split("-", 1) for part in entities)
-    return _plain(parts.get("label") or parts.get("desc") or "mask")
+    return plain_name(parts.get("label") or parts.get("desc") or "mask")
 
 
 def _table_beside(path: Path) -> dict[str, str]:
@@ -98,7 +98,7 @@ def _table_beside(path: Path) -> dict[str, str]:
     return {}
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
     """Turn a name into one that the cohort sheet allows."""
     return re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")
 

@@ -9,7 +9,6 @@ import argparse
 import errno
 import json
 import os
-import re
 import subprocess
 import sys
 import time
@@ -262,10 +261,11 @@ def _labels_of(source: Path) -> dict[str, str]:
 
 def _with_name(path: Path, label: str, name: str) -> Path:
     """Put the name of a label, or its number, before a file's suffix."""
+    from cccd.bids import plain_name
     from cccd.surface.export import format_of
 
     suffix = f".{format_of(path)}"
-    plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_") or f"label_{label}"
+    plain = plain_name(name) or f"label_{label}"
     return path.with_name(f"{path.name[: -len(suffix)]}_{plain}{suffix}")
 
 

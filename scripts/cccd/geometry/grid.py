@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any, cast
 
 import numpy as np
 
+from cccd.geometry._vtk import vtk
 from cccd.geometry.arrays import FloatArray, IntArray, RealArray
 from cccd.geometry.mesh import Mesh
 
@@ -70,12 +69,8 @@ class ScalarGrid:
 
 def _flying_edges(values: RealArray, level: float) -> tuple[FloatArray, IntArray]:
     """Vertices (P, 3) in nodes, and faces (F, 3) counter-clockwise where values (A, B, C) are larger."""
-    # loaded where there is something to mesh; VTK's types are looser than what it returns
-    core, data, support = (
-        cast(Any, import_module(f"vtkmodules.{name}"))
-        for name in ("vtkFiltersCore", "vtkCommonDataModel", "util.numpy_support")
-    )
-    image, filter_ = data.vtkImageData(), core.vtkFlyingEdges3D()
+    support = vtk("util.numpy_support")
+    image, filter_ = vtk("vtkCommonDataModel").vtkImageData(), vtk("vtkFiltersCore").vtkFlyingEdges3D()
     flat = np.ascontiguousarray(values).ravel()
     image.SetDimensions(values.shape[::-1])  # VTK's first axis is the one that runs fastest
     image.GetPointData().SetScalars(support.numpy_to_vtk(flat))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from cccd.geometry._vtk import vtk
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.collisions import passing_pairs
 
@@ -218,18 +218,14 @@ class Mesh:
         rounds : int
             Degree of the filter's polynomial.
         """
-        # VTK takes a while to load, and its types are looser than what it returns
-        arrays, core, data, support = (
-            cast(Any, import_module(f"vtkmodules.{name}"))
-            for name in ("vtkCommonCore", "vtkFiltersCore", "vtkCommonDataModel", "util.numpy_support")
-        )
-        mesh, points, cells = data.vtkPolyData(), arrays.vtkPoints(), data.vtkCellArray()
+        data, support = vtk("vtkCommonDataModel"), vtk("util.numpy_support")
+        mesh, points, cells = data.vtkPolyData(), vtk("vtkCommonCore").vtkPoints(), data.vtkCellArray()
         points.SetData(support.numpy_to_vtk(np.ascontiguousarray(self.vertices)))
         corners = np.ascontiguousarray(self.faces, np.int64).ravel()
         cells.SetData(3, support.numpy_to_vtkIdTypeArray(corners))
         mesh.SetPoints(points)
         mesh.SetPolys(cells)
-        filter_ = core.vtkWindowedSincPolyDataFilter()
+        filter_ = vtk("vtkFiltersCore").vtkWindowedSincPolyDataFilter()
         filter_.SetInputData(mesh)
         filter_.SetNumberOfIterations(rounds)
         filter_.SetPassBand(band)

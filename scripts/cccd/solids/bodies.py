@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cccd.geometry.arrays import FloatArray
+from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 
 __all__ = ["Body", "split_bodies"]
@@ -60,12 +61,7 @@ def split_bodies(mesh: Mesh) -> list[Body]:
 
 
 def _holds(mesh: Mesh, point: FloatArray) -> bool:
-    """Whether a mesh winds around a point (3,), by the solid angles of Van Oosterom and Strackee (1983)."""
+    """Whether a point (3,) lies inside a closed mesh."""
     if np.any(point < mesh.vertices.min(axis=0)) or np.any(point > mesh.vertices.max(axis=0)):
         return False
-    a, b, c = np.moveaxis((mesh.vertices - point)[mesh.faces], 1, 0)
-    la, lb, lc = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
-    triple = np.einsum("fc,fc->f", a, np.cross(b, c))
-    ab, bc, ca = (np.einsum("fc,fc->f", *pair) for pair in ((a, b), (b, c), (c, a)))
-    angles = np.arctan2(triple, la * lb * lc + ab * lc + bc * la + ca * lb)
-    return bool(angles.sum() > np.pi)
+    return bool(to_mesh(point[None], mesh)[0] < 0)

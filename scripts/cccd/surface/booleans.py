@@ -12,7 +12,6 @@ import manifold3d
 import numpy as np
 from manifold3d import Manifold, OpType
 
-from cccd.geometry.arrays import IntArray
 from cccd.geometry.mesh import Mesh
 
 __all__ = ["Nesting", "unite"]
@@ -39,18 +38,11 @@ class Nesting(NamedTuple):
     hole: bool
 
 
-def unite(meshes: Sequence[Mesh], tubes: Sequence[Nested]) -> tuple[Mesh, IntArray]:
+def unite(meshes: Sequence[Mesh], tubes: Sequence[Nested]) -> Mesh:
     """Unite the closed meshes of some tubes in the order in which their rings nest.
 
     Outlines (depth 0) are joined, their holes (depth 1) taken away, islands in holes (depth 2) added,
-    and so on. Where holes take everything away the first tube is left.
-
-    Returns
-    -------
-    mesh : Mesh
-        Closed.
-    origins : (F,) int64
-        A number for each face that says which tube's mesh it is from.
+    and so on. Where holes take everything away the first tube is left. The mesh is closed.
     """
     bodies = [_manifold(mesh) for mesh in meshes]
     whole = Manifold()
@@ -68,21 +60,12 @@ def unite(meshes: Sequence[Mesh], tubes: Sequence[Nested]) -> tuple[Mesh, IntArr
 
 
 def _manifold(mesh: Mesh) -> Manifold:
-    """Turn a closed mesh into a solid that remembers which faces are its own."""
-    return Manifold(
-        manifold3d.Mesh64(
-            np.ascontiguousarray(mesh.vertices, float),
-            np.ascontiguousarray(mesh.faces, np.uint64),
-            run_index=np.array([0, mesh.faces.size], np.uint64),
-            run_original_id=np.array([Manifold.reserve_ids(1)], np.uint32),
-        )
-    )
+    """Turn a closed mesh into a solid."""
+    vertices, faces = np.ascontiguousarray(mesh.vertices, float), np.ascontiguousarray(mesh.faces, np.uint64)
+    return Manifold(manifold3d.Mesh64(vertices, faces))
 
 
-def _triangles(body: Manifold) -> tuple[Mesh, IntArray]:
-    """Mesh of a solid, and the number of the original (F,) that each face is from."""
+def _triangles(body: Manifold) -> Mesh:
+    """Mesh of a solid."""
     mesh = cast(Any, body.to_mesh64())  # its stubs leave the arrays' types open
-    bounds = np.array(mesh.run_index, np.int64) // 3
-    origins = np.repeat(np.array(mesh.run_original_id, np.int64), np.diff(bounds))
-    vertices = np.array(mesh.vert_properties[:, :3], float)
-    return Mesh(vertices, np.array(mesh.tri_verts, np.int64)), origins
+    return Mesh(np.array(mesh.vert_properties[:, :3], float), np.array(mesh.tri_verts, np.int64))

@@ -121,7 +121,7 @@ def patches_mesh(surface: Surface) -> Mesh:
         Nesting(depth, patch.sign < 0)
         for depth, patch in zip(surface.report["depths"], surface.patches, strict=True)
     ]
-    return unite([tessellate(patch, edge) for patch in surface.patches], places)[0]
+    return unite([tessellate(patch, edge) for patch in surface.patches], places)
 
 
 def _agreement(mesh: Mesh, structure: Structure) -> dict[str, float]:

@@ -89,8 +89,8 @@ class Solid:
 def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings) -> Solid:
     """Join the patches of all tubes into one closed mesh.
 
-    Their union, holes subtracted, is blended along the lines where tubes meet, meshed, and moved outwards
-    or inwards by a little so that it holds the volume of the slices.
+    Their union, holes subtracted, is blended along the lines where tubes meet, moved outwards or inwards by a
+    little so that it holds the volume of the slices, meshed, and rid of the grid's ripples.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
     distance = blend(united, seams, stack.target, reach, blending.fade_cells, stack.filled)
     meshed = offset_surface(distance)
     if len(meshed.faces) == 0:  # thinner than a cell everywhere
-        return Solid(unite(meshes, tubes)[0], fitted, 0.0, stack)
+        return Solid(unite(meshes, tubes), fitted, 0.0, stack)
     planes = _cap_planes(tubes)
     most = blending.most_offset_pixels * stack.pixel
     offset = float(np.clip(_missing_height(meshed, planes, stack.volume, cell), -most, most))

@@ -15,7 +15,7 @@ from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE
 from cccd.volumes.grid import Volume, on_grid
 from cccd.volumes.labels import choose_labels
-from cccd.volumes.readers import SUFFIXES, read_volume
+from cccd.volumes.readers import SUFFIXES, read_volume, without_suffix
 
 __all__ = ["list_labels", "organ_of_labels", "read_boundary_maps", "read_image", "read_mask"]
 
@@ -155,12 +155,8 @@ def list_labels(path: Path) -> dict[str, str]:
 
 def _mask_files(folder: Path) -> dict[str, Path]:
     """Volumes in a folder, by their names without the suffix."""
-    files: dict[str, Path] = {}
-    for file in sorted(folder.iterdir()):
-        suffix = next((suffix for suffix in SUFFIXES if file.name.lower().endswith(suffix)), None)
-        if suffix:
-            files[file.name[: -len(suffix)]] = file
-    return files
+    named = ((without_suffix(file.name), file) for file in sorted(folder.iterdir()))
+    return {name: file for name, file in named if name is not None}
 
 
 def _read_mask_folder(folder: Path, label: str) -> Volume:

@@ -24,12 +24,18 @@ from cccd.geometry.arrays import AnyArray
 from cccd.sidecar_files import VoxelHeader, read_voxel_header
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 
-__all__ = ["SUFFIXES", "guarded", "read_itk", "read_nifti", "read_volume"]
+__all__ = ["SUFFIXES", "guarded", "read_itk", "read_nifti", "read_volume", "without_suffix"]
 
 _NIFTI = (".nii.gz", ".nii", ".hdr", ".img", ".mgz", ".mgh")
 
 #: File endings of volumes, the most usual first.
 SUFFIXES = (*_NIFTI, ".seg.nrrd", ".nrrd", ".nhdr", ".mha", ".mhd")
+
+
+def without_suffix(name: str) -> str | None:
+    """Return a volume's file name without the suffix of its format; None for other files."""
+    suffix = next((suffix for suffix in SUFFIXES if name.lower().endswith(suffix)), None)
+    return None if suffix is None else name[: -len(suffix)]
 
 
 #: Deflate packs at most this many bytes into one.
