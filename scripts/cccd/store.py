@@ -34,6 +34,7 @@ from cccd.containers import (
 )
 from cccd.errors import InputError
 from cccd.geometry.bsplines import Patch
+from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ __all__ = [
     "GraphSplit",
     "atomic_path",
     "read_boundaries",
+    "read_conforming",
     "read_contours",
     "read_curves",
     "read_figure",
@@ -56,6 +58,7 @@ __all__ = [
     "read_table",
     "read_view",
     "write_boundaries",
+    "write_conforming",
     "write_contours",
     "write_curves",
     "write_figures",
@@ -587,3 +590,22 @@ def read_surface_frame(path: str | Path) -> Frame:
     """Read the grid of the source volume that a surface was lofted in."""
     with _open(path) as file:
         return _get_frame(file)
+
+
+def write_conforming(path: str | Path, surface: ConformingSurface, report: Mapping[str, Any]) -> None:
+    """Write the surfaces of a case's organs that share their walls, and what was measured on the way."""
+    with _create(path) as file:
+        _put(file, "vertices", surface.vertices, np.float64)
+        _put(file, "triangles", surface.triangles, np.int64)
+        _put(file, "regions", surface.regions, np.int64)
+        _put_json(file, "names", {str(label): name for label, name in surface.names.items()})
+        _put_json(file, "report", report)
+
+
+def read_conforming(path: str | Path) -> ConformingSurface:
+    """Read the surfaces of a case's organs that share their walls."""
+    with _open(path) as file:
+        names = {int(label): name for label, name in _get_json(file, "names").items()}
+        return ConformingSurface(
+            _get(file, "vertices"), _get(file, "triangles"), _get(file, "regions"), names
+        )

@@ -8,6 +8,7 @@ module             holds
 =================  =================================================================================
 ``arrays``         types of arrays; ragged arrays: offsets, owners, neighbours on closed parts
 ``mesh``           `Mesh`: volume, area, normals, dihedral angles, soundness, samples
+``conforming``     `ConformingSurface`: several regions whose walls are one surface each
 ``collisions``     pairs of triangles that pass through each other
 ``ply``            meshes to and from PLY files, in double precision
 ``polygons``       `RaggedPolygons`: areas, lengths, resampling, simplicity

@@ -1,0 +1,38 @@
+"""Surfaces of several regions: what one region leaves the other enters."""
+
+import numpy as np
+
+from cccd.geometry.conforming import ConformingSurface
+from cccd.store import read_conforming, write_conforming
+
+
+def two_tetrahedra():
+    points = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)])
+    triangles = np.array([(0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 3, 2), (0, 2, 4), (0, 4, 1), (1, 4, 2)])
+    regions = np.array([(2, 1), (1, 0), (1, 0), (1, 0), (2, 0), (2, 0), (2, 0)])
+    return ConformingSurface(points, triangles, regions, {1: "upper", 2: "lower"})
+
+
+def test_each_region_is_closed_and_faces_outwards():
+    both = two_tetrahedra()
+    for label in both.labels:
+        mesh = both.mesh_of(label)
+        assert mesh.is_closed_manifold
+        assert abs(mesh.volume - 1 / 6) < 1e-12
+
+
+def test_a_wall_seen_from_either_side_is_the_same_triangles_turned_round():
+    both = two_tetrahedra()
+    up, down = both.wall(2, 1), both.wall(1, 2)
+    assert np.array_equal(up.face_normals, -down.face_normals)
+    assert np.array_equal(up.vertices, down.vertices)
+
+
+def test_a_file_gives_back_what_was_written(tmp_path):
+    both = two_tetrahedra()
+    write_conforming(tmp_path / "walls.h5", both, {})
+    back = read_conforming(tmp_path / "walls.h5")
+    assert back.names == both.names
+    assert back.pairs == both.pairs
+    for name in ("vertices", "triangles", "regions"):
+        assert np.array_equal(getattr(back, name), getattr(both, name))
