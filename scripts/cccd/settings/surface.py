@@ -383,10 +383,10 @@ class BlendingSettings(Section):
     fairing_rounds: int = setting(
         30,
         "degree of that filter",
-        why="More cut more sharply, and cost as much more.",
+        why="More cut more sharply, and cost as much more; fewer than five make no filter.",
         unit="count",
         expert=True,
-        ge=1,
+        ge=5,
         le=200,
     )
 
