@@ -1,24 +1,32 @@
-"""Time and memory of the whole lofting beside signed distance, isosurface and windowed sinc on the same stack.
+"""Time and memory of the whole lofting beside signed distance, isosurface and windowed sinc.
 
     python tests/benchmarks/lofting.py [--every N] [MASK ...]
 
-Masks are files that ``cccd surface`` reads; without any it takes the MNI brain at 1 mm, every fifth slice of it, and
-phantom lungs and a kidney. Both methods start from the mask, ours by tracing it and fitting its splines. Processor
-time is the least of three runs, memory the peak above what the process held before.
+Masks are files that ``cccd surface`` reads; without any it takes the MNI brain at 1 mm, every fifth slice
+of it, and phantom lungs and a kidney. Both methods get the same stack and start from the mask, ours by
+tracing it and fitting its splines. Processor time is the least of three runs, memory the peak above what
+the process held before.
 """
 
 import argparse
+import os
+import sys
 from pathlib import Path
 
-from run import machine, measure  # sets one thread a library, so before NumPy
+for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
-import numpy as np  # noqa: E402, I001
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "scripts"), str(Path(__file__).parent)]
+
+import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
+from run import machine, measure  # noqa: E402
 
 import cccd  # noqa: E402
 from cccd.comparisons.thick_slices import every_nth_slice  # noqa: E402
 from cccd.comparisons.volume_meshes import distance_isosurface, windowed_sinc  # noqa: E402
-from cccd.containers import Frame, Structure  # noqa: E402
+from cccd.containers import Structure  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
 from cccd.volumes import load_structure  # noqa: E402
 
@@ -51,9 +59,9 @@ def compare(name: str, structure: Structure) -> dict:
     seconds, peak = measure(lambda: cccd.reconstruct(mask, affine))
     peer_seconds, peer_peak = measure(lambda: windowed_sinc(distance_isosurface(structure)))
     shape = " x ".join(map(str, np.array(structure.stack("mask").shape)[[1, 2, 0]]))
-    row = {"structure": name, "voxels": shape, "seconds": seconds, "peer_seconds": peer_seconds}
-    row |= {"times": seconds / peer_seconds, "peak_mb": peak, "peer_peak_mb": peer_peak, "memory": peak / peer_peak}
-    return row
+    row = {"structure": name, "voxels": shape}
+    row |= {"seconds": seconds, "peer_seconds": peer_seconds, "times": seconds / peer_seconds}
+    return row | {"peak_mb": peak, "peer_peak_mb": peer_peak, "memory": peak / peer_peak}
 
 
 def main() -> None:
@@ -62,7 +70,8 @@ def main() -> None:
     parser.add_argument("masks", nargs="*", type=Path, metavar="MASK")
     parser.add_argument("--every", type=int, default=1, help="keep every n-th slice of the files' masks")
     arguments = parser.parse_args()
-    structures = {path.name: from_file(path, arguments.every) for path in arguments.masks} or default_structures()
+    named = {path.name: from_file(path, arguments.every) for path in arguments.masks}
+    structures = named or default_structures()
     cccd.reconstruct(np.pad(np.ones((8, 8, 4), bool), 2), np.eye(4))  # compiles
     table = pd.DataFrame([compare(name, structure) for name, structure in structures.items()])
     print(machine())
