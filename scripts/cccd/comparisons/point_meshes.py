@@ -1,10 +1,14 @@
 """Surfaces from the curves' points alone, as the paper's introduction names them: [3], [4], [5].
 
 Every function accepts the curves and returns a mesh in world mm (RAS). What the methods leave
-open or tangled is left so: that is part of the comparison.
+open or tangled is left so: that is part of the comparison. Open3D makes them where it is installed (extra
+``comparisons``), at settings from a grid on training phantoms; else what stands here does.
 """
 
 from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -27,6 +31,38 @@ BALL_RADII = 1.25
 POISSON_CELLS = 144
 
 
+#: Open3D's: depth of the octree, and radii as multiples of the larger of slice step and pixel.
+OCTREE_DEPTH = 8
+OPEN3D_BALLS = (1.25, 2.5)
+OPEN3D_ALPHA = 2.0
+
+
+def has_open3d() -> bool:
+    """Whether the optional package is there that makes surfaces from points."""
+    return find_spec("open3d") is not None
+
+
+def _open3d_cloud(curves: Curves) -> tuple[Any, Any, float]:
+    """Open3D, the curves' points and normals as it takes them, and the larger of slice step and pixel."""
+    import open3d
+
+    points, normals = _points_and_normals(curves)
+    facing = np.linalg.norm(normals, axis=1) > 0
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points[facing]))
+    cloud.normals = open3d.utility.Vector3dVector(normals[facing])
+    return open3d, cloud, max(_slice_step(curves), float(curves.frame.pixel_spacing.max()))
+
+
+def _from_open3d(mesh: Any) -> Mesh:
+    return Mesh(np.asarray(mesh.vertices), np.asarray(mesh.triangles).astype(np.int64))
+
+
+def _slice_step(curves: Curves) -> float:
+    """Distance in mm of neighbouring slices that hold a curve, most often."""
+    gaps = np.diff(np.unique(curves.slice))
+    return (float(np.median(gaps)) if len(gaps) else 1.0) * curves.frame.slice_spacing
+
+
 def _points_and_normals(curves: Curves) -> tuple[np.ndarray, np.ndarray]:
     """World points (P, 3) of the curves and their outward unit normals in the slice's plane."""
     ahead = np.concatenate([np.roll(curve, -2, axis=0) for curve in curves])
@@ -47,9 +83,7 @@ def _thinned(curves: Curves) -> tuple[np.ndarray, np.ndarray, float]:
     """Points, normals and the ball radius in mm, thinned to what Delaunay can take."""
     points, normals = _points_and_normals(curves)
     every = max(1, -(-len(points) // MOST_POINTS))
-    gaps = np.diff(np.unique(curves.slice))
-    step = float(np.median(gaps)) * curves.frame.slice_spacing if len(gaps) else curves.frame.slice_spacing
-    radius = BALL_RADII * max(step, every * float(curves.frame.pixel_spacing.max()))
+    radius = BALL_RADII * max(_slice_step(curves), every * float(curves.frame.pixel_spacing.max()))
     # Points on a grid are degenerate for Delaunay: a thousandth of a voxel of seeded jitter decides.
     jitter = np.random.default_rng(0).normal(scale=1e-3 * radius, size=points.shape)
     return (points + jitter)[::every], normals[::every], radius
@@ -71,8 +105,14 @@ def alpha_shape(curves: Curves) -> Mesh:
     """Outer boundary of the alpha shape (Edelsbrunner and Mücke 1994).
 
     A ball that comes from outside passes through triangles of larger circumradius only; what it cannot
-    reach is the solid. (The alpha complex of points on a surface alone would be a hollow shell.)
+    reach is the solid. (The alpha complex of points on a surface alone, Open3D's too, is a
+    hollow shell.)
     """
+    if has_open3d():
+        open3d, cloud, step = _open3d_cloud(curves)
+        return _from_open3d(
+            open3d.geometry.TriangleMesh.create_from_point_cloud_alpha_shape(cloud, OPEN3D_ALPHA * step)
+        )
     points, _, radius = _thinned(curves)
     net = Delaunay(points)
     count = len(net.simplices)
@@ -108,6 +148,10 @@ def ball_pivoting(curves: Curves) -> Mesh:
     the Voronoi edge of a Delaunay triangle. Pivoting walks from one such triangle to the next; taking
     all of them on the outer side of the points gives the surface that it walks over.
     """
+    if has_open3d():
+        open3d, cloud, step = _open3d_cloud(curves)
+        radii = open3d.utility.DoubleVector([radius * step for radius in OPEN3D_BALLS])
+        return _from_open3d(open3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(cloud, radii))
     points, normals, radius = _thinned(curves)
     net = Delaunay(points)
     centre = _circumcentres(points[net.simplices])
@@ -145,6 +189,12 @@ def poisson(curves: Curves) -> Mesh:
     The indicator's Laplacian is the divergence of the smoothed normal field; its level is the mean at
     the points.
     """
+    if has_open3d():
+        open3d, cloud, _ = _open3d_cloud(curves)
+        made, _ = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
+            cloud, depth=OCTREE_DEPTH, n_threads=1
+        )
+        return _from_open3d(made)
     points, normals = _points_and_normals(curves)
     low, high = points.min(axis=0), points.max(axis=0)
     cell = float((high - low).max()) / POISSON_CELLS

@@ -76,9 +76,13 @@ SURFACES = {
         Baseline("marching cubes", _marching_cubes, "scikit-image"),
         Baseline("surface nets", _surface_nets, "VTK"),
         Baseline("signed distance + isosurface", _distance_isosurface, "slices interpolated by shape, VTK"),
-        Baseline("ball pivoting", _ball_pivoting, "by Delaunay triangles, after Bernardini et al. (1999)"),
-        Baseline("Poisson", _poisson, "on a regular grid, after Kazhdan et al. (2006)"),
-        Baseline("alpha shape", _alpha_shape, "on Delaunay tetrahedra, after Edelsbrunner and Mücke (1994)"),
+        Baseline(
+            "ball pivoting", _ball_pivoting, "Bernardini et al. (1999): Open3D, else by Delaunay triangles"
+        ),
+        Baseline("Poisson", _poisson, "Kazhdan et al. (2006): Open3D, else on a regular grid"),
+        Baseline(
+            "alpha shape", _alpha_shape, "Edelsbrunner and Mücke (1994): Open3D, else on Delaunay tetrahedra"
+        ),
     )
 }
 
