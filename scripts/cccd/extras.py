@@ -12,7 +12,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "gnn": ("torch", "torch_geometric"),
     "view": ("pyvista",),
     "report": ("matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification"),
-    "comparisons": ("itk",),
+    "comparisons": ("itk", "open3d"),
     "cad": ("OCP",),
     "run": ("snakemake", "jsonschema", "nilearn"),
 }

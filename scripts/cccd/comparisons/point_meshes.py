@@ -33,7 +33,7 @@ POISSON_CELLS = 144
 
 #: Open3D's: depth of the octree, and radii as multiples of the larger of slice step and pixel.
 OCTREE_DEPTH = 8
-OPEN3D_BALLS = (1.25, 2.5)
+OPEN3D_BALLS = (2.0, 4.0)
 OPEN3D_ALPHA = 2.0
 
 
@@ -44,7 +44,7 @@ def has_open3d() -> bool:
 
 def _open3d_cloud(curves: Curves) -> tuple[Any, Any, float]:
     """Open3D, the curves' points and normals as it takes them, and the larger of slice step and pixel."""
-    import open3d
+    import open3d  # pyright: ignore[reportMissingImports]
 
     points, normals = _points_and_normals(curves)
     facing = np.linalg.norm(normals, axis=1) > 0
