@@ -23,6 +23,7 @@ LAYERS = (
     ("solids",),
     ("reconstruction", "filling_training"),
     ("api",),
+    ("pyvista_accessor",),
     ("comparisons",),
     ("report",),
     ("bids", "doctor", "workflow_command"),
