@@ -18,6 +18,7 @@ __all__ = [
     "ByteArray",
     "FloatArray",
     "IntArray",
+    "LabelArray",
     "RealArray",
     "SingleArray",
     "concatenate_ragged",
@@ -34,6 +35,8 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 SingleArray: TypeAlias = npt.NDArray[np.float32]
 IntArray: TypeAlias = npt.NDArray[np.int64]
 ByteArray: TypeAlias = npt.NDArray[np.uint8]
+#: Numbers of regions, many at a time.
+LabelArray: TypeAlias = npt.NDArray[np.int32]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 #: Whole or floating-point numbers of any size.
 RealArray: TypeAlias = npt.NDArray[np.integer[Any] | np.floating[Any]]

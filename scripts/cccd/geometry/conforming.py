@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.linalg import LinearOperator, cg
 
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["ConformingSurface"]
+__all__ = ["ConformingSurface", "faired"]
 
 
 def _no_names() -> dict[int, str]:
@@ -72,6 +74,63 @@ class ConformingSurface:
         back = (self.regions == (outside, inside)).all(axis=1)
         return self._part(np.concatenate([self.triangles[there], self.triangles[back, ::-1]]))
 
+    @cached_property
+    def edges(self) -> tuple[IntArray, IntArray]:
+        """Edges (E, 2), the smaller vertex first, and how many triangles (E,) meet along each."""
+        triangles = self.triangles
+        sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+        key, count = np.unique(sides[:, 0] * len(self.vertices) + sides[:, 1], return_counts=True)
+        return np.column_stack(np.divmod(key, len(self.vertices))), count
+
+    @property
+    def junctions(self) -> IntArray:
+        """Edges (E, 2) along which three walls meet, or more."""
+        edges, count = self.edges
+        return edges[count > 2]
+
     def _part(self, faces: IntArray) -> Mesh:
         used, inverse = np.unique(faces, return_inverse=True)
         return Mesh(self.vertices[used], inverse.reshape(-1, 3).astype(np.int64))
+
+
+def faired(surface: ConformingSurface, trust: FloatArray, stiffness: float, rounds: int = 200) -> FloatArray:
+    r"""Vertices (V, 3) of smooth walls that meet along smooth lines.
+
+    They minimise :math:`\sum t |x - x_0|^2 + s \sum |x - \bar x|^2`, the second term being the distance of
+    each vertex to the mean of its neighbours (a thin plate's energy): of all neighbours within a wall, of the
+    two neighbours along the line where three walls meet. Walls go on straight to their lines, whatever the
+    angles between them, because nothing is asked across a line.
+
+    Parameters
+    ----------
+    surface : ConformingSurface
+    trust : (V,) float64
+        The t of each vertex; above 0.
+    stiffness : float
+        The s; waves whose length is :math:`\pi s^{1/4}` edges or so are halved where t is 1.
+    rounds : int
+        Steps of conjugate gradients at most.
+    """
+    bending = _bending(surface)
+    matrix = diags_array(trust) + stiffness * (bending.T @ bending)
+    diagonal = matrix.diagonal()
+    scale = LinearOperator(matrix.shape, matvec=lambda x: x / diagonal, dtype=np.float64)
+    right = trust[:, None] * surface.vertices
+    smooth = [
+        cg(matrix, right[:, axis], surface.vertices[:, axis], rtol=1e-6, maxiter=rounds, M=scale)[0]
+        for axis in range(3)
+    ]
+    return np.column_stack(smooth)
+
+
+def _bending(surface: ConformingSurface) -> csr_array:
+    """Matrix (V, V) of vertices less the mean of their neighbours; 0 where junction lines end or meet."""
+    count = len(surface.vertices)
+    edges, lines = surface.edges[0], surface.junctions
+    on_line = np.bincount(lines.ravel(), minlength=count)
+    within = np.concatenate([edges, edges[:, ::-1]])
+    along = np.concatenate([lines, lines[:, ::-1]])
+    links = np.concatenate([within[on_line[within[:, 0]] == 0], along[on_line[along[:, 0]] == 2]])
+    degree = np.bincount(links[:, 0], minlength=count)
+    means = csr_array((-1 / degree[links[:, 0]], (links[:, 0], links[:, 1])), shape=(count, count))
+    return csr_array(means + diags_array((degree > 0).astype(float)))

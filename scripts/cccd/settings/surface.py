@@ -20,6 +20,7 @@ __all__ = [
     "LoftSettings",
     "MatchingSettings",
     "SolidSettings",
+    "WallSettings",
 ]
 
 
@@ -391,6 +392,65 @@ class BlendingSettings(Section):
     )
 
 
+class WallSettings(Section):
+    """How organs of one scan are smoothed together."""
+
+    cell_pixels: float = setting(
+        0.75,
+        "cells of the grid on which organs meet, in pixels (of coarsest_mm at most)",
+        why="A shell of one pixel has a node in it; at half of that meshes have twice the triangles.",
+        unit="px",
+        expert=True,
+        ge=0.25,
+        le=5,
+    )
+    coarsest_mm: float = setting(
+        1.5,
+        "cell_pixels counts pixels no larger than this",
+        why="As the edges of the meshes that organs have alone.",
+        unit="mm",
+        expert=True,
+        gt=0,
+        le=100,
+    )
+    border_voxels: float = setting(
+        0.7,
+        "width of the kernel that smooths the border of all labels where organs touch",
+        why="Narrower and it shows the voxels' steps, wider and gaps of one voxel close.",
+        unit="voxels",
+        expert=True,
+        gt=0,
+        le=5,
+    )
+    reach_voxels: float = setting(
+        3.0,
+        "that border takes over so far from walls, in the longest edge of the voxel",
+        why="As wide as the rounded edges that organs have alone.",
+        unit="voxels",
+        expert=True,
+        gt=0,
+        le=50,
+    )
+    stiffness: float = setting(
+        5.0,
+        "weight of a thin plate's energy against distance, in the smoothing of the walls",
+        why="The grid leaves ripples of a few edges; stiffer, and the organs' own details go.",
+        unit="ratio",
+        expert=True,
+        ge=0,
+        le=1000,
+    )
+    most_offset_pixels: float = setting(
+        0.25,
+        "walls move by at most this to give every organ the volume of its voxels",
+        why="As surfaces that are smoothed alone.",
+        unit="px",
+        expert=True,
+        ge=0,
+        le=5,
+    )
+
+
 class SolidSettings(Section):
     """How the mesh becomes solids for CAD."""
 
@@ -525,6 +585,16 @@ class LoftSettings(Section):
         le=100,
     )
     solid: SolidSettings = setting(SolidSettings(), "from the mesh to solids", why="Tuned on phantoms.")
+    shared_walls: bool | Literal["auto"] = setting(
+        "auto",
+        "organs of a case are smoothed together, each wall between two of them being one surface; auto: "
+        "those of a sheet's organ *",
+        why="Neighbours that are smoothed alone overlap or gape. What shares its walls is meshed by case, in "
+        "one job that holds all of its organs.",
+    )
+    walls: WallSettings = setting(
+        WallSettings(), "organs of one scan smoothed together", why="Tuned on phantoms and shared scans."
+    )
     interpolation: InterpolationSettings = setting(
         InterpolationSettings(), "levels between slices", why="Tuned on phantoms and shared scans."
     )

@@ -20,7 +20,7 @@ from cccd.settings.surface import BlendingSettings
 from cccd.surface.stack import SliceStack
 from cccd.surface.union import BAND_CELLS
 
-__all__ = ["TargetDistance", "blend", "blend_reach", "offset_surface", "points_on_surface"]
+__all__ = ["TargetDistance", "blend", "blend_reach", "offset_surface", "points_on_surface", "seam_weights"]
 
 #: Distances from a seam are taken from points that lie this share of the blend's reach apart.
 SEAM_STEP = 0.25
@@ -72,10 +72,9 @@ def blend(
         return grid
     low, cell = grid.affine[:3, 3], float(grid.affine[0, 0])
     a, b, c = grid.values.shape
-    weight = _weights(_thinned((seams - low) / cell, reach / cell), (a, b, c), reach / cell)
+    weight = seam_weights((seams - low) / cell, (a, b, c), reach / cell)
     if everywhere > 0:
-        surface = _thinned((points_on_surface(grid) - low) / cell, reach / cell)
-        along = _weights(surface, (a, b, c), reach / cell)
+        along = seam_weights((points_on_surface(grid) - low) / cell, (a, b, c), reach / cell)
         weight = np.maximum(weight, (everywhere * along).astype(np.uint8))
     nodes = np.argwhere(weight.transpose(2, 0, 1))[:, [1, 2, 0]]  # by height, as the target is sampled
     at = tuple(nodes.T)
@@ -93,6 +92,11 @@ def points_on_surface(distance: ScalarGrid) -> FloatArray:
     cell = float(distance.affine[0, 0])
     coarse = np.argwhere(np.abs(distance.values[::2, ::2, ::2]) < cell)
     return distance.affine[:3, 3] + 2 * cell * coarse
+
+
+def seam_weights(points: FloatArray, shape: tuple[int, int, int], reach: float) -> ByteArray:
+    """Weights (A, B, C) of a blend in 255ths, full up to half of ``reach`` from points (P, 3); in nodes."""
+    return _weights(_thinned(points, reach), shape, reach)
 
 
 def _thinned(points: FloatArray, reach: float) -> FloatArray:

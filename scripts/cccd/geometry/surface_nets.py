@@ -1,0 +1,192 @@
+"""Surfaces between the regions of a grid of labels: surface nets whose regions are all manifold.
+
+One vertex stands in each cell of the grid whose corners have different labels, one quadrilateral crosses
+each edge between nodes of different labels (Gibson 1998): what two regions share is one surface from the
+start. A region's surface is manifold where its nodes are well-composed (Latecki 1997), so nodes by which two
+parts of a region would touch along an edge or in a corner only go over to a neighbour first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+
+import numpy as np
+
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, LabelArray
+from cccd.geometry.conforming import ConformingSurface
+
+__all__ = ["Cut", "NodeCost", "surface_nets", "well_composed"]
+
+#: Takes nodes (P, 3) and labels (P,); what it returns (P,) is smaller for labels that suit the nodes better.
+NodeCost = Callable[[IntArray, LabelArray], FloatArray]
+#: Takes the nodes (E, 3) at both ends of edges and their labels (E,); returns the share (E,) of each edge at
+#: which the region of the first label ends.
+Cut = Callable[[IntArray, IntArray, LabelArray, LabelArray], FloatArray]
+
+#: Rounds in which nodes go over to a neighbour's label; none does twice.
+MOST_ROUNDS = 50
+
+_CORNERS = np.array(list(product((0, 1), repeat=3)))  # corner 4 x + 2 y + z of a cell
+#: The four corners of each of a cell's faces, around it, and the ends of its diagonals.
+_FACES = np.array([(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)])
+_DIAGONALS = np.array([(0, 7), (1, 6), (2, 5), (3, 4)])
+
+
+def mixed_cells(labels: LabelArray) -> IntArray:
+    """First corners (C, 3) of the cells of a grid of labels (A, B, C) whose corners differ."""
+    mixed = np.zeros(tuple(size - 1 for size in labels.shape), bool)
+    for axis in range(3):
+        differ = np.diff(labels, axis=axis) != 0
+        others = [other for other in range(3) if other != axis]
+        for a, b in product((0, 1), repeat=2):
+            cut = [slice(None)] * 3
+            for other, start in zip(others, (a, b), strict=True):
+                cut[other] = slice(start, labels.shape[other] - 1 + start)
+            mixed |= differ[tuple(cut)]
+    return np.argwhere(mixed)
+
+
+def _pinched(corner_labels: LabelArray) -> list[tuple[IntArray, IntArray]]:
+    """Where a label's nodes touch along an edge or in a corner only: cells (K,), and their corners (K, m).
+
+    Of a face's four corners, two opposite ones are alike and both others differ from them; or, in a cell, two
+    opposite corners are alike and no other, or all but two opposite corners are.
+    """
+    found: list[tuple[IntArray, IntArray]] = []
+    for face in _FACES:
+        p, q, r, s = (corner_labels[:, corner] for corner in face)
+        bad = ((p == r) & (q != p) & (s != p)) | ((q == s) & (p != q) & (r != q))
+        cells = np.flatnonzero(bad)
+        found.append((cells, np.broadcast_to(face, (len(cells), 4))))
+    for one, other in _DIAGONALS:
+        alike = corner_labels == corner_labels[:, one, None]
+        lonely = alike[:, other] & (alike.sum(axis=1) == 2)
+        between = next(corner for corner in range(8) if corner not in (one, other))
+        around = corner_labels == corner_labels[:, between, None]
+        holed = ~around[:, one] & ~around[:, other] & (around.sum(axis=1) == 6)
+        cells = np.flatnonzero(lonely | holed)
+        found.append((cells, np.broadcast_to(np.arange(8), (len(cells), 8))))
+    return found
+
+
+def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
+    """Let nodes go over to a neighbour's label until no region touches itself along an edge or corner only.
+
+    Parameters
+    ----------
+    labels : (A, B, C) int
+        Those on the grid's faces stay.
+    cost : callable
+        What a node would pay for a label; the cheapest node goes.
+
+    Returns
+    -------
+    labels : (A, B, C) int
+    left : int
+        Places that are still pinched, as where nodes would have to change twice.
+    """
+    labels = labels.copy()
+    changed = np.zeros(labels.shape, bool)
+    for axis in range(3):
+        for end in (0, -1):
+            np.moveaxis(changed, axis, 0)[end] = True
+    cells = mixed_cells(labels)
+    for _ in range(MOST_ROUNDS):
+        corners = cells[:, None] + _CORNERS
+        here = labels[tuple(corners.reshape(-1, 3).T)].reshape(-1, 8)
+        moves = [
+            _cheapest(corners[found], which, here[found], changed, cost)
+            for found, which in _pinched(here)
+            if len(found)
+        ]
+        if not moves:
+            return labels, 0
+        nodes, new = (np.concatenate(part) for part in zip(*moves, strict=True))
+        if len(nodes) == 0:
+            break
+        labels[tuple(nodes.T)] = new
+        changed[tuple(nodes.T)] = True
+        near = (nodes[:, None] - _CORNERS).reshape(-1, 3)  # cells that a changed node is a corner of
+        cells = np.unique(np.concatenate([cells, near]), axis=0)
+    corners = cells[:, None] + _CORNERS
+    here = labels[tuple(corners.reshape(-1, 3).T)].reshape(-1, 8)
+    return labels, sum(len(found) for found, _ in _pinched(here))
+
+
+def _cheapest(
+    corners: IntArray, which: IntArray, labels: LabelArray, changed: BoolArray, cost: NodeCost
+) -> tuple[IntArray, LabelArray]:
+    """Of each pinched place (K,) the node and the label, of those there, that together cost least.
+
+    ``corners`` (K, 8, 3) and ``labels`` (K, 8) are the cells', ``which`` (K, m) the corners that pinch.
+    """
+    rows = np.arange(len(which))[:, None]
+    nodes, old = corners[rows, which], labels[rows, which]
+    count = which.shape[1]
+    # every node against the label of every other
+    node = np.repeat(nodes, count, axis=1).reshape(-1, 3)
+    have = np.repeat(old, count, axis=1).ravel()
+    want = np.tile(old, (1, count)).ravel()
+    price = np.full(len(node), np.inf)
+    may = (have != want) & ~changed[tuple(node.T)]
+    price[may] = cost(node[may], want[may]) - cost(node[may], have[may])
+    price = price.reshape(len(which), -1)
+    best = price.argmin(axis=1)
+    able = np.isfinite(price[np.arange(len(price)), best])
+    node = node.reshape(len(which), -1, 3)[np.arange(len(price)), best][able]
+    want = want.reshape(len(which), -1)[np.arange(len(price)), best][able]
+    node, once = np.unique(node, axis=0, return_index=True)
+    return node, want[once]
+
+
+def surface_nets(labels: LabelArray, cut: Cut) -> ConformingSurface:
+    """Mesh the surfaces between the regions of a grid, in nodes.
+
+    Parameters
+    ----------
+    labels : (A, B, C) int
+        0 on the grid's faces.
+    cut : callable
+        Where regions end along the edges of the grid.
+
+    Returns
+    -------
+    ConformingSurface
+        Every vertex is the mean of the cuts of its cell's edges. Normals leave the larger label.
+    """
+    cells = mixed_cells(labels)
+    shape = tuple(size - 1 for size in labels.shape)
+    keys = np.ravel_multi_index(tuple(cells.T), shape)  # ascending
+    total, count = np.zeros((len(cells), 3)), np.zeros(len(cells))
+    quads: list[IntArray] = []
+    regions: list[IntArray] = []
+    for axis in range(3):
+        nodes = np.argwhere(np.diff(labels, axis=axis) != 0)
+        ends = nodes + np.eye(3, dtype=np.int64)[axis]
+        low, high = labels[tuple(nodes.T)], labels[tuple(ends.T)]
+        point = nodes.astype(float)
+        point[:, axis] += cut(nodes, ends, low, high)
+        second, third = np.eye(3, dtype=np.int64)[[(axis + 1) % 3, (axis + 2) % 3]]
+        around = [nodes - second - third, nodes - third, nodes, nodes - second]
+        quad = np.column_stack(
+            [np.searchsorted(keys, np.ravel_multi_index(tuple(cell.T), shape)) for cell in around]
+        )
+        for corner in quad.T:
+            for x in range(3):
+                total[:, x] += np.bincount(corner, point[:, x], len(cells))
+            count += np.bincount(corner, minlength=len(cells))
+        quads.append(np.where((low > high)[:, None], quad, quad[:, ::-1]))
+        regions.append(np.column_stack([np.maximum(low, high), np.minimum(low, high)]).astype(np.int64))
+    vertices = total / count[:, None]
+    quad, sides = np.concatenate(quads), np.concatenate(regions)
+    return ConformingSurface(vertices, split_quads(vertices, quad), np.repeat(sides, 2, axis=0))
+
+
+def split_quads(vertices: FloatArray, quads: IntArray) -> IntArray:
+    """Triangles (2 Q, 3) of quadrilaterals (Q, 4), split along their shorter diagonals."""
+    a, b, c, d = (vertices[quads[:, corner]] for corner in range(4))
+    along = np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1)
+    first = np.where(along[:, None], quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])
+    second = np.where(along[:, None], quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
+    return np.stack([first, second], axis=1).reshape(-1, 3)

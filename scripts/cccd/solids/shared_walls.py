@@ -1,0 +1,449 @@
+"""Organs of one scan with shared walls: every wall between two of them is one surface.
+
+Each organ has a smooth closed surface of its own already. Their signed distances meet on one grid: a node
+belongs to the organ that it lies deepest in, and a wall runs where the distances to two organs are equal,
+midway between the surfaces that either has alone. Where organs touch, the outside begins at the border of
+all labels together, smoothed: no gap stays along a wall, and none that the labels have is closed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from cccd.containers import Frame, Structure
+from cccd.errors import InputError
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, LabelArray, SingleArray, offsets_of
+from cccd.geometry.collisions import passing_pairs
+from cccd.geometry.conforming import ConformingSurface, faired
+from cccd.geometry.distance import grid_to_mesh
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.surface_nets import surface_nets, well_composed
+from cccd.settings.surface import WallSettings
+from cccd.surface.blending import seam_weights
+
+__all__ = ["Organ", "SharedWalls", "share_walls"]
+
+#: Distances to an organ's surface are kept up to so many cells to either side of it.
+BAND_CELLS = 2.0
+#: Surfaces keep this share of a grid's edge away from its nodes.
+EDGE_MARGIN = 0.02
+#: How far vertices are trusted that lie where the scan ends; all others count 1.
+FULL_TRUST = 1e3
+#: Vertices within this share of a cell of where the scan ends lie on that plane.
+SAME_PLANE = 1e-3
+#: Times that vertices of triangles that pass through each other go halfway back.
+UNFOLDING_ROUNDS = 10
+
+
+class Organ(NamedTuple):
+    """What is known of one organ before it has neighbours."""
+
+    name: str
+    structure: Structure
+    mesh: Mesh  # smoothed alone, closed, mm RAS
+
+
+@dataclass(frozen=True, eq=False)
+class SharedWalls:
+    """What came of it.
+
+    Attributes
+    ----------
+    surface : ConformingSurface
+        In mm RAS; labels are the organs' keys.
+    warnings : dict of int to list of str
+        Of the organs that there is something to say about.
+    pinched : int
+        Places of the grid at which a region touches itself.
+    passing : int
+        Pairs of triangles that pass through each other.
+    cell : float
+        mm between the grid's nodes.
+    """
+
+    surface: ConformingSurface
+    warnings: dict[int, list[str]]
+    pinched: int
+    passing: int
+    cell: float
+
+
+def share_walls(organs: Mapping[int, Organ], settings: WallSettings) -> SharedWalls:
+    """Smooth organs of one scan together.
+
+    Parameters
+    ----------
+    organs : mapping of int to Organ
+        By label, from 1; all on one grid of voxels, and with masks.
+    settings : WallSettings
+        Section ``surface.walls`` of the configuration.
+
+    Raises
+    ------
+    InputError
+        Without a mask, or where the scans' grids differ.
+    """
+    labels = sorted(organs)
+    frame = _common_frame([organs[label] for label in labels])
+    to_mm = _world_to_mm(frame)
+    meshes = [organs[label].mesh.transformed(to_mm) for label in labels]
+    voxels = _Voxels.of([organs[label].structure for label in labels], frame)
+    cell = settings.cell_pixels * _edge(frame, settings)
+    fields = _Fields.of(meshes, voxels, cell)
+    fields = fields.with_outside(voxels, settings)
+    regions, pinched = well_composed(fields.owners(voxels), fields.distance)
+    net = surface_nets(regions, fields.cut)
+    in_mm = ConformingSurface(fields.low + cell * net.vertices, net.triangles, net.regions)
+    smooth = _smoothed(in_mm, voxels.ends, cell, settings.stiffness)
+    most = settings.most_offset_pixels * _edge(frame, settings)
+    smooth = _with_volumes(replace(in_mm, vertices=smooth), voxels, cell, most)
+    smooth, passing = _unfolded(replace(in_mm, vertices=smooth), in_mm.vertices)
+    axis, begin, end = voxels.ends
+    smooth[:, axis] = np.clip(smooth[:, axis], begin, end)
+    vertices = Mesh(smooth, in_mm.triangles).transformed(_mm_to_world(frame)).vertices
+    numbers = np.array([0, *labels])
+    triangles = in_mm.triangles if np.linalg.det(to_mm[:3, :3]) > 0 else in_mm.triangles[:, ::-1]
+    surface = ConformingSurface(
+        vertices,
+        np.ascontiguousarray(triangles),
+        numbers[in_mm.regions],
+        {label: organs[label].name for label in labels},
+    )
+    return SharedWalls(surface, _warnings(surface, organs), pinched, passing, cell)
+
+
+def _common_frame(organs: Sequence[Organ]) -> Frame:
+    """Return the grid of voxels that all organs lie on."""
+    frame = organs[0].structure.frame
+    for organ in organs:
+        other = organ.structure.frame
+        if organ.structure.mask is None:
+            raise InputError(organ.name, "it has no mask", "walls are shared by labels of one map")
+        if other.shape != frame.shape or not np.allclose(other.affine, frame.affine, atol=1e-4):
+            raise InputError(
+                organ.name, f"its grid is not that of {organs[0].name}", "give labels of one map"
+            )
+    return frame
+
+
+def _world_to_mm(frame: Frame) -> FloatArray:
+    """Affine (4, 4) from world mm to mm along the axes of the scan."""
+    return np.diag([*frame.spacing, 1.0]) @ np.linalg.inv(frame.affine)
+
+
+def _mm_to_world(frame: Frame) -> FloatArray:
+    """Affine (4, 4) from mm along the axes of the scan to world mm."""
+    return frame.affine @ np.diag([*(1 / frame.spacing), 1.0])
+
+
+def _edge(frame: Frame, settings: WallSettings) -> float:
+    """Pixel's edge in mm that sizes are measured by."""
+    return min(float(np.sqrt(frame.pixel_spacing.prod())), settings.coarsest_mm)
+
+
+# the labels' voxels -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Voxels:
+    """The organs' voxels as one block: 0 outside and on the block's faces, n for organ n from 1."""
+
+    labels: LabelArray  # (a, b, c)
+    origin: IntArray  # (3,), index of the first
+    spacing: FloatArray  # (3,) mm
+    ends: tuple[int, float, float]  # the axis of the slices, and where in mm the scan begins and ends
+
+    @classmethod
+    def of(cls, structures: Sequence[Structure], frame: Frame) -> _Voxels:
+        """Gather the masks; a voxel of several is the last one's."""
+        masks = [(structure.origin, np.asarray(structure.mask, bool)) for structure in structures]
+        low = np.min([origin for origin, _ in masks], axis=0) - 1
+        high = np.max([origin + mask.shape for origin, mask in masks], axis=0) + 1
+        labels = np.zeros(high - low, np.int32)
+        for number, (origin, mask) in enumerate(masks, 1):
+            first = origin - low
+            block = tuple(slice(a, a + n) for a, n in zip(first, mask.shape, strict=True))
+            labels[block][mask] = number
+        axis = frame.slice_axis
+        step = float(frame.spacing[axis])
+        ends = (axis, -step / 2, (frame.shape[axis] - 0.5) * step)
+        return cls(labels, low, frame.spacing, ends)
+
+    def at(self, low: FloatArray, cell: float, shape: Sequence[int]) -> LabelArray:
+        """Labels of the voxels in which the nodes of a block (A, B, C) of a grid lie."""
+        index = []
+        for axis, size in enumerate(self.labels.shape):
+            mm = low[axis] + cell * np.arange(shape[axis])
+            voxel = np.rint(mm / self.spacing[axis]).astype(np.int64) - self.origin[axis]
+            index.append(np.clip(voxel, 0, size - 1))
+        return self.labels[np.ix_(*index)]
+
+    def around(self, points: FloatArray) -> tuple[LabelArray, FloatArray]:
+        """Labels (P, 8) of the voxels around points (P, 3) in mm, and their shares in the interpolation."""
+        place = points / self.spacing - self.origin
+        first = np.floor(place).astype(np.int64)
+        corners = np.indices((2, 2, 2)).reshape(3, 8).T
+        weights = np.abs(1 - corners - (place - first)[:, None]).prod(axis=2)
+        limit = np.array(self.labels.shape) - 1
+        index = np.clip(first[:, None] + corners, 0, limit)
+        return self.labels[tuple(np.moveaxis(index, 2, 0))], weights
+
+    def smooth_border(self, settings: WallSettings) -> tuple[SingleArray, IntArray]:
+        """Signed distance in mm to the border of all labels, its steps smoothed, and the first voxel (3,).
+
+        The kernel's second moment vanishes: curved borders do not shrink. What the scan cuts goes on beyond
+        its last slices.
+        """
+        margin = int(np.ceil(4 * settings.border_voxels)) + 1
+        inside = np.pad(self.labels > 0, margin)
+        axis, low, high = self.ends
+        stack = np.moveaxis(inside, axis, 0)
+        first = round(low / self.spacing[axis] + 0.5) - int(self.origin[axis]) + margin
+        last = round(high / self.spacing[axis] - 0.5) - int(self.origin[axis]) + margin
+        if 0 <= first < len(stack):
+            stack[:first] = stack[first]
+        if 0 <= last < len(stack):
+            stack[last + 1 :] = stack[last]
+        distance = _signed_distance(inside, self.spacing)
+        once = ndimage.gaussian_filter(distance, settings.border_voxels)
+        return 2 * once - ndimage.gaussian_filter(once, settings.border_voxels), self.origin - margin
+
+
+def _signed_distance(inside: BoolArray, spacing: FloatArray) -> SingleArray:
+    """Signed distance of voxels in mm to the border between centres inside and outside."""
+    half = float(spacing.min()) / 2
+    into = np.asarray(ndimage.distance_transform_edt(inside, sampling=spacing), np.float32)
+    out = np.asarray(ndimage.distance_transform_edt(~inside, sampling=spacing), np.float32)
+    return np.where(inside, half - into, out - half)
+
+
+# distances on one grid --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Fields:
+    """Signed distances in mm to organs, each on its own block of one grid, and to the outside.
+
+    Attributes
+    ----------
+    low : (3,) float64
+        The first node, in mm along the scan's axes.
+    cell : float
+        mm between nodes.
+    first, size : (N, 3) int64
+        First node and number of nodes of each organ's block.
+    offsets : (N + 1,) int64
+        Where in ``values`` the blocks begin.
+    values : (P,) float32
+        Distances, cut off at a band; beyond its block an organ is as far away as the band is wide.
+    least : (A, B, C) float32
+        Distance to the organ that a node lies deepest in.
+    meeting : (A, B, C) bool
+        Nodes near which the surfaces of two organs run.
+    outer : (A, B, C) float32
+        Distance to all organs together, joined without gaps along their walls.
+    """
+
+    low: FloatArray
+    cell: float
+    first: IntArray
+    size: IntArray
+    offsets: IntArray
+    values: SingleArray
+    least: SingleArray
+    meeting: BoolArray
+    outer: SingleArray
+
+    @classmethod
+    def of(cls, meshes: Sequence[Mesh], voxels: _Voxels, cell: float) -> _Fields:
+        """Sample the distances to closed meshes in mm along the scan's axes."""
+        reach = np.array([[mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)] for mesh in meshes])
+        low = reach[:, 0].min(axis=0) - (3 + 1 / np.pi) * cell
+        shape = np.ceil((reach[:, 1].max(axis=0) - low) / cell).astype(np.int64) + 4
+        first = np.maximum(np.floor((reach[:, 0] - low) / cell - BAND_CELLS).astype(np.int64), 0)
+        stop = np.minimum(np.ceil((reach[:, 1] - low) / cell + BAND_CELLS).astype(np.int64) + 1, shape)
+        size = stop - first
+        offsets = offsets_of(size.prod(axis=1))
+        values = np.empty(int(offsets[-1]), np.float32)
+        band, near = np.float32(BAND_CELLS * cell), 0.75 * max(cell, float(voxels.spacing.max()))
+        least = np.full(shape, band)
+        walls = np.zeros(shape, np.uint8)
+        for number, mesh in enumerate(meshes):
+            a, b, c = (int(n) for n in size[number])
+            start = low + cell * first[number]
+            distance = np.asarray(grid_to_mesh(mesh, start, cell, (a, b, c), BAND_CELLS).values, np.float32)
+            distance = _held(distance, voxels.at(start, cell, (a, b, c)), number + 1, cell)
+            values[offsets[number] : offsets[number + 1]] = distance.ravel()
+            block = tuple(slice(f, f + n) for f, n in zip(first[number], (a, b, c), strict=True))
+            least[block] = np.minimum(least[block], distance)
+            walls[block] += np.abs(distance) < near
+        return cls(low, cell, first, size, offsets, values, least, walls > 1, least)
+
+    def with_outside(self, voxels: _Voxels, settings: WallSettings) -> _Fields:
+        """Let the border of all labels together take over near walls, up to where the scan ends."""
+        outer = self.least.copy()
+        seams = np.argwhere(self.meeting)
+        axis, start, stop = voxels.ends
+        reach = settings.reach_voxels * float(voxels.spacing.max()) / self.cell
+        weight = seam_weights(seams.astype(float), self.shape, reach)
+        nodes = np.argwhere(weight)
+        at = tuple(nodes.T)
+        border, origin = voxels.smooth_border(settings)
+        where = ((self.low + self.cell * nodes) / voxels.spacing - origin).T
+        band = BAND_CELLS * self.cell
+        target = ndimage.map_coordinates(border, where, order=1, mode="nearest")
+        share = weight[at] / np.float32(255)
+        outer[at] = (1 - share) * outer[at] + share * np.clip(target, -band, band)
+        height = self.low[axis] + self.cell * np.arange(self.shape[axis])
+        beyond = np.maximum(start - height, height - stop).astype(np.float32)
+        beyond = np.expand_dims(beyond, tuple({0, 1, 2} - {axis}))
+        outer = np.maximum(outer, np.clip(beyond, -band, band))
+        return replace(self, outer=outer)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Nodes of the grid."""
+        a, b, c = self.least.shape
+        return a, b, c
+
+    def owners(self, voxels: _Voxels) -> LabelArray:
+        """Give each node (A, B, C) the number, from 1, of the organ that it lies deepest in; 0 outside.
+
+        Alone, organs have rounded edges, so along junction lines there are nodes in none of them: those go to
+        the organ that is near and has most of the voxels around.
+        """
+        owner = np.zeros(self.shape, np.int32)
+        for number, (first, size) in enumerate(zip(self.first, self.size, strict=True), 1):
+            block = tuple(slice(f, f + n) for f, n in zip(first, size, strict=True))
+            mine = self.values[self.offsets[number - 1] : self.offsets[number]].reshape(size)
+            owner[block][(mine <= self.least[block]) & (owner[block] == 0)] = number
+        owner[self.outer > 0] = 0
+        left = np.argwhere((self.outer <= 0) & (self.least > 0))
+        labels, shares = voxels.around(self.low + self.cell * left)
+        best = np.full(len(left), np.inf)
+        voxel = float(np.cbrt(voxels.spacing.prod()))
+        for candidate in labels.T:
+            share = (shares * (labels == candidate[:, None])).sum(axis=1)
+            price = np.where(candidate > 0, self.distance(left, candidate) - voxel * share, np.inf)
+            better = price < best
+            best[better] = price[better]
+            owner[tuple(left[better].T)] = candidate[better]
+        return owner
+
+    def distance(self, nodes: IntArray, organ: LabelArray) -> FloatArray:
+        """Distance (P,) of nodes (P, 3) to organs (P,); to the outside for 0."""
+        distance = np.full(len(nodes), BAND_CELLS * self.cell)
+        outside = organ == 0
+        distance[outside] = -self.outer[tuple(nodes[outside].T)]
+        number = np.maximum(organ - 1, 0)
+        local = nodes - self.first[number]
+        inside = ~outside & (local >= 0).all(axis=1) & (local < self.size[number]).all(axis=1)
+        size, place = self.size[number[inside]], local[inside]
+        flat = (place[:, 0] * size[:, 1] + place[:, 1]) * size[:, 2] + place[:, 2]
+        distance[inside] = self.values[self.offsets[number[inside]] + flat]
+        return distance
+
+    def cut(self, nodes: IntArray, ends: IntArray, low: LabelArray, high: LabelArray) -> FloatArray:
+        """Share (E,) of edges at which they leave one organ for another.
+
+        Midway between where they leave the one and enter the other, as either has its surface alone; where
+        only one of them has its surface there, as along the rounded edges of the other, that one's; and at
+        the border of all organs together, that.
+        """
+        total, count = np.zeros(len(nodes)), np.zeros(len(nodes))
+        at_border = (low == 0) | (high == 0)
+        for organ, way in ((low, 1), (high, -1)):
+            here, there = way * self.distance(nodes, organ), way * self.distance(ends, organ)
+            crosses = (here < 0) & (there >= 0) & (~at_border | (organ == 0))
+            total += np.divide(here, here - there, out=np.zeros(len(nodes)), where=crosses)
+            count += crosses
+        middle = np.divide(total, count, out=np.full(len(nodes), 0.5), where=count > 0)
+        return np.clip(middle, EDGE_MARGIN, 1 - EDGE_MARGIN)
+
+
+def _held(distance: SingleArray, labels: LabelArray, number: int, cell: float) -> SingleArray:
+    """Hold an organ's surface within a cell of its own voxels, where its smoothing lost a part of it."""
+    mine = labels == number
+    held = np.where(mine, np.minimum(distance, np.float32(cell)), distance)
+    return np.where(mine, held, np.maximum(held, np.float32(-cell)))
+
+
+# the mesh ---------------------------------------------------------------------------------------------
+
+
+def _level(surface: ConformingSurface, ends: tuple[int, float, float], cell: float) -> BoolArray:
+    """Vertices (V,) that lie where the scan ends."""
+    axis, *planes = ends
+    return np.abs(surface.vertices[:, axis, None] - np.array(planes)).min(axis=1) < SAME_PLANE * cell
+
+
+def _smoothed(
+    surface: ConformingSurface, ends: tuple[int, float, float], cell: float, stiffness: float
+) -> FloatArray:
+    """Vertices (V, 3) without the grid's ripples; those where the scan ends stay on its planes."""
+    level = _level(surface, ends, cell)
+    smooth = faired(surface, np.where(level, FULL_TRUST, 1.0), stiffness)
+    smooth[level, ends[0]] = surface.vertices[level, ends[0]]
+    return smooth
+
+
+def _with_volumes(surface: ConformingSurface, voxels: _Voxels, cell: float, most: float) -> FloatArray:
+    """Vertices (V, 3) moved along their walls' normals so that every organ holds the volume of its voxels.
+
+    A wall moves by what one of its organs gains less what the other does, at most by ``most`` mm.
+    """
+    mesh = Mesh(surface.vertices, surface.triangles)
+    count = int(voxels.labels.max()) + 1
+    wanted = np.bincount(voxels.labels.ravel(), minlength=count) * float(voxels.spacing.prod())
+    missing = wanted - [surface.mesh_of(label).volume for label in range(count)]
+    level = _level(surface, voxels.ends, cell)
+    area = np.where(level[surface.triangles].all(axis=1), 0.0, mesh.face_areas)
+    first, second = surface.regions.T
+    shared = np.zeros((count, count))
+    np.add.at(shared, (first, second), area)
+    shared += shared.T
+    balance = np.diag(shared.sum(axis=1)) - shared
+    gain = np.zeros(count)
+    gain[1:] = np.linalg.lstsq(balance[1:, 1:], missing[1:], rcond=None)[0]  # the outside stays as it is
+    step = np.clip(gain[first] - gain[second], -most, most)[:, None] * mesh.face_normals
+    moved, weight = np.zeros_like(surface.vertices), np.zeros(len(surface.vertices))
+    for corner in surface.triangles.T:
+        for axis in range(3):
+            moved[:, axis] += np.bincount(corner, step[:, axis], len(weight))
+        weight += np.bincount(corner, 2 * mesh.face_areas, len(weight))
+    moved /= np.maximum(weight, 1e-12)[:, None]
+    moved[level, voxels.ends[0]] = 0
+    return surface.vertices + moved
+
+
+def _unfolded(surface: ConformingSurface, before: FloatArray) -> tuple[FloatArray, int]:
+    """Vertices (V, 3) that go back towards where they were wherever triangles pass through each other.
+
+    Returns them and how many pairs of triangles still do.
+    """
+    vertices = surface.vertices.copy()
+    for _ in range(UNFOLDING_ROUNDS):
+        pairs = passing_pairs(vertices, surface.triangles)
+        if len(pairs) == 0:
+            return vertices, 0
+        folded = np.zeros(len(vertices), bool)
+        folded[surface.triangles[pairs.ravel()]] = True
+        around = surface.triangles[folded[surface.triangles].any(axis=1)]
+        folded[around] = True
+        vertices[folded] = (vertices[folded] + before[folded]) / 2
+    return vertices, len(passing_pairs(vertices, surface.triangles))
+
+
+def _warnings(surface: ConformingSurface, organs: Mapping[int, Organ]) -> dict[int, list[str]]:
+    """Organs that have nothing left, or whose surface is not manifold."""
+    said: dict[int, list[str]] = {}
+    there = set(surface.labels)
+    for label, organ in organs.items():
+        if label not in there:
+            said[label] = [f"{organ.name} is too thin for the grid of the shared walls, and left out"]
+    return said
