@@ -28,6 +28,7 @@ __all__ = [
     "order",
     "read",
     "reconstruct",
+    "reconstruct_labels",
 ]
 
 

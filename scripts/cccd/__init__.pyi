@@ -11,6 +11,7 @@ from cccd.api import (
     order,
     read,
     reconstruct,
+    reconstruct_labels,
 )
 
 __version__: str
@@ -29,4 +30,5 @@ __all__ = [
     "order",
     "read",
     "reconstruct",
+    "reconstruct_labels",
 ]

@@ -7,7 +7,7 @@ both are what the workflow's jobs make, to the last bit.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,11 +24,13 @@ from cccd.geometry.polygons import RaggedPolygons
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, fit_and_loft, order_maps
 from cccd.settings.root import Settings
+from cccd.solids.shared_walls import Organ, share_walls
 from cccd.surface.export import Scan, write_surface
 from cccd.surface.surface import Surface as LoftedSurface
 from cccd.volumes import load_structure, structure_of_array
 from cccd.volumes.grid import check_affine, find_slice_axis
 from cccd.volumes.inputs import list_labels
+from cccd.volumes.label_maps import list_map
 from cccd.volumes.load import existing
 from cccd.volumes.readers import SUFFIXES, without_suffix
 
@@ -49,6 +51,7 @@ __all__ = [
     "order",
     "read",
     "reconstruct",
+    "reconstruct_labels",
 ]
 
 _DEFAULTS = Settings()
@@ -279,6 +282,77 @@ def reconstruct(
     lofted = fit_and_loft(curves, settings.curves, settings.surface, tell)
     notes = (*structure.warnings, *lofted.report.get("warnings", []))
     return Surface(lofted, structure.organ, _series(structure), notes)
+
+
+def reconstruct_labels(
+    path: str | Path,
+    *,
+    table: str | Path | None = None,
+    image: str | Path | None = None,
+    settings: Settings = _DEFAULTS,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[list[Surface], list[str]]:
+    """Make smooth closed surfaces of every label of a map, with one wall between two that touch.
+
+    Parameters
+    ----------
+    path : path
+        A label map, a DICOM SEG or RTSTRUCT, or a folder of one-organ masks.
+    table : path, optional
+        Names of the labels: ``label,name`` below a header, FreeSurfer's colour table, a ``dataset.json``.
+    image : path, optional
+        The scan, where it lies elsewhere.
+    settings : Settings
+        The configuration; ``surface.shared_walls: false`` smooths each organ alone, as drawn contours are.
+    progress : callable, optional
+        Gets the name of each organ as its surface begins.
+
+    Returns
+    -------
+    surfaces : list of Surface
+        Named after the organs.
+    failures : list of str
+        A line for each label that has no surface.
+
+    Raises
+    ------
+    InputError
+        Not readable, or no label at all.
+    """
+    tell = progress or (lambda step: None)
+    failures: list[str] = []
+    structures: dict[int, Structure] = {}
+    surfaces: dict[int, Surface] = {}
+    for number, label in enumerate(list_map(Path(path), None if table is None else Path(table)), 1):
+        tell(label.organ)
+        if label.left_out:
+            failures.append(
+                f"label {label.label}: {label.left_out}: too little for a surface; it is left out"
+            )
+            continue
+        try:
+            structure = read(path, label.label, image=image, settings=settings)
+            surfaces[number] = replace(reconstruct(structure, settings=settings), name=label.organ)
+        except InputError as error:
+            failures.append(f"label {label.label}: {error}")
+        else:
+            structures[number] = structure
+    shared = settings.surface.shared_walls is not False
+    if len(surfaces) > 1 and shared and all(part.mask is not None for part in structures.values()):
+        tell("shared walls")
+        organs = {
+            number: Organ(surface.name, structures[number], surface.lofted.mesh)
+            for number, surface in surfaces.items()
+        }
+        walls = share_walls(organs, settings.surface.walls)
+        for number, surface in list(surfaces.items()):
+            if number in walls.warnings:
+                failures += walls.warnings[number]
+                del surfaces[number]
+            else:
+                joined = replace(surface.lofted, mesh=walls.surface.mesh_of(number))
+                surfaces[number] = replace(surface, lofted=joined)
+    return list(surfaces.values()), failures
 
 
 def _series(structure: Structure) -> Path | None:

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from cccd.errors import InputError
 from cccd.settings.messages import choices
+from cccd.volumes.labels import plain_name
 
-__all__ = ["find_structures", "plain_name", "write_sheet"]
+__all__ = ["find_structures", "write_sheet"]
 
 #: Suffixes of BIDS derivatives that are masks, and of label maps.
 _MASK, _LABELS = "mask", "dseg"
@@ -96,11 +97,6 @@ def _table_beside(path: Path) -> dict[str, str]:
                 rows = list(csv.DictReader(file, delimiter="\t"))
             return {str(row["index"]): row["name"] for row in rows if row.get("index") and row.get("name")}
     return {}
-
-
-def plain_name(name: str) -> str:
-    """Turn a name into one that the cohort sheet allows."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")
 
 
 def _distinct(rows: list[dict[str, str]]) -> list[dict[str, str]]:

@@ -137,7 +137,9 @@ def _add_surface(commands: Any) -> None:
         ".nii.gz (label map) .dcm (RTSTRUCT); default: the input's name with .ply, here",
     )  # fmt: skip
     surface.add_argument(
-        "--all-labels", action="store_true", help="a surface of every label, each smoothed alone"
+        "--all-labels",
+        action="store_true",
+        help="a surface of every label, smoothed together: a wall between two is the same in both",
     )
     surface.set_defaults(run=_surface)
 
@@ -198,24 +200,15 @@ def _add_report(commands: Any) -> None:
 def _surface(given: argparse.Namespace) -> int:
     outputs = given.output or [Path(f"{_plain_stem(given.input)}.ply")]
     _check_outputs(outputs, given.input)
-    if not given.all_labels:
-        chosen = {given.label: ""}
-    else:
-        chosen = _labels_of(given.input)
     made, failed = [], 0
-    for label, name in chosen.items():
-        files = [_with_name(path, label, name) for path in outputs] if given.all_labels else outputs
-        try:
-            made.append(_make_surface(given, label, files))
-        except InputError as error:
-            if not given.all_labels:
-                raise
-            failed += 1
-            _fail(f"label {label}: {error}")
-        else:
-            if not given.json:
-                _print_surface(made[-1])
-    if given.json:
+    if given.all_labels:
+        made, failed = _make_all_surfaces(given, outputs)
+    else:
+        made = [_make_surface(given, given.label, outputs)]
+    if not given.json:
+        for surface in made:
+            _print_surface(surface)
+    else:
         print(json.dumps({"input": str(given.input), "surfaces": made, "failed": failed}, indent=2))
     return 1 if failed else 0
 
@@ -259,14 +252,38 @@ def _labels_of(source: Path) -> dict[str, str]:
     return found
 
 
-def _with_name(path: Path, label: str, name: str) -> Path:
-    """Put the name of a label, or its number, before a file's suffix."""
-    from cccd.bids import plain_name
+def _with_name(path: Path, organ: str) -> Path:
+    """Put the name of an organ before a file's suffix."""
     from cccd.surface.export import format_of
 
     suffix = f".{format_of(path)}"
-    plain = plain_name(name) or f"label_{label}"
-    return path.with_name(f"{path.name[: -len(suffix)]}_{plain}{suffix}")
+    return path.with_name(f"{path.name[: -len(suffix)]}_{organ}{suffix}")
+
+
+def _make_all_surfaces(
+    given: argparse.Namespace, outputs: Sequence[Path]
+) -> tuple[list[dict[str, Any]], int]:
+    """Make a surface of every label and write them; what there is to say of each, and how many failed."""
+    from tqdm import tqdm
+
+    import cccd
+
+    began = time.perf_counter()
+    _labels_of(given.input)
+    with tqdm(disable=None, leave=False, bar_format="{desc:<40} {elapsed}") as bar:
+        surfaces, failures = cccd.reconstruct_labels(
+            given.input, image=given.image, progress=bar.set_description_str
+        )
+    for line in failures:
+        _fail(line)
+    seconds = (time.perf_counter() - began) / max(len(surfaces), 1)
+    made: list[dict[str, Any]] = []
+    for surface in surfaces:
+        files = [_with_name(path, surface.name) for path in outputs]
+        for path in files:
+            surface.write(path)
+        made.append(_describe_surface(surface, files, seconds))
+    return made, len(failures)
 
 
 def _make_surface(given: argparse.Namespace, label: str, files: Sequence[Path]) -> dict[str, Any]:

@@ -105,6 +105,15 @@ def _check_row(row: dict[str, str]) -> None:
         ):
             hint = rules["description"].rstrip(".")
             raise InputError(row["location"], f"{name} {value!r} is not allowed", f"give this: {hint}")
+    starred = row["organ"] == "*"
+    if starred and (row["source"] != "files" or not row["mask"] or row["boundary"]):
+        raise InputError(row["location"], "organ * has no label map", "name it in mask, and no boundary")
+    if starred and row["label"]:
+        raise InputError(row["location"], "organ * stands beside a label", "empty one of them")
+    if row["labels"] and not starred:
+        raise InputError(
+            row["location"], "a table of labels without organ *", "set organ to * or empty labels"
+        )
     if row["source"] == "files" and not (row["image"] or row["mask"] or row["boundary"]):
         raise InputError(row["location"], "neither image nor mask nor boundary", "fill at least one of them")
     if row["source"] in _FROM_FILES[1:] and not row["image"]:
@@ -211,7 +220,8 @@ def naming_row(sheet: str | Path, name: str) -> Iterator[None]:
         if error.location != name:
             raise
         rows = {f"{row['case']}/{row['organ']}": row["location"] for row in read_cohort(sheet)}
-        raise InputError(rows.get(name, name), error.problem, error.hint) from None
+        whole = rows.get(f"{name.split('/')[0]}/*", name)  # a label of a whole map
+        raise InputError(rows.get(name, whole), error.problem, error.hint) from None
 
 
 def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], tuple[int, ...]]:

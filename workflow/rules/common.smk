@@ -75,6 +75,21 @@ try:
     config.update(validate_config(config).as_config())
     SHEET = find_file(config["cohort"])
     COHORT = read_cohort(SHEET)
+    #: Names, colours and codes of the labels of whole maps, by case and organ; organs that share their walls, by
+    #: case.
+    LABELS, SHARED = {}, {}
+    if (
+        any(row["organ"] == "*" for row in COHORT)
+        or config["surface"]["shared_walls"] is True
+    ):
+        from cccd.volumes.label_maps import expand_rows, shared_groups
+
+        COHORT, LABELS, notes = expand_rows(
+            COHORT, SHEET.parent, Path(".snakemake") / "labels"
+        )
+        for note in notes:
+            print(f"Note: {note}", file=sys.stderr)
+        SHARED = shared_groups(COHORT, LABELS, config["surface"]["shared_walls"])
     TRAINED = is_trained()
 except InputError as error:
     sys.exit(f"Error: {error}")
@@ -93,9 +108,17 @@ REGIONS = [
 ]
 
 
+def before_walls(wildcards):
+    """The group of jobs before organs of a case meet: Snakemake wants no group that begins again later."""
+    return "apart" if wildcards.case in SHARED else "structure"
+
+
 #: The wildcards case and organ. Not the sheet's own names: a pattern that lists a thousand of them is searched
 #: for every file of every job, and planning would take time that grows with the cohort squared.
 NAME = "[A-Za-z0-9_-]+"
+#: Cases whose organs share their walls, and all others.
+SHARING = "|".join(map(re.escape, SHARED)) or "(?!)."
+APART = f"(?!(?:{SHARING})/){NAME}" if SHARED else NAME
 
 
 def row_of(wildcards):
@@ -191,6 +214,12 @@ def for_structures(name, keys=None):
         f"results/{case}/{organ}/{name}"
         for case, organ in (RECONSTRUCTED if keys is None else keys)
     ]
+
+
+def of_case(wildcards, name):
+    """The file ``name`` of every organ of a case that shares its walls."""
+    organs = SHARED.get(wildcards.case, [])
+    return for_structures(name, [(wildcards.case, organ) for organ in organs])
 
 
 def for_formats():

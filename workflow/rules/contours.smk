@@ -12,7 +12,7 @@ rule extract_boundaries:
     benchmark:
         "benchmarks/{case}/{organ}/extract_boundaries.tsv"
     group:
-        "structure"
+        before_walls
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -37,7 +37,7 @@ rule make_contours:
     benchmark:
         "benchmarks/{case}/{organ}/make_contours.tsv"
     group:
-        "structure"
+        before_walls
     conda:
         "../../envs/cccd.yaml"
     threads: 1

@@ -12,7 +12,7 @@ rule fit_curves:
     benchmark:
         "benchmarks/{case}/{organ}/fit_curves.tsv"
     group:
-        "structure"
+        before_walls
     conda:
         "../../envs/cccd.yaml"
     threads: 1

@@ -9,6 +9,18 @@ WRITERS = [
 SOLID_WRITERS = [f"{module}.write" for module in SOLID_FORMATS.values()]
 
 
+#: What of the section decides on each organ alone.
+LOFTING = leave(
+    "surface",
+    "formats",
+    "contour_spacing_mm",
+    "step_tolerance_mm",
+    "solid",
+    "shared_walls",
+    "walls",
+)
+
+
 wildcard_constraints:
     format="|".join(
         re.escape(name)
@@ -29,6 +41,8 @@ rule loft_surface:
         "logs/{case}/{organ}/loft_surface.log",
     benchmark:
         "benchmarks/{case}/{organ}/loft_surface.tsv"
+    wildcard_constraints:
+        case=APART,
     group:
         "structure"
     conda:
@@ -39,11 +53,75 @@ rule loft_surface:
         runtime=minutes(20),
     params:
         library=library("loft_surface", "cccd.surface.formats.ply.write"),
-        settings=leave(
-            "surface", "formats", "contour_spacing_mm", "step_tolerance_mm", "solid"
-        ),
+        settings=LOFTING,
     script:
         "../../scripts/loft_surface.py"
+
+
+use rule loft_surface as loft_apart with:
+    output:
+        surface="results/{case}/{organ}/surface.h5",
+        mesh="results/{case}/{organ}/apart.ply",
+    log:
+        "logs/{case}/{organ}/loft_apart.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/loft_apart.tsv"
+    wildcard_constraints:
+        case=SHARING,
+    group:
+        "apart"
+
+
+rule share_walls:
+    """Smooth the organs of a case together: each wall between two of them is one surface."""
+    input:
+        structures=lambda wildcards: of_case(wildcards, "structure.h5"),
+        meshes=lambda wildcards: of_case(wildcards, "apart.ply"),
+    output:
+        "results/{case}/walls.h5",
+    log:
+        "logs/{case}/share_walls.log",
+    benchmark:
+        "benchmarks/{case}/share_walls.tsv"
+    wildcard_constraints:
+        case=SHARING,
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(3000, 60),
+        runtime=minutes(60),
+    params:
+        library=library("share_walls"),
+        settings=config["surface"]["walls"],
+    script:
+        "../../scripts/share_walls.py"
+
+
+rule take_surface:
+    """One organ's closed surface out of those that share their walls."""
+    input:
+        "results/{case}/walls.h5",
+    output:
+        "results/{case}/{organ}/surface.ply",
+    log:
+        "logs/{case}/{organ}/take_surface.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/take_surface.tsv"
+    wildcard_constraints:
+        case=SHARING,
+    group:
+        "structure"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(1000, 10),
+        runtime=minutes(10),
+    params:
+        library=library("take_surface"),
+    script:
+        "../../scripts/take_surface.py"
 
 
 rule export_surface:

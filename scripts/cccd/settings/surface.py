@@ -587,8 +587,7 @@ class LoftSettings(Section):
     solid: SolidSettings = setting(SolidSettings(), "from the mesh to solids", why="Tuned on phantoms.")
     shared_walls: bool | Literal["auto"] = setting(
         "auto",
-        "organs of a case are smoothed together, each wall between two of them being one surface; auto: "
-        "those of a sheet's organ *",
+        "organs of a case are smoothed together, with one wall between two; auto: those of organ *",
         why="Neighbours that are smoothed alone overlap or gape. What shares its walls is meshed by case, in "
         "one job that holds all of its organs.",
     )

@@ -10,10 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
@@ -22,11 +25,13 @@ from cccd.geometry.collisions import passing_pairs
 from cccd.geometry.conforming import ConformingSurface, faired
 from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.ply import read_ply
 from cccd.geometry.surface_nets import surface_nets, well_composed
 from cccd.settings.surface import WallSettings
+from cccd.store import read_structure
 from cccd.surface.blending import seam_weights
 
-__all__ = ["Organ", "SharedWalls", "share_walls"]
+__all__ = ["Organ", "SharedWalls", "read_organs", "share_walls", "surface_of"]
 
 #: Distances to an organ's surface are kept up to so many cells to either side of it.
 BAND_CELLS = 2.0
@@ -34,8 +39,12 @@ BAND_CELLS = 2.0
 EDGE_MARGIN = 0.02
 #: How far vertices are trusted that lie where the scan ends; all others count 1.
 FULL_TRUST = 1e3
+#: Cells that a vertex moves at most along an axis to lie on its wall.
+MOST_STEP = 0.3
 #: Vertices within this share of a cell of where the scan ends lie on that plane.
 SAME_PLANE = 1e-3
+#: Organs with a voxel of both within so many voxels of some voxel are smoothed together.
+GROUP_VOXELS = 1
 #: Times that vertices of triangles that pass through each other go halfway back.
 UNFOLDING_ROUNDS = 10
 
@@ -62,15 +71,54 @@ class SharedWalls:
         Places of the grid at which a region touches itself.
     passing : int
         Pairs of triangles that pass through each other.
-    cell : float
-        mm between the grid's nodes.
     """
 
     surface: ConformingSurface
     warnings: dict[int, list[str]]
     pinched: int
     passing: int
-    cell: float
+
+    def report(self) -> dict[str, Any]:
+        """Tell what is to be said about it, as plain JSON."""
+        return {
+            "pinched": self.pinched,
+            "self_intersections": self.passing,
+            "walls": len(self.surface.pairs),
+            "warnings": {str(label): lines for label, lines in self.warnings.items()},
+        }
+
+
+def read_organs(structures: Sequence[str | Path], meshes: Sequence[str | Path]) -> dict[int, Organ]:
+    """Read what `share_walls` takes from the files ``structure.h5`` and PLY of every organ of a case.
+
+    Labels are those of the map where each organ has one of its own, and count from 1 otherwise.
+    """
+    organs: list[Organ] = []
+    for structure_file, mesh_file in zip(structures, meshes, strict=True):
+        structure = read_structure(structure_file)
+        structure.image = None  # as large as the mask four times over
+        organs.append(Organ(structure.organ, structure, read_ply(mesh_file)))
+    labels = [str(organ.structure.provenance.get("label", "")) for organ in organs]
+    if len(set(labels)) == len(labels) and all(label.isdecimal() for label in labels):
+        return {int(label): organ for label, organ in zip(labels, organs, strict=True)}
+    return dict(enumerate(organs, 1))
+
+
+def surface_of(surface: ConformingSurface, name: str) -> Mesh:
+    """Find the closed mesh of an organ by its name.
+
+    Raises
+    ------
+    InputError
+        Nothing of it is left.
+    """
+    label = next((label for label, other in surface.names.items() if other == name), 0)
+    mesh = surface.mesh_of(label)
+    if label == 0 or len(mesh.faces) == 0:
+        raise InputError(
+            name, "nothing of it is left between its neighbours", "leave it out, or set shared_walls: false"
+        )
+    return mesh
 
 
 def share_walls(organs: Mapping[int, Organ], settings: WallSettings) -> SharedWalls:
@@ -88,8 +136,31 @@ def share_walls(organs: Mapping[int, Organ], settings: WallSettings) -> SharedWa
     InputError
         Without a mask, or where the scans' grids differ.
     """
+    frame = _common_frame(list(organs.values()))
+    groups = _touching_groups(organs)
+    parts = [_share_walls({label: organs[label] for label in group}, frame, settings) for group in groups]
+    offsets = offsets_of([len(part.surface.vertices) for part in parts])
+    surface = ConformingSurface(
+        np.concatenate([part.surface.vertices for part in parts]),
+        np.concatenate([part.surface.triangles + start for part, start in zip(parts, offsets, strict=False)]),
+        np.concatenate([part.surface.regions for part in parts]),
+        {label: organs[label].name for label in sorted(organs)},
+    )
+    return SharedWalls(
+        surface,
+        _warnings(surface, organs),
+        sum(part.pinched for part in parts),
+        sum(part.passing for part in parts),
+    )
+
+
+def _share_walls(organs: Mapping[int, Organ], frame: Frame, settings: WallSettings) -> SharedWalls:
+    """Share the walls of organs that touch; one that touches none keeps the surface that it has alone."""
     labels = sorted(organs)
-    frame = _common_frame([organs[label] for label in labels])
+    if len(labels) == 1:
+        alone = organs[labels[0]].mesh
+        regions = np.tile([labels[0], 0], (len(alone.faces), 1))
+        return SharedWalls(ConformingSurface(alone.vertices, alone.faces, regions), {}, 0, 0)
     to_mm = _world_to_mm(frame)
     meshes = [organs[label].mesh.transformed(to_mm) for label in labels]
     voxels = _Voxels.of([organs[label].structure for label in labels], frame)
@@ -98,7 +169,8 @@ def share_walls(organs: Mapping[int, Organ], settings: WallSettings) -> SharedWa
     fields = fields.with_outside(voxels, settings)
     regions, pinched = well_composed(fields.owners(voxels), fields.distance)
     net = surface_nets(regions, fields.cut)
-    in_mm = ConformingSurface(fields.low + cell * net.vertices, net.triangles, net.regions)
+    net = replace(net, vertices=fields.on_walls(net))
+    in_mm = replace(net, vertices=fields.low + cell * net.vertices)
     smooth = _smoothed(in_mm, voxels.ends, cell, settings.stiffness)
     most = settings.most_offset_pixels * _edge(frame, settings)
     smooth = _with_volumes(replace(in_mm, vertices=smooth), voxels, cell, most)
@@ -108,13 +180,23 @@ def share_walls(organs: Mapping[int, Organ], settings: WallSettings) -> SharedWa
     vertices = Mesh(smooth, in_mm.triangles).transformed(_mm_to_world(frame)).vertices
     numbers = np.array([0, *labels])
     triangles = in_mm.triangles if np.linalg.det(to_mm[:3, :3]) > 0 else in_mm.triangles[:, ::-1]
-    surface = ConformingSurface(
-        vertices,
-        np.ascontiguousarray(triangles),
-        numbers[in_mm.regions],
-        {label: organs[label].name for label in labels},
-    )
-    return SharedWalls(surface, _warnings(surface, organs), pinched, passing, cell)
+    surface = ConformingSurface(vertices, np.ascontiguousarray(triangles), numbers[in_mm.regions])
+    return SharedWalls(surface, {}, pinched, passing)
+
+
+def _touching_groups(organs: Mapping[int, Organ]) -> list[list[int]]:
+    """Labels in groups, so that between voxels of two groups there are two others at least."""
+    labels = sorted(organs)
+    voxels = _Voxels.of([organs[label].structure for label in labels], organs[labels[0]].structure.frame)
+    size = 2 * GROUP_VOXELS + 1
+    largest = ndimage.maximum_filter(voxels.labels, size)
+    # of two numbers in the window that are not 0 the smaller one: the largest of their reversed order
+    reverse = np.where(voxels.labels > 0, len(labels) + 1 - voxels.labels, 0)
+    least = len(labels) + 1 - ndimage.maximum_filter(reverse, size)
+    pairs = np.unique(np.column_stack([least.ravel(), largest.ravel()])[largest.ravel() > 0], axis=0) - 1
+    links = coo_array((np.ones(len(pairs), bool), tuple(pairs.T)), shape=(len(labels), len(labels)))
+    group = connected_components(links, directed=False)[1]
+    return [[labels[n] for n in np.flatnonzero(group == number)] for number in range(group.max() + 1)]
 
 
 def _common_frame(organs: Sequence[Organ]) -> Frame:
@@ -364,6 +446,39 @@ class _Fields:
             count += crosses
         middle = np.divide(total, count, out=np.full(len(nodes), 0.5), where=count > 0)
         return np.clip(middle, EDGE_MARGIN, 1 - EDGE_MARGIN)
+
+    def on_walls(self, net: ConformingSurface) -> FloatArray:
+        """Vertices (V, 3) in nodes, moved onto the wall that runs through their cell, where it is one only.
+
+        The mean of a cell's cuts lies on the hollow side of a bent wall; a step along the gradient of the
+        interpolated distances makes up for that.
+        """
+        vertices = net.vertices.copy()
+        sides = np.full((len(vertices), 2), -1, np.int32)
+        single = np.ones(len(vertices), bool)
+        for corner in net.triangles.T:
+            unseen = sides[corner, 0] < 0
+            sides[corner[unseen]] = net.regions[unseen]
+        for corner in net.triangles.T:
+            single[corner[(sides[corner] != net.regions).any(axis=1)]] = False
+        chosen = np.flatnonzero(single)
+        inner, outer = sides[chosen].T
+        first = np.floor(vertices[chosen]).astype(np.int64)
+        share = vertices[chosen] - first
+        value, slope = np.zeros(len(chosen)), np.zeros((len(chosen), 3))
+        for bits in np.indices((2, 2, 2)).reshape(3, 8).T:
+            node = first + bits
+            apart = np.where(outer == 0, 1.0, 0.5) * -self.distance(node, outer)
+            apart += np.where(outer == 0, 0.0, 0.5) * self.distance(node, inner)
+            weight = np.where(bits, share, 1 - share)
+            value += apart * weight.prod(axis=1)
+            for axis in range(3):
+                others = np.delete(weight, axis, axis=1).prod(axis=1)
+                slope[:, axis] += apart * others * (1 if bits[axis] else -1)
+        square = np.maximum((slope**2).sum(axis=1), (self.cell / 2) ** 2)
+        step = -slope * (value / square)[:, None]
+        vertices[chosen] += np.clip(step, -MOST_STEP, MOST_STEP)
+        return vertices
 
 
 def _held(distance: SingleArray, labels: LabelArray, number: int, cell: float) -> SingleArray:

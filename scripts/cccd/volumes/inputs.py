@@ -17,7 +17,7 @@ from cccd.volumes.grid import Volume, on_grid
 from cccd.volumes.labels import choose_labels
 from cccd.volumes.readers import SUFFIXES, read_volume, without_suffix
 
-__all__ = ["list_labels", "organ_of_labels", "read_boundary_maps", "read_image", "read_mask"]
+__all__ = ["label_values", "list_labels", "organ_of_labels", "read_boundary_maps", "read_image", "read_mask"]
 
 
 def _is_dicom(path: Path) -> bool:
@@ -147,10 +147,19 @@ def list_labels(path: Path) -> dict[str, str]:
 
         names = region_names(path) if dicom_modality(path) == "RTSTRUCT" else segment_names(path)
         return {str(number): name for number, name in sorted(names.items())}
-    volume = read_volume(path)
-    data, _ = _whole_numbers(volume.data, volume.location, labelled=False)
+    data, named = _label_map(path)
     present = [int(value) for value in np.unique(data) if value > 0]
-    return {str(value): volume.names.get(value, "") for value in present}
+    return {str(value): named.get(value, "") for value in present}
+
+
+def label_values(path: Path) -> tuple[AnyArray, Mapping[int, str]] | None:
+    """Values of a label map's voxels, and their names where it holds some; None where it is no one volume."""
+    return None if path.is_dir() or _is_dicom(path) else _label_map(path)
+
+
+def _label_map(path: Path) -> tuple[AnyArray, Mapping[int, str]]:
+    volume = read_volume(path)
+    return _whole_numbers(volume.data, volume.location, labelled=False)[0], volume.names
 
 
 def _mask_files(folder: Path) -> dict[str, Path]:

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import re
+
 from cccd.errors import InputError
 from cccd.settings.messages import choices
 
-__all__ = ["choose_labels"]
+__all__ = ["choose_labels", "plain_name"]
+
+
+def plain_name(name: str) -> str:
+    """Turn a name into one that the cohort sheet allows."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")
 
 
 def choose_labels(names: dict[int, str], label: str, organ: str, location: str, kind: str) -> list[int]:

@@ -1,0 +1,11 @@
+"""Smooth the organs of one case together: each wall between two of them is one surface."""
+
+from cccd.job import job
+from cccd.settings.surface import WallSettings
+from cccd.solids.shared_walls import read_organs, share_walls
+from cccd.store import write_conforming
+
+with job(snakemake.log[0], snakemake.wildcards.case):
+    organs = read_organs(snakemake.input.structures, snakemake.input.meshes)
+    shared = share_walls(organs, WallSettings(**snakemake.params.settings))
+    write_conforming(snakemake.output[0], shared.surface, shared.report())
