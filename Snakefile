@@ -28,6 +28,7 @@ include: "workflow/rules/contours.smk"
 include: "workflow/rules/curves.smk"
 include: "workflow/rules/surfaces.smk"
 include: "workflow/rules/comparisons.smk"
+include: "workflow/rules/cases.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/phantoms.smk"
 
@@ -41,6 +42,7 @@ rule all:
         for_formats(),
         for_structures("region.png", REGIONS),
         for_pages(),
+        for_cases(),
     localrule: True
 
 

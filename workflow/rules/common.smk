@@ -222,6 +222,20 @@ def of_case(wildcards, name):
     return for_structures(name, [(wildcards.case, organ) for organ in organs])
 
 
+def of_whole_case(wildcards, name):
+    """The file ``name`` of every organ of a case that is reconstructed."""
+    keys = [key for key in RECONSTRUCTED if key[0] == wildcards.case]
+    if not keys:
+        raise WorkflowError(f"{SHEET.name} has no case {wildcards.case}")
+    return for_structures(name, keys)
+
+
+def for_cases():
+    """The scenes of cases whose organs share their walls."""
+    files = ["scene.glb", "segmentation.seg.nrrd", "scene.json", "scene.html"]
+    return [f"results/{case}/{name}" for case in SHARED for name in files]
+
+
 def for_formats():
     """The surfaces' further files that the configuration asks for; PLY is always written."""
     return [

@@ -92,6 +92,7 @@ rule build_report:
         training=TRAINING_FILES,
         files=[file for name in SHOWN for file in for_structures(name)],
         comparisons=all_comparison_files,
+        cases=[f"results/{case}/scene.html" for case in SHARED],
     output:
         report(
             "results/report.html",

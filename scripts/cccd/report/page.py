@@ -114,6 +114,11 @@ def build_report(
             "structures": views,
             "failures": list(failures),
             "measured": _measured_table(found, views, index),
+            "whole_cases": [
+                case
+                for case in dict.fromkeys(case for case, _ in structures)
+                if (results / case / "scene.html").is_file()
+            ],
             "cohort_plots": _cohort_plots(views) if index else [],
             "sections": _sections(found),
             "sources": source_table(views),

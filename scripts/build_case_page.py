@@ -1,0 +1,17 @@
+"""A page that shows all organs of a case."""
+
+from pathlib import Path
+
+from cccd.geometry.ply import read_ply
+from cccd.job import job
+from cccd.report.case_page import build_case_page
+from cccd.store import read_json
+
+with job(snakemake.log[0], snakemake.wildcards.case):
+    build_case_page(
+        read_json(snakemake.input.scene),
+        {Path(path).parent.name: read_ply(path) for path in snakemake.input.meshes},
+        snakemake.params.viewer_triangles,
+        Path(snakemake.input.template).parent,
+        Path(snakemake.output[0]),
+    )

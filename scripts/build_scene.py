@@ -1,0 +1,19 @@
+"""All organs of a case in one scene, one segmentation and one list."""
+
+from pathlib import Path
+
+from cccd.geometry.ply import read_ply
+from cccd.job import job
+from cccd.solids.scene import describe_scene, name_organs, write_scene, write_segmentation
+from cccd.store import atomic_path, read_structure_facts, write_json
+
+case = snakemake.wildcards.case
+with job(snakemake.log[0], case):
+    meshes = {Path(path).parent.name: read_ply(path) for path in snakemake.input.meshes}
+    organs = name_organs(meshes, snakemake.params.labels)
+    frame, _, _ = read_structure_facts(snakemake.input.structure)
+    with atomic_path(snakemake.output.scene) as path:
+        write_scene(path, organs)
+    with atomic_path(snakemake.output.segmentation) as path:
+        write_segmentation(path, organs, frame)
+    write_json(snakemake.output.list, describe_scene(case, organs))

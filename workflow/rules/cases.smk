@@ -1,0 +1,57 @@
+"""All organs of a case together: a scene for viewers, a segmentation for Slicer, a list, a page."""
+
+
+rule build_scene:
+    """All organs of a case in one scene with names and colours, one segmentation on the scan's grid, one list."""
+    input:
+        meshes=lambda wildcards: of_whole_case(wildcards, "surface.ply"),
+        structure=lambda wildcards: of_whole_case(wildcards, "structure.h5")[0],
+    output:
+        scene="results/{case}/scene.glb",
+        segmentation="results/{case}/segmentation.seg.nrrd",
+        list="results/{case}/scene.json",
+    log:
+        "logs/{case}/build_scene.log",
+    benchmark:
+        "benchmarks/{case}/build_scene.tsv"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(2000, 20),
+        runtime=minutes(15),
+    params:
+        library=library("build_scene"),
+        labels=lambda wildcards: LABELS.get(wildcards.case, {}),
+    script:
+        "../../scripts/build_scene.py"
+
+
+rule build_case_page:
+    """A page of a whole case: organs to switch on and off and to make transparent."""
+    input:
+        template=near(ROOT / "workflow" / "report" / "case.html.j2"),
+        scene="results/{case}/scene.json",
+        meshes=lambda wildcards: of_whole_case(wildcards, "surface.ply"),
+    output:
+        report(
+            "results/{case}/scene.html",
+            caption="../report/case.rst",
+            category="Cases",
+            labels={"case": "{case}"},
+        ),
+    log:
+        "logs/{case}/build_case_page.log",
+    benchmark:
+        "benchmarks/{case}/build_case_page.tsv"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(2000, 20),
+        runtime=minutes(15),
+    params:
+        library=library("build_case_page"),
+        viewer_triangles=4 * config["report"]["viewer_triangles"],
+    script:
+        "../../scripts/build_case_page.py"
