@@ -1,16 +1,18 @@
-"""Write the surface's bodies as closed solids for CAD, and what they are worth."""
+"""Write the surface's bodies as solids for CAD or as tetrahedra, and what they are worth."""
 
 from cccd.job import job
-from cccd.settings.surface import SolidSettings
+from cccd.settings.surface import SolidSettings, TetrahedraSettings
 from cccd.store import write_json
 from cccd.surface.export import Scan, read_surface, write_surface
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
+    settings = snakemake.params.settings
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
     scan = Scan(
         snakemake.wildcards.organ,
-        tolerance_mm=snakemake.params.tolerance_mm,
-        solid=SolidSettings(**snakemake.params.settings),
+        tolerance_mm=settings["step_tolerance_mm"],
+        solid=SolidSettings(**settings["solid"]),
+        tetrahedra=TetrahedraSettings(**settings["tetrahedra"]),
     )
     report = write_surface(snakemake.output.solid, surface, scan)
     write_json(snakemake.output.report, report)

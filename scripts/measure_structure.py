@@ -22,6 +22,7 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
     ordering = read_report(snakemake.input.contours)
     solids = {report["format"]: report for report in map(read_json, snakemake.input.solids)}
+    volumes = [*map(read_json, snakemake.input.volume)]
     figures = measure_surface(surface, structure)
     metrics = {
         "case": structure.case,
@@ -33,7 +34,7 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
             *structure.warnings,
             *surface.report["warnings"],
             *volume_warnings(figures),
-            *(warning for report in solids.values() for warning in report["warnings"]),
+            *(warning for report in (*solids.values(), *volumes) for warning in report["warnings"]),
         ],
     }
     if solids:
@@ -41,6 +42,8 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
             name: {key: value for key, value in report.items() if key not in {"format", "warnings"}}
             for name, report in solids.items()
         }
+    for report in volumes:
+        metrics["tetrahedra"] = {"seconds": report["seconds"], **report["organs"][structure.organ]}
     write_json(snakemake.output.metrics, metrics)
     boundaries = read_boundaries(snakemake.input.boundaries)
     triangles = snakemake.params.viewer_triangles

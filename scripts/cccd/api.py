@@ -120,8 +120,8 @@ class Surface:
         ----------
         path : path
             Ends with ``.ply``, ``.stl``, ``.vtp``, ``.glb``, ``.step``, ``.iges``, ``.brep`` (closed
-            solids), ``.nii.gz`` (a label map on the scan's grid) or ``.dcm`` (contours, RTSTRUCT). All or
-            nothing is written.
+            solids), ``.msh``, ``.vtu``, ``.inp`` (tetrahedra), ``.nii.gz`` (a label map on the scan's
+            grid) or ``.dcm`` (contours, RTSTRUCT). All or nothing is written.
         contour_spacing_mm : float, optional
             Distance of the RTSTRUCT's planes; that of the scan's slices by default.
 

@@ -14,6 +14,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "report": ("matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification"),
     "comparisons": ("itk", "open3d"),
     "cad": ("OCP",),
+    "fe": ("pytetwild",),
     "run": ("snakemake", "jsonschema", "nilearn"),
 }
 

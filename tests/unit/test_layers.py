@@ -21,6 +21,7 @@ LAYERS = (
     ("junctions", "curves"),
     ("surface",),
     ("solids",),
+    ("tetrahedra",),
     ("reconstruction", "filling_training"),
     ("api",),
     ("pyvista_accessor",),

@@ -29,8 +29,11 @@ from cccd.model_header import check_model, check_start
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.settings.junctions import NetworkSettings
 from cccd.settings.messages import nearest
-from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS
+from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.validation import validate_config
+
+#: Formats whose writers report what they made, each with its module.
+REPORTED_FORMATS = SOLID_FORMATS | TETRAHEDRA_FORMATS
 
 #: The library's folder; its files decide which stages run again.
 LIBRARY = Path(cccd.__file__).parent
@@ -244,6 +247,39 @@ def for_formats():
         if name != "ply"
         for file in for_structures(f"surface.{name}")
     ]
+
+
+def for_cases():
+    """The files of whole cases that the configuration asks for."""
+    names = config["surface"]["case_formats"]
+    files = [
+        f"{'scene' if name in SOLID_FORMATS else 'volume'}.{name}" for name in names
+    ]
+    cases = dict.fromkeys(case for case, _ in RECONSTRUCTED)
+    return [f"results/{case}/{file}" for case in cases for file in files]
+
+
+def organs_of_case(wildcards):
+    """The organs of a case that are reconstructed, in the sheet's order."""
+    found = [organ for case, organ in RECONSTRUCTED if case == wildcards.case]
+    if not found:
+        known = nearest(wildcards.case, [case for case, _ in RECONSTRUCTED])
+        raise WorkflowError(f"{SHEET.name} has no case {wildcards.case}; {known}")
+    return found
+
+
+def surfaces_of_case(name):
+    """An input function: the file ``name`` of every organ of a case."""
+    return lambda wildcards: [
+        f"results/{wildcards.case}/{organ}/{name}"
+        for organ in organs_of_case(wildcards)
+    ]
+
+
+def case_reports(wildcards):
+    """What is reported of the tetrahedra of a structure's case, where they are asked for."""
+    asked = set(config["surface"]["case_formats"]) & set(TETRAHEDRA_FORMATS)
+    return [f"results/{wildcards.case}/volume.json"] if asked else []
 
 
 def for_pages():

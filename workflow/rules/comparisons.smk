@@ -53,8 +53,9 @@ rule measure_structure:
         solids=[
             f"results/{{case}}/{{organ}}/solid_{name}.json"
             for name in config["surface"]["formats"]
-            if name in SOLID_FORMATS
+            if name in REPORTED_FORMATS
         ],
+        volume=case_reports,
     output:
         metrics="results/{case}/{organ}/metrics.json",
         view="results/{case}/{organ}/view.h5",

@@ -1,21 +1,23 @@
 """Surfaces: curves -> lofted B-spline surface -> meshes for viewers and CAD, and a picture."""
 
-#: The writers of meshes, and those of solids.
+#: The writers of meshes, and those of solids and of tetrahedra, which report what they made.
 WRITERS = [
     f"{module}.write"
     for name, module in SURFACE_FORMATS.items()
-    if name not in SOLID_FORMATS
+    if name not in REPORTED_FORMATS
 ]
-SOLID_WRITERS = [f"{module}.write" for module in SOLID_FORMATS.values()]
+REPORTING_WRITERS = [f"{module}.write" for module in REPORTED_FORMATS.values()]
 
 
 #: What of the section decides on each organ alone.
 LOFTING = leave(
     "surface",
     "formats",
+    "case_formats",
     "contour_spacing_mm",
     "step_tolerance_mm",
     "solid",
+    "tetrahedra",
     "shared_walls",
     "walls",
 )
@@ -25,9 +27,10 @@ wildcard_constraints:
     format="|".join(
         re.escape(name)
         for name in SURFACE_FORMATS
-        if name not in {"ply", *SOLID_FORMATS}
+        if name not in {"ply", *REPORTED_FORMATS}
     ),
-    solid_format="|".join(SOLID_FORMATS),
+    solid_format="|".join(REPORTED_FORMATS),
+    scene_format="|".join(SOLID_FORMATS),
 
 
 rule loft_surface:
@@ -154,7 +157,9 @@ rule export_surface:
 
 
 rule export_solid:
-    """The mesh's bodies as closed solids for CAD (STEP, IGES, BREP), and what they are worth."""
+    """The mesh's bodies as closed solids for CAD (STEP, IGES, BREP) or as tetrahedra for simulation (MSH, VTU,
+    INP), and what they are worth.
+    """
     input:
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",
@@ -174,11 +179,66 @@ rule export_solid:
         mem_mb=memory(2500, 60),
         runtime=minutes(30),
     params:
-        library=library("export_solid", *SOLID_WRITERS),
-        tolerance_mm=config["surface"]["step_tolerance_mm"],
-        settings=config["surface"]["solid"],
+        library=library("export_solid", *REPORTING_WRITERS),
+        settings=pick("surface", "step_tolerance_mm", "solid", "tetrahedra"),
     script:
         "../../scripts/export_solid.py"
+
+
+rule fill_case:
+    """Tetrahedra through all organs of a case: a region each, named boundaries, walls shared; for Gmsh, VTK, Abaqus
+    and CalculiX.
+    """
+    input:
+        surfaces=surfaces_of_case("surface.h5"),
+        meshes=surfaces_of_case("surface.ply"),
+    output:
+        msh="results/{case}/volume.msh",
+        vtu="results/{case}/volume.vtu",
+        inp="results/{case}/volume.inp",
+        report="results/{case}/volume.json",
+    log:
+        "logs/{case}/fill_case.log",
+    benchmark:
+        "benchmarks/{case}/fill_case.tsv"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(2500, 60),
+        runtime=minutes(60),
+    params:
+        library=library("fill_case"),
+        organs=organs_of_case,
+        settings=config["surface"]["tetrahedra"],
+    script:
+        "../../scripts/fill_case.py"
+
+
+rule export_scene:
+    """All organs of a case as solids in one file for CAD, by name and colour, and what they are worth."""
+    input:
+        surfaces=surfaces_of_case("surface.h5"),
+        meshes=surfaces_of_case("surface.ply"),
+    output:
+        scene="results/{case}/scene.{scene_format}",
+        report="results/{case}/scene_{scene_format}.json",
+    log:
+        "logs/{case}/export_scene_{scene_format}.log",
+    benchmark:
+        "benchmarks/{case}/export_scene_{scene_format}.tsv"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(2500, 60),
+        runtime=minutes(60),
+    params:
+        library=library("export_scene"),
+        organs=organs_of_case,
+        settings=pick("surface", "step_tolerance_mm", "solid"),
+    script:
+        "../../scripts/export_scene.py"
 
 
 rule render_surface:

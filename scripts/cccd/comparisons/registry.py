@@ -45,9 +45,11 @@ class Input:
 #: Keys of the section ``surface`` that no comparison reads: they are about files.
 UNREAD = (
     "surface.formats",
+    "surface.case_formats",
     "surface.contour_spacing_mm",
     "surface.step_tolerance_mm",
     "surface.solid",
+    "surface.tetrahedra",
 )
 
 #: What a comparison's function may ask for, by the name of its parameter.

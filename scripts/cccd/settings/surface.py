@@ -13,6 +13,7 @@ from cccd.settings.validators import without_repeats
 __all__ = [
     "SOLID_FORMATS",
     "SURFACE_FORMATS",
+    "TETRAHEDRA_FORMATS",
     "BlendingSettings",
     "DetailSettings",
     "FittingSettings",
@@ -20,6 +21,7 @@ __all__ = [
     "LoftSettings",
     "MatchingSettings",
     "SolidSettings",
+    "TetrahedraSettings",
     "WallSettings",
 ]
 
@@ -31,14 +33,16 @@ def _writers(package: str) -> dict[str, str]:
     return {stem.replace("_", "."): f"cccd.{package}.formats.{stem}" for stem in found}
 
 
-#: Formats of solids, by OpenCASCADE, and all formats; each with the module that writes it.
+#: Formats of solids, by OpenCASCADE, of tetrahedra, and all; each with the module that writes it.
 SOLID_FORMATS = _writers("solids")
-SURFACE_FORMATS = dict(sorted((_writers("surface") | SOLID_FORMATS).items()))
+TETRAHEDRA_FORMATS = _writers("tetrahedra")
+SURFACE_FORMATS = dict(sorted((_writers("surface") | SOLID_FORMATS | TETRAHEDRA_FORMATS).items()))
 
 if TYPE_CHECKING:
-    _Format = str
+    _Format = _CaseFormat = str
 else:
     _Format = Literal[tuple(SURFACE_FORMATS)]
+    _CaseFormat = Literal[tuple(SOLID_FORMATS | TETRAHEDRA_FORMATS)]
 
 
 class InterpolationSettings(Section):
@@ -492,6 +496,47 @@ class SolidSettings(Section):
     )
 
 
+class TetrahedraSettings(Section):
+    """How closed surfaces are filled with tetrahedra."""
+
+    edge_mm: float | None = setting(
+        None,
+        "edges are about this long where the surface allows; null: a twentieth of the box's diagonal",
+        why="What a solver resolves inside; at the surface its curvature asks for shorter ones. Half of it "
+        "takes up to eight times the tetrahedra.",
+        unit="mm",
+        gt=0,
+        le=1000,
+    )
+    tolerance_mm: float | None = setting(
+        None,
+        "faces lie this near to the surface, so edges shorten where it curves; null: a 500th of that",
+        why="On a radius r edges are at most about the root of 8 r times this. Time grows as it shrinks.",
+        unit="mm",
+        gt=0,
+        le=100,
+    )
+    energy: float = setting(
+        10.0,
+        "tetrahedra are improved until the worst has this conformal energy; 3 is a regular one",
+        why="At 20 angles of four degrees stay, at 10 of twenty on smooth organs, for the same time; below, "
+        "the last rounds are spent on few tetrahedra.",
+        unit="1",
+        expert=True,
+        gt=3,
+        le=1000,
+    )
+    rounds: int = setting(
+        40,
+        "rounds of improvement at most",
+        why="What is not good by then is held by the surface.",
+        unit="count",
+        expert=True,
+        ge=1,
+        le=1000,
+    )
+
+
 class LoftSettings(Section):
     """How curves become a surface (section ``surface``)."""
 
@@ -566,7 +611,14 @@ class LoftSettings(Section):
         ("ply",),
         f"the surface's files, of {', '.join(SURFACE_FORMATS)}; ply always",
         why="Every later step reads the PLY mesh. step, iges and brep hold closed solids and need the "
-        "extra cadquery-ocp-novtk; nii.gz is a label map on the scan's grid, dcm an RTSTRUCT.",
+        "extra cad; msh, vtu and inp hold tetrahedra and need the extra fe; nii.gz is a label map on the "
+        "scan's grid, dcm an RTSTRUCT.",
+    )
+    case_formats: Annotated[tuple[_CaseFormat, ...], AfterValidator(without_repeats)] = setting(
+        (),
+        f"files of all organs of a case, of {', '.join(SOLID_FORMATS | TETRAHEDRA_FORMATS)}",
+        why="step, iges and brep are one scene of solids, results/CASE/scene.step; msh, vtu and inp one mesh "
+        "of tetrahedra in which organs share their walls, results/CASE/volume.msh.",
     )
     contour_spacing_mm: float | None = setting(
         None,
@@ -583,6 +635,9 @@ class LoftSettings(Section):
         unit="mm",
         gt=0,
         le=100,
+    )
+    tetrahedra: TetrahedraSettings = setting(
+        TetrahedraSettings(), "from surfaces to tetrahedra (msh, vtu, inp)", why="For simulation."
     )
     solid: SolidSettings = setting(SolidSettings(), "from the mesh to solids", why="Tuned on phantoms.")
     shared_walls: bool | Literal["auto"] = setting(

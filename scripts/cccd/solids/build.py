@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import colorsys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,12 @@ from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import SolidSettings
 from cccd.solids.bodies import split_bodies
-from cccd.solids.kernel import Part, check_solid, make_solid, require_kernel, write_parts
+from cccd.solids.kernel import DEFAULT_COLOUR, Part, check_solid, make_solid, require_kernel, write_parts
 from cccd.solids.patches import patches_within
 from cccd.solids.shells import Shell, facets_within, measure_deviation
 from cccd.tolerances import SOLID_VOLUME
 
-__all__ = ["Solids", "build_solids", "write_solids"]
+__all__ = ["Solids", "build_solids", "write_organs", "write_solids"]
 
 #: Percentiles from other samples of the same surfaces differ by up to this factor.
 SAMPLED = 1.25
@@ -128,17 +129,53 @@ def write_solids(path: Path, name: str, solids: Solids, form: str) -> dict[str, 
         Where OpenCASCADE is missing or cannot write.
     """
     require_kernel(path)
+    part, found = _checked_part(name, solids, DEFAULT_COLOUR)
+    write_parts(path, [part], form)
+    return {"format": form, "bytes": path.stat().st_size, **found}
+
+
+def write_organs(path: Path, organs: Mapping[str, Solids], form: str) -> dict[str, Any]:
+    """Write several organs to one file, each by its name and in a colour of its own.
+
+    Returns
+    -------
+    dict
+        ``bytes`` of the file, ``organs`` with what `write_solids` reports of each, and all their
+        ``warnings``, which begin with the organ's name.
+
+    Raises
+    ------
+    InputError
+        Where OpenCASCADE is missing or cannot write.
+    """
+    require_kernel(path)
+    checked = {
+        name: _checked_part(name, solids, _colour(n)) for n, (name, solids) in enumerate(organs.items())
+    }
+    write_parts(path, [part for part, _ in checked.values()], form)
+    found = {name: report for name, (_, report) in checked.items()}
+    warnings = [f"{name}: {line}" for name, report in found.items() for line in report["warnings"]]
+    return {"format": form, "bytes": path.stat().st_size, "organs": found, "warnings": warnings}
+
+
+def _colour(number: int) -> tuple[float, float, float]:
+    """Choose the colour of an organ: hues a golden section apart are far apart for any count."""
+    return colorsys.hsv_to_rgb(0.03 + 0.618034 * number, 0.5, 0.85)
+
+
+def _checked_part(
+    name: str, solids: Solids, colour: tuple[float, float, float]
+) -> tuple[Part, dict[str, Any]]:
+    """Make an organ's solids, and report what OpenCASCADE finds about them."""
     shapes = [make_solid([shell.build() for shell in body]) for body in solids.bodies]
     checked = [check_solid(shape) for shape in shapes]
-    write_parts(path, [Part(name, shapes)], form)
     found = {
         "valid": all(solid.valid for solid in checked),
         "free_edges": sum(solid.free_edges for solid in checked),
         "faces": sum(solid.faces for solid in checked),
         "volume_ml": sum(solid.volume for solid in checked) / 1000,
-        "bytes": path.stat().st_size,
     }
     warnings = list(solids.warnings)
     if not found["valid"] or found["free_edges"]:
         warnings.append("OpenCASCADE does not find the solid valid: look at it before it is cut or meshed")
-    return {"format": form, **solids.report, **found, "warnings": warnings}
+    return Part(name, shapes, colour), {**solids.report, **found, "warnings": warnings}

@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 
 from cccd.errors import InputError
+from cccd.extras import missing_extra
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.bsplines import DEGREE, open_knots
 from cccd.geometry.mesh import Mesh
 
 __all__ = [
+    "DEFAULT_COLOUR",
     "Checked",
     "Part",
     "check_solid",
@@ -69,10 +71,8 @@ def require_kernel(path: str | Path) -> None:
     """Raise `InputError` for a file that needs OpenCASCADE where it is not installed."""
     try:
         message = importlib.import_module("OCP.Message")
-    except ImportError:
-        raise InputError(
-            str(path), "CAD files need OpenCASCADE", "pip install 'cadquery-ocp-novtk>=8.0'"
-        ) from None
+    except ModuleNotFoundError as error:
+        raise missing_extra(error, str(path)) from None
     message.Message.DefaultMessenger_s().ChangePrinters().Clear()  # it would print statistics of every file
 
 

@@ -6,7 +6,7 @@ import trimesh
 from shapes import SETTINGS, curves_of, fork
 
 from cccd.errors import InputError
-from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS
+from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS, TetrahedraSettings
 from cccd.store import write_patches
 from cccd.surface import loft_surface
 from cccd.surface.export import Scan, read_surface, write_surface
@@ -60,8 +60,11 @@ def test_vtp_says_its_frame(surface, tmp_path):
 def test_every_format_that_the_configuration_knows_is_written(surface, tmp_path, name):
     if name in SOLID_FORMATS:
         pytest.importorskip("OCP")
+    if name in TETRAHEDRA_FORMATS:
+        pytest.importorskip("pytetwild")
     path = tmp_path / f"surface.{name}"
-    write_surface(path, surface, Scan("fork"))
+    coarse = TetrahedraSettings(edge_mm=10, tolerance_mm=0.5)
+    write_surface(path, surface, Scan("fork", tetrahedra=coarse))
     assert path.stat().st_size > 1000
     assert list(tmp_path.iterdir()) == [path]
 

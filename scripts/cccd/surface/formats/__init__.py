@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from cccd.settings.surface import LoftSettings, SolidSettings
+from cccd.settings.surface import LoftSettings, SolidSettings, TetrahedraSettings
 
 __all__ = ["NOTE", "Scan"]
 
@@ -36,6 +36,8 @@ class Scan:
         99 % of a solid's surface shall lie so near to the mesh.
     solid : SolidSettings
         Section ``surface.solid`` of the configuration.
+    tetrahedra : TetrahedraSettings
+        Section ``surface.tetrahedra``.
     """
 
     organ: str = "surface"
@@ -43,3 +45,4 @@ class Scan:
     series: Path | None = None
     tolerance_mm: float = _DEFAULT.step_tolerance_mm
     solid: SolidSettings = _DEFAULT.solid
+    tetrahedra: TetrahedraSettings = _DEFAULT.tetrahedra

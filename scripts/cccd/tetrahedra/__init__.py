@@ -1,0 +1,1 @@
+"""Tetrahedra through organs, for simulation: regions, named boundaries, quality, files."""

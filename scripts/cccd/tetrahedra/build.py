@@ -1,0 +1,43 @@
+"""Surfaces to tetrahedra and what they are worth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from cccd.containers import Frame
+from cccd.geometry.mesh import Mesh
+from cccd.settings.surface import TetrahedraSettings
+from cccd.surface.formats import Scan
+from cccd.surface.surface import Surface
+from cccd.tetrahedra.filling import TetrahedralMesh, fill_organs, sizes_in_mm
+from cccd.tetrahedra.quality import measure_tetrahedra, warnings_of
+
+__all__ = ["fill_and_measure", "fill_surface"]
+
+
+def fill_and_measure(
+    organs: Mapping[str, Mesh], settings: TetrahedraSettings, frame: Frame | None = None
+) -> tuple[TetrahedralMesh, dict[str, Any]]:
+    """Fill organs as `fill_organs` does, and report it.
+
+    Returns
+    -------
+    TetrahedralMesh
+    dict
+        Plain JSON: ``edge_mm`` and ``tolerance_mm`` as asked for, ``seconds``, what `measure_tetrahedra`
+        finds, ``warnings``.
+    """
+    began = time.perf_counter()
+    filled = fill_organs(organs, settings, frame)
+    seconds = time.perf_counter() - began
+    edge, tolerance = sizes_in_mm(organs, settings)
+    report = {"edge_mm": edge, "tolerance_mm": tolerance, "seconds": round(seconds, 1)}
+    report |= measure_tetrahedra(filled, organs)
+    return filled, {**report, "warnings": warnings_of(report)}
+
+
+def fill_surface(surface: Surface, scan: Scan) -> tuple[TetrahedralMesh, dict[str, Any]]:
+    """Fill one organ's surface as a format's writer is given it."""
+    return fill_and_measure({scan.organ: surface.mesh}, scan.tetrahedra, surface.frame)

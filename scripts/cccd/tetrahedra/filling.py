@@ -1,0 +1,262 @@
+"""Tetrahedra through the organs of a case: one conforming mesh, a region for each organ, named boundaries.
+
+fTetWild (Hu et al. 2020, `pytetwild`) fills the box around all surfaces at once, so that neighbours share the
+faces of the wall between them; a tetrahedron is of the smallest organ that its middle lies in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+
+from cccd.containers import Frame
+from cccd.errors import InputError
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.distance import to_mesh
+from cccd.geometry.mesh import Mesh
+from cccd.settings.surface import TetrahedraSettings
+from cccd.tetrahedra.chords import balance_chords
+from cccd.tetrahedra.shapes import FACES, signed_volumes
+
+__all__ = ["TetrahedralMesh", "fill_organs", "sizes_in_mm"]
+
+#: Without a number of the user's, edges are at most this share of the box's diagonal, as in fTetWild, ...
+EDGE_SHARE = 1 / 20
+#: ... and faces lie at most this share away from the surface: half a millimetre for a brain.
+TOLERANCE_SHARE = 1 / 500
+
+#: Faces on the side of the scan's box face its way by at least this cosine.
+ALONG = 0.9
+
+#: They lie this near to it, in voxels.
+AT_SIDE = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class TetrahedralMesh:
+    """Tetrahedra of several regions, and the faces between them.
+
+    Attributes
+    ----------
+    vertices : (V, 3) float64
+        In mm RAS.
+    tetrahedra : (N, 4) int64
+        The fourth vertex lies where the normal of the first three, counter-clockwise, points to.
+    regions : (N,) int64
+        Which of ``names`` a tetrahedron is of.
+    names : tuple of str
+        Of the organs.
+    sides : (T, 2) int64
+        The faces that bound an organ: the tetrahedron, and which of its four faces (see `FACES`). A face
+        between two organs stands here once, with the tetrahedron of the organ that is named first.
+    groups : (T,) int64
+        Which of ``group_names`` a face is of.
+    group_names : tuple of str
+        ``wall``, ``cut``, with several organs ``wall_A``, ``cut_A``, and ``interface_A_B``.
+    enclosed : (R,) float64
+        Volume of the tetrahedra within each organ's surface, those of organs in it included.
+    """
+
+    vertices: FloatArray
+    tetrahedra: IntArray
+    regions: IntArray
+    names: tuple[str, ...]
+    sides: IntArray
+    groups: IntArray
+    group_names: tuple[str, ...]
+    enclosed: FloatArray
+
+    @cached_property
+    def triangles(self) -> IntArray:
+        """Vertices (T, 3) of the bounding faces, counter-clockwise seen from outside their tetrahedron."""
+        return self.tetrahedra[self.sides[:, 0, None], FACES[self.sides[:, 1]]]
+
+    @cached_property
+    def volumes(self) -> FloatArray:
+        """Volume (N,) of each tetrahedron."""
+        return signed_volumes(self.vertices, self.tetrahedra)
+
+    def group(self, name: str) -> IntArray:
+        """Return the faces (K, 3) of a group."""
+        return self.triangles[self.groups == self.group_names.index(name)]
+
+
+def sizes_in_mm(organs: Mapping[str, Mesh], settings: TetrahedraSettings) -> tuple[float, float]:
+    """Tell the largest edge and the distance to the surface that are asked for, in mm."""
+    points = np.concatenate([mesh.vertices for mesh in organs.values()])
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    return (
+        settings.edge_mm or EDGE_SHARE * diagonal,
+        settings.tolerance_mm or TOLERANCE_SHARE * diagonal,
+    )
+
+
+def fill_organs(
+    organs: Mapping[str, Mesh], settings: TetrahedraSettings, frame: Frame | None = None
+) -> TetrahedralMesh:
+    """Fill closed surfaces with tetrahedra.
+
+    fTetWild shuffles by the machine's random device: two runs give two meshes, both as asked for.
+
+    Parameters
+    ----------
+    organs : mapping of str to Mesh
+        Closed, in mm RAS. They may share walls and lie in one another; what lies in several is of the one
+        of least volume.
+    settings : TetrahedraSettings
+        Section ``surface.tetrahedra`` of the configuration.
+    frame : Frame, optional
+        The scan: where it ends organs have faces ``cut``.
+
+    Raises
+    ------
+    InputError
+        A surface that is not closed, or an organ that is too small for the edges asked for.
+    ModuleNotFoundError
+        Where the extra ``fe`` is not installed.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> ball = trimesh.creation.icosphere(2, 10.0)
+    >>> mesh = Mesh(np.array(ball.vertices), np.array(ball.faces, np.int64))
+    >>> filled = fill_organs({"ball": mesh}, TetrahedraSettings(edge_mm=8, tolerance_mm=0.5))
+    >>> filled.group_names, bool(abs(filled.volumes.sum() / mesh.volume - 1) < 0.05)
+    (('wall',), True)
+    """
+    for name, mesh in organs.items():
+        if not mesh.is_closed_manifold:
+            raise InputError(name, "the mesh is not closed: it bounds no volume", "export another format")
+    vertices, tetrahedra = _fill_box(organs, settings)
+    inside = _inside(vertices[tetrahedra].mean(axis=1), organs)
+    regions = _least(inside, organs)
+    missing = [name for n, name in enumerate(organs) if not np.any(regions == n)]
+    if missing:
+        raise InputError(
+            missing[0], "it is too small for the tetrahedra", "lower surface.tetrahedra.tolerance_mm"
+        )
+    kept = regions >= 0
+    used, tetrahedra = np.unique(tetrahedra[kept], return_inverse=True)
+    return _bounded(vertices[used], tetrahedra.reshape(-1, 4), regions[kept], inside[kept], organs, frame)
+
+
+def _bounded(
+    vertices: FloatArray,
+    tetrahedra: IntArray,
+    regions: IntArray,
+    inside: BoolArray,
+    organs: Mapping[str, Mesh],
+    frame: Frame | None,
+) -> TetrahedralMesh:
+    """Name the boundaries, and balance their chords."""
+    names = tuple(organs)
+    sides, beyond = _bounding_sides(tetrahedra, regions)
+    triangles = tetrahedra[sides[:, 0, None], FACES[sides[:, 1]]]
+    cut = np.zeros(len(sides), bool) if frame is None else _at_the_end_of(frame, vertices[triangles])
+    keys = zip(regions[sides[:, 0]].tolist(), beyond.tolist(), cut.tolist(), strict=True)
+    group_names, groups = np.unique([_group(*key, names) for key in keys], return_inverse=True)
+    fixed = np.zeros(len(vertices), bool)
+    fixed[triangles[cut]] = True
+    for n, mesh in enumerate(organs.values()):
+        own, _ = _bounding_sides(tetrahedra[inside[:, n]], np.zeros(inside[:, n].sum(), np.int64))
+        closed = tetrahedra[inside[:, n]][own[:, 0, None], FACES[own[:, 1]]]
+        vertices = balance_chords(vertices, tetrahedra, closed, mesh, fixed)
+        fixed[closed] = True
+    enclosed = inside.T @ signed_volumes(vertices, tetrahedra)
+    return TetrahedralMesh(
+        vertices, tetrahedra, regions, names, sides, groups, tuple(group_names.tolist()), enclosed
+    )
+
+
+def _fill_box(organs: Mapping[str, Mesh], settings: TetrahedraSettings) -> tuple[FloatArray, IntArray]:
+    """Fill the box around all surfaces; their faces are the tetrahedra's, within the tolerance."""
+    import pytetwild  # an extra
+
+    edge, tolerance = sizes_in_mm(organs, settings)
+    counts = np.cumsum([0, *(len(mesh.vertices) for mesh in organs.values())])
+    vertices = np.concatenate([mesh.vertices for mesh in organs.values()])
+    faces = np.concatenate([mesh.faces + n for mesh, n in zip(organs.values(), counts, strict=False)])
+    vertices, faces = _once(vertices, faces)
+    diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    points, tetrahedra = cast(Any, pytetwild).tetrahedralize(
+        vertices,
+        faces.astype(np.int32),
+        edge_length_abs=edge,
+        epsilon=tolerance / diagonal,
+        stop_energy=settings.energy,
+        num_opt_iter=settings.rounds,
+        num_threads=1,  # the workflow counts on it
+        disable_filtering=True,
+    )
+    points, tetrahedra = np.asarray(points, float), np.asarray(tetrahedra, np.int64)
+    turned = signed_volumes(points, tetrahedra) < 0
+    tetrahedra[turned] = tetrahedra[turned][:, (0, 2, 1, 3)]
+    return points, tetrahedra
+
+
+def _once(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Leave one of points, and of triangles, that are there twice, as a shared wall is."""
+    points, inverse = np.unique(vertices, axis=0, return_inverse=True)
+    faces = inverse.reshape(-1)[faces]
+    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    return points, faces[np.sort(first)]
+
+
+def _inside(points: FloatArray, organs: Mapping[str, Mesh]) -> BoolArray:
+    """Tell of points (P, 3) which organs' surfaces they lie in (P, R)."""
+    found = np.zeros((len(points), len(organs)), bool)
+    for n, mesh in enumerate(organs.values()):
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        near = np.flatnonzero(np.all((points > low) & (points < high), axis=1))
+        found[near, n] = to_mesh(points[near], mesh) < 0
+    return found
+
+
+def _least(inside: BoolArray, organs: Mapping[str, Mesh]) -> IntArray:
+    """Choose of the organs (P, R) that hold a point the one of least volume (P,), or -1."""
+    volumes = np.array([mesh.volume for mesh in organs.values()])
+    chosen = np.where(inside, volumes, np.inf).argmin(axis=1)
+    return np.where(inside.any(axis=1), chosen, -1)
+
+
+# Boundaries -------------------------------------------------------------------------------------------
+
+
+def _bounding_sides(tetrahedra: IntArray, regions: IntArray) -> tuple[IntArray, IntArray]:
+    """Find faces (T, 2) where a region ends, and the region beyond (T,), or -1; between two, the first's."""
+    corners = np.sort(tetrahedra[:, FACES].reshape(-1, 3), axis=1)
+    order = np.lexsort(corners.T)
+    same = np.all(corners[order[1:]] == corners[order[:-1]], axis=1)
+    other = np.full(len(corners), -1)
+    first, second = order[:-1][same], order[1:][same]
+    other[first], other[second] = second, first
+    own = np.repeat(regions, 4)
+    beyond = np.where(other >= 0, own[other], -1)
+    kept = np.flatnonzero((beyond < 0) | (own < beyond))
+    return np.column_stack([kept // 4, kept % 4]), beyond[kept]
+
+
+def _at_the_end_of(frame: Frame, corners: FloatArray) -> BoolArray:
+    """Whether triangles (T, 3, 3) lie on a side of the scan's box, and face its way."""
+    inverse = np.linalg.inv(frame.affine)
+    index = corners @ inverse[:3, :3].T + inverse[:3, 3]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    found = np.zeros(len(corners), bool)
+    for axis, count in enumerate(frame.shape):
+        along = normal @ (frame.affine[:3, axis] / frame.spacing[axis])
+        for side, way in ((-0.5, -1), (count - 0.5, 1)):
+            near = np.all(np.abs(index[:, :, axis] - side) < AT_SIDE, axis=1)
+            found |= near & (way * along > ALONG)
+    return found
+
+
+def _group(own: int, beyond: int, cut: bool, names: tuple[str, ...]) -> str:
+    if beyond >= 0:
+        return f"interface_{names[own]}_{names[beyond]}"
+    kind = "cut" if cut else "wall"
+    return kind if len(names) == 1 else f"{kind}_{names[own]}"

@@ -1,0 +1,82 @@
+"""What tetrahedra are worth to a solver: their angles and shapes, and the volume that they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from cccd.geometry.arrays import FloatArray
+from cccd.geometry.mesh import Mesh
+from cccd.tetrahedra.filling import TetrahedralMesh
+from cccd.tetrahedra.shapes import dihedral_angles, radius_ratios
+from cccd.tolerances import SOLID_VOLUME
+
+__all__ = ["measure_tetrahedra", "warnings_of"]
+
+#: A tetrahedron with an angle below this makes a solver's equations badly conditioned (Shewchuk 2002).
+LEAST_DIHEDRAL_DEG = 5.0
+
+
+def measure_tetrahedra(filled: TetrahedralMesh, organs: Mapping[str, Mesh]) -> dict[str, Any]:
+    """Measure the tetrahedra of each organ, and count the faces of each group.
+
+    Parameters
+    ----------
+    filled : TetrahedralMesh
+    organs : mapping of str to Mesh
+        The surfaces that were filled.
+
+    Returns
+    -------
+    dict
+        Plain JSON: ``tetrahedra``, ``vertices``, ``groups`` (faces of each) and ``organs``: of each
+        ``tetrahedra``, ``volume_ml``, ``volume_ratio`` (within the surface, by its own),
+        ``least_dihedral_deg`` with ``min``, ``p5`` and ``median`` of the tetrahedra's smallest angles,
+        ``radius_ratio`` likewise.
+    """
+    return {
+        "tetrahedra": len(filled.tetrahedra),
+        "vertices": len(filled.vertices),
+        "groups": {
+            name: int(np.count_nonzero(filled.groups == n)) for n, name in enumerate(filled.group_names)
+        },
+        "organs": {name: _measure_organ(filled, n, organs[name]) for n, name in enumerate(filled.names)},
+    }
+
+
+def _measure_organ(filled: TetrahedralMesh, region: int, surface: Mesh) -> dict[str, Any]:
+    own = filled.regions == region
+    corners = filled.vertices[filled.tetrahedra[own]]
+    volume = float(filled.volumes[own].sum())
+    return {
+        "tetrahedra": int(own.sum()),
+        "volume_ml": volume / 1000,
+        "volume_ratio": float(filled.enclosed[region]) / surface.volume,
+        "least_dihedral_deg": _low_end(dihedral_angles(corners).min(axis=1)),
+        "radius_ratio": _low_end(radius_ratios(corners)),
+    }
+
+
+def _low_end(values: FloatArray) -> dict[str, float]:
+    least, low, median = np.percentile(values, [0, 5, 50]).tolist()
+    return {"min": least, "p5": low, "median": median}
+
+
+def warnings_of(report: Mapping[str, Any]) -> list[str]:
+    """Say what the tetrahedra of a report fall short of."""
+    found: list[str] = []
+    for name, organ in report["organs"].items():
+        if abs(organ["volume_ratio"] - 1) > SOLID_VOLUME:
+            found.append(
+                f"the tetrahedra hold {organ['volume_ratio']:.2%} of the volume of {name}: "
+                "lower surface.tetrahedra.tolerance_mm"
+            )
+        least = organ["least_dihedral_deg"]["min"]
+        if least < LEAST_DIHEDRAL_DEG:
+            found.append(
+                f"the tetrahedra of {name} have angles down to {least:.1f} degrees: "
+                "lower surface.tetrahedra.energy"
+            )
+    return found

@@ -1,0 +1,32 @@
+"""A bar of two organs end to end, with a ball in one of them, that the scan cuts at both ends."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "geometry"))
+
+from solids import mesh_of, sphere
+
+from cccd.containers import Frame
+from cccd.settings.surface import TetrahedraSettings
+
+__all__ = ["FRAME", "HALF", "SETTINGS", "WIDTH", "two_halves"]
+
+#: Of the bar's section, and of each organ's length, in mm.
+WIDTH, HALF = 10.0, 20.0
+FRAME = Frame(
+    np.array([[1, 0, 0, -20.0], [0, 1, 0, -20], [0, 0, 1, 0.5 - HALF], [0, 0, 0, 1]]), 2, (40, 40, 40)
+)
+SETTINGS = TetrahedraSettings(edge_mm=6, tolerance_mm=0.1)
+
+
+def two_halves():
+    box = trimesh.creation.box((WIDTH, WIDTH, HALF)).subdivide().subdivide()
+    return {
+        "left": mesh_of(box, (0, 0, -HALF / 2)),
+        "right": mesh_of(box, (0, 0, HALF / 2)),
+        "tumour": sphere(3.0, (0, 0, -HALF / 2), subdivisions=3),
+    }
