@@ -40,7 +40,7 @@ rule all:
         "results/report.html",
         for_structures("surface.ply"),
         for_formats(),
-        for_cases(),
+        for_case_formats(),
         for_structures("region.png", REGIONS),
         for_pages(),
         for_cases(),

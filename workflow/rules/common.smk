@@ -249,7 +249,7 @@ def for_formats():
     ]
 
 
-def for_cases():
+def for_case_formats():
     """The files of whole cases that the configuration asks for."""
     names = config["surface"]["case_formats"]
     files = [
@@ -260,20 +260,8 @@ def for_cases():
 
 
 def organs_of_case(wildcards):
-    """The organs of a case that are reconstructed, in the sheet's order."""
-    found = [organ for case, organ in RECONSTRUCTED if case == wildcards.case]
-    if not found:
-        known = nearest(wildcards.case, [case for case, _ in RECONSTRUCTED])
-        raise WorkflowError(f"{SHEET.name} has no case {wildcards.case}; {known}")
-    return found
-
-
-def surfaces_of_case(name):
-    """An input function: the file ``name`` of every organ of a case."""
-    return lambda wildcards: [
-        f"results/{wildcards.case}/{organ}/{name}"
-        for organ in organs_of_case(wildcards)
-    ]
+    """The organs of a case that are reconstructed, in the order of `of_whole_case`."""
+    return [organ for case, organ in RECONSTRUCTED if case == wildcards.case]
 
 
 def case_reports(wildcards):

@@ -190,8 +190,8 @@ rule fill_case:
     and CalculiX.
     """
     input:
-        surfaces=surfaces_of_case("surface.h5"),
-        meshes=surfaces_of_case("surface.ply"),
+        surfaces=lambda wildcards: of_whole_case(wildcards, "surface.h5"),
+        meshes=lambda wildcards: of_whole_case(wildcards, "surface.ply"),
     output:
         msh="results/{case}/volume.msh",
         vtu="results/{case}/volume.vtu",
@@ -218,8 +218,8 @@ rule fill_case:
 rule export_scene:
     """All organs of a case as solids in one file for CAD, by name and colour, and what they are worth."""
     input:
-        surfaces=surfaces_of_case("surface.h5"),
-        meshes=surfaces_of_case("surface.ply"),
+        surfaces=lambda wildcards: of_whole_case(wildcards, "surface.h5"),
+        meshes=lambda wildcards: of_whole_case(wildcards, "surface.ply"),
     output:
         scene="results/{case}/scene.{scene_format}",
         report="results/{case}/scene_{scene_format}.json",
