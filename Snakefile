@@ -3,6 +3,7 @@
 snakemake --cores 2                              the default cohort: training, surfaces, tables, report
 snakemake --cores 2 --config cohort=sheet.tsv    your own structures
 snakemake --cores 2 results/CASE/ORGAN/surface.ply
+snakemake --cores 2 segmenters                   segmentation networks, trained on the sheet's rows of role train
 snakemake --cores 2 phantoms                     scans and true surfaces, as files for a benchmark
 """
 
@@ -22,6 +23,7 @@ wildcard_constraints:
     organ=NAME,
 
 
+include: "workflow/rules/segmentation.smk"
 include: "workflow/rules/structures.smk"
 include: "workflow/rules/junctions.smk"
 include: "workflow/rules/contours.smk"

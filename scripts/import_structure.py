@@ -5,8 +5,9 @@ from pathlib import Path
 from cccd.cohort import naming_row
 from cccd.job import job
 from cccd.settings.imports import ImportSettings
-from cccd.store import write_structure
+from cccd.store import read_json, write_structure
 from cccd.volumes import load_structure
+from cccd.volumes.load import with_segmentation_notes
 
 row = snakemake.params.row
 name = f"{row['case']}/{row['organ']}"
@@ -14,4 +15,6 @@ folder = Path(snakemake.params.sheet_folder)
 with job(snakemake.log[0], name), naming_row(folder / snakemake.params.sheet_name, name):
     settings = ImportSettings(**snakemake.params.settings)
     structure = load_structure({**row, "location": name}, folder, settings, snakemake.params.seed)
+    for report in snakemake.input.segmentation[1:]:  # of a mask that a segmenter made
+        structure = with_segmentation_notes(structure, read_json(report))
     write_structure(snakemake.output[0], structure)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import functools
+import json
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -25,7 +26,7 @@ __all__ = ["SCHEMA", "brings_maps", "complete_row", "naming_row", "read_cohort"]
 #: The sheet's columns, their defaults and what they may hold.
 SCHEMA = PROJECT / "workflow" / "schemas" / "cohort.schema.yaml"
 
-_FROM_FILES = ("files", "lits17", "rider_lung", "upenn_gbm")
+_FROM_FILES = ("files", "lits17", "rider_lung", "upenn_gbm", "msd")
 #: Sources whose boundary pixels need ordering; a mask that they bring is ground truth only.
 _UNORDERED = ("mni152_scan", "damaged_phantom")
 _TUMOUR = ("tumour", "tumor", "lesion")
@@ -230,7 +231,8 @@ def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], 
     Returns the row and the implied label values, of which a scan need not hold all. The sheet goes first.
     LiTS17: ``segmentation-N.nii`` beside ``volume-N.nii``, 1 liver, 2 tumour
     (which is part of the liver). UPENN-GBM: ``images_segm/ID_segm.nii.gz`` beside ``images_structural/ID/``,
-    labels 1, 2, 4; the brain is what skull stripping left.
+    labels 1, 2, 4; the brain is what skull stripping left. Medical Segmentation Decathlon: ``labelsTr``
+    beside ``imagesTr``, the labels' names in ``dataset.json``.
 
     Raises
     ------
@@ -268,4 +270,32 @@ def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], 
         ]
         row["mask"] = str(next((file for file in candidates if (folder / file).exists()), candidates[0]))
         labels = () if row["label"] else (1, 2, 4)
+    if row["source"] == "msd":
+        row, labels = _complete_decathlon(row, folder)
     return row, labels
+
+
+def _complete_decathlon(row: dict[str, str], folder: Path) -> tuple[dict[str, str], tuple[int, ...]]:
+    """Fill in what the Medical Segmentation Decathlon's folders imply: a row's mask, and its organ's labels.
+
+    An organ that ``dataset.json`` does not name is all of its labels.
+    """
+    image = Path(row["image"])
+    if not row["mask"]:
+        if image.parent.name != "imagesTr":
+            raise InputError(
+                row["location"], f"{image.name} does not lie in imagesTr", "give imagesTr/NAME.nii.gz"
+            )
+        row["mask"] = str(image.parent.with_name("labelsTr") / image.name)
+    listing = folder / image.parent.with_name("dataset.json")
+    if row["label"] or not listing.is_file():
+        return row, ()
+    try:
+        named = json.loads(listing.read_text(encoding="utf-8"))["labels"]
+        values = {str(name).lower(): int(value) for value, name in named.items() if int(value)}
+    except (ValueError, KeyError, AttributeError, TypeError) as error:
+        raise InputError(
+            str(listing), f"no list of labels ({type(error).__name__})", "restore the download's dataset.json"
+        ) from None
+    organ = values.get(row["organ"].lower())
+    return row, tuple(sorted(values.values())) if organ is None else (organ,)

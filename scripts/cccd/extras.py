@@ -10,6 +10,7 @@ __all__ = ["EXTRAS", "missing_extra"]
 EXTRAS: dict[str, tuple[str, ...]] = {
     "dicom": ("pydicom", "highdicom"),
     "gnn": ("torch", "torch_geometric"),
+    "segment": ("monai", "torch", "pandas"),
     "view": ("pyvista",),
     "report": ("matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification"),
     "comparisons": ("itk", "open3d"),

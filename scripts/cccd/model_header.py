@@ -17,7 +17,15 @@ from typing import Any
 from cccd.errors import InputError
 from cccd.settings.junctions import NetworkSettings
 
-__all__ = ["ModelHeader", "check_model", "check_start", "foreign", "read_header"]
+__all__ = [
+    "ModelHeader",
+    "check_model",
+    "check_start",
+    "foreign",
+    "foreign_segmenter",
+    "read_header",
+    "read_segmenter_plan",
+]
 
 #: Names of networks in words.
 NAMES = {"ours": "our network", "paper": "the paper's network"}
@@ -61,6 +69,41 @@ def foreign(path: str | Path, why: str) -> InputError:
     return InputError(str(path), problem, "name another in gnn.pretrained, or train one")
 
 
+def _read_plain(path: str | Path) -> dict[str, Any]:
+    """Plain values of a file of torch, without its tensors."""
+    with zipfile.ZipFile(path) as archive:
+        (name,) = (part for part in archive.namelist() if part.endswith("/data.pkl"))
+        with archive.open(name) as file:
+            return _HeaderReader(file).load()
+
+
+def foreign_segmenter(path: str | Path, why: str) -> InputError:
+    """Make the error of a file that holds no segmentation network of this version."""
+    problem = f"not a segmentation network of this version ({why})"
+    hint = "name a model.pt that train_segmenter wrote, or one of workflow/models/segmenters"
+    return InputError(str(path), problem, hint)
+
+
+def read_segmenter_plan(path: str | Path) -> dict[str, Any]:
+    """Read what a segmenter's file says of itself: network, labels, grid, grey values.
+
+    Raises
+    ------
+    InputError
+        When the file is not one that `cccd.segmentation.model.save_segmenter` wrote.
+    """
+    try:
+        content = _read_plain(path)
+        if "segmenter" in content:
+            return dict(content["segmenter"])
+        why = "it holds a junction network" if "sizes" in content else "it holds something else"
+    except OSError as error:
+        raise foreign_segmenter(path, error.strerror or type(error).__name__) from error
+    except Exception as error:  # whatever a foreign file makes the readers raise
+        raise foreign_segmenter(path, type(error).__name__) from error
+    raise foreign_segmenter(path, why)
+
+
 def read_header(path: str | Path) -> ModelHeader:
     """Read whose weights a file holds, without its tensors.
 
@@ -70,10 +113,7 @@ def read_header(path: str | Path) -> ModelHeader:
         When the file is not one that `cccd.junctions.checkpoint.save_model` wrote.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
-            (name,) = (part for part in archive.namelist() if part.endswith("/data.pkl"))
-            with archive.open(name) as file:
-                content = _HeaderReader(file).load()
+        content = _read_plain(path)
         # files of 0.2 do not say whose they are: they are all ours
         return ModelHeader(content.get("network", "ours"), dict(content["sizes"]))
     except Exception as error:  # whatever a foreign file makes the readers raise

@@ -15,10 +15,10 @@ LAYERS = (
     ("settings", "geometry", "job", "sidecar_files"),
     ("containers", "metrics", "cohort", "dicom_objects", "model_header"),
     ("store",),
-    ("volumes",),
+    ("volumes", "torch_files"),
     ("boundary", "tracing", "chaincode", "filling"),
     ("contours",),
-    ("junctions", "curves"),
+    ("junctions", "curves", "segmentation"),
     ("surface",),
     ("solids",),
     ("tetrahedra",),
@@ -38,10 +38,22 @@ DESCRIPTIONS = {"registry", "summary", "measures", "numerals", "paper_k"}
 #: Where graphs are PyTorch Geometric's.
 GEOMETRIC = ("layers", "network", "graph_data", "data", "loss", "paper_network", "tasks")
 
+#: Where the segmentation networks are.
+SEGMENTING = (
+    *("slices", "polar_unet", "kiunet", "unet3plus", "hdenseunet", "networks"),
+    *("grids", "examples", "inference", "training", "model", "scores"),
+)
+
 #: The only modules that may import these.
 ONLY = {
     "h5py": {"store"},
+    "monai": {
+        f"segmentation.{name}"
+        for name in ("networks", "grids", "examples", "inference", "training", "scores")
+    },
     "torch": {
+        "torch_files",
+        *(f"segmentation.{name}" for name in SEGMENTING),
         "filling_training.training",
         *(f"junctions.{name}" for name in (*GEOMETRIC, "energy", "checkpoint", "loop")),
     },

@@ -25,10 +25,11 @@ from cccd.dependencies import imported_files
 from cccd.dicom_objects import holds_contours
 from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
-from cccd.model_header import check_model, check_start
+from cccd.model_header import check_model, check_start, read_segmenter_plan
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.settings.junctions import NetworkSettings
 from cccd.settings.messages import nearest
+from cccd.settings.segmentation import INSTALLED_SEGMENTERS, SEGMENTERS
 from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.validation import validate_config
 
@@ -106,7 +107,9 @@ REGIONS = [
     for key in RECONSTRUCTED
     if ROW[key]["source"] == "mni152_scan"
     or (
-        ROW[key]["source"] == "files" and not (ROW[key]["mask"] or ROW[key]["boundary"])
+        ROW[key]["source"] == "files"
+        and not (ROW[key]["mask"] or ROW[key]["boundary"])
+        and not config["segmenter"]
     )
 ]
 
@@ -114,6 +117,60 @@ REGIONS = [
 def before_walls(wildcards):
     """The group of jobs before organs of a case meet: Snakemake wants no group that begins again later."""
     return "apart" if wildcards.case in SHARED else "structure"
+
+
+#: What makes the masks of rows that have an image alone; its weights, and its labels.
+SEGMENTER = config["segmenter"]
+
+
+def segmenter_file():
+    """The segmenter's weights, in a list that is empty for one that is installed beside.
+
+    A network's name means the weights that this sheet's rows of role train give.
+    """
+    if SEGMENTER is None or SEGMENTER in INSTALLED_SEGMENTERS:
+        return []
+    if SEGMENTER in SEGMENTERS:
+        if all(row["role"] != "train" for row in COHORT):
+            raise InputError(
+                "config key segmenter",
+                f"{SEGMENTER} is to be trained, and {SHEET.name} has no row of role train",
+                "add such rows, or name a file of workflow/models/segmenters",
+            )
+        return [f"results/segmenters/{SEGMENTER}/model.pt"]
+    if not find_file(SEGMENTER).is_file():
+        raise InputError(
+            "config key segmenter",
+            f"there is neither a network nor a file {SEGMENTER}",
+            nearest(SEGMENTER, [*SEGMENTERS, *INSTALLED_SEGMENTERS]),
+        )
+    return [near(find_file(SEGMENTER))]
+
+
+def segmenter_labels():
+    """Label values of the segmenter's masks, as the sheet's column label has them."""
+    if SEGMENTER in INSTALLED_SEGMENTERS:
+        return "1"
+    if SEGMENTER in SEGMENTERS:
+        return ",".join(map(str, config["segmentation"]["labels"] or [1]))
+    return ",".join(map(str, read_segmenter_plan(SEGMENTER_FILE[0])["labels"]))
+
+
+def is_segmented(row):
+    """Whether a row's mask is made here: it has an image alone, and a segmenter is named."""
+    return bool(
+        SEGMENTER
+        and row["source"] == "files"
+        and row["image"]
+        and not (row["mask"] or row["boundary"])
+    )
+
+
+try:
+    SEGMENTER_FILE = segmenter_file()
+    SEGMENTED_LABELS = segmenter_labels() if SEGMENTER else ""
+except InputError as error:
+    sys.exit(f"Error: {error}")
 
 
 #: The wildcards case and organ. Not the sheet's own names: a pattern that lists a thousand of them is searched
@@ -314,9 +371,9 @@ def comparison_settings(comparison):
 def comparison_files(wildcards):
     """What a structure's comparisons leave: which of them are made of it, what the data are decides.
 
-    One of role measure is in none.
+    One of role measure is in none, nor one whose mask a segmenter made, which is no truth to compare with.
     """
-    if row_of(wildcards)["role"] == "measure":
+    if row_of(wildcards)["role"] == "measure" or is_segmented(row_of(wildcards)):
         return []
     maps = brings_maps(row_of(wildcards))
     traced = NETWORKED and way_of(wildcards) == "trace_contours"
@@ -369,12 +426,27 @@ def source_files(wildcards):
 
 
 def sheet_row(wildcards):
-    """The row as plain values; its location in the sheet is left out so that moving a row reruns nothing."""
-    return {
-        key: value
-        for key, value in sorted(row_of(wildcards).items())
-        if key != "location"
-    }
+    """The row as plain values; its location in the sheet is left out so that moving a row reruns nothing.
+
+    Where a segmenter makes the mask, the row names it.
+    """
+    row = row_of(wildcards)
+    if is_segmented(row):
+        mask, _ = segmentation_files(wildcards)
+        made = {
+            "mask": os.path.relpath(mask, SHEET.parent),
+            "label": SEGMENTED_LABELS,
+        }
+        row = {**row, **made}
+    return {key: value for key, value in sorted(row.items()) if key != "location"}
+
+
+def segmentation_files(wildcards):
+    """The mask that a segmenter makes of a row's image, and its report; none for other rows."""
+    if not is_segmented(row_of(wildcards)):
+        return []
+    folder = f"results/{wildcards.case}/{wildcards.organ}"
+    return [f"{folder}/segmentation.nii.gz", f"{folder}/segmentation.json"]
 
 
 @functools.cache

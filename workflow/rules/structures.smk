@@ -5,6 +5,7 @@ rule import_structure:
     """Read one structure from whatever the sheet names, crop it to the organ, keep where it came from."""
     input:
         files=source_files,
+        segmentation=segmentation_files,
     output:
         "results/{case}/{organ}/structure.h5",
     log:

@@ -1,13 +1,10 @@
-"""Files of a training: checkpoints that a killed run goes on from, and the model that comes out."""
+"""Files of a junction network: the model that a training gives, and what its checkpoints must agree with."""
 
 from __future__ import annotations
 
 import hashlib
-import io
 import json
-import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +14,11 @@ from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.paper_network import PaperNetwork
 from cccd.model_header import foreign, read_header
 from cccd.settings.junctions import NetworkSettings
-from cccd.store import atomic_path
+from cccd.torch_files import save_content
 
-__all__ = ["Checkpoints", "fingerprint", "load_model", "save_model", "start_from"]
-
-logger = logging.getLogger(__name__)
+__all__ = ["fingerprint", "load_model", "save_model", "start_from"]
 
 _NETWORKS = {"ours": JunctionNetwork, "paper": PaperNetwork}
-
-# How many checkpoints are kept: the newest may be torn.
-_KEPT = 2
 
 # Weights of a message-passing layer that carry its messages.
 _CARRYING = (
@@ -35,57 +27,12 @@ _CARRYING = (
 )  # fmt: skip
 
 
-def save_content(path: Path, content: Mapping[str, Any]) -> None:
-    """Write tensors and plain values, all or nothing."""
-    buffer = io.BytesIO()  # torch reports a full disk as an internal error
-    torch.save(content, buffer)
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(buffer.getbuffer())
-
-
 def fingerprint(graphs_path: str | Path, settings: NetworkSettings, seed: int) -> str:
     """Digest what a checkpoint must have in common with a run to be resumed by it."""
     graphs = hashlib.sha256(Path(graphs_path).read_bytes()).hexdigest()
     unread = {"pretrained", "test_maps"} | ({"paper"} if settings.network == "ours" else set[str]())
     chosen = settings.model_dump(mode="json", exclude=unread)
     return hashlib.sha256(json.dumps([graphs, chosen, seed], sort_keys=True).encode()).hexdigest()
-
-
-@dataclass(frozen=True)
-class Checkpoints:
-    """Checkpoints of one run, an epoch each, in a folder.
-
-    Attributes
-    ----------
-    folder : path
-    fingerprint : str
-        Of the run that they belong to.
-    """
-
-    folder: Path
-    fingerprint: str
-
-    def _newest_first(self) -> list[Path]:
-        return sorted(self.folder.glob("epoch_*.pt"), reverse=True)
-
-    def save(self, epoch: int, state: Mapping[str, Any]) -> None:
-        """Write an epoch's state; all but the newest two are deleted."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        save_content(self.folder / f"epoch_{epoch:04d}.pt", {"fingerprint": self.fingerprint, **state})
-        for old in self._newest_first()[_KEPT:]:
-            old.unlink()
-
-    def newest(self) -> dict[str, Any] | None:
-        """Read the newest state that is whole and belongs to this run."""
-        for path in self._newest_first():
-            try:
-                state = torch.load(path, weights_only=True, map_location="cpu")
-                if state["fingerprint"] == self.fingerprint:
-                    logger.info("resuming after %s", path.name)
-                    return state
-            except Exception as error:  # whatever a torn file makes the reader raise
-                logger.warning("%s cannot be read (%s); trying the one before", path.name, error)
-        return None
 
 
 def save_model(

@@ -15,13 +15,14 @@ from torch import nn
 from tqdm import tqdm
 
 from cccd.errors import InputError
-from cccd.junctions.checkpoint import Checkpoints, fingerprint, save_model, start_from
+from cccd.junctions.checkpoint import fingerprint, save_model, start_from
 from cccd.junctions.frozen_graphs import SPLITS, read_maps
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.paper_network import PaperNetwork
 from cccd.junctions.tasks import Task, make_task
 from cccd.settings.junctions import NetworkSettings, PaperSettings
 from cccd.store import atomic_path
+from cccd.torch_files import Checkpoints
 
 __all__ = ["train_model"]
 

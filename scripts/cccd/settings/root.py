@@ -11,6 +11,7 @@ from cccd.settings.imports import ImportSettings
 from cccd.settings.junctions import NetworkSettings
 from cccd.settings.report import ReportSettings
 from cccd.settings.section import Section, setting
+from cccd.settings.segmentation import SegmentationSettings
 from cccd.settings.surface import LoftSettings
 
 __all__ = ["Settings"]
@@ -37,11 +38,20 @@ class Settings(Section):
         "true: train the junction network; false: take a ready one; auto: train for the default cohort",
         why="Other cohorts take the shipped model, or the one that gnn.pretrained names.",
     )
+    segmenter: str | None = setting(
+        None,
+        "makes masks of images: a network (nnunet, ...), a file of weights, totalsegmentator; null: none",
+        why="Without one a threshold finds the organ (import.region). A network (nnunet, polar_unet, "
+        "kiunet_3d, h_denseunet, unet_3plus) is trained on the sheet's rows of role train.",
+    )
     import_: ImportSettings = setting(
         ImportSettings(),
         "from a row of the sheet to one cropped structure",
         why="Scans come in many ways.",
         alias="import",
+    )
+    segmentation: SegmentationSettings = setting(
+        SegmentationSettings(), "networks that find organs in scans", why="Table 3's, and nnU-Net's."
     )
     boundaries: BoundarySettings = setting(
         BoundarySettings(), "from slices to boundary pixels", why="Section 4.3, Algorithm 1."

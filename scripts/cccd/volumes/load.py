@@ -37,7 +37,7 @@ from cccd.volumes.phantoms import make_phantom
 from cccd.volumes.regions import find_region
 from cccd.volumes.sources import brain_of_stripped, read_mni152, read_whole_body_ct
 
-__all__ = ["MIN_SLICES", "existing", "load_structure", "structure_of_array"]
+__all__ = ["MIN_SLICES", "existing", "load_structure", "structure_of_array", "with_segmentation_notes"]
 
 #: A surface needs this many slices with organ.
 MIN_SLICES = 3
@@ -131,6 +131,12 @@ def structure_of_array(
     volume = organ_of_labels(Volume(array, check_affine(affine, name), name), "", name)
     scan = _Scan(_frame(volume, settings), mask=volume.data, warnings=volume.warnings)
     return _crop(scan, {"case": name, "organ": name, "location": name}, settings.margin_voxels)
+
+
+def with_segmentation_notes(structure: Structure, report: Mapping[str, Any]) -> Structure:
+    """Add to a structure what made its mask and what that warned of (the job segment_structure's report)."""
+    provenance = {**structure.provenance, "segmenter": report["segmenter"]}
+    return replace(structure, provenance=provenance, warnings=[*structure.warnings, *report["warnings"]])
 
 
 def _make_phantom(row: Mapping[str, str], settings: ImportSettings, seed: int) -> Structure:

@@ -388,7 +388,7 @@ def make_phantom(
     settings: PhantomSettings,
     *,
     seed: int,
-    margin_voxels: int,
+    margin_voxels: int | tuple[int, int, int],
     location: str,
 ) -> Structure:
     """Make a phantom's scan, its mask and its true surface.
@@ -401,8 +401,8 @@ def make_phantom(
         How it is scanned.
     seed : int
         With ``case`` and ``organ`` it determines everything random.
-    margin_voxels : int
-        Voxels left around the organ.
+    margin_voxels : int, or three
+        Voxels left around the organ, along each axis.
     location : str
         What an error names, e.g. ``"cohort.tsv row 3"``.
 
@@ -422,7 +422,8 @@ def make_phantom(
     anatomy = ORGANS[organ](rng)
     spacing = np.asarray(settings.spacing_mm)
     step = spacing * (-1, -1, 1)
-    slices = int(np.ceil((anatomy.bbox_max[2] - anatomy.bbox_min[2]) / spacing[2])) + 2 * margin_voxels
+    margin = np.broadcast_to(margin_voxels, 3)
+    slices = int(np.ceil((anatomy.bbox_max[2] - anatomy.bbox_min[2]) / spacing[2]) + 2 * margin[2])
     shape = np.array([_MATRIX, _MATRIX, slices])
     middle = np.array([0.0, 0.0, (anatomy.bbox_min[2] + anatomy.bbox_max[2]) / 2])
     affine = np.diag([*step, 1.0])
@@ -432,8 +433,8 @@ def make_phantom(
 
     truth = mesh_zero_set(anatomy.organ, anatomy.bbox_min, anatomy.bbox_max, anatomy.mesh_step)
     index = (truth.vertices - affine[:3, 3]) / step
-    first = np.floor(index.min(axis=0)).astype(int) - margin_voxels
-    last = np.ceil(index.max(axis=0)).astype(int) + margin_voxels
+    first = np.floor(index.min(axis=0)).astype(int) - margin
+    last = np.ceil(index.max(axis=0)).astype(int) + margin
     image, mask = _scan(anatomy, frame, first, last + 1 - first)
     image = ndimage.gaussian_filter(image, [*(settings.blur_mm / spacing[:2]), 0], mode="nearest")
     image += _noise(rng, last + 1 - first, settings.noise_hu)

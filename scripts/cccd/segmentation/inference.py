@@ -1,0 +1,82 @@
+"""From a scan to probabilities and labels on its own grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import chain, combinations
+
+import numpy as np
+import torch
+from monai.inferers.utils import sliding_window_inference
+from scipy import ndimage
+from torch import Tensor, nn
+
+from cccd.geometry.arrays import AnyArray, SingleArray
+from cccd.segmentation.grids import WorkingGrid
+from cccd.segmentation.plan import Plan
+from cccd.volumes.grid import Volume
+
+__all__ = ["labels_of", "predict", "probabilities"]
+
+#: Share of a window that neighbouring windows have in common, as in nnU-Net.
+_OVERLAP = 0.5
+
+
+@torch.no_grad()
+def predict(model: nn.Module, image: Tensor, plan: Plan) -> Tensor:
+    """Probabilities (classes, h, w, d) of a volume (1, h, w, d) on the working grid.
+
+    Sliding windows of the training's patch, weighted by a Gaussian, averaged over the plan's flips.
+    """
+    axes = [axis + 2 for axis in plan.flip_axes]
+    flips = list(chain.from_iterable(combinations(axes, count) for count in range(len(axes) + 1)))
+
+    def averaged(windows: Tensor) -> Tensor:
+        logits = [model(windows.flip(flip)).flip(flip) for flip in flips]
+        return torch.stack(logits).float().softmax(dim=2).mean(0)
+
+    network: Callable[[Tensor], Tensor] = averaged
+    found = sliding_window_inference(
+        image[None], plan.patch, 4, network, overlap=_OVERLAP, mode="gaussian", padding_mode="replicate"
+    )
+    assert isinstance(found, Tensor)
+    return found[0]
+
+
+def probabilities(model: nn.Module, image: Volume, plan: Plan) -> SingleArray:
+    """Probabilities (classes, a, b, c) of a scan on its own grid; they sum to 1."""
+    grid = WorkingGrid.of(image.affine, plan)
+    found = predict(model, grid.forward(plan.intensity(image.data)), plan)
+    shape = image.shape
+    back = grid.backward(found, shape).clamp(0, 1).numpy()
+    return (back / np.maximum(back.sum(axis=0, keepdims=True), 1e-6)).astype(np.float32)
+
+
+def labels_of(found: SingleArray, plan: Plan, smallest_share: float = 0.1) -> AnyArray:
+    """Most probable labels (a, b, c) uint16, with the plan's values; specks of the whole are left out.
+
+    Parameters
+    ----------
+    found : (classes, a, b, c) float32
+        Probabilities.
+    plan : Plan
+    smallest_share : float
+        Pieces of the whole smaller than this share of the largest are background.
+
+    Examples
+    --------
+    >>> from cccd.segmentation.plan import Intensity
+    >>> plan = Plan("nnunet", 8, {}, (5,), "RAS", (1.0, 1.0, 1.0), Intensity("MR"), (32, 32, 32))
+    >>> inside = np.zeros((1, 1, 30), np.float32)
+    >>> inside[..., 1:13] = inside[..., 20] = 0.9
+    >>> np.flatnonzero(labels_of(np.stack([1 - inside, inside]), plan) == 5).tolist()
+    [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]
+    """
+    classes = found.argmax(axis=0)
+    pieces, count = ndimage.label(classes > 0, np.ones((3, 3, 3)))
+    sizes = np.bincount(pieces.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    kept = sizes >= smallest_share * sizes.max(initial=0)
+    kept[0] = False
+    values = np.array([0, *plan.labels], np.uint16)
+    return np.where(kept[pieces], values[classes], 0).astype(np.uint16)

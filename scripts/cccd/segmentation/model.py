@@ -1,0 +1,50 @@
+"""A trained segmenter as a file: weights in half precision and the plan that they are used by."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+
+from cccd.model_header import foreign_segmenter, read_segmenter_plan
+from cccd.segmentation.networks import build
+from cccd.segmentation.plan import Plan
+from cccd.torch_files import save_content
+
+__all__ = ["load_segmenter", "save_segmenter"]
+
+
+def save_segmenter(path: str | Path, model: nn.Module, plan: Plan) -> None:
+    """Write what `load_segmenter` reads: half the bytes of the training's weights, the same masks."""
+    weights: dict[str, Any] = {}
+    halves: dict[int, torch.Tensor] = {}  # MONAI's network names a layer twice: its weights are stored once
+    for name, value in model.state_dict().items():
+        if not name.endswith("num_batches_tracked"):  # nothing reads it in prediction
+            weights[name] = halves.setdefault(value.data_ptr(), value.half())
+    save_content(Path(path), {"segmenter": plan.as_plain(), "weights": weights})
+
+
+def load_segmenter(path: str | Path) -> tuple[nn.Module, Plan]:
+    """Read a trained network, ready for prediction on the CPU.
+
+    Raises
+    ------
+    InputError
+        No file of `save_segmenter`, or weights of another network than it says.
+    """
+    plan = Plan.of_plain(read_segmenter_plan(path))
+    try:
+        content = torch.load(path, weights_only=True, map_location="cpu")
+        model = build(plan.network, plan.classes, plan.width, plan.sizes)
+        weights = {
+            name: value.float() if value.is_floating_point() else value
+            for name, value in content["weights"].items()
+        }
+        missing, unknown = model.load_state_dict(weights, strict=False)
+    except (KeyError, TypeError, RuntimeError) as error:
+        raise foreign_segmenter(path, "its weights do not fit") from error
+    if unknown or any(not name.endswith("num_batches_tracked") for name in missing):
+        raise foreign_segmenter(path, f"its weights are not those of {plan.network}")
+    return model.eval(), plan

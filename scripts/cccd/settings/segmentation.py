@@ -1,0 +1,140 @@
+"""Settings of the segmentation networks: which one, what it is trained on, how."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from cccd.settings.section import Section, setting
+
+__all__ = ["INSTALLED_SEGMENTERS", "SEGMENTERS", "AugmentationSettings", "SegmentationSettings"]
+
+#: The networks by name, and as tables name them.
+SEGMENTERS = {
+    "polar_unet": "Polar U-Net",
+    "kiunet_3d": "KiU-Net 3D",
+    "h_denseunet": "H-DenseUNet",
+    "unet_3plus": "UNet 3+",
+    "nnunet": "nnU-Net (plain)",
+}
+
+#: Segmenters that are called by their own commands, where they are installed.
+INSTALLED_SEGMENTERS = ("totalsegmentator",)
+
+_Patch = Annotated[int, Field(ge=32, le=512)]
+_Spacing = Annotated[float, Field(ge=0.1, le=20)]
+
+
+class AugmentationSettings(Section):
+    """How training volumes are varied."""
+
+    rotation_deg: float = setting(
+        12.0,
+        "largest rotation about each axis",
+        why="Patients lie so much askew; not swept.",
+        unit="degrees",
+        expert=True,
+        ge=0,
+        le=180,
+    )
+    scaling: float = setting(
+        0.15,
+        "largest change of size along each axis",
+        why="Of the order of the difference between adults; not swept.",
+        unit="share",
+        expert=True,
+        ge=0,
+        lt=1,
+    )
+    intensity: float = setting(
+        0.15,
+        "largest change of contrast, and of brightness in standard deviations",
+        why="Scanners differ by as much; not swept.",
+        unit="share",
+        expert=True,
+        ge=0,
+        lt=1,
+    )
+    noise: float = setting(
+        0.1,
+        "standard deviation of added noise, in standard deviations of the image",
+        why="Not swept.",
+        unit="ratio",
+        expert=True,
+        ge=0,
+        le=10,
+    )
+
+
+class SegmentationSettings(Section):
+    """The segmentation networks and their training (section ``segmentation``)."""
+
+    labels: tuple[Annotated[int, Field(ge=1, le=65535)], ...] = setting(
+        (),
+        "label values that are told apart; none: one organ, of the labels that a row names",
+        why="The hippocampus has two parts.",
+        unit="label",
+    )
+    spacing_mm: tuple[_Spacing, _Spacing, _Spacing] | None = setting(
+        None,
+        "voxel size that networks see, the last between slices; null: the training's median",
+        why="Coarser voxels train faster; the mask comes back on the scan's own grid.",
+        unit="mm",
+    )
+    patch: tuple[_Patch, _Patch, _Patch] = setting(
+        (32, 48, 32),
+        "voxels of a patch and of a sliding window; multiples of 16, slices last",
+        why="Holds a hippocampus, and trains in minutes on a CPU.",
+        unit="voxels",
+    )
+    flip_axes: tuple[Annotated[int, Field(ge=0, le=2)], ...] = setting(
+        (),
+        "axes (0 left-right, 1 back-front, 2 feet-head) along which scans are flipped",
+        why="Only where the mirror image is as likely, as of hippocampi; in use, both are averaged.",
+        unit="axis",
+    )
+    test_share: float = setting(
+        0.2,
+        "share of the training patients that score the network and train nothing",
+        why="A fifth is the usual share.",
+        unit="share",
+        gt=0,
+        lt=1,
+    )
+    epochs: int = setting(
+        20,
+        "passes over the training scans",
+        why="Minutes on a CPU; more gain little at the shipped widths.",
+        unit="count",
+        ge=1,
+        le=100000,
+    )
+    batch_size: int = setting(
+        2, "patches per step", why="What nnU-Net takes of large patches.", unit="count", ge=1, le=256
+    )
+    learning_rate: float = setting(
+        0.003,
+        "learning rate at its peak (AdamW, one cycle)",
+        why="Of 0.001 to 0.01 none was clearly better in short runs.",
+        unit="1",
+        ge=1e-6,
+        le=0.1,
+    )
+    width: int | None = setting(
+        None,
+        "channels of the first level (H-DenseUNet: growth rate); null: as shipped",
+        why="Published widths need a GPU: docs/segmentation.md has both.",
+        unit="count",
+        ge=2,
+        le=512,
+    )
+    precision: Literal["float32", "bfloat16"] = setting(
+        "bfloat16",
+        "numbers that a training computes with",
+        why="Half the time on CPUs that multiply bfloat16 matrices, the same Dice.",
+        expert=True,
+    )
+    augmentation: AugmentationSettings = setting(
+        AugmentationSettings(), "how training volumes are varied", why="Few patients look like many."
+    )

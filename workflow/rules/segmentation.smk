@@ -1,0 +1,88 @@
+"""Segmentation: training scans -> networks -> masks of the rows that have an image alone."""
+
+#: Rows that train, and the scans among them that lie in files.
+TRAINING = [key for key, row in ROW.items() if row["role"] == "train"]
+
+
+wildcard_constraints:
+    network="|".join(SEGMENTERS),
+
+
+rule segmenters:
+    """Every segmentation network, trained on the sheet's rows of role train."""
+    input:
+        expand("results/segmenters/{network}/model.pt", network=SEGMENTERS),
+    localrule: True
+
+
+def training_files(_):
+    """Scans and masks of the rows that train; a sheet without such rows is refused."""
+    if not TRAINING:
+        raise WorkflowError(
+            f"{SHEET.name} has no row of role train to train a segmenter on"
+        )
+    keys = [SimpleNamespace(case=case, organ=organ) for case, organ in TRAINING]
+    return sorted({file for key in keys for file in source_files(key)})
+
+
+rule train_segmenter:
+    """Train a segmentation network; a checkpoint each epoch, so that a killed run goes on from there."""
+    input:
+        training_files,
+    output:
+        model="results/segmenters/{network}/model.pt",
+        history="results/segmenters/{network}/history.csv",
+        scores="results/segmenters/{network}/scores.csv",
+        curve="results/segmenters/{network}/learning_curve.png",
+    log:
+        "logs/segmenters/{network}.log",
+    benchmark:
+        "benchmarks/segmenters/{network}.tsv"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 2
+    resources:
+        mem_mb=memory(4000, 4),
+        runtime=minutes(60),
+    params:
+        library=library("train_segmenter"),
+        rows=[dict(ROW[key]) for key in TRAINING],
+        sheet_folder=near(SHEET.parent),
+        settings=config["segmentation"],
+        reading=config["import"],
+        checkpoints="results/segmenters/{network}/checkpoints",
+        seed=config["seed"],
+    script:
+        "../../scripts/train_segmenter.py"
+
+
+rule segment_structure:
+    """Find the organ in a scan without a mask, by the configured segmenter, on the scan's own grid."""
+    input:
+        scan=source_files,
+        model=SEGMENTER_FILE,
+    output:
+        labels="results/{case}/{organ}/segmentation.nii.gz",
+        probabilities="results/{case}/{organ}/probabilities.nii.gz",
+        report="results/{case}/{organ}/segmentation.json",
+    log:
+        "logs/{case}/{organ}/segment_structure.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/segment_structure.tsv"
+    group:
+        "import"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(2500, 40),
+        runtime=minutes(30),
+    params:
+        library=library("segment_structure"),
+        row=lambda wildcards: dict(row_of(wildcards)),
+        sheet_folder=near(SHEET.parent),
+        segmenter=SEGMENTER,
+        reading=config["import"],
+        seed=config["seed"],
+    script:
+        "../../scripts/segment_structure.py"
