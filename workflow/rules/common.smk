@@ -425,6 +425,20 @@ def source_files(wildcards):
     )
 
 
+#: Rows that train the segmentation networks.
+TRAINING = [key for key, row in ROW.items() if row["role"] == "train"]
+
+
+def training_files(_):
+    """Scans and masks of the rows that train; a sheet without such rows is refused."""
+    if not TRAINING:
+        raise WorkflowError(
+            f"{SHEET.name} has no row of role train to train a segmenter on"
+        )
+    keys = [SimpleNamespace(case=case, organ=organ) for case, organ in TRAINING]
+    return sorted({file for key in keys for file in source_files(key)})
+
+
 def sheet_row(wildcards):
     """The row as plain values; its location in the sheet is left out so that moving a row reruns nothing.
 

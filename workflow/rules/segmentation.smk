@@ -1,8 +1,5 @@
 """Segmentation: training scans -> networks -> masks of the rows that have an image alone."""
 
-#: Rows that train, and the scans among them that lie in files.
-TRAINING = [key for key, row in ROW.items() if row["role"] == "train"]
-
 
 wildcard_constraints:
     network="|".join(SEGMENTERS),
@@ -13,16 +10,6 @@ rule segmenters:
     input:
         expand("results/segmenters/{network}/model.pt", network=SEGMENTERS),
     localrule: True
-
-
-def training_files(_):
-    """Scans and masks of the rows that train; a sheet without such rows is refused."""
-    if not TRAINING:
-        raise WorkflowError(
-            f"{SHEET.name} has no row of role train to train a segmenter on"
-        )
-    keys = [SimpleNamespace(case=case, organ=organ) for case, organ in TRAINING]
-    return sorted({file for key in keys for file in source_files(key)})
 
 
 rule train_segmenter:
