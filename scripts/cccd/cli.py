@@ -36,6 +36,7 @@ examples:
   cccd surface labels.nii.gz --label 5 -o liver.stl -o liver.step
   cccd surface labels.nii.gz --all-labels       one file for each label
   cccd surface dicom_folder/ --label Liver      a series with its RTSTRUCT or SEG
+  cccd segment mr.nii.gz --segmenter hippocampus    labels and surface, from a scan without a mask
   cccd check labels.nii.gz                      what is in it: axes, spacing, labels, a picture
   cccd run sheet.tsv --cores 8                  a cohort, with tables and a report
   cccd run bids/ out/ participant               the masks of a BIDS data set
@@ -94,6 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"cccd {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="command")
     _add_surface(commands)
+    _add_segment(commands)
     _add_check(commands)
     _add_run(commands)
     _add_export(commands)
@@ -142,6 +144,30 @@ def _add_surface(commands: Any) -> None:
         help="a surface of every label, smoothed together: a wall between two is the same in both",
     )
     surface.set_defaults(run=_surface)
+
+
+def _add_segment(commands: Any) -> None:
+    segment = commands.add_parser(
+        "segment",
+        help="find an organ in a scan without a mask, and make its surface",
+        description="Find an organ by a trained network, in this process: labels on the scan's own grid, and "
+        "a surface of all.",
+    )
+    segment.add_argument("input", type=Path, help="scan (NIfTI, NRRD, MHA) or the folder of a DICOM series")
+    segment.add_argument(
+        "--segmenter", required=True, metavar="WEIGHTS",
+        help="a file of weights (model.pt), weights that are shipped (hippocampus), or totalsegmentator",
+    )  # fmt: skip
+    segment.add_argument("--organ", help="what to look for; default: what the weights were trained to find")
+    segment.add_argument(
+        "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
+        help="the surface, any number of times, as of cccd surface; default: the scan's name with .ply, here",
+    )  # fmt: skip
+    segment.add_argument(
+        "--labels", type=Path, metavar="FILE", help="default: the scan's name with _labels.nii.gz, here"
+    )
+    segment.add_argument("--json", action="store_true", help="print JSON")
+    segment.set_defaults(run=_segment)
 
 
 def _add_check(commands: Any) -> None:
@@ -336,6 +362,38 @@ def _print_surface(made: dict[str, Any]) -> None:
     print(f"  {made['volume_ml']:.4g} ml, {size} mm, {made['triangles']} triangles, {made['seconds']:.1f} s")
     for warning in made["warnings"]:
         print(f"  warning: {warning}")
+
+
+# cccd segment ---------------------------------------------------------------------------------------
+
+
+def _segment(given: argparse.Namespace) -> int:
+    import cccd
+    from cccd.segmentation.segment import find_segmenter, segment, write_labels
+    from cccd.volumes.inputs import read_image
+    from cccd.volumes.load import existing
+
+    stem = _plain_stem(given.input)
+    outputs, labels = given.output or [Path(f"{stem}.ply")], given.labels or Path(f"{stem}_labels.nii.gz")
+    _check_outputs(outputs, given.input)
+    _check_writable(labels)
+    began = time.perf_counter()
+    segmenter, known = find_segmenter(given.segmenter)
+    organ = given.organ or known
+    if not organ:
+        raise InputError("--organ", "it is not said what to look for", "name an organ, such as liver")
+    found = segment(read_image(existing(given.input, "scan"), "files", fill_gaps=False), segmenter, organ)
+    write_labels(labels, found)
+    surface = cccd.reconstruct(found.labels > 0, found.image.affine)
+    for path in outputs:
+        surface.write(path)
+    made = _describe_surface(surface, [*outputs, labels], time.perf_counter() - began)
+    made |= {"organ": organ, "segmenter": found.segmenter, "warnings": [*found.warnings, *made["warnings"]]}
+    if given.json:
+        print(json.dumps(made, indent=2))
+    else:
+        _print_surface(made)
+    return 0
 
 
 # cccd check -----------------------------------------------------------------------------------------

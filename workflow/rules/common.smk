@@ -28,6 +28,7 @@ from cccd.errors import InputError
 from cccd.model_header import check_model, check_start, read_segmenter_plan
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.settings.junctions import NetworkSettings
+from cccd.project import shipped_weights
 from cccd.settings.messages import nearest
 from cccd.settings.segmentation import INSTALLED_SEGMENTERS, SEGMENTERS
 from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS
@@ -377,7 +378,14 @@ def comparison_files(wildcards):
         return []
     maps = brings_maps(row_of(wildcards))
     traced = NETWORKED and way_of(wildcards) == "trace_contours"
-    made = {"outlines": not maps, "traced masks": traced, "maps": maps}
+    source, organ = row_of(wildcards)["source"], wildcards.organ
+    phantom = source == "phantom" and bool(shipped_weights(organ))
+    made = {
+        "outlines": not maps,
+        "traced masks": traced,
+        "maps": maps,
+        "phantoms": phantom,
+    }
     folder = f"results/{wildcards.case}/{wildcards.organ}/comparisons"
     return [
         f"{folder}/{name}.{suffix}"

@@ -18,7 +18,7 @@ from cccd.comparisons.paper_k import CCCD
 from cccd.comparisons.reconstruction_comparison import HARRIS, POINTS
 from cccd.comparisons.summary import Cohort
 
-__all__ = ["corner_surfaces", "table_1", "table_2", "table_3", "table_4", "table_5"]
+__all__ = ["corner_surfaces", "segmenters", "table_1", "table_2", "table_3", "table_4", "table_5"]
 
 #: What the paper's byte counts come to: two 32-bit indices for each point (section 1).
 BYTES_PER_POINT = 8
@@ -86,6 +86,23 @@ def table_3(cohort: Cohort) -> pd.DataFrame:
     ).assign(note=published.OTHER_DATA)
     own = own.astype({"k": float})
     return pd.concat([_beside(ours, own, ["method", "k"]), networks], ignore_index=True).drop(columns="k")
+
+
+def segmenters(cohort: Cohort) -> pd.DataFrame:
+    """Networks and CCCD on the same scans, each with the Dice that the paper has for it."""
+    quoted = published.NETWORKS.set_index("method")["dice_percent"]
+    own = published.TABLE_3.dropna(subset=["k"])
+    quoted = pd.concat(
+        [
+            quoted,
+            pd.Series(
+                {f"{CCCD}, k = {k:.0f}": d for k, d in zip(own["k"], own["dice_percent"], strict=True)}
+            ),
+        ]
+    )
+    table = cohort.rows("segmenters")
+    name = table["method"].str.removesuffix(" (plain)")
+    return table.assign(paper_dice_percent=name.map(quoted))
 
 
 def table_4(cohort: Cohort) -> pd.DataFrame:

@@ -11,12 +11,15 @@ import numpy as np
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, SingleArray
+from cccd.model_header import read_segmenter_plan
+from cccd.project import PROJECT
 from cccd.segmentation.external import COMMANDS, run_external
+from cccd.settings.messages import choices
 from cccd.store import atomic_path, write_json
 from cccd.volumes.grid import Volume
 from cccd.volumes.nifti_export import write_nifti
 
-__all__ = ["Segmentation", "segment", "write_segmentation"]
+__all__ = ["Segmentation", "find_segmenter", "segment", "write_labels", "write_segmentation"]
 
 logger = logging.getLogger(__name__)
 
@@ -44,6 +47,26 @@ class Segmentation:
     inside: SingleArray
     segmenter: str
     warnings: list[str]
+
+
+def find_segmenter(name: str) -> tuple[str, str]:
+    """Find what ``cccd segment`` is told to use: its weights' file or its name, and the organ that it knows.
+
+    Raises
+    ------
+    InputError
+        Neither a file, nor shipped, nor a segmenter that can be called.
+    """
+    if name in COMMANDS:
+        return name, ""
+    shipped = PROJECT / "workflow" / "models" / "segmenters"
+    path = next((path for path in (Path(name), shipped / name / "nnunet.pt") if path.is_file()), None)
+    if path is None:
+        known = [folder.name for folder in sorted(shipped.glob("*/"))] + list(COMMANDS)
+        raise InputError(
+            "--segmenter", f"there is no file {name} and none of that name is shipped", choices(known)
+        )
+    return str(path), str(read_segmenter_plan(path)["organ"])
 
 
 def segment(image: Volume, segmenter: str | Path | Sequence[str], organ: str) -> Segmentation:
@@ -91,14 +114,18 @@ def _by_network(image: Volume, path: str, organ: str) -> Segmentation:
     return Segmentation(image, narrow, 1 - chances[0], f"{plan.network}, {Path(path).name}", notes)
 
 
+def write_labels(path: str | Path, found: Segmentation) -> None:
+    """Write labels as NIfTI on the scan's own grid."""
+    with atomic_path(path) as temporary:
+        write_nifti(temporary, found.labels, found.image.affine)
+
+
 def write_segmentation(found: Segmentation, labels: str, probabilities: str, report: str) -> None:
     """Write labels and probabilities as NIfTI on the scan's grid, and what was noticed as JSON."""
-    affine = found.image.affine
-    with atomic_path(labels) as temporary:
-        write_nifti(temporary, found.labels, affine)
+    write_labels(labels, found)
     # percent: a byte a voxel, and more than a surface can tell
     with atomic_path(probabilities) as temporary:
-        write_nifti(temporary, np.rint(100 * found.inside).astype(np.uint8), affine)
+        write_nifti(temporary, np.rint(100 * found.inside).astype(np.uint8), found.image.affine)
     facts = {
         "segmenter": found.segmenter,
         "labels": {str(value): int((found.labels == value).sum()) for value in np.unique(found.labels)[1:]},

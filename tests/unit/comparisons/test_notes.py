@@ -113,6 +113,18 @@ def surface_rows(rng) -> pd.DataFrame:
     )
 
 
+def segmenter_rows(rng) -> pd.DataFrame:
+    networks = [name.replace("nnU-Net", "nnU-Net (plain)") for name in published.NETWORKS["method"][:5]]
+    cccd = [f"{CCCD}, k = {k}" for k in (3, 7, 12)]
+    pairs = [(name, "the image") for name in networks]
+    pairs += [(method, given) for given in ("the true mask", *networks) for method in cccd]
+    return pd.DataFrame(
+        {"case": "a", "organ": "liver", "method": method, "given": given}
+        | {"dice_percent": rng.uniform(90, 99), "assd_mm": rng.uniform(0.1, 1)}
+        for method, given in pairs
+    )
+
+
 def made(seed=3) -> dict[str, pd.DataFrame]:
     rng = np.random.default_rng(seed)
     snakes = pd.DataFrame(
@@ -152,6 +164,7 @@ def made(seed=3) -> dict[str, pd.DataFrame]:
         "thick_slices": surface_rows(rng).assign(every_nth=5),
         "active_contour": snakes,
         "map_surfaces": mapped,
+        "segmenters": segmenter_rows(rng),
         "ordering": ordered,
     }
 
@@ -184,6 +197,8 @@ def turned(rows: dict[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
         }
         for column in inverted & set(frame):
             frame[column] = 1 / frame[column]
+        if "dice_percent" in frame:
+            frame["dice_percent"] = 100 - frame["dice_percent"]
         if "closed" in frame:
             frame["closed"] = ~frame["closed"]
         if "on_boundary" in frame:
