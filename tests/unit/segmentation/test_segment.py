@@ -1,0 +1,81 @@
+"""A scan becomes labels and a surface by shipped weights; what cannot be done is said in one line."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("monai")
+
+from cccd.cli import main
+from cccd.cohort import complete_row
+from cccd.errors import InputError
+from cccd.segmentation.external import run_external
+from cccd.segmentation.segment import find_segmenter
+from cccd.segmentation.sources import read_labelled_scan
+from cccd.settings.imports import ImportSettings, PhantomSettings
+from cccd.volumes.grid import Volume
+from cccd.volumes.nifti_export import write_nifti
+
+ROW = dict.fromkeys(("case", "organ", "source", "image", "mask", "label", "boundary", "role"), "")
+ROW |= {"case": "p1", "organ": "spleen", "source": "files", "role": "train", "location": "sheet.tsv row 2"}
+
+
+def test_shipped_weights_are_found_by_name_and_strangers_are_not():
+    path, organ = find_segmenter("hippocampus")
+    assert path.endswith("nnunet.pt")
+    assert organ == "hippocampus"
+    with pytest.raises(InputError, match="there is no file heart"):
+        find_segmenter("heart")
+
+
+def test_an_installed_segmenter_that_is_absent_is_said(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(InputError, match="TotalSegmentator is not installed; pip install TotalSegmentator"):
+        run_external("totalsegmentator", Volume(np.zeros((4, 4, 4)), np.eye(4), "ct.nii.gz"), "liver")
+
+
+def test_a_label_that_the_mask_lacks_is_named_with_those_there_are(tmp_path):
+    labels = np.zeros((5, 5, 5), np.uint8)
+    labels[1:3], labels[3] = 1, 4
+    write_nifti(tmp_path / "image.nii.gz", labels.astype(np.int16), np.eye(4))
+    write_nifti(tmp_path / "mask.nii.gz", labels, np.eye(4))
+    row = ROW | {"image": "image.nii.gz", "mask": "mask.nii.gz"}
+    found = read_labelled_scan(row, tmp_path, ImportSettings(), (1, 4))
+    assert found.labels.tolist() == np.select([labels == 1, labels == 4], [1, 2]).tolist()
+    with pytest.raises(InputError, match=r"lacks label 2 .*choose one of 1, 4"):
+        read_labelled_scan(row, tmp_path, ImportSettings(), (1, 2))
+
+
+def test_the_decathlon_s_folders_imply_mask_and_label(tmp_path):
+    (tmp_path / "dataset.json").write_text(
+        '{"labels": {"0": "background", "1": "Anterior", "2": "Posterior"}}'
+    )
+    row = ROW | {"source": "msd", "image": "imagesTr/a.nii.gz"}
+    assert complete_row(row | {"organ": "posterior"}, tmp_path)[1] == (2,)
+    completed, labels = complete_row(row, tmp_path)
+    assert completed["mask"] == "labelsTr/a.nii.gz"
+    assert labels == (1, 2)
+    with pytest.raises(InputError, match="does not lie in imagesTr"):
+        complete_row(row | {"image": "a.nii.gz"}, tmp_path)
+
+
+def test_phantoms_that_train_are_others_and_not_cropped_to_the_organ():
+    settings = ImportSettings(phantom=PhantomSettings(spacing_mm=(5.0, 5.0, 5.0)))
+    scans = [
+        read_labelled_scan(
+            ROW | {"case": case, "organ": "kidney", "source": "phantom"}, None, settings, (), 3
+        )
+        for case in ("train_1", "train_2")
+    ]
+    for scan in scans:
+        where = np.argwhere(scan.labels)
+        room = np.concatenate([where.min(0), np.array(scan.labels.shape) - 1 - where.max(0)])
+        assert room.min() * 5 > 15
+    assert scans[0].labels.sum() != scans[1].labels.sum()
+
+
+def test_cccd_segment_says_what_is_wrong_in_one_line(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["segment", "scan.nii.gz", "--segmenter", "hippocampus"]) == 1
+    line = capsys.readouterr().err
+    assert line.startswith("Error: scan: there is no scan.nii.gz")
+    assert line.count("\n") == 1
