@@ -169,12 +169,11 @@ def _share_walls(organs: Mapping[int, Organ], frame: Frame, settings: WallSettin
     fields = fields.with_outside(voxels, settings)
     regions, pinched = well_composed(fields.owners(voxels), fields.distance)
     net = surface_nets(regions, fields.cut)
-    net = replace(net, vertices=fields.on_walls(net))
-    in_mm = replace(net, vertices=fields.low + cell * net.vertices)
+    in_mm = replace(net, vertices=fields.low + cell * fields.on_walls(net))
     smooth = _smoothed(in_mm, voxels.ends, cell, settings.stiffness)
     most = settings.most_offset_pixels * _edge(frame, settings)
     smooth = _with_volumes(replace(in_mm, vertices=smooth), voxels, cell, most)
-    smooth, passing = _unfolded(replace(in_mm, vertices=smooth), in_mm.vertices)
+    smooth, passing = _unfolded(replace(in_mm, vertices=smooth), fields.low + cell * net.vertices)
     axis, begin, end = voxels.ends
     smooth[:, axis] = np.clip(smooth[:, axis], begin, end)
     vertices = Mesh(smooth, in_mm.triangles).transformed(_mm_to_world(frame)).vertices

@@ -1,8 +1,11 @@
 """Organs with shared walls: nothing twice, nothing left out, each closed, smooth lines where three meet."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from manifold3d import Manifold, Mesh64
+from nibabel.loadsave import load
 
 from cccd.containers import Frame, Structure
 from cccd.geometry.mesh import Mesh
@@ -11,6 +14,7 @@ from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings, WallSettings
 from cccd.solids.shared_walls import Organ, share_walls
 
+REAL = Path(__file__).parents[4] / "shared" / "data" / "dicom_totalseg_liver20" / "labels.nii.gz"
 CENTRE = np.array([15.6, 15.3, 15.8])
 RADIUS = 11.0
 
@@ -137,3 +141,33 @@ def test_a_gap_in_the_labels_stays_and_ends_of_the_scan_stay_planar():
     height = shared.surface.vertices[:, 2]
     assert (height.min(), height.max()) == (pytest.approx(-0.5), pytest.approx(9.5))
     assert np.count_nonzero(np.abs(height - 9.5) < 1e-9) > 100
+
+
+@pytest.mark.parametrize("shift", [(0, 9, 9), (9, 9, 9)], ids=["edge", "corner"])
+def test_organs_that_touch_in_an_edge_or_a_corner_only_stay_closed(shift):
+    labels = np.zeros((26, 26, 26), int)
+    labels[4:13, 4:13, 4:13] = 1
+    labels[tuple(slice(4 + step, 13 + step) for step in shift)] = 2
+    shared = share_walls(organs_of(labels), WallSettings())
+    assert shared.passing == 0
+    for label in (1, 2):
+        mesh = shared.surface.mesh_of(label)
+        assert mesh.is_closed_manifold
+        assert mesh.volume == pytest.approx(9**3, rel=0.01)
+
+
+@pytest.mark.skipif(not REAL.is_file(), reason=f"{REAL} is not there")
+def test_a_spinal_cord_in_its_vertebra():
+    """Two labels of TotalSegmentator, one around the other, cut by the scan at both ends."""
+    image = load(REAL)
+    whole = np.asarray(image.dataobj)
+    labels = np.where(whole == 32, 1, np.where(whole == 79, 2, 0))
+    organs = organs_of(labels, image.affine)
+    shared = share_walls(organs, WallSettings())
+    assert (1, 2) in shared.surface.pairs
+    for label, organ in organs.items():
+        mesh = shared.surface.mesh_of(label)
+        assert mesh.is_closed_manifold
+        voxel = abs(np.linalg.det(image.affine))
+        assert mesh.volume == pytest.approx(np.count_nonzero(organ.structure.mask) * voxel, rel=0.01)
+        assert mesh.count_bodies() >= 1
