@@ -247,10 +247,10 @@ def _plain_stem(path: Path) -> str:
 
 def _check_outputs(outputs: Sequence[Path], source: Path) -> None:
     """Refuse what could not be written before anything is computed."""
-    from cccd.surface.export import format_of
+    from cccd.surface.export import check_format
 
     for path in outputs:
-        format_of(path)
+        check_format(path)
         if path.is_dir():
             raise InputError(str(path), "that is a folder", "give a file's name in it")
         if path.exists() and source.exists() and path.samefile(source):

@@ -135,6 +135,20 @@ def test_a_folder_without_rights_is_refused(here, capsys, monkeypatch):
     assert "nothing may be written there" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("suffix", "module", "extra"),
+    [("step", "OCP", "cad"), ("msh", "pytetwild", "fe"), ("dcm", "pydicom", "dicom")],
+)
+def test_a_format_whose_extra_is_missing_is_refused_before_anything_is_read(
+    here, capsys, monkeypatch, suffix, module, extra
+):
+    monkeypatch.setitem(sys.modules, module, None)
+    assert main(["surface", "nowhere.nii.gz", "-o", f"liver.{suffix}"]) != 0
+    said = capsys.readouterr().err.strip()
+    assert said.splitlines() == [said]
+    assert f"pip install 'cccd[{extra}]'" in said
+
+
 def test_interrupting_leaves_nothing_half_written(here, capsys, monkeypatch):
     def interrupted(self, path, contour_spacing_mm=None):
         from cccd.store import atomic_path

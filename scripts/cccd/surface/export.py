@@ -8,17 +8,24 @@ there in the form Slicer reads.
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from cccd.errors import InputError
+from cccd.extras import missing_extra
 from cccd.geometry.ply import read_ply
-from cccd.settings.surface import SURFACE_FORMATS
+from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS
 from cccd.store import atomic_path, read_patches, read_report, read_surface_frame
 from cccd.surface.formats import Scan
 from cccd.surface.surface import Surface
 
-__all__ = ["Scan", "format_of", "read_surface", "write_surface"]
+__all__ = ["Scan", "check_format", "format_of", "read_surface", "write_surface"]
+
+#: What formats are written with beside what every installation has.
+_NEEDS = (
+    dict.fromkeys(SOLID_FORMATS, "OCP") | dict.fromkeys(TETRAHEDRA_FORMATS, "pytetwild") | {"dcm": "pydicom"}
+)
 
 
 def format_of(path: str | Path) -> str:
@@ -42,6 +49,13 @@ def format_of(path: str | Path) -> str:
     return max(known, key=len)
 
 
+def check_format(path: str | Path) -> None:
+    """Raise `InputError` for an unknown suffix, or a format whose extra is not installed."""
+    needed = _NEEDS.get(format_of(path))
+    if needed and find_spec(needed) is None:
+        raise missing_extra(ModuleNotFoundError(name=needed), str(path))
+
+
 def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) -> dict[str, Any]:
     """Write a surface; the suffix chooses the format (`cccd.surface.formats`, `cccd.solids.formats`).
 
@@ -62,8 +76,9 @@ def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) 
     Raises
     ------
     InputError
-        For another suffix, or a solid without OpenCASCADE.
+        For another suffix, or a format whose extra is not installed.
     """
+    check_format(path)
     module = import_module(SURFACE_FORMATS[format_of(path)])
     with atomic_path(path) as temporary:
         try:
