@@ -19,7 +19,8 @@ def _conv(channels: int, width: int) -> nn.Conv3d:
 
 
 def _normal(features: Tensor) -> Tensor:
-    return functional.relu(functional.instance_norm(features))
+    single = features.shape[2:].numel() == 1  # has no variance: the deepest level of the smallest patch
+    return functional.relu(features if single else functional.instance_norm(features))
 
 
 def _pool_to(features: Tensor, like: Tensor) -> Tensor:
