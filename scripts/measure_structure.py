@@ -1,6 +1,7 @@
 """Everything measured on one structure, and what the page's viewer shows of it."""
 
 from cccd.comparisons.view import make_view
+from cccd.contours import missing_parts
 from cccd.curves import measure_curves
 from cccd.job import job
 from cccd.store import (
@@ -32,6 +33,7 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
         "ordering": {key: value for key, value in ordering.items() if key != "slices"},
         "warnings": [
             *structure.warnings,
+            *missing_parts(ordering),
             *surface.report["warnings"],
             *volume_warnings(figures),
             *(warning for report in (*solids.values(), *volumes) for warning in report["warnings"]),

@@ -278,9 +278,9 @@ def reconstruct(
     else:
         grid = np.eye(4) if affine is None else np.asarray(affine, float)
         structure = structure_of_array(organ, grid, settings.import_)
-    curves = find_contours(structure, settings.boundaries, settings.gnn.inference)
+    curves, missing = find_contours(structure, settings.boundaries, settings.gnn.inference)
     lofted = fit_and_loft(curves, settings.curves, settings.surface, tell)
-    notes = (*structure.warnings, *lofted.report.get("warnings", []))
+    notes = (*structure.warnings, *missing, *lofted.report.get("warnings", []))
     return Surface(lofted, structure.organ, _series(structure), notes)
 
 

@@ -6,13 +6,14 @@ structure goes the workflow decides from the cohort sheet, before any job starts
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from cccd.containers import Curves, Structure
 from cccd.errors import InputError
 from cccd.tracing import left_out, trace_stack
 
-__all__ = ["check_closed", "take_contours", "trace_contours"]
+__all__ = ["check_closed", "missing_parts", "take_contours", "trace_contours"]
 
 _CHANGED = "its file has changed since the run was planned: run snakemake again"
 
@@ -68,6 +69,21 @@ def take_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
     if structure.contours is None:
         raise InputError(f"{structure.case}/{structure.organ}", "there are no drawn contours", _CHANGED)
     return check_closed(structure.contours, structure), {"method": "contours as given"}
+
+
+def missing_parts(report: Mapping[str, Any]) -> list[str]:
+    """Say, of what `trace_contours` reports, which parts of the mask the curves do not know at all.
+
+    Examples
+    --------
+    >>> missing_parts({"method": "traced mask", "left_out": {"parts": 2, "part_voxels": 3}})
+    ['without an outline on any slice, so not in the surface: 2 parts of 3 voxels in all']
+    """
+    lost = report.get("left_out", {})
+    if not lost.get("parts"):
+        return []
+    count = f"{lost['parts']} part{'s' if lost['parts'] > 1 else ''} of {lost['part_voxels']} voxels in all"
+    return [f"without an outline on any slice, so not in the surface: {count}"]
 
 
 def check_closed(curves: Curves, structure: Structure) -> Curves:

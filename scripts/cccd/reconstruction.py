@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from cccd.containers import Curves, Structure
-from cccd.contours import take_contours, trace_contours
+from cccd.contours import missing_parts, take_contours, trace_contours
 from cccd.curves import describe_curves
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.settings.boundaries import BoundarySettings
@@ -22,8 +22,10 @@ def _silent(step: str) -> None:
     """Tell nobody."""
 
 
-def find_contours(structure: Structure, boundaries: BoundarySettings, inference: InferenceSettings) -> Curves:
-    """Make ordered closed curves of what a structure brings.
+def find_contours(
+    structure: Structure, boundaries: BoundarySettings, inference: InferenceSettings
+) -> tuple[Curves, list[str]]:
+    """Make ordered closed curves of what a structure brings, and say what of it they do not know.
 
     Drawn contours are taken as they are, a mask is traced, anything else is ordered by the shipped network.
 
@@ -39,10 +41,11 @@ def find_contours(structure: Structure, boundaries: BoundarySettings, inference:
         No slice has a closed curve.
     """
     if structure.contours is not None:
-        return take_contours(structure)[0]
+        return take_contours(structure)[0], []
     if structure.boundary is None and structure.region is None:
-        return trace_contours(structure)[0]
-    return order_maps(structure, boundaries, inference)
+        curves, report = trace_contours(structure)
+        return curves, missing_parts(report)
+    return order_maps(structure, boundaries, inference), []
 
 
 def order_maps(

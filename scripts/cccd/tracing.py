@@ -155,7 +155,8 @@ def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curve
     dict
         ``components``: in-slice components (8-connected) too small to have a polygon;
         ``component_pixels``: their pixels; ``spur_pixels``: pixels of other components that lie on spurs
-        or bridges one pixel wide.
+        or bridges one pixel wide; ``parts``: parts of the whole mask (26-connected) that have no polygon on
+        any slice; ``part_voxels``: their voxels.
     """
     missing = mask & ~curves.rasterise(origin, mask.shape)
     in_plane = np.zeros((3, 3, 3), bool)
@@ -164,8 +165,19 @@ def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curve
     size = np.bincount(labels.ravel(), minlength=count + 1)
     lost = np.bincount(labels[missing], minlength=count + 1)
     whole = (lost == size) & (lost > 0)
+    parts = _wholly_missing(mask, missing) if whole.any() else np.zeros(0, int)
     return {
         "components": int(whole.sum()),
         "component_pixels": int(size[whole].sum()),
         "spur_pixels": int(lost[~whole].sum()),
+        "parts": len(parts),
+        "part_voxels": int(parts.sum()),
     }
+
+
+def _wholly_missing(mask: np.ndarray, missing: np.ndarray) -> np.ndarray:
+    """Voxels (P,) of each part of a mask (S, I, J) whose voxels are all missing."""
+    labels, count = ndimage.label(mask, structure=np.ones((3, 3, 3), bool))
+    size = np.bincount(labels[mask], minlength=count + 1)
+    lost = np.bincount(labels[missing], minlength=count + 1)
+    return size[(lost == size) & (lost > 0)]

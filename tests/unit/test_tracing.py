@@ -82,7 +82,13 @@ def test_pinches_spurs_and_islands():
         "components": 2,
         "component_pixels": 5,
         "spur_pixels": 3,
+        "parts": 2,
+        "part_voxels": 5,
     }
+    # what is a single pixel on one slice only is a part of what it lies on
+    tower = np.stack([np.pad(np.ones((4, 4), bool), 3), np.eye(10, dtype=bool) & (np.arange(10) == 4)])
+    lost = left_out(tower, ORIGIN, trace(tower))
+    assert (lost["components"], lost["parts"]) == (1, 0)
 
 
 def test_structures_are_traced_in_source_indices_and_nothing_gives_nothing():
