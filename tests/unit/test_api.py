@@ -14,7 +14,7 @@ import cccd
 from cccd.project import PROJECT, SHIPPED_WEIGHTS
 
 PUBLIC = {
-    *("fit_contours", "labels", "order", "read", "reconstruct"),
+    *("fit_contours", "labels", "order", "read", "reconstruct", "reconstruct_labels"),
     *("Curves", "FittedCurves", "InputError", "Patch", "Settings", "Structure", "Surface"),
     "__version__",
 }
