@@ -528,8 +528,8 @@ ITEMS = (
     Item(
         "figure14",
         "CCCD's outline for k = 3, 7 and 12",
-        "Outlines from 189, 217 and 133 boundary pixels beside H-DenseUNet's, 483 pixels: panel (d), which "
-        "needs a segmentation network, is not drawn, as no such network runs here.",
+        "Outlines from 189, 217 and 133 boundary pixels beside H-DenseUNet's, 483 pixels: panel (d), a "
+        "segmentation network's, is not drawn.",
         name="Figure 14",
         section="paper",
         rows=(K_SWEEP,),
