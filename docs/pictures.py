@@ -71,6 +71,21 @@ def picture_of(*names: str) -> str:
     return "\n".join(drawn)
 
 
+def cut_open(solid, pixels: int = 420) -> str:
+    """Draw the half of a tetrahedral mesh that lies behind the middle, by the quality of its tetrahedra."""
+    import pyvista
+
+    rated = solid.cell_quality("shape")
+    behind = rated.extract_cells(rated.cell_centers().points[:, 1] > rated.center[1])
+    plotter = pyvista.Plotter(off_screen=True, window_size=(pixels, pixels))
+    plotter.add_mesh(behind, scalars="shape", clim=(0, 1), show_edges=True, cmap="viridis")
+    plotter.view_xz()
+    path = FOLDER / "cut_open.png"
+    plotter.screenshot(path)
+    plotter.close()
+    return _image(path.read_bytes(), "half of the tetrahedra, by quality")
+
+
 def panels(pictures: dict, overlay: dict | None = None) -> str:
     """Draw slices (I, J) side by side, with closed curves (n, 2) over those that have some."""
     from matplotlib.figure import Figure
