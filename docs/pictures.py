@@ -78,7 +78,10 @@ def cut_open(solid, pixels: int = 420) -> str:
     rated = solid.cell_quality("shape")
     behind = rated.extract_cells(rated.cell_centers().points[:, 1] > rated.center[1])
     plotter = pyvista.Plotter(off_screen=True, window_size=(pixels, pixels))
-    plotter.add_mesh(behind, scalars="shape", clim=(0, 1), show_edges=True, cmap="viridis")
+    beside = {"title": "shape", "vertical": True, "position_x": 0.82, "position_y": 0.3}
+    plotter.add_mesh(
+        behind, scalars="shape", clim=(0, 1), show_edges=True, cmap="viridis", scalar_bar_args=beside
+    )
     plotter.view_xz()
     path = FOLDER / "cut_open.png"
     plotter.screenshot(path)
