@@ -6,9 +6,10 @@ from cccd.job import job
 from cccd.settings.surface import SolidSettings
 from cccd.solids.build import build_solids, write_organs
 from cccd.store import atomic_path, write_json
-from cccd.surface.export import read_surface
+from cccd.surface.export import check_format, read_surface
 
 with job(snakemake.log[0], snakemake.wildcards.case):
+    check_format(snakemake.output.scene)
     settings = snakemake.params.settings
     solid = SolidSettings(**settings["solid"])
     paths = zip(snakemake.input.surfaces, snakemake.input.meshes, strict=True)

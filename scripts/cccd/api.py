@@ -320,10 +320,11 @@ def reconstruct_labels(
         Not readable, or no label at all.
     """
     tell = progress or (lambda step: None)
+    source = existing(Path(path), "mask")
     failures: list[str] = []
     structures: dict[int, Structure] = {}
     surfaces: dict[int, Surface] = {}
-    for number, label in enumerate(list_map(Path(path), None if table is None else Path(table)), 1):
+    for number, label in enumerate(list_map(source, None if table is None else Path(table)), 1):
         tell(label.organ)
         if label.left_out:
             failures.append(

@@ -265,19 +265,6 @@ def _check_writable(path: Path) -> None:
         raise InputError(str(folder), problem, "give a folder of your own with -o")
 
 
-def _labels_of(source: Path) -> dict[str, str]:
-    import cccd
-
-    if not source.exists():
-        raise InputError(str(source), "no such file or folder", "check the path")
-    found = cccd.labels(source)
-    if not found:
-        raise InputError(
-            source.name, "it holds no label", "give a label map, a SEG, an RTSTRUCT or a folder of masks"
-        )
-    return found
-
-
 def _with_name(path: Path, organ: str) -> Path:
     """Put the name of an organ before a file's suffix."""
     from cccd.surface.export import format_of
@@ -295,7 +282,6 @@ def _make_all_surfaces(
     import cccd
 
     began = time.perf_counter()
-    _labels_of(given.input)
     with tqdm(disable=None, leave=False, bar_format="{desc:<40} {elapsed}") as bar:
         surfaces, failures = cccd.reconstruct_labels(
             given.input, image=given.image, progress=bar.set_description_str
