@@ -27,7 +27,7 @@ rule train_segmenter:
         "benchmarks/segmenters/{network}.tsv"
     conda:
         "../../envs/cccd.yaml"
-    threads: 2
+    threads: 1  # the same weights whatever the cores, and networks train side by side
     resources:
         mem_mb=memory(4000, 4),
         runtime=minutes(60),

@@ -33,8 +33,8 @@ logger = logging.getLogger(__name__)
 
 #: Weight of each further output's loss beside the final one's (deep supervision).
 _FURTHER = 0.5
-#: Held-out scans scored after every epoch; all are scored after the last.
-_WATCHED = 8
+#: Held-out scans scored after every epoch, for the learning curve; `score_held_out` scores all.
+_WATCHED = 4
 #: Share of the steps in which the learning rate rises.
 _RISING = 0.1
 _WEIGHT_DECAY = 1e-2
@@ -93,7 +93,7 @@ def train_segmenter(
     torch.manual_seed(seed)
     model = build(network, plan.classes, plan.width, plan.sizes)
     logger.info("%s of %d weights, %d scans, %d held out", network, parameters(model), len(chosen), len(held))
-    training, test = ([prepare(scan, plan) for scan in some] for some in (chosen, held))
+    training, test = ([prepare(scan, plan) for scan in some] for some in (chosen, held[:_WATCHED]))
     optimiser = torch.optim.AdamW(model.parameters(), lr=settings.learning_rate, weight_decay=_WEIGHT_DECAY)
     steps = settings.epochs * -(-len(training) // settings.batch_size)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
@@ -115,8 +115,7 @@ def train_segmenter(
         begun = time.perf_counter()
         torch.manual_seed(seed + 1 + epoch)  # the same randomness whether the run was resumed or not
         loss = _run_epoch(model, optimiser, schedule, training, plan, settings, epoch)
-        last = epoch == settings.epochs - 1
-        scores = score(model, test if last else test[:_WATCHED], plan)
+        scores = score(model, test, plan)
         seconds = round(time.perf_counter() - begun, 1)
         row = {"epoch": epoch, "loss": loss, **_named(scores, plan), "seconds": seconds}
         logger.info("%s", row)
