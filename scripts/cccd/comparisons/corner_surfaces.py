@@ -11,6 +11,7 @@ import pandas as pd
 from cccd.comparisons.orderers import Orderer
 from cccd.comparisons.paper_k import AUTOMATIC
 from cccd.comparisons.samples import between, middle_slab
+from cccd.comparisons.tuning import SAMPLES
 from cccd.containers import Boundaries, Curves, Structure
 from cccd.curves import corner_splines, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
@@ -18,7 +19,7 @@ from cccd.metrics import dice
 from cccd.settings.comparisons import CornerSurfaceSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
-from cccd.surface.measure import measure_mesh
+from cccd.surface.measure import Reference, measure_agreement
 from cccd.tracing import trace_mask
 
 __all__ = ["compare_corner_surfaces"]
@@ -77,14 +78,20 @@ def compare_corner_surfaces(
     else:
         trace_mask(structure)
     order_s = time.process_time() - begin
-    rows = [_surface_of(curves, structure, k, lofting, order_s) for k in (*ks, None)]
+    reference = Reference.of(structure)
+    rows = [_surface_of(curves, structure, k, lofting, order_s, reference) for k in (*ks, None)]
     table = pd.DataFrame(rows)
     table.insert(0, "k", [*map(str, ks), AUTOMATIC])
     return table
 
 
 def _surface_of(
-    curves: Curves, structure: Structure, k: int | None, lofting: LoftSettings, order_s: float
+    curves: Curves,
+    structure: Structure,
+    k: int | None,
+    lofting: LoftSettings,
+    order_s: float,
+    reference: Reference,
 ) -> dict[str, float]:
     """Splines and surface of one k, or of the automatic splines, measured."""
     begin = time.process_time()
@@ -97,7 +104,9 @@ def _surface_of(
     end = time.process_time()
     points, slices = len(splines.control_points), len(np.unique(curves.slice))
     rows, columns = (structure.frame.shape[axis] for axis in structure.frame.in_plane_axes)
-    figures = measure_mesh(surface.mesh, structure) if len(surface.mesh.faces) else {}
+    figures = (
+        measure_agreement(surface.mesh, structure, reference, SAMPLES) if len(surface.mesh.faces) else {}
+    )
     return {
         "slices": slices,
         "control_points": points,

@@ -173,11 +173,13 @@ _MOST_OF_A_KIND = 2
 
 
 def draw_worst(
-    path: str | Path, model: JunctionNetwork, samples: Sequence[SyntheticMap], count: int = 10
+    path: str | Path,
+    model: JunctionNetwork,
+    samples: Sequence[SyntheticMap],
+    scored: Sequence[SliceScore],
+    count: int = 10,
 ) -> None:
-    """Draw the maps that come out worst: the map, the network's links, the curve and the truth."""
-    chains = network_decoder(model)(samples)
-    scored = [score_slice(c, s.contours) for c, s in zip(chains, samples, strict=True)]
+    """Draw the maps that score worst: the map, the network's links, the curve and the truth."""
     ranked = pd.DataFrame(
         {
             "kind": [sample.kind for sample in samples],
@@ -186,10 +188,11 @@ def draw_worst(
         }
     ).sort_values(["correct", "dice"], kind="stable")
     order = ranked.groupby("kind", sort=False).head(_MOST_OF_A_KIND).index[:count]
+    drawn = network_decoder(model)([samples[n] for n in order])
     figure, axes = plt.subplots(
         len(order), 3, figsize=(9, 3 * len(order)), squeeze=False, layout="constrained"
     )
-    for n, row in zip(order, axes, strict=True):
+    for n, chains, row in zip(order, drawn, axes, strict=True):
         sample = samples[n]
         seen = observe(sample.pixels, sample.image, DEFAULTS)
         graph = seen.graph
@@ -209,7 +212,7 @@ def draw_worst(
         row[1].set_title("links (yellow: true)", fontsize=8)
         for contour in sample.contours:
             row[2].plot(*np.vstack([contour, contour[:1]]).T[::-1], color="tab:green", lw=2.5, label="truth")
-        for chain in chains[n]:
+        for chain in chains:
             row[2].plot(*np.vstack([chain, chain[:1]]).T[::-1], color="tab:orange", lw=1, label="curve")
         score = scored[n]
         row[2].set_title(f"Dice {score.dice:.3f}, Hausdorff {score.hausdorff:.1f} px", fontsize=8)
@@ -255,7 +258,7 @@ def evaluate(
         "decoder + true labels": _by_true_labels,
     }
     decoders |= {name: _classical(method.run) for name, method in DECODERS.items()}
-    table, _ = compare_decoders(decoders, maps)
+    table, scores = compare_decoders(decoders, maps)
     measured = {
         f"GNN, {name}": _network_rows(network, maps)
         for name, network in networks.items()
@@ -268,4 +271,6 @@ def evaluate(
         ]
     write_table(scores_path, table)
     ours = cast(JunctionNetwork, networks[last])
-    draw_worst(worst_path, ours, [sample for samples in maps.values() for sample in samples])
+    samples = [sample for kind in maps for sample in maps[kind]]
+    scored = [score for kind in maps for score in scores[f"GNN, {last}"][kind]]
+    draw_worst(worst_path, ours, samples, scored)

@@ -26,7 +26,7 @@ from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.comparisons import StageTimeSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
-from cccd.surface.measure import measure_mesh
+from cccd.surface.measure import voxel_dice
 from cccd.tracing import trace_mask
 
 __all__ = ["WAYS", "time_stages"]
@@ -196,7 +196,7 @@ def _timed(method: str, planar: _Planar, slab: Structure, n_slices: int, lofting
     if slices > 1:
         surface, seconds["surface"] = _clocked(lambda: loft_surface(planar.curves, loft, planar.splines))
         if len(surface.mesh.faces):
-            score = measure_mesh(surface.mesh, slab)["dice_3d"]
+            score = voxel_dice(surface.mesh, slab)
     stages = {f"{stage}_ms": 1e3 * seconds.get(stage, np.nan) / n_slices for stage in STAGES}
     total = sum(stages.values())  # missing where a stage is
     return {"method": method, "slices": n_slices, **stages, "total_ms": total,

@@ -1,13 +1,12 @@
 """Which triangles of a mesh pass through each other.
 
-Triangles are sorted into the cells of a grid about twice as wide as they are; only those that share a cell
+Triangles are sorted into the cells of a grid somewhat wider than they are; only those that share a cell
 are tested, each pair in the lowest cell that both reach.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,18 +17,11 @@ __all__ = ["passing_pairs"]
 
 #: Volumes below this share of the cube of a triangle's size count as none: the triangles only touch.
 _TOUCHING = 1e-12
+#: Width of a cell by the mean extent of the triangles' boxes: fewer pairs share a narrower one, but more
+#: triangles reach several.
+_CELL = 1.5
 
-
-class _Triangles(NamedTuple):
-    """Triangles, their bounding boxes, and the cells that the boxes reach."""
-
-    corners: FloatArray  # (F, 3, 3)
-    faces: IntArray  # (F, 3), to tell which corners are shared
-    low: FloatArray  # (F, 3)
-    high: FloatArray  # (F, 3)
-    first: IntArray  # (F, 3), cell of the lower corner of the box
-    last: IntArray  # (F, 3), cell of the upper corner
-    cells: IntArray  # (3,), number of cells along each axis
+_Point = tuple[float, float, float]
 
 
 def passing_pairs(vertices: FloatArray, faces: IntArray) -> IntArray:
@@ -44,37 +36,53 @@ def passing_pairs(vertices: FloatArray, faces: IntArray) -> IntArray:
     """
     if len(faces) == 0:
         return np.zeros((0, 2), np.int64)
-    triangles = _in_cells(np.asarray(vertices, float), np.asarray(faces, np.int64))
-    entries = int(np.prod(triangles.last - triangles.first + 1, axis=1).sum())
-    cell, member = _grid_entries(triangles, entries)
+    vertices, faces = np.ascontiguousarray(vertices, float), np.ascontiguousarray(faces, np.int64)
+    boxes = _boxes(vertices, faces)
+    cells = boxes[:, 3:].max(axis=0).astype(np.int64) + 1
+    cell, member = _grid_entries(boxes, cells)
     order = np.argsort(cell, kind="stable")
     cell, member = cell[order], member[order]
     starts = np.concatenate([[0], np.flatnonzero(np.diff(cell)) + 1, [len(cell)]])
-    return np.array(_pairs_in_cells(triangles, cell, member, starts), np.int64).reshape(-1, 2)
-
-
-def _in_cells(vertices: FloatArray, faces: IntArray) -> _Triangles:
-    corners = np.ascontiguousarray(vertices[faces])
-    low: FloatArray = corners.min(axis=1)
-    high: FloatArray = corners.max(axis=1)
-    size = float(np.mean(high - low)) * 2 + 1e-12
-    lowest: FloatArray = low.min(axis=0)
-    first = np.floor((low - lowest) / size).astype(np.int64)
-    last = np.floor((high - lowest) / size).astype(np.int64)
-    return _Triangles(corners, faces, low, high, first, last, np.add(last.max(axis=0), 1))
+    places = np.column_stack(np.unravel_index(cell[starts[:-1]], tuple(cells)))
+    pairs = _pairs_in_cells(vertices, faces, boxes[member], member, starts, places)
+    return np.array(pairs, np.int64).reshape(-1, 2)
 
 
 @jit
-def _grid_entries(triangles: _Triangles, entries: int) -> tuple[IntArray, IntArray]:
+def _boxes(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Bounding boxes (F, 6) in cells of the grid: the lower corner, then the upper."""
+    boxes = np.empty((len(faces), 6))
+    lowest, width = np.full(3, np.inf), 0.0
+    for f in range(len(faces)):
+        a, b, c = faces[f]
+        for axis in range(3):
+            p, q, r = vertices[a, axis], vertices[b, axis], vertices[c, axis]
+            boxes[f, axis], boxes[f, axis + 3] = min(p, q, r), max(p, q, r)
+            lowest[axis] = min(lowest[axis], boxes[f, axis])
+            width += boxes[f, axis + 3] - boxes[f, axis]
+    width = _CELL * width / (3 * len(faces)) + 1e-12
+    for f in range(len(faces)):
+        for side in range(6):
+            boxes[f, side] = (boxes[f, side] - lowest[side % 3]) / width
+    return boxes
+
+
+@jit
+def _grid_entries(boxes: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]:
     """Every cell that a triangle's box reaches, and the triangle."""
-    first, last, cells = triangles.first, triangles.last, triangles.cells
+    entries = 0
+    for f in range(len(boxes)):
+        reached = 1
+        for axis in range(3):
+            reached *= int(boxes[f, axis + 3]) - int(boxes[f, axis]) + 1
+        entries += reached
     cell = np.empty(entries, np.int64)
     member = np.empty(entries, np.int64)
     at = 0
-    for f in range(len(first)):
-        for x in range(first[f, 0], last[f, 0] + 1):
-            for y in range(first[f, 1], last[f, 1] + 1):
-                for z in range(first[f, 2], last[f, 2] + 1):
+    for f in range(len(boxes)):
+        for x in range(int(boxes[f, 0]), int(boxes[f, 3]) + 1):
+            for y in range(int(boxes[f, 1]), int(boxes[f, 4]) + 1):
+                for z in range(int(boxes[f, 2]), int(boxes[f, 5]) + 1):
                     cell[at] = (x * cells[1] + y) * cells[2] + z
                     member[at] = f
                     at += 1
@@ -83,62 +91,86 @@ def _grid_entries(triangles: _Triangles, entries: int) -> tuple[IntArray, IntArr
 
 @jit
 def _pairs_in_cells(
-    triangles: _Triangles, cell: IntArray, member: IntArray, starts: IntArray
+    vertices: FloatArray,
+    faces: IntArray,
+    boxes: FloatArray,
+    member: IntArray,
+    starts: IntArray,
+    places: IntArray,
 ) -> Sequence[tuple[np.int64, np.int64]]:
-    """Pairs that pass through each other; ``member[starts[n]:starts[n + 1]]`` reach one cell."""
+    """Pairs that pass through each other; members from ``starts[n]`` to the next start reach one cell."""
     found = [(np.int64(0), np.int64(0)) for _ in range(0)]  # typed and empty
     for n in range(len(starts) - 1):
         for m in range(starts[n], starts[n + 1]):
             for o in range(m + 1, starts[n + 1]):
-                f, g = member[m], member[o]
-                if _first_shared_cell(triangles, f, g) == cell[starts[n]] and _pass(triangles, f, g):
-                    found.append((f, g))
+                if _meet_first_in(boxes, m, o, places, n) and _pass(vertices, faces, member[m], member[o]):
+                    found.append((member[m], member[o]))
     return found
 
 
 @jit
-def _first_shared_cell(triangles: _Triangles, f: int, g: int) -> int:
-    """Find the lowest cell that the boxes of two triangles both reach; -1 where they are apart."""
-    cell = 0
+def _meet_first_in(boxes: FloatArray, m: int, o: int, places: IntArray, n: int) -> bool:
+    """Whether two boxes overlap, and this is the lowest cell that both reach."""
     for axis in range(3):
-        if triangles.low[f, axis] > triangles.high[g, axis]:
-            return -1
-        if triangles.low[g, axis] > triangles.high[f, axis]:
-            return -1
-        cell = cell * triangles.cells[axis] + max(triangles.first[f, axis], triangles.first[g, axis])
-    return cell
+        if boxes[m, axis] > boxes[o, axis + 3] or boxes[o, axis] > boxes[m, axis + 3]:
+            return False
+        if int(max(boxes[m, axis], boxes[o, axis])) != places[n, axis]:
+            return False
+    return True
 
 
 @jit
-def _pass(triangles: _Triangles, f: int, g: int) -> bool:
+def _pass(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
     """Whether an edge of one of two triangles pierces the other."""
-    corners, faces = triangles.corners, triangles.faces
     shared, own_f, own_g = 0, -1, -1
     for x in range(3):
         for y in range(3):
             if faces[f, x] == faces[g, y]:
                 shared += 1
                 own_f, own_g = x, y
-    if shared >= 2:
+    if (
+        shared >= 2
+        or _on_one_side(vertices, faces, f, g, own_g)
+        or _on_one_side(vertices, faces, g, f, own_f)
+    ):
         return False
-    scale = 0.0
-    for axis in range(3):
-        scale = max(scale, triangles.high[f, axis] - triangles.low[f, axis])
-        scale = max(scale, triangles.high[g, axis] - triangles.low[g, axis])
-    tiny = _TOUCHING * scale**3
+    tiny = _TOUCHING * max(_extent(vertices, faces, f), _extent(vertices, faces, g)) ** 3
     for x in range(3):  # beside a shared corner only the opposite edge can pierce
-        y = (x + 1) % 3
-        if (shared == 0 or x == (own_f + 1) % 3) and _pierces(corners[f, x], corners[f, y], corners[g], tiny):
+        if (shared == 0 or x == (own_f + 1) % 3) and _edge_pierces(vertices, faces, f, x, g, tiny):
             return True
-        if (shared == 0 or x == (own_g + 1) % 3) and _pierces(corners[g, x], corners[g, y], corners[f], tiny):
+        if (shared == 0 or x == (own_g + 1) % 3) and _edge_pierces(vertices, faces, g, x, f, tiny):
             return True
     return False
 
 
 @jit
-def _pierces(a: FloatArray, b: FloatArray, triangle: FloatArray, tiny: float) -> bool:
-    """Whether the segment ab passes through the inside of a triangle (3, 3)."""
-    p, q, r = triangle[0], triangle[1], triangle[2]
+def _on_one_side(vertices: FloatArray, faces: IntArray, f: int, g: int, shared: int) -> bool:
+    """Whether the corners of ``g``, but for a shared one, lie on one side of the plane of ``f``."""
+    p, q, r = _corners(vertices, faces, f)
+    above, below = False, False
+    for x in range(3):
+        if x != shared:
+            side = _six_volumes(p, q, r, _point(vertices, faces[g, x]))
+            above, below = above or side > 0, below or side < 0
+    return not (above and below)
+
+
+@jit
+def _extent(vertices: FloatArray, faces: IntArray, f: int) -> float:
+    """Longest side of a triangle's box."""
+    a, b, c = faces[f]
+    extent = 0.0
+    for axis in range(3):
+        p, q, r = vertices[a, axis], vertices[b, axis], vertices[c, axis]
+        extent = max(extent, max(p, q, r) - min(p, q, r))
+    return extent
+
+
+@jit
+def _edge_pierces(vertices: FloatArray, faces: IntArray, f: int, x: int, g: int, tiny: float) -> bool:
+    """Whether edge ``x`` of one triangle passes through the inside of another."""
+    a, b = _point(vertices, faces[f, x]), _point(vertices, faces[f, (x + 1) % 3])
+    p, q, r = _corners(vertices, faces, g)
     start, end = _six_volumes(p, q, r, a), _six_volumes(p, q, r, b)
     if start * end >= 0 or abs(start) < tiny or abs(end) < tiny:
         return False
@@ -149,7 +181,17 @@ def _pierces(a: FloatArray, b: FloatArray, triangle: FloatArray, tiny: float) ->
 
 
 @jit
-def _six_volumes(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> float:
+def _corners(vertices: FloatArray, faces: IntArray, f: int) -> tuple[_Point, _Point, _Point]:
+    return _point(vertices, faces[f, 0]), _point(vertices, faces[f, 1]), _point(vertices, faces[f, 2])
+
+
+@jit
+def _point(vertices: FloatArray, n: int) -> _Point:
+    return (vertices[n, 0], vertices[n, 1], vertices[n, 2])
+
+
+@jit
+def _six_volumes(a: _Point, b: _Point, c: _Point, d: _Point) -> float:
     """Six times the signed volume of a tetrahedron."""
     ax, ay, az = a[0] - d[0], a[1] - d[1], a[2] - d[2]
     bx, by, bz = b[0] - d[0], b[1] - d[1], b[2] - d[2]

@@ -17,7 +17,20 @@ from cccd.surface.surface import Surface
 from cccd.surface.tessellation import tessellate
 from cccd.tolerances import VOLUME_BIAS
 
-__all__ = ["Reference", "mask_surface", "measure_mesh", "measure_surface", "patches_mesh", "volume_warnings"]
+__all__ = [
+    "SAMPLES",
+    "Reference",
+    "mask_surface",
+    "measure_agreement",
+    "measure_mesh",
+    "measure_surface",
+    "patches_mesh",
+    "volume_warnings",
+    "voxel_dice",
+]
+
+#: Points on each of two surfaces by which their distances are measured.
+SAMPLES = 50_000
 
 
 def mask_surface(structure: Structure) -> Mesh:
@@ -49,19 +62,12 @@ class Reference(NamedTuple):
 
 
 def measure_mesh(
-    mesh: Mesh,
-    structure: Structure,
-    seed: int = 0,
-    reference: Reference | None = None,
-    samples: int = 50_000,
+    mesh: Mesh, structure: Structure, reference: Reference | None = None, samples: int = SAMPLES
 ) -> dict[str, float | int | bool]:
-    """Figures of one closed mesh; those that need a mask or a truth are absent without one.
+    """Size, smoothness and soundness of one closed mesh, and its agreement with the structure.
 
-    Who measures many meshes makes the ``reference`` of the structure once; distances are from so many
-    ``samples`` of each surface.
-
-    The volume is compared with the phantom's where there is a truth, with what drawn contours enclose,
-    and with the voxels' otherwise; distances are to the truth's surface, or to marching cubes on the mask.
+    Those who measure many meshes make the ``reference`` of the structure once. The figures of the agreement
+    are those of `measure_agreement`.
     """
     figures: dict[str, float | int | bool] = {
         "volume_ml": mesh.volume / 1000,
@@ -76,12 +82,24 @@ def measure_mesh(
         figures["genus"] = mesh.genus
     if structure.truth is not None:
         figures["genus_true"] = structure.truth.genus
+    return figures | measure_agreement(mesh, structure, reference, samples)
+
+
+def measure_agreement(
+    mesh: Mesh, structure: Structure, reference: Reference | None = None, samples: int = SAMPLES
+) -> dict[str, float]:
+    """Dice, volume bias, distances in mm and angles between normals, as far as there is a mask or a truth.
+
+    The volume is compared with the phantom's where there is a truth, with what drawn contours enclose,
+    and with the voxels' otherwise; distances are to the truth's surface, or to marching cubes on the mask,
+    from so many ``samples`` of each surface.
+    """
+    figures: dict[str, float] = {}
     if structure.mask is not None:
-        block = voxelise(mesh, structure.frame.affine, structure.mask.shape, structure.origin)
-        figures["dice_3d"] = float(dice(structure.mask, block))
-    whole = None
-    if reference is None and (structure.truth is not None or structure.mask is not None):
+        figures["dice_3d"] = voxel_dice(mesh, structure)
+    if reference is None and _is_known(structure):
         reference = Reference.of(structure)
+    whole = None
     if reference is not None:
         whole = reference.volume
     elif structure.contours is not None:
@@ -90,9 +108,22 @@ def measure_mesh(
     if whole is not None:
         figures["volume_bias"] = mesh.volume / whole - 1
     if reference is not None:
-        distances = surface_distances(mesh, reference.mesh, np.random.default_rng(seed), samples)
+        distances = surface_distances(mesh, reference.mesh, np.random.default_rng(0), samples)
         figures |= {f"{name}_mm": value for name, value in distances.items()}
     return figures | _normals(mesh, structure)
+
+
+def _is_known(structure: Structure) -> bool:
+    """Whether there is a surface to measure against."""
+    return structure.truth is not None or structure.mask is not None
+
+
+def voxel_dice(mesh: Mesh, structure: Structure) -> float:
+    """Dice of the voxels that a closed mesh holds with those of the mask."""
+    if structure.mask is None:
+        raise ValueError("the structure has no mask")
+    block = voxelise(mesh, structure.frame.affine, structure.mask.shape, structure.origin)
+    return float(dice(structure.mask, block))
 
 
 def volume_warnings(figures: Mapping[str, Any]) -> list[str]:
@@ -106,9 +137,10 @@ def volume_warnings(figures: Mapping[str, Any]) -> list[str]:
 def measure_surface(surface: Surface, structure: Structure) -> dict[str, Any]:
     """Everything for ``metrics.json``: the mesh's figures, the patches' alone, what the lofting reported."""
     reported = {key: value for key, value in surface.report.items() if key not in _UNMEASURED}
-    alone = _agreement(patches_mesh(surface), structure)
+    reference = Reference.of(structure) if _is_known(structure) else None
+    alone = measure_agreement(patches_mesh(surface), structure, reference) if reference is not None else {}
     return {
-        **measure_mesh(surface.mesh, structure),
+        **measure_mesh(surface.mesh, structure, reference),
         **reported,
         **{f"patches_{key}": value for key, value in alone.items()},
     }
@@ -122,20 +154,6 @@ def patches_mesh(surface: Surface) -> Mesh:
         for depth, patch in zip(surface.report["depths"], surface.patches, strict=True)
     ]
     return unite([tessellate(patch, edge) for patch in surface.patches], places)
-
-
-def _agreement(mesh: Mesh, structure: Structure) -> dict[str, float]:
-    """Dice, distances and normals of a mesh, as far as there is something to agree with."""
-    figures: dict[str, float] = {}
-    if structure.mask is not None:
-        block = voxelise(mesh, structure.frame.affine, structure.mask.shape, structure.origin)
-        figures["dice_3d"] = float(dice(structure.mask, block))
-    if structure.mask is None and structure.truth is None:
-        return figures
-    reference = Reference.of(structure).mesh
-    distances = surface_distances(mesh, reference, np.random.default_rng(0))
-    figures |= {f"{name}_mm": value for name, value in distances.items()}
-    return figures | _normals(mesh, structure)
 
 
 def _normals(mesh: Mesh, structure: Structure) -> dict[str, float]:
