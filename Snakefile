@@ -49,6 +49,10 @@ rule all:
     localrule: True
 
 
+onstart:
+    check_before_jobs()
+
+
 onsuccess:
     tell_where_results_are()
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
+
 from cccd.errors import InputError
 
-__all__ = ["EXTRAS", "missing_extra"]
+__all__ = ["EXTRAS", "check_extra", "missing_extra"]
 
 #: Modules of each extra, by what they are imported as; ``pyproject.toml`` names their distributions.
 EXTRAS: dict[str, tuple[str, ...]] = {
@@ -38,3 +40,24 @@ def missing_extra(error: ModuleNotFoundError, location: str) -> InputError:
     module = (error.name or str(error)).split(".")[0]
     extra = next((extra for extra, modules in EXTRAS.items() if module in modules), "all")
     return InputError(location, f"{module} is not installed", f"pip install 'cccd[{extra}]'")
+
+
+def check_extra(extra: str, location: str) -> None:
+    """Refuse what needs an extra that is not installed; nothing is imported.
+
+    Parameters
+    ----------
+    extra : str
+        One of `EXTRAS`.
+    location : str
+        What needs it.
+
+    Raises
+    ------
+    InputError
+        One of its modules is not there.
+    """
+    for module in EXTRAS[extra]:
+        if importlib.util.find_spec(module) is None:
+            problem = f"{module} is not installed"
+            raise InputError(location, problem, f"pip install 'cccd[{extra}]'")

@@ -11,7 +11,7 @@ LIBRARY = ROOT / "scripts" / "cccd"
 #: Packages and single modules of the library, by layer; those of one layer do not know each other.
 LAYERS = (
     ("errors", "tolerances", "lookup", "dependencies", "project"),
-    ("extras",),
+    ("extras", "disk_space"),
     ("settings", "geometry", "job", "sidecar_files"),
     ("containers", "metrics", "cohort", "dicom_objects", "model_header"),
     ("store",),

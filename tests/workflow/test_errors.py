@@ -33,6 +33,7 @@ def test_a_bad_sheet_stops_before_any_job_in_one_line(fresh_project, text, words
         ("seed=minus", ["seed"]),
         ("curves={tolerance: 1}", ["curves.tolerance", "tolerance_px"]),
         ("cohort=nowhere.tsv", ["nowhere.tsv"]),
+        ("gnn={start: workflow/models/junctions.pt}", ["junctions.pt", "set gnn.width to"]),
     ],
 )
 def test_a_bad_configuration_names_the_key_and_gives_a_hint(fresh_project, setting, words):
@@ -41,6 +42,22 @@ def test_a_bad_configuration_names_the_key_and_gives_a_hint(fresh_project, setti
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
     assert all(word in line for word in words)
     assert "Traceback" not in run.stderr
+
+
+def test_what_is_not_installed_ends_the_run_before_any_job(fresh_project):
+    extras = fresh_project.folder / "scripts" / "cccd" / "extras.py"
+    extras.write_text(extras.read_text().replace('"OCP"', '"OCP_of_another_machine"'))
+    target = "results/tiny/sphere/surface.step"
+    step = fresh_project.folder / target
+    step.parent.mkdir(parents=True)
+    step.write_text("of an earlier run")
+    run = fresh_project.snakemake("--force", target, check=False)
+    assert run.returncode == 1
+    (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
+    assert line.startswith("Error: export_solid tiny/sphere/step: OCP_of_another_machine is not installed")
+    assert line.endswith("pip install 'cccd[cad]'")
+    assert step.read_text() == "of an earlier run"
+    assert not (fresh_project.folder / "logs").exists()
 
 
 def test_one_bad_structure_keeps_no_other_from_its_surface(tiny_copy):

@@ -178,7 +178,14 @@ def test_a_full_disk_in_every_writer(name, tiny_run, small_disk, tmp_path):
 
 def test_a_full_disk_in_a_run(fresh_project, small_disk):
     disk = small_disk(fresh_project.results, 8)
-    run = fresh_project.snakemake(BOUNDARIES[0], check=False)
+    refused = fresh_project.snakemake(BOUNDARIES[0], check=False)
+    assert refused.returncode == 1
+    [line] = failure_lines(refused)
+    assert "results: 8 kB free, and this run writes" in line
+    assert not os.listdir(disk)
+    assert not (fresh_project.folder / "logs").exists()
+    # one that fills up on the way: nothing is asked beforehand
+    run = fresh_project.snakemake(BOUNDARIES[0], "--no-hooks", check=False)
     assert run.returncode
     [line] = failure_lines(run)
     assert "no space left on the disk" in line

@@ -23,8 +23,10 @@ from cccd.cohort import brings_maps, complete_row, read_cohort
 from cccd.comparisons.registry import COMPARISONS, INPUTS, ITEMS, tables
 from cccd.dependencies import imported_files
 from cccd.dicom_objects import holds_contours
+from cccd.disk_space import check_room
 from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
+from cccd.extras import check_extra
 from cccd.model_header import check_model, check_start, read_segmenter_plan
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.settings.junctions import NetworkSettings
@@ -510,6 +512,51 @@ def memory(base_mb, per_input_mb=0):
 def minutes(base):
     """A ``runtime`` function: every attempt gets the base time again."""
     return lambda wildcards, attempt: base * attempt
+
+
+#: Rules that need an extra whatever they work on; `extra_of` knows the others.
+NEEDS = {
+    "generate_graphs": "gnn",
+    "train_gnn": "gnn",
+    "train_paper_network": "gnn",
+    "adopt_gnn": "gnn",
+    "evaluate_gnn": "gnn",
+    "train_segmenter": "segment",
+    "fill_case": "fe",
+    "export_scene": "cad",
+    "render_surface": "view",
+    "build_tables": "report",
+    "build_structure_page": "report",
+    "build_report": "report",
+}
+
+
+def extra_of(job):
+    """The extra that a job cannot do without; None for most."""
+    if job.rule.name == "export_solid":
+        return "cad" if job.wildcards.solid_format in SOLID_FORMATS else "fe"
+    if job.rule.name == "make_contours":
+        return "gnn" if way_of(job.wildcards) == "order_contours" else None
+    if job.rule.name == "segment_structure":
+        return None if SEGMENTER in INSTALLED_SEGMENTERS else "segment"
+    return NEEDS.get(job.rule.name)
+
+
+def check_before_jobs():
+    """Refuse what the planned jobs would be refused for, before the first of them starts and loses its outputs.
+
+    An environment that Snakemake makes for the jobs has extras of its own: there, only the disk is looked at.
+    """
+    jobs = list(workflow.dag.needrun_jobs())
+    extras = {extra_of(job): job for job in jobs}
+    try:
+        if not workflow.deployment_settings.deployment_method:
+            for extra in sorted(filter(None, extras)):
+                job = extras[extra]
+                check_extra(extra, " ".join([job.rule.name, "/".join(job.wildcards)]))
+        check_room(Path("results"), [file for job in jobs for file in job.output])
+    except InputError as error:
+        sys.exit(f"Error: {error}")
 
 
 def failures():

@@ -1,0 +1,25 @@
+import shutil
+from types import SimpleNamespace
+
+import pytest
+
+from cccd.disk_space import check_room, least_bytes
+from cccd.errors import InputError
+
+
+def test_room_is_asked_of_the_disk_and_replaced_files_count_once(tmp_path, monkeypatch):
+    results = tmp_path / "results"  # not there yet: its disk is that of the folder above
+    files = [results / f"c{n}" / "organ" / "surface.ply" for n in range(3)]
+    needed = least_bytes(files)
+    assert needed == 3 * least_bytes(files[:1])
+    asked = []
+    free = SimpleNamespace(free=needed)
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: asked.append(folder) or free)
+    check_room(results, files)
+    assert asked == [tmp_path]
+    free.free = needed - 1
+    with pytest.raises(InputError, match="results: 1.4 MB free, and this run writes 1.4 MB at least"):
+        check_room(results, files)
+    files[0].parent.mkdir(parents=True)
+    files[0].write_bytes(bytes(1000))
+    check_room(results, files)
