@@ -6,7 +6,7 @@ from cccd.job import job
 from cccd.junctions.checkpoint import load_model
 from cccd.store import atomic_path
 
-with job(snakemake.log[0], "pretrained GNN"):
+with job(snakemake.log[0], "pretrained GNN", snakemake.input, snakemake.output):
     load_model(snakemake.input.model)
     with atomic_path(snakemake.output.model) as path:
         shutil.copyfile(snakemake.input.model, path)

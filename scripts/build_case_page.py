@@ -7,7 +7,7 @@ from cccd.job import job
 from cccd.report.case_page import build_case_page
 from cccd.store import read_json
 
-with job(snakemake.log[0], snakemake.wildcards.case):
+with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     build_case_page(
         read_json(snakemake.input.scene),
         {Path(path).parent.name: read_ply(path) for path in snakemake.input.meshes},

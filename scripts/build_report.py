@@ -5,7 +5,7 @@ from pathlib import Path
 from cccd.job import job
 from cccd.report.page import build_report
 
-with job(snakemake.log[0], "report"):
+with job(snakemake.log[0], "report", snakemake.input, snakemake.output):
     output = Path(snakemake.output[0])
     build_report(
         results=output.parent,

@@ -8,7 +8,7 @@ from cccd.solids.scene import describe_scene, name_organs, write_scene, write_se
 from cccd.store import atomic_path, read_structure_facts, write_json
 
 case = snakemake.wildcards.case
-with job(snakemake.log[0], case):
+with job(snakemake.log[0], case, snakemake.input, snakemake.output):
     meshes = {Path(path).parent.name: read_ply(path) for path in snakemake.input.meshes}
     organs = name_organs(meshes, snakemake.params.labels)
     frame, _, _ = read_structure_facts(snakemake.input.structure)

@@ -6,7 +6,7 @@ from cccd.comparisons.summary import build_tables, read_cohort, write_notes
 from cccd.job import job
 from cccd.store import write_json, write_table
 
-with job(snakemake.log[0], "tables"):
+with job(snakemake.log[0], "tables", snakemake.input, snakemake.output):
     cohort = read_cohort(snakemake.input.comparisons, snakemake.input.metrics)
     tables = build_tables(cohort)
     for output in snakemake.output.tables:

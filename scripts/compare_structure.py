@@ -8,7 +8,7 @@ from cccd.settings.root import Settings
 from cccd.store import write_figures, write_table
 
 case, organ = snakemake.wildcards.case, snakemake.wildcards.organ
-with job(snakemake.log[0], f"{case}/{organ}"):
+with job(snakemake.log[0], f"{case}/{organ}", snakemake.input, snakemake.output):
     arguments = {
         name: find(read)(*snakemake.input.get(name)) for name, read in snakemake.params.readers.items()
     }

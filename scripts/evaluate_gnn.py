@@ -3,7 +3,7 @@
 from cccd.comparisons.junction_comparison import evaluate
 from cccd.job import job
 
-with job(snakemake.log[0], "GNN evaluation"):
+with job(snakemake.log[0], "GNN evaluation", snakemake.input, snakemake.output):
     evaluate(
         dict(zip(snakemake.params.names, snakemake.input.models, strict=True)),
         snakemake.params.settings,

@@ -8,7 +8,7 @@ from cccd.solids.build import build_solids, write_organs
 from cccd.store import atomic_path, write_json
 from cccd.surface.export import check_format, read_surface
 
-with job(snakemake.log[0], snakemake.wildcards.case):
+with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     check_format(snakemake.output.scene)
     settings = snakemake.params.settings
     solid = SolidSettings(**settings["solid"])

@@ -5,7 +5,7 @@ from cccd.settings.surface import SolidSettings, TetrahedraSettings
 from cccd.store import write_json
 from cccd.surface.export import Scan, read_surface, write_surface
 
-with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
+with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     settings = snakemake.params.settings
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
     scan = Scan(

@@ -5,8 +5,14 @@ from pathlib import Path
 from cccd.job import job
 from cccd.surface.export import Scan, read_surface, write_surface
 
-with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
+with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
     series = next((path for path in map(Path, snakemake.input.scan) if path.is_dir()), None)
-    scan = Scan(snakemake.wildcards.organ, snakemake.params.contour_spacing_mm, series)
+    settings = snakemake.params.settings
+    scan = Scan(
+        snakemake.wildcards.organ,
+        settings["contour_spacing_mm"],
+        series,
+        keep_patient=settings["keep_patient"],
+    )
     write_surface(snakemake.output[0], surface, scan)

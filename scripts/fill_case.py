@@ -9,7 +9,7 @@ from cccd.surface.export import read_surface
 from cccd.tetrahedra.build import fill_and_measure
 from cccd.tetrahedra.formats import inp, msh, vtu
 
-with job(snakemake.log[0], snakemake.wildcards.case):
+with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     surfaces = [*map(read_surface, snakemake.input.surfaces, snakemake.input.meshes)]
     organs = dict(zip(snakemake.params.organs, (surface.mesh for surface in surfaces), strict=True))
     settings = TetrahedraSettings(**snakemake.params.settings)

@@ -5,6 +5,6 @@ from cccd.job import job
 from cccd.settings.curves import CurveSettings
 from cccd.store import read_contours, write_curves
 
-with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
+with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     contours = read_contours(snakemake.input.contours)
     write_curves(snakemake.output[0], describe_curves(contours, CurveSettings(**snakemake.params.settings)))

@@ -6,7 +6,7 @@ from cccd.job import job
 from cccd.store import write_table
 from cccd.volumes.phantom_files import gather_tables
 
-with job(snakemake.log[0], "phantoms"):
+with job(snakemake.log[0], "phantoms", snakemake.input, snakemake.output):
     write_table(snakemake.output.table, gather_tables(snakemake.input.tables))
     shutil.copyfile(snakemake.input.text, snakemake.output.text)
     shutil.copyfile(snakemake.input.licence, snakemake.output.licence)

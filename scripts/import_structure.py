@@ -12,7 +12,10 @@ from cccd.volumes.load import with_segmentation_notes
 row = snakemake.params.row
 name = f"{row['case']}/{row['organ']}"
 folder = Path(snakemake.params.sheet_folder)
-with job(snakemake.log[0], name), naming_row(folder / snakemake.params.sheet_name, name):
+with (
+    job(snakemake.log[0], name, snakemake.input, snakemake.output),
+    naming_row(folder / snakemake.params.sheet_name, name),
+):
     settings = ImportSettings(**snakemake.params.settings)
     structure = load_structure({**row, "location": name}, folder, settings, snakemake.params.seed)
     for report in snakemake.input.segmentation[1:]:  # of a mask that a segmenter made

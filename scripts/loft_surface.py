@@ -6,7 +6,7 @@ from cccd.store import read_curves, read_splines, write_patches
 from cccd.surface import loft_surface
 from cccd.surface.export import write_surface
 
-with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
+with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     curves = read_curves(snakemake.input.curves)
     splines = read_splines(snakemake.input.curves)
     surface = loft_surface(curves, LoftSettings(**snakemake.params.settings), splines)

@@ -17,7 +17,7 @@ from cccd.store import (
 from cccd.surface.export import read_surface
 from cccd.surface.measure import measure_surface, volume_warnings
 
-with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
+with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     structure = read_structure(snakemake.input.structure)
     curves, splines = read_curves(snakemake.input.curves), read_splines(snakemake.input.curves)
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)

@@ -6,7 +6,7 @@ from cccd.junctions.contours import order_contours
 from cccd.settings.junctions import InferenceSettings
 from cccd.store import read_boundaries, read_structure, write_contours
 
-with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
+with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     structure = read_structure(snakemake.input.structure)
     boundaries = read_boundaries(snakemake.input.boundaries)
     model = load_model(snakemake.input.model)

@@ -7,7 +7,7 @@ from cccd.segmentation.segment import segment, write_segmentation
 from cccd.segmentation.sources import read_scan
 from cccd.settings.imports import ImportSettings
 
-with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards)):
+with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     row, reading = snakemake.params.row, ImportSettings(**snakemake.params.reading)
     image = read_scan(row, Path(snakemake.params.sheet_folder), reading, snakemake.params.seed)
     found = segment(image, snakemake.input.model or snakemake.params.segmenter, row["organ"])

@@ -5,7 +5,7 @@ from cccd.settings.surface import WallSettings
 from cccd.solids.shared_walls import read_organs, share_walls
 from cccd.store import write_conforming
 
-with job(snakemake.log[0], snakemake.wildcards.case):
+with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     organs = read_organs(snakemake.input.structures, snakemake.input.meshes)
     shared = share_walls(organs, WallSettings(**snakemake.params.settings))
     write_conforming(snakemake.output[0], shared.surface, shared.report())

@@ -7,7 +7,7 @@ from cccd.store import atomic_path, read_conforming
 from cccd.surface.formats import NOTE
 
 case, organ = snakemake.wildcards.case, snakemake.wildcards.organ
-with job(snakemake.log[0], f"{case}/{organ}"):
+with job(snakemake.log[0], f"{case}/{organ}", snakemake.input, snakemake.output):
     mesh = surface_of(read_conforming(snakemake.input[0]), organ)
     with atomic_path(snakemake.output[0]) as path:
         write_ply(path, mesh, NOTE)

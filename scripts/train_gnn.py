@@ -4,7 +4,7 @@ from cccd.job import job
 from cccd.junctions.loop import train_model
 from cccd.settings.junctions import NetworkSettings
 
-with job(snakemake.log[0], "GNN training"):
+with job(snakemake.log[0], "GNN training", snakemake.input, snakemake.output):
     start = snakemake.input.start[0] if snakemake.input.start else None
     train_model(
         snakemake.input.graphs,

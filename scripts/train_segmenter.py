@@ -11,7 +11,7 @@ from cccd.settings.imports import ImportSettings
 from cccd.settings.segmentation import SegmentationSettings
 from cccd.store import write_table
 
-with job(snakemake.log[0], f"segmenter {snakemake.wildcards.network}"):
+with job(snakemake.log[0], f"segmenter {snakemake.wildcards.network}", snakemake.input, snakemake.output):
     settings = SegmentationSettings(**snakemake.params.settings)
     reading, rows = ImportSettings(**snakemake.params.reading), snakemake.params.rows
     folder, seed = Path(snakemake.params.sheet_folder), snakemake.params.seed

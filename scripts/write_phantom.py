@@ -7,7 +7,7 @@ from cccd.volumes.phantom_files import describe_scan, scan_phantom, write_scan, 
 
 organ = snakemake.wildcards.organ
 output = snakemake.output
-with job(snakemake.log[0], f"phantoms/{organ}"):
+with job(snakemake.log[0], f"phantoms/{organ}", snakemake.input, snakemake.output):
     settings = PhantomSettings(**snakemake.params.settings)
     for n, distance in enumerate(snakemake.params.distances):
         structure = scan_phantom(organ, distance, settings, snakemake.params.seed)

@@ -113,7 +113,9 @@ class Surface:
         """Return the mesh for PyVista; needs the extra ``view``."""
         return self.lofted.mesh.to_polydata()
 
-    def write(self, path: str | Path, contour_spacing_mm: float | None = None) -> Path:
+    def write(
+        self, path: str | Path, contour_spacing_mm: float | None = None, keep_patient: bool = False
+    ) -> Path:
         """Write the surface; the suffix chooses the format.
 
         Parameters
@@ -124,6 +126,8 @@ class Surface:
             grid) or ``.dcm`` (contours, RTSTRUCT). All or nothing is written.
         contour_spacing_mm : float, optional
             Distance of the RTSTRUCT's planes; that of the scan's slices by default.
+        keep_patient : bool
+            The RTSTRUCT says who the patient is, as the scan's DICOM files do.
 
         Returns
         -------
@@ -135,7 +139,8 @@ class Surface:
         InputError
             An unknown suffix, or a format whose extra is not installed.
         """
-        write_surface(path, self.lofted, Scan(self.name, contour_spacing_mm, self.series))
+        scan = Scan(self.name, contour_spacing_mm, self.series, keep_patient)
+        write_surface(path, self.lofted, scan)
         return Path(path)
 
 

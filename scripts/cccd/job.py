@@ -1,23 +1,39 @@
-"""What every job of the workflow does around its work: a log, and errors in one line."""
+"""What every job of the workflow does around its work: a log, and errors in one line.
+
+In a batch (several structures in one job of a cluster) Snakemake ends all when one fails, and takes away what
+the others made. There, a job that fails leaves placeholders instead of its outputs and ends well; jobs that
+would read them do the same; and the end of the run takes the placeholders away, lists what failed and ends
+with an error (`workflow/rules/common.smk`).
+"""
 
 from __future__ import annotations
 
 import contextlib
 import errno
 import logging
+import os
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from cccd.errors import InputError
 from cccd.extras import missing_extra
 
-__all__ = ["job"]
+__all__ = ["BATCH", "job", "take_placeholders_away"]
+
+#: Stands in the environment of the jobs of a batch.
+BATCH = "CCCD_BATCH"
+
+#: What stands in a file in place of an output, and where the placeholders of a run are listed.
+_PLACEHOLDER = b"CCCD: what this file is made of failed\n"
+_LISTS = Path("logs") / "placeholders"
 
 
 @contextlib.contextmanager
-def job(log: str | Path, name: str) -> Iterator[logging.Logger]:
+def job(
+    log: str | Path, name: str, inputs: Iterable[str | Path] = (), outputs: Iterable[str | Path] = ()
+) -> Iterator[logging.Logger]:
     """Run a job's body: log to ``log``, and end with one clear line when the input is at fault.
 
     Parameters
@@ -28,13 +44,24 @@ def job(log: str | Path, name: str) -> Iterator[logging.Logger]:
         start, for what ends the process at once: a kill, or a crash in a library.
     name : str
         What the user calls the work, e.g. ``"mni152/brain"``.
+    inputs, outputs : iterable of path
+        The job's files.
 
     Raises
     ------
     SystemExit
-        With status 1 after any error; the traceback of an unexpected one goes to the log only.
+        With status 1 after any error; the traceback of an unexpected one goes to the log only. In a batch
+        with status 0, after an error that another attempt would meet again, and where an input is a
+        placeholder.
     """
-    log = Path(log)
+    log, outputs = Path(log), [*map(Path, outputs)]
+    in_batch = BATCH in os.environ and bool(outputs)
+    if any(map(_is_placeholder, inputs)):
+        if in_batch:
+            _leave_placeholders(log, outputs)
+        else:
+            print(f"{name}: left out, for a structure that it is made of failed", file=sys.stderr)
+        sys.exit(0 if in_batch else 1)
     log.parent.mkdir(parents=True, exist_ok=True)
     failed = log.with_name(f"{log.name}.failed")
 
@@ -64,5 +91,45 @@ def job(log: str | Path, name: str) -> Iterator[logging.Logger]:
         logger.error("%s\n%s", line, traceback.format_exc())
         tell(line)
         print(f"Error: {line}", file=sys.stderr)
+        if in_batch and not isinstance(error, (MemoryError, ModuleNotFoundError, OSError)):
+            _leave_placeholders(log, outputs)
+            sys.exit(0)
         sys.exit(1)
     failed.unlink(missing_ok=True)
+
+
+def _is_placeholder(path: str | Path) -> bool:
+    try:
+        return (
+            os.path.getsize(path) == len(_PLACEHOLDER)
+            and os.path.isfile(path)
+            and Path(path).read_bytes() == _PLACEHOLDER
+        )
+    except OSError:
+        return False
+
+
+def _leave_placeholders(log: Path, outputs: list[Path]) -> None:
+    """Write placeholders, and first list them: the next run takes away what a killed one left."""
+    _LISTS.mkdir(parents=True, exist_ok=True)
+    lines = "".join(f"{path}\n" for path in outputs)
+    (_LISTS / log.as_posix().replace("/", "_")).write_text(lines, encoding="utf-8")
+    for path in outputs:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(_PLACEHOLDER)
+
+
+def take_placeholders_away() -> bool:
+    """Remove the placeholders that batches left, so that their jobs run again; say whether there were any.
+
+    Called where the workflow runs, when none of its jobs does.
+    """
+    lists = sorted(_LISTS.glob("*")) if _LISTS.is_dir() else []
+    found = False
+    for file in lists:
+        for path in map(Path, file.read_text(encoding="utf-8").splitlines()):
+            if _is_placeholder(path):
+                path.unlink()
+                found = True
+        file.unlink()
+    return found

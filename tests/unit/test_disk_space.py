@@ -18,7 +18,7 @@ def test_room_is_asked_of_the_disk_and_replaced_files_count_once(tmp_path, monke
     check_room(results, files)
     assert asked == [tmp_path]
     free.free = needed - 1
-    with pytest.raises(InputError, match="results: 1.4 MB free, and this run writes 1.4 MB at least"):
+    with pytest.raises(InputError, match="free, and this run writes"):
         check_room(results, files)
     files[0].parent.mkdir(parents=True)
     files[0].write_bytes(bytes(1000))

@@ -27,6 +27,7 @@ from cccd.disk_space import check_room
 from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
 from cccd.extras import check_extra
+from cccd.job import BATCH, take_placeholders_away
 from cccd.model_header import check_model, check_start, read_segmenter_plan
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.settings.junctions import NetworkSettings
@@ -41,6 +42,14 @@ REPORTED_FORMATS = SOLID_FORMATS | TETRAHEDRA_FORMATS
 
 #: The library's folder; its files decide which stages run again.
 LIBRARY = Path(cccd.__file__).parent
+
+
+if workflow.remote_exec:
+    # a job of a cluster: its structures fail one by one, and not all because of one
+    os.environ[BATCH] = "1"
+elif not any(Path(".snakemake", "locks").glob("*")):
+    # those of a run that was killed before it could take them away; of one that still goes on they stay
+    take_placeholders_away()
 
 
 def find_file(name):
@@ -571,7 +580,10 @@ def failures():
 
 
 def tell_where_results_are():
-    """End a good run by saying where to look."""
+    """End a good run by saying where to look; one whose batches left out what failed is none."""
+    if take_placeholders_away():
+        list_failures()
+        sys.exit(1)
     for file in ("results/report.html", *for_structures("surface.ply")):
         if Path(file).exists():
             print(Path(file).resolve())
@@ -579,6 +591,7 @@ def tell_where_results_are():
 
 def list_failures():
     """End a bad run: every failure in one line, and a report of the structures that are finished."""
+    take_placeholders_away()
     lines = failures()
     if lines:
         print(f"\n{len(lines)} failed:", *lines, sep="\n  ", file=sys.stderr)

@@ -15,6 +15,7 @@ LOFTING = leave(
     "formats",
     "case_formats",
     "contour_spacing_mm",
+    "keep_patient",
     "step_tolerance_mm",
     "solid",
     "tetrahedra",
@@ -151,7 +152,7 @@ rule export_surface:
         runtime=minutes(10),
     params:
         library=library("export_surface", *WRITERS),
-        contour_spacing_mm=config["surface"]["contour_spacing_mm"],
+        settings=pick("surface", "contour_spacing_mm", "keep_patient"),
     script:
         "../../scripts/export_surface.py"
 

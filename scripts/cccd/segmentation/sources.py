@@ -37,7 +37,9 @@ def read_scan(row: Mapping[str, str], folder: Path, settings: ImportSettings, se
         return scan_phantom(row["case"], row["organ"], settings, seed)[0]
     if not row["image"]:
         raise InputError(row["location"], "it has no image to segment", "give the scan in the column image")
-    return read_image(existing(folder / row["image"], "image"), row["source"], settings.fill_gaps)
+    return read_image(
+        existing(folder / row["image"], "image"), row["source"], settings.fill_gaps, settings.limits
+    )
 
 
 def read_labelled_scan(

@@ -13,6 +13,7 @@ __all__ = [
     "PHANTOM_ORGANS",
     "DamageSettings",
     "ImportSettings",
+    "LimitSettings",
     "PhantomSettings",
     "RegionSettings",
     "ScanSettings",
@@ -147,6 +148,51 @@ class DamageSettings(Section):
     )
 
 
+class LimitSettings(Section):
+    """What a file may ask for; one that asks for more is refused in one line, before its voxels are read."""
+
+    most_slices: int = setting(
+        20_000,
+        "slices of a volume, or images of a series",
+        why="Several times a whole body at half a millimetre.",
+        unit="count",
+        expert=True,
+        ge=1,
+    )
+    most_pixels: int = setting(
+        100_000_000,
+        "pixels of one slice",
+        why="10,000 squared: micrographs have fewer.",
+        unit="px",
+        expert=True,
+        ge=1,
+    )
+    most_voxels: int = setting(
+        4_000_000_000,
+        "voxels of a volume",
+        why="A packed file of some megabytes can promise a thousand times its size; these are 8 GB.",
+        unit="voxels",
+        expert=True,
+        ge=1,
+    )
+    most_contours: int = setting(
+        100_000,
+        "drawn contours of one region (RTSTRUCT)",
+        why="Dozens on every slice of a whole body.",
+        unit="count",
+        expert=True,
+        ge=1,
+    )
+    most_contour_points: int = setting(
+        20_000_000,
+        "points of all these contours together",
+        why="Drawn contours have some hundred points each; these are half a gigabyte.",
+        unit="count",
+        expert=True,
+        ge=1,
+    )
+
+
 class ImportSettings(Section):
     """How a structure is read and cropped (section ``import``)."""
 
@@ -181,6 +227,12 @@ class ImportSettings(Section):
         expert=True,
         gt=0,
         le=20,
+    )
+    limits: LimitSettings = setting(
+        LimitSettings(),
+        "what a file may ask for",
+        why="A damaged or hostile header must not fill the memory.",
+        expert=True,
     )
     region: RegionSettings = setting(
         RegionSettings(),

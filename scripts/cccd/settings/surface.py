@@ -627,6 +627,11 @@ class LoftSettings(Section):
         unit="mm",
         gt=0,
     )
+    keep_patient: bool = setting(
+        False,
+        "the RTSTRUCT says who the patient is, as the scan's DICOM files do",
+        why="Archives file it by that; but results are passed on, and nothing else in them names anybody.",
+    )
     step_tolerance_mm: float = setting(
         0.2,
         "solids (step, iges, brep): 99 % of their surface lies so near to the mesh",

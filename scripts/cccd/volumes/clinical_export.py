@@ -40,6 +40,7 @@ def write_rtstruct(
     name: str,
     spacing_mm: float | None = None,
     reference: str | Path | None = None,
+    keep_patient: bool = False,
 ) -> None:
     """Write a closed mesh as one ROI of a DICOM RTSTRUCT.
 
@@ -56,8 +57,11 @@ def write_rtstruct(
     spacing_mm : float, optional
         Distance of the planes, counted from the first slice; the slice spacing by default.
     reference : path, optional
-        Folder of the DICOM series that the surface came from. Patient, study, frame of reference and the
-        slices themselves are then referred to; otherwise the object refers to no other.
+        Folder of the DICOM series that the surface came from. Study, frame of reference and the slices
+        themselves are then referred to by their UIDs; otherwise the object refers to no other.
+    keep_patient : bool
+        Copy who the patient is, and the dates, numbers and names of the study, from the series. Otherwise
+        these are empty.
 
     Raises
     ------
@@ -86,6 +90,8 @@ def write_rtstruct(
         raise InputError(str(path), "no plane meets the surface", "choose a smaller spacing_mm")
     slices = [] if reference is None else _reference_slices(Path(reference))
     dataset = _structure_set(loops, name, slices, normal, spacing)
+    if keep_patient and slices:
+        _copy_identity(slices[0], dataset)
     dataset.save_as(path, enforce_file_format=True)
 
 
@@ -114,7 +120,7 @@ def _item(**attributes: object) -> Dataset:
     return dataset
 
 
-#: What identifies patient and study, copied from the source series.
+#: What identifies patient and study.
 _IDENTITY = (
     "PatientName",
     "PatientID",
@@ -179,7 +185,7 @@ def _digest(loops: list[tuple[float, FloatArray]], name: str, source: Dataset) -
 
 
 def _identified_dataset(name: str, source: Dataset, seed: str) -> Dataset:
-    """Structure set of patient, study and frame of reference of the source, without contours."""
+    """Structure set of study and frame of reference of the source, without contours and of nobody."""
 
     def uid(part: str) -> UID:
         return generate_uid(entropy_srcs=[seed, part])
@@ -194,10 +200,8 @@ def _identified_dataset(name: str, source: Dataset, seed: str) -> Dataset:
     dataset.Modality = "RTSTRUCT"
     dataset.SeriesInstanceUID = uid("series")
     dataset.StudyInstanceUID = str(source.get("StudyInstanceUID") or uid("study"))
-    if source.get("SpecificCharacterSet"):
-        dataset.SpecificCharacterSet = source.SpecificCharacterSet
-    for keyword in _IDENTITY:
-        setattr(dataset, keyword, source.get(keyword, ""))
+    for keyword in _IDENTITY:  # the standard wants them there, be they empty
+        setattr(dataset, keyword, "")
     dataset.SeriesNumber = None
     dataset.Manufacturer = "CCCD"
     dataset.OperatorsName = ""
@@ -207,6 +211,14 @@ def _identified_dataset(name: str, source: Dataset, seed: str) -> Dataset:
     dataset.StructureSetDate = dataset.StructureSetTime = ""
     dataset.ApprovalStatus = "UNAPPROVED"
     return dataset
+
+
+def _copy_identity(source: Dataset, dataset: Dataset) -> None:
+    """Write who the patient is, and which study it was, into a data set."""
+    if source.get("SpecificCharacterSet"):
+        dataset.SpecificCharacterSet = source.SpecificCharacterSet
+    for keyword in _IDENTITY:
+        setattr(dataset, keyword, source.get(keyword, ""))
 
 
 def _frame_of_reference(dataset: Dataset, source: Dataset, images: list[Dataset]) -> Dataset:

@@ -15,18 +15,22 @@ from pydicom.errors import InvalidDicomError
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
+from cccd.settings.imports import LimitSettings
 from cccd.settings.messages import choices
 from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY, SAME_HEADER, SAME_POSITION_PX
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.volumes.labels import choose_labels
+from cccd.volumes.limits import check_count, check_size
 from cccd.volumes.readers import guarded
 
 __all__ = ["read_rtstruct", "read_seg", "read_series", "region_names", "segment_names"]
 
+_LIMITS = LimitSettings()
+#: Nothing that says whose scan it is: free text, such as a description, may.
 _HEADER = [
     "SOPInstanceUID",
     "SeriesInstanceUID",
-    "SeriesDescription",
+    "SeriesNumber",
     "Modality",
     "Rows",
     "Columns",
@@ -75,7 +79,7 @@ def _choose_series(folder: Path, modality: str | None) -> list[_Slice]:
     if len(series) > 1:
         named = [
             f"{files[0].path.parent.name} ({files[0].header.get('Modality', '?')}"
-            f" {str(files[0].header.get('SeriesDescription', '')).strip()}, {len(files)} images)"
+            f" series {files[0].header.get('SeriesNumber') or '?'}, {len(files)} images)"
             for files in series.values()
         ]
         raise InputError(
@@ -154,7 +158,9 @@ def _modality_pixels(path: Path) -> SingleArray:
     return (pixels.astype(np.float32) * np.float32(slope) + np.float32(intercept)).T
 
 
-def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = None) -> Volume:
+def read_series(
+    folder: Path, fill_gaps: bool = False, modality: str | None = None, limits: LimitSettings = _LIMITS
+) -> Volume:
     """Read the one image series in a folder (and the folders below).
 
     Parameters
@@ -165,6 +171,8 @@ def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = No
         Interpolate missing and unevenly spaced slices; otherwise they are an error.
     modality : str, optional
         Look at series of this modality only, e.g. ``"CT"``.
+    limits : LimitSettings
+        What the series may ask for.
 
     Returns
     -------
@@ -184,6 +192,7 @@ def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = No
             files = [_Slice(folder, pydicom.dcmread(folder, stop_before_pixels=True))]
         else:
             files = _choose_series(folder, modality)
+        check_size(_promised(files), limits, location)
         if len(files) == 1 and int(files[0].header.get("NumberOfFrames") or 1) > 1:
             return _read_multiframe(files[0].path)
         stack = _stack(location, files)
@@ -202,6 +211,13 @@ def read_series(folder: Path, fill_gaps: bool = False, modality: str | None = No
         instances=tuple(str(file.header.get("SOPInstanceUID", "")) for file in stack.files),
         frame_of_reference=str(stack.files[0].header.get("FrameOfReferenceUID", "")),
     )
+
+
+def _promised(files: list[_Slice]) -> tuple[int, int, int]:
+    """Pixels along a slice's two edges and images, as the headers of a series say."""
+    header = files[0].header
+    frames = int(header.get("NumberOfFrames") or 1) if len(files) == 1 else len(files)
+    return int(header.get("Rows") or 1), int(header.get("Columns") or 1), frames
 
 
 def _stack_affine(location: str, stack: _Stack) -> tuple[FloatArray, float]:
@@ -272,7 +288,9 @@ def _read_multiframe(path: Path) -> Volume:
     return Volume(data, affine, path.name, frame_of_reference=frame)
 
 
-def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volume:
+def read_seg(
+    path: Path, label: str, organ: str, series: Volume | None, limits: LimitSettings = _LIMITS
+) -> Volume:
     """Read segments of a DICOM SEG as one mask.
 
     Parameters
@@ -286,6 +304,8 @@ def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volum
         The row's organ.
     series : Volume, optional
         The image series, to check that the segmentation refers to it.
+    limits : LimitSettings
+        What the object may ask for.
 
     Returns
     -------
@@ -301,6 +321,8 @@ def read_seg(path: Path, label: str, organ: str, series: Volume | None) -> Volum
 
     location = path.name
     with guarded(location, "not a readable DICOM SEG", "export the segmentation again"):
+        header = pydicom.dcmread(path, stop_before_pixels=True)
+        check_size(_promised([_Slice(path, header)]), limits, location)
         seg = highdicom.seg.segread(path)
         names = _segment_names(seg)
         referenced = _referenced(seg)
@@ -365,7 +387,9 @@ def _referenced(seg: pydicom.Dataset) -> set[str]:
     }
 
 
-def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[FloatArray]], str]:
+def read_rtstruct(
+    path: Path, label: str, organ: str, limits: LimitSettings = _LIMITS
+) -> tuple[list[list[FloatArray]], str]:
     """Read the contours of regions of interest (ROIs).
 
     Parameters
@@ -374,6 +398,8 @@ def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[FloatAr
         RTSTRUCT object.
     label, organ : str
         See `read_seg`; the labels here are ROI names or numbers.
+    limits : LimitSettings
+        What the object may ask for.
 
     Returns
     -------
@@ -406,6 +432,9 @@ def read_rtstruct(path: Path, label: str, organ: str) -> tuple[list[list[FloatAr
             )
         with guarded(location, f"ROI {names[number]!r} is damaged", "export the structure set again"):
             sequence = items[number].get("ContourSequence", []) if number in items else []
+            check_count(len(sequence), limits, "contours", location)
+            points = sum(len(item.get("ContourData") or []) for item in sequence) // 3
+            check_count(points, limits, "contour_points", location)
             contours = [_contour(location, names[number], item) for item in sequence]
         if not contours:
             filled = {n: names[n] for n, item in items.items() if item.get("ContourSequence") and n in names}

@@ -11,6 +11,7 @@ import numpy as np
 from cccd.dicom_objects import dicom_modality
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
+from cccd.settings.imports import LimitSettings
 from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE
 from cccd.volumes.grid import Volume, on_grid
@@ -20,11 +21,14 @@ from cccd.volumes.readers import SUFFIXES, read_volume, without_suffix
 __all__ = ["label_values", "list_labels", "organ_of_labels", "read_boundary_maps", "read_image", "read_mask"]
 
 
+_LIMITS = LimitSettings()
+
+
 def _is_dicom(path: Path) -> bool:
     return not path.name.lower().endswith(SUFFIXES) and dicom_modality(path) is not None
 
 
-def read_image(path: Path, source: str, fill_gaps: bool) -> Volume:
+def read_image(path: Path, source: str, fill_gaps: bool, limits: LimitSettings = _LIMITS) -> Volume:
     """Read grey values.
 
     Parameters
@@ -35,6 +39,8 @@ def read_image(path: Path, source: str, fill_gaps: bool) -> Volume:
         The row's source.
     fill_gaps : bool
         Interpolate missing slices of a series, see `read_series`.
+    limits : LimitSettings
+        What the file may ask for.
 
     Returns
     -------
@@ -50,9 +56,10 @@ def read_image(path: Path, source: str, fill_gaps: bool) -> Volume:
         from cccd.volumes.dicom import read_series  # slow to import
 
         # RIDER keeps a patient's CT and PET together
-        volume = read_series(path, fill_gaps, "CT" if path.is_dir() and source == "rider_lung" else None)
+        modality = "CT" if path.is_dir() and source == "rider_lung" else None
+        volume = read_series(path, fill_gaps, modality, limits)
     else:
-        volume = read_volume(path)
+        volume = read_volume(path, limits)
     bad = volume.data.size - int(np.isfinite(volume.data).sum())
     if bad:
         raise InputError(
@@ -61,7 +68,7 @@ def read_image(path: Path, source: str, fill_gaps: bool) -> Volume:
     return replace(volume, data=np.asarray(volume.data, np.float32))
 
 
-def read_boundary_maps(path: Path) -> Volume:
+def read_boundary_maps(path: Path, limits: LimitSettings = _LIMITS) -> Volume:
     """Read a stack of binary boundary maps.
 
     Returns
@@ -74,7 +81,7 @@ def read_boundary_maps(path: Path) -> Volume:
     InputError
         Not readable, not binary, or empty.
     """
-    volume = read_volume(path)
+    volume = read_volume(path, limits)
     if not np.isfinite(volume.data).all():
         raise InputError(volume.location, "it holds voxels that are not finite", "give binary boundary maps")
     values = np.unique(volume.data)
@@ -90,7 +97,13 @@ def read_boundary_maps(path: Path) -> Volume:
     return replace(volume, data=maps)
 
 
-def read_mask(path: Path, row: Mapping[str, str], implied: tuple[int, ...], image: Volume | None) -> Volume:
+def read_mask(
+    path: Path,
+    row: Mapping[str, str],
+    implied: tuple[int, ...],
+    image: Volume | None,
+    limits: LimitSettings = _LIMITS,
+) -> Volume:
     """Read an organ's mask.
 
     Parameters
@@ -103,6 +116,8 @@ def read_mask(path: Path, row: Mapping[str, str], implied: tuple[int, ...], imag
         Labels that the cohort's layout implies, of which some may be missing; empty where it implies none.
     image : Volume, optional
         The image, to which a SEG has to refer.
+    limits : LimitSettings
+        What the file may ask for.
 
     Returns
     -------
@@ -116,15 +131,15 @@ def read_mask(path: Path, row: Mapping[str, str], implied: tuple[int, ...], imag
     """
     label, organ = row["label"], row["organ"]
     if path.is_dir():
-        return _read_mask_folder(path, label or organ)
+        return _read_mask_folder(path, label or organ, limits)
     if _is_dicom(path):
         modality = dicom_modality(path)
         if modality != "SEG":
             raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
         from cccd.volumes.dicom import read_seg  # slow to import
 
-        return read_seg(path, label, organ, image)
-    return organ_of_labels(read_volume(path), label, organ, implied)
+        return read_seg(path, label, organ, image, limits)
+    return organ_of_labels(read_volume(path, limits), label, organ, implied)
 
 
 def list_labels(path: Path) -> dict[str, str]:
@@ -168,15 +183,15 @@ def _mask_files(folder: Path) -> dict[str, Path]:
     return {name: file for name, file in named if name is not None}
 
 
-def _read_mask_folder(folder: Path, label: str) -> Volume:
+def _read_mask_folder(folder: Path, label: str, limits: LimitSettings) -> Volume:
     """Unite one-organ masks of a folder, named as TotalSegmentator names them: ``liver.nii.gz``."""
     files = _mask_files(folder)
     if not files:
         raise InputError(folder.name, "no masks in this folder", "give a label volume, or a folder of masks")
     names = [part.strip() for part in label.split(",")]
-    united = _read_named(folder, files, names[0])
+    united = _read_named(folder, files, names[0], limits)
     for name in names[1:]:
-        volume = _read_named(folder, files, name)
+        volume = _read_named(folder, files, name, limits)
         aligned = on_grid(volume, united.affine, united.shape, fill=False)
         if aligned is None:
             raise InputError(
@@ -187,11 +202,11 @@ def _read_mask_folder(folder: Path, label: str) -> Volume:
     return united
 
 
-def _read_named(folder: Path, files: Mapping[str, Path], name: str) -> Volume:
+def _read_named(folder: Path, files: Mapping[str, Path], name: str, limits: LimitSettings) -> Volume:
     """Read one mask of a folder."""
     if name not in files:
         raise InputError(folder.name, f"no mask of {name!r} in this folder", nearest(name, files))
-    return organ_of_labels(read_volume(files[name]), "", name)
+    return organ_of_labels(read_volume(files[name], limits), "", name)
 
 
 def organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, ...] = ()) -> Volume:

@@ -167,7 +167,11 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings,
         return _Scan(_frame(mask, settings), image.data, mask.data, provenance=provenance)
     row, implied = complete_row(row, folder)
     paths = {name: existing(folder / row[name], name) for name in ("image", "mask", "boundary") if row[name]}
-    image = read_image(paths["image"], row["source"], settings.fill_gaps) if "image" in paths else None
+    image = (
+        read_image(paths["image"], row["source"], settings.fill_gaps, settings.limits)
+        if "image" in paths
+        else None
+    )
     if "mask" in paths:
         paths["mask"] = object_in(paths["mask"])
     if "mask" in paths and paths["mask"].is_file() and dicom_modality(paths["mask"]) == "RTSTRUCT":
@@ -208,7 +212,7 @@ def _scan_of_contours(
     """Read drawn contours, and of the image the slices that they were drawn on."""
     from cccd.volumes.dicom import read_rtstruct  # slow to import
 
-    rois, reference = read_rtstruct(path, row["label"], row["organ"])
+    rois, reference = read_rtstruct(path, row["label"], row["organ"], settings.limits)
     drawn = [contour for roi in rois for contour in roi]
     if not drawn:
         raise InputError(path.name, "its ROI holds points only", "choose another ROI")
@@ -236,8 +240,9 @@ def _scan_of_voxels(
     settings: ImportSettings,
 ) -> _Scan:
     """Read mask and boundary maps, or find the organ in the image, and move all to one grid."""
-    mask = read_mask(paths["mask"], row, implied, image) if "mask" in paths else None
-    boundary = read_boundary_maps(paths["boundary"]) if "boundary" in paths else None
+    limits = settings.limits
+    mask = read_mask(paths["mask"], row, implied, image, limits) if "mask" in paths else None
+    boundary = read_boundary_maps(paths["boundary"], limits) if "boundary" in paths else None
     provenance: dict[str, Any] = {}
     drawn = mask if boundary is None else boundary
     if drawn is None:

@@ -21,8 +21,10 @@ from nibabel.spatialimages import SpatialImage
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
+from cccd.settings.imports import LimitSettings
 from cccd.sidecar_files import VoxelHeader, read_voxel_header
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
+from cccd.volumes.limits import check_size
 
 __all__ = ["SUFFIXES", "guarded", "read_itk", "read_nifti", "read_volume", "without_suffix"]
 
@@ -38,6 +40,7 @@ def without_suffix(name: str) -> str | None:
     return None if suffix is None else name[: -len(suffix)]
 
 
+_LIMITS = LimitSettings()
 #: Deflate packs at most this many bytes into one.
 _DEFLATE_RATIO = 1032
 #: NRRD fields are never longer than so many bytes; Teem crashes on some that are.
@@ -72,19 +75,19 @@ def guarded(location: str, problem: str, hint: str) -> Iterator[None]:
         raise InputError(location, f"{problem} ({reason})", hint) from None
 
 
-def read_volume(path: Path) -> Volume:
+def read_volume(path: Path, limits: LimitSettings = _LIMITS) -> Volume:
     """Read a volume from one file, by its name: nibabel for NIfTI, Analyze and MGH, SimpleITK for all else.
 
     Raises
     ------
     InputError
-        Not readable, truncated, not 3-D, or with an unusable grid.
+        Not readable, truncated, larger than the limits, not 3-D, or with an unusable grid.
 
     See Also
     --------
     read_nifti, read_itk
     """
-    return read_nifti(path) if path.name.lower().endswith(_NIFTI) else read_itk(path)
+    return (read_nifti if path.name.lower().endswith(_NIFTI) else read_itk)(path, limits)
 
 
 def _spatial(data: AnyArray, location: str) -> AnyArray:
@@ -139,7 +142,7 @@ def _voxel_file(path: Path) -> Path | None:
     return path.parent / name
 
 
-def read_nifti(path: Path) -> Volume:
+def read_nifti(path: Path, limits: LimitSettings = _LIMITS) -> Volume:
     """Read NIfTI-1/2, Analyze or MGH with nibabel, scaled as its header says.
 
     The affine is the sform where it is set, otherwise the qform.
@@ -155,6 +158,7 @@ def read_nifti(path: Path) -> Volume:
         if not isinstance(image, SpatialImage):
             raise InputError(location, "not a volume", "give a 3-D volume")
         affine = check_affine(image.affine, location)
+    check_size(image.shape[:3], limits, location)
     with guarded(location, "damaged or truncated", "copy or download the file again"):
         voxels = Path(image.file_map["image"].filename or path)
         ratio = _DEFLATE_RATIO if voxels.name.lower().endswith("gz") else 1
@@ -173,7 +177,7 @@ def _is_oriented(image: AnalyzeImage) -> bool:
     return any(int(header[code]) for code in ("sform_code", "qform_code") if code in header)
 
 
-def read_itk(path: Path) -> Volume:
+def read_itk(path: Path, limits: LimitSettings = _LIMITS) -> Volume:
     """Read NRRD, MHA/MHD or another format of SimpleITK.
 
     Raises
@@ -188,6 +192,7 @@ def read_itk(path: Path) -> Volume:
         known = location.lower().endswith((".nrrd", ".nhdr", ".mha", ".mhd"))
         voxels = _voxel_file(path) if known else path
         reader.ReadImageInformation()
+        check_size(reader.GetSize(), limits, location)
         if voxels is not None:
             _check_promise(math.prod(map(int, reader.GetSize())), _DEFLATE_RATIO, voxels)
         image = reader.Execute()

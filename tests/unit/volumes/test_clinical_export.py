@@ -96,7 +96,9 @@ def test_rtstruct_on_its_series(tmp_path):
     frame = Frame(affine, 2, shape)
     centre = affine[:3, :3] @ (np.array(shape) / 2) + affine[:3, 3]
     mesh = ball_mesh(centre)
-    write_rtstruct(tmp_path / "rt.dcm", mesh, frame, name="ball", reference=tmp_path / "dicom")
+    write_rtstruct(
+        tmp_path / "rt.dcm", mesh, frame, name="ball", reference=tmp_path / "dicom", keep_patient=True
+    )
     written = pydicom.dcmread(tmp_path / "rt.dcm")
     assert written.PatientName == series[0].PatientName
     assert written.StudyInstanceUID == series[0].StudyInstanceUID

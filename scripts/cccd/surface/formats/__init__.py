@@ -32,6 +32,8 @@ class Scan:
         Distance of contours' planes; None for the scan's slices.
     series : Path or None
         Folder of the DICOM series that the file shall refer to.
+    keep_patient : bool
+        Whether that file says who the patient is.
     tolerance_mm : float
         99 % of a solid's surface shall lie so near to the mesh.
     solid : SolidSettings
@@ -43,6 +45,7 @@ class Scan:
     organ: str = "surface"
     contour_spacing_mm: float | None = None
     series: Path | None = None
+    keep_patient: bool = False
     tolerance_mm: float = _DEFAULT.step_tolerance_mm
     solid: SolidSettings = _DEFAULT.solid
     tetrahedra: TetrahedraSettings = _DEFAULT.tetrahedra

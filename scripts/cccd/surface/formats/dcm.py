@@ -20,4 +20,5 @@ def write(path: Path, surface: Surface, scan: Scan) -> None:
         name=scan.organ,
         spacing_mm=scan.contour_spacing_mm,
         reference=scan.series,
+        keep_patient=scan.keep_patient,
     )

@@ -1,0 +1,137 @@
+"""Scans that ask for too much, and scans that say whose they are."""
+
+import numpy as np
+import pydicom
+import pytest
+from scans import (
+    ROOT,
+    dicom_affine,
+    grey,
+    organ,
+    outlines,
+    row,
+    settings,
+    write_itk,
+    write_nifti,
+    write_seg,
+    write_series,
+    write_structure_set,
+)
+
+from cccd import store
+from cccd.errors import InputError
+from cccd.geometry.mesh import Mesh
+from cccd.report.case_page import build_case_page
+from cccd.volumes import load_structure
+from cccd.volumes.clinical_export import write_rtstruct
+
+MASK = organ()  # 44 x 38 x 14 voxels
+MARK = "Zaphod"
+TEMPLATES = ROOT / "workflow" / "report"
+WHO = f"<img src=x onerror=steal()>^{MARK}"
+#: What PS3.15, annex E, has removed of these, and free text in which people write names.
+IDENTITY = (
+    *("PatientName", "PatientID", "OtherPatientNames", "PatientAddress", "PatientComments", "StudyID"),
+    *("StudyDescription", "SeriesDescription", "InstitutionName", "ReferringPhysicianName", "OperatorsName"),
+    *("AccessionNumber", "RequestingPhysician", "ProtocolName", "ImageComments"),
+)
+
+
+def identified_series(folder):
+    """A series with its organ as SEG and RTSTRUCT, in each of which every such attribute names somebody."""
+    affine = dicom_affine()
+    series = write_series(folder / "scan", grey(MASK), affine)
+    write_seg(folder / "seg.dcm", {"organ": MASK}, series, ["organ"])
+    write_structure_set(folder / "rt.dcm", {"organ": outlines(MASK, affine)})
+    for path in [*folder.rglob("*.dcm")]:
+        dataset = pydicom.dcmread(path)
+        for keyword in IDENTITY:
+            setattr(dataset, keyword, WHO if keyword.endswith(("Name", "Names")) else MARK)
+        dataset.save_as(path)
+
+
+@pytest.mark.parametrize("mask", ["seg.dcm", "rt.dcm"])
+def test_who_the_patient_is_stays_in_the_scan(tmp_path, mask):
+    identified_series(tmp_path)
+    structure = load_structure(row(image="scan", mask=mask), tmp_path, settings())
+    store.write_structure(tmp_path / "structure.h5", structure)
+    assert MARK.encode() not in (tmp_path / "structure.h5").read_bytes()
+    assert MARK not in str(structure.provenance) + str(structure.warnings)
+
+
+def test_nor_does_a_message_say_it(tmp_path):
+    identified_series(tmp_path)
+    write_series(tmp_path / "scan" / "again", grey(MASK), dicom_affine(), uid=MARK)
+    with pytest.raises(InputError, match="2 DICOM series") as caught:
+        load_structure(row(image="scan", mask="seg.dcm"), tmp_path, settings())
+    assert MARK not in str(caught.value)
+
+
+@pytest.mark.parametrize("keep", [False, True])
+def test_the_structure_set_says_it_when_asked(tmp_path, keep):
+    identified_series(tmp_path)
+    frame = load_structure(row(image="scan", mask="seg.dcm"), tmp_path, settings()).frame
+    corners = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]], float)
+    corners += frame.affine[:3, :3] @ [20, 20, 5] + frame.affine[:3, 3]
+    mesh = Mesh(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+    path = tmp_path / "out.dcm"
+    write_rtstruct(path, mesh, frame, name="x", reference=tmp_path / "scan", keep_patient=keep)
+    written = pydicom.dcmread(path)
+    assert (MARK.encode() in path.read_bytes()) == keep
+    assert (str(written.PatientName) == WHO) == keep
+    # it belongs to the scan either way
+    first = pydicom.dcmread(next((tmp_path / "scan").glob("*.dcm")))
+    assert written.StudyInstanceUID == first.StudyInstanceUID
+    assert written.FrameOfReferenceUID == first.FrameOfReferenceUID
+
+
+def test_names_of_labels_are_text_on_a_page(tmp_path):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
+    mesh = Mesh(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+    told = {"organ": "a", "name": WHO + "</script><script>steal()", "color": "#ffffff", "volume_ml": 1.0}
+    scene = {"case": "<b>case</b>", "organs": [told]}
+    build_case_page(scene, {"a": mesh}, 1000, TEMPLATES, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "&lt;img" in page
+    assert "<img src=x" not in page
+    assert "<script>steal" not in page
+    assert "<b>case" not in page
+
+
+def asks(folder, kind):
+    """Write the organ in one way, and give the columns that name it."""
+    affine = dicom_affine()
+    if kind == "nifti":
+        write_nifti(folder / "m.nii.gz", MASK.astype(np.uint8), affine)
+    elif kind == "nrrd":
+        write_itk(folder / "m.nrrd", MASK.astype(np.uint8), affine)
+    elif kind == "rtstruct":
+        write_structure_set(folder / "m.dcm", {"organ": outlines(MASK, affine)})
+    else:
+        series = write_series(folder / "scan", grey(MASK), affine)
+        write_seg(folder / "m.dcm", {"organ": MASK}, series, ["organ"])
+    names = {"nifti": "m.nii.gz", "nrrd": "m.nrrd"}
+    return {"image": "scan" if kind == "series" else "", "mask": names.get(kind, "m.dcm")}
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "most"),
+    [
+        ("nifti", "slices", 14),
+        ("nifti", "pixels", 44 * 38),
+        ("nrrd", "voxels", MASK.size),
+        ("series", "slices", 14),
+        ("series", "pixels", 44 * 38),
+        ("seg", "voxels", 44 * 38),
+        ("rtstruct", "contours", 3),
+        ("rtstruct", "contour_points", 20),
+    ],
+)
+def test_what_a_file_may_ask_for(tmp_path, kind, limit, most):
+    columns = asks(tmp_path, kind)
+    load_structure(row(**columns), tmp_path, settings())
+    limits = {f"most_{limit}": most - 1}
+    with pytest.raises(InputError, match=f"are allowed; set import.limits.most_{limit} higher") as caught:
+        load_structure(row(**columns), tmp_path, settings(limits=limits))
+    assert "\n" not in str(caught.value)
+    assert f"and {most - 1} are allowed" in str(caught.value)
