@@ -54,11 +54,11 @@ def job(
         with status 0, after an error that another attempt would meet again, and where an input is a
         placeholder.
     """
-    log, outputs = Path(log), [*map(Path, outputs)]
-    in_batch = BATCH in os.environ and bool(outputs)
+    log, made = Path(log), [Path(path) for path in outputs]
+    in_batch = BATCH in os.environ and bool(made)
     if any(map(_is_placeholder, inputs)):
         if in_batch:
-            _leave_placeholders(log, outputs)
+            _leave_placeholders(log, made)
         else:
             print(f"{name}: left out, for a structure that it is made of failed", file=sys.stderr)
         sys.exit(0 if in_batch else 1)
@@ -92,7 +92,7 @@ def job(
         tell(line)
         print(f"Error: {line}", file=sys.stderr)
         if in_batch and not isinstance(error, (MemoryError, ModuleNotFoundError, OSError)):
-            _leave_placeholders(log, outputs)
+            _leave_placeholders(log, made)
             sys.exit(0)
         sys.exit(1)
     failed.unlink(missing_ok=True)
