@@ -156,7 +156,7 @@ def _add_segment(commands: Any) -> None:
     segment.add_argument("input", type=Path, help="scan (NIfTI, NRRD, MHA) or the folder of a DICOM series")
     segment.add_argument(
         "--segmenter", required=True, metavar="WEIGHTS",
-        help="a file of weights (model.pt), weights that are shipped (hippocampus), or totalsegmentator",
+        help="weights (model.pt, or shipped: hippocampus), totalsegmentator, or nnunetv2:FOLDER",
     )  # fmt: skip
     segment.add_argument("--organ", help="what to look for; default: what the weights were trained to find")
     segment.add_argument(

@@ -33,7 +33,11 @@ from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.settings.junctions import NetworkSettings
 from cccd.project import shipped_weights
 from cccd.settings.messages import nearest
-from cccd.settings.segmentation import INSTALLED_SEGMENTERS, SEGMENTERS
+from cccd.settings.segmentation import (
+    INSTALLED_SEGMENTERS,
+    SEGMENTERS,
+    is_installed_segmenter,
+)
 from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.validation import validate_config
 
@@ -140,7 +144,7 @@ def segmenter_file():
 
     A network's name means the weights that this sheet's rows of role train give.
     """
-    if SEGMENTER is None or SEGMENTER in INSTALLED_SEGMENTERS:
+    if SEGMENTER is None or is_installed_segmenter(SEGMENTER):
         return []
     if SEGMENTER in SEGMENTERS:
         if all(row["role"] != "train" for row in COHORT):
@@ -161,7 +165,7 @@ def segmenter_file():
 
 def segmenter_labels():
     """Label values of the segmenter's masks, as the sheet's column label has them."""
-    if SEGMENTER in INSTALLED_SEGMENTERS:
+    if is_installed_segmenter(SEGMENTER):
         return "1"
     if SEGMENTER in SEGMENTERS:
         return ",".join(map(str, config["segmentation"]["labels"] or [1]))
@@ -348,17 +352,26 @@ def for_pages():
 def comparison_inputs(comparison):
     """What the comparison's function asks for -> the files it is read from; none where it may do without."""
     return {
-        name: [
-            (
-                f"results/{file}"
-                if INPUTS[name].shared
-                else f"results/{{case}}/{{organ}}/{file}"
-            )
-            for file in INPUTS[name].files
-            if NETWORKED or not INPUTS[name].optional
-        ]
+        name: (
+            shipped_files
+            if INPUTS[name].shipped
+            else [
+                (
+                    f"results/{file}"
+                    if INPUTS[name].shared
+                    else f"results/{{case}}/{{organ}}/{file}"
+                )
+                for file in INPUTS[name].files
+                if NETWORKED or not INPUTS[name].optional
+            ]
+        )
         for name in comparison.inputs
     }
+
+
+def shipped_files(wildcards):
+    """Weights of the segmentation networks that come along for the structure's organ."""
+    return [near(path) for path in shipped_weights(wildcards.organ)]
 
 
 def comparison_settings(comparison):

@@ -146,7 +146,8 @@ def segmenters(cohort: Cohort) -> str:
     table = paper_tables.segmenters(cohort)
     dice = table.groupby(["given", "method"], sort=False)["dice_percent"].mean()
     paper = table.groupby("method")["paper_dice_percent"].first()
-    networks = dice["the image"]
+    grey = dice["the image"]
+    networks = grey[~grey.index.str.startswith(CCCD)]
     ranked = networks.sort_values(ascending=False)
     scores = [_percent(score, paper[name]) for name, score in ranked.items()]
     told = _listed([f"{name} {score}" for name, score in zip(ranked.index, scores, strict=True)])
@@ -162,11 +163,13 @@ def segmenters(cohort: Cohort) -> str:
     quoted = paper[networks.index]
     theirs = f"{int((paper[f'{CCCD}, {FINEST}'] > quoted).sum())} of {len(quoted)}"
     lost = [dice[name, f"{CCCD}, {FINEST}"] - networks[name] for name in networks.index]
+    alone = grey.get(f"{CCCD}, {FINEST}")
     return (
         f"On the same scans: {told}. CCCD at {FINEST} on the true mask has "
         f"{_percent(finest, paper[f'{CCCD}, {FINEST}'])}, above {_beside(above, theirs)} networks; it is "
         f"told where the organ is, and on the networks' masks it changes their Dice by {min(lost):+.2f} to "
         f"{max(lost):+.2f} points. The paper's order of two holds for {held} of {len(pairs)} pairs."
+        + (f" Where a threshold stands for a network, CCCD at {FINEST} has {alone:.1f} %." if alone else "")
     )
 
 

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
 from cccd.containers import Boundaries, Curves
+from cccd.geometry.arrays import IntArray, RealArray
 
 __all__ = ["Orderer", "load_orderers"]
 
-#: Orders boundary pixels into closed curves.
-Orderer = Callable[[Boundaries], Curves]
+
+class Orderer(Protocol):
+    """Orders boundary pixels into closed curves."""
+
+    def __call__(
+        self,
+        boundaries: Boundaries,
+        image: RealArray | None = None,
+        image_origin: Sequence[int] | IntArray = (0, 0, 0),
+    ) -> Curves:
+        """Order; an image (S, I, J), whose first voxel is ``image_origin``, is read beside the pixels."""
+        ...
 
 
 def load_orderers(*paths: str | Path) -> list[Orderer]:
@@ -26,4 +38,12 @@ def _load_orderer(path: str | Path) -> Orderer:
     from cccd.junctions.checkpoint import load_model
 
     model = load_model(path)
-    return lambda boundaries: order_boundaries(boundaries, model)[0]
+
+    def order(
+        boundaries: Boundaries,
+        image: RealArray | None = None,
+        image_origin: Sequence[int] | IntArray = (0, 0, 0),
+    ) -> Curves:
+        return order_boundaries(boundaries, model, image, image_origin)[0]
+
+    return order

@@ -7,51 +7,82 @@ trained on other individuals are shipped.
 from __future__ import annotations
 
 import time
-from typing import Any
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from cccd.boundary import extract_boundaries
+from cccd.comparisons.k_sweep import middle_curve
+from cccd.comparisons.orderers import Orderer
 from cccd.comparisons.paper_k import AUTOMATIC, CCCD, OUTLINES
-from cccd.containers import Frame, Structure
+from cccd.containers import Curves, FittedCurves, Frame, Panel, SliceFigure, Structure
 from cccd.curves import corner_splines, describe_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import bytes_per_slice
-from cccd.geometry.arrays import BoolArray
+from cccd.errors import InputError
+from cccd.geometry.arrays import BoolArray, IntArray
 from cccd.geometry.mesh import Mesh
-from cccd.metrics import surface_distances
-from cccd.project import shipped_weights
-from cccd.reconstruction import fit_and_loft
+from cccd.metrics import dice, surface_distances
+from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
-from cccd.settings.imports import ImportSettings, PhantomSettings
+from cccd.settings.imports import ImportSettings, PhantomSettings, RegionSettings
 from cccd.settings.surface import LoftSettings
+from cccd.surface.loft import loft_surface
 from cccd.tracing import trace_stack
+from cccd.volumes.grid import Volume
+from cccd.volumes.regions import find_region
 
-__all__ = ["COLUMNS", "TRUE_MASK", "compare_segmenters"]
+if TYPE_CHECKING:  # torch takes seconds to load
+    from cccd.segmentation.model import Segmenter
 
-#: What CCCD starts from where no network made the mask.
-TRUE_MASK = "the true mask"
+__all__ = ["COLUMNS", "THE_IMAGE", "TRUE_MASK", "compare_segmenters", "load_segmenters", "network_figures"]
+
+#: What CCCD starts from where no network made the mask: the mask that is the truth, or no mask at all.
+TRUE_MASK, THE_IMAGE = "the true mask", "the image"
 
 COLUMNS = (
     "method", "given", "dice_percent", "assd_mm", "hd95_mm", "parameters", "points_per_slice",
     "bytes_per_slice", "seconds_per_slice", "surface_assd_mm",
 )  # fmt: skip
 
+#: The network whose outline stands in Figure 14 (d).
+_DRAWN = "h_denseunet"
+
 #: Points on each surface whose distances are averaged.
 _SAMPLES = 20_000
 
 
+def load_segmenters(*paths: str | Path) -> list[Segmenter]:
+    """Load the segmentation networks that are shipped for an organ, each with its plan."""
+    from cccd.segmentation.model import load_segmenter
+
+    return [load_segmenter(path) for path in paths]
+
+
 def compare_segmenters(
-    structure: Structure, fitting: CurveSettings, lofting: LoftSettings, seed: int
+    structure: Structure,
+    segmenters: Sequence[Segmenter],
+    orderers: Sequence[Orderer],
+    edges: BoundarySettings,
+    fitting: CurveSettings,
+    lofting: LoftSettings,
+    seed: int,
 ) -> pd.DataFrame:
-    """Measure every shipped network on a phantom, and CCCD on its true mask and on each network's mask.
+    """Measure networks on a phantom, and CCCD on its true mask, on each network's mask and on the image.
 
     Parameters
     ----------
     structure : Structure
         Of any other source than a phantom there are no rows.
-    fitting, lofting
-        Sections ``curves`` and ``surface`` of the configuration.
+    segmenters : sequence of (module, plan)
+        From `load_segmenters`.
+    orderers : sequence of Orderer
+        The first one orders the edges of the image; without one there are no such rows.
+    edges, fitting, lofting
+        Sections ``boundaries``, ``curves`` and ``surface`` of the configuration.
     seed : int
         The cohort's; it makes the phantom.
 
@@ -60,47 +91,115 @@ def compare_segmenters(
     DataFrame
         Columns as in `COLUMNS`. Masks are compared in 3D on the scan's grid. ``bytes_per_slice`` is a bit per
         pixel of the scan's slices for a mask, and 8 bytes per control point, as the paper counts, for CCCD.
-        ``surface_assd_mm`` is the distance between the surface that the best network's mask leads to and the
-        true one.
+        ``surface_assd_mm`` is the distance between the surface that a network's mask leads to and the true
+        one.
     """
-    files = shipped_weights(structure.organ) if structure.provenance.get("source") == "phantom" else []
-    if not files:
+    if not segmenters or structure.provenance.get("source") != "phantom":
         return pd.DataFrame(columns=list(COLUMNS))
-    from cccd.segmentation.inference import labels_of, probabilities  # torch takes seconds to load
-    from cccd.segmentation.model import load_segmenter
     from cccd.segmentation.networks import NETWORKS, parameters
+
+    scan, truth = _whole_scan(structure, seed)
+    frame = Frame(scan.affine, structure.frame.slice_axis, scan.shape)
+    traced = _traced(truth, frame)
+    if (one := middle_curve(traced)) is not None:
+        describe_curves(one, fitting)  # compiled before anything is timed
+    rows, _ = _cccd_rows(traced, truth, TRUE_MASK, frame, fitting)
+    if orderers and (curves := _curves_of_image(scan, frame, orderers[0], edges)) is not None:
+        rows += _cccd_rows(curves, truth, THE_IMAGE, frame, fitting)[0]
+    for model, plan in segmenters:
+        title = NETWORKS[plan.network].title
+        begun = time.process_time()
+        mask = _found((model, plan), scan)
+        seconds = (time.process_time() - begun) / scan.shape[frame.slice_axis]
+        row: dict[str, Any] = {"method": title, "given": THE_IMAGE, **_compare(mask, truth, frame)}
+        row |= {"parameters": parameters(model), "seconds_per_slice": seconds}
+        row["bytes_per_slice"] = np.ceil(_stack(mask, frame)[0].size / 8)
+        described, fitted = _cccd_rows(_traced(mask, frame), truth, title, frame, fitting)
+        if structure.truth is not None:
+            row["surface_assd_mm"] = _surface_distance(fitted, structure.truth, lofting)
+        rows += [row, *described]
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def network_figures(
+    structure: Structure,
+    segmenters: Sequence[Segmenter],
+    orderers: Sequence[Orderer],
+    edges: BoundarySettings,
+    fitting: CurveSettings,
+    lofting: LoftSettings,
+    seed: int,
+) -> dict[str, SliceFigure]:
+    """Outline what a network finds on the slice of Figure 14, its panel (d); nothing where it is not shipped.
+
+    Parameters as in `compare_segmenters`.
+    """
+    drawn = next((pair for pair in segmenters if pair[1].network == _DRAWN), None)
+    if drawn is None or structure.provenance.get("source") != "phantom":
+        return {}
+    from cccd.segmentation.networks import NETWORKS
+
+    own = middle_curve(trace_stack(structure.required_stack("mask"), structure.stack_origin, structure.frame))
+    if own is None:
+        return {}
+    scan, truth = _whole_scan(structure, seed)
+    frame = Frame(scan.affine, structure.frame.slice_axis, scan.shape)
+    first, *corner = _stack_offset(scan, structure.frame)
+    layer = int(own.slice[0]) - first
+    true, found = (_stack(mask, frame)[layer] for mask in (truth, _found(drawn, scan)))
+    outline = middle_curve(trace_stack(found[None], (0, *corner), structure.frame))
+    if outline is None:
+        return {}
+    detail = f"{len(outline.points)} pixels, Dice {100 * dice(found, true):.2f} %"
+    layers = {"boundary": own.points, "spline": outline.points}
+    return {"figure14": SliceFigure([Panel(NETWORKS[_DRAWN].title, layers, detail)])}
+
+
+def _whole_scan(structure: Structure, seed: int) -> tuple[Volume, BoolArray]:
+    """Scan a phantom with all that is around the organ; its true mask."""
     from cccd.segmentation.sources import scan_phantom
 
     told = {key: structure.provenance[key] for key in PhantomSettings.model_fields}
     reading = ImportSettings(phantom=PhantomSettings(**told))
-    scan, truth = scan_phantom(structure.case, structure.organ, reading, seed)
-    frame = Frame(scan.affine, structure.frame.slice_axis, scan.shape)
-    rows = _cccd_rows(truth, truth, TRUE_MASK, frame, fitting)
-    masks: dict[str, BoolArray] = {}
-    for file in files:
-        model, plan = load_segmenter(file)
-        title = NETWORKS[plan.network].title
-        begun = time.process_time()
-        mask = labels_of(probabilities(model, scan, plan), plan) > 0
-        seconds = (time.process_time() - begun) / scan.shape[frame.slice_axis]
-        row: dict[str, Any] = {"method": title, "given": "the image", **_compare(mask, truth, frame)}
-        row |= {"parameters": parameters(model), "seconds_per_slice": seconds}
-        row["bytes_per_slice"] = np.ceil(mask[:, :, 0].size / 8)
-        rows += [row, *_cccd_rows(mask, truth, title, frame, fitting)]
-        masks[title] = mask
-    table = pd.DataFrame(rows, columns=list(COLUMNS))
-    networks = table[table["given"] == "the image"]
-    best = int(networks["dice_percent"].to_numpy().argmax())
-    if structure.truth is not None:
-        mask = list(masks.values())[best]
-        away = _surface_distance(mask, frame, structure.truth, fitting, lofting)
-        table.loc[networks.index[best], "surface_assd_mm"] = away
-    return table
+    return scan_phantom(structure.case, structure.organ, reading, seed)
+
+
+def _found(segmenter: Segmenter, scan: Volume) -> BoolArray:
+    from cccd.segmentation.inference import labels_of, probabilities
+
+    model, plan = segmenter
+    return np.asarray(labels_of(probabilities(model, scan, plan), plan) > 0)
 
 
 def _stack(mask: BoolArray, frame: Frame) -> BoolArray:
     """Put a mask's slices first."""
     return np.ascontiguousarray(np.moveaxis(mask, frame.slice_axis, 0))
+
+
+def _traced(mask: BoolArray, frame: Frame) -> Curves:
+    return trace_stack(_stack(mask, frame), (0, 0, 0), frame)
+
+
+def _stack_offset(scan: Volume, frame: Frame) -> IntArray:
+    """Index (k, i, j) in a frame of a scan's first voxel; both have the same voxels."""
+    index = np.rint(np.linalg.solve(frame.affine, scan.affine[:, 3])[:3]).astype(int)
+    return np.concatenate([index[[frame.slice_axis]], np.delete(index, frame.slice_axis)])
+
+
+def _curves_of_image(scan: Volume, frame: Frame, order: Orderer, edges: BoundarySettings) -> Curves | None:
+    """Curves of a scan without a mask: a threshold's region, edges near its border, the junction network.
+
+    None where the threshold finds nothing or no edge closes.
+    """
+    image = np.asarray(scan.data, np.float32)
+    try:
+        region, _ = find_region(image, scan.location, RegionSettings(), slice_axis=frame.slice_axis)
+        alone = Structure("", "", frame, np.zeros(3, int), image=image, region=region)
+        boundaries = extract_boundaries(alone, edges)
+    except InputError:
+        return None
+    curves = order(boundaries, alone.stack("image"), alone.stack_origin)
+    return curves if len(curves) else None
 
 
 def _compare(found: BoolArray, truth: BoolArray, frame: Frame) -> dict[str, float]:
@@ -111,41 +210,37 @@ def _compare(found: BoolArray, truth: BoolArray, frame: Frame) -> dict[str, floa
 
 
 def _cccd_rows(
-    mask: BoolArray, truth: BoolArray, given: str, frame: Frame, fitting: CurveSettings
-) -> list[dict[str, Any]]:
-    """CCCD's splines around a mask's slices, for the paper's k and with knots of their own choice."""
-    curves = trace_stack(_stack(mask, frame), (0, 0, 0), frame)
-    rows = []
-    for k in (*OUTLINES["figure14"], None):
+    curves: Curves, truth: BoolArray, given: str, frame: Frame, fitting: CurveSettings
+) -> tuple[list[dict[str, Any]], FittedCurves]:
+    """CCCD's splines along curves, for the paper's k and with knots of their own choice; the latter too."""
+    begun = time.process_time()
+    fitted = describe_curves(curves, fitting)
+    described = [(AUTOMATIC, fitted.splines, time.process_time() - begun)]
+    for k in reversed(OUTLINES["figure14"]):
         begun = time.process_time()
-        if k is None:
-            splines = describe_curves(curves, fitting).splines
-        else:
-            splines = corner_splines(curves, k_cosine_corners(curves.points, curves.offsets, k))
-        seconds = (time.process_time() - begun) / max(len(np.unique(curves.slice)), 1)
-        drawn = sample_splines(splines, per_pixel=2.0)
-        filled = drawn.rasterise((0, 0, 0), _stack(mask, frame).shape)
-        found = np.moveaxis(filled, 0, frame.slice_axis)
+        splines = corner_splines(curves, k_cosine_corners(curves.points, curves.offsets, k))
+        described.insert(0, (f"k = {k}", splines, time.process_time() - begun))
+    rows: list[dict[str, Any]] = []
+    for name, splines, seconds in described:
+        filled = sample_splines(splines, per_pixel=2.0).rasterise((0, 0, 0), _stack(truth, frame).shape)
         slices, owner = np.unique(splines.slice, return_inverse=True)
         points = np.bincount(owner, np.diff(splines.offsets), len(slices))
-        size = 8 * np.median(points) if k else np.median(bytes_per_slice(curves, splines)["spline"])
+        own_knots = name == AUTOMATIC
+        size = np.median(bytes_per_slice(curves, splines)["spline"]) if own_knots else 8 * np.median(points)
         rows.append(
             {
-                "method": f"{CCCD}, {f'k = {k}' if k else AUTOMATIC}",
+                "method": f"{CCCD}, {name}",
                 "given": given,
-                **_compare(found, truth, frame),
+                **_compare(np.moveaxis(filled, 0, frame.slice_axis), truth, frame),
                 "points_per_slice": float(np.median(points)),
                 "bytes_per_slice": float(size),
-                "seconds_per_slice": seconds,
+                "seconds_per_slice": seconds / len(np.unique(curves.slice)),
             }
         )
-    return rows
+    return rows, fitted
 
 
-def _surface_distance(
-    mask: BoolArray, frame: Frame, truth: Mesh, fitting: CurveSettings, lofting: LoftSettings
-) -> float:
-    """Average distance in mm between the surface that a mask leads to and the true one."""
-    curves = trace_stack(_stack(mask, frame), (0, 0, 0), frame)
-    mesh = fit_and_loft(curves, fitting, lofting).mesh
+def _surface_distance(fitted: FittedCurves, truth: Mesh, lofting: LoftSettings) -> float:
+    """Average distance in mm between the surface that a mask's curves lead to and the true one."""
+    mesh = loft_surface(fitted.curves, lofting, fitted.splines).mesh
     return surface_distances(mesh, truth, np.random.default_rng(0), _SAMPLES)["assd"]

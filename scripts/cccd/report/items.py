@@ -135,8 +135,20 @@ def figure_9(results: Results, item: Item) -> Plots:
 
 
 def figure_14(results: Results, item: Item) -> Plots:
-    """Draw CCCD's outlines for three k."""
-    return _on_a_slice(results, item, OUTLINE_LOOKS, 2.3)
+    """Draw CCCD's outlines for three k and, where there is one, a segmentation network's."""
+    chosen = results.shown(item)
+    if chosen is None:
+        return []
+    case, organ, figure = chosen
+    network = results.files(case, organ).figure("segmenters", item.key)
+    panels = [*figure.panels, *(network.panels if network else [])]
+    lettered = [
+        replace(panel, title=f"({letter}) {panel.title}")
+        for letter, panel in zip("abcd", panels, strict=False)
+    ]
+    caption = item.captions[0]
+    svg = draw_slice_figure(SliceFigure(lettered), item.key, caption, OUTLINE_LOOKS, 2.0)
+    return [(svg, f"{case} / {organ}, middle slice. {caption}")]
 
 
 def figure_10(results: Results, item: Item) -> Plots:

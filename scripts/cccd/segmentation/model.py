@@ -13,7 +13,10 @@ from cccd.segmentation.networks import build
 from cccd.segmentation.plan import Plan
 from cccd.torch_files import save_content
 
-__all__ = ["load_segmenter", "save_segmenter"]
+__all__ = ["Segmenter", "load_segmenter", "save_segmenter"]
+
+#: A network that is ready for use, and how to use it.
+Segmenter = tuple[nn.Module, Plan]
 
 
 def save_segmenter(path: str | Path, model: nn.Module, plan: Plan) -> None:
@@ -26,7 +29,7 @@ def save_segmenter(path: str | Path, model: nn.Module, plan: Plan) -> None:
     save_content(Path(path), {"segmenter": plan.as_plain(), "weights": weights})
 
 
-def load_segmenter(path: str | Path) -> tuple[nn.Module, Plan]:
+def load_segmenter(path: str | Path) -> Segmenter:
     """Read a trained network, ready for prediction on the CPU.
 
     Raises

@@ -103,8 +103,8 @@ def _centroids(inside: Tensor, batch: int) -> Tensor:
 
 
 def _reach(height: int, width: int) -> float:
-    """Largest radius that is looked at, in pixels: three quarters of the diagonal."""
-    return 0.75 * math.hypot(height, width)
+    """Largest radius that is looked at, in pixels: half the diagonal, as in the authors' repository."""
+    return 0.5 * math.hypot(height, width)
 
 
 def to_polar(slices: Tensor, centres: Tensor, mode: str = "bilinear") -> Tensor:
@@ -121,8 +121,7 @@ def to_polar(slices: Tensor, centres: Tensor, mode: str = "bilinear") -> Tensor:
     Returns
     -------
     (n, c, h, w) tensor
-        As many radii as rows, from 0 to three quarters of the diagonal; as many angles as columns, once
-        around.
+        As many radii as rows, from 0 to half the diagonal; as many angles as columns, once around.
     """
     height, width = slices.shape[2:]
     radius = torch.linspace(0, _reach(height, width), height, device=slices.device)[:, None]

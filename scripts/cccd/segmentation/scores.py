@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from monai.metrics.hausdorff_distance import compute_hausdorff_distance
-from monai.metrics.surface_distance import compute_average_surface_distance
+from monai.metrics.utils import get_edge_surface_distance
 
 from cccd.geometry.arrays import AnyArray
 from cccd.metrics import dice
@@ -41,8 +40,13 @@ def volume_scores(found: AnyArray, truth: AnyArray, spacing: AnyArray) -> dict[s
         return {"dice": same, "assd_mm": 0.0 if same else np.inf, "hd95_mm": 0.0 if same else np.inf}
     low, high = bounding_box(np.asarray(found | truth, bool))
     inside = tuple(slice(max(a - 1, 0), b + 2) for a, b in zip(low, high, strict=True))
-    pair = [torch.as_tensor(np.ascontiguousarray(mask[inside]))[None, None] for mask in (found, truth)]
+    one, other = (torch.as_tensor(np.ascontiguousarray(mask[inside])) for mask in (found, truth))
+    # MONAI makes both scores of the same distances, which take nearly all the time: measured once
     size = [float(mm) for mm in spacing]
-    hd95 = compute_hausdorff_distance(*pair, include_background=True, percentile=95, spacing=size)
-    assd = compute_average_surface_distance(*pair, include_background=True, symmetric=True, spacing=size)
-    return {"dice": float(dice(found, truth)), "assd_mm": float(assd), "hd95_mm": float(hd95)}
+    _, directed, _ = get_edge_surface_distance(one, other, spacing=size, symmetric=True)
+    ways = [torch.as_tensor(distances).double().numpy() for distances in directed]
+    return {
+        "dice": float(dice(found, truth)),
+        "assd_mm": float(np.concatenate(ways).mean()),
+        "hd95_mm": max(float(np.percentile(way, 95)) for way in ways),
+    }

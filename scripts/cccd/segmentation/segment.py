@@ -13,8 +13,9 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, SingleArray
 from cccd.model_header import read_segmenter_plan
 from cccd.project import PROJECT
-from cccd.segmentation.external import COMMANDS, run_external
+from cccd.segmentation.external import run_external
 from cccd.settings.messages import choices
+from cccd.settings.segmentation import INSTALLED_SEGMENTERS, is_installed_segmenter
 from cccd.store import atomic_path, write_json
 from cccd.volumes.grid import Volume
 from cccd.volumes.nifti_export import write_nifti
@@ -57,12 +58,12 @@ def find_segmenter(name: str) -> tuple[str, str]:
     InputError
         Neither a file, nor shipped, nor a segmenter that can be called.
     """
-    if name in COMMANDS:
+    if is_installed_segmenter(name):
         return name, ""
     shipped = PROJECT / "workflow" / "models" / "segmenters"
     path = next((path for path in (Path(name), shipped / name / "nnunet.pt") if path.is_file()), None)
     if path is None:
-        known = [folder.name for folder in sorted(shipped.glob("*/"))] + list(COMMANDS)
+        known = [folder.name for folder in sorted(shipped.glob("*/"))] + list(INSTALLED_SEGMENTERS)
         raise InputError(
             "--segmenter", f"there is no file {name} and none of that name is shipped", choices(known)
         )
@@ -77,7 +78,7 @@ def segment(image: Volume, segmenter: str | Path | Sequence[str], organ: str) ->
     image : Volume
         The whole scan.
     segmenter : path or str
-        A file of weights, or one of `cccd.segmentation.external.COMMANDS`.
+        A file of weights, or what `cccd.segmentation.external.run_external` knows.
     organ : str
         What to look for, for those who know several; else what messages name.
 
@@ -87,7 +88,7 @@ def segment(image: Volume, segmenter: str | Path | Sequence[str], organ: str) ->
         Weights of something else, a segmenter that is not installed, or nothing found.
     """
     name = str(segmenter if isinstance(segmenter, (str, Path)) else segmenter[0])
-    if name in COMMANDS:
+    if is_installed_segmenter(name):
         labels = run_external(name, image, organ)
         found = Segmentation(image, labels, (labels > 0).astype(np.float32), name, [])
     else:

@@ -34,7 +34,7 @@ logger = logging.getLogger(__name__)
 #: Weight of each further output's loss beside the final one's (deep supervision).
 _FURTHER = 0.5
 #: Held-out scans scored after every epoch, for the learning curve; `score_held_out` scores all.
-_WATCHED = 4
+_WATCHED = 2
 #: Share of the steps in which the learning rate rises.
 _RISING = 0.1
 _WEIGHT_DECAY = 1e-2

@@ -42,7 +42,8 @@ class Settings(Section):
         None,
         "makes masks of images: a network (nnunet, ...), a file of weights, totalsegmentator; null: none",
         why="Without one a threshold finds the organ (import.region). A network (nnunet, polar_unet, "
-        "kiunet_3d, h_denseunet, unet_3plus) is trained on the sheet's rows of role train.",
+        "kiunet_3d, h_denseunet, unet_3plus) is trained on the sheet's rows of role train; nnunetv2:FOLDER "
+        "calls nnU-Net's own command with a model that it trained.",
     )
     import_: ImportSettings = setting(
         ImportSettings(),

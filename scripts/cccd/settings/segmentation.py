@@ -8,7 +8,13 @@ from pydantic import Field
 
 from cccd.settings.section import Section, setting
 
-__all__ = ["INSTALLED_SEGMENTERS", "SEGMENTERS", "AugmentationSettings", "SegmentationSettings"]
+__all__ = [
+    "INSTALLED_SEGMENTERS",
+    "SEGMENTERS",
+    "AugmentationSettings",
+    "SegmentationSettings",
+    "is_installed_segmenter",
+]
 
 #: The networks by name, and as tables name them.
 SEGMENTERS = {
@@ -20,7 +26,17 @@ SEGMENTERS = {
 }
 
 #: Segmenters that are called by their own commands, where they are installed.
-INSTALLED_SEGMENTERS = ("totalsegmentator",)
+INSTALLED_SEGMENTERS = ("totalsegmentator", "nnunetv2:FOLDER")
+
+
+def is_installed_segmenter(name: str) -> bool:
+    """Whether a segmenter is called by its own command.
+
+    >>> is_installed_segmenter("nnunetv2:models/heart"), is_installed_segmenter("nnunet")
+    (True, False)
+    """
+    return name == "totalsegmentator" or name.startswith("nnunetv2:")
+
 
 _Patch = Annotated[int, Field(ge=32, le=512)]
 _Spacing = Annotated[float, Field(ge=0.1, le=20)]

@@ -1,5 +1,9 @@
 """A scan becomes labels and a surface by shipped weights; what cannot be done is said in one line."""
 
+import json
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -33,6 +37,47 @@ def test_an_installed_segmenter_that_is_absent_is_said(monkeypatch):
         run_external("totalsegmentator", Volume(np.zeros((4, 4, 4)), np.eye(4), "ct.nii.gz"), "liver")
 
 
+FAKE_NNUNET = """#!{python}
+import sys, nibabel as nib, numpy as np
+from pathlib import Path
+given = dict(zip(sys.argv[1::2], sys.argv[2::2]))
+scan = nib.load(Path(given["-i"], "scan_0000.nii.gz"))
+Path(given["-o"]).mkdir()
+labels = np.digitize(scan.get_fdata(), [10, 20]).astype(np.uint8)
+nib.save(nib.Nifti1Image(labels, scan.affine), Path(given["-o"], "scan.nii.gz"))
+"""
+
+
+def test_nnunet_s_own_command_gets_the_scan_and_its_label_table_names_the_organ(tmp_path, monkeypatch):
+    """The command is a stand-in with nnU-Net's arguments and files; nnU-Net itself is not installed here."""
+    image = Volume(np.arange(30.0).reshape(2, 3, 5), np.diag([1.0, 2.0, 3.0, 1.0]), "mr.nii.gz")
+    model = tmp_path / "nnUNetTrainer__nnUNetPlans__3d_fullres"
+    (model / "fold_0").mkdir(parents=True)
+    listing = {"channel_names": {"0": "MRI"}, "labels": {"background": 0, "anterior": 1, "whole": [1, 2]}}
+    (model / "dataset.json").write_text(json.dumps(listing))
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(InputError, match="is not installed; pip install nnunetv2"):
+        run_external(f"nnunetv2:{model}", image, "anterior")
+    command = tmp_path / "nnUNetv2_predict_from_modelfolder"
+    command.write_text(FAKE_NNUNET.format(python=sys.executable))
+    command.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    anterior = run_external(f"nnunetv2:{model}", image, "anterior")
+    assert np.array_equal(anterior, (image.data >= 10) & (image.data < 20))
+    monkeypatch.setenv("nnUNet_results", str(tmp_path.parent))
+    whole = run_external(f"nnunetv2:{tmp_path.name}", image, "Whole")
+    assert np.array_equal(whole, image.data >= 10)
+    with pytest.raises(InputError, match="no label 'heart'; choose one of anterior, whole"):
+        run_external(f"nnunetv2:{model}", image, "heart")
+    with pytest.raises(InputError, match="there is no trained nnU-Net elsewhere"):
+        run_external("nnunetv2:elsewhere", image, "heart")
+
+
+def test_an_organ_that_totalsegmentator_lacks_is_said_before_it_runs():
+    with pytest.raises(InputError, match="has no livre; did you mean 'liver'"):
+        run_external("totalsegmentator", Volume(np.zeros((4, 4, 4)), np.eye(4), "ct.nii.gz"), "livre")
+
+
 def test_a_label_that_the_mask_lacks_is_named_with_those_there_are(tmp_path):
     labels = np.zeros((5, 5, 5), np.uint8)
     labels[1:3], labels[3] = 1, 4
@@ -62,7 +107,7 @@ def test_phantoms_that_train_are_others_and_not_cropped_to_the_organ():
     settings = ImportSettings(phantom=PhantomSettings(spacing_mm=(5.0, 5.0, 5.0)))
     scans = [
         read_labelled_scan(
-            ROW | {"case": case, "organ": "kidney", "source": "phantom"}, None, settings, (), 3
+            ROW | {"case": case, "organ": "kidney", "source": "phantom"}, Path(), settings, (), 3
         )
         for case in ("train_1", "train_2")
     ]
