@@ -280,8 +280,11 @@ def contour_sources(wildcards):
 
 
 def ordering_settings(wildcards):
-    """Settings of the network's decoder, for the structures whose boundary pixels it orders."""
-    return config["gnn"]["inference"] if way_of(wildcards) == "order_contours" else {}
+    """Settings of the network's decoder, for the structures whose boundary pixels it orders; a row's parts."""
+    if way_of(wildcards) != "order_contours":
+        return {}
+    parts = row_of(wildcards)["parts"]
+    return config["gnn"]["inference"] | ({"parts": int(parts)} if parts else {})
 
 
 def for_structures(name, keys=None):

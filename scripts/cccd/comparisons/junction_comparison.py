@@ -149,8 +149,9 @@ def compare_decoders(
 def _changes(samples: Sequence[SyntheticMap], model: JunctionNetwork | PaperNetwork) -> dict[str, float]:
     """Per map: isolated corners (Figure 4), and pixels that the network's ordering dropped and bridged."""
     points, offsets = concatenate_ragged([sample.pixels for sample in samples])
-    frame = Frame(np.eye(4), 2, (1, 1, len(samples)))
-    maps = Boundaries(points, offsets, np.arange(len(samples), dtype=np.int32), frame)
+    frame = Frame(np.eye(4), 2, (1, 1, 2 * len(samples)))
+    numbers = 2 * np.arange(len(samples), dtype=np.int32)  # none is another's neighbour
+    maps = Boundaries(points, offsets, numbers, frame)
     counted = order_boundaries(maps, model)[1]
     return {name: counted[name] / len(samples) for name in _CHANGES}
 

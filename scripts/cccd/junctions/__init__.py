@@ -19,6 +19,7 @@ module               holds
 ``energy``           unary and pairwise terms, for training and inference
 ``cut``              the labelling of least energy, by minimum cut
 ``decoding``         labelled triangles to closed chains
+``parts``            no more pieces than an organ has on a slice; ``stacks``: slices beside others
 ``inference``        the forward path, batched over slices
 ``ordering``         a volume's boundary pixels to curves; ``contours``: a structure's
 ``random_masks``     synthetic organs; ``synthetic_images``, ``synthetic_maps``, ``labels``: images, noisy

@@ -21,6 +21,7 @@ from cccd.geometry.arrays import (
 )
 from cccd.junctions.delaunay import DelaunayGraph, fragments
 from cccd.junctions.energy import Logits, inference_energy, least_energy
+from cccd.junctions.parts import limit_parts
 from cccd.settings.junctions import InferenceSettings
 from cccd.tracing import trace_stack
 
@@ -69,14 +70,20 @@ def find_outline(graph: DelaunayGraph, settings: InferenceSettings) -> Outline:
     return Outline(enclosed, bool(masks.any() and (around <= observed).all() and left <= settings.tip_px))
 
 
-def label_inside(graph: DelaunayGraph, logits: Logits, settings: InferenceSettings) -> BoolArray:
-    """Inside triangles (T,) of one slice: those of the least energy that the logits give.
+def label_inside(
+    graph: DelaunayGraph, logits: Logits, settings: InferenceSettings, outline: Outline | None = None
+) -> BoolArray:
+    """Inside triangles (T,) of one slice: those of the least energy, in as many pieces as there may be.
 
     Maps that are outlines already are taken as they are; so are closed curves where the cut finds nothing.
+    The ``outline`` is found where it is not given.
     """
-    outline = find_outline(graph, settings)
-    cut = least_energy(graph, inference_energy(graph, logits, settings))
-    return cut if cut.any() and not outline.exact else outline.enclosed
+    outline = find_outline(graph, settings) if outline is None else outline
+    if outline.exact:
+        return outline.enclosed
+    energy = inference_energy(graph, logits, settings)
+    cut = limit_parts(graph, energy, least_energy(graph, energy), settings)
+    return cut if cut.any() else outline.enclosed
 
 
 # Loops ------------------------------------------------------------------------------------------------
@@ -184,7 +191,7 @@ def closed_chains(
     frame : Frame
         Of the source volume.
     settings : InferenceSettings
-        What counts as debris.
+        What counts as debris, and how many parts there may be; of more the largest stay, without holes.
     """
     traced = trace_stack(masks, (0, *origin), frame)
     area = np.abs(traced.polygons.signed_areas)
@@ -192,6 +199,11 @@ def closed_chains(
     np.maximum.at(largest, traced.slice, area)
     debris = np.maximum(settings.smallest_loop_px, settings.smallest_loop_share * largest)
     kept = area >= debris[traced.slice]
+    if settings.parts is not None:
+        kept &= ~traced.hole
+        among = np.where(kept, np.cumsum(kept), 0)  # larger ones first within a slice
+        before = np.concatenate([[0], np.cumsum(kept)])[np.searchsorted(traced.slice, traced.slice)]
+        kept &= among - before <= settings.parts
     points, offsets = concatenate_ragged([loop for loop, keep in zip(traced, kept, strict=True) if keep])
     numbers = np.asarray(numbers, np.int32)[traced.slice[kept]]
     return Curves(points, offsets, numbers, traced.hole[kept], frame)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 __all__ = [
+    "HELD",
     "Energy",
     "EnergyWeights",
     "Logits",
@@ -41,8 +42,9 @@ __all__ = [
 
 _Numbers = TypeVar("_Numbers", FloatArray, "Tensor")
 
-#: Unary energy of the triangles at the ghost points: above all that the others can gain.
-_NEVER_INSIDE = 1e9
+#: Unary energy of triangles that are held outside, those at the ghost points among them: above all that the
+#: others can gain.
+HELD = 1e9
 
 #: Logits that triangles (T,) are inside and that links (L,) are true.
 Logits = tuple[FloatArray, FloatArray]
@@ -113,5 +115,5 @@ def inference_energy(graph: DelaunayGraph, logits: Logits, settings: InferenceSe
 
 def least_energy(graph: DelaunayGraph, energy: Energy[FloatArray]) -> BoolArray:
     """Inside triangles (T,) of the least energy; those at the ghost points are outside."""
-    unary = np.where(graph.outer, _NEVER_INSIDE, energy.unary)
+    unary = np.where(graph.outer, HELD, energy.unary)
     return minimum_cut(unary, energy.pairwise, graph.neighbours, graph.triangle_links)

@@ -10,12 +10,13 @@ import numpy as np
 from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, RealArray
 from cccd.junctions.decoding import border_loops, fill_loops, find_outline
 from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
-from cccd.junctions.energy import Logits, inference_energy, least_energy
+from cccd.junctions.energy import Logits
 from cccd.junctions.grid import LinkPredictor, build_grid, find_chains
 from cccd.junctions.observation import ObservedSlice, observe
+from cccd.junctions.stacks import ReadSlice, label_slices
 from cccd.settings.junctions import InferenceSettings
 
-__all__ = ["DEFAULTS", "PRIOR", "Predictor", "infer_inside", "predict_masks"]
+__all__ = ["DEFAULTS", "PRIOR", "Predictor", "predict_masks", "read_slices"]
 
 #: What the shipped weights were trained and measured with.
 DEFAULTS = InferenceSettings()
@@ -54,34 +55,17 @@ class Prior:
 PRIOR = Prior()
 
 
-def infer_inside(
+def read_slices(
     slices: Sequence[ObservedSlice], predictor: Predictor, settings: InferenceSettings
-) -> list[BoolArray]:
-    """Inside triangles (T,) of every slice; the predictor is asked of maps that are no outlines already.
-
-    Parameters
-    ----------
-    slices : sequence of ObservedSlice
-        The predictor gets them as one batch.
-    predictor : Predictor
-    settings : InferenceSettings
-    """
+) -> list[ReadSlice]:
+    """Read slices as one batch; the predictor is asked of maps that are no outlines already."""
     outlines = [find_outline(observed.graph, settings) for observed in slices]
     doubtful = [observed for observed, outline in zip(slices, outlines, strict=True) if not outline.exact]
-    if not doubtful:
-        return [outline.enclosed for outline in outlines]
-    graphs = [observed.graph for observed in doubtful]
-    cuts = iter(
-        least_energy(graph, inference_energy(graph, logits, settings))
-        for graph, logits in zip(graphs, predictor.logits(doubtful), strict=True)
-    )
-    inside: list[BoolArray] = []
-    for outline in outlines:
-        cut = outline.enclosed if outline.exact else next(cuts)
-        inside.append(
-            cut if cut.any() else outline.enclosed
-        )  # closed curves stay where the cut finds nothing
-    return inside
+    logits = iter(predictor.logits(doubtful) if doubtful else [])
+    return [
+        ReadSlice(observed.graph, outline, None if outline.exact else next(logits))
+        for observed, outline in zip(slices, outlines, strict=True)
+    ]
 
 
 def _chain_loops(maps: Sequence[AnyArray], predictor: LinkPredictor) -> list[list[IntArray]]:
@@ -97,6 +81,7 @@ def predict_masks(
     predictor: Predictor | LinkPredictor | None,
     images: Sequence[RealArray | None],
     settings: InferenceSettings = DEFAULTS,
+    numbers: AnyArray | None = None,
 ) -> tuple[BoolArray, IntArray]:
     """Fill what each slice's boundary map encloses.
 
@@ -110,6 +95,9 @@ def predict_masks(
     images : sequence of (I, J) arrays or None
         Grey slice of each, in the pixels' coordinates.
     settings : InferenceSettings
+    numbers : (S,) int array, optional
+        Ascending numbers of the slices, which are read as a stack (`cccd.junctions.stacks`); without them
+        every slice is decided alone.
 
     Returns
     -------
@@ -117,19 +105,22 @@ def predict_masks(
     origin : (2,) int64 array
         Pixel of ``masks[:, 0, 0]``.
     """
+    if isinstance(predictor, LinkPredictor):
+        return _filled(_chain_loops(maps, predictor))
     shown = [None] * len(maps) if predictor is None else images
-    loops: list[list[IntArray]] = []
+    read: list[ReadSlice] = []
     for begin in range(0, len(maps), settings.slices_per_batch):
         batch = slice(begin, begin + settings.slices_per_batch)
-        if isinstance(predictor, LinkPredictor):
-            loops += _chain_loops(maps[batch], predictor)
-            continue
         slices = [observe(*both, settings) for both in zip(maps[batch], shown[batch], strict=True)]
-        inside = infer_inside(slices, predictor or PRIOR, settings)
-        for observed, within in zip(slices, inside, strict=True):
-            loops.append(border_loops(observed.graph, within))
+        read += read_slices(slices, predictor or PRIOR, settings)
+    inside = label_slices(read, np.arange(len(read)) * 2 if numbers is None else numbers, settings)
+    return _filled([border_loops(one.graph, within) for one, within in zip(read, inside, strict=True)])
+
+
+def _filled(loops: Sequence[Sequence[IntArray]]) -> tuple[BoolArray, IntArray]:
+    """Fill every slice's loops on one raster, just large enough; its origin."""
     corners = np.concatenate([np.zeros((0, 2), np.int64), *(loop for around in loops for loop in around)])
     if not len(corners):
-        return np.zeros((len(maps), 1, 1), bool), np.zeros(2, np.int64)
+        return np.zeros((len(loops), 1, 1), bool), np.zeros(2, np.int64)
     origin = corners.min(axis=0) - 1
     return fill_loops(loops, origin, corners.max(axis=0) + 2 - origin), origin

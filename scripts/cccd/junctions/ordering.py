@@ -54,7 +54,7 @@ def order_boundaries(
     maps = [pixels - corner for pixels in boundaries if len(pixels)]
     count = 0 if image is None else len(image)
     images = [image[k - first] if image is not None and 0 <= k - first < count else None for k in numbers]
-    masks, origin = predict_masks(maps, model, images, settings)
+    masks, origin = predict_masks(maps, model, images, settings, numbers)
     curves = closed_chains(masks, origin + corner, numbers, boundaries.frame, settings)
     return curves, _report(boundaries, curves)
 

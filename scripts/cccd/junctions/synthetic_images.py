@@ -21,15 +21,23 @@ from cccd.tolerances import CONTRAST
 __all__ = ["canny_map", "draw_image"]
 
 
-def draw_image(rng: np.random.Generator, mask: ByteArray) -> SingleArray:
+def draw_image(rng: np.random.Generator, mask: ByteArray, size_px: float | None = None) -> SingleArray:
     """Draw a grey slice in which the mask (I, J) is an organ.
+
+    Parameters
+    ----------
+    rng : Generator
+    mask : (I, J) uint8 array
+    size_px : float or None
+        What tissues are scaled by: the root of the mask's area when it is ``None``. Slices of one stack have
+        the same, so that equal generators draw the same tissues around each.
 
     Returns
     -------
     (I, J) float32 array
         Arbitrary units; the organ may be brighter or darker than its surroundings.
     """
-    size = float(np.sqrt(mask.sum()))
+    size = float(np.sqrt(mask.sum())) if size_px is None else size_px
     tissues = _tissues(rng, mask.shape, size)
     intensity = rng.uniform(0.2, 0.8)
     organ = _organ(rng, mask, intensity, size)

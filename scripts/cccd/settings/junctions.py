@@ -73,6 +73,50 @@ class KindWeights(Section):
 class InferenceSettings(Section):
     """From the network's logits to closed curves; training uses the same energy."""
 
+    parts: int | None = setting(
+        None,
+        "pieces of an organ on a slice at most, none of which has a hole; null: as the map says",
+        why="Most organs are one piece; a row's `parts` says it of one organ.",
+        unit="count",
+        ge=1,
+        le=100,
+    )
+    neighbour_nats: float = setting(
+        1.0,
+        "logits that a triangle gains from neighbouring slices, per standard deviation from their outline",
+        why="0.5, 1 and 2 were tried on stacks of the development seed; 0 decides every slice alone.",
+        unit="nat",
+        expert=True,
+        ge=0,
+        le=100,
+    )
+    neighbour_reach: float = setting(
+        3.0,
+        "standard deviations from that outline beyond which a triangle gains no more",
+        why="A slice's own map must be able to say otherwise; 2 and 5 did the same.",
+        unit="1",
+        expert=True,
+        gt=0,
+        le=100,
+    )
+    neighbour_spread_px: float = setting(
+        1.5,
+        "standard deviation of that outline where both neighbouring slices agree",
+        why="1 and 2.5 did as well.",
+        unit="px",
+        expert=True,
+        gt=0,
+        le=100,
+    )
+    neighbour_sweeps: int = setting(
+        2,
+        "times that all slices are decided again beside their neighbours",
+        why="A third changes next to nothing.",
+        unit="count",
+        expert=True,
+        ge=0,
+        le=20,
+    )
     border_cost: float = setting(
         1.0,
         "cost of a pixel of border per nat of doubt about its link",

@@ -1,0 +1,124 @@
+"""Slices of a stack decided together: where its neighbours have their outlines, a slice has its own.
+
+The outline that both neighbouring slices imply is the zero of the mean of their signed distances, as in
+shape-based interpolation (Raya and Udupa 1990); how far the two are apart says how sure that is. It counts as
+evidence beside the network's own, so that a slice whose map is clear stays as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
+from cccd.geometry.opencv import distance_to_zero
+from cccd.junctions.decoding import Outline, border_loops, fill_loops, label_inside
+from cccd.junctions.delaunay import DelaunayGraph
+from cccd.junctions.energy import Logits
+from cccd.settings.junctions import InferenceSettings
+
+__all__ = ["ReadSlice", "label_slices"]
+
+
+@dataclass(frozen=True, eq=False)
+class ReadSlice:
+    """A slice's graph, its outline, and its logits where the map is no outline already."""
+
+    graph: DelaunayGraph
+    outline: Outline
+    logits: Logits | None
+
+
+def label_slices(
+    slices: Sequence[ReadSlice], numbers: AnyArray, settings: InferenceSettings
+) -> list[BoolArray]:
+    """Inside triangles (T,) of every slice; slices of consecutive numbers are neighbours.
+
+    Parameters
+    ----------
+    slices : sequence of ReadSlice
+        All in the same coordinates.
+    numbers : (S,) int array
+        Ascending.
+    settings : InferenceSettings
+    """
+    zero = np.zeros(1)
+    inside = [_label(one, zero, settings) for one in slices]
+    changed = np.ones(len(slices), bool)
+    for _ in range(settings.neighbour_sweeps if settings.neighbour_nats else 0):
+        shapes = _Shapes(slices, inside, np.asarray(numbers, np.int64))
+        # what its neighbours say is new where one of them has changed
+        stale = [
+            n for n, one in enumerate(slices) if one.logits is not None and changed[shapes.known(n)].any()
+        ]
+        if not stale:
+            break
+        labels = {n: _label(slices[n], shapes.evidence(n, settings), settings) for n in stale}
+        changed = np.array([n in labels and bool((labels[n] != inside[n]).any()) for n in range(len(slices))])
+        inside = [labels.get(n, before) for n, before in enumerate(inside)]
+    return inside
+
+
+def _label(one: ReadSlice, evidence: FloatArray, settings: InferenceSettings) -> BoolArray:
+    """Label a slice whose triangles gain some evidence (T,)."""
+    if one.logits is None:
+        return one.outline.enclosed
+    within, link = one.logits
+    return label_inside(one.graph, (within + evidence, link), settings, one.outline)
+
+
+class _Shapes:
+    """What every slice encloses, and what that implies for its neighbours."""
+
+    def __init__(self, slices: Sequence[ReadSlice], inside: Sequence[BoolArray], numbers: IntArray):
+        self.slices, self.numbers = slices, numbers
+        loops = [border_loops(one.graph, within) for one, within in zip(slices, inside, strict=True)]
+        corners = np.concatenate([np.zeros((0, 2), np.int64), *(part for around in loops for part in around)])
+        self.origin = corners.min(axis=0, initial=0) - 1
+        self.loops, self.shape = loops, corners.max(axis=0, initial=0) + 2 - self.origin
+        self.distance = lru_cache(maxsize=4)(self._distance)
+
+    def _next_to(self, n: int, step: int) -> int | None:
+        """Find the slice ``step`` further, if it is there."""
+        other = n + step
+        there = 0 <= other < len(self.slices) and self.numbers[other] - self.numbers[n] == step
+        return other if there and self.loops[other] else None
+
+    def known(self, n: int) -> list[int]:
+        """Slices that say where the outline is: both neighbours, or one and the one behind it."""
+        both = [other for step in (-1, 1) if (other := self._next_to(n, step)) is not None]
+        if len(both) == 1:
+            behind = self._next_to(n, 2 * (both[0] - n))
+            both += [behind] if behind is not None else []
+        return both
+
+    def _distance(self, n: int) -> SingleArray:
+        """Signed distance (I, J) in pixels to a slice's outline, positive inside."""
+        mask = fill_loops([self.loops[n]], self.origin, self.shape)[0].astype(np.uint8)
+        return (
+            distance_to_zero(mask) - distance_to_zero(1 - mask) + np.where(mask, -0.5, 0.5).astype(np.float32)
+        )
+
+    def evidence(self, n: int, settings: InferenceSettings) -> FloatArray:
+        """Nats (T,) for inside that the neighbours of a slice give its triangles."""
+        known = self.known(n)
+        first = self.distance(known[0])
+        other = self.distance(known[1]) if len(known) > 1 else first
+        around = self._next_to(n, -1) is not None and self._next_to(n, 1) is not None
+        expected = (first + other) / 2 if around else first
+        apart = np.abs(first - other) * (0.5 if around else 1.0)
+        spread = np.hypot(settings.neighbour_spread_px * (1.0 if around else 2.0), apart)
+        score = np.clip(expected / spread, -settings.neighbour_reach, settings.neighbour_reach)
+        return settings.neighbour_nats * _over_triangles(self.slices[n].graph, score, self.origin)
+
+
+def _over_triangles(graph: DelaunayGraph, values: AnyArray, origin: IntArray) -> FloatArray:
+    """Mean (T,) of a raster's values (I, J) at four places of each triangle; beyond it, of its border."""
+    corners = graph.points[graph.triangles] - origin
+    centre = corners.mean(axis=1, keepdims=True)
+    at = np.rint(np.concatenate([centre, (corners + centre) / 2], axis=1)).astype(np.int64)
+    i, j = (np.clip(at[..., axis], 0, values.shape[axis] - 1) for axis in range(2))
+    return values[i, j].mean(axis=1).astype(float)

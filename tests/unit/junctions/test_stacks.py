@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+from cccd.geometry.opencv import border_pixels
+from cccd.junctions.decoding import fill_inside, find_outline
+from cccd.junctions.delaunay import build_graph
+from cccd.junctions.inference import DEFAULTS
+from cccd.junctions.stacks import ReadSlice, label_slices
+from cccd.metrics import dice
+
+SHAPE = (90, 90)
+
+
+def disc(radius):
+    i, j = np.indices(SHAPE) - 45
+    return (np.hypot(i, j) < radius).astype(np.uint8)
+
+
+def doubled(radius, true):
+    """A map of two circles, of which the network half believes the wrong one; its true mask."""
+    chains = [border_pixels(disc(r))[0] for r in (radius, radius + 5)]
+    line = np.column_stack([np.arange(2, 10), np.full(8, 45)])  # without it the map were a ring's outline
+    graph = build_graph(np.unique(np.vstack([*chains, line]), axis=0))
+    centre = np.hypot(*(graph.points[graph.triangles].mean(axis=1) - 45).T)
+    within = np.where(centre < radius - 0.5, 4.0, np.where(centre < radius + 4.5, 0.3, -4.0))
+    read = ReadSlice(graph, find_outline(graph, DEFAULTS), (within, np.zeros(len(graph.links))))
+    return read, disc(radius if true == "inner" else radius + 5)
+
+
+def clear(radius):
+    graph = build_graph(border_pixels(disc(radius))[0])
+    return ReadSlice(graph, find_outline(graph, DEFAULTS), None), disc(radius)
+
+
+def agreement(stack, numbers, settings=DEFAULTS):
+    found = []
+    labels = label_slices([read for read, _ in stack], np.array(numbers), settings)
+    for (read, truth), inside in zip(stack, labels, strict=True):
+        masks, origin = fill_inside(read.graph, inside)
+        drawn = np.zeros(SHAPE, bool)
+        drawn[tuple((np.argwhere(masks[0]) + origin).T)] = True
+        found.append(float(dice(truth > 0, drawn)))
+    return found
+
+
+def test_of_two_lines_the_one_is_taken_that_the_neighbours_have():
+    stack = [clear(26), doubled(25, "inner"), clear(24)]
+    alone = agreement(stack, [0, 10, 20])
+    together = agreement(stack, [3, 4, 5])
+    assert alone[1] < 0.9
+    assert min(together) > 0.99
+
+
+def test_what_both_neighbours_are_far_apart_on_says_little():
+    stack = [clear(38), doubled(25, "outer"), clear(15)]
+    assert agreement(stack, [0, 1, 2])[1] > 0.99
+
+
+@pytest.mark.parametrize("numbers", [[0, 2, 4], [0, 1, 3]])
+def test_only_slices_next_to_each_other_are_neighbours(numbers):
+    stack = [clear(26), doubled(25, "inner"), clear(24)]
+    alone = DEFAULTS.model_copy(update={"neighbour_nats": 0.0})
+    if numbers == [0, 2, 4]:
+        assert agreement(stack, numbers) == agreement(stack, numbers, alone)
+    else:  # one neighbour says something, too
+        assert agreement(stack, numbers)[1] > 0.99
+
+
+def test_a_part_that_stands_on_both_sides_is_there_in_between():
+    read, truth = clear(20)
+    line = np.column_stack([np.arange(4, 12), np.full(8, 45)])
+    graph = build_graph(np.vstack([border_pixels(truth)[0][8:], line]))  # open, and with what is none of it
+    logits = np.full(len(graph.triangles), -0.8), np.full(len(graph.links), -1.0)
+    doubted = ReadSlice(graph, find_outline(graph, DEFAULTS), logits)
+    stack = [(read, truth), (doubted, truth), (read, truth)]
+    assert agreement(stack, [0, 10, 20])[1] == 0
+    assert agreement(stack, [0, 1, 2])[1] > 0.95
+
+
+def test_a_stack_may_be_turned_upside_down_and_have_one_slice():
+    stack = [doubled(25, "inner"), doubled(25, "inner"), clear(24), clear(24)]
+    backwards = agreement(stack[::-1], [0, 1, 2, 3])[::-1]
+    assert agreement(stack, [0, 1, 2, 3]) == backwards
+    assert agreement(stack[:1], [7]) == agreement([stack[0]], [0])
