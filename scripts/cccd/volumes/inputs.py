@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +18,15 @@ from cccd.volumes.grid import Volume, on_grid
 from cccd.volumes.labels import choose_labels
 from cccd.volumes.readers import SUFFIXES, read_volume, without_suffix
 
-__all__ = ["label_values", "list_labels", "organ_of_labels", "read_boundary_maps", "read_image", "read_mask"]
+__all__ = [
+    "label_values",
+    "list_labels",
+    "organ_of_labels",
+    "read_boundary_maps",
+    "read_image",
+    "read_mask",
+    "read_masks",
+]
 
 
 _LIMITS = LimitSettings()
@@ -148,7 +156,7 @@ def list_labels(path: Path) -> dict[str, str]:
     Parameters
     ----------
     path : path
-        A label map, a DICOM SEG or RTSTRUCT, or a folder of one-organ masks.
+        A label map, a DICOM SEG or RTSTRUCT, or a folder of one-organ masks (empty ones aside).
 
     Raises
     ------
@@ -156,7 +164,7 @@ def list_labels(path: Path) -> dict[str, str]:
         Not readable, or no mask.
     """
     if path.is_dir():
-        return {name: name for name in _mask_files(path)}
+        return {name: name for name, _ in read_masks(path)}
     if _is_dicom(path):
         from cccd.volumes.dicom import region_names, segment_names
 
@@ -181,6 +189,27 @@ def _mask_files(folder: Path) -> dict[str, Path]:
     """Volumes in a folder, by their names without the suffix."""
     named = ((without_suffix(file.name), file) for file in sorted(folder.iterdir()))
     return {name: file for name, file in named if name is not None}
+
+
+def read_masks(folder: Path) -> Iterator[tuple[str, AnyArray]]:
+    """Read the masks of a folder one after another: names and voxels, empty masks left out.
+
+    TotalSegmentator writes a mask for every organ that it knows; of those that are not there it is empty.
+
+    Raises
+    ------
+    InputError
+        Not readable, or nothing in any of them.
+    """
+    files, found = _mask_files(folder), 0
+    for name, file in files.items():
+        inside = _label_map(file)[0] > 0
+        if inside.any():
+            found += 1
+            yield name, inside
+    if not found:
+        what = "every mask in this folder is empty" if files else "no masks in this folder"
+        raise InputError(folder.name, what, "give a label volume, or a folder of masks")
 
 
 def _read_mask_folder(folder: Path, label: str, limits: LimitSettings) -> Volume:

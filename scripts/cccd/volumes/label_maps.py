@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from cccd.errors import InputError
 from cccd.volumes.freesurfer import freesurfer_names
-from cccd.volumes.inputs import label_values, list_labels
+from cccd.volumes.inputs import label_values, list_labels, read_masks
 from cccd.volumes.labels import plain_name
 
 __all__ = ["MapLabel", "expand_rows", "list_map", "read_label_table", "shared_groups"]
@@ -96,7 +96,13 @@ def list_map(path: Path, table: Path | None = None) -> list[MapLabel]:
 
 
 def _sizes(path: Path) -> dict[str, tuple[str, str]] | None:
-    """Labels of a volume: their names, and why they are left out; None for other inputs."""
+    """Labels of a volume or of a folder's masks: their names, and why they are left out; None for DICOM."""
+    if path.is_dir():
+        masks = ((name, inside.astype(np.uint8)) for name, inside in read_masks(path))
+        return {
+            name: (name, _too_little(int(np.count_nonzero(mask)), ndimage.find_objects(mask)[0]))
+            for name, mask in masks
+        }
     volume = label_values(path)
     if volume is None:
         return None
@@ -105,16 +111,19 @@ def _sizes(path: Path) -> dict[str, tuple[str, str]] | None:
     ranks = inverse.reshape(data.shape).astype(np.int32)
     counts = np.bincount(ranks.ravel())
     boxes = ndimage.find_objects(ranks + 1)
-    found: dict[str, tuple[str, str]] = {}
-    for value, count, box in zip(values.tolist(), counts.tolist(), boxes, strict=True):
-        if value <= 0 or box is None:
-            continue
-        thin = min(side.stop - side.start for side in box)
-        why = ""
-        if count < LEAST_VOXELS or thin < LEAST_SLICES:
-            why = "a single voxel" if count == 1 else f"{count} voxels, {thin} across"
-        found[str(value)] = (names.get(value, ""), why)
-    return found
+    return {
+        str(value): (names.get(value, ""), _too_little(count, box))
+        for value, count, box in zip(values.tolist(), counts.tolist(), boxes, strict=True)
+        if value > 0 and box is not None
+    }
+
+
+def _too_little(count: int, box: tuple[slice, ...]) -> str:
+    """Why so many voxels in such a box are left out; empty where they are enough for a surface."""
+    thin = min(side.stop - side.start for side in box)
+    if count >= LEAST_VOXELS and thin >= LEAST_SLICES:
+        return ""
+    return "a single voxel" if count == 1 else f"{count} voxels, {thin} across"
 
 
 def read_label_table(path: Path) -> dict[str, MapLabel]:
@@ -259,7 +268,7 @@ def _remembered(folder: Path, row: Mapping[str, str], cache: Path) -> tuple[list
     beside = [path.parent / "dataset.json", path.parent.parent / "dataset.json"]
     files = [path, *(sorted(path.iterdir()) if path.is_dir() else ()), *beside, *([table] if table else [])]
     stamps = [(str(file), file.stat().st_mtime_ns, file.stat().st_size) for file in files if file.exists()]
-    key = hashlib.sha256(json.dumps([2, str(table), stamps]).encode()).hexdigest()[:24]
+    key = hashlib.sha256(json.dumps([3, str(table), stamps]).encode()).hexdigest()[:24]
     known = cache / f"{key}.json"
     try:
         return [MapLabel(**label) for label in json.loads(known.read_text(encoding="utf-8"))], False

@@ -41,6 +41,20 @@ def test_one_voxel_is_left_out_and_says_so(nifti):
     assert [label.left_out for label in list_map(nifti)] == ["", "", "a single voxel", ""]
 
 
+def test_a_folder_of_masks_passes_over_the_empty_ones(tmp_path):
+    for name, value in {"liver": 5, "speck": 9, "spleen": 200}.items():
+        mask = (block_map() == value).astype(np.uint8)
+        nib.save(nib.Nifti1Image(mask, np.eye(4)), tmp_path / f"{name}.nii.gz")
+    assert {label.organ: label.left_out for label in list_map(tmp_path)} == {
+        "liver": "",
+        "speck": "a single voxel",
+    }
+    for name in ("liver", "speck"):
+        (tmp_path / f"{name}.nii.gz").unlink()
+    with pytest.raises(InputError, match="every mask in this folder is empty"):
+        list_map(tmp_path)
+
+
 def test_names_come_from_the_file_itself(tmp_path):
     image = sitk.GetImageFromArray(block_map().T)
     for n, (value, name) in enumerate([(5, "liver"), (7, "right kidney")]):
