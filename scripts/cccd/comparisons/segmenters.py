@@ -52,7 +52,7 @@ COLUMNS = (
 _DRAWN = "h_denseunet"
 
 #: Points on each surface whose distances are averaged.
-_SAMPLES = 20_000
+_SAMPLES = 10_000
 
 
 def load_segmenters(*paths: str | Path) -> list[Segmenter]:

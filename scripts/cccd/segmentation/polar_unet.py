@@ -81,10 +81,13 @@ class PolarUNet(nn.Module):
     def forward(self, volume: Tensor) -> Tensor:
         """Map volumes (b, 1, h, w, d) to logits (b, classes, h, w, d), h and w multiples of 16."""
         slices = slices_of(volume)
-        inside = 1 - self.centre(slices).float().softmax(dim=1)[:, :1]
-        centres = _centroids((inside > 0.5).float(), len(volume))
-        logits = self.polar(to_polar(slices, centres))
-        return restack(from_polar(logits, centres, slices.shape[2:]), len(volume))
+        first = self.centre(slices).float()
+        inside = first.softmax(dim=1)[:, :1] < 0.5
+        centres = _centroids(inside.float(), len(volume))
+        logits = from_polar(self.polar(to_polar(slices, centres)), centres, slices.shape[2:])
+        # the second network knows slices with an organ: where the first finds none, there is none
+        present = inside.any(dim=(2, 3), keepdim=True)
+        return restack(torch.where(present, logits.float(), first), len(volume))
 
 
 def _centroids(inside: Tensor, batch: int) -> Tensor:
