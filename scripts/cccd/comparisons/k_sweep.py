@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from cccd.comparisons.paper_k import OUTLINES
-from cccd.comparisons.samples import choose_slices
+from cccd.comparisons.samples import choose_slices, middle_curve
 from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
 from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import CRITERIA, DETECTORS, k_cosine_corners
@@ -21,7 +21,7 @@ from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
 from cccd.settings.comparisons import SliceChoice
 
-__all__ = ["OWN", "compare_k", "middle_curve", "outline_figures"]
+__all__ = ["OWN", "compare_k", "outline_figures"]
 
 #: What stands for the criterion of detectors that have one of their own.
 OWN = "its own"
@@ -94,20 +94,6 @@ def outline_figures(
     if curve is None:
         return {}
     return {figure: SliceFigure([_outline(curve, k) for k in ks]) for figure, ks in OUTLINES.items()}
-
-
-def middle_curve(curves: Curves) -> Curves | None:
-    """Take the longest outer curve of the middle slice; None when there is none."""
-    outer = np.flatnonzero(~curves.hole)
-    if len(outer) == 0:
-        return None
-    slices = np.unique(curves.slice[outer])
-    here = outer[curves.slice[outer] == slices[len(slices) // 2]]
-    sizes = np.diff(curves.offsets)[here]
-    chosen = here[np.argmax(sizes)]
-    part = slice(curves.offsets[chosen], curves.offsets[chosen + 1])
-    offsets = np.array([0, sizes.max()], np.int64)
-    return Curves(curves.points[part], offsets, curves.slice[[chosen]], curves.hole[[chosen]], curves.frame)
 
 
 def _outline(curve: Curves, k: int) -> Panel:

@@ -17,7 +17,15 @@ from cccd.geometry.arrays import offsets_of
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
 
-__all__ = ["SliceSample", "between", "choose_slices", "middle_slab", "middle_slice", "to_bytes"]
+__all__ = [
+    "SliceSample",
+    "between",
+    "choose_slices",
+    "middle_curve",
+    "middle_slab",
+    "middle_slice",
+    "to_bytes",
+]
 
 _Stack = TypeVar("_Stack", Boundaries, Curves)
 
@@ -194,3 +202,17 @@ def between(stack: _Stack, slices: range, frame: Frame) -> _Stack:
         "frame": frame,
     }
     return replace(stack, **kept, **({"hole": stack.hole[chosen]} if isinstance(stack, Curves) else {}))
+
+
+def middle_curve(curves: Curves) -> Curves | None:
+    """Take the longest outer curve of the middle slice; None when there is none."""
+    outer = np.flatnonzero(~curves.hole)
+    if len(outer) == 0:
+        return None
+    slices = np.unique(curves.slice[outer])
+    here = outer[curves.slice[outer] == slices[len(slices) // 2]]
+    sizes = np.diff(curves.offsets)[here]
+    chosen = here[np.argmax(sizes)]
+    part = slice(curves.offsets[chosen], curves.offsets[chosen + 1])
+    offsets = np.array([0, sizes.max()], np.int64)
+    return Curves(curves.points[part], offsets, curves.slice[[chosen]], curves.hole[[chosen]], curves.frame)

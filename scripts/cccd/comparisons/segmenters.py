@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 
 from cccd.boundary import extract_boundaries
-from cccd.comparisons.k_sweep import middle_curve
 from cccd.comparisons.orderers import Orderer
 from cccd.comparisons.paper_k import AUTOMATIC, CCCD, OUTLINES
+from cccd.comparisons.samples import middle_curve
 from cccd.containers import Curves, FittedCurves, Frame, Panel, SliceFigure, Structure
 from cccd.curves import corner_splines, describe_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
