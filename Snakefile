@@ -51,6 +51,7 @@ rule all:
 
 onstart:
     check_before_jobs()
+    switch_timers_off()
 
 
 onsuccess:

@@ -16,6 +16,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "view": ("pyvista",),
     "report": ("matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification"),
     "comparisons": ("itk", "open3d"),
+    "s3": ("boto3", "botocore"),
     "cad": ("OCP",),
     "fe": ("pytetwild",),
     "run": ("snakemake", "jsonschema", "nilearn"),

@@ -15,7 +15,14 @@ ROOT = Path(__file__).parents[2]
 #: Declared and imported by nobody here: decoders that pydicom finds by name.
 PLUGINS = {"pylibjpeg", "pylibjpeg-libjpeg", "pylibjpeg-openjpeg"}
 #: Extras that no test environment needs, or that only checks.txt has.
-UNPINNED = {"cadquery-ocp-novtk", "itk-morphologicalcontourinterpolation", "open3d", "pytetwild"}
+UNPINNED = {
+    "boto3",
+    "botocore",
+    "cadquery-ocp-novtk",
+    "itk-morphologicalcontourinterpolation",
+    "open3d",
+    "pytetwild",
+}
 #: Pinned and no part of the library: what runs it and what tests it.
 TOOLS = {"snakemake", "pytest", "pytest-cov", "hypothesis"}
 #: Distributions whose module has another name.

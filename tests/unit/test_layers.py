@@ -12,7 +12,7 @@ LIBRARY = ROOT / "scripts" / "cccd"
 LAYERS = (
     ("errors", "tolerances", "lookup", "dependencies", "project"),
     ("extras", "disk_space"),
-    ("settings", "geometry", "job", "sidecar_files"),
+    ("settings", "geometry", "job", "remote", "sidecar_files"),
     ("containers", "metrics", "cohort", "dicom_objects", "model_header"),
     ("store",),
     ("volumes", "torch_files"),

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PARTS = ("Snakefile", "workflow", "scripts", "config", "envs")
+PARTS = ("Snakefile", "profiles", "workflow", "scripts", "config", "envs")
 
 
 @dataclass

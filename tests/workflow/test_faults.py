@@ -146,7 +146,7 @@ def test_two_runs_in_one_folder_and_a_killed_snakemake(fresh_project, strike_onc
     assert "--unlock" in second.stderr
 
     fresh_project.snakemake("--unlock")
-    fresh_project.snakemake("--rerun-incomplete", target)
+    fresh_project.snakemake(target)
     finished = (fresh_project.folder / target).read_bytes()
     # the worker outlived its snakemake; what it still writes must not replace what the next run wrote
     os.kill(worker, signal.SIGCONT)

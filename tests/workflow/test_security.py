@@ -208,3 +208,39 @@ def test_the_audit_fails_on_holes_only(answer, status, word, tmp_path):
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert run.returncode == status
     assert word in run.stdout
+
+
+@pytest.fixture
+def silent_service(tmp_path):
+    """A pip-audit that no service answers."""
+    program = tmp_path / "pip-audit"
+    program.write_text("#!/bin/sh\necho no network >&2\nexit 1\n")
+    program.chmod(0o755)
+    return program
+
+
+@pytest.mark.parametrize(
+    ("pin", "found"),
+    [
+        ("torch==2.5.1+cpu", "torch 2.5.1+cpu: CVE-2025-32434, fixed in 2.6.0"),
+        ("Jinja2==3.1.5", "Jinja2 3.1.5: CVE-2025-27516, fixed in 3.1.6"),
+        ("torch==2.6", None),
+        ("torch==2.13.0", None),
+    ],
+)
+def test_the_audit_finds_a_planted_version_without_a_service(pin, found, tmp_path, silent_service):
+    pins = tmp_path / "pins.txt"
+    pins.write_text(f"# pinned\nnumpy==2.4.6\n{pin}\n")
+    command = [sys.executable, ROOT / ".ci" / "audit", silent_service, pins]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == (1 if found else 0)
+    assert "audit skipped" in run.stdout
+    if found:
+        assert found in run.stdout.splitlines()
+
+
+def test_what_is_pinned_has_no_hole_that_the_file_knows(silent_service):
+    command = [sys.executable, ROOT / ".ci" / "audit", silent_service]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout
+    assert "advisories.tsv: 0 known holes" in run.stdout

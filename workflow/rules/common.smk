@@ -28,6 +28,7 @@ from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
 from cccd.extras import check_extra
 from cccd.job import BATCH, take_placeholders_away
+from cccd.remote import is_remote, read_address
 from cccd.model_header import check_model, check_start, read_segmenter_plan
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.settings.junctions import NetworkSettings
@@ -64,6 +65,29 @@ def find_file(name):
     return found[0] if found else ROOT / name
 
 
+#: What the sheet names by an address, by where it goes.
+REMOTE = {}
+
+
+def bring_here(row):
+    """The row with local paths in place of addresses, whose files `fetch_file` brings."""
+    row = dict(row)
+    for column in ("image", "mask", "boundary"):
+        if not is_remote(row[column]):
+            continue
+        if row["source"] != "files" or row["organ"] == "*":
+            what = "organ *" if row["organ"] == "*" else f"source {row['source']}"
+            raise InputError(
+                row["location"],
+                f"{what} stands beside an address",
+                "download the files and name their folder",
+            )
+        remote = read_address(row[column], row["location"])
+        REMOTE[str(remote.local)] = remote
+        row[column] = os.path.relpath(remote.local, SHEET.parent)
+    return row
+
+
 def near(path):
     """A path relative to here when it lies below, so that a moved project reruns nothing."""
     path = Path(path).resolve()
@@ -94,7 +118,7 @@ try:
     # from here on every key is there, the experts' too, and numbers given on the command line are numbers
     config.update(validate_config(config).as_config())
     SHEET = find_file(config["cohort"])
-    COHORT = read_cohort(SHEET)
+    COHORT = [bring_here(row) for row in read_cohort(SHEET)]
     #: Names, colours and codes of the labels of whole maps, by case and organ; organs that share their walls, by
     #: case.
     LABELS, SHARED = {}, {}
@@ -451,13 +475,23 @@ def source_files(wildcards):
         if row[column]
     ]
     paths = named + [voxels for path in named for voxels in voxel_files(path)]
+    named_here = {near(path) for path in named}
     return sorted(
         {
             near(path)
             for path in paths
             if path.exists() and path.stat().st_mtime <= time.time()
         }
+        | (named_here & REMOTE.keys())
     )
+
+
+def remote_file(wildcards):
+    """What `fetch_file` brings to a path; one that the sheet names no more is refused."""
+    path = f"downloads/{wildcards.key}/{wildcards.file}"
+    if path not in REMOTE:
+        raise WorkflowError(f"{SHEET.name} names no address of {path}")
+    return REMOTE[path]
 
 
 #: Rows that train the segmentation networks.
@@ -560,6 +594,8 @@ def extra_of(job):
     """The extra that a job cannot do without; None for most."""
     if job.rule.name == "export_solid":
         return "cad" if job.wildcards.solid_format in SOLID_FORMATS else "fe"
+    if job.rule.name == "fetch_file":
+        return "s3" if job.params.address.startswith("s3:") else None
     if job.rule.name == "make_contours":
         return "gnn" if way_of(job.wildcards) == "order_contours" else None
     if job.rule.name == "segment_structure":
@@ -582,6 +618,14 @@ def check_before_jobs():
         check_room(Path("results"), [file for job in jobs for file in job.output])
     except InputError as error:
         sys.exit(f"Error: {error}")
+
+
+def switch_timers_off():
+    """Keep Snakemake 9.27 from setting a timer, a thread, for every job that has finished, and from looking for
+    new work whenever one rings: thousands of times a second in a large cohort. All they serve is a limit of a
+    hundred submissions a second.
+    """
+    workflow.scheduler.job_rate_limiter = None
 
 
 def failures():
@@ -629,6 +673,6 @@ def list_failures():
         )
     print(
         "\nFix the input and run the same command again: finished files are kept "
-        "(add --rerun-incomplete after a kill, --keep-going to finish the other structures first).",
+        "(add --keep-going to finish the other structures first).",
         file=sys.stderr,
     )

@@ -1,6 +1,34 @@
 """Import: a row of the cohort sheet -> structure.h5."""
 
 
+rule fetch_file:
+    """Bring a file that the sheet names by an address: whole, with the checksum that the sheet gives, once."""
+    output:
+        "downloads/{key}/{file}",
+    log:
+        "logs/downloads/{key}/{file}.log",
+    benchmark:
+        "benchmarks/downloads/{key}/{file}.tsv"
+    wildcard_constraints:
+        key="[0-9a-f]{16}",
+        file="[A-Za-z0-9._-]+",
+    retries: 2
+    # where the run was started: nodes of a cluster need no network
+    localrule: True
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(500),
+        runtime=minutes(60),
+    params:
+        # no digest of the library: its edits change no byte of a download
+        address=lambda wildcards: remote_file(wildcards).address,
+        sha256=lambda wildcards: remote_file(wildcards).sha256,
+    script:
+        "../../scripts/fetch_file.py"
+
+
 rule import_structure:
     """Read one structure from whatever the sheet names, crop it to the organ, keep where it came from."""
     input:
