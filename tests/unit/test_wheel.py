@@ -13,7 +13,17 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PARTS = ("pyproject.toml", "README.md", "LICENSE", "Snakefile", "config", "envs", "scripts", "workflow")
+PARTS = (
+    "pyproject.toml",
+    "README.md",
+    "LICENSE",
+    "Snakefile",
+    "config",
+    "envs",
+    "profiles",
+    "scripts",
+    "workflow",
+)
 
 BUILD = "from setuptools.build_meta import build_wheel; build_wheel('.')"
 
@@ -56,7 +66,8 @@ def test_every_package_and_every_file_of_the_workflow_is_in_the_wheel(installed)
             assert (installed / path.relative_to(library.parent)).is_file(), path
     carried = [ROOT / "Snakefile", ROOT / "LICENSE", ROOT / "envs" / "cccd.yaml"]
     carried += [*(ROOT / "scripts").glob("*.py"), *(ROOT / "config").glob("*.[ty]*")]
-    carried += [path for path in (ROOT / "workflow").rglob("*") if path.is_file()]
+    folders = [ROOT / "workflow", ROOT / "profiles"]
+    carried += [path for folder in folders for path in folder.rglob("*") if path.is_file()]
     for path in carried:
         inside = installed / "cccd" / "pipeline" / path.relative_to(ROOT)
         assert inside.read_bytes() == path.read_bytes(), path
