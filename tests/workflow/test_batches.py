@@ -16,7 +16,7 @@ STATUS = """#!/bin/sh
 [ -f "$1.rc" ] || { echo running; exit; }
 [ "$(cat "$1.rc")" = 0 ] && echo success || echo failed
 """
-CASES = ("good", "bad", "fine")
+CASES = ("good", "bad")
 
 
 def ball(path, value=1):
@@ -40,14 +40,13 @@ def test_a_batch_survives_its_worst_structure(fresh_project):
     options += ["--cluster-generic-submit-cmd", f"{folder}/submit"]
     options += ["--cluster-generic-status-cmd", f"{folder}/status"]
     options += ["--seconds-between-status-checks", "1"]
-    options += ["--group-components", "import=3", "structure=3", "--", *targets]
+    options += ["--group-components", "import=2", "structure=2", "--", *targets]
     run = fresh_project.snakemake(*options, check=False)
     assert run.returncode == 1, run.stderr
     assert "1 failed:" in run.stderr
     assert "tiny.tsv row 3: bad.nii.gz: the mask is empty" in run.stderr
-    for target in (targets[0], targets[2]):
-        with h5py.File(folder / target) as file:
-            assert "ordered" in file
+    with h5py.File(folder / targets[0]) as file:
+        assert "ordered" in file
     # nothing stands where the bad one's files would, and it alone is made again
     assert not [path for path in (folder / "results" / "bad").rglob("*") if path.is_file()]
     ball(folder / "bad.nii.gz")
