@@ -2,13 +2,14 @@
 
 from cccd.job import job
 from cccd.settings.surface import LoftSettings
-from cccd.store import read_curves, read_splines, write_patches
+from cccd.store import read_curves, read_probability, read_splines, write_patches
 from cccd.surface import loft_surface
 from cccd.surface.export import write_surface
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     curves = read_curves(snakemake.input.curves)
     splines = read_splines(snakemake.input.curves)
-    surface = loft_surface(curves, LoftSettings(**snakemake.params.settings), splines)
+    settings = LoftSettings(**snakemake.params.settings)
+    surface = loft_surface(curves, settings, splines, read_probability(snakemake.input.structure))
     write_patches(snakemake.output.surface, surface.patches, curves.frame, surface.report)
     write_surface(snakemake.output.mesh, surface)

@@ -121,9 +121,9 @@ class Surface:
         Parameters
         ----------
         path : path
-            Ends with ``.ply``, ``.stl``, ``.vtp``, ``.glb``, ``.step``, ``.iges``, ``.brep`` (closed
-            solids), ``.msh``, ``.vtu``, ``.inp`` (tetrahedra), ``.nii.gz`` (a label map on the scan's
-            grid) or ``.dcm`` (contours, RTSTRUCT). All or nothing is written.
+            Ends with ``.ply``, ``.stl``, ``.obj``, ``.vtp``, ``.gii``, ``.glb``, ``.3mf``, ``.step``,
+            ``.iges``, ``.brep`` (closed solids), ``.msh``, ``.vtu``, ``.inp`` (tetrahedra), ``.nii.gz`` (a
+            label map on the scan's grid) or ``.dcm`` (contours, RTSTRUCT). All or nothing is written.
         contour_spacing_mm : float, optional
             Distance of the RTSTRUCT's planes; that of the scan's slices by default.
         keep_patient : bool
@@ -248,7 +248,7 @@ def reconstruct(
     Parameters
     ----------
     organ : (a, b, c) array, Structure or Curves
-        A mask; or what `read` or `order` returned.
+        A mask, or probabilities between 0 and 1; or what `read` or `order` returned.
     affine : (4, 4) float, optional
         Of a mask: ``world_mm = affine @ (a, b, c, 1)``, RAS; voxels of a millimetre by default.
     settings : Settings
@@ -284,7 +284,8 @@ def reconstruct(
         grid = np.eye(4) if affine is None else np.asarray(affine, float)
         structure = structure_of_array(organ, grid, settings.import_)
     curves, missing = find_contours(structure, settings.boundaries, settings.gnn.inference)
-    lofted = fit_and_loft(curves, settings.curves, settings.surface, tell)
+    level = structure.probability_stack
+    lofted = fit_and_loft(curves, settings.curves, settings.surface, tell, level)
     notes = (*structure.warnings, *missing, *lofted.report.get("warnings", []))
     return Surface(lofted, structure.organ, _series(structure), notes)
 

@@ -27,6 +27,7 @@ __all__ = [
     "FittedCurves",
     "Frame",
     "Panel",
+    "ProbabilityStack",
     "SliceFigure",
     "Splines",
     "Structure",
@@ -85,6 +86,22 @@ class Frame:
         return index @ self.stack_affine[:3, :3].T + self.stack_affine[:3, 3]
 
 
+@dataclass(frozen=True, eq=False)
+class ProbabilityStack:
+    """Probabilities that pixels are the organ, one half on its border.
+
+    Attributes
+    ----------
+    values : (S, I, J) float32
+        Slices first; all of them slices of the scan.
+    origin : (3,) int
+        Source index ``(k, i, j)`` of the first pixel.
+    """
+
+    values: np.ndarray
+    origin: np.ndarray
+
+
 @dataclass
 class Structure:
     """One organ of one case: what a row of the cohort sheet stands for.
@@ -103,6 +120,8 @@ class Structure:
         Grey values (HU for CT).
     mask : (a, b, c) bool or None
         Ground truth of a structure with a region or boundary maps, the organ itself otherwise.
+    probability : (a, b, c) float32 or None
+        How probably a voxel is the organ, 0 beyond the scan; the mask is where it is one half or more.
     region : (a, b, c) bool or None
         Where a threshold found the organ in the image; its boundary is sought in the image's edges near by.
         Replaces the mask as the input.
@@ -124,6 +143,7 @@ class Structure:
     origin: np.ndarray
     image: np.ndarray | None = None
     mask: np.ndarray | None = None
+    probability: np.ndarray | None = None
     region: np.ndarray | None = None
     boundary: np.ndarray | None = None
     contours: Curves | None = None
@@ -132,7 +152,7 @@ class Structure:
     warnings: list[str] = field(default_factory=list[str])
 
     def stack(self, name: str) -> np.ndarray | None:
-        """``image``, ``mask``, ``region`` or ``boundary`` as a contiguous stack (S, I, J), slices first."""
+        """One of the arrays, by its name, as a contiguous stack (S, I, J), slices first."""
         array = getattr(self, name)
         if array is None:
             return None
@@ -152,6 +172,16 @@ class Structure:
                 f"{self.case}/{self.organ}", f"there is no {name}", f"name the {name} in the sheet"
             )
         return stack
+
+    @property
+    def probability_stack(self) -> ProbabilityStack | None:
+        """The probabilities on the scan's slices; None where there are none."""
+        stack = self.stack("probability")
+        if stack is None:
+            return None
+        first, count = int(self.stack_origin[0]), self.frame.shape[self.frame.slice_axis]
+        inside = slice(max(0, -first), min(len(stack), count - first))
+        return ProbabilityStack(stack[inside], self.stack_origin + np.array([inside.start, 0, 0]))
 
     @property
     def stack_origin(self) -> np.ndarray:

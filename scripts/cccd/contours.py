@@ -1,4 +1,4 @@
-"""The two ways to ordered contours that need no network: a mask is traced, drawn contours are taken.
+"""The ways to ordered contours that need no network: a mask is traced, drawn contours are taken.
 
 The third way, for boundary pixels that still need ordering, is `cccd.junctions.contours`. Which one a
 structure goes the workflow decides from the cohort sheet, before any job starts.
@@ -11,7 +11,7 @@ from typing import Any
 
 from cccd.containers import Curves, Structure
 from cccd.errors import InputError
-from cccd.tracing import left_out, trace_stack
+from cccd.tracing import left_out, level_curves, trace_stack
 
 __all__ = ["check_closed", "missing_parts", "take_contours", "trace_contours"]
 
@@ -21,10 +21,12 @@ _CHANGED = "its file has changed since the run was planned: run snakemake again"
 def trace_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
     """Follow the borders of a mask's slices: exact, so that no network could add to it.
 
+    Of probabilities it is their level of one half, which runs between the pixels.
+
     Parameters
     ----------
     structure : Structure
-        With a mask.
+        With a mask, and probabilities where there are some.
 
     Returns
     -------
@@ -41,8 +43,12 @@ def trace_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
     mask = structure.stack("mask")
     if mask is None:
         raise InputError(f"{structure.case}/{structure.organ}", "there is no mask to trace", _CHANGED)
-    curves = trace_stack(mask, structure.stack_origin, structure.frame)
-    report = {"method": "traced mask", "left_out": left_out(mask, structure.stack_origin, curves)}
+    probability = structure.probability_stack
+    if probability is None:
+        method, curves = "traced mask", trace_stack(mask, structure.stack_origin, structure.frame)
+    else:
+        method, curves = "level of probabilities", level_curves(probability, structure.frame)
+    report = {"method": method, "left_out": left_out(mask, structure.stack_origin, curves)}
     return check_closed(curves, structure), report
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from cccd.containers import Curves, Structure
+from cccd.containers import Curves, ProbabilityStack, Structure
 from cccd.contours import missing_parts, take_contours, trace_contours
 from cccd.curves import describe_curves
 from cccd.project import SHIPPED_WEIGHTS
@@ -74,7 +74,11 @@ def order_maps(
 
 
 def fit_and_loft(
-    curves: Curves, fitting: CurveSettings, lofting: LoftSettings, tell: Callable[[str], None] = _silent
+    curves: Curves,
+    fitting: CurveSettings,
+    lofting: LoftSettings,
+    tell: Callable[[str], None] = _silent,
+    probability: ProbabilityStack | None = None,
 ) -> Surface:
     """Fit closed splines to ordered curves and loft them.
 
@@ -85,11 +89,13 @@ def fit_and_loft(
         Sections ``curves`` and ``surface`` of the configuration.
     tell : callable
         Gets the name of each step as it begins.
+    probability : ProbabilityStack, optional
+        What the curves are the level of.
     """
     tell("splines")
     fitted = describe_curves(curves, fitting)
     tell("surface")
-    return loft_surface(fitted.curves, lofting, fitted.splines)
+    return loft_surface(fitted.curves, lofting, fitted.splines, probability)
 
 
 def reconstruct_mask(structure: Structure, fitting: CurveSettings, lofting: LoftSettings) -> Surface:
@@ -119,4 +125,5 @@ def reconstruct_mask(structure: Structure, fitting: CurveSettings, lofting: Loft
     >>> bool(abs(surface.mesh.volume / ball.sum() - 1) < 0.02)
     True
     """
-    return fit_and_loft(trace_contours(structure)[0], fitting, lofting)
+    curves = trace_contours(structure)[0]
+    return fit_and_loft(curves, fitting, lofting, probability=structure.probability_stack)

@@ -20,7 +20,7 @@ _SEVERAL_FILES = re.compile(rb"list( \d)?|[^%\s]+%0?\d?d[^%\s]*( \d+ \d+( [1-9]\
 # Headers are no longer.
 _HEADER_BYTES = 1 << 20
 
-_PAIRS = {".hdr": (".img", ".img.gz"), ".img": (".hdr",)}
+_PAIRS = {".hdr": (".img", ".img.gz"), ".img": (".hdr",), ".npz": (".pkl",)}
 
 
 class VoxelHeader(NamedTuple):

@@ -27,6 +27,7 @@ from cccd.containers import (
     FittedCurves,
     Frame,
     Panel,
+    ProbabilityStack,
     SliceFigure,
     Splines,
     Structure,
@@ -52,6 +53,7 @@ __all__ = [
     "read_graphs",
     "read_json",
     "read_patches",
+    "read_probability",
     "read_report",
     "read_splines",
     "read_structure",
@@ -227,6 +229,8 @@ def write_structure(path: str | Path, structure: Structure) -> None:
         _put_json(file, "warnings", structure.warnings)
         if structure.image is not None:
             _put(file, "image", structure.image, np.float32)
+        if structure.probability is not None:
+            _put(file, "probability", structure.probability, np.float32)
         for name in ("mask", "region", "boundary"):
             if getattr(structure, name) is not None:
                 _put(file, name, getattr(structure, name), np.uint8)
@@ -249,6 +253,7 @@ def read_structure(path: str | Path) -> Structure:
             origin=np.array(file.attrs["origin"]),
             image=_get_if_there(file, "image"),
             mask=_get(file, "mask").astype(bool) if "mask" in file else None,
+            probability=_get_if_there(file, "probability"),
             region=_get(file, "region").astype(bool) if "region" in file else None,
             boundary=_get(file, "boundary").astype(bool) if "boundary" in file else None,
             contours=_get_curves(file["contours"], frame) if "contours" in file else None,
@@ -256,6 +261,14 @@ def read_structure(path: str | Path) -> Structure:
             provenance=_get_json(file, "provenance"),
             warnings=_get_json(file, "warnings"),
         )
+
+
+def read_probability(path: str | Path) -> ProbabilityStack | None:
+    """Read the probabilities of ``structure.h5``, where it holds some."""
+    with _open(path) as file:
+        if "probability" not in file:
+            return None
+    return read_structure(path).probability_stack
 
 
 def read_structure_facts(path: str | Path) -> tuple[Frame, dict[str, Any], list[str]]:

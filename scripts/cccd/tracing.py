@@ -1,4 +1,4 @@
-"""The exact curves of a mask, by border following: no network needed."""
+"""The curves of a mask, by border following, and of probabilities, by their level: no network needed."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from cccd.containers import Curves, Frame, Structure
+from cccd.containers import Curves, Frame, ProbabilityStack, Structure
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import concatenate_ragged, split_ragged
+from cccd.geometry.contour_lines import zero_contours
 from cccd.geometry.polygons import RaggedPolygons
 
-__all__ = ["left_out", "trace_mask", "trace_stack"]
+__all__ = ["left_out", "level_curves", "trace_mask", "trace_stack"]
+
+#: Probabilities count as no nearer to one half than this: their level passes no pixel's centre.
+NEAREST_HALF = 0.02
 
 
 def trace_mask(structure: Structure) -> Curves:
@@ -68,6 +72,34 @@ def trace_stack(mask: np.ndarray, origin: Sequence[int] | np.ndarray, frame: Fra
     area = RaggedPolygons(points, loop_offsets).signed_areas
     area *= np.where((chain_area > 0) == within_hole, -1, 1)
     return _oriented(points, loop_offsets, layer, area, np.asarray(origin), frame)
+
+
+def level_curves(stack: ProbabilityStack, frame: Frame) -> Curves:
+    """Curves along which probabilities are one half, on every slice: below the pixel, without its steps.
+
+    Parameters
+    ----------
+    stack : ProbabilityStack
+        Linear between the centres of pixels, zero beyond its sides.
+    frame : Frame
+        Of the source volume.
+
+    Returns
+    -------
+    Curves
+        Simple and closed, larger ones first within a slice.
+    """
+    lines: list[np.ndarray] = []
+    layers: list[int] = []
+    for layer in np.flatnonzero((stack.values >= 0.5).any(axis=(1, 2))):
+        outside = np.pad(0.5 - stack.values[layer].astype(float), 1, constant_values=0.5)
+        field = np.copysign(np.maximum(np.abs(outside), NEAREST_HALF), np.where(outside > 0, 1.0, -1.0))
+        found = [line[:-1] - 1 for line in zero_contours(field)]
+        lines += found
+        layers += [int(layer)] * len(found)
+    points, offsets = concatenate_ragged(lines)
+    area = RaggedPolygons(points, offsets).signed_areas
+    return _oriented(points, offsets, np.array(layers, np.int64), area, np.asarray(stack.origin), frame)
 
 
 def _oriented(

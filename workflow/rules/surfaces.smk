@@ -38,6 +38,7 @@ rule loft_surface:
     """Match the curves between slices, loft tubes, join branches, cap ends: one closed solid per body."""
     input:
         curves="results/{case}/{organ}/curves.h5",
+        structure="results/{case}/{organ}/structure.h5",
     output:
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",
@@ -129,7 +130,7 @@ rule take_surface:
 
 
 rule export_surface:
-    """The surface for a viewer (STL, VTP, GLB), or back on the scan: a label map on its grid (NIfTI), contours on
+    """The surface for a viewer or printer (STL, VTP, GLB, GIfTI, 3MF), or back on the scan: a label map on its grid (NIfTI), contours on
     slices (RTSTRUCT).
     """
     input:

@@ -79,7 +79,7 @@ def read_labelled_scan(
         classes = _classes(drawn.data, labels, path.name)
     else:
         drawn = read_mask(path, row, implied, image)
-        classes = drawn.data.astype(np.uint8)
+        classes = (drawn.data >= 0.5).astype(np.uint8)
     moved = on_grid(Volume(classes, drawn.affine, drawn.location), image.affine, image.shape, fill=0)
     if moved is None:
         raise InputError(path.name, f"its grid is not that of {image.location}", "give matching files")

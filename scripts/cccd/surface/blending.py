@@ -7,7 +7,6 @@ passes through itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -18,18 +17,15 @@ from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import BlendingSettings
 from cccd.surface.stack import SliceStack
+from cccd.surface.target import TargetDistance
 from cccd.surface.union import BAND_CELLS
 
-__all__ = ["TargetDistance", "blend", "blend_reach", "offset_surface", "points_on_surface", "seam_weights"]
+__all__ = ["blend", "blend_reach", "offset_surface", "points_on_surface", "seam_weights"]
 
 #: Distances from a seam are taken from points that lie this share of the blend's reach apart.
 SEAM_STEP = 0.25
 #: A surface does not run through the grid's nodes, but at least this share of a cell beside them.
 NODE_MARGIN = 1e-4
-
-#: Returns at points (P, 3) the signed distance (P,) to the organ's boundary, which need be smooth only up to
-#: a given distance, and over how many mm (P,) it is known.
-TargetDistance = Callable[[FloatArray, float], tuple[FloatArray, FloatArray]]
 
 
 def blend_reach(stack: SliceStack, settings: BlendingSettings) -> float:

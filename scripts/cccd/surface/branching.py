@@ -16,10 +16,11 @@ import numpy as np
 import shapely
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray, SingleArray
+from cccd.geometry.contour_lines import zero_contours
 from cccd.geometry.polygons import signed_area
 from cccd.settings.surface import MatchingSettings
 from cccd.surface.ring_graph import RingGraph
-from cccd.surface.rings import Ring, overlap, zero_contours
+from cccd.surface.rings import Ring, overlap
 from cccd.surface.stack import Run
 from cccd.surface.tubes import Section
 

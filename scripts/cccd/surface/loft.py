@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cccd.containers import Curves, Splines
+from cccd.containers import Curves, ProbabilityStack, Splines
 from cccd.errors import InputError
 from cccd.settings.surface import LoftSettings
 from cccd.surface.matching import match_contours
@@ -15,7 +15,12 @@ from cccd.surface.surface import Surface
 __all__ = ["loft_surface"]
 
 
-def loft_surface(curves: Curves, settings: LoftSettings, splines: Splines | None = None) -> Surface:
+def loft_surface(
+    curves: Curves,
+    settings: LoftSettings,
+    splines: Splines | None = None,
+    probability: ProbabilityStack | None = None,
+) -> Surface:
     """Loft a stack of ordered curves.
 
     Parameters
@@ -28,6 +33,9 @@ def loft_surface(curves: Curves, settings: LoftSettings, splines: Splines | None
     splines : Splines, optional
         Closed splines of the curves, from which the surface is lofted where ``settings.source`` says so; by
         default they are fitted here, by the default settings of the curves.
+    probability : ProbabilityStack, optional
+        Probabilities of which the curves are the level; between slices that lie near enough to each other
+        the surface follows them.
 
     Raises
     ------
@@ -36,7 +44,7 @@ def loft_surface(curves: Curves, settings: LoftSettings, splines: Splines | None
     """
     if len(curves) == 0:
         raise InputError("curves", "there is not one closed curve", "check the mask or the boundary maps")
-    stack = interpolate_slices(lofted_outlines(curves, splines, settings), settings)
+    stack = interpolate_slices(lofted_outlines(curves, splines, settings), settings, probability)
     tubes = match_contours(stack, settings.matching)
     patches = fit_patches(tubes, stack, settings)
     solid = join_patches(patches, stack, settings)

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from typing import cast
 
-import contourpy
 import cv2
 import numpy as np
 
 from cccd.geometry._jit import jit
-from cccd.geometry.arrays import ByteArray, FloatArray, IntArray, RealArray
+from cccd.geometry.arrays import ByteArray, FloatArray, IntArray
+from cccd.geometry.contour_lines import zero_contours
 from cccd.geometry.polygons import signed_area
 from cccd.surface.fields import LevelField
 
-__all__ = ["Ring", "find_rings", "overlap", "zero_contours"]
+__all__ = ["Ring", "find_rings", "overlap"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,20 +56,6 @@ class Ring:
     def bbox_max(self) -> IntArray:
         """First pixel (2,) beyond the bounding box."""
         return self.bbox_min + self.mask.shape
-
-
-def zero_contours(plane: RealArray) -> list[FloatArray]:
-    """Contours (n, 2) in pixels along which a plane (I, J) is zero, each with its first point once more."""
-    rows, columns = _pixel_grid(*plane.shape)
-    generator = contourpy.contour_generator(columns, rows, plane)
-    return [line[:, ::-1] for line in cast("list[FloatArray]", generator.lines(0.0))]
-
-
-@lru_cache(maxsize=4)
-def _pixel_grid(height: int, width: int) -> tuple[FloatArray, FloatArray]:
-    """Rows and columns (H, W) of a plane's pixels, which contourpy would make anew for every plane."""
-    rows, columns = np.indices((height, width), float)
-    return rows, columns
 
 
 def find_rings(field: LevelField, level: int, spacing: FloatArray, of_pixels: bool) -> list[Ring]:

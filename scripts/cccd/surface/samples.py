@@ -11,7 +11,7 @@ from scipy.ndimage import maximum_filter1d
 from cccd.geometry.arrays import BoolArray, FloatArray, ranks_of
 from cccd.settings.surface import FittingSettings
 from cccd.surface.alignment import align, at_fractions, outward_normals
-from cccd.surface.target import TargetField
+from cccd.surface.target import TargetDistance
 from cccd.surface.tubes import Tube
 
 __all__ = ["Samples", "lengths", "sample_tube"]
@@ -83,7 +83,7 @@ def lengths(outlines: FloatArray) -> FloatArray:
 
 
 def sample_tube(
-    tube: Tube, count: int, target: TargetField, pixel: float, reach: float, settings: FittingSettings
+    tube: Tube, count: int, target: TargetDistance, pixel: float, reach: float, settings: FittingSettings
 ) -> Samples:
     """Sample every section at ``count`` points and lay the parameter along the tube.
 

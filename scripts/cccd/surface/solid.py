@@ -12,12 +12,13 @@ from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import BlendingSettings, LoftSettings
-from cccd.surface.blending import TargetDistance, blend, blend_reach, offset_surface, points_on_surface
+from cccd.surface.blending import blend, blend_reach, offset_surface, points_on_surface
 from cccd.surface.booleans import unite
 from cccd.surface.offset import offset_patch
 from cccd.surface.patches import FittedTubes
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
 from cccd.surface.surface import Surface
+from cccd.surface.target import TargetDistance
 from cccd.surface.tessellation import tessellate
 from cccd.surface.tubes import Tube
 from cccd.surface.union import unite_on_grid
@@ -90,7 +91,8 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
     """Join the patches of all tubes into one closed mesh.
 
     Their union, holes subtracted, is blended along the lines where tubes meet, moved outwards or inwards by a
-    little so that it holds the volume of the slices, meshed, and rid of the grid's ripples.
+    little so that it holds the volume of the slices, meshed, and rid of the grid's ripples. The level of
+    probabilities is not moved.
 
     Parameters
     ----------
@@ -115,7 +117,8 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
         return Solid(unite(meshes, tubes), fitted, 0.0, stack)
     planes = _cap_planes(tubes)
     most = blending.most_offset_pixels * stack.pixel
-    offset = float(np.clip(_missing_height(meshed, planes, stack.volume, cell), -most, most))
+    missing = 0.0 if stack.of_probability else _missing_height(meshed, planes, stack.volume, cell)
+    offset = float(np.clip(missing, -most, most))
     shifted = [z + side * offset for z, side in planes]
     band = blending.fairing_band * cell / CELL_EDGES / stack.pixel
     moved = _faired(offset_surface(distance, offset), shifted, band, cell, blending)

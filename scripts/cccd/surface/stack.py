@@ -8,12 +8,14 @@ from functools import cached_property
 
 import numpy as np
 
+from cccd.containers import ProbabilityStack
 from cccd.errors import InputError
 from cccd.filling import fill_between_slices
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.settings.surface import LoftSettings
 from cccd.surface.fields import LevelField, distance_fields, interpolated_fields
 from cccd.surface.outlines import Outlines
+from cccd.surface.probability import ProbabilityTarget
 from cccd.surface.rings import Ring, find_rings
 from cccd.surface.target import TargetField
 
@@ -66,7 +68,7 @@ class SliceStack:
     ----------
     runs : list of Run
         Levels, split where too many slices in a row are missing.
-    target : TargetField
+    target : TargetField or ProbabilityTarget
         The organ's boundary as a smooth function of space.
     origin : (2,) int64
         Source ``(i, j)`` of the plane's first pixel.
@@ -79,17 +81,20 @@ class SliceStack:
     thickness : float
         Six times volume by surface in mm: the diameter of a ball, three times the thickness of a plate.
     filled : float
-        Share of the learned filling in what lies between the slices.
+        Share of the learned filling, or of probabilities, in what lies between the slices.
+    of_probability : bool
+        Whether the target is the level of probabilities.
     """
 
     runs: list[Run]
-    target: TargetField
+    target: TargetField | ProbabilityTarget
     origin: IntArray
     voxel: FloatArray
     voxel_faces: IntArray
     volume: float
     thickness: float
     filled: float
+    of_probability: bool = False
 
     @property
     def step(self) -> float:
@@ -118,7 +123,9 @@ class SliceStack:
         return faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES)
 
 
-def interpolate_slices(outlines: Outlines, settings: LoftSettings) -> SliceStack:
+def interpolate_slices(
+    outlines: Outlines, settings: LoftSettings, probability: ProbabilityStack | None = None
+) -> SliceStack:
     """Turn outlines into signed distances, interpolate levels between slices, find every level's rings.
 
     Parameters
@@ -127,6 +134,8 @@ def interpolate_slices(outlines: Outlines, settings: LoftSettings) -> SliceStack
         Closed polygons, outer ones and holes.
     settings : LoftSettings
         Of these ``bridge_slices``, which may be missing before a run of levels ends, and ``interpolation``.
+    probability : ProbabilityStack, optional
+        What the outlines are the level of. It then is the target, where slices are near enough to each other.
 
     Raises
     ------
@@ -143,7 +152,9 @@ def interpolate_slices(outlines: Outlines, settings: LoftSettings) -> SliceStack
     step = every * frame.slice_spacing
     scan_range = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
     breaks = np.flatnonzero(gaps > every * settings.bridge_slices) + 1
-    share = float(np.interp(step / pixel, settings.interpolation.learned_ratios, (0.0, 1.0, 1.0, 0.0)))
+    ratios = settings.interpolation.learned_ratios
+    share = float(np.interp(step / pixel, ratios, (0.0, 1.0, 1.0, 0.0)))
+    certain = 0.0 if probability is None else float(np.interp(step / pixel, ratios[2:], (1.0, 0.0)))
     runs: list[Run] = []
     for part in np.split(np.arange(len(slices)), breaks):
         here = slice(part[0], part[-1] + 1)
@@ -162,6 +173,9 @@ def interpolate_slices(outlines: Outlines, settings: LoftSettings) -> SliceStack
     target = TargetField.of(
         _levels(runs), spacing, settings.bridge_slices * step + pixel, settings.interpolation.knot_pixels
     )
+    if probability is not None and certain > 0:
+        known = ProbabilityTarget.of(probability, frame, origin, target)
+        return SliceStack(runs, known, origin, voxel, voxel_faces, volume, thickness, certain, True)
     return SliceStack(runs, target, origin, voxel, voxel_faces, volume, thickness, share)
 
 

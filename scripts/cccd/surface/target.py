@@ -5,7 +5,7 @@ What the surface follows where tubes meet.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,11 @@ from cccd.geometry._jit import jit
 from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
 from cccd.surface.fields import LevelField
 
-__all__ = ["TargetField"]
+__all__ = ["TargetDistance", "TargetField"]
+
+#: Returns at points (P, 3) the signed distance (P,) to the organ's boundary, which need be smooth only up to
+#: a given distance, and over how many mm (P,) it is known.
+TargetDistance = Callable[[FloatArray, float], tuple[FloatArray, FloatArray]]
 
 #: A polynomial times the cubic B-spline whose second moment vanishes: curved outlines do not shrink.
 FLAT_0, FLAT_2 = 27 / 17, -30 / 17

@@ -6,6 +6,7 @@ module               holds
 ``load``             `load_structure`: a row's files on one grid, cropped to the organ
 ``inputs``           the files of a row: image, mask, boundary maps
 ``readers``          NIfTI, NRRD, MHA and what else SimpleITK reads
+``nnunet``           nnU-Net's probabilities
 ``dicom``            image series, segmentations (SEG), structure sets (RTSTRUCT)
 ``contours``         drawn contours to ordered curves
 ``regions``          an organ found by its grey values, where there is no mask

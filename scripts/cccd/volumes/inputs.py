@@ -16,6 +16,7 @@ from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE
 from cccd.volumes.grid import Volume, on_grid
 from cccd.volumes.labels import choose_labels
+from cccd.volumes.nnunet import is_nnunet, read_classes
 from cccd.volumes.readers import SUFFIXES, read_volume, without_suffix
 
 __all__ = [
@@ -117,7 +118,8 @@ def read_mask(
     Parameters
     ----------
     path : path
-        A label map, a binary or a probability map, a DICOM SEG, or a folder of one-organ masks.
+        A label map, a binary or a probability map, nnU-Net's probabilities, a DICOM SEG, or a folder of
+        one-organ masks.
     row : mapping
         Its ``label`` and ``organ`` say which labels are the organ.
     implied : tuple of int
@@ -130,7 +132,7 @@ def read_mask(
     Returns
     -------
     Volume
-        Boolean.
+        Boolean; float32 where the file holds probabilities, which are one half on the organ's border.
 
     Raises
     ------
@@ -147,6 +149,8 @@ def read_mask(
         from cccd.volumes.dicom import read_seg  # slow to import
 
         return read_seg(path, label, organ, image, limits)
+    if is_nnunet(path):
+        return _field_or_mask(read_classes(path, limits).of_organ(label, organ))
     return organ_of_labels(read_volume(path, limits), label, organ, implied)
 
 
@@ -170,6 +174,8 @@ def list_labels(path: Path) -> dict[str, str]:
 
         names = region_names(path) if dicom_modality(path) == "RTSTRUCT" else segment_names(path)
         return {str(number): name for number, name in sorted(names.items())}
+    if is_nnunet(path):
+        return read_classes(path).present()
     data, named = _label_map(path)
     present = [int(value) for value in np.unique(data) if value > 0]
     return {str(value): named.get(value, "") for value in present}
@@ -177,7 +183,7 @@ def list_labels(path: Path) -> dict[str, str]:
 
 def label_values(path: Path) -> tuple[AnyArray, Mapping[int, str]] | None:
     """Values of a label map's voxels, and their names where it holds some; None where it is no one volume."""
-    return None if path.is_dir() or _is_dicom(path) else _label_map(path)
+    return None if path.is_dir() or is_nnunet(path) or _is_dicom(path) else _label_map(path)
 
 
 def _label_map(path: Path) -> tuple[AnyArray, Mapping[int, str]]:
@@ -227,7 +233,7 @@ def _read_mask_folder(folder: Path, label: str, limits: LimitSettings) -> Volume
                 volume.location, f"its grid is not that of {united.location}", "give one scan's masks"
             )
         warnings = united.warnings + volume.warnings
-        united = replace(aligned, data=united.data | aligned.data, warnings=warnings)
+        united = replace(aligned, data=np.maximum(united.data, aligned.data), warnings=warnings)
     return united
 
 
@@ -239,12 +245,15 @@ def _read_named(folder: Path, files: Mapping[str, Path], name: str, limits: Limi
 
 
 def organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, ...] = ()) -> Volume:
-    """Turn a label map, a binary mask or a probability map into a boolean mask of the organ."""
+    """Turn a label map or a binary mask into the organ's boolean mask; probabilities stay what they are."""
     location = volume.location
-    data, warnings = _whole_numbers(volume.data, location, bool(label))
+    data, probable = _whole_numbers(volume.data, location, bool(label))
     present = [int(value) for value in np.unique(data) if value > 0]
     if not present:
         raise InputError(location, "the mask is empty", "check that it belongs to this organ")
+    if probable:
+        return _field_or_mask(replace(volume, data=np.asarray(volume.data, np.float32)))
+    warnings: list[str] = []
     names = {value: volume.names.get(value, "") for value in present}
     called = [value for value, name in names.items() if name.lower() == organ.lower()]
     if implied:
@@ -263,19 +272,43 @@ def organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, 
     return replace(volume, data=np.isin(data, chosen), warnings=volume.warnings + warnings)
 
 
-def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyArray, list[str]]:
-    """Labels as integers; probabilities become 0 and 1, with a warning, unless the row names a label."""
+#: What a probability at least loses over the organ's border, from a pixel to the next, where the map is but a
+#: cut mask: half of the border's pixels do.
+_CUT_STEP = 0.85
+
+
+def _is_graded(probability: AnyArray) -> bool:
+    """Whether probabilities say more of where the border runs than the mask of those above one half."""
+    steps: list[AnyArray] = []
+    for axis in range(3):
+        inside = np.moveaxis(probability, axis, 0) >= 0.5
+        across = inside[1:] != inside[:-1]
+        steps.append(np.abs(np.diff(np.moveaxis(probability, axis, 0), axis=0))[across])
+    found = np.concatenate(steps)
+    return bool(len(found)) and float(np.median(found)) < _CUT_STEP
+
+
+def _field_or_mask(volume: Volume) -> Volume:
+    """Leave probabilities as they are where they say more than the mask of those above one half."""
+    if _is_graded(volume.data):
+        return volume
+    note = f"{volume.location}: probabilities of a cut mask, cut at 0.5"
+    return replace(volume, data=volume.data >= 0.5, warnings=[*volume.warnings, note])
+
+
+def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyArray, bool]:
+    """Labels as integers, and whether they are probabilities, then cut; none are beside a row's label."""
     if data.dtype == bool:
-        return data.astype(np.uint8), []
+        return data.astype(np.uint8), False
     if not np.issubdtype(data.dtype, np.floating):
-        return data, []
+        return data, False
     if not np.isfinite(data).all():
         raise InputError(
             location, "the mask holds voxels that are not finite", "replace NaN and infinity by 0"
         )
     whole = np.rint(data)
     if np.abs(data - whole).max(initial=0) <= LABEL_VALUE:
-        return whole.astype(np.int32), []
+        return whole.astype(np.int32), False
     if data.min() < 0 or data.max() > 1 or labelled:
         raise InputError(location, "its values are neither labels nor probabilities", "give a label map")
-    return (data >= 0.5).astype(np.int32), [f"{location}: probabilities, cut at 0.5"]
+    return (data >= 0.5).astype(np.int32), True

@@ -56,6 +56,7 @@ class _Scan:
     frame: Frame
     image: SingleArray | None = None
     mask: BoolArray | None = None
+    probability: SingleArray | None = None
     region: BoolArray | None = None
     boundary: BoolArray | None = None
     contours: Curves | None = None
@@ -112,7 +113,8 @@ def structure_of_array(
     Parameters
     ----------
     mask : (a, b, c) array
-        Boolean; whole numbers, of which all but 0 are the organ; or probabilities, cut at one half.
+        Boolean; whole numbers, of which all but 0 are the organ; or probabilities: the border is where they
+        are one half.
     affine : (4, 4) float
         Index to world mm (RAS).
     settings : ImportSettings
@@ -129,7 +131,7 @@ def structure_of_array(
     if array.ndim != 3:
         raise InputError(name, f"it has {array.ndim} dimensions", "give a three-dimensional array")
     volume = organ_of_labels(Volume(array, check_affine(affine, name), name), "", name)
-    scan = _Scan(_frame(volume, settings), mask=volume.data, warnings=volume.warnings)
+    scan = _Scan(_frame(volume, settings), **_mask_layers(volume.data), warnings=volume.warnings)
     return _crop(scan, {"case": name, "organ": name, "location": name}, settings.margin_voxels)
 
 
@@ -259,7 +261,14 @@ def _scan_of_voxels(
         if volume is not None:
             layers[name], notes = _move_to_grid(volume, grid, settings.resample)
             warnings += notes
+    if mask is not None:
+        layers |= _mask_layers(layers["mask"])
     return _Scan(_frame(grid, settings), **layers, provenance=provenance, warnings=warnings)
+
+
+def _mask_layers(mask: AnyArray) -> dict[str, AnyArray]:
+    """Return a mask as it is, or that of probabilities beside them."""
+    return {"mask": mask} if mask.dtype == bool else {"mask": mask >= 0.5, "probability": mask}
 
 
 def _find_organ(image: Volume, source: str, settings: ImportSettings) -> tuple[Volume, dict[str, Any]]:
@@ -365,6 +374,10 @@ def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
         None if array is None else crop(array, first, last)
         for array in (scan.image, scan.mask, scan.region, scan.boundary)
     )
+    probability = None
+    if scan.probability is not None:  # beyond the scan there is nothing
+        inside = crop(np.ones(frame.shape, bool), first, last)
+        probability = np.where(inside, crop(scan.probability, first, last), np.float32(0))
     if region is not None and scan.mask is not None and mask is not None:
         warnings = warnings + _unscored_notes(scan.mask, mask)
     return Structure(
@@ -374,6 +387,7 @@ def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
         origin=first.astype(np.int64),
         image=None if image is None else np.ascontiguousarray(image, np.float32),
         mask=mask,
+        probability=probability,
         region=region,
         boundary=boundary,
         contours=scan.contours,

@@ -26,7 +26,7 @@ from cccd.sidecar_files import VoxelHeader, read_voxel_header
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.volumes.limits import check_size
 
-__all__ = ["SUFFIXES", "guarded", "read_itk", "read_nifti", "read_volume", "without_suffix"]
+__all__ = ["SUFFIXES", "dataset_names", "guarded", "read_itk", "read_nifti", "read_volume", "without_suffix"]
 
 _NIFTI = (".nii.gz", ".nii", ".hdr", ".img", ".mgz", ".mgh")
 
@@ -167,7 +167,7 @@ def read_nifti(path: Path, limits: LimitSettings = _LIMITS) -> Volume:
     warnings = []
     if isinstance(image, AnalyzeImage) and not _is_oriented(image):
         warnings.append(f"{location}: no orientation in its header; left and right may be swapped")
-    names = _nifti_names(image) | _dataset_names(path)
+    names = _nifti_names(image) | dataset_names(path)
     return Volume(_spatial(data, location), affine, location, names, warnings=warnings)
 
 
@@ -221,7 +221,7 @@ def _nifti_names(image: SpatialImage) -> dict[int, str]:
     return found
 
 
-def _dataset_names(path: Path) -> dict[int, str]:
+def dataset_names(path: Path) -> dict[int, str]:
     """Names of labels from the ``dataset.json`` that nnU-Net keeps beside or above its label maps."""
     for folder in (path.parent, path.parent.parent):
         file = folder / "dataset.json"

@@ -1,0 +1,89 @@
+"""The surface's target where probabilities are known: their level of one half, smooth in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from cccd.containers import Frame, ProbabilityStack
+from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
+from cccd.surface.target import TargetField
+
+__all__ = ["ProbabilityTarget"]
+
+#: Pixels of nothing around the stack, so that its cubic spline ends there without ripples.
+BEYOND = 3
+#: So far from one half the probabilities begin to be certain: distances to the slices' outlines take over.
+CERTAIN = (0.25, 0.45)
+
+
+@dataclass(frozen=True, eq=False)
+class ProbabilityTarget:
+    """Cubic spline through probabilities, as distances to where it is one half.
+
+    Near that level the distance is the probability's difference from one half by its mean slope; where
+    probabilities are certain it is that to the slices' outlines, with the sign of the probabilities.
+
+    Attributes
+    ----------
+    coefficients : (S, I, J) float32
+        Of the cubic spline through one half less the probabilities.
+    origin : (3,) int64
+        Slice, and pixel of the outlines' plane, of the first coefficient.
+    voxel : (3,) float64
+        Distance between slices, and a pixel's edges along i and j, in mm.
+    z_range : (float, float)
+        Heights in mm between which there are probabilities.
+    slope : float
+        Mean slope of the probabilities along the level, per mm.
+    outlines : TargetField
+        Distances to the slices' outlines.
+    """
+
+    coefficients: SingleArray
+    origin: IntArray
+    voxel: FloatArray
+    z_range: tuple[float, float]
+    slope: float
+    outlines: TargetField
+
+    @classmethod
+    def of(
+        cls, stack: ProbabilityStack, frame: Frame, plane_origin: IntArray, outlines: TargetField
+    ) -> ProbabilityTarget:
+        """Target of a stack whose outlines' plane begins at source pixel ``plane_origin`` (2,)."""
+        voxel = np.array([frame.slice_spacing, *frame.pixel_spacing])
+        sides = ((0, 0), (BEYOND, BEYOND), (BEYOND, BEYOND))
+        level = np.pad(np.float32(0.5) - stack.values, sides, constant_values=np.float32(0.5))
+        coefficients = np.asarray(ndimage.spline_filter(level, 3, np.float32, "nearest"))
+        first = np.asarray(stack.origin) - (0, BEYOND, BEYOND) - (0, *plane_origin)
+        low = (first[0] - 0.5) * voxel[0]
+        z_range = float(low), float(low + len(level) * voxel[0])
+        return cls(coefficients, first, voxel, z_range, _slope(level, voxel), outlines)
+
+    def __call__(self, points: FloatArray, within: float = np.inf) -> tuple[FloatArray, FloatArray]:
+        """Distances (P,) in mm at points (P, 3) in the plane's mm and height, and how far they are known.
+
+        The second array (P,) is the distance along z to where the probabilities end, zero beyond.
+        """
+        index = points[:, [2, 0, 1]] / self.voxel - self.origin
+        level = ndimage.map_coordinates(self.coefficients, index.T, order=3, mode="nearest", prefilter=False)
+        near = level / self.slope
+        far, _ = self.outlines(points, -np.inf)
+        share = np.clip((np.abs(level) - CERTAIN[0]) / (CERTAIN[1] - CERTAIN[0]), 0, 1)
+        certain = np.copysign(np.maximum(np.abs(far), np.abs(near)), level)
+        room = np.minimum(points[:, 2] - self.z_range[0], self.z_range[1] - points[:, 2])
+        return near + share * (certain - near), np.maximum(room, 0)
+
+
+def _slope(level: SingleArray, voxel: FloatArray) -> float:
+    """Mean slope per mm of a field (S, I, J) where it changes its sign between pixels of a slice."""
+    axes = [axis for axis in range(3) if level.shape[axis] > 1]
+    steep = np.linalg.norm([np.gradient(level, voxel[axis], axis=axis) for axis in axes], axis=0)
+    inside = level <= 0
+    crossing = np.zeros(level.shape, bool)
+    crossing[:, 1:] |= inside[:, 1:] != inside[:, :-1]
+    crossing[:, :, 1:] |= inside[:, :, 1:] != inside[:, :, :-1]
+    return float(max(np.mean(steep[crossing]), 1e-6)) if crossing.any() else 1.0
