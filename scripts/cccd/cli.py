@@ -135,8 +135,9 @@ def _add_surface(commands: Any) -> None:
     _add_input(surface)
     surface.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
-        help="where to, any number of times; the suffix chooses the format: .ply .stl .vtp .glb .step .msh "
-        ".inp (tetrahedra) .nii.gz (label map) .dcm (RTSTRUCT); default: the input's name with .ply, here",
+        help="where to, any number of times; the suffix chooses the format: .ply .stl .obj .vtp .gii .glb "
+        ".3mf .step .msh .inp (tetrahedra) .nii.gz (label map) .dcm (RTSTRUCT); default: the input's "
+        "name with .ply, here",
     )  # fmt: skip
     surface.add_argument(
         "--all-labels",

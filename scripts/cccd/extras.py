@@ -19,6 +19,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "s3": ("boto3", "botocore"),
     "cad": ("OCP",),
     "fe": ("pytetwild",),
+    "print": ("lib3mf",),
     "run": ("snakemake", "jsonschema", "nilearn"),
 }
 

@@ -7,17 +7,16 @@ curve points carry whether a greedy chain code gets stuck on them.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels, on_pixel_chain
 from cccd.containers import Boundaries, Curves, Structure, View
+from cccd.geometry.curvature import mean_curvature
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.surface.measure import mask_surface
 
 __all__ = [
     "make_view",
-    "mean_curvature",
     "reference_surface",
     "sort_spatially",
     "voxel_surface",
@@ -62,17 +61,6 @@ def sort_spatially(mesh: Mesh) -> tuple[Mesh, np.ndarray]:
     rank[by_use] = np.arange(len(by_use))
     order = used[by_use]
     return Mesh(mesh.vertices[order], rank[inverse].reshape(-1, 3)), order
-
-
-def mean_curvature(mesh: Mesh, at: np.ndarray) -> np.ndarray:
-    """Estimate the mean curvature (P,) in 1/mm near the points ``at`` (P, 3); positive is convex.
-
-    Discrete mean curvature at the vertices, the median of the twelve that lie nearest to each point: the
-    second derivative of a triangulation is noisy at the scale of its triangles.
-    """
-    values = np.asarray(mesh.to_polydata().curvature("mean"))
-    _, nearest = cKDTree(mesh.vertices).query(at, k=min(12, len(mesh.vertices)))
-    return np.median(values[nearest.reshape(len(at), -1)], axis=1)
 
 
 def make_view(

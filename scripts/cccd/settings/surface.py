@@ -30,7 +30,8 @@ def _writers(package: str) -> dict[str, str]:
     """Names of the formats that a package has writers for, and their modules, without loading them."""
     folder = Path(__file__).parents[1] / package / "formats"
     found = sorted(path.stem for path in folder.glob("[a-z]*.py"))
-    return {stem.replace("_", "."): f"cccd.{package}.formats.{stem}" for stem in found}
+    names = {stem: "3mf" if stem == "threemf" else stem.replace("_", ".") for stem in found}
+    return {name: f"cccd.{package}.formats.{stem}" for stem, name in names.items()}
 
 
 #: Formats of solids, by OpenCASCADE, of tetrahedra, and all; each with the module that writes it.
@@ -611,8 +612,8 @@ class LoftSettings(Section):
         ("ply",),
         f"the surface's files, of {', '.join(SURFACE_FORMATS)}; ply always",
         why="Every later step reads the PLY mesh. step, iges and brep hold closed solids and need the "
-        "extra cad; msh, vtu and inp hold tetrahedra and need the extra fe; nii.gz is a label map on the "
-        "scan's grid, dcm an RTSTRUCT.",
+        "extra cad; msh, vtu and inp hold tetrahedra and need the extra fe; 3mf is for printing and needs "
+        "the extra print; nii.gz is a label map on the scan's grid, dcm an RTSTRUCT.",
     )
     case_formats: Annotated[tuple[_CaseFormat, ...], AfterValidator(without_repeats)] = setting(
         (),

@@ -24,7 +24,9 @@ __all__ = ["Scan", "check_format", "format_of", "read_surface", "write_surface"]
 
 #: What formats are written with beside what every installation has.
 _NEEDS = (
-    dict.fromkeys(SOLID_FORMATS, "OCP") | dict.fromkeys(TETRAHEDRA_FORMATS, "pytetwild") | {"dcm": "pydicom"}
+    dict.fromkeys(SOLID_FORMATS, "OCP")
+    | dict.fromkeys(TETRAHEDRA_FORMATS, "pytetwild")
+    | {"dcm": "pydicom", "3mf": "lib3mf"}
 )
 
 

@@ -58,7 +58,8 @@ class ProbabilityTarget:
         sides = ((0, 0), (BEYOND, BEYOND), (BEYOND, BEYOND))
         level = np.pad(np.float32(0.5) - stack.values, sides, constant_values=np.float32(0.5))
         coefficients = np.asarray(ndimage.spline_filter(level, 3, np.float32, "nearest"))
-        first = np.asarray(stack.origin) - (0, BEYOND, BEYOND) - (0, *plane_origin)
+        corner = np.array([0, BEYOND + plane_origin[0], BEYOND + plane_origin[1]])
+        first = np.asarray(stack.origin, np.int64) - corner
         low = (first[0] - 0.5) * voxel[0]
         z_range = float(low), float(low + len(level) * voxel[0])
         return cls(coefficients, first, voxel, z_range, _slope(level, voxel), outlines)
@@ -86,4 +87,4 @@ def _slope(level: SingleArray, voxel: FloatArray) -> float:
     crossing = np.zeros(level.shape, bool)
     crossing[:, 1:] |= inside[:, 1:] != inside[:, :-1]
     crossing[:, :, 1:] |= inside[:, :, 1:] != inside[:, :, :-1]
-    return float(max(np.mean(steep[crossing]), 1e-6)) if crossing.any() else 1.0
+    return max(float(steep[crossing].mean()), 1e-6) if crossing.any() else 1.0

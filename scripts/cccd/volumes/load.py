@@ -266,7 +266,7 @@ def _scan_of_voxels(
     return _Scan(_frame(grid, settings), **layers, provenance=provenance, warnings=warnings)
 
 
-def _mask_layers(mask: AnyArray) -> dict[str, AnyArray]:
+def _mask_layers(mask: AnyArray) -> dict[str, Any]:
     """Return a mask as it is, or that of probabilities beside them."""
     return {"mask": mask} if mask.dtype == bool else {"mask": mask >= 0.5, "probability": mask}
 

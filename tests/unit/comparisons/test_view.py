@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from cccd.comparisons.view import mean_curvature, reference_surface, sort_spatially
+from cccd.comparisons.view import reference_surface, sort_spatially
 from cccd.containers import Frame, Structure
+from cccd.geometry.curvature import mean_curvature
 from cccd.geometry.mesh import Mesh
 
 

@@ -1,5 +1,10 @@
+import re
+import shutil
+import subprocess
 import sys
+import zipfile
 
+import nibabel
 import numpy as np
 import pytest
 import trimesh
@@ -56,12 +61,106 @@ def test_vtp_says_its_frame(surface, tmp_path):
     assert list(mesh.field_data["Space"]) == ["RAS"]
 
 
+def test_vtp_has_curvature_and_tube_coordinates_at_its_vertices(surface, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    write_surface(tmp_path / "surface.vtp", surface)
+    values = pyvista.read(tmp_path / "surface.vtp").point_data
+    assert set(np.unique(values["tube"])) == set(range(len(surface.patches)))
+    for n in np.linspace(0, len(surface.vertices) - 1, 40).astype(int):
+        patch = surface.patches[values["tube"][n]]
+        (a, b), (c, d) = (
+            (knots[degree], knots[-degree - 1])
+            for knots, degree in ((patch.knots_u, patch.degree_u), (patch.knots_v, patch.degree_v))
+        )
+        u = a + (b - a) * values["around"][n : n + 1]
+        v = c + (d - c) * values["along"][n : n + 1]
+        away = np.linalg.norm(patch.evaluate(u, v) - surface.vertices[n])
+        assert away == pytest.approx(values["distance_to_tube"][n], abs=1e-6)
+    assert np.median(values["curvature"]) > 0
+
+
+# programs of others -----------------------------------------------------------------------------------
+
+
+def program(name, package):
+    if shutil.which(name) is None:
+        pytest.skip(f"{name} is not installed (Debian's {package})")
+    return name
+
+
+def test_obj_is_read_by_trimesh(surface, tmp_path):
+    write_surface(tmp_path / "surface.obj", surface)
+    mesh = trimesh.load(tmp_path / "surface.obj", process=False)
+    assert mesh.is_watertight
+    np.testing.assert_allclose(mesh.vertices, surface.vertices, atol=1e-6)
+    assert "SPACE=RAS" in (tmp_path / "surface.obj").read_text()[:400]
+
+
+def test_gifti_is_read_by_nibabel_and_by_connectome_workbench(surface, tmp_path):
+    path = tmp_path / "fork.surf.gii"
+    write_surface(path, surface, Scan("fork"))
+    points, triangles = nibabel.load(path).agg_data(("pointset", "triangle"))
+    np.testing.assert_allclose(points, surface.vertices, atol=1e-4)
+    assert np.array_equal(triangles, surface.faces)
+    done = subprocess.run(
+        [program("wb_command", "connectome-workbench"), "-surface-information", path],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    told = {
+        line.split(":")[0].strip(): line.split(":")[1].split()
+        for line in done.stdout.splitlines()
+        if ":" in line
+    }
+    assert int(told["Number of Vertices"][0]) == len(surface.vertices)
+    assert int(told["Number of Triangles"][0]) == len(surface.faces)
+
+
+def test_3mf_is_in_millimetres_with_a_colour_and_its_thinnest_wall(surface, tmp_path):
+    pytest.importorskip("lib3mf")
+    write_surface(tmp_path / "fork.3mf", surface, Scan("fork"))
+    with zipfile.ZipFile(tmp_path / "fork.3mf") as held:
+        model = held.read("3D/3dmodel.model").decode()
+    assert 'unit="millimeter"' in model
+    assert 'displaycolor="#CC7866' in model
+    thinnest = float(re.search(r'thinnest_wall_mm"[^>]*>([0-9.]+)<', model)[1])
+    assert 1 < thinnest < np.ptp(surface.vertices, axis=0).min()
+
+
+def test_prusa_slicer_slices_a_3mf_without_repair(surface, tmp_path):
+    pytest.importorskip("lib3mf")
+    slicer = program("prusa-slicer", "prusa-slicer")
+    write_surface(tmp_path / "fork.3mf", surface, Scan("fork"))
+    told = subprocess.run(
+        [slicer, "--info", "fork.3mf"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    facts = dict(re.findall(r"(\w+) = ([\w.]+)", told.stdout))
+    assert facts["manifold"] == "yes"
+    assert float(facts["volume"]) == pytest.approx(surface.mesh.volume, rel=1e-3)
+    assert not {"open_edges", "facets_reversed", "edges_fixed", "degenerate_facets"} & set(facts)
+    slicing = [
+        slicer,
+        "--export-gcode",
+        "--dont-arrange",
+        "--center",
+        "100,100",
+        "-o",
+        "fork.gcode",
+        "fork.3mf",
+    ]
+    subprocess.run(slicing, cwd=tmp_path, capture_output=True, check=True)
+    assert (tmp_path / "fork.gcode").stat().st_size > 10000
+
+
 @pytest.mark.parametrize("name", SURFACE_FORMATS)
 def test_every_format_that_the_configuration_knows_is_written(surface, tmp_path, name):
     if name in SOLID_FORMATS:
         pytest.importorskip("OCP")
     if name in TETRAHEDRA_FORMATS:
         pytest.importorskip("pytetwild")
+    if name == "3mf":
+        pytest.importorskip("lib3mf")
     path = tmp_path / f"surface.{name}"
     coarse = TetrahedraSettings(edge_mm=10, tolerance_mm=0.5)
     write_surface(path, surface, Scan("fork", tetrahedra=coarse))

@@ -1,7 +1,8 @@
-"""The files that a surface is written to: one module per format, named after it (``nii_gz`` for .nii.gz).
+"""The files that a surface is written to: one module per format, named after it.
 
-Each has a function ``write(path, surface, scan)``. The configuration, the rules and `write_surface` go by the
-modules that are here, so a format is added by adding its module.
+``nii_gz`` is for .nii.gz, and ``threemf`` for .3mf, as which no module can be imported. Each has a function
+``write(path, surface, scan)``. The configuration, the rules and `write_surface` go by the modules that are
+here, so a format is added by adding its module.
 """
 
 from __future__ import annotations
@@ -11,7 +12,10 @@ from pathlib import Path
 
 from cccd.settings.surface import LoftSettings, SolidSettings, TetrahedraSettings
 
-__all__ = ["NOTE", "Scan"]
+__all__ = ["COLOUR", "NOTE", "Scan"]
+
+#: Red, green and blue where a format has a colour, 0 to 1.
+COLOUR = (0.80, 0.47, 0.40)
 
 #: Written wherever a format has room for text; ``SPACE=RAS`` is what 3D Slicer looks for.
 NOTE = "CCCD surface; unit mm; SPACE=RAS"

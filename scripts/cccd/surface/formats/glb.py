@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from cccd.surface.formats import NOTE, Scan
+from cccd.surface.formats import COLOUR, NOTE, Scan
 from cccd.surface.surface import Surface
 
 __all__ = ["write"]
@@ -24,7 +24,7 @@ def write(path: Path, surface: Surface, scan: Scan) -> None:
     mesh = cast(Any, surface.mesh.to_trimesh())
     mesh.visual = visual.TextureVisuals(
         material=visual.material.PBRMaterial(
-            baseColorFactor=[0.80, 0.47, 0.40, 1.0], metallicFactor=0.0, roughnessFactor=0.6
+            baseColorFactor=[*COLOUR, 1.0], metallicFactor=0.0, roughnessFactor=0.6
         )
     )
     scene = cast(Any, trimesh.Scene())

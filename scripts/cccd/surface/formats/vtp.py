@@ -1,10 +1,12 @@
-"""VTK's polygonal data, with unit and frame as field data."""
+"""VTK's polygonal data: curvature (1/mm), tube coordinates and distance to the tube (mm) at its vertices."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any, cast
 
+from cccd.geometry.curvature import mean_curvature
+from cccd.surface.coordinates import tube_coordinates
 from cccd.surface.formats import Scan
 from cccd.surface.surface import Surface
 
@@ -12,10 +14,15 @@ __all__ = ["write"]
 
 
 def write(path: Path, surface: Surface, scan: Scan) -> None:
-    """Write the mesh in mm RAS."""
+    """Write the mesh in mm RAS; unit and frame are field data."""
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter  # VTK takes a second to load
 
     mesh = surface.mesh.to_polydata()
+    coordinates = tube_coordinates(surface.vertices, surface)
+    mesh.point_data["curvature"] = mean_curvature(surface.mesh, surface.vertices)
+    mesh.point_data["tube"] = coordinates.tube
+    mesh.point_data["around"], mesh.point_data["along"] = coordinates.around, coordinates.along
+    mesh.point_data["distance_to_tube"] = coordinates.distance
     mesh.field_data["SpaceUnit"] = ["mm"]
     mesh.field_data["Space"] = ["RAS"]
     # to a string first: on a full disk VTK leaves an empty file and says nothing
