@@ -244,9 +244,19 @@ def _simple_rings(points: FloatArray, location: str, where: str) -> list[FloatAr
     repaired = shapely.make_valid(polygon)
     # a ring that crosses itself winds its loops in opposite senses: its signed area falls short
     area = abs(RaggedPolygons.of([points]).signed_areas[0])
-    if abs(repaired.area - area) > CONTOUR_AREA * max(repaired.area, 1.0):
+    differs = abs(repaired.area - area) > CONTOUR_AREA * max(repaired.area, 1.0)
+    if differs and _crosses_itself(points):
         raise InputError(location, f"a contour on {where} crosses itself", "correct it and export again")
     return [ring for ring, _ in _rings_of(repaired)]
+
+
+def _crosses_itself(points: FloatArray) -> bool:
+    """Whether a closed contour (n, 2) passes through itself elsewhere than in points of its own.
+
+    A keyhole does not, whichever way its hole was drawn.
+    """
+    noded = shapely.get_coordinates(shapely.node(shapely.LinearRing(points)))
+    return bool(set(map(tuple, noded)) - set(map(tuple, points)))
 
 
 def _rings_of(geometry: BaseGeometry) -> list[tuple[FloatArray, bool]]:
