@@ -31,7 +31,9 @@ def tube_coordinates(points: FloatArray, surface: Surface) -> TubeCoordinates:
 
     The nearest of samples between the control points is taken, four for each of them in both directions.
     """
-    samples, numbers, places = [], [], []
+    samples: list[FloatArray] = []
+    numbers: list[IntArray] = []
+    places: list[FloatArray] = []
     for number, patch in enumerate(surface.patches):
         around, along = _shares(patch)
         u, v = np.meshgrid(around, along, indexing="ij")
@@ -48,7 +50,8 @@ def tube_coordinates(points: FloatArray, surface: Surface) -> TubeCoordinates:
 def _shares(patch: Patch) -> tuple[FloatArray, FloatArray]:
     """Shares of a patch's two parameters at its samples."""
     nu, nv = (PER_CONTROL_POINT * count for count in patch.weights.shape)
-    return np.arange(nu) / nu, np.linspace(0, 1, nv)
+    around: FloatArray = np.arange(nu, dtype=float) / nu
+    return around, np.linspace(0, 1, nv)
 
 
 def _ends(knots: FloatArray, degree: int) -> tuple[float, float]:

@@ -6,12 +6,15 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from nibabel.gifti import GiftiCoordSystem, GiftiDataArray, GiftiImage, GiftiMetaData
+from nibabel.gifti.gifti import GiftiCoordSystem, GiftiDataArray, GiftiImage, GiftiMetaData
 
 from cccd.surface.formats import NOTE, Scan
 from cccd.surface.surface import Surface
 
 __all__ = ["write"]
+
+#: NIfTI's code of the scanner's space.
+SCANNER = 1
 
 
 def write(path: Path, surface: Surface, scan: Scan) -> None:
@@ -20,7 +23,7 @@ def write(path: Path, surface: Surface, scan: Scan) -> None:
         np.asarray(surface.vertices, np.float32),
         intent="NIFTI_INTENT_POINTSET",
         datatype="NIFTI_TYPE_FLOAT32",
-        coordsys=GiftiCoordSystem("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_SCANNER_ANAT", np.eye(4)),
+        coordsys=GiftiCoordSystem(SCANNER, SCANNER, np.eye(4)),
         # programs for cortices want to know which one it is
         meta=GiftiMetaData({"AnatomicalStructurePrimary": "Other", "GeometricType": "Anatomical"}),
     )
