@@ -20,6 +20,7 @@ UNPINNED = {
     "botocore",
     "cadquery-ocp-novtk",
     "itk-morphologicalcontourinterpolation",
+    "lib3mf",
     "open3d",
     "pytetwild",
 }

@@ -610,7 +610,7 @@ class LoftSettings(Section):
     )
     formats: Annotated[tuple[_Format, ...], AfterValidator(without_repeats)] = setting(
         ("ply",),
-        f"the surface's files, of {', '.join(SURFACE_FORMATS)}; ply always",
+        f"files: {', '.join(SURFACE_FORMATS)}; ply always",
         why="Every later step reads the PLY mesh. step, iges and brep hold closed solids and need the "
         "extra cad; msh, vtu and inp hold tetrahedra and need the extra fe; 3mf is for printing and needs "
         "the extra print; nii.gz is a label map on the scan's grid, dcm an RTSTRUCT.",

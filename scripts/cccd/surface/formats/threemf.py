@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from importlib import import_module
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,7 +20,9 @@ NAMESPACE = "https://cccd.example/3mf"
 
 def write(path: Path, surface: Surface, scan: Scan) -> None:
     """Write the mesh in mm RAS; metadata ``thinnest_wall_mm`` says how thick 99 % of it is at least."""
-    lib3mf = cast(Any, import_module("lib3mf"))  # of the extra print
+    import lib3mf as untyped  # pyright: ignore[reportMissingTypeStubs]  # of the extra print
+
+    lib3mf = cast(Any, untyped)
     model = lib3mf.get_wrapper().CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
     body = model.AddMeshObject()
