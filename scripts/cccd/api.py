@@ -123,7 +123,8 @@ class Surface:
         path : path
             Ends with ``.ply``, ``.stl``, ``.obj``, ``.vtp``, ``.gii``, ``.glb``, ``.3mf``, ``.step``,
             ``.iges``, ``.brep`` (closed solids), ``.msh``, ``.vtu``, ``.inp`` (tetrahedra), ``.nii.gz`` (a
-            label map on the scan's grid) or ``.dcm`` (contours, RTSTRUCT). All or nothing is written.
+            label map on the scan's grid), ``.dcm`` (contours, RTSTRUCT), ``.seg.dcm`` (SEG) or ``.stl.dcm``
+            (encapsulated STL). All or nothing is written.
         contour_spacing_mm : float, optional
             Distance of the RTSTRUCT's planes; that of the scan's slices by default.
         keep_patient : bool

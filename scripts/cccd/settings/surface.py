@@ -610,10 +610,11 @@ class LoftSettings(Section):
     )
     formats: Annotated[tuple[_Format, ...], AfterValidator(without_repeats)] = setting(
         ("ply",),
-        f"files: {', '.join(SURFACE_FORMATS)}; ply always",
+        "the surface's files; docs/configuration.md lists the formats; ply always",
         why="Every later step reads the PLY mesh. step, iges and brep hold closed solids and need the "
         "extra cad; msh, vtu and inp hold tetrahedra and need the extra fe; 3mf is for printing and needs "
-        "the extra print; nii.gz is a label map on the scan's grid, dcm an RTSTRUCT.",
+        "the extra print; nii.gz is a label map on the scan's grid, dcm an RTSTRUCT, seg.dcm a "
+        "SEG on the row's DICOM series, stl.dcm an encapsulated STL.",
     )
     case_formats: Annotated[tuple[_CaseFormat, ...], AfterValidator(without_repeats)] = setting(
         (),

@@ -26,7 +26,7 @@ __all__ = ["Scan", "check_format", "format_of", "read_surface", "write_surface"]
 _NEEDS = (
     dict.fromkeys(SOLID_FORMATS, "OCP")
     | dict.fromkeys(TETRAHEDRA_FORMATS, "pytetwild")
-    | {"dcm": "pydicom", "3mf": "lib3mf"}
+    | {"dcm": "pydicom", "stl.dcm": "pydicom", "seg.dcm": "highdicom", "3mf": "lib3mf"}
 )
 
 

@@ -23,7 +23,7 @@ from cccd.geometry.sections import cross_sections
 from cccd.tolerances import CONTOUR_PLANE
 from cccd.volumes.grid import LPS_TO_RAS
 
-__all__ = ["write_rtstruct"]
+__all__ = ["copy_identity", "identified_dataset", "item_of", "reference_slices", "write_rtstruct"]
 
 
 def _rounded(loop: FloatArray) -> FloatArray:
@@ -88,14 +88,14 @@ def write_rtstruct(
     loops = [(height, loop) for height, loop in loops if len(loop) >= 3]
     if not loops:
         raise InputError(str(path), "no plane meets the surface", "choose a smaller spacing_mm")
-    slices = [] if reference is None else _reference_slices(Path(reference))
+    slices = [] if reference is None else reference_slices(Path(reference))
     dataset = _structure_set(loops, name, slices, normal, spacing)
     if keep_patient and slices:
-        _copy_identity(slices[0], dataset)
+        copy_identity(slices[0], dataset)
     dataset.save_as(path, enforce_file_format=True)
 
 
-def _reference_slices(folder: Path) -> list[Dataset]:
+def reference_slices(folder: Path) -> list[Dataset]:
     """Headers of the DICOM images under a folder."""
     found: list[Dataset] = []
     for file in sorted(item for item in folder.rglob("*") if item.is_file()):
@@ -112,7 +112,7 @@ def _reference_slices(folder: Path) -> list[Dataset]:
     return found
 
 
-def _item(**attributes: object) -> Dataset:
+def item_of(**attributes: object) -> Dataset:
     """Make a DICOM data set of elements by keyword."""
     dataset = Dataset()
     for keyword, value in attributes.items():
@@ -149,15 +149,19 @@ def _structure_set(
     UIDs follow from the content, so that equal surfaces have equal bytes.
     """
     source = slices[0] if slices else Dataset()
-    dataset = _identified_dataset(name, source, _digest(loops, name, source))
+    dataset = identified_dataset(RTStructureSetStorage, "RTSTRUCT", source, _digest(loops, name, source))
+    dataset.OperatorsName = ""
+    dataset.StructureSetLabel = name[:16]
+    dataset.StructureSetDate = dataset.StructureSetTime = ""
+    dataset.ApprovalStatus = "UNAPPROVED"
     images = [
-        _item(ReferencedSOPClassUID=item.SOPClassUID, ReferencedSOPInstanceUID=item.SOPInstanceUID)
+        item_of(ReferencedSOPClassUID=item.SOPClassUID, ReferencedSOPInstanceUID=item.SOPInstanceUID)
         for item in slices
     ]
     dataset.ReferencedFrameOfReferenceSequence = Sequence([_frame_of_reference(dataset, source, images)])
     dataset.StructureSetROISequence = Sequence(
         [
-            _item(
+            item_of(
                 ROINumber=1,
                 ReferencedFrameOfReferenceUID=dataset.FrameOfReferenceUID,
                 ROIName=name,
@@ -167,10 +171,10 @@ def _structure_set(
     )
     contours = _contour_items(loops, _levels(slices, normal), images, CONTOUR_PLANE * spacing)
     dataset.ROIContourSequence = Sequence(
-        [_item(ReferencedROINumber=1, ROIDisplayColor=[220, 60, 50], ContourSequence=Sequence(contours))]
+        [item_of(ReferencedROINumber=1, ROIDisplayColor=[220, 60, 50], ContourSequence=Sequence(contours))]
     )
     dataset.RTROIObservationsSequence = Sequence(
-        [_item(ObservationNumber=1, ReferencedROINumber=1, RTROIInterpretedType="ORGAN", ROIInterpreter="")]
+        [item_of(ObservationNumber=1, ReferencedROINumber=1, RTROIInterpretedType="ORGAN", ROIInterpreter="")]
     )
     return dataset
 
@@ -184,36 +188,35 @@ def _digest(loops: list[tuple[float, FloatArray]], name: str, source: Dataset) -
     return digest.hexdigest()
 
 
-def _identified_dataset(name: str, source: Dataset, seed: str) -> Dataset:
-    """Structure set of study and frame of reference of the source, without contours and of nobody."""
+def identified_dataset(sop_class: UID, modality: str, source: Dataset, seed: str) -> Dataset:
+    """Object of study and frame of reference of the source, and of nobody.
+
+    UIDs follow from ``seed``.
+    """
 
     def uid(part: str) -> UID:
         return generate_uid(entropy_srcs=[seed, part])
 
     dataset = Dataset()
     dataset.file_meta = FileMetaDataset()
-    dataset.file_meta.MediaStorageSOPClassUID = RTStructureSetStorage
+    dataset.file_meta.MediaStorageSOPClassUID = sop_class
     dataset.file_meta.MediaStorageSOPInstanceUID = uid("instance")
     dataset.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
-    dataset.SOPClassUID = RTStructureSetStorage
+    dataset.SOPClassUID = sop_class
     dataset.SOPInstanceUID = uid("instance")
-    dataset.Modality = "RTSTRUCT"
+    dataset.Modality = modality
     dataset.SeriesInstanceUID = uid("series")
     dataset.StudyInstanceUID = str(source.get("StudyInstanceUID") or uid("study"))
     for keyword in _IDENTITY:  # the standard wants them there, be they empty
         setattr(dataset, keyword, "")
     dataset.SeriesNumber = None
     dataset.Manufacturer = "CCCD"
-    dataset.OperatorsName = ""
     dataset.FrameOfReferenceUID = str(source.get("FrameOfReferenceUID") or uid("frame"))
     dataset.PositionReferenceIndicator = ""
-    dataset.StructureSetLabel = name[:16]
-    dataset.StructureSetDate = dataset.StructureSetTime = ""
-    dataset.ApprovalStatus = "UNAPPROVED"
     return dataset
 
 
-def _copy_identity(source: Dataset, dataset: Dataset) -> None:
+def copy_identity(source: Dataset, dataset: Dataset) -> None:
     """Write who the patient is, and which study it was, into a data set."""
     if source.get("SpecificCharacterSet"):
         dataset.SpecificCharacterSet = source.SpecificCharacterSet
@@ -223,10 +226,10 @@ def _copy_identity(source: Dataset, dataset: Dataset) -> None:
 
 def _frame_of_reference(dataset: Dataset, source: Dataset, images: list[Dataset]) -> Dataset:
     """Refer to the frame of reference, and to study, series and images where there are any."""
-    frame = _item(FrameOfReferenceUID=dataset.FrameOfReferenceUID)
+    frame = item_of(FrameOfReferenceUID=dataset.FrameOfReferenceUID)
     if images:
-        series = _item(SeriesInstanceUID=source.SeriesInstanceUID, ContourImageSequence=Sequence(images))
-        study = _item(
+        series = item_of(SeriesInstanceUID=source.SeriesInstanceUID, ContourImageSequence=Sequence(images))
+        study = item_of(
             ReferencedSOPClassUID=_STUDY_CLASS,
             ReferencedSOPInstanceUID=dataset.StudyInstanceUID,
             RTReferencedSeriesSequence=Sequence([series]),
@@ -247,7 +250,7 @@ def _contour_items(
     """Write loops as contours; one within the tolerance of an image's level refers to that image."""
     contours = []
     for height, loop in loops:
-        contour = _item(
+        contour = item_of(
             ContourGeometricType="CLOSED_PLANAR",
             NumberOfContourPoints=len(loop),
             ContourData=[f"{x:.3f}" for x in loop.ravel()],

@@ -1,0 +1,103 @@
+"""The surface as a mesh within DICOM (encapsulated STL, M3D), in LPS as DICOM demands.
+
+That no half file is left is the caller's to see to (`cccd.store.atomic_path`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from pydicom.dataset import Dataset
+from pydicom.sequence import Sequence
+from pydicom.uid import UID
+
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.stl import binary_stl
+from cccd.volumes.clinical_export import copy_identity, identified_dataset, item_of, reference_slices
+from cccd.volumes.grid import LPS_TO_RAS
+
+__all__ = ["write_encapsulated_stl"]
+
+#: Encapsulated STL Storage (PS3.4, annex B.5).
+_SOP_CLASS = UID("1.2.840.10008.5.1.4.1.1.104.3")
+
+
+def write_encapsulated_stl(
+    path: str | Path,
+    mesh: Mesh,
+    *,
+    name: str,
+    reference: str | Path | None = None,
+    keep_patient: bool = False,
+) -> None:
+    """Write a closed mesh as DICOM encapsulated STL (PS3.3, A.85.1).
+
+    Parameters
+    ----------
+    path : path
+        The file to write.
+    mesh : Mesh
+        Closed, oriented outwards; mm RAS.
+    name : str
+        Title of the model.
+    reference : path, optional
+        Folder of the DICOM series that the surface came from. Study, frame of reference and the slices are
+        then referred to by their UIDs.
+    keep_patient : bool
+        Copy who the patient is from the series.
+
+    Raises
+    ------
+    InputError
+        No DICOM images in ``reference``.
+
+    Notes
+    -----
+    UIDs follow from the content, so that equal surfaces have equal bytes; dates are left empty.
+    """
+    slices = [] if reference is None else reference_slices(Path(reference))
+    source = slices[0] if slices else Dataset()
+    stl = binary_stl(mesh.transformed(LPS_TO_RAS), f"{name}; unit mm; SPACE=LPS")
+    seed = hashlib.sha256(stl + str(source.get("SeriesInstanceUID", "")).encode()).hexdigest()
+    dataset = identified_dataset(_SOP_CLASS, "M3D", source, seed)
+    dataset.SeriesNumber = dataset.InstanceNumber = 1
+    dataset.ManufacturerModelName = dataset.SoftwareVersions = "CCCD"
+    dataset.DeviceSerialNumber = "0"
+    dataset.ContentDate = dataset.ContentTime = dataset.AcquisitionDateTime = ""
+    dataset.BurnedInAnnotation = "NO"
+    dataset.DocumentTitle = name
+    dataset.ConceptNameCodeSequence = Sequence([_code("85040-4", "LN", "Segmented anatomy model")])
+    dataset.MIMETypeOfEncapsulatedDocument = "model/stl"
+    dataset.EncapsulatedDocumentLength = len(stl)
+    dataset.EncapsulatedDocument = stl + b"\0" * (len(stl) % 2)
+    dataset.MeasurementUnitsCodeSequence = Sequence([_code("mm", "UCUM", "mm")])
+    dataset.ModelModification = dataset.ModelMirroring = "NO"
+    if slices:
+        _refer_to(slices, dataset)
+        if keep_patient:
+            copy_identity(source, dataset)
+    dataset.save_as(path, enforce_file_format=True)
+
+
+def _code(value: str, scheme: str, meaning: str) -> Dataset:
+    """Make a coded concept."""
+    return item_of(CodeValue=value, CodingSchemeDesignator=scheme, CodeMeaning=meaning)
+
+
+def _refer_to(slices: list[Dataset], dataset: Dataset) -> None:
+    """Name the images that a model was made from."""
+
+    def images() -> Sequence:
+        return Sequence(
+            [
+                item_of(
+                    ReferencedSOPClassUID=image.SOPClassUID, ReferencedSOPInstanceUID=image.SOPInstanceUID
+                )
+                for image in slices
+            ]
+        )
+
+    dataset.SourceInstanceSequence = images()
+    series = item_of(SeriesInstanceUID=slices[0].SeriesInstanceUID, ReferencedInstanceSequence=images())
+    dataset.ReferencedSeriesSequence = Sequence([series])

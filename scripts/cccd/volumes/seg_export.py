@@ -1,0 +1,126 @@
+"""The surface as voxels on its DICOM series (segmentation object, SEG).
+
+That no half file is left is the caller's to see to (`cccd.store.atomic_path`).
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+from pathlib import Path
+
+import highdicom
+import numpy as np
+from highdicom.seg import Segmentation, SegmentDescription
+from highdicom.sr.coding import CodedConcept
+from pydicom.dataset import Dataset
+from pydicom.uid import generate_uid
+
+from cccd.errors import InputError
+from cccd.geometry.arrays import ByteArray, FloatArray
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import voxelise
+from cccd.tolerances import CONTOUR_PLANE
+from cccd.volumes.clinical_export import copy_identity, reference_slices
+from cccd.volumes.grid import LPS_TO_RAS
+
+__all__ = ["write_seg"]
+
+
+def write_seg(
+    path: str | Path, mesh: Mesh, *, name: str, reference: str | Path | None, keep_patient: bool = False
+) -> None:
+    """Write the voxels inside a closed mesh as one segment of a DICOM SEG.
+
+    Parameters
+    ----------
+    path : path
+        The file to write.
+    mesh : Mesh
+        Closed; mm RAS.
+    name : str
+        The segment's label.
+    reference : path
+        Folder of the DICOM series whose pixels are taken, one image per slice; every image is referred to.
+    keep_patient : bool
+        Copy who the patient is from the series.
+
+    Raises
+    ------
+    InputError
+        No series, its slices are not evenly spaced, or the mesh holds none of its voxels.
+    """
+    if reference is None:
+        raise InputError(
+            str(path), "a SEG lies on a DICOM series, and there is none", "name the series' folder as image"
+        )
+    slices, affine = _grid(reference_slices(Path(reference)), Path(reference).name)
+    mask = voxelise(mesh, LPS_TO_RAS @ affine, (slices[0].Columns, slices[0].Rows, len(slices)))
+    if not mask.any():
+        raise InputError(str(path), "no voxel of the series lies in the surface", "name the right series")
+    frames = np.ascontiguousarray(mask.transpose(2, 1, 0), np.uint8)
+    dataset = _segmentation(frames, name, [_anonymous(image, keep_patient) for image in slices])
+    dataset.save_as(path, enforce_file_format=True)
+
+
+def _grid(slices: list[Dataset], location: str) -> tuple[list[Dataset], FloatArray]:
+    """Sort slices along their normal; with them the affine (4, 4) from (column, row, slice) to mm LPS."""
+    along, down = np.reshape([float(x) for x in slices[0].ImageOrientationPatient], (2, 3))
+    positions = np.array([[float(x) for x in image.ImagePositionPatient] for image in slices])
+    order = np.argsort(positions @ np.cross(along, down), kind="stable")
+    positions = positions[order]
+    step = (positions[-1] - positions[0]) / max(len(slices) - 1, 1)
+    even = positions[0] + np.arange(len(slices))[:, None] * step
+    away = np.linalg.norm(positions - even, axis=1).max()
+    if len(slices) < 2 or away > CONTOUR_PLANE * np.linalg.norm(step):
+        raise InputError(
+            location, "its slices are not evenly spaced", "resample the series, or take RTSTRUCT"
+        )
+    rows, columns = (float(size) for size in slices[0].PixelSpacing)
+    affine = np.eye(4)
+    affine[:3, 0], affine[:3, 1], affine[:3, 2], affine[:3, 3] = (
+        along * columns,
+        down * rows,
+        step,
+        positions[0],
+    )
+    return [slices[n] for n in order], affine
+
+
+def _anonymous(image: Dataset, keep_patient: bool) -> Dataset:
+    """Copy an image's header, without who the patient is unless that is kept."""
+    copied = copy.deepcopy(image)
+    copy_identity(image if keep_patient else Dataset(), copied)
+    return copied
+
+
+def _segmentation(frames: ByteArray, name: str, slices: list[Dataset]) -> Segmentation:
+    """Make a SEG of frames (S, rows, columns); its UIDs follow from the content."""
+    seed = hashlib.sha256(frames.tobytes() + name.encode() + slices[0].SeriesInstanceUID.encode()).hexdigest()
+    segment = SegmentDescription(
+        segment_number=1,
+        segment_label=name,
+        segmented_property_category=CodedConcept("123037004", "SCT", "Anatomical Structure"),
+        segmented_property_type=CodedConcept("113343008", "SCT", "Organ"),
+        algorithm_type="AUTOMATIC",
+        algorithm_identification=highdicom.AlgorithmIdentificationSequence(
+            name="CCCD",
+            version="1",
+            family=CodedConcept("123110", "DCM", "Artificial Intelligence"),
+        ),
+    )
+    return Segmentation(
+        source_images=slices,
+        pixel_array=frames,
+        segmentation_type="BINARY",
+        segment_descriptions=[segment],
+        series_instance_uid=generate_uid(entropy_srcs=[seed, "series"]),
+        series_number=1,
+        sop_instance_uid=generate_uid(entropy_srcs=[seed, "instance"]),
+        instance_number=1,
+        manufacturer="CCCD",
+        manufacturer_model_name="CCCD",
+        software_versions="CCCD",
+        device_serial_number="0",
+        content_label="SEGMENTATION",
+    )

@@ -1,0 +1,109 @@
+"""What goes out as DICOM, read back by programs of others: dciodvfy (Debian's dicom3tools), trimesh."""
+
+import io
+import shutil
+import subprocess
+
+import numpy as np
+import pydicom
+import pytest
+import trimesh
+from scans import affine_of, dicom_affine, full, grey, organ, row, settings, write_series
+
+from cccd.containers import Frame
+from cccd.errors import InputError
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import voxelise
+from cccd.volumes import load_structure
+from cccd.volumes.clinical_export import write_rtstruct
+from cccd.volumes.model_export import write_encapsulated_stl
+from cccd.volumes.seg_export import write_seg
+
+AFFINE = dicom_affine()
+CENTRE = (AFFINE @ (18, 18, 6, 1))[:3]
+
+
+def ball():
+    mesh = trimesh.creation.icosphere(3, 12.0)
+    return Mesh(mesh.vertices + CENTRE, np.asarray(mesh.faces, np.int64))
+
+
+def errors_of(path):
+    if shutil.which("dciodvfy") is None:
+        pytest.skip("dciodvfy is not installed (Debian's dicom3tools)")
+    told = subprocess.run(["dciodvfy", path], capture_output=True, text=True)
+    return [line for line in (told.stdout + told.stderr).splitlines() if line.startswith("Error")]
+
+
+@pytest.mark.parametrize("referring", [True, False], ids=["of a series", "of no series"])
+@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
+def test_dciodvfy_finds_no_error(tmp_path, kind, referring):
+    mask = organ()
+    series = write_series(tmp_path / "dicom", grey(mask), AFFINE)
+    folder = tmp_path / "dicom" if referring else None
+    path = tmp_path / "out.dcm"
+    if kind == "SEG":
+        if not referring:
+            pytest.skip("a SEG lies on a series")
+        write_seg(path, ball(), name="liver", reference=folder, keep_patient=True)
+    elif kind == "M3D":
+        write_encapsulated_stl(path, ball(), name="liver", reference=folder, keep_patient=True)
+    else:
+        frame = Frame(AFFINE, 2, mask.shape)
+        write_rtstruct(path, ball(), frame, name="liver", reference=folder, keep_patient=True)
+    assert pydicom.dcmread(path).Modality == kind
+    if referring:
+        assert pydicom.dcmread(path).StudyInstanceUID == series[0].StudyInstanceUID
+    assert errors_of(path) == []
+
+
+def test_an_encapsulated_stl_is_the_mesh_in_lps_and_refers_to_every_slice(tmp_path):
+    series = write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+    mesh = ball()
+    write_encapsulated_stl(tmp_path / "a.dcm", mesh, name="liver", reference=tmp_path / "dicom")
+    write_encapsulated_stl(tmp_path / "b.dcm", mesh, name="liver", reference=tmp_path / "dicom")
+    assert (tmp_path / "a.dcm").read_bytes() == (tmp_path / "b.dcm").read_bytes()
+    held = pydicom.dcmread(tmp_path / "a.dcm")
+    stl = held.EncapsulatedDocument[: held.EncapsulatedDocumentLength]
+    back = trimesh.load(io.BytesIO(stl), file_type="stl")
+    assert back.is_watertight
+    np.testing.assert_allclose(back.bounds.mean(axis=0), CENTRE * (-1, -1, 1), atol=1e-3)
+    assert back.volume == pytest.approx(mesh.volume, rel=1e-4)
+    assert {part.ReferencedSOPInstanceUID for part in held.SourceInstanceSequence} == {
+        image.SOPInstanceUID for image in series
+    }
+    assert held.FrameOfReferenceUID == series[0].FrameOfReferenceUID
+    assert held.PatientName == ""
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0), (15, -20, 30)], ids=["straight", "oblique"])
+def test_a_seg_has_the_voxels_inside_on_every_slice_of_its_series(tmp_path, turn):
+    affine = affine_of(turn=turn) @ np.diag([-1.0, -1.0, 1.0, 1.0])
+    mesh = ball()
+    mesh = Mesh(mesh.vertices - CENTRE + (affine @ (18, 18, 6, 1))[:3], mesh.faces)
+    series = write_series(tmp_path / "dicom", grey(organ()), affine)
+    write_seg(tmp_path / "seg.dcm", mesh, name="liver", reference=tmp_path / "dicom")
+    read = load_structure(row(image="dicom", mask="seg.dcm", label="liver"), tmp_path, settings())
+    np.testing.assert_array_equal(full(read), voxelise(mesh, read.frame.affine, read.frame.shape))
+    held = pydicom.dcmread(tmp_path / "seg.dcm")
+    referred = held.ReferencedSeriesSequence[0].ReferencedInstanceSequence
+    assert {part.ReferencedSOPInstanceUID for part in referred} <= {image.SOPInstanceUID for image in series}
+    assert held.PatientName == ""
+
+
+def test_a_seg_without_a_series_is_refused_in_one_line(tmp_path):
+    with pytest.raises(InputError, match="lies on a DICOM series"):
+        write_seg(tmp_path / "seg.dcm", ball(), name="liver", reference=None)
+
+
+def test_a_seg_of_another_patients_series_is_refused(tmp_path):
+    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+    far = Mesh(ball().vertices + 500, ball().faces)
+    with pytest.raises(InputError, match="no voxel of the series"):
+        write_seg(tmp_path / "seg.dcm", far, name="liver", reference=tmp_path / "dicom")
+
+
+def test_a_seg_on_slices_with_a_gap_is_refused(tmp_path):
+    write_series(tmp_path / "dicom", grey(organ()), AFFINE, skip=(5,))
+    with pytest.raises(InputError, match="not evenly spaced"):
+        write_seg(tmp_path / "seg.dcm", ball(), name="liver", reference=tmp_path / "dicom")
