@@ -1,7 +1,7 @@
 """Everything measured on one structure, and what the page's viewer shows of it."""
 
 from cccd.comparisons.view import make_view
-from cccd.contours import missing_parts
+from cccd.contours import doubtful_slices, missing_parts
 from cccd.curves import measure_curves
 from cccd.job import job
 from cccd.store import (
@@ -34,6 +34,7 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
         "warnings": [
             *structure.warnings,
             *missing_parts(ordering),
+            *doubtful_slices(ordering),
             *surface.report["warnings"],
             *volume_warnings(figures),
             *(warning for report in (*solids.values(), *volumes) for warning in report["warnings"]),

@@ -214,7 +214,8 @@ class Curves:
     """Ordered closed simple curves, ragged; the first point is not repeated.
 
     Outer curves and holes of a slice are separate curves. Orientation: outer curves counter-clockwise
-    in (i, j) (positive shoelace area), holes clockwise.
+    in (i, j) (positive shoelace area), holes clockwise. ``uncertainty``, of curves that the junction network
+    ordered, is the probability that the curves of their slice are wrong.
     """
 
     points: np.ndarray  # (P, 2) float64, source (i, j)
@@ -222,6 +223,7 @@ class Curves:
     slice: np.ndarray  # (C,) int32, ascending
     hole: np.ndarray  # (C,) bool
     frame: Frame
+    uncertainty: np.ndarray | None = None  # (C,) float
 
     def __len__(self) -> int:
         return len(self.slice)

@@ -13,7 +13,7 @@ from cccd.containers import Curves, Structure
 from cccd.errors import InputError
 from cccd.tracing import left_out, level_curves, trace_stack
 
-__all__ = ["check_closed", "missing_parts", "take_contours", "trace_contours"]
+__all__ = ["check_closed", "doubtful_slices", "missing_parts", "take_contours", "trace_contours"]
 
 _CHANGED = "its file has changed since the run was planned: run snakemake again"
 
@@ -90,6 +90,23 @@ def missing_parts(report: Mapping[str, Any]) -> list[str]:
         return []
     count = f"{lost['parts']} part{'s' if lost['parts'] > 1 else ''} of {lost['part_voxels']} voxels in all"
     return [f"without an outline on any slice, so not in the surface: {count}"]
+
+
+def doubtful_slices(report: Mapping[str, Any], most: int = 10) -> list[str]:
+    """Say, of what `cccd.junctions.order_boundaries` reports, which slices should be looked at.
+
+    Examples
+    --------
+    >>> doubtful_slices({"slices": 4 * [{}], "doubtful": [7, 3], "expected_wrong": 1.24})
+    ['slices to look at, the most doubtful first: 7, 3 (2 of 4; about 1.2 are wrong by the network)']
+    """
+    doubtful = report.get("doubtful", [])
+    if not doubtful:
+        return []
+    listed = ", ".join(map(str, doubtful[:most])) + (" and so on" if len(doubtful) > most else "")
+    wrong = f"about {report['expected_wrong']:.2g} are wrong by the network"
+    count = f"{len(doubtful)} of {len(report['slices'])}"
+    return [f"slices to look at, the most doubtful first: {listed} ({count}; {wrong})"]
 
 
 def check_closed(curves: Curves, structure: Structure) -> Curves:

@@ -327,11 +327,13 @@ def _put_curves(group: h5py.Group, curves: Curves) -> None:
     _put(group, "offsets", curves.offsets, np.int64)
     _put(group, "slice", curves.slice, np.int32)
     _put(group, "hole", curves.hole, bool)
+    if curves.uncertainty is not None:
+        _put(group, "uncertainty", curves.uncertainty, np.float64)
 
 
 def _get_curves(group: h5py.Group, frame: Frame) -> Curves:
     points, offsets, slices, hole = (_get(group, name) for name in ("points", "offsets", "slice", "hole"))
-    return Curves(points, offsets, slices, hole, frame)
+    return Curves(points, offsets, slices, hole, frame, _get_if_there(group, "uncertainty"))
 
 
 def write_curves(path: str | Path, fitted: FittedCurves) -> None:

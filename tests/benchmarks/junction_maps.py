@@ -7,8 +7,9 @@ Every map is of one organ without holes, whose outline is `SHORTEST_PX` long at 
 random organs (`cccd.junctions.random_masks`); stacks are of random bodies, `SLICES` slices in order, all
 damaged in the same way. Edge maps (``canny``) come with their grey slices; those of a stack have the same
 tissues around the organ, and so the same reasons to fail. Maps are ordered in up to four ways (`WAYS`).
-``ms`` is processor time per map, from pixels to scored curves. What is tried is tried on the development
-maps; the final ones have a seed of their own, for figures that are written down in the end.
+``doubtful`` is the share that the uncertainty tells to look at, ``caught`` the share of the wrong ones that
+are among these; ``ms`` is processor time per map, from pixels to scored curves. What is tried is tried on the
+development maps; the final ones have a seed of their own, for figures that are written down in the end.
 """
 
 import argparse
@@ -36,9 +37,10 @@ from cccd.junctions.decoding import closed_chains, fill_inside  # noqa: E402
 from cccd.junctions.inference import DEFAULTS, Predictor, read_slices  # noqa: E402
 from cccd.junctions.observation import observe  # noqa: E402
 from cccd.junctions.scoring import SliceScore, score_slice  # noqa: E402
-from cccd.junctions.stacks import ReadSlice, label_slices  # noqa: E402
+from cccd.junctions.stacks import ReadSlice, label_slices, open_widths  # noqa: E402
 from cccd.junctions.synthetic_images import canny_map, draw_image  # noqa: E402
 from cccd.junctions.synthetic_maps import SyntheticMap, draw_map  # noqa: E402
+from cccd.junctions.uncertainty import chance_of_error  # noqa: E402
 from cccd.volumes.corruptions import KINDS, corrupt  # noqa: E402
 
 MODEL = ROOT / "workflow" / "models" / "junctions.pt"
@@ -128,6 +130,9 @@ def stack_of_maps(seed: int, kind: str, number: int, severity: float) -> list[Sy
 
 # Scores -------------------------------------------------------------------------------------------------
 
+#: A map's score, and whether it is doubtful.
+Scored = tuple[SliceScore, bool]
+
 #: What may be known besides the map: the number of parts, and that maps are the slices of a stack.
 WAYS = {
     "alone": (None, False),
@@ -148,32 +153,35 @@ def read_maps(maps: Sequence[SyntheticMap], model: Predictor) -> list[ReadSlice]
 
 def scored(
     maps: Sequence[SyntheticMap], read: Sequence[ReadSlice], parts: int | None, together: bool
-) -> list[SliceScore]:
+) -> list[Scored]:
     """Order maps and score them; ``together`` as the slices of a stack, else as strangers."""
     settings = DEFAULTS.model_copy(update={"parts": parts})
     numbers = np.arange(len(maps)) * (1 if together else 1000)
     labels = label_slices(read, numbers, settings)
-    scores: list[SliceScore] = []
-    for one, drawn, inside in zip(read, maps, labels, strict=True):
+    uncertainty = chance_of_error(open_widths(read, labels, numbers, settings), settings)
+    scores: list[Scored] = []
+    for one, drawn, inside, chance in zip(read, maps, labels, uncertainty, strict=True):
         masks, origin = fill_inside(one.graph, inside)
         frame = Frame(np.eye(4), 2, (1, 1, 1))
         chains = closed_chains(masks, origin, np.zeros(1, np.int64), frame, settings)
-        scores.append(score_slice(list(chains), drawn.contours))
+        scores.append((score_slice(list(chains), drawn.contours), bool(chance >= settings.doubtful_from)))
     return scores
 
 
-def row(
-    way: str, maps: str, kind: str, scores: Sequence[SliceScore], milliseconds: float
-) -> dict[str, object]:
+def row(way: str, maps: str, kind: str, scores: Sequence[Scored], milliseconds: float) -> dict[str, object]:
     """One line of the table."""
+    wrong = np.array([not one.correct for one, _ in scores])
+    doubtful = np.array([flag for _, flag in scores])
     return {
         "maps": maps,
         "read": way,
         "kind": kind,
         "count": len(scores),
-        "correct": np.mean([score.correct for score in scores]),
-        "one_curve": np.mean([(score.outer, score.holes) == (1, 0) for score in scores]),
-        "dice": np.mean([score.dice for score in scores]),
+        "correct": 1 - wrong.mean(),
+        "one_curve": np.mean([(one.outer, one.holes) == (1, 0) for one, _ in scores]),
+        "dice": np.mean([one.dice for one, _ in scores]),
+        "doubtful": doubtful.mean(),
+        "doubtful_wrong": (wrong & doubtful).mean(),
         "ms": milliseconds / len(scores),
     }
 
@@ -201,7 +209,8 @@ def measure(seed: int, count: int, stacks: int, severity: float, kinds: Sequence
     table = pd.DataFrame(rows)
     ten = table[table["kind"].isin(TEN)].drop(columns="kind")
     means = ten.groupby(["maps", "read"], sort=False).mean().reset_index()
-    return pd.concat([table, means.assign(kind="all ten")], ignore_index=True)[list(table.columns)]
+    table = pd.concat([table, means.assign(kind="all ten")], ignore_index=True)[list(table.columns)]
+    return table.assign(caught=table["doubtful_wrong"] / (1 - table["correct"]))
 
 
 def main() -> None:

@@ -20,6 +20,7 @@ module               holds
 ``cut``              the labelling of least energy, by minimum cut
 ``decoding``         labelled triangles to closed chains
 ``parts``            no more pieces than an organ has on a slice; ``stacks``: slices beside others
+``uncertainty``      how likely a slice's curves are wrong
 ``inference``        the forward path, batched over slices
 ``ordering``         a volume's boundary pixels to curves; ``contours``: a structure's
 ``random_masks``     synthetic organs; ``synthetic_images``, ``synthetic_maps``, ``labels``: images, noisy

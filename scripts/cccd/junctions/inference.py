@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
-from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, RealArray
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, RealArray
 from cccd.junctions.decoding import border_loops, fill_loops, find_outline
 from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd.junctions.energy import Logits
 from cccd.junctions.grid import LinkPredictor, build_grid, find_chains
 from cccd.junctions.observation import ObservedSlice, observe
-from cccd.junctions.stacks import ReadSlice, label_slices
+from cccd.junctions.stacks import ReadSlice, label_slices, open_widths
+from cccd.junctions.uncertainty import chance_of_error
 from cccd.settings.junctions import InferenceSettings
 
-__all__ = ["DEFAULTS", "PRIOR", "Predictor", "predict_masks", "read_slices"]
+__all__ = ["DEFAULTS", "PRIOR", "Prediction", "Predictor", "predict_masks", "predict_slices", "read_slices"]
 
 #: What the shipped weights were trained and measured with.
 DEFAULTS = InferenceSettings()
@@ -76,13 +78,31 @@ def _chain_loops(maps: Sequence[AnyArray], predictor: LinkPredictor) -> list[lis
     return [find_chains(grid, next(scores) if grid.has_junctions else None) for grid in grids]
 
 
-def predict_masks(
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What slices enclose.
+
+    Attributes
+    ----------
+    masks : (S, I, J) bool array
+    origin : (2,) int64 array
+        Pixel of ``masks[:, 0, 0]``.
+    uncertainty : (S,) array or None
+        Probability that a slice's curves are wrong, where our network was asked.
+    """
+
+    masks: BoolArray
+    origin: IntArray
+    uncertainty: FloatArray | None
+
+
+def predict_slices(
     maps: Sequence[AnyArray],
     predictor: Predictor | LinkPredictor | None,
     images: Sequence[RealArray | None],
+    numbers: AnyArray,
     settings: InferenceSettings = DEFAULTS,
-    numbers: AnyArray | None = None,
-) -> tuple[BoolArray, IntArray]:
+) -> Prediction:
     """Fill what each slice's boundary map encloses.
 
     Parameters
@@ -94,27 +114,35 @@ def predict_masks(
         network, looks at none either, and its chains are followed as they are.
     images : sequence of (I, J) arrays or None
         Grey slice of each, in the pixels' coordinates.
+    numbers : (S,) int array
+        Ascending numbers of the slices; consecutive ones are neighbours (`cccd.junctions.stacks`).
     settings : InferenceSettings
-    numbers : (S,) int array, optional
-        Ascending numbers of the slices, which are read as a stack (`cccd.junctions.stacks`); without them
-        every slice is decided alone.
-
-    Returns
-    -------
-    masks : (S, I, J) bool array
-    origin : (2,) int64 array
-        Pixel of ``masks[:, 0, 0]``.
     """
     if isinstance(predictor, LinkPredictor):
-        return _filled(_chain_loops(maps, predictor))
+        return Prediction(*_filled(_chain_loops(maps, predictor)), None)
     shown = [None] * len(maps) if predictor is None else images
     read: list[ReadSlice] = []
     for begin in range(0, len(maps), settings.slices_per_batch):
         batch = slice(begin, begin + settings.slices_per_batch)
         slices = [observe(*both, settings) for both in zip(maps[batch], shown[batch], strict=True)]
         read += read_slices(slices, predictor or PRIOR, settings)
-    inside = label_slices(read, np.arange(len(read)) * 2 if numbers is None else numbers, settings)
-    return _filled([border_loops(one.graph, within) for one, within in zip(read, inside, strict=True)])
+    inside = label_slices(read, numbers, settings)
+    loops = [border_loops(one.graph, within) for one, within in zip(read, inside, strict=True)]
+    uncertainty = None
+    if predictor is not None:
+        uncertainty = chance_of_error(open_widths(read, inside, numbers, settings), settings)
+    return Prediction(*_filled(loops), uncertainty)
+
+
+def predict_masks(
+    maps: Sequence[AnyArray],
+    predictor: Predictor | LinkPredictor | None,
+    images: Sequence[RealArray | None],
+    settings: InferenceSettings = DEFAULTS,
+) -> tuple[BoolArray, IntArray]:
+    """`predict_slices` of maps that are no neighbours: masks and their origin."""
+    found = predict_slices(maps, predictor, images, 2 * np.arange(len(maps)), settings)
+    return found.masks, found.origin
 
 
 def _filled(loops: Sequence[Sequence[IntArray]]) -> tuple[BoolArray, IntArray]:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels
 from cccd.containers import Boundaries, Curves
-from cccd.geometry.arrays import IntArray, RealArray, owners_of, sum_per_part
+from cccd.geometry.arrays import FloatArray, IntArray, RealArray, owners_of, sum_per_part
 from cccd.junctions.decoding import closed_chains
 from cccd.junctions.grid import LinkPredictor
-from cccd.junctions.inference import DEFAULTS, Predictor, predict_masks
+from cccd.junctions.inference import DEFAULTS, Predictor, predict_slices
 from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["count_changes", "order_boundaries"]
@@ -46,7 +47,9 @@ def order_boundaries(
         Plain JSON. ``slices``: per slice its number ``k``, ``pixels``, ``junctions`` and
         ``isolated_corners`` of the map (Figure 4), its pixels that were ``kept`` and ``dropped``, those
         that were ``bridged`` (`count_changes`), ``outer`` and ``holes``; ``unclosed``: the numbers of
-        slices that have no closed boundary; and the totals.
+        slices that have no closed boundary; and the totals. Where our network was asked, the curves
+        have their ``uncertainty``; ``doubtful`` lists the slices that should be looked at, the most doubtful
+        first, and ``expected_wrong`` is the sum of all slices' uncertainties.
     """
     first, *corner = np.asarray(image_origin) if image is not None else np.zeros(3, np.int64)
     filled = [n for n, pixels in enumerate(boundaries) if len(pixels)]
@@ -54,9 +57,23 @@ def order_boundaries(
     maps = [pixels - corner for pixels in boundaries if len(pixels)]
     count = 0 if image is None else len(image)
     images = [image[k - first] if image is not None and 0 <= k - first < count else None for k in numbers]
-    masks, origin = predict_masks(maps, model, images, settings, numbers)
-    curves = closed_chains(masks, origin + corner, numbers, boundaries.frame, settings)
-    return curves, _report(boundaries, curves)
+    found = predict_slices(maps, model, images, numbers, settings)
+    curves = closed_chains(found.masks, found.origin + corner, numbers, boundaries.frame, settings)
+    report = _report(boundaries, curves)
+    if found.uncertainty is None:
+        return curves, report
+    own = found.uncertainty[np.searchsorted(numbers, curves.slice)]
+    return replace(curves, uncertainty=own), report | _doubts(numbers, found.uncertainty, settings)
+
+
+def _doubts(numbers: IntArray, uncertainty: FloatArray, settings: InferenceSettings) -> dict[str, Any]:
+    """Say which slices should be looked at, the most doubtful first, and how many are probably wrong."""
+    order = np.argsort(-uncertainty, kind="stable")
+    doubtful = order[uncertainty[order] >= settings.doubtful_from]
+    return {
+        "doubtful": [int(k) for k in numbers[doubtful]],
+        "expected_wrong": round(float(uncertainty.sum()), 3),
+    }
 
 
 def _report(boundaries: Boundaries, curves: Curves) -> dict[str, Any]:

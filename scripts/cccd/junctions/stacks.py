@@ -18,9 +18,10 @@ from cccd.geometry.opencv import distance_to_zero
 from cccd.junctions.decoding import Outline, border_loops, fill_loops, label_inside
 from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import Logits
+from cccd.junctions.uncertainty import open_width
 from cccd.settings.junctions import InferenceSettings
 
-__all__ = ["ReadSlice", "label_slices"]
+__all__ = ["ReadSlice", "label_slices", "open_widths"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,28 @@ def label_slices(
         changed = np.array([n in labels and bool((labels[n] != inside[n]).any()) for n in range(len(slices))])
         inside = [labels.get(n, before) for n, before in enumerate(inside)]
     return inside
+
+
+def open_widths(
+    slices: Sequence[ReadSlice],
+    inside: Sequence[BoolArray],
+    numbers: AnyArray,
+    settings: InferenceSettings,
+) -> FloatArray:
+    """`cccd.junctions.uncertainty.open_width` of slices (S,) that `label_slices` has labelled.
+
+    Maps that are outlines already leave nothing open.
+    """
+    shapes = _Shapes(slices, inside, np.asarray(numbers, np.int64))
+    widths = np.zeros(len(slices))
+    for n, one in enumerate(slices):
+        if one.logits is None:
+            continue
+        within, link = one.logits
+        known = shapes.known(n) and settings.neighbour_sweeps and settings.neighbour_nats
+        evidence = shapes.evidence(n, settings) if known else np.zeros(1)
+        widths[n] = open_width(one.graph, (within + evidence, link), settings)
+    return widths
 
 
 def _label(one: ReadSlice, evidence: FloatArray, settings: InferenceSettings) -> BoolArray:
