@@ -403,7 +403,8 @@ class WallSettings(Section):
     cell_pixels: float = setting(
         0.75,
         "cells of the grid on which organs meet, in pixels (of coarsest_mm at most)",
-        why="A shell of one pixel has a node in it; at half of that meshes have twice the triangles.",
+        why="A shell of one pixel has a node in it. At 0.6 ribs and vessels gain a tenth of their accuracy, "
+        "and walls are twice as rough.",
         unit="px",
         expert=True,
         ge=0.25,
@@ -419,9 +420,10 @@ class WallSettings(Section):
         le=100,
     )
     border_voxels: float = setting(
-        0.7,
+        0.6,
         "width of the kernel that smooths the border of all labels where organs touch",
-        why="Narrower and it shows the voxels' steps, wider and gaps of one voxel close.",
+        why="At 0.5 every organ of a CT lies as near to its voxels as alone, and voxels of 3 mm show their "
+        "steps; at 0.7 two thirds of the organs of a fine one lie farther, and gaps of one voxel close.",
         unit="voxels",
         expert=True,
         gt=0,
