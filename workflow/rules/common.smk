@@ -599,7 +599,7 @@ def extra_of(job):
     if job.rule.name == "make_contours":
         return "gnn" if way_of(job.wildcards) == "order_contours" else None
     if job.rule.name == "segment_structure":
-        return None if SEGMENTER in INSTALLED_SEGMENTERS else "segment"
+        return None if is_installed_segmenter(SEGMENTER) else "segment"
     return NEEDS.get(job.rule.name)
 
 
