@@ -222,9 +222,10 @@ def table_5(cohort: Cohort) -> str:
         for (name, _), row in zip(baselines.index.tolist(), _rows(baselines), strict=True)
     ]
     least = corner.min()
+    others = _listed(parts) if parts else "no other's, for want of Harris corners"
     return (
         f"Milliseconds of a slice: CCCD's corners {_times(own_corner)}, its curve {_times(own_curve)}, "
-        f"{_listed(parts)}. {alike} of {len(ratios)} of the paper's times come out within a factor of "
+        f"{others}. {alike} of {len(ratios)} of the paper's times come out within a factor of "
         f"{ALIKE:.0f}. The quickest detector is "
         f"{_beside(f'{quickest}, {least.iloc[0]:.2g} ms', f'{theirs}, {1000 * least.iloc[1]:.0f} ms')}; "
         f"CCCD's curve is quicker than {_beside(str(slower), str(_paper_slower(curve, own)))} of "

@@ -336,3 +336,10 @@ def test_a_wrong_genus_is_told():
     assert "H 0 / 1, X none, as it is not closed / 1; the true one for 1 of 3" in text
     assert text.endswith("2.00 %.")
     assert notes.shapes(Cohort({}, sound[1:])) == ""
+
+
+def test_a_small_round_organ_without_harris_corners_has_its_remarks():
+    rows = made()
+    links = rows["reconstruction"]
+    said = write_notes(Cohort(rows | {"reconstruction": links[links["points"] != HARRIS]}))
+    assert any("for want of Harris corners" in note for note in said.values())
