@@ -95,7 +95,7 @@ WRONG = {
     "a folder of nothing": (["surface", "nothing"], "no file in this folder"),
     "an empty mask": (["surface", "empty.nii.gz"], "the mask is empty"),
     "a label that is not there": (["surface", "labels.nii.gz", "--label", "6"], "choose one of 5, 7"),
-    "an unknown suffix": (["surface", "liver.nii.gz", "-o", "a.tsl"], ".ply, .step, .stl"),
+    "an unknown suffix": (["surface", "liver.nii.gz", "-o", "a.tsl"], ".obj, .ply, "),
     "no folder to write into": (["surface", "liver.nii.gz", "-o", "liver.nii.gz/a.ply"], "not a folder"),
     "over the input": (["surface", "liver.nii.gz", "-o", "liver.nii.gz"], "that is the input"),
     "a folder as output": (["surface", "liver.nii.gz", "-o", "taken.ply"], "that is a folder"),

@@ -41,7 +41,7 @@ class Project:
             "cwd": self.folder,
             "env": os.environ | threads | {"PWD": str(self.folder)},
             "capture_output": True,
-            "text": True,
+            "encoding": "utf-8",
             "timeout": 1200,
         }
 

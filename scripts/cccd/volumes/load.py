@@ -201,7 +201,8 @@ def _scan_brain(row: Mapping[str, str], settings: ImportSettings, seed: int) -> 
     image, mask = rescan(clean, brain, settings.scan, np.random.default_rng(seed))
     region, found = _find_organ(image, row["source"], settings)
     provenance = {"source": row["source"], **facts, "scan": settings.scan.as_config(), "seed": seed, **found}
-    return _Scan(_frame(image, settings), image.data, mask.data, region.data, provenance=provenance)
+    frame = _frame(image, settings)
+    return _Scan(frame, image.data, mask.data, region=region.data, provenance=provenance)
 
 
 def _frame(volume: Volume, settings: ImportSettings) -> Frame:
