@@ -1,3 +1,4 @@
+import locale
 import re
 import shutil
 import subprocess
@@ -119,7 +120,9 @@ def test_gifti_is_read_by_nibabel_and_by_connectome_workbench(surface, tmp_path)
 
 def test_3mf_is_in_millimetres_with_a_colour_and_its_thinnest_wall(surface, tmp_path):
     pytest.importorskip("lib3mf")
+    spoken = locale.setlocale(locale.LC_ALL)
     write_surface(tmp_path / "fork.3mf", surface, Scan("fork"))
+    assert locale.setlocale(locale.LC_ALL) == spoken
     with zipfile.ZipFile(tmp_path / "fork.3mf") as held:
         model = held.read("3D/3dmodel.model").decode()
     assert 'unit="millimeter"' in model

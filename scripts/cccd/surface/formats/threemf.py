@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import locale
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
@@ -42,7 +45,18 @@ def write(path: Path, surface: Surface, scan: Scan) -> None:
     facts.AddMetaData("", "Description", NOTE, "xs:string", True)
     thinnest = f"{wall_thickness(surface.mesh, 0.01):.2f}"
     facts.AddMetaData(NAMESPACE, "thinnest_wall_mm", thinnest, "xs:string", True)
-    model.QueryWriter("3mf").WriteToFile(str(path))
+    with _own_locale():
+        model.QueryWriter("3mf").WriteToFile(str(path))
+
+
+@contextmanager
+def _own_locale() -> Iterator[None]:
+    """Bring back the process's locale, which the library's writer leaves at ``C``: texts would be ASCII."""
+    before = locale.setlocale(locale.LC_ALL)
+    try:
+        yield
+    finally:
+        locale.setlocale(locale.LC_ALL, before)
 
 
 def _array(kind: type[ctypes.Structure], rows: np.ndarray) -> Any:
