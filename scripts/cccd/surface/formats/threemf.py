@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import locale
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
@@ -50,7 +50,7 @@ def write(path: Path, surface: Surface, scan: Scan) -> None:
 
 
 @contextmanager
-def _own_locale() -> Iterator[None]:
+def _own_locale() -> Generator[None]:
     """Bring back the process's locale, which the library's writer leaves at ``C``: texts would be ASCII."""
     before = locale.setlocale(locale.LC_ALL)
     try:
