@@ -41,7 +41,7 @@ def missing_extra(error: ModuleNotFoundError, location: str) -> InputError:
     """
     module = (error.name or str(error)).split(".")[0]
     extra = next((extra for extra, modules in EXTRAS.items() if module in modules), "all")
-    return InputError(location, f"{module} is not installed", f"pip install 'cccd[{extra}]'")
+    return _not_installed(module, extra, location)
 
 
 def check_extra(extra: str, location: str) -> None:
@@ -61,5 +61,8 @@ def check_extra(extra: str, location: str) -> None:
     """
     for module in EXTRAS[extra]:
         if importlib.util.find_spec(module) is None:
-            problem = f"{module} is not installed"
-            raise InputError(location, problem, f"pip install 'cccd[{extra}]'")
+            raise _not_installed(module, extra, location)
+
+
+def _not_installed(module: str, extra: str, location: str) -> InputError:
+    return InputError(location, f"{module} is not installed", f"pip install 'cccd[{extra}]'")

@@ -120,18 +120,11 @@ def predict_slices(
     """
     if isinstance(predictor, LinkPredictor):
         return Prediction(*_filled(_chain_loops(maps, predictor)), None)
-    shown = [None] * len(maps) if predictor is None else images
-    read: list[ReadSlice] = []
-    for begin in range(0, len(maps), settings.slices_per_batch):
-        batch = slice(begin, begin + settings.slices_per_batch)
-        slices = [observe(*both, settings) for both in zip(maps[batch], shown[batch], strict=True)]
-        read += read_slices(slices, predictor or PRIOR, settings)
-    inside = label_slices(read, numbers, settings)
-    loops = [border_loops(one.graph, within) for one, within in zip(read, inside, strict=True)]
+    read, inside = _read_and_labelled(maps, predictor, images, numbers, settings)
     uncertainty = None
     if predictor is not None:
         uncertainty = chance_of_error(open_widths(read, inside, numbers, settings), settings)
-    return Prediction(*_filled(loops), uncertainty)
+    return Prediction(*_filled(_border_loops(read, inside)), uncertainty)
 
 
 def predict_masks(
@@ -140,9 +133,32 @@ def predict_masks(
     images: Sequence[RealArray | None],
     settings: InferenceSettings = DEFAULTS,
 ) -> tuple[BoolArray, IntArray]:
-    """`predict_slices` of maps that are no neighbours: masks and their origin."""
-    found = predict_slices(maps, predictor, images, 2 * np.arange(len(maps)), settings)
-    return found.masks, found.origin
+    """Masks and their origin, as from `predict_slices`, of maps that are no neighbours."""
+    if isinstance(predictor, LinkPredictor):
+        return _filled(_chain_loops(maps, predictor))
+    apart = 2 * np.arange(len(maps))
+    return _filled(_border_loops(*_read_and_labelled(maps, predictor, images, apart, settings)))
+
+
+def _read_and_labelled(
+    maps: Sequence[AnyArray],
+    predictor: Predictor | None,
+    images: Sequence[RealArray | None],
+    numbers: AnyArray,
+    settings: InferenceSettings,
+) -> tuple[list[ReadSlice], list[BoolArray]]:
+    """Read slices batch by batch, and find the inside triangles of each, its neighbours considered."""
+    shown = [None] * len(maps) if predictor is None else images
+    read: list[ReadSlice] = []
+    for begin in range(0, len(maps), settings.slices_per_batch):
+        batch = slice(begin, begin + settings.slices_per_batch)
+        slices = [observe(*both, settings) for both in zip(maps[batch], shown[batch], strict=True)]
+        read += read_slices(slices, predictor or PRIOR, settings)
+    return read, label_slices(read, numbers, settings)
+
+
+def _border_loops(read: Sequence[ReadSlice], inside: Sequence[BoolArray]) -> list[list[IntArray]]:
+    return [border_loops(one.graph, within) for one, within in zip(read, inside, strict=True)]
 
 
 def _filled(loops: Sequence[Sequence[IntArray]]) -> tuple[BoolArray, IntArray]:

@@ -23,7 +23,14 @@ from cccd.geometry.sections import cross_sections
 from cccd.tolerances import CONTOUR_PLANE
 from cccd.volumes.grid import LPS_TO_RAS
 
-__all__ = ["copy_identity", "identified_dataset", "item_of", "reference_slices", "write_rtstruct"]
+__all__ = [
+    "copy_identity",
+    "identified_dataset",
+    "item_of",
+    "reference_slices",
+    "references_to",
+    "write_rtstruct",
+]
 
 
 def _rounded(loop: FloatArray) -> FloatArray:
@@ -120,6 +127,14 @@ def item_of(**attributes: object) -> Dataset:
     return dataset
 
 
+def references_to(slices: list[Dataset]) -> list[Dataset]:
+    """Items that refer to images by class and instance."""
+    return [
+        item_of(ReferencedSOPClassUID=image.SOPClassUID, ReferencedSOPInstanceUID=image.SOPInstanceUID)
+        for image in slices
+    ]
+
+
 #: What identifies patient and study.
 _IDENTITY = (
     "PatientName",
@@ -154,10 +169,7 @@ def _structure_set(
     dataset.StructureSetLabel = name[:16]
     dataset.StructureSetDate = dataset.StructureSetTime = ""
     dataset.ApprovalStatus = "UNAPPROVED"
-    images = [
-        item_of(ReferencedSOPClassUID=item.SOPClassUID, ReferencedSOPInstanceUID=item.SOPInstanceUID)
-        for item in slices
-    ]
+    images = references_to(slices)
     dataset.ReferencedFrameOfReferenceSequence = Sequence([_frame_of_reference(dataset, source, images)])
     dataset.StructureSetROISequence = Sequence(
         [

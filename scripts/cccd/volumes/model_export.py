@@ -14,7 +14,13 @@ from pydicom.uid import UID
 
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.stl import binary_stl
-from cccd.volumes.clinical_export import copy_identity, identified_dataset, item_of, reference_slices
+from cccd.volumes.clinical_export import (
+    copy_identity,
+    identified_dataset,
+    item_of,
+    reference_slices,
+    references_to,
+)
 from cccd.volumes.grid import LPS_TO_RAS
 
 __all__ = ["write_encapsulated_stl"]
@@ -87,17 +93,7 @@ def _code(value: str, scheme: str, meaning: str) -> Dataset:
 
 def _refer_to(slices: list[Dataset], dataset: Dataset) -> None:
     """Name the images that a model was made from."""
-
-    def images() -> Sequence:
-        return Sequence(
-            [
-                item_of(
-                    ReferencedSOPClassUID=image.SOPClassUID, ReferencedSOPInstanceUID=image.SOPInstanceUID
-                )
-                for image in slices
-            ]
-        )
-
-    dataset.SourceInstanceSequence = images()
-    series = item_of(SeriesInstanceUID=slices[0].SeriesInstanceUID, ReferencedInstanceSequence=images())
+    dataset.SourceInstanceSequence = Sequence(references_to(slices))
+    images = Sequence(references_to(slices))
+    series = item_of(SeriesInstanceUID=slices[0].SeriesInstanceUID, ReferencedInstanceSequence=images)
     dataset.ReferencedSeriesSequence = Sequence([series])
