@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from cccd.job import job
+from cccd.store import read_drawn
 from cccd.surface.export import Scan, read_surface, write_surface
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
@@ -14,5 +15,6 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
         settings["contour_spacing_mm"],
         series,
         keep_patient=settings["keep_patient"],
+        drawn=read_drawn(snakemake.input.structure),
     )
     write_surface(snakemake.output[0], surface, scan)

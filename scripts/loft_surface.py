@@ -2,7 +2,7 @@
 
 from cccd.job import job
 from cccd.settings.surface import LoftSettings
-from cccd.store import read_curves, read_probability, read_splines, write_patches
+from cccd.store import read_annotation, read_curves, read_probability, read_splines, write_patches
 from cccd.surface import loft_surface
 from cccd.surface.export import write_surface
 
@@ -10,6 +10,7 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
     curves = read_curves(snakemake.input.curves)
     splines = read_splines(snakemake.input.curves)
     settings = LoftSettings(**snakemake.params.settings)
-    surface = loft_surface(curves, settings, splines, read_probability(snakemake.input.structure))
+    known = snakemake.input.structure
+    surface = loft_surface(curves, settings, splines, read_probability(known), read_annotation(known))
     write_patches(snakemake.output.surface, surface.patches, curves.frame, surface.report)
     write_surface(snakemake.output.mesh, surface)

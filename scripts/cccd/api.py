@@ -23,11 +23,13 @@ from cccd.geometry.bsplines import Patch
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, fit_and_loft, order_maps
+from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls
 from cccd.surface.export import Scan, write_surface
 from cccd.surface.surface import Surface as LoftedSurface
 from cccd.volumes import load_structure, structure_of_array
+from cccd.volumes.annotation import AUTO, RULES, with_undrawn_filled
 from cccd.volumes.grid import check_affine, find_slice_axis
 from cccd.volumes.inputs import list_labels
 from cccd.volumes.label_maps import list_map
@@ -71,12 +73,15 @@ class Surface:
         Folder of the DICOM series that it came from; RTSTRUCT refers to it.
     warnings : tuple of str
         What was noticed on the way.
+    drawn : Structure or None
+        What it was made of, where only some slices were drawn: a label map keeps those as they are.
     """
 
     lofted: LoftedSurface
     name: str = "surface"
     series: Path | None = None
     warnings: tuple[str, ...] = field(default=())
+    drawn: Structure | None = None
 
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
@@ -140,7 +145,7 @@ class Surface:
         InputError
             An unknown suffix, or a format whose extra is not installed.
         """
-        scan = Scan(self.name, contour_spacing_mm, self.series, keep_patient)
+        scan = Scan(self.name, contour_spacing_mm, self.series, keep_patient, self.drawn)
         write_surface(path, self.lofted, scan)
         return Path(path)
 
@@ -168,6 +173,7 @@ def read(
     *,
     image: str | Path | None = None,
     boundary: bool = False,
+    annotated: str = AUTO,
     settings: Settings = _DEFAULTS,
 ) -> Structure:
     """Read one organ from a file or folder.
@@ -184,6 +190,9 @@ def read(
         The scan, where it lies elsewhere.
     boundary : bool
         The file holds boundary maps that still need ordering.
+    annotated : {"auto", "nonempty", "every slice"}
+        Which slices of the mask were drawn: those that are not empty, or all. ``auto`` goes by the gaps: what
+        lies between drawn slices is filled where at least two empty ones lie between any two of them.
     settings : Settings
         Section ``import`` says how it is read.
 
@@ -208,7 +217,8 @@ def read(
     if image is not None:
         columns["image"] = str(Path(image).absolute())
     organ = chosen if chosen and not chosen.replace(",", "").isdecimal() else name
-    row = {"case": name, "organ": organ, "source": "files", "label": chosen, "location": path.name, **columns}
+    row = {"case": name, "organ": organ, "source": "files", "label": chosen, "location": path.name}
+    row |= {"annotated": _rule(annotated), **columns}
     return load_structure(row, path.parent, settings.import_, settings.seed)
 
 
@@ -241,6 +251,7 @@ def reconstruct(
     organ: Structure | Curves | np.ndarray,
     affine: np.ndarray | None = None,
     *,
+    annotated: str = AUTO,
     settings: Settings = _DEFAULTS,
     progress: Callable[[str], None] | None = None,
 ) -> Surface:
@@ -252,6 +263,8 @@ def reconstruct(
         A mask, or probabilities between 0 and 1; or what `read` or `order` returned.
     affine : (4, 4) float, optional
         Of a mask: ``world_mm = affine @ (a, b, c, 1)``, RAS; voxels of a millimetre by default.
+    annotated : {"auto", "nonempty", "every slice"}
+        Which slices of a mask in an array were drawn, see `read`.
     settings : Settings
         The configuration, section by section.
     progress : callable, optional
@@ -283,12 +296,21 @@ def reconstruct(
         structure = organ
     else:
         grid = np.eye(4) if affine is None else np.asarray(affine, float)
-        structure = structure_of_array(organ, grid, settings.import_)
+        structure = structure_of_array(organ, grid, settings.import_, annotated=_rule(annotated))
     curves, missing = find_contours(structure, settings.boundaries, settings.gnn.inference)
     level = structure.probability_stack
-    lofted = fit_and_loft(curves, settings.curves, settings.surface, tell, level)
+    annotation = structure.annotation
+    lofted = fit_and_loft(curves, settings.curves, settings.surface, tell, level, annotation)
     notes = (*structure.warnings, *missing, *lofted.report.get("warnings", []))
-    return Surface(lofted, structure.organ, _series(structure), notes)
+    drawn = None if annotation is None else structure
+    return Surface(lofted, structure.organ, _series(structure), notes, drawn)
+
+
+def _rule(annotated: str) -> str:
+    """Return a rule by which slices count as drawn, provided that there is such a one."""
+    if annotated not in RULES:
+        raise InputError("annotated", f"{annotated!r} is not known", nearest(annotated, RULES))
+    return annotated
 
 
 def reconstruct_labels(
@@ -296,6 +318,7 @@ def reconstruct_labels(
     *,
     table: str | Path | None = None,
     image: str | Path | None = None,
+    annotated: str = AUTO,
     settings: Settings = _DEFAULTS,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[list[Surface], list[str]]:
@@ -309,6 +332,8 @@ def reconstruct_labels(
         Names of the labels: ``label,name`` below a header, FreeSurfer's colour table, a ``dataset.json``.
     image : path, optional
         The scan, where it lies elsewhere.
+    annotated : {"auto", "nonempty", "every slice"}
+        Which slices of each label were drawn, see `read`.
     settings : Settings
         The configuration; ``surface.shared_walls: false`` smooths each organ alone, as drawn contours are.
     progress : callable, optional
@@ -339,7 +364,7 @@ def reconstruct_labels(
             )
             continue
         try:
-            structure = read(path, label.label, image=image, settings=settings)
+            structure = read(path, label.label, image=image, annotated=annotated, settings=settings)
             surfaces[number] = replace(reconstruct(structure, settings=settings), name=label.organ)
         except InputError as error:
             failures.append(f"label {label.label}: {error}")
@@ -349,7 +374,11 @@ def reconstruct_labels(
     if len(surfaces) > 1 and shared and all(part.mask is not None for part in structures.values()):
         tell("shared walls")
         organs = {
-            number: Organ(surface.name, structures[number], surface.lofted.mesh)
+            number: Organ(
+                surface.name,
+                with_undrawn_filled(structures[number], surface.lofted.mesh),
+                surface.lofted.mesh,
+            )
             for number, surface in surfaces.items()
         }
         walls = share_walls(organs, settings.surface.walls)

@@ -122,6 +122,13 @@ def _add_input(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--boundary", action="store_true", help="the input holds boundary maps, to be ordered by the network"
     )
+    command.add_argument(
+        "--annotated",
+        default="auto",
+        metavar="RULE",
+        help="which slices of the mask were drawn, the others being filled: auto (default; by the gaps "
+        "between them), nonempty, or 'every slice'",
+    )
     command.add_argument("--json", action="store_true", help="print JSON")
 
 
@@ -285,7 +292,10 @@ def _make_all_surfaces(
     began = time.perf_counter()
     with tqdm(disable=None, leave=False, bar_format="{desc:<40} {elapsed}") as bar:
         surfaces, failures = cccd.reconstruct_labels(
-            given.input, image=given.image, progress=bar.set_description_str
+            given.input,
+            image=given.image,
+            annotated=given.annotated,
+            progress=bar.set_description_str,
         )
     for line in failures:
         _fail(line)
@@ -313,7 +323,9 @@ def _make_surface(given: argparse.Namespace, label: str, files: Sequence[Path]) 
             bar.update(_STEPS.index(step) - bar.n)
 
         tell("reading")
-        structure = cccd.read(given.input, label, image=given.image, boundary=given.boundary)
+        structure = cccd.read(
+            given.input, label, image=given.image, boundary=given.boundary, annotated=given.annotated
+        )
         if not _is_compiled():
             tqdm.write("first use: compiling, once, for about a minute ...", file=sys.stderr)
         surface = cccd.reconstruct(structure, progress=tell)
@@ -394,7 +406,9 @@ def _check(given: argparse.Namespace) -> int:
     else:
         labels = {} if given.boundary or not given.input.exists() else cccd.labels(given.input)
         label = given.label or (next(iter(labels)) if len(labels) > 1 else "")
-        structure = cccd.read(given.input, label, image=given.image, boundary=given.boundary)
+        structure = cccd.read(
+            given.input, label, image=given.image, boundary=given.boundary, annotated=given.annotated
+        )
         found = [_check_one(given, structure, labels)]
     if given.json:
         print(json.dumps(found, indent=2))
@@ -509,6 +523,7 @@ def _sheet_of_bids(given: argparse.Namespace) -> tuple[Path, Path]:
 
 
 def _export(given: argparse.Namespace) -> int:
+    from cccd.store import read_drawn
     from cccd.surface.export import Scan, read_surface, write_surface
 
     patches, mesh = given.input / "surface.h5", given.input / "surface.ply"
@@ -518,9 +533,10 @@ def _export(given: argparse.Namespace) -> int:
                 str(path), "not there", "give the folder of a finished structure: results/CASE/ORGAN"
             )
     _check_outputs(given.output, mesh)
-    surface = read_surface(patches, mesh)
+    surface, structure = read_surface(patches, mesh), given.input / "structure.h5"
+    drawn = read_drawn(structure) if structure.is_file() else None
     for path in given.output:
-        write_surface(path, surface, Scan(given.input.resolve().name))
+        write_surface(path, surface, Scan(given.input.resolve().name, drawn=drawn))
         print(path)
     return 0
 

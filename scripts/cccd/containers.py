@@ -22,10 +22,12 @@ from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
 
 __all__ = [
+    "Annotation",
     "Boundaries",
     "Curves",
     "FittedCurves",
     "Frame",
+    "Guide",
     "Panel",
     "ProbabilityStack",
     "SliceFigure",
@@ -102,6 +104,44 @@ class ProbabilityStack:
     origin: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class Guide:
+    """A plane across the slices on which the organ was drawn as well.
+
+    Attributes
+    ----------
+    axis : int
+        0 for a plane at one i, 1 for one at one j.
+    index : int
+        The source i or j at which it lies.
+    inside : (S, L) bool
+        What was drawn on it: source slices, and the other one of i and j.
+    origin : (2,) int64
+        Source slice, and source j or i, of its first pixel.
+    """
+
+    axis: int
+    index: int
+    inside: np.ndarray
+    origin: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Annotation:
+    """Which slices were drawn where not all of them were: the others are unknown, not empty.
+
+    Attributes
+    ----------
+    slices : (D,) int64
+        Source slices, ascending.
+    guides : tuple of Guide
+        Planes across the slices that were drawn besides.
+    """
+
+    slices: np.ndarray
+    guides: tuple[Guide, ...] = ()
+
+
 @dataclass
 class Structure:
     """One organ of one case: what a row of the cohort sheet stands for.
@@ -129,6 +169,9 @@ class Structure:
         Boundary maps that still need ordering; replaces the mask as the input.
     contours : Curves or None
         Curves that came ordered (RTSTRUCT); replaces the mask as the input.
+    annotation : Annotation or None
+        Where only some slices were drawn: which, and the planes drawn across them; mask or contours then know
+        nothing of the other slices.
     truth : Mesh or None
         Analytic surface of a phantom as a fine closed triangle mesh in mm RAS.
     provenance : dict
@@ -147,6 +190,7 @@ class Structure:
     region: np.ndarray | None = None
     boundary: np.ndarray | None = None
     contours: Curves | None = None
+    annotation: Annotation | None = None
     truth: Mesh | None = None
     provenance: dict[str, Any] = field(default_factory=dict[str, Any])
     warnings: list[str] = field(default_factory=list[str])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from cccd.containers import Curves, ProbabilityStack, Structure
+from cccd.containers import Annotation, Curves, ProbabilityStack, Structure
 from cccd.contours import missing_parts, take_contours, trace_contours
 from cccd.curves import describe_curves
 from cccd.project import SHIPPED_WEIGHTS
@@ -79,6 +79,7 @@ def fit_and_loft(
     lofting: LoftSettings,
     tell: Callable[[str], None] = _silent,
     probability: ProbabilityStack | None = None,
+    annotation: Annotation | None = None,
 ) -> Surface:
     """Fit closed splines to ordered curves and loft them.
 
@@ -91,11 +92,13 @@ def fit_and_loft(
         Gets the name of each step as it begins.
     probability : ProbabilityStack, optional
         What the curves are the level of.
+    annotation : Annotation, optional
+        Which slices were drawn, where that is not all.
     """
     tell("splines")
     fitted = describe_curves(curves, fitting)
     tell("surface")
-    return loft_surface(fitted.curves, lofting, fitted.splines, probability)
+    return loft_surface(fitted.curves, lofting, fitted.splines, probability, annotation)
 
 
 def reconstruct_mask(structure: Structure, fitting: CurveSettings, lofting: LoftSettings) -> Surface:
@@ -126,4 +129,10 @@ def reconstruct_mask(structure: Structure, fitting: CurveSettings, lofting: Loft
     True
     """
     curves = trace_contours(structure)[0]
-    return fit_and_loft(curves, fitting, lofting, probability=structure.probability_stack)
+    return fit_and_loft(
+        curves,
+        fitting,
+        lofting,
+        probability=structure.probability_stack,
+        annotation=structure.annotation,
+    )

@@ -22,10 +22,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cccd.containers import (
+    Annotation,
     Boundaries,
     Curves,
     FittedCurves,
     Frame,
+    Guide,
     Panel,
     ProbabilityStack,
     SliceFigure,
@@ -44,10 +46,13 @@ if TYPE_CHECKING:
 __all__ = [
     "GraphSplit",
     "atomic_path",
+    "read_annotation",
     "read_boundaries",
+    "read_compared",
     "read_conforming",
     "read_contours",
     "read_curves",
+    "read_drawn",
     "read_figure",
     "read_graph_facts",
     "read_graphs",
@@ -236,6 +241,8 @@ def write_structure(path: str | Path, structure: Structure) -> None:
                 _put(file, name, getattr(structure, name), np.uint8)
         if structure.contours is not None:
             _put_curves(file.create_group("contours"), structure.contours)
+        if structure.annotation is not None:
+            _put_annotation(file.create_group("annotation"), structure.annotation)
         if structure.truth is not None:
             _put(file, "truth/points", structure.truth.vertices, float)
             _put(file, "truth/faces", structure.truth.faces, np.int64)
@@ -257,6 +264,7 @@ def read_structure(path: str | Path) -> Structure:
             region=_get(file, "region").astype(bool) if "region" in file else None,
             boundary=_get(file, "boundary").astype(bool) if "boundary" in file else None,
             contours=_get_curves(file["contours"], frame) if "contours" in file else None,
+            annotation=_get_annotation(file["annotation"]) if "annotation" in file else None,
             truth=truth,
             provenance=_get_json(file, "provenance"),
             warnings=_get_json(file, "warnings"),
@@ -269,6 +277,48 @@ def read_probability(path: str | Path) -> ProbabilityStack | None:
         if "probability" not in file:
             return None
     return read_structure(path).probability_stack
+
+
+def read_annotation(path: str | Path) -> Annotation | None:
+    """Read which slices ``structure.h5`` knows, where that is not all of them."""
+    with _open(path) as file:
+        return _get_annotation(file["annotation"]) if "annotation" in file else None
+
+
+def read_drawn(path: str | Path) -> Structure | None:
+    """Read ``structure.h5`` where only some slices were drawn; None where all are known."""
+    return None if read_annotation(path) is None else read_structure(path)
+
+
+def read_compared(path: str | Path) -> Structure:
+    """Read ``structure.h5`` for comparisons: a mask that knows some slices only is none to compare with."""
+    structure = read_structure(path)
+    if structure.annotation is not None:
+        structure.mask = None
+    return structure
+
+
+def _put_annotation(group: h5py.Group, annotation: Annotation) -> None:
+    _put(group, "slices", annotation.slices, np.int64)
+    guides = group.create_group("guides")
+    for number, guide in enumerate(annotation.guides):
+        plane = guides.create_group(str(number))
+        plane.attrs["axis"], plane.attrs["index"] = guide.axis, guide.index
+        plane.attrs["origin"] = np.asarray(guide.origin, np.int64)
+        _put(plane, "inside", guide.inside, np.uint8)
+
+
+def _get_annotation(group: h5py.Group) -> Annotation:
+    guides = tuple(
+        Guide(
+            int(plane.attrs["axis"]),
+            int(plane.attrs["index"]),
+            _get(plane, "inside").astype(bool),
+            np.array(plane.attrs["origin"]),
+        )
+        for plane in _numbered(group, "guides")
+    )
+    return Annotation(_get(group, "slices"), guides)
 
 
 def read_structure_facts(path: str | Path) -> tuple[Frame, dict[str, Any], list[str]]:

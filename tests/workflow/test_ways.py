@@ -1,5 +1,6 @@
 """The data decide the way to the contours: what masks, drawn contours and boundary maps wait for."""
 
+import json
 import runpy
 from pathlib import Path
 
@@ -109,6 +110,26 @@ def test_a_cohort_of_masks_and_contours_does_without_model_and_torch(fresh_proje
         cccd.reconstruct(cccd.read(fresh_project.folder / path)).write(tmp_path / f"{case}.ply")
         workflow = fresh_project.results / case / "ball" / "surface.ply"
         assert (tmp_path / f"{case}.ply").read_bytes() == workflow.read_bytes()
+
+
+def test_slices_that_nobody_drew_are_filled_on_the_scans_grid(fresh_project, sheet):
+    mask = ball()
+    mask[:, :, np.setdiff1d(np.arange(16), [3, 6, 9, 11])] = False
+    image = nibabel.Nifti1Image(mask.astype(np.uint8), np.diag([1.0, 1.0, 2.0, 1.0]))
+    nibabel.save(image, fresh_project.folder / "some.nii.gz")
+    rows = "case\torgan\tmask\tannotated\nsome\tball\tsome.nii.gz\tnonempty\n"
+    (fresh_project.folder / "ways.tsv").write_text(rows)
+    files = [f"results/some/ball/{name}" for name in ("surface.nii.gz", "metrics.json")]
+    fresh_project.snakemake(*sheet, "--", *files)
+    filled = nibabel.load(fresh_project.folder / files[0])
+    assert np.array_equal(filled.affine, image.affine)
+    values = np.asarray(filled.dataobj) > 0
+    drawn = mask.any(axis=(0, 1))
+    assert np.array_equal(values[:, :, drawn], mask[:, :, drawn])
+    assert 2 * (values & ball()).sum() / (values.sum() + ball().sum()) > 0.93
+    metrics = json.loads((fresh_project.folder / files[1]).read_text())
+    assert any("drawn on 4 of 9 slices, 2 to 3 apart" in warning for warning in metrics["warnings"])
+    assert metrics["surface"]["dice_3d"] > 0.95
 
 
 def test_what_starts_from_outlines_is_not_compared_on_maps(fresh_project, sheet):

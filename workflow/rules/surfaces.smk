@@ -136,6 +136,7 @@ rule export_surface:
     input:
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",
+        structure="results/{case}/{organ}/structure.h5",
         scan=source_files,
     output:
         "results/{case}/{organ}/surface.{format}",

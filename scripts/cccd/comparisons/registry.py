@@ -56,7 +56,7 @@ UNREAD = (
 
 #: What a comparison's function may ask for, by the name of its parameter.
 INPUTS = {
-    "structure": Input(("structure.h5",), "cccd.store.read_structure"),
+    "structure": Input(("structure.h5",), "cccd.store.read_compared"),
     "boundaries": Input(("boundaries.h5",), "cccd.store.read_boundaries"),
     "contours": Input(("contours.h5",), "cccd.store.read_contours"),
     "curves": Input(("curves.h5",), "cccd.store.read_curves"),

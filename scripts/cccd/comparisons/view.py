@@ -24,8 +24,8 @@ __all__ = [
 
 
 def voxel_surface(structure: Structure) -> Mesh | None:
-    """Run marching cubes on the mask, as the surface stage measures against; None without a mask."""
-    if structure.mask is None or not structure.mask.any():
+    """Run marching cubes on the mask, as the surface stage measures against; None without a whole mask."""
+    if structure.mask is None or structure.annotation is not None or not structure.mask.any():
         return None
     return mask_surface(structure)
 

@@ -30,6 +30,7 @@ from cccd.geometry.surface_nets import surface_nets, well_composed
 from cccd.settings.surface import WallSettings
 from cccd.store import read_structure
 from cccd.surface.blending import seam_weights
+from cccd.volumes.annotation import with_undrawn_filled
 
 __all__ = ["Organ", "SharedWalls", "read_organs", "share_walls", "surface_of"]
 
@@ -97,7 +98,8 @@ def read_organs(structures: Sequence[str | Path], meshes: Sequence[str | Path]) 
     for structure_file, mesh_file in zip(structures, meshes, strict=True):
         structure = read_structure(structure_file)
         structure.image = None  # as large as the mask four times over
-        organs.append(Organ(structure.organ, structure, read_ply(mesh_file)))
+        mesh = read_ply(mesh_file)
+        organs.append(Organ(structure.organ, with_undrawn_filled(structure, mesh), mesh))
     labels = [str(organ.structure.provenance.get("label", "")) for organ in organs]
     if len(set(labels)) == len(labels) and all(label.isdecimal() for label in labels):
         return {int(label): organ for label, organ in zip(labels, organs, strict=True)}

@@ -39,7 +39,7 @@ def cap_height(ring: Ring, way: int, graph: RingGraph, run: Run, settings: Match
 
     Near its pole the section of any smooth body falls linearly with height, as a paraboloid's does.
     """
-    step = 2 * run.half_step
+    step = run.step
     before = ring
     while abs(before.z - ring.z) < 0.99 * step and (further := graph.next(before, 1 - way)) is not None:
         before = further
@@ -107,7 +107,7 @@ def opening(ring: Ring, way: int, run: Run, share: float) -> list[Section] | Non
     last slice, or before, runs on straight through the cap.
     """
     level = ring.level + _sign(way)
-    beyond = _sign(way) * 2 * run.half_step
+    beyond = _sign(way) * run.step
     following = run.rings[level] if 0 <= level < len(run.rings) else ()
     covers = [other for other in following if not other.hole and overlap(ring, other)]
     if not covers:

@@ -18,7 +18,7 @@ from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
 from cccd.surface.outlines import Outlines, through_pixel_centres
 
-__all__ = ["LevelField", "distance_fields", "interpolated_fields"]
+__all__ = ["LevelField", "distance_fields", "interpolated_fields", "interpolated_planes"]
 
 #: Fields reach this many pixels beyond the curves, so that every contour closes.
 MARGIN_PIXELS = 4
@@ -43,7 +43,9 @@ class LevelField:
     source_slice: int | None
 
 
-def distance_fields(outlines: Outlines) -> tuple[IntArray, SingleArray, IntArray]:
+def distance_fields(
+    outlines: Outlines, reach: IntArray | None = None
+) -> tuple[IntArray, SingleArray, IntArray]:
     """Signed distances of every slice that has outlines.
 
     Parameters
@@ -51,6 +53,8 @@ def distance_fields(outlines: Outlines) -> tuple[IntArray, SingleArray, IntArray
     outlines : Outlines
         At least one. Distances are to their polygons moved outwards; to the border between pixels where
         these are chains of pixels.
+    reach : (2, 2) int64, optional
+        First and last source ``(i, j)`` that the fields shall reach beyond the outlines' own.
 
     Returns
     -------
@@ -64,8 +68,11 @@ def distance_fields(outlines: Outlines) -> tuple[IntArray, SingleArray, IntArray
     curves = outlines.curves
     spacing = curves.frame.pixel_spacing
     slices, layer = np.unique(curves.slice, return_inverse=True)
-    origin = np.floor(curves.points.min(axis=0)).astype(np.int64) - MARGIN_PIXELS
-    shape = tuple(np.ceil(curves.points.max(axis=0)).astype(np.int64) + MARGIN_PIXELS + 1 - origin)
+    first, last = (np.floor(curves.points.min(axis=0)), np.ceil(curves.points.max(axis=0)))
+    if reach is not None:
+        first, last = np.minimum(first, reach[0]), np.maximum(last, reach[1])
+    origin = first.astype(np.int64) - MARGIN_PIXELS
+    shape = tuple(last.astype(np.int64) + MARGIN_PIXELS + 1 - origin)
     moved = RaggedPolygons(curves.points - origin, curves.offsets)
     mask = rasterise_layers(moved, layer, (len(slices), *shape))
     if outlines.of_pixels and through_pixel_centres(curves):
@@ -83,10 +90,6 @@ def interpolated_fields(
     slices: IntArray, distance: SingleArray, slice_spacing: float, level_spacing: float
 ) -> Iterator[LevelField]:
     """Fields of the slices and of levels between them: shape-based interpolation, monotone in z.
-
-    Each pixel's distance runs along z as a piecewise cubic Hermite polynomial with Fritsch-Carlson
-    slopes (Raya and Udupa 1990 interpolate linearly; the cubic has no kink at the slices and does not
-    overshoot).
 
     Parameters
     ----------
@@ -108,14 +111,41 @@ def interpolated_fields(
         parts = int(np.ceil(gap / level_spacing - 1e-6))
         for part in range(1, parts):
             t = np.float32(part / parts)
-            yield LevelField(
-                float(z + gap * t),
-                (1 + 2 * t) * (1 - t) ** 2 * distance[s]
-                + t * t * (3 - 2 * t) * distance[s + 1]
-                + np.float32(gap) * (t * (1 - t) ** 2 * slope - t * t * (1 - t) * next_slope),
-                None,
-            )
+            plane = _cubic(t, gap, distance[s], distance[s + 1], slope, next_slope)
+            yield LevelField(float(z + gap * t), plane, None)
         slope = next_slope
+
+
+def interpolated_planes(height: FloatArray, distance: SingleArray, z: FloatArray) -> Iterator[SingleArray]:
+    """Distances (I, J) at ascending heights ``z`` between those (S,) at which (S, I, J) are known, in mm."""
+    known, slopes = -1, (distance[0], distance[0])
+    below: IntArray = np.clip(np.searchsorted(height, z, side="right") - 1, 0, len(height) - 2)
+    for s, level in zip(map(int, below), map(float, z), strict=True):
+        if s != known:
+            known, slopes = s, (_slope(distance, height, s), _slope(distance, height, s + 1))
+        gap = height[s + 1] - height[s]
+        yield _cubic(np.float32((level - height[s]) / gap), gap, distance[s], distance[s + 1], *slopes)
+
+
+def _cubic(
+    t: np.float32,
+    gap: float,
+    low: SingleArray,
+    high: SingleArray,
+    low_slope: SingleArray,
+    high_slope: SingleArray,
+) -> SingleArray:
+    """Each pixel's distance at a share of the gap: a piecewise cubic Hermite polynomial along z.
+
+    With Fritsch-Carlson slopes; Raya and Udupa 1990 interpolate linearly: the cubic has no kink at the slices
+    and does not overshoot.
+    """
+    plane = (
+        (1 + 2 * t) * (1 - t) ** 2 * low
+        + t * t * (3 - 2 * t) * high
+        + np.float32(gap) * (t * (1 - t) ** 2 * low_slope - t * t * (1 - t) * high_slope)
+    )
+    return np.asarray(plane, np.float32)
 
 
 def _slope(distance: SingleArray, height: FloatArray, s: int) -> SingleArray:

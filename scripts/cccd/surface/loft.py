@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cccd.containers import Curves, ProbabilityStack, Splines
+from cccd.containers import Annotation, Curves, ProbabilityStack, Splines
 from cccd.errors import InputError
 from cccd.settings.surface import LoftSettings
 from cccd.surface.matching import match_contours
@@ -20,6 +20,7 @@ def loft_surface(
     settings: LoftSettings,
     splines: Splines | None = None,
     probability: ProbabilityStack | None = None,
+    annotation: Annotation | None = None,
 ) -> Surface:
     """Loft a stack of ordered curves.
 
@@ -36,6 +37,9 @@ def loft_surface(
     probability : ProbabilityStack, optional
         Probabilities of which the curves are the level; between slices that lie near enough to each other
         the surface follows them.
+    annotation : Annotation, optional
+        Where only some slices were drawn: the surface runs on between them however far apart they lie, and
+        follows planes that were drawn across them.
 
     Raises
     ------
@@ -44,7 +48,8 @@ def loft_surface(
     """
     if len(curves) == 0:
         raise InputError("curves", "there is not one closed curve", "check the mask or the boundary maps")
-    stack = interpolate_slices(lofted_outlines(curves, splines, settings), settings, probability)
+    outlines = lofted_outlines(curves, splines, settings)
+    stack = interpolate_slices(outlines, settings, probability, annotation)
     tubes = match_contours(stack, settings.matching)
     patches = fit_patches(tubes, stack, settings)
     solid = join_patches(patches, stack, settings)

@@ -69,9 +69,9 @@ def _match_run(run: Run, smallest: float, settings: MatchingSettings) -> tuple[l
     graph = link_rings(run.rings)
     trimmed = [_without_fading_ends(chain, graph, run, settings) for chain in graph.chains()]
     chains = [chain for chain in trimmed if any(ring.source_slice is not None for ring in chain)]
-    kept = [chain for chain in chains if _volume(chain, run.half_step) >= smallest]
+    kept = [chain for chain in chains if _volume(chain, run.step) >= smallest]
     if not kept:
-        kept = sorted(chains, key=lambda chain: -_volume(chain, run.half_step))[:1]
+        kept = sorted(chains, key=lambda chain: -_volume(chain, run.step))[:1]
     ends = [
         (_end(chain[0], DOWN, graph, run, settings), _end(chain[-1], UP, graph, run, settings))
         for chain in kept
@@ -105,10 +105,10 @@ def _goes_on(ring: Ring, way: int, graph: RingGraph, run: Run, settings: Matchin
     return ring.hole and opening(ring, way, run, settings.opening_share) is not None
 
 
-def _volume(chain: Sequence[Ring], half_step: float) -> float:
+def _volume(chain: Sequence[Ring], step: float) -> float:
     """Volume in mm^3 that a chain stands for."""
     rise = chain[-1].z - chain[0].z
-    return float(np.mean([ring.area for ring in chain])) * max(rise, 2 * half_step)
+    return float(np.mean([ring.area for ring in chain])) * max(rise, step)
 
 
 def _end(ring: Ring, way: int, graph: RingGraph, run: Run, settings: MatchingSettings) -> _End:

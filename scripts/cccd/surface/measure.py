@@ -102,7 +102,7 @@ def measure_agreement(
     whole = None
     if reference is not None:
         whole = reference.volume
-    elif structure.contours is not None:
+    elif structure.contours is not None and structure.annotation is None:
         voxel = float(np.prod(structure.frame.spacing))
         whole = float(structure.contours.polygons.signed_areas.sum()) * voxel
     if whole is not None:
@@ -114,15 +114,19 @@ def measure_agreement(
 
 
 def _is_known(structure: Structure) -> bool:
-    """Whether there is a surface to measure against."""
-    return structure.truth is not None or structure.mask is not None
+    """Whether there is a surface to measure against: a mask of some slices has none between them."""
+    return structure.truth is not None or (structure.mask is not None and structure.annotation is None)
 
 
 def voxel_dice(mesh: Mesh, structure: Structure) -> float:
-    """Dice of the voxels that a closed mesh holds with those of the mask."""
+    """Dice of the voxels that a closed mesh holds with those of the mask, on the slices that were drawn."""
     if structure.mask is None:
         raise ValueError("the structure has no mask")
     block = voxelise(mesh, structure.frame.affine, structure.mask.shape, structure.origin)
+    if structure.annotation is not None:
+        axis = structure.frame.slice_axis
+        drawn = structure.annotation.slices - int(structure.origin[axis])
+        return float(dice(structure.mask.take(drawn, axis), block.take(drawn, axis)))
     return float(dice(structure.mask, block))
 
 

@@ -82,7 +82,7 @@ class Solid:
             "vertices": len(self.mesh.vertices),
             "triangles": len(self.mesh.faces),
             "mean_error_mm": float(np.mean([fit.error for fit in self.fitted.fits])),
-            "warnings": tubes.warnings,
+            "warnings": [*tubes.warnings, *stack.warnings],
             "bodies": self.mesh.count_bodies(),
         }
 
@@ -92,7 +92,7 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
 
     Their union, holes subtracted, is blended along the lines where tubes meet, moved outwards or inwards by a
     little so that it holds the volume of the slices, meshed, and rid of the grid's ripples. The level of
-    probabilities is not moved.
+    probabilities is not moved, nor is what lies between slices of which only some were drawn.
 
     Parameters
     ----------
@@ -117,7 +117,8 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
         return Solid(unite(meshes, tubes), fitted, 0.0, stack)
     planes = _cap_planes(tubes)
     most = blending.most_offset_pixels * stack.pixel
-    missing = 0.0 if stack.of_probability else _missing_height(meshed, planes, stack.volume, cell)
+    known = not (stack.of_probability or stack.of_some_slices)
+    missing = _missing_height(meshed, planes, stack.volume, cell) if known else 0.0
     offset = float(np.clip(missing, -most, most))
     shifted = [z + side * offset for z, side in planes]
     band = blending.fairing_band * cell / CELL_EDGES / stack.pixel

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cccd.containers import ProbabilityStack
+from cccd.containers import Annotation, ProbabilityStack
 from cccd.errors import InputError
 from cccd.filling import fill_between_slices
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
@@ -18,6 +18,7 @@ from cccd.surface.outlines import Outlines
 from cccd.surface.probability import ProbabilityTarget
 from cccd.surface.rings import Ring, find_rings
 from cccd.surface.target import TargetField
+from cccd.surface.undrawn import guides_reach, shape_undrawn
 
 __all__ = ["Run", "SliceStack", "interpolate_slices"]
 
@@ -37,8 +38,10 @@ class Run:
         Every level's closed contours.
     spacing : (2,) float64
         mm per pixel along i and j.
+    step : float
+        Distance between slices in mm, where it is uneven the median one.
     half_step : float
-        Half the distance between slices in mm: how far the organ reaches beyond its last slice.
+        Half the distance between the scan's slices in mm: how far what it cuts reaches beyond its last slice.
     scan_range : (float, float)
         Heights in mm of the volume's first and last slice: an organ that reaches them was cut by the scan.
     """
@@ -46,6 +49,7 @@ class Run:
     fields: Sequence[LevelField]
     rings: Sequence[Sequence[Ring]]
     spacing: FloatArray
+    step: float
     half_step: float
     scan_range: tuple[float, float]
 
@@ -84,6 +88,10 @@ class SliceStack:
         Share of the learned filling, or of probabilities, in what lies between the slices.
     of_probability : bool
         Whether the target is the level of probabilities.
+    of_some_slices : bool
+        Whether only some slices were drawn: ``volume`` then is an estimate.
+    warnings : tuple of str
+        What a user should know of what lies between the slices.
     """
 
     runs: list[Run]
@@ -95,6 +103,8 @@ class SliceStack:
     thickness: float
     filled: float
     of_probability: bool = False
+    of_some_slices: bool = False
+    warnings: tuple[str, ...] = ()
 
     @property
     def step(self) -> float:
@@ -124,7 +134,10 @@ class SliceStack:
 
 
 def interpolate_slices(
-    outlines: Outlines, settings: LoftSettings, probability: ProbabilityStack | None = None
+    outlines: Outlines,
+    settings: LoftSettings,
+    probability: ProbabilityStack | None = None,
+    annotation: Annotation | None = None,
 ) -> SliceStack:
     """Turn outlines into signed distances, interpolate levels between slices, find every level's rings.
 
@@ -136,6 +149,9 @@ def interpolate_slices(
         Of these ``bridge_slices``, which may be missing before a run of levels ends, and ``interpolation``.
     probability : ProbabilityStack, optional
         What the outlines are the level of. It then is the target, where slices are near enough to each other.
+    annotation : Annotation, optional
+        Only some slices were drawn: no gap between them is too wide, and planes across them guide what lies
+        between.
 
     Raises
     ------
@@ -145,24 +161,30 @@ def interpolate_slices(
     frame = outlines.curves.frame
     spacing = frame.pixel_spacing
     pixel = float(np.sqrt(spacing.prod()))
-    slices, distance, origin = distance_fields(outlines)
+    slices, distance, origin = distance_fields(outlines, guides_reach(annotation))
     gaps = np.diff(slices)
     level_spacing = settings.interpolation.level_pixels * pixel
     every = int(np.median(gaps)) if len(gaps) else 1
     step = every * frame.slice_spacing
     scan_range = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
-    breaks = np.flatnonzero(gaps > every * settings.bridge_slices) + 1
+    half_step = (step if annotation is None else frame.slice_spacing) / 2
+    breaks = (
+        np.flatnonzero(gaps > every * settings.bridge_slices) + 1 if annotation is None else np.array([], int)
+    )
     ratios = settings.interpolation.learned_ratios
     share = float(np.interp(step / pixel, ratios, (0.0, 1.0, 1.0, 0.0)))
     certain = 0.0 if probability is None else float(np.interp(step / pixel, ratios[2:], (1.0, 0.0)))
     runs: list[Run] = []
+    warnings: list[str] = []
     for part in np.split(np.arange(len(slices)), breaks):
         here = slice(part[0], part[-1] + 1)
         fields = list(interpolated_fields(slices[here], distance[here], frame.slice_spacing, level_spacing))
         if share > 0 and np.all(np.diff(slices[here]) == every):
             fields = _filled(fields, distance[here], outlines, step, scan_range, share)
+        if annotation is not None:
+            fields, warnings = shape_undrawn(fields, annotation, frame, origin)
         rings = [find_rings(plane, level, spacing, outlines.of_pixels) for level, plane in enumerate(fields)]
-        runs.append(Run(fields, rings, spacing, step / 2, scan_range))
+        runs.append(Run(fields, rings, spacing, step, half_step, scan_range))
     if not any(rings for run in runs for rings in run.rings):
         raise InputError(
             "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"
@@ -176,7 +198,18 @@ def interpolate_slices(
     if probability is not None and certain > 0:
         known = ProbabilityTarget.of(probability, frame, origin, target)
         return SliceStack(runs, known, origin, voxel, voxel_faces, volume, thickness, certain, True)
-    return SliceStack(runs, target, origin, voxel, voxel_faces, volume, thickness, share)
+    return SliceStack(
+        runs,
+        target,
+        origin,
+        voxel,
+        voxel_faces,
+        volume,
+        thickness,
+        share,
+        of_some_slices=annotation is not None,
+        warnings=tuple(warnings),
+    )
 
 
 def _filled(

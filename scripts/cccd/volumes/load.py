@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 
 from cccd.cohort import complete_row
-from cccd.containers import Curves, Frame, Structure
+from cccd.containers import Annotation, Curves, Frame, Structure
 from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
+from cccd.volumes.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
 from cccd.volumes.contours import assemble_contours, contour_frame
 from cccd.volumes.degraded import damage_maps, rescan
 from cccd.volumes.grid import (
@@ -60,6 +61,7 @@ class _Scan:
     region: BoolArray | None = None
     boundary: BoolArray | None = None
     contours: Curves | None = None
+    annotated: str = EVERY_SLICE
     provenance: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
@@ -106,7 +108,11 @@ def load_structure(
 
 
 def structure_of_array(
-    mask: AnyArray, affine: FloatArray, settings: ImportSettings, name: str = "mask"
+    mask: AnyArray,
+    affine: FloatArray,
+    settings: ImportSettings,
+    name: str = "mask",
+    annotated: str = AUTO,
 ) -> Structure:
     """Make a structure of a mask in memory, as `load_structure` does of one in a file.
 
@@ -121,6 +127,8 @@ def structure_of_array(
         ``slice_axis`` and ``margin_voxels``.
     name : str
         Of the organ, and what messages name.
+    annotated : {"auto", "every slice", "nonempty"}
+        Which slices were drawn, see `cccd.volumes.annotation.find_annotation`.
 
     Raises
     ------
@@ -131,7 +139,8 @@ def structure_of_array(
     if array.ndim != 3:
         raise InputError(name, f"it has {array.ndim} dimensions", "give a three-dimensional array")
     volume = organ_of_labels(Volume(array, check_affine(affine, name), name), "", name)
-    scan = _Scan(_frame(volume, settings), **_mask_layers(volume.data), warnings=volume.warnings)
+    layers = _mask_layers(volume.data)
+    scan = _Scan(_frame(volume, settings), **layers, annotated=annotated, warnings=volume.warnings)
     return _crop(scan, {"case": name, "organ": name, "location": name}, settings.margin_voxels)
 
 
@@ -232,7 +241,8 @@ def _scan_of_contours(
     grey = None
     if image is not None and keep is not None:
         grey = image.data[tuple(keep if axis == frame.slice_axis else slice(None) for axis in range(3))]
-    return _Scan(frame, grey, contours=contours, warnings=warnings + notes)
+    annotated = row.get("annotated", AUTO)
+    return _Scan(frame, grey, contours=contours, annotated=annotated, warnings=warnings + notes)
 
 
 def _scan_of_voxels(
@@ -264,6 +274,8 @@ def _scan_of_voxels(
             warnings += notes
     if mask is not None:
         layers |= _mask_layers(layers["mask"])
+    if "mask" in paths and boundary is None:
+        layers["annotated"] = row.get("annotated", AUTO)
     return _Scan(_frame(grid, settings), **layers, provenance=provenance, warnings=warnings)
 
 
@@ -355,8 +367,37 @@ def _extent_of_voxels(scan: _Scan) -> tuple[IntArray, IntArray, int]:
     return first, last, slices
 
 
+def _annotation(scan: _Scan, first: IntArray, last: IntArray, location: str) -> Annotation | None:
+    """Find which slices of a mask or of contours were drawn, where that is not all from first to last."""
+    frame = scan.frame
+    if scan.contours is not None:
+        slices = np.unique(scan.contours.slice).astype(np.int64)
+        some = scan.annotated == NONEMPTY and np.ptp(slices) >= len(slices)
+        return Annotation(slices) if some else None
+    if scan.mask is None or scan.annotated == EVERY_SLICE:
+        return None
+    if scan.probability is not None:
+        if scan.annotated == NONEMPTY:
+            raise InputError(location, "annotated: nonempty beside probabilities", "give a mask of labels")
+        return None
+    order = [frame.slice_axis, *frame.in_plane_axes]
+    return find_annotation(
+        crop(scan.mask, first, last).transpose(order), first[order], scan.annotated, location
+    )
+
+
+def _on_slices(mask: BoolArray, origin: IntArray, frame: Frame, slices: IntArray) -> BoolArray:
+    """Clear all but the source slices (D,) of a mask whose first voxel is ``origin``."""
+    axis = frame.slice_axis
+    kept = np.isin(np.arange(mask.shape[axis]) + origin[axis], slices)
+    return mask & np.expand_dims(kept, frame.in_plane_axes)
+
+
 def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
-    """Crop a scan to its organ with ``margin`` voxels on every side."""
+    """Crop a scan to its organ with ``margin`` voxels on every side.
+
+    Beyond the slices that were drawn the organ may go on as far as their widest gap.
+    """
     frame = scan.frame
     if scan.contours is None:
         first, last, slices = _extent_of_voxels(scan)
@@ -370,7 +411,13 @@ def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
             f"{row['organ']} lies in {slices} slice{'s'[: slices > 1]} along axis {frame.slice_axis}",
             f"give an organ of {MIN_SLICES} slices or more, or set import: slice_axis",
         )
+    annotation = _annotation(scan, first, last, row["location"])
     first, last = first - margin, last + margin
+    if annotation is not None:
+        warnings = [*warnings, annotation_note(annotation, frame, scan.annotated)]
+        widest = int(np.diff(annotation.slices).max())
+        first[frame.slice_axis] -= widest
+        last[frame.slice_axis] += widest
     image, mask, region, boundary = (
         None if array is None else crop(array, first, last)
         for array in (scan.image, scan.mask, scan.region, scan.boundary)
@@ -381,6 +428,8 @@ def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
         probability = np.where(inside, crop(scan.probability, first, last), np.float32(0))
     if region is not None and scan.mask is not None and mask is not None:
         warnings = warnings + _unscored_notes(scan.mask, mask)
+    if annotation is not None and mask is not None:
+        mask = _on_slices(mask, first, frame, annotation.slices)
     return Structure(
         case=row["case"],
         organ=row["organ"],
@@ -392,6 +441,7 @@ def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
         region=region,
         boundary=boundary,
         contours=scan.contours,
+        annotation=annotation,
         provenance=scan.provenance,
         warnings=warnings,
     )

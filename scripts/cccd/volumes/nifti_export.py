@@ -12,10 +12,11 @@ import numpy as np
 import numpy.typing as npt
 from nibabel.nifti1 import Nifti1Image
 
-from cccd.containers import Frame
+from cccd.containers import Frame, Structure
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
+from cccd.volumes.annotation import fill_mask
 
 __all__ = ["write_label_map", "write_nifti"]
 
@@ -42,7 +43,9 @@ def write_nifti(path: str | Path, values: npt.NDArray[np.integer], affine: Float
     Path(path).write_bytes(content)
 
 
-def write_label_map(path: str | Path, mesh: Mesh, frame: Frame, value: int = 1) -> None:
+def write_label_map(
+    path: str | Path, mesh: Mesh, frame: Frame, value: int = 1, drawn: Structure | None = None
+) -> None:
     """Write the voxels inside a closed mesh as NIfTI label map on the source grid.
 
     Parameters
@@ -55,6 +58,8 @@ def write_label_map(path: str | Path, mesh: Mesh, frame: Frame, value: int = 1) 
         The source volume's grid.
     value : int
         Label of the voxels inside, 1 to 255.
+    drawn : Structure, optional
+        A structure of which some slices were drawn: they stay as they are.
     """
-    mask = voxelise(mesh, frame.affine, frame.shape)
+    mask = voxelise(mesh, frame.affine, frame.shape) if drawn is None else fill_mask(drawn, mesh, whole=True)
     write_nifti(path, mask.astype(np.uint8) * np.uint8(value), frame.affine)

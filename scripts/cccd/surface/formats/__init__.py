@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from cccd.containers import Structure
 from cccd.settings.surface import LoftSettings, SolidSettings, TetrahedraSettings
 
 __all__ = ["COLOUR", "NOTE", "Scan"]
@@ -38,6 +39,8 @@ class Scan:
         Folder of the DICOM series that the file shall refer to.
     keep_patient : bool
         Whether that file says who the patient is.
+    drawn : Structure or None
+        What was drawn, where only some slices were: a label map keeps those as they are.
     tolerance_mm : float
         99 % of a solid's surface shall lie so near to the mesh.
     solid : SolidSettings
@@ -50,6 +53,7 @@ class Scan:
     contour_spacing_mm: float | None = None
     series: Path | None = None
     keep_patient: bool = False
+    drawn: Structure | None = None
     tolerance_mm: float = _DEFAULT.step_tolerance_mm
     solid: SolidSettings = _DEFAULT.solid
     tetrahedra: TetrahedraSettings = _DEFAULT.tetrahedra

@@ -12,5 +12,5 @@ __all__ = ["write"]
 
 
 def write(path: Path, surface: Surface, scan: Scan) -> None:
-    """Write the voxels inside."""
-    write_label_map(path, surface.mesh, surface.frame)
+    """Write the voxels inside; slices that were drawn, where only some were, as they were drawn."""
+    write_label_map(path, surface.mesh, surface.frame, drawn=scan.drawn)

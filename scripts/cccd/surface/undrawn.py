@@ -1,0 +1,345 @@
+"""What lies between slices of which only some were drawn.
+
+The slices' distances alone let a part that moves aside from slice to slice wither between them, and end where
+the next slice has nothing below it. So parts that follow each other are moved onto each other on the way.
+Where planes across the slices were drawn as well, levels are stretched until they meet the planes' outlines.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import label, map_coordinates, shift
+from scipy.optimize import linear_sum_assignment
+
+from cccd.containers import Annotation, Frame, Guide
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from cccd.geometry.distance import to_mask
+from cccd.surface.fields import LevelField, interpolated_planes
+
+__all__ = ["guides_reach", "shape_undrawn"]
+
+#: A part runs on in one that it does not overlap if that begins no further aside, per mm between slices.
+STEEPEST = 1.0
+#: Where stretching alone does not bring a level to a plane's outline, it is corrected so far to either side
+#: of the plane, as a share of the distance between the drawn slices.
+REACH = 0.25
+
+
+def guides_reach(annotation: Annotation | None) -> IntArray | None:
+    """First and last source ``(i, j)`` (2, 2) of what was drawn on planes across; None without any."""
+    if annotation is None or not annotation.guides:
+        return None
+    ends = np.array([_extent(guide) for guide in annotation.guides])
+    return np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])
+
+
+def _extent(guide: Guide) -> IntArray:
+    """First and last source ``(i, j)`` (2, 2) of what was drawn on a plane."""
+    along = np.flatnonzero(guide.inside.any(axis=0)) + int(guide.origin[1])
+    ends = np.full((2, 2), guide.index, np.int64)
+    ends[:, 1 - guide.axis] = along[[0, -1]]
+    return ends
+
+
+def shape_undrawn(
+    fields: Sequence[LevelField], annotation: Annotation, frame: Frame, origin: IntArray
+) -> tuple[list[LevelField], list[str]]:
+    """Shape the levels between drawn slices.
+
+    Parameters
+    ----------
+    fields : sequence of LevelField
+        Of the drawn slices, and interpolated between them.
+    annotation : Annotation
+        The planes across the slices.
+    frame : Frame
+        The scan's.
+    origin : (2,) int64
+        Source ``(i, j)`` of the fields' first pixel.
+
+    Returns
+    -------
+    fields : list of LevelField
+        Those of the drawn slices are as they were.
+    warnings : list of str
+        How many parts do not overlap the next slice's, and what became of them.
+    """
+    spacing = frame.pixel_spacing
+    guides = [_GuideLine.of(guide, fields[0].distance.shape, frame, origin) for guide in annotation.guides]
+    drawn = [n for n, field in enumerate(fields) if field.source_slice is not None]
+    slices = [_Slice.of(fields[n]) for n in drawn]
+    gaps = [_Gap.of(below, above, spacing) for below, above in itertools.pairwise(slices)]
+    z = np.array([field.z for field in fields])
+    chains = [_moving_fields(chain, slices, z, spacing) for chain in _chains(gaps)]
+    shaped = list(fields)
+    for gap, (low, high) in zip(gaps, itertools.pairwise(drawn), strict=True):
+        rest = _rest(gap, spacing)
+        for n in range(low + 1, high):
+            distance = fields[n].distance
+            following = [chain[n] for chain in chains if n in chain]
+            if following:
+                nearest = functools.reduce(np.minimum, following)
+                distance = nearest if rest is None else np.where(rest, np.minimum(distance, nearest), nearest)
+            reach = REACH * (fields[high].z - fields[low].z)
+            distance = _guided(distance, guides, fields[n].z / frame.slice_spacing, reach)
+            shaped[n] = replace(fields[n], distance=distance)
+    return shaped, _warnings(gaps)
+
+
+def _warnings(gaps: Sequence[_Gap]) -> list[str]:
+    """Say what became of parts that do not overlap those of the next drawn slice."""
+    moved, ending = sum(gap.aside for gap in gaps), sum(gap.ending for gap in gaps)
+    notes: list[str] = []
+    if moved:
+        notes.append(
+            f"{moved} times a part lies beside that on the next drawn slice: the two are joined aslant"
+        )
+    if ending:
+        notes.append(f"{ending} parts have nothing near them on the next drawn slice: they end on the way")
+    return notes
+
+
+# parts ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Slice:
+    """A drawn slice and its parts: 0 outside them in ``parts`` (I, J), n for part n of ``count`` from 1."""
+
+    z: float
+    distance: SingleArray
+    parts: IntArray
+    count: int
+
+    @classmethod
+    def of(cls, field: LevelField) -> _Slice:
+        """Find the parts of a field."""
+        parts, count = label(field.distance < 0)
+        return cls(field.z, field.distance, np.asarray(parts, np.int64), count)
+
+    def distance_of(self, number: int, spacing: FloatArray) -> SingleArray:
+        """Signed distances (I, J) in mm to one of the parts."""
+        if self.count == 1:
+            return self.distance
+        own = to_mask(self.parts == number, spacing)
+        others = to_mask((self.parts > 0) & (self.parts != number), spacing)
+        return np.where(own <= others, self.distance, own)
+
+    def centre(self, number: int) -> FloatArray:
+        """Centre (2,) of a part's pixels."""
+        return np.argwhere(self.parts == number).mean(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Gap:
+    """What lies between two drawn slices.
+
+    Attributes
+    ----------
+    below, above : _Slice
+    pairs : dict of int to int
+        Parts below that run on in one above, and in nothing else.
+    aside : int
+        How many of these do not overlap.
+    ending : int
+        How many parts have nothing to run on in.
+    """
+
+    below: _Slice
+    above: _Slice
+    pairs: dict[int, int]
+    aside: int
+    ending: int
+
+    @classmethod
+    def of(cls, below: _Slice, above: _Slice, spacing: FloatArray) -> _Gap:
+        """Find which parts follow each other; what overlaps nothing goes to the nearest such part near by."""
+        both = (below.parts > 0) & (above.parts > 0)
+        touching = np.unique(np.column_stack([below.parts[both], above.parts[both]]), axis=0)
+        single = [
+            (int(a), int(b))
+            for a, b in touching
+            if np.count_nonzero(touching[:, 0] == a) == 1 and np.count_nonzero(touching[:, 1] == b) == 1
+        ]
+        free = [
+            np.setdiff1d(np.arange(1, side.count + 1), touching[:, n])
+            for n, side in enumerate((below, above))
+        ]
+        aside = _nearest(below.parts, above.parts, free, spacing, STEEPEST * (above.z - below.z))
+        ending = len(free[0]) + len(free[1]) - 2 * len(aside)
+        return cls(below, above, dict([*single, *aside]), len(aside), ending)
+
+
+def _nearest(
+    lower: IntArray, upper: IntArray, free: Sequence[IntArray], spacing: FloatArray, most: float
+) -> list[tuple[int, int]]:
+    """Pairs of ``free`` parts of two slices that lie least far aside, none further than ``most`` mm."""
+    if not (len(free[0]) and len(free[1])):
+        return []
+    away = [to_mask(lower == a, spacing) for a in free[0]]
+    apart = np.array([[float(plane[upper == b].min()) for b in free[1]] for plane in away])
+    rows, columns = linear_sum_assignment(np.minimum(apart, 2 * most))
+    near = apart[rows, columns] <= most
+    return [(int(free[0][a]), int(free[1][b])) for a, b in zip(rows[near], columns[near], strict=True)]
+
+
+def _chains(gaps: Sequence[_Gap]) -> list[list[tuple[int, int]]]:
+    """Parts (drawn slice, number) that run on in each other from slice to slice, two at least."""
+    chains: list[list[tuple[int, int]]] = []
+    open_chains: dict[int, list[tuple[int, int]]] = {}
+    for n, gap in enumerate(gaps):
+        following: dict[int, list[tuple[int, int]]] = {}
+        for a, b in gap.pairs.items():
+            if a not in open_chains:
+                open_chains[a] = [(n, a)]
+                chains.append(open_chains[a])
+            open_chains[a].append((n + 1, b))
+            following[b] = open_chains[a]
+        open_chains = following
+    return chains
+
+
+def _moving_fields(
+    chain: Sequence[tuple[int, int]], slices: Sequence[_Slice], z: FloatArray, spacing: FloatArray
+) -> dict[int, SingleArray]:
+    """Fields (I, J) of a chain of parts on the levels at heights ``z`` between its slices, by level.
+
+    The parts are interpolated where their centres lie on each other, and moved back along a smooth path.
+    """
+    heights = np.array([slices[n].z for n, _ in chain])
+    centres = np.array([slices[n].centre(number) for n, number in chain])
+    planes = [
+        _moved(slices[n].distance_of(number, spacing), centres[0] - centre)
+        for (n, number), centre in zip(chain, centres, strict=True)
+    ]
+    levels = np.flatnonzero((z > heights[0]) & (z < heights[-1]) & ~np.isin(z, heights))
+    path = PchipInterpolator(heights, centres - centres[0])
+    still = interpolated_planes(heights, np.stack(planes), z[levels])
+    return {int(n): _moved(plane, path(z[n])) for n, plane in zip(levels, still, strict=True)}
+
+
+def _moved(plane: SingleArray, by: FloatArray) -> SingleArray:
+    """Plane (I, J) moved by some pixels (2,); what comes in over its border is as the border was."""
+    return np.asarray(shift(plane, by, np.float32, order=1, mode="nearest"), np.float32)
+
+
+def _rest(gap: _Gap, spacing: FloatArray) -> BoolArray | None:
+    """Pixels (I, J) nearer to parts that branch, end or merge between two slices than to others, if any."""
+    sides = (gap.below, list(gap.pairs)), (gap.above, list(gap.pairs.values()))
+    follows = [np.isin(side.parts, numbers) for side, numbers in sides]
+    branches = [(side.parts > 0) & ~inside for (side, _), inside in zip(sides, follows, strict=True)]
+    if not np.any(branches):
+        return None
+    return to_mask(np.any(branches, axis=0), spacing) < to_mask(np.any(follows, axis=0), spacing)
+
+
+# planes across the slices -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _GuideLine:
+    """A plane across the slices as it meets the levels.
+
+    Attributes
+    ----------
+    axis : int
+        0 where it meets them in a row at one i, 1 in a column at one j.
+    row : int
+        That i or j, in the fields' pixels.
+    first : int
+        The source slice of its lowest line.
+    lines : (S, L) float32
+        Signed distances in mm along the row or column, slice by slice.
+    pixel : float
+        mm per pixel square to the plane.
+    """
+
+    axis: int
+    row: int
+    first: int
+    lines: SingleArray
+    pixel: float
+
+    @classmethod
+    def of(cls, guide: Guide, shape: Sequence[int], frame: Frame, origin: IntArray) -> _GuideLine:
+        """Measure the distances on a plane, over all of the length of fields (I, J) from ``origin`` on."""
+        along = 1 - guide.axis
+        before = int(guide.origin[1] - origin[along])
+        inside = np.zeros((len(guide.inside), shape[along]), bool)
+        inside[:, before : before + guide.inside.shape[1]] = guide.inside
+        distance = to_mask(inside, np.array([frame.slice_spacing, frame.pixel_spacing[along]]))
+        row = int(guide.index - origin[guide.axis])
+        return cls(guide.axis, row, int(guide.origin[0]), distance, float(frame.pixel_spacing[guide.axis]))
+
+    def line(self, k: float) -> SingleArray:
+        """Distances (L,) at a height in slices."""
+        at = float(np.clip(k - self.first, 0, len(self.lines) - 1))
+        low = int(at)
+        share = np.float32(at - low)
+        return (1 - share) * self.lines[low] + share * self.lines[min(low + 1, len(self.lines) - 1)]
+
+
+def _guided(distance: SingleArray, guides: Sequence[_GuideLine], k: float, reach: float) -> SingleArray:
+    """Distances (I, J) of a level ``k`` slices high that meet what was drawn on planes across it."""
+    for axis in (0, 1):
+        here = [guide for guide in guides if guide.axis == axis]
+        if not here:
+            continue
+        plane = distance if axis == 0 else distance.T
+        plane = _stretched(plane, [(guide.row, guide.line(k)) for guide in here])
+        for guide in here:
+            away = np.abs(np.arange(len(plane)) - guide.row) * guide.pixel
+            weight = np.clip(1 - away / reach, 0, 1).astype(np.float32)
+            plane = plane + weight[:, None] * (guide.line(k) - plane[guide.row])
+        distance = plane if axis == 0 else plane.T
+    return distance
+
+
+def _stretched(plane: SingleArray, known: Sequence[tuple[int, SingleArray]]) -> SingleArray:
+    """Stretch a plane (I, J) along j until it crosses zero where it does on known rows (row, (J,)).
+
+    Only rows that cross zero as often as they should take part; between them the stretch is interpolated.
+    What lies nearer to a part that no such row meets stays as it is.
+    """
+    pulls: dict[int, FloatArray] = {}
+    columns = np.arange(plane.shape[1], dtype=np.float64)
+    for row, line in known:
+        is_at, has_at = _crossings(line), _crossings(plane[row])
+        if len(is_at) == len(has_at) > 0:
+            pulls[row] = np.interp(columns, is_at, has_at - is_at)
+    if not pulls:
+        return plane
+    rows = np.array(sorted(pulls))
+    pull = _between_rows(rows, np.array([pulls[row] for row in rows]), len(plane))
+    i, j = np.indices(plane.shape, np.float32)
+    moved = np.asarray(map_coordinates(plane, [i, j + pull], np.float32, order=1, mode="nearest"))
+    parts, _ = label(plane < 0)
+    met = np.unique(parts[rows])
+    others = (parts > 0) & ~np.isin(parts, met[met > 0])
+    if not others.any():
+        return moved
+    ones = np.ones(2)
+    nearer = to_mask((parts > 0) & ~others, ones) <= to_mask(others, ones)
+    return np.where(nearer, moved, plane)
+
+
+def _crossings(line: SingleArray) -> FloatArray:
+    """Positions at which a line's values change sign, by linear interpolation."""
+    before = np.flatnonzero((line[1:] < 0) != (line[:-1] < 0))
+    return before + line[before] / (line[before] - line[before + 1])
+
+
+def _between_rows(rows: IntArray, values: FloatArray, count: int) -> FloatArray:
+    """Values (R, J) of some ascending rows on all rows (count, J): linear between, the last ones beyond."""
+    if len(rows) == 1:
+        return np.repeat(values, count, axis=0)
+    at = np.clip(np.arange(count), rows[0], rows[-1])
+    low = np.clip(np.searchsorted(rows, at, side="right") - 1, 0, len(rows) - 2)
+    share = ((at - rows[low]) / (rows[low + 1] - rows[low]))[:, None]
+    return (1 - share) * values[low] + share * values[low + 1]

@@ -1,0 +1,234 @@
+"""Slices that nobody drew: which they are, and what the surface makes of them."""
+
+import nibabel
+import numpy as np
+import pytest
+from scans import row, settings, write_nifti
+
+import cccd
+from cccd.cohort import read_cohort
+from cccd.containers import Annotation
+from cccd.errors import InputError
+from cccd.store import read_annotation, read_compared, read_structure, write_structure
+from cccd.surface.measure import measure_surface
+from cccd.volumes import load_structure
+from cccd.volumes.annotation import drawn_slices, find_annotation
+
+ORIGIN = np.array([3, 10, 20])
+
+
+def ellipsoid(shape=(60, 56, 80), radii=(22.0, 18.0, 30.0)):
+    centre = (np.array(shape) - 1) / 2
+    offset = np.indices(shape) - centre.reshape(3, 1, 1, 1)
+    return ((offset / np.reshape(radii, (3, 1, 1, 1))) ** 2).sum(axis=0) <= 1
+
+
+def only(mask, slices):
+    """The mask with these of its slices alone."""
+    kept = np.zeros_like(mask)
+    kept[:, :, slices] = mask[:, :, slices]
+    return kept
+
+
+def found(mask, rule="auto"):
+    return find_annotation(np.moveaxis(mask, 2, 0), ORIGIN, rule, "mask")
+
+
+# which slices were drawn ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("slices", [range(12, 70, 5), range(12, 70, 10), [11, 14, 25, 40, 45, 64]])
+def test_gaps_between_drawn_slices_are_not_empty_slices(slices):
+    annotation = found(only(ellipsoid(), list(slices)))
+    assert annotation.slices.tolist() == [k + 3 for k in slices]
+    assert annotation.guides == ()
+
+
+def two_parts():
+    mask = ellipsoid()
+    mask[:, :, 30:50] = False
+    return mask
+
+
+def one_empty_slice():
+    mask = ellipsoid()
+    mask[:, :, 40] = False
+    return mask
+
+
+def every_second():
+    return only(ellipsoid(), list(range(10, 70, 2)))
+
+
+def scattered_spots():
+    mask = np.zeros((60, 56, 80), bool)
+    for n, k in enumerate((5, 20, 35, 50)):
+        mask[10 * n + 5 : 10 * n + 9, 8:12, k] = True
+    return mask
+
+
+def thin_sheet():
+    mask = np.zeros((60, 56, 80), bool)
+    mask[30, 10:40, 5:70] = True
+    return mask
+
+
+@pytest.mark.parametrize(
+    "make", [ellipsoid, two_parts, one_empty_slice, every_second, scattered_spots, thin_sheet]
+)
+def test_organs_with_gaps_of_their_own_are_taken_as_they_are(make):
+    assert found(make()) is None
+    assert found(make(), "every slice") is None
+
+
+def test_a_word_in_the_sheet_overrules_the_gaps():
+    assert len(found(every_second(), "nonempty").slices) == 30
+    assert found(only(ellipsoid(), [12, 30, 50]), "every slice") is None
+    assert found(ellipsoid(), "nonempty") is None
+
+
+def with_planes(mask, slices, i=(), j=()):
+    drawn = only(mask, slices)
+    drawn[list(i)] = mask[list(i)]
+    drawn[:, list(j)] = mask[:, list(j)]
+    return drawn
+
+
+@pytest.mark.parametrize(("i", "j"), [((30,), ()), ((), (25,)), ((20, 36), (28,)), ((25, 30, 35), (20, 30))])
+def test_planes_across_the_slices_are_told_from_slices(i, j):
+    mask, slices = ellipsoid(), [14, 26, 33, 47, 60]
+    annotation = found(with_planes(mask, slices, i, j))
+    assert annotation.slices.tolist() == [k + 3 for k in slices]
+    planes = [(guide.axis, guide.index) for guide in annotation.guides]
+    assert planes == [(0, n + 10) for n in i] + [(1, n + 20) for n in j]
+    for guide in annotation.guides:
+        whole = (mask[guide.index - 10] if guide.axis == 0 else mask[:, guide.index - 20]).T
+        assert np.array_equal(guide.inside, whole)
+        assert guide.origin.tolist() == [3, (20, 10)[guide.axis]]
+
+
+def test_a_mask_of_every_slice_has_no_planes_across():
+    assert drawn_slices(np.moveaxis(ellipsoid(), 2, 0)).planes == []
+
+
+# what becomes of them -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("slices", "off"),
+    [(range(12, 70, 5), 0.02), ([11, 14, 25, 35, 45, 50, 64], 0.04), (range(14, 70, 10), 0.04)],
+)
+def test_an_ellipsoid_of_some_slices_is_whole(slices, off):
+    mask = ellipsoid()
+    surface = cccd.reconstruct(only(mask, list(slices)))
+    assert surface.mesh.is_watertight
+    assert surface.lofted.report["bodies"] == 1
+    assert surface.volume == pytest.approx(4 / 3 * np.pi * 22 * 18 * 30, rel=off)
+    assert sum("are filled" in warning for warning in surface.warnings) == 1
+
+
+def test_the_label_map_is_whole_and_keeps_what_was_drawn(tmp_path):
+    mask, slices = ellipsoid(), [11, 14, 25, 35, 45, 50, 64]
+    mask[28:32, 25:30] = False  # a hole
+    drawn = only(mask, slices)
+    drawn[slices[2] % 7 :: 11, 40, slices[2]] ^= True  # no surface would follow that
+    affine = np.array([[-0.9, 0, 0, 30], [0, 0, 1.5, -20], [0, 0.8, 0, 5], [0, 0, 0, 1]])
+    write_nifti(tmp_path / "drawn.nii.gz", drawn.astype(np.uint8), affine)
+    structure = cccd.read(tmp_path / "drawn.nii.gz", annotated="nonempty")
+    cccd.reconstruct(structure).write(tmp_path / "filled.nii.gz")
+    filled = nibabel.load(tmp_path / "filled.nii.gz")
+    assert filled.shape == mask.shape
+    assert filled.get_data_dtype() == np.uint8
+    assert np.allclose(filled.affine, affine)
+    assert filled.header["qform_code"] == filled.header["sform_code"] == 1
+    values = np.asarray(filled.dataobj) > 0
+    assert np.array_equal(values[:, :, slices], drawn[:, :, slices])
+    assert 2 * (values & mask).sum() / (values.sum() + mask.sum()) > 0.97
+    assert not values[:, :, :5].any()
+
+
+def test_parts_that_lie_beside_each_other_are_one_organ():
+    i, j, k = np.indices((80, 40, 61))
+    tube = np.hypot(i - 15 - 0.8 * k, j - 20) <= 6
+    surface = cccd.reconstruct(only(tube, list(range(0, 61, 20))), annotated="nonempty")
+    assert surface.lofted.report["bodies"] == 1
+    assert surface.volume == pytest.approx(tube.sum(), rel=0.06)
+    assert any("joined aslant" in warning for warning in surface.warnings)
+
+
+def bent_tube():
+    i, j, k = np.indices((60, 70, 81))
+    return np.hypot(i - 30, j - 35 - 12 * np.sin(np.pi * k / 40)) <= 9
+
+
+def overlap(surface, mask, tmp_path):
+    surface.write(tmp_path / "filled.nii.gz")
+    filled = np.asarray(nibabel.load(tmp_path / "filled.nii.gz").dataobj) > 0
+    return 2 * (filled & mask).sum() / (filled.sum() + mask.sum())
+
+
+def test_a_plane_across_guides_a_bent_tube(tmp_path):
+    tube, slices = bent_tube(), [0, 40, 80]
+    alone = overlap(cccd.reconstruct(only(tube, slices)), tube, tmp_path)
+    guided = overlap(cccd.reconstruct(with_planes(tube, slices, i=[30])), tube, tmp_path)
+    assert alone < 0.7
+    assert guided > 0.95
+
+
+# from the sheet to the figures ----------------------------------------------------------------------
+
+
+def test_what_was_drawn_is_stored_and_is_all_that_is_measured_against(tmp_path):
+    mask, slices = ellipsoid(), list(range(12, 70, 8))
+    drawn = with_planes(mask, slices, j=[27])
+    write_nifti(tmp_path / "liver.nii.gz", drawn.astype(np.uint8), np.diag([1, 1, 1.5, 1]))
+    structure = load_structure(row(mask="liver.nii.gz", annotated="nonempty"), tmp_path, settings())
+    write_structure(tmp_path / "structure.h5", structure)
+    stored = read_annotation(tmp_path / "structure.h5")
+    assert np.array_equal(stored.slices, slices)
+    assert np.array_equal(stored.guides[0].inside, structure.annotation.guides[0].inside)
+    assert np.array_equal(stored.guides[0].origin, structure.annotation.guides[0].origin)
+    assert read_structure(tmp_path / "structure.h5").mask.any(axis=(0, 1)).sum() == len(slices)
+    assert read_compared(tmp_path / "structure.h5").mask is None
+    figures = measure_surface(cccd.reconstruct(structure).lofted, structure)
+    assert figures["dice_3d"] > 0.97
+    assert not any(name.startswith(("assd", "volume_bias")) for name in figures)
+
+
+@pytest.mark.parametrize(
+    ("columns", "problem"),
+    [
+        ({"annotated": "nonempty", "image": "a.nii"}, "annotated: nonempty needs a mask"),
+        ({"annotated": "nonempty", "mask": "a.nii", "boundary": "b.nii"}, "annotated: nonempty needs a mask"),
+        ({"annotated": "nonempti", "mask": "a.nii"}, "annotated 'nonempti' is not known"),
+    ],
+)
+def test_the_sheet_refuses_what_makes_no_sense(tmp_path, columns, problem):
+    columns = {"case": "a", "organ": "liver", **columns}
+    (tmp_path / "sheet.tsv").write_text("\t".join(columns) + "\n" + "\t".join(columns.values()) + "\n")
+    with pytest.raises(InputError, match=problem):
+        read_cohort(tmp_path / "sheet.tsv")
+
+
+@pytest.mark.parametrize("planes", [[], [30]])
+def test_one_drawn_slice_is_too_few(tmp_path, planes):
+    write_nifti(
+        tmp_path / "liver.nii.gz", with_planes(ellipsoid(), [40], i=planes).astype(np.uint8), np.eye(4)
+    )
+    with pytest.raises(InputError, match=r"1 slice\b"):
+        load_structure(row(mask="liver.nii.gz", annotated="nonempty"), tmp_path, settings())
+
+
+def test_probabilities_are_known_on_every_slice(tmp_path):
+    share = 0.7 * only(ellipsoid(), [20, 40, 60]).astype(np.float32)
+    write_nifti(tmp_path / "liver.nii.gz", share, np.eye(4))
+    with pytest.raises(InputError, match="beside probabilities"):
+        load_structure(row(mask="liver.nii.gz", annotated="nonempty"), tmp_path, settings())
+
+
+def test_an_annotation_that_leaves_out_nothing_changes_nothing():
+    mask = ellipsoid()[::2, ::2, ::2]
+    plain = cccd.reconstruct(mask, annotated="every slice")
+    auto = cccd.reconstruct(mask)
+    assert np.array_equal(plain.vertices, auto.vertices)
+    assert Annotation(np.arange(3)).guides == ()
