@@ -174,6 +174,11 @@ def _add_segment(commands: Any) -> None:
     segment.add_argument(
         "--labels", type=Path, metavar="FILE", help="default: the scan's name with _labels.nii.gz, here"
     )
+    segment.add_argument(
+        "--device",
+        choices=["auto", "cpu", "cuda"],
+        help="where the network runs; default: a GPU where there is one",
+    )
     segment.add_argument("--json", action="store_true", help="print JSON")
     segment.set_defaults(run=_segment)
 
@@ -259,6 +264,8 @@ def _check_outputs(outputs: Sequence[Path], source: Path) -> None:
 
     for path in outputs:
         check_format(path)
+        if outputs.count(path) > 1:
+            raise InputError(str(path), "named twice as output", "name it once")
         if path.is_dir():
             raise InputError(str(path), "that is a folder", "give a file's name in it")
         if path.exists() and source.exists() and path.samefile(source):
@@ -368,10 +375,13 @@ def _print_surface(made: dict[str, Any]) -> None:
 
 def _segment(given: argparse.Namespace) -> int:
     import cccd
+    from cccd.devices import DEVICE
     from cccd.segmentation.segment import find_segmenter, segment, write_labels
     from cccd.volumes.inputs import read_image
     from cccd.volumes.load import existing
 
+    if given.device:
+        os.environ[DEVICE] = given.device
     stem = _plain_stem(given.input)
     outputs, labels = given.output or [Path(f"{stem}.ply")], given.labels or Path(f"{stem}_labels.nii.gz")
     _check_outputs(outputs, given.input)

@@ -14,6 +14,8 @@ from cccd.settings.messages import choices
 
 __all__ = ["snakemake_command"]
 
+_SHEETS = (".tsv", ".txt")
+
 
 def snakemake_command(
     sheet: Path, folder: Path, cores: int, profile: str | None = None, further: Sequence[str] = ()
@@ -36,12 +38,14 @@ def snakemake_command(
     Raises
     ------
     InputError
-        No such sheet or profile, or no Snakemake.
+        No such sheet or profile, something else in a sheet's place, or no Snakemake.
     """
     if importlib.util.find_spec("snakemake") is None:
         raise missing_extra(ModuleNotFoundError(name="snakemake"), "cccd run")
     if not sheet.is_file():
         raise InputError(str(sheet), "no such cohort sheet", "give a sheet (.tsv) or a BIDS data set")
+    if sheet.suffix.lower() not in _SHEETS:
+        raise InputError(str(sheet), "not a cohort sheet", "give a table (.tsv); cccd surface takes one mask")
     values, rest = _split_config(further)
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(PROJECT / "Snakefile")]
     command += ["--directory", str(folder.absolute()), "--config", f"cohort={sheet.absolute()}", *values]

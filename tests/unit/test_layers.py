@@ -11,7 +11,7 @@ LIBRARY = ROOT / "scripts" / "cccd"
 #: Packages and single modules of the library, by layer; those of one layer do not know each other.
 LAYERS = (
     ("errors", "tolerances", "lookup", "dependencies", "project"),
-    ("extras", "disk_space"),
+    ("extras", "disk_space", "devices"),
     ("settings", "geometry", "job", "remote", "sidecar_files"),
     ("containers", "metrics", "cohort", "dicom_objects", "model_header"),
     ("store",),
@@ -53,6 +53,7 @@ ONLY = {
     },
     "torch": {
         "torch_files",
+        "devices",
         *(f"segmentation.{name}" for name in SEGMENTING),
         "filling_training.training",
         *(f"junctions.{name}" for name in (*GEOMETRIC, "energy", "checkpoint", "loop")),

@@ -23,6 +23,7 @@ from cccd.cohort import brings_maps, complete_row, read_cohort
 from cccd.comparisons.registry import COMPARISONS, INPUTS, ITEMS, tables
 from cccd.dependencies import imported_files
 from cccd.dicom_objects import holds_contours
+from cccd.devices import DEVICE
 from cccd.disk_space import check_room
 from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
@@ -48,6 +49,8 @@ REPORTED_FORMATS = SOLID_FORMATS | TETRAHEDRA_FORMATS
 #: The library's folder; its files decide which stages run again.
 LIBRARY = Path(cccd.__file__).parent
 
+
+os.environ[DEVICE] = config["device"]
 
 if workflow.remote_exec:
     # a job of a cluster: its structures fail one by one, and not all because of one

@@ -21,6 +21,7 @@ for comparison in COMPARISONS.values():
             f"logs/{{case}}/{{organ}}/compare_{comparison.name}.log",
         benchmark:
             f"benchmarks/{{case}}/{{organ}}/compare_{comparison.name}.tsv"
+        priority: comparison.minutes  # the longest first, so that none is left alone at the end
         group:
             "structure"
         conda:

@@ -1,5 +1,8 @@
 """Junctions: synthetic training graphs -> the GNN that tells true links from false ones -> its scores."""
 
+#: Priority of what the longest chain of jobs begins with: two structures wait for the trained network.
+FIRST = 100
+
 
 rule generate_graphs:
     """Draw the frozen training, validation and test graphs from synthetic contours, none of them a structure's."""
@@ -9,6 +12,7 @@ rule generate_graphs:
         "logs/gnn/generate_graphs.log",
     benchmark:
         "benchmarks/gnn/generate_graphs.tsv"
+    priority: FIRST
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -60,9 +64,10 @@ if TRAINED:
             "logs/gnn/train_gnn.log",
         benchmark:
             "benchmarks/gnn/train_gnn.tsv"
+        priority: FIRST
         conda:
             "../../envs/cccd.yaml"
-        threads: 2
+        threads: 1  # two would idle through most of it, and the other core has comparisons to make
         resources:
             mem_mb=memory(4000),
             runtime=minutes(60),

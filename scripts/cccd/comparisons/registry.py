@@ -260,6 +260,7 @@ SEGMENTERS = Comparison(
     figures="cccd.comparisons.segmenters.network_figures",
     columns=("method", "given", "dice_percent"),
     memory_mb=(3000, 40),
+    minutes=30,
     of="phantoms",
 )
 

@@ -225,12 +225,15 @@ def _insert(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> tuple
 
 
 @jit
-def _choose(cost, peak, most, limit):
-    """Cheapest knots to remove (n,) bool: at most ``most``, four apart, none with a peak above the limit."""
+def _choose(cost, order, peak, most, limit):
+    """Cheapest knots to remove (n,) bool: at most ``most``, four apart, none with a peak above the limit.
+
+    ``order`` (n,) sorts the costs; a sort within would take three times as long to compile.
+    """
     count = len(cost)
     gone = np.zeros(count, np.bool_)
     taken = 0
-    for k in np.argsort(cost):
+    for k in order:
         if taken >= most or not np.isfinite(cost[k]):
             break
         free = peak[k] <= limit
@@ -245,7 +248,7 @@ def _choose(cost, peak, most, limit):
 def _cheapest(task: _Task, fit: _Fit, kept: np.ndarray, most: int, limit: float) -> np.ndarray:
     """Knots (n,) bool whose removal costs least: at most ``most``, none that would leave the limit."""
     cost, peak = _removal_costs(fit.knots, fit.control, task.points, fit.parameters, kept)
-    return _choose(cost, peak, most, limit)
+    return _choose(cost, np.argsort(cost), peak, most, limit)
 
 
 def _within(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _Fit:

@@ -116,8 +116,8 @@ def _swept(
             if 0 <= i - way < height:
                 for side in (-1, 0, 1):
                     _take_over(foot, gap, owner, i, i - way, side, spacing)
-            _take_over(foot, gap, owner, i, i, -1, spacing)
-            _take_over(foot, gap, owner, i, i, 1, spacing)
+            for side in (-1, 1):
+                _take_over(foot, gap, owner, i, i, side, spacing)
     distance = np.empty((height, width), np.float32)
     for i in range(height):
         for j in range(width):

@@ -10,6 +10,7 @@ from typing import Any
 
 import torch
 
+from cccd.devices import chosen_device
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.paper_network import PaperNetwork
 from cccd.model_header import foreign, read_header
@@ -56,7 +57,7 @@ def _read_model(path: str | Path) -> dict[str, Any]:
 
 
 def load_model(path: str | Path) -> JunctionNetwork | PaperNetwork:
-    """Read a trained network, ready for prediction, on the CPU or on the GPU where there is one.
+    """Read a trained network, ready for prediction, on the device that `cccd.devices` chooses.
 
     Raises
     ------
@@ -69,7 +70,7 @@ def load_model(path: str | Path) -> JunctionNetwork | PaperNetwork:
         model.load_state_dict(content["weights"])
     except (KeyError, TypeError, RuntimeError) as error:
         raise foreign(path, "its weights do not fit") from error
-    return model.eval().to("cuda" if torch.cuda.is_available() else "cpu")
+    return model.eval().to(chosen_device())
 
 
 @torch.no_grad()

@@ -14,6 +14,7 @@ import torch
 from torch import nn
 from tqdm import tqdm
 
+from cccd.devices import chosen_device
 from cccd.errors import InputError
 from cccd.junctions.checkpoint import fingerprint, save_model, start_from
 from cccd.junctions.frozen_graphs import SPLITS, read_maps
@@ -119,7 +120,7 @@ class _Run:
     @classmethod
     def start(cls, task: Task, plan: NetworkSettings | PaperSettings, steps_per_epoch: int) -> _Run:
         """Build a network, perhaps on given weights, and what moves them."""
-        model = task.network().to("cuda" if torch.cuda.is_available() else "cpu")
+        model = task.network().to(chosen_device())
         settings = task.settings
         if settings.start:
             start_from(model, settings.start, settings.optimiser.new_messages)

@@ -13,6 +13,7 @@ from pathlib import Path
 import nibabel as nib
 import numpy as np
 
+from cccd.devices import DEVICE
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray
 from cccd.settings.messages import choices, nearest
@@ -129,7 +130,7 @@ def _run_nnunet(folder: Path, image: Volume, organ: str, model: str) -> tuple[Bo
     given.mkdir()
     nib.save(nib.Nifti1Image(np.asarray(image.data, np.float32), image.affine), given / "scan_0000.nii.gz")
     folds = sorted(path.name.removeprefix("fold_") for path in trained.glob("fold_*"))
-    device = "cuda" if shutil.which("nvidia-smi") else "cpu"
+    device = "cuda" if shutil.which("nvidia-smi") and os.environ.get(DEVICE) != "cpu" else "cpu"
     arguments = ["-i", given, "-o", found, "-m", trained, "-f", *folds, "-device", device]
     mask = found / "scan.nii.gz"
     _call([program, *map(str, arguments)], image, organ, [mask])

@@ -16,17 +16,23 @@ from cccd.segmentation.grids import WorkingGrid
 from cccd.segmentation.plan import Plan
 from cccd.volumes.grid import Volume
 
-__all__ = ["labels_of", "predict", "probabilities"]
+__all__ = ["device_of", "labels_of", "predict", "probabilities"]
 
 #: Share of a window that neighbouring windows have in common, as in nnU-Net.
 _OVERLAP = 0.5
+
+
+def device_of(model: nn.Module) -> torch.device:
+    """Device that a network's weights lie on."""
+    return next(model.parameters()).device
 
 
 @torch.no_grad()
 def predict(model: nn.Module, image: Tensor, plan: Plan) -> Tensor:
     """Probabilities (classes, h, w, d) of a volume (1, h, w, d) on the working grid.
 
-    Sliding windows of the training's patch, weighted by a Gaussian, averaged over the plan's flips.
+    Sliding windows of the training's patch, weighted by a Gaussian, averaged over the plan's flips. Windows
+    go to the network's device one batch at a time; the volume stays in the machine's memory.
     """
     axes = [axis + 2 for axis in plan.flip_axes]
     flips = list(chain.from_iterable(combinations(axes, count) for count in range(len(axes) + 1)))
@@ -37,7 +43,15 @@ def predict(model: nn.Module, image: Tensor, plan: Plan) -> Tensor:
 
     network: Callable[[Tensor], Tensor] = averaged
     found = sliding_window_inference(
-        image[None], plan.patch, 4, network, overlap=_OVERLAP, mode="gaussian", padding_mode="replicate"
+        image[None],
+        plan.patch,
+        4,
+        network,
+        overlap=_OVERLAP,
+        mode="gaussian",
+        padding_mode="replicate",
+        sw_device=device_of(model),
+        device="cpu",
     )
     assert isinstance(found, Tensor)
     return found[0]

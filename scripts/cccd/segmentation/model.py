@@ -8,6 +8,7 @@ from typing import Any
 import torch
 from torch import nn
 
+from cccd.devices import chosen_device
 from cccd.model_header import foreign_segmenter, read_segmenter_plan
 from cccd.segmentation.networks import build
 from cccd.segmentation.plan import Plan
@@ -30,7 +31,7 @@ def save_segmenter(path: str | Path, model: nn.Module, plan: Plan) -> None:
 
 
 def load_segmenter(path: str | Path) -> Segmenter:
-    """Read a trained network, ready for prediction on the CPU.
+    """Read a trained network, ready for prediction, on the device that `cccd.devices` chooses.
 
     Raises
     ------
@@ -50,4 +51,4 @@ def load_segmenter(path: str | Path) -> Segmenter:
         raise foreign_segmenter(path, "its weights do not fit") from error
     if unknown or any(not name.endswith("num_batches_tracked") for name in missing):
         raise foreign_segmenter(path, f"its weights are not those of {plan.network}")
-    return model.eval(), plan
+    return model.eval().to(chosen_device()), plan

@@ -1,12 +1,13 @@
-"""Scores of masks in 3D, as challenges have them: MONAI's."""
+"""Scores of masks in 3D, as challenges have them: between surface voxels, which MONAI finds."""
 
 from __future__ import annotations
 
-import numpy as np
-import torch
-from monai.metrics.utils import get_edge_surface_distance
+from typing import Any
 
-from cccd.geometry.arrays import AnyArray
+import numpy as np
+from monai.metrics.utils import get_mask_edges
+
+from cccd.geometry.arrays import AnyArray, BoolArray, SingleArray
 from cccd.metrics import dice
 from cccd.volumes.grid import bounding_box
 
@@ -40,13 +41,29 @@ def volume_scores(found: AnyArray, truth: AnyArray, spacing: AnyArray) -> dict[s
         return {"dice": same, "assd_mm": 0.0 if same else np.inf, "hd95_mm": 0.0 if same else np.inf}
     low, high = bounding_box(np.asarray(found | truth, bool))
     inside = tuple(slice(max(a - 1, 0), b + 2) for a, b in zip(low, high, strict=True))
-    one, other = (torch.as_tensor(np.ascontiguousarray(mask[inside])) for mask in (found, truth))
-    # MONAI makes both scores of the same distances, which take nearly all the time: measured once
-    size = [float(mm) for mm in spacing]
-    _, directed, _ = get_edge_surface_distance(one, other, spacing=size, symmetric=True)
-    ways = [torch.as_tensor(distances).double().numpy() for distances in directed]
+    edges = [np.asarray(edge, bool) for edge in get_mask_edges(found[inside], truth[inside], crop=False)[:2]]
+    ways = [
+        _distances(edges[n], edges[1 - n], np.asarray(spacing, float)).astype(np.float64) for n in range(2)
+    ]
     return {
         "dice": float(dice(found, truth)),
         "assd_mm": float(np.concatenate(ways).mean()),
         "hd95_mm": max(float(np.percentile(way, 95)) for way in ways),
     }
+
+
+def _distances(from_edge: BoolArray, to_edge: BoolArray, spacing: AnyArray) -> SingleArray:
+    """Distances from the voxels of one surface to the nearest of another, by a distance transform.
+
+    MONAI's tree takes five times as long where surfaces are far apart.
+    """
+    import SimpleITK as sitk  # noqa: N813 (its own name for itself); it takes a moment to load
+
+    volume: Any = sitk.GetImageFromArray(to_edge.astype(np.uint8))
+    volume.SetSpacing(spacing[::-1].tolist())
+    transform: Any = sitk.SignedMaurerDistanceMapImageFilter()
+    transform.SetNumberOfThreads(1)
+    transform.SquaredDistanceOff()
+    transform.UseImageSpacingOn()
+    away = sitk.GetArrayFromImage(transform.Execute(volume))
+    return np.maximum(away[from_edge], 0)

@@ -17,9 +17,10 @@ from monai.losses.dice import DiceCELoss
 from torch import nn
 from tqdm import tqdm
 
+from cccd.devices import chosen_device
 from cccd.metrics import dice
 from cccd.segmentation.examples import Example, LabelledScan, batches, make_plan, prepare, split_patients
-from cccd.segmentation.inference import labels_of, predict, probabilities
+from cccd.segmentation.inference import device_of, labels_of, predict, probabilities
 from cccd.segmentation.model import load_segmenter
 from cccd.segmentation.networks import NETWORKS, Supervised, build, parameters
 from cccd.segmentation.plan import Plan
@@ -91,7 +92,7 @@ def train_segmenter(
     sizes = {} if settings.width == kind.published_width else dict(kind.sizes)
     plan = make_plan(chosen, network, settings.width or kind.width, sizes, settings, organ, seed)
     torch.manual_seed(seed)
-    model = build(network, plan.classes, plan.width, plan.sizes)
+    model = build(network, plan.classes, plan.width, plan.sizes).to(chosen_device())
     logger.info("%s of %d weights, %d scans, %d held out", network, parameters(model), len(chosen), len(held))
     training, test = ([prepare(scan, plan) for scan in some] for some in (chosen, held[:_WATCHED]))
     optimiser = torch.optim.AdamW(model.parameters(), lr=settings.learning_rate, weight_decay=_WEIGHT_DECAY)
@@ -153,15 +154,16 @@ def _run_epoch(
     """One pass over the training examples; returns the mean loss of the final output."""
     model.train()
     dice_ce = DiceCELoss(to_onehot_y=True, softmax=True, include_background=False, batch=True)
+    device = device_of(model)
     total = []
     for images, labels in tqdm(
         batches(examples, plan, settings, epoch, plan.seed), desc=f"epoch {epoch}", mininterval=5
     ):
-        with torch.autocast("cpu", torch.bfloat16, enabled=settings.precision == "bfloat16"):
-            outputs = cast(Supervised, model).outputs(images, labels)
+        with torch.autocast(device.type, torch.bfloat16, enabled=settings.precision == "bfloat16"):
+            outputs = cast(Supervised, model).outputs(images.to(device), labels.to(device))
         losses = [dice_ce(logits.float(), truth) for logits, truth in outputs]
         weights = [1.0] + [_FURTHER] * (len(losses) - 1)
-        loss = (torch.stack(losses) * torch.tensor(weights)).sum() / sum(weights)
+        loss = (torch.stack(losses) * torch.tensor(weights, device=device)).sum() / sum(weights)
         optimiser.zero_grad(set_to_none=True)
         torch.autograd.backward(loss)
         nn.utils.clip_grad_norm_(model.parameters(), _GRADIENT_NORM)

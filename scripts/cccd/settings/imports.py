@@ -175,6 +175,14 @@ class LimitSettings(Section):
         expert=True,
         ge=1,
     )
+    most_mm: int = setting(
+        10_000,
+        "length of an organ",
+        why="Longer than any; a header in micrometres asks for a mesh that fills every memory.",
+        unit="mm",
+        expert=True,
+        ge=1,
+    )
     most_contours: int = setting(
         100_000,
         "drawn contours of one region (RTSTRUCT)",

@@ -38,6 +38,11 @@ class Settings(Section):
         "true: train the junction network; false: take a ready one; auto: train for the default cohort",
         why="Other cohorts take the shipped model, or the one that gnn.pretrained names.",
     )
+    device: Literal["auto", "cpu", "cuda"] = setting(
+        "auto",
+        "where networks are trained and used",
+        why="auto: on a GPU where torch finds one. A change makes no result anew.",
+    )
     segmenter: str | None = setting(
         None,
         "makes masks of images: a network (nnunet, ...), a file of weights, totalsegmentator; null: none",

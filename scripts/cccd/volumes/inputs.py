@@ -267,9 +267,18 @@ def organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, 
     else:
         chosen = present
         if len(present) > 1:
-            every = ", ".join(map(str, present))
-            warnings = [*warnings, f"{location}: no label given, all of {every} taken"]
+            warnings = [*warnings, f"{location}: no label given, {_every(present)} taken"]
     return replace(volume, data=np.isin(data, chosen), warnings=volume.warnings + warnings)
+
+
+#: More labels than these are told by their number.
+_FEW_LABELS = 20
+
+
+def _every(labels: list[int]) -> str:
+    if len(labels) <= _FEW_LABELS:
+        return f"all of {', '.join(map(str, labels))}"
+    return f"all {len(labels)} labels from {labels[0]} to {labels[-1]} (is it a label map?)"
 
 
 #: What a probability at least loses over the organ's border, from a pixel to the next, where the map is but a
@@ -309,6 +318,12 @@ def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyAr
     whole = np.rint(data)
     if np.abs(data - whole).max(initial=0) <= LABEL_VALUE:
         return whole.astype(np.int32), False
-    if data.min() < 0 or data.max() > 1 or labelled:
-        raise InputError(location, "its values are neither labels nor probabilities", "give a label map")
+    if data.min() < 0 or data.max() > 1:
+        raise InputError(
+            location,
+            f"its values, {data.min():.4g} to {data.max():.4g}, are neither labels nor probabilities",
+            "give a label map, or probabilities from 0 to 1",
+        )
+    if labelled:
+        raise InputError(location, "it holds one organ's probabilities, no labels", "leave the label out")
     return (data >= 0.5).astype(np.int32), True

@@ -43,6 +43,9 @@ __all__ = ["MIN_SLICES", "existing", "load_structure", "structure_of_array", "wi
 #: A surface needs this many slices with organ.
 MIN_SLICES = 3
 
+#: An organ shorter than this is more often one whose header has metres.
+SMALL_MM = 1.0
+
 #: Distributions whose versions provenance records.
 _READERS = ("h5py", "highdicom", "nibabel", "numpy", "pydicom", "simpleitk")
 
@@ -98,7 +101,7 @@ def load_structure(
         if row["source"] in ("phantom", "damaged_phantom"):
             return _make_phantom(row, settings, seed)
         scan = _read_source(row, Path(sheet_dir), settings, seed)
-        return _crop(scan, row, settings.margin_voxels)
+        return _crop(scan, row, settings)
     except InputError as error:
         if error.location == location:
             raise
@@ -141,7 +144,7 @@ def structure_of_array(
     volume = organ_of_labels(Volume(array, check_affine(affine, name), name), "", name)
     layers = _mask_layers(volume.data)
     scan = _Scan(_frame(volume, settings), **layers, annotated=annotated, warnings=volume.warnings)
-    return _crop(scan, {"case": name, "organ": name, "location": name}, settings.margin_voxels)
+    return _crop(scan, {"case": name, "organ": name, "location": name}, settings)
 
 
 def with_segmentation_notes(structure: Structure, report: Mapping[str, Any]) -> Structure:
@@ -393,8 +396,8 @@ def _on_slices(mask: BoolArray, origin: IntArray, frame: Frame, slices: IntArray
     return mask & np.expand_dims(kept, frame.in_plane_axes)
 
 
-def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
-    """Crop a scan to its organ with ``margin`` voxels on every side.
+def _crop(scan: _Scan, row: Mapping[str, str], settings: ImportSettings) -> Structure:
+    """Crop a scan to its organ with a margin on every side.
 
     Beyond the slices that were drawn the organ may go on as far as their widest gap.
     """
@@ -412,7 +415,8 @@ def _crop(scan: _Scan, row: Mapping[str, str], margin: int) -> Structure:
             f"give an organ of {MIN_SLICES} slices or more, or set import: slice_axis",
         )
     annotation = _annotation(scan, first, last, row["location"])
-    first, last = first - margin, last + margin
+    warnings = warnings + _size_notes(frame, first, last, settings.limits.most_mm, row["location"])
+    first, last = first - settings.margin_voxels, last + settings.margin_voxels
     if annotation is not None:
         warnings = [*warnings, annotation_note(annotation, frame, scan.annotated)]
         widest = int(np.diff(annotation.slices).max())
@@ -454,6 +458,22 @@ def _cut_notes(frame: Frame, first: IntArray, last: IntArray) -> list[str]:
     sides = (low | high)[list(frame.in_plane_axes)].any()
     faces = [f"the scan's {name} slice" for name in ends] + ["the sides of its slices"] * bool(sides)
     return [f"the organ touches {' and '.join(faces)}: it may be cut there"] if faces else []
+
+
+def _size_notes(frame: Frame, first: IntArray, last: IntArray, most_mm: int, location: str) -> list[str]:
+    """Refuse an organ that is longer than a limit, and warn of one that one would not see."""
+    voxel = np.linalg.norm(frame.affine[:3, :3], axis=0)
+    longest = float(((last - first + 1) * voxel).max())
+    size = " x ".join(f"{mm:.4g}" for mm in voxel)
+    if longest > most_mm:
+        raise InputError(
+            location,
+            f"the organ is {longest / 1000:.4g} m long, its voxels {size} mm",
+            "give millimetres in the header, or set import.limits.most_mm higher",
+        )
+    if longest >= SMALL_MM:
+        return []
+    return [f"the organ is {longest:.2g} mm long, its voxels {size} mm: are the header's units millimetres?"]
 
 
 def _unscored_notes(truth: BoolArray, mask: BoolArray) -> list[str]:

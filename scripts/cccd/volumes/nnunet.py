@@ -134,7 +134,10 @@ def read_classes(path: Path, limits: LimitSettings = _LIMITS) -> Classes:
     with guarded(path.with_suffix(".pkl").name, "it lacks what places the probabilities", _HINT):
         affine, size = _grid(facts)
         whole = _uncropped(channels, facts, size, "regions_class_order" not in dataset)
-    if size is not None and whole.shape[1:] != size:
+    before = facts.get("shape_before_cropping")  # the second version's, its axes perhaps in another order
+    if (size is not None and whole.shape[1:] != size) or (
+        before is not None and sorted(map(int, before)) != sorted(whole.shape[1:])
+    ):
         found = " x ".join(map(str, whole.shape[:0:-1]))
         raise InputError(location, f"{found} voxels are not those of its .pkl", _HINT)
     names = _names(dataset, path)

@@ -41,6 +41,17 @@ def without_suffix(name: str) -> str | None:
 
 
 _LIMITS = LimitSettings()
+#: What people give in place of a volume, by its suffix, and what to give instead.
+_OTHERWISE = {
+    **dict.fromkeys(
+        (".stl", ".obj", ".ply", ".vtp", ".glb", ".3mf", ".step", ".iges", ".surf.gii"),
+        ("a surface already, not a volume", "give the mask that it was made of"),
+    ),
+    **dict.fromkeys(
+        (".tsv", ".csv"), ("a table, not a volume", "cccd run and cccd check take a cohort sheet (.tsv)")
+    ),
+    ".pkl": ("what nnU-Net knew of a scan, not a volume", "give the .npz beside it"),
+}
 #: Deflate packs at most this many bytes into one.
 _DEFLATE_RATIO = 1032
 #: NRRD fields are never longer than so many bytes; Teem crashes on some that are.
@@ -81,12 +92,15 @@ def read_volume(path: Path, limits: LimitSettings = _LIMITS) -> Volume:
     Raises
     ------
     InputError
-        Not readable, truncated, larger than the limits, not 3-D, or with an unusable grid.
+        No volume, not readable, truncated, larger than the limits, not 3-D, or with an unusable grid.
 
     See Also
     --------
     read_nifti, read_itk
     """
+    for suffix, (problem, hint) in _OTHERWISE.items():
+        if path.name.lower().endswith(suffix):
+            raise InputError(path.name, problem, hint)
     return (read_nifti if path.name.lower().endswith(_NIFTI) else read_itk)(path, limits)
 
 

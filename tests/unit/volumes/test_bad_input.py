@@ -166,7 +166,32 @@ def a_folder_without_masks(folder):
     (folder / "mask" / "readme.txt").write_text("nothing")
 
 
+def percent(folder):
+    write_nifti(folder / "mask.nii", MASK * np.linspace(1, 99.5, 14).astype(np.float32), affine_of())
+
+
+def in_micrometres(folder):
+    write_nifti(folder / "mask.nii", MASK, affine_of(spacing=(1500.0, 1200.0, 4000.0)))
+
+
+def a_surface(folder):
+    (folder / "mask.stl").write_text("solid a\nendsolid a\n")
+
+
+def a_table(folder):
+    (folder / "mask.tsv").write_text("case\torgan\tmask\n")
+
+
+def properties_of_a_scan(folder):
+    (folder / "mask.pkl").write_bytes(b"")
+
+
 VOLUMES = {
+    percent: ("mask.nii", ["0 to ", "are neither labels nor probabilities", "from 0 to 1"]),
+    in_micrometres: ("mask.nii", ["voxels 1500 x 1200 x 4000 mm", "give millimetres in the header"]),
+    a_surface: ("mask.stl", ["a surface already", "give the mask that it was made of"]),
+    a_table: ("mask.tsv", ["a table, not a volume", "cohort sheet"]),
+    properties_of_a_scan: ("mask.pkl", ["give the .npz beside it"]),
     nothing_there: ("mask.nii", ["there is no mask.nii", "did you mean 'msak.nii'?"]),
     no_folder: ("mask.nii", ["nor its folder"]),
     truncated_gz: ("mask.nii.gz", ["damaged or truncated"]),
@@ -207,6 +232,24 @@ def test_absent_label_lists_those_present(tmp_path):
     refused(tmp_path, "no label '7'", "choose one of 5, 6", columns={"mask": "mask.nii", "label": "7"})
     refused(tmp_path, "no label '7'", columns={"mask": "mask.nii", "label": "5,7"})
     refused(tmp_path, "no label 'liver'", columns={"mask": "mask.nii", "label": "liver"})
+
+
+def test_a_label_of_probabilities_is_refused(tmp_path):
+    write_nifti(tmp_path / "mask.nii", MASK * np.float32(0.75), affine_of())
+    refused(tmp_path, "no labels; leave the label out", columns={"mask": "mask.nii", "label": "1"})
+
+
+def test_an_organ_in_metres_is_warned_of(tmp_path):
+    write_nifti(tmp_path / "mask.nii", MASK, affine_of(spacing=(0.0015, 0.0012, 0.004)))
+    structure = load_structure(row(mask="mask.nii"), tmp_path, settings())
+    assert any("are the header's units millimetres?" in warning for warning in structure.warnings)
+
+
+def test_grey_values_as_labels_are_told_by_their_number(tmp_path):
+    write_nifti(tmp_path / "mask.nii", grey(MASK > 0) * MASK, affine_of())
+    (warning,) = load_structure(row(mask="mask.nii"), tmp_path, settings()).warnings
+    assert "labels from " in warning
+    assert len(warning) < 120
 
 
 @pytest.mark.parametrize(

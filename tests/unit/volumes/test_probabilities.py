@@ -3,6 +3,7 @@
 import json
 import pickle
 import shutil
+import zipfile
 from pathlib import Path
 
 import nibabel
@@ -151,6 +152,31 @@ def properties_of_nothing(folder):
     (folder / "case.pkl").write_bytes(pickle.dumps({"spacing": (1, 1, 1)}))
 
 
+def properties_of_another_scan(folder):
+    with (folder / "case.pkl").open("rb") as file:
+        facts = pickle.load(file)
+    (folder / "case.pkl").write_bytes(pickle.dumps(facts | {"shape_before_cropping": (3, 4, 5)}))
+
+
+def not_a_number(folder):
+    with np.load(folder / "case.npz") as held:
+        values = held["probabilities"].copy()
+    values[0, 0, 0, 0] = np.nan
+    np.savez(folder / "case.npz", probabilities=values)
+
+
+def properties_are_text(folder):
+    (folder / "case.pkl").write_text("hello")
+
+
+def an_empty_archive(folder):
+    zipfile.ZipFile(folder / "case.npz", "w").close()
+
+
+def objects(folder):
+    np.savez(folder / "case.npz", probabilities=np.array([{}], object))
+
+
 def no_archive(folder):
     (folder / "case.npz").write_bytes(b"not a zip")
 
@@ -172,6 +198,11 @@ def labels_are_no_json(folder):
 
 
 BAD = {
+    properties_of_another_scan: "voxels are not those of its .pkl",
+    not_a_number: "no probabilities between 0 and 1",
+    properties_are_text: "not nnU-Net's properties of a scan",
+    an_empty_archive: "it holds nothing, no probabilities",
+    objects: "no probabilities of nnU-Net",
     no_properties: "case.pkl, which says where it lies, is not beside it",
     code_in_the_properties: "it asks for builtins.print",
     properties_of_nothing: "lacks what places the probabilities",
