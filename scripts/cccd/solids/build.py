@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import colorsys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,9 +14,10 @@ from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import SolidSettings
 from cccd.solids.bodies import split_bodies
-from cccd.solids.kernel import DEFAULT_COLOUR, Part, check_solid, make_solid, require_kernel, write_parts
+from cccd.solids.kernel import Part, check_solid, make_solid, require_kernel, write_parts
 from cccd.solids.patches import patches_within
 from cccd.solids.shells import Shell, facets_within, measure_deviation
+from cccd.surface.formats import COLOUR
 from cccd.tolerances import SOLID_VOLUME
 
 __all__ = ["Solids", "build_solids", "write_organs", "write_solids"]
@@ -129,13 +129,15 @@ def write_solids(path: Path, name: str, solids: Solids, form: str) -> dict[str, 
         Where OpenCASCADE is missing or cannot write.
     """
     require_kernel(path)
-    part, found = _checked_part(name, solids, DEFAULT_COLOUR)
+    part, found = _checked_part(name, solids, COLOUR)
     write_parts(path, [part], form)
     return {"format": form, "bytes": path.stat().st_size, **found}
 
 
-def write_organs(path: Path, organs: Mapping[str, Solids], form: str) -> dict[str, Any]:
-    """Write several organs to one file, each by its name and in a colour of its own.
+def write_organs(
+    path: Path, organs: Mapping[str, Solids], colours: Mapping[str, tuple[float, float, float]], form: str
+) -> dict[str, Any]:
+    """Write several organs to one file, each by its name and in its colour (sRGB, 0 to 1).
 
     Returns
     -------
@@ -149,18 +151,11 @@ def write_organs(path: Path, organs: Mapping[str, Solids], form: str) -> dict[st
         Where OpenCASCADE is missing or cannot write.
     """
     require_kernel(path)
-    checked = {
-        name: _checked_part(name, solids, _colour(n)) for n, (name, solids) in enumerate(organs.items())
-    }
+    checked = {name: _checked_part(name, solids, colours[name]) for name, solids in organs.items()}
     write_parts(path, [part for part, _ in checked.values()], form)
     found = {name: report for name, (_, report) in checked.items()}
     warnings = [f"{name}: {line}" for name, report in found.items() for line in report["warnings"]]
     return {"format": form, "bytes": path.stat().st_size, "organs": found, "warnings": warnings}
-
-
-def _colour(number: int) -> tuple[float, float, float]:
-    """Choose the colour of an organ: hues a golden section apart are far apart for any count."""
-    return colorsys.hsv_to_rgb(0.03 + 0.618034 * number, 0.5, 0.85)
 
 
 def _checked_part(

@@ -19,9 +19,9 @@ from cccd.extras import missing_extra
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.bsplines import DEGREE, open_knots
 from cccd.geometry.mesh import Mesh
+from cccd.surface.formats import COLOUR
 
 __all__ = [
-    "DEFAULT_COLOUR",
     "Checked",
     "Part",
     "check_solid",
@@ -35,9 +35,6 @@ __all__ = [
 #: Precision of vertices and edges in mm: faces share their points, so there is no more than rounding.
 PRECISION_MM = 1e-6
 
-#: That of the GLB's material.
-DEFAULT_COLOUR = (0.80, 0.47, 0.40)
-
 
 @dataclass(frozen=True)
 class Part:
@@ -49,12 +46,12 @@ class Part:
     solids : sequence of TopoDS_Solid
         Its bodies, in mm.
     colour : (r, g, b)
-        Shares from 0 to 1.
+        sRGB, 0 to 1.
     """
 
     name: str
     solids: Sequence[Any]
-    colour: tuple[float, float, float] = DEFAULT_COLOUR
+    colour: tuple[float, float, float] = COLOUR
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ import trimesh
 from cccd.containers import Frame
 from cccd.geometry.mesh import Mesh
 from cccd.solids.scene import describe_scene, name_organs, write_scene, write_segmentation
+from cccd.surface.export import write_surface
+from cccd.surface.surface import Surface
 
 #: An oblique, mirrored scan.
 AFFINE = np.array([[0, -2.0, 0, 30], [-1.5, 0, 0, 20], [0, 0, 3.0, -10], [0, 0, 0, 1]])
@@ -72,26 +74,38 @@ def test_a_scene_has_a_named_coloured_node_for_each_organ(organs, tmp_path):
     assert np.allclose(size[[0, 2, 1]], high(points, axis=0) - low(points, axis=0), atol=1e-3)
 
 
+def validator():
+    """Khronos' validator, where npm put it."""
+    beside = ["/usr/local/lib/node_modules", "/usr/lib/node_modules"]
+    folders = [*filter(None, os.environ.get("NODE_PATH", "").split(":")), *beside]
+    return next((path for folder in folders if (path := Path(folder, "gltf-validator")).is_dir()), None)
+
+
+@pytest.mark.skipif(
+    shutil.which("node") is None or validator() is None,
+    reason="no node, or no gltf-validator where NODE_PATH points (npm install gltf-validator)",
+)
 def test_khronos_validator_finds_no_error(organs, tmp_path):
-    folders = [
-        *os.environ.get("NODE_PATH", "").split(":"),
-        "/usr/local/lib/node_modules",
-        "/usr/lib/node_modules",
-    ]
-    modules = next(
-        (Path(folder, "gltf-validator") for folder in folders if Path(folder, "gltf-validator").is_dir()),
-        None,
-    )
-    if shutil.which("node") is None or modules is None:
-        pytest.skip("no node, or no gltf-validator where NODE_PATH points (npm install gltf-validator)")
-    path = tmp_path / "scene.glb"
-    write_scene(path, organs)
-    code = (
-        f"require('{modules}').validateBytes(new Uint8Array(require('fs').readFileSync('{path}')))"
-        ".then(r => console.log(JSON.stringify(r.issues)))"
-    )
-    told = subprocess.run(["node", "-e", code], capture_output=True, text=True, check=True, timeout=60)
-    assert json.loads(told.stdout)["numErrors"] == 0
+    write_scene(tmp_path / "scene.glb", organs)
+    write_surface(tmp_path / "surface.glb", Surface([], organs[0].mesh, FRAME))
+    for path in (tmp_path / "scene.glb", tmp_path / "surface.glb"):
+        code = (
+            f"require('{validator()}').validateBytes(new Uint8Array(require('fs').readFileSync('{path}')))"
+            ".then(r => console.log(JSON.stringify(r.issues)))"
+        )
+        told = subprocess.run(["node", "-e", code], capture_output=True, text=True, check=True, timeout=60)
+        assert json.loads(told.stdout)["numErrors"] == 0
+
+
+def test_an_organ_has_one_colour_in_all_scenes(organs, tmp_path):
+    """That of the table, in sRGB; glTF's factors are linear."""
+    write_scene(tmp_path / "scene.glb", organs)
+    scene = trimesh.load(tmp_path / "scene.glb")
+    given = np.array([0xDD, 0x82, 0x65]) / 255
+    assert organs[0].rgb == pytest.approx(given)
+    # trimesh keeps bytes
+    linear = np.asarray(scene.geometry["Liver"].visual.material.baseColorFactor[:3], float) / 255
+    assert linear ** (1 / 2.2) == pytest.approx(given, abs=0.02)
 
 
 def test_the_list_has_volumes_and_codes(organs):

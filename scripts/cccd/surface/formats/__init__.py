@@ -15,7 +15,7 @@ from cccd.settings.surface import LoftSettings, SolidSettings, TetrahedraSetting
 
 __all__ = ["COLOUR", "NOTE", "Scan"]
 
-#: Red, green and blue where a format has a colour, 0 to 1.
+#: Red, green and blue (sRGB, 0 to 1) of an organ that nothing gives a colour.
 COLOUR = (0.80, 0.47, 0.40)
 
 #: Written wherever a format has room for text; ``SPACE=RAS`` is what 3D Slicer looks for.

@@ -10,7 +10,7 @@ import numpy as np
 from cccd.surface.formats import COLOUR, NOTE, Scan
 from cccd.surface.surface import Surface
 
-__all__ = ["write"]
+__all__ = ["TO_GLTF", "gltf_material", "write"]
 
 #: mm RAS to glTF's metres, y up, z towards the viewer: x right, y superior, z anterior-to-viewer.
 TO_GLTF = np.array([[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1.0]])
@@ -20,14 +20,21 @@ def write(path: Path, surface: Surface, scan: Scan) -> None:
     """Write the mesh in a scene of its own."""
     import trimesh
 
-    visual = cast(Any, trimesh).visual  # not among its stubs' attributes
     mesh = cast(Any, surface.mesh.to_trimesh())
-    mesh.visual = visual.TextureVisuals(
-        material=visual.material.PBRMaterial(
-            baseColorFactor=[*COLOUR, 1.0], metallicFactor=0.0, roughnessFactor=0.6
-        )
-    )
+    mesh.visual = gltf_material(scan.organ, COLOUR)
     scene = cast(Any, trimesh.Scene())
     scene.add_geometry(mesh, node_name="surface", geom_name="surface", transform=TO_GLTF)
     scene.metadata["note"] = f"{NOTE}; the node's matrix turns mm RAS into metres, y up"
     path.write_bytes(scene.export(file_type="glb"))
+
+
+def gltf_material(name: str, colour: tuple[float, float, float]) -> Any:
+    """Make trimesh's visuals of a colour (sRGB, 0 to 1); glTF's own factors are linear."""
+    import trimesh
+
+    visual = cast(Any, trimesh).visual  # not among its stubs' attributes
+    linear = [part**2.2 for part in colour]
+    material = visual.material.PBRMaterial(
+        name=name, baseColorFactor=[*linear, 1.0], metallicFactor=0.0, roughnessFactor=0.6
+    )
+    return visual.TextureVisuals(material=material)
