@@ -2,18 +2,24 @@
 
 from pathlib import Path
 
+from cccd.geometry.ply import read_ply
 from cccd.job import job
-from cccd.settings.surface import TetrahedraSettings
-from cccd.store import atomic_path, write_json
-from cccd.surface.export import read_surface
+from cccd.settings.surface import SolidSettings, TetrahedraSettings
+from cccd.store import atomic_path, read_surface_frame, write_json
 from cccd.tetrahedra.build import fill_and_measure
 from cccd.tetrahedra.formats import inp, msh, vtu
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
-    surfaces = [*map(read_surface, snakemake.input.surfaces, snakemake.input.meshes)]
-    organs = dict(zip(snakemake.params.organs, (surface.mesh for surface in surfaces), strict=True))
-    settings = TetrahedraSettings(**snakemake.params.settings)
-    filled, report = fill_and_measure(organs, settings, surfaces[0].frame)
+    organs = {Path(path).parent.name: read_ply(path) for path in snakemake.input.meshes}
+    frames = {Path(path).parent.name: read_surface_frame(path) for path in snakemake.input.surfaces}
+    settings = snakemake.params.settings
+    filled, report = fill_and_measure(
+        organs,
+        TetrahedraSettings(**settings["tetrahedra"]),
+        frames,
+        settings["step_tolerance_mm"],
+        SolidSettings(**settings["solid"]),
+    )
     for writer, name in ((msh, "msh"), (vtu, "vtu"), (inp, "inp")):
         with atomic_path(Path(snakemake.output[name])) as temporary:
             writer.write_tetrahedra(temporary, filled)

@@ -1,12 +1,19 @@
 """A whole label map by one row of the sheet: every label a structure, and one scene of them all."""
 
 import json
+from importlib.util import find_spec
 
 import nibabel as nib
 import numpy as np
+import pytest
 
 from cccd.geometry.ply import read_ply
 
+#: Files of whole cases, by the module that they need and their format.
+CASE_FORMATS = {
+    "OCP": {"step": "scene.step"},
+    "pytetwild": {"msh": "volume.msh", "vtu": "volume.vtu", "inp": "volume.inp"},
+}
 NAMES = "label,name,color,code\n1,Left half,#ff0000,SCT^7771000\n2,Right half,,\n"
 
 
@@ -18,7 +25,17 @@ def test_a_row_for_all_labels_leaves_organs_that_share_their_walls(fresh_project
     nib.save(nib.Nifti1Image(labels.astype(np.uint8), np.diag([1.5, 1.5, 1.5, 1])), folder / "map.nii.gz")
     (folder / "names.csv").write_text(NAMES)
     (folder / "tiny.tsv").write_text("case\torgan\tmask\tlabels\nball\t*\tmap.nii.gz\tnames.csv\n")
-    run = fresh_project.snakemake("results/ball/scene.html", "results/ball/scene.glb")
+    asked = {module: names for module, names in CASE_FORMATS.items() if find_spec(module)}
+    sizes = {
+        "step_tolerance_mm": 0.5,
+        "solid": {"first_patches": 12, "most_patches": 12},  # facets: quicker than splines along the rims
+        "tetrahedra": {"edge_mm": 8.0, "tolerance_mm": 0.5},
+    }
+    formats = {"case_formats": [form for names in asked.values() for form in names]}
+    config = ["--config", f"surface={json.dumps(sizes | formats)}"]
+    targets = ["scene.html", "scene.glb", *(file for names in asked.values() for file in names.values())]
+    files = [f"results/ball/{target}" for target in (*targets, "Left_half/metrics.json")]
+    run = fresh_project.snakemake(*files, *config)
     assert "label 9 (no name) is left out: a single voxel" in run.stderr
     scene = json.loads((fresh_project.results / "ball" / "scene.json").read_text())
     assert [(organ["organ"], organ["label"]) for organ in scene["organs"]] == [
@@ -33,4 +50,39 @@ def test_a_row_for_all_labels_leaves_organs_that_share_their_walls(fresh_project
     assert right.is_closed_manifold
     common = {point.tobytes() for point in left.vertices} & {point.tobytes() for point in right.vertices}
     assert len(common) > 100
-    assert fresh_project.planned("results/ball/scene.html") == {}
+    check_case_formats(fresh_project.results / "ball", scene)
+    assert fresh_project.planned(*files, *config) == {}
+    everything = fresh_project.planned("--forceall", *config)
+    assert everything.get("fill_case", 0) == ("pytetwild" in asked)
+    assert everything.get("export_scene", 0) == ("OCP" in asked)
+    missing = sorted(set(CASE_FORMATS) - set(asked))
+    if missing:
+        pytest.skip(f"{', '.join(missing)} not installed: files of whole cases are not all tried")
+
+
+def check_case_formats(folder, scene):
+    """Tetrahedra and solids of the case have the organs' names, volumes and colours."""
+    volumes = {organ["organ"]: organ["volume_ml"] for organ in scene["organs"]}
+    if (folder / "volume.msh").exists():
+        report = json.loads((folder / "volume.json").read_text())
+        groups = {"wall_Left_half", "wall_Right_half", "interface_Left_half_Right_half"}
+        assert set(report["groups"]) == groups
+        for name, organ in report["organs"].items():
+            assert organ["volume_ml"] == pytest.approx(volumes[name], rel=0.03)
+        metrics = json.loads((folder / "Left_half" / "metrics.json").read_text())
+        assert metrics["tetrahedra"] == {"seconds": report["seconds"], **report["organs"]["Left_half"]}
+        for form in ("msh", "inp"):
+            text = (folder / f"volume.{form}").read_text().lower()
+            assert all(name.lower() in text for name in (*groups, *volumes))
+        grid = pytest.importorskip("pyvista").read(folder / "volume.vtu")
+        assert list(grid.field_data["region_names"]) == list(volumes)
+        assert set(grid.field_data["group_names"]) == groups
+    if (folder / "scene.step").exists():
+        report = json.loads((folder / "scene_step.json").read_text())
+        for name, organ in report["organs"].items():
+            assert (organ["valid"], organ["free_edges"], organ["bodies"]) == (True, 0, 1)
+            assert organ["volume_ml"] == pytest.approx(volumes[name], rel=5e-3)
+        text = (folder / "scene.step").read_text()
+        assert all(f"PRODUCT('{name}'" in text for name in volumes)
+        # red is the table's colour of the left half
+        assert "DRAUGHTING_PRE_DEFINED_COLOUR('red')" in text

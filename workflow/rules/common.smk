@@ -162,6 +162,16 @@ def before_walls(wildcards):
     return "apart" if wildcards.case in SHARED else "structure"
 
 
+def after_filling(_):
+    """The group of jobs that read what is reported of the tetrahedra of a whole case."""
+    return "measured" if fills_cases() else "structure"
+
+
+def fills_cases():
+    """Whether tetrahedra of whole cases are asked for."""
+    return bool(set(config["surface"]["case_formats"]) & set(TETRAHEDRA_FORMATS))
+
+
 #: What makes the masks of rows that have an image alone; its weights, and its labels.
 SEGMENTER = config["segmenter"]
 
@@ -362,15 +372,9 @@ def for_case_formats():
     return [f"results/{case}/{file}" for case in cases for file in files]
 
 
-def organs_of_case(wildcards):
-    """The organs of a case that are reconstructed, in the order of `of_whole_case`."""
-    return [organ for case, organ in RECONSTRUCTED if case == wildcards.case]
-
-
 def case_reports(wildcards):
     """What is reported of the tetrahedra of a structure's case, where they are asked for."""
-    asked = set(config["surface"]["case_formats"]) & set(TETRAHEDRA_FORMATS)
-    return [f"results/{wildcards.case}/volume.json"] if asked else []
+    return [f"results/{wildcards.case}/volume.json"] if fills_cases() else []
 
 
 def for_pages():
@@ -584,7 +588,6 @@ NEEDS = {
     "adopt_gnn": "gnn",
     "evaluate_gnn": "gnn",
     "train_segmenter": "segment",
-    "fill_case": "fe",
     "export_scene": "cad",
     "render_surface": "view",
     "build_tables": "report",
@@ -593,10 +596,24 @@ NEEDS = {
 }
 
 
+#: The extra that the mesher of tetrahedra needs.
+MESHER_NEEDS = {"ftetwild": "fe", "gmsh": "view", "gmsh-step": "cad"}[
+    config["surface"]["tetrahedra"]["mesher"]
+]
+
+
+def makes_tetrahedra(job):
+    """Whether a job fills surfaces with tetrahedra."""
+    form = getattr(job.wildcards, "solid_format", None)
+    return job.rule.name == "fill_case" or form in TETRAHEDRA_FORMATS
+
+
 def extra_of(job):
     """The extra that a job cannot do without; None for most."""
+    if makes_tetrahedra(job):
+        return MESHER_NEEDS
     if job.rule.name == "export_solid":
-        return "cad" if job.wildcards.solid_format in SOLID_FORMATS else "fe"
+        return "cad"
     if job.rule.name == "fetch_file":
         return "s3" if job.params.address.startswith("s3:") else None
     if job.rule.name == "make_contours":
@@ -618,6 +635,11 @@ def check_before_jobs():
             for extra in sorted(filter(None, extras)):
                 job = extras[extra]
                 check_extra(extra, " ".join([job.rule.name, "/".join(job.wildcards)]))
+            mesher = config["surface"]["tetrahedra"]["mesher"]
+            if mesher != "ftetwild" and any(map(makes_tetrahedra, jobs)):
+                from cccd.tetrahedra.gmsh_program import require_gmsh
+
+                require_gmsh()
         check_room(Path("results"), [file for job in jobs for file in job.output])
     except InputError as error:
         sys.exit(f"Error: {error}")

@@ -65,7 +65,7 @@ rule measure_structure:
     benchmark:
         "benchmarks/{case}/{organ}/measure_structure.tsv"
     group:
-        "structure"
+        after_filling
     conda:
         "../../envs/cccd.yaml"
     threads: 1

@@ -68,7 +68,7 @@ rule build_structure_page:
     benchmark:
         "benchmarks/{case}/{organ}/build_structure_page.tsv"
     group:
-        "structure"
+        after_filling
     conda:
         "../../envs/cccd.yaml"
     threads: 1

@@ -212,8 +212,7 @@ rule fill_case:
         runtime=minutes(60),
     params:
         library=library("fill_case"),
-        organs=organs_of_case,
-        settings=config["surface"]["tetrahedra"],
+        settings=pick("surface", "step_tolerance_mm", "solid", "tetrahedra"),
     script:
         "../../scripts/fill_case.py"
 
@@ -221,7 +220,6 @@ rule fill_case:
 rule export_scene:
     """All organs of a case as solids in one file for CAD, by name and colour, and what they are worth."""
     input:
-        surfaces=lambda wildcards: of_whole_case(wildcards, "surface.h5"),
         meshes=lambda wildcards: of_whole_case(wildcards, "surface.ply"),
     output:
         scene="results/{case}/scene.{scene_format}",
@@ -238,7 +236,7 @@ rule export_scene:
         runtime=minutes(60),
     params:
         library=library("export_scene"),
-        organs=organs_of_case,
+        labels=lambda wildcards: LABELS.get(wildcards.case, {}),
         settings=pick("surface", "step_tolerance_mm", "solid"),
     script:
         "../../scripts/export_scene.py"

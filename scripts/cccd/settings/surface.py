@@ -502,6 +502,12 @@ class SolidSettings(Section):
 class TetrahedraSettings(Section):
     """How closed surfaces are filled with tetrahedra."""
 
+    mesher: Literal["ftetwild", "gmsh", "gmsh-step"] = setting(
+        "ftetwild",
+        "ftetwild, or gmsh where that program is installed: of the surfaces, or of organs' STEP solids",
+        why="fTetWild (extra fe) also fills surfaces that cross. gmsh, a program of its own, wants walls "
+        "that are shared or apart. gmsh-step (extra cad) puts vertices on splines; its organs lie apart.",
+    )
     edge_mm: float | None = setting(
         None,
         "edges are about this long where the surface allows; null: a twentieth of the box's diagonal",
@@ -521,7 +527,7 @@ class TetrahedraSettings(Section):
     )
     energy: float = setting(
         10.0,
-        "tetrahedra are improved until the worst has this conformal energy; 3 is a regular one",
+        "ftetwild: tetrahedra are improved until the worst has this conformal energy; 3 is a regular one",
         why="At 20 angles of four degrees stay, at 10 of twenty on smooth organs, for the same time; below, "
         "the last rounds are spent on few tetrahedra.",
         unit="1",
@@ -531,7 +537,7 @@ class TetrahedraSettings(Section):
     )
     rounds: int = setting(
         40,
-        "rounds of improvement at most",
+        "ftetwild: rounds of improvement at most",
         why="What is not good by then is held by the surface.",
         unit="count",
         expert=True,

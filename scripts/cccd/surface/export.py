@@ -23,11 +23,14 @@ from cccd.surface.surface import Surface
 __all__ = ["Scan", "check_format", "format_of", "read_surface", "write_surface"]
 
 #: What formats are written with beside what every installation has.
-_NEEDS = (
-    dict.fromkeys(SOLID_FORMATS, "OCP")
-    | dict.fromkeys(TETRAHEDRA_FORMATS, "pytetwild")
-    | {"dcm": "pydicom", "stl.dcm": "pydicom", "seg.dcm": "highdicom", "3mf": "lib3mf"}
-)
+_NEEDS = dict.fromkeys(SOLID_FORMATS, "OCP") | {
+    "dcm": "pydicom",
+    "stl.dcm": "pydicom",
+    "seg.dcm": "highdicom",
+    "3mf": "lib3mf",
+}
+#: What each mesher of tetrahedra needs; gmsh is a program.
+_MESHERS = {"ftetwild": "pytetwild", "gmsh": "pyvista", "gmsh-step": "OCP"}
 
 
 def format_of(path: str | Path) -> str:
@@ -51,9 +54,10 @@ def format_of(path: str | Path) -> str:
     return max(known, key=len)
 
 
-def check_format(path: str | Path) -> None:
+def check_format(path: str | Path, mesher: str = "ftetwild") -> None:
     """Raise `InputError` for an unknown suffix, or a format whose extra is not installed."""
-    needed = _NEEDS.get(format_of(path))
+    form = format_of(path)
+    needed = _MESHERS[mesher] if form in TETRAHEDRA_FORMATS else _NEEDS.get(form)
     if needed and find_spec(needed) is None:
         raise missing_extra(ModuleNotFoundError(name=needed), str(path))
 
@@ -80,11 +84,12 @@ def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) 
     InputError
         For another suffix, or a format whose extra is not installed.
     """
-    check_format(path)
+    scan = scan or Scan()
+    check_format(path, scan.tetrahedra.mesher)
     module = import_module(SURFACE_FORMATS[format_of(path)])
     with atomic_path(path) as temporary:
         try:
-            return module.write(temporary, surface, scan or Scan()) or {}
+            return module.write(temporary, surface, scan) or {}
         except InputError as error:
             if error.location != str(temporary):
                 raise

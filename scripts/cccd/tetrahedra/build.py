@@ -8,7 +8,7 @@ from typing import Any
 
 from cccd.containers import Frame
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import TetrahedraSettings
+from cccd.settings.surface import LoftSettings, SolidSettings, TetrahedraSettings
 from cccd.surface.formats import Scan
 from cccd.surface.surface import Surface
 from cccd.tetrahedra.filling import TetrahedralMesh, fill_organs, sizes_in_mm
@@ -16,9 +16,15 @@ from cccd.tetrahedra.quality import measure_tetrahedra, warnings_of
 
 __all__ = ["fill_and_measure", "fill_surface"]
 
+_DEFAULT = LoftSettings()
+
 
 def fill_and_measure(
-    organs: Mapping[str, Mesh], settings: TetrahedraSettings, frame: Frame | None = None
+    organs: Mapping[str, Mesh],
+    settings: TetrahedraSettings,
+    frames: Mapping[str, Frame],
+    step_tolerance_mm: float = _DEFAULT.step_tolerance_mm,
+    solid: SolidSettings = _DEFAULT.solid,
 ) -> tuple[TetrahedralMesh, dict[str, Any]]:
     """Fill organs as `fill_organs` does, and report it.
 
@@ -26,18 +32,20 @@ def fill_and_measure(
     -------
     TetrahedralMesh
     dict
-        Plain JSON: ``edge_mm`` and ``tolerance_mm`` as asked for, ``seconds``, what `measure_tetrahedra`
-        finds, ``warnings``.
+        Plain JSON: ``mesher``, ``edge_mm`` and ``tolerance_mm`` as asked for, ``seconds``, what
+        `measure_tetrahedra` finds, ``warnings``.
     """
     began = time.perf_counter()
-    filled = fill_organs(organs, settings, frame)
+    filled = fill_organs(organs, settings, frames, step_tolerance_mm, solid)
     seconds = time.perf_counter() - began
     edge, tolerance = sizes_in_mm(organs, settings)
-    report = {"edge_mm": edge, "tolerance_mm": tolerance, "seconds": round(seconds, 1)}
+    report: dict[str, Any] = {"mesher": settings.mesher, "edge_mm": edge, "tolerance_mm": tolerance}
+    report["seconds"] = round(seconds, 1)
     report |= measure_tetrahedra(filled, organs)
     return filled, {**report, "warnings": warnings_of(report)}
 
 
 def fill_surface(surface: Surface, scan: Scan) -> tuple[TetrahedralMesh, dict[str, Any]]:
     """Fill one organ's surface as a format's writer is given it."""
-    return fill_and_measure({scan.organ: surface.mesh}, scan.tetrahedra, surface.frame)
+    organs, frames = {scan.organ: surface.mesh}, {scan.organ: surface.frame}
+    return fill_and_measure(organs, scan.tetrahedra, frames, scan.tolerance_mm, scan.solid)

@@ -1,7 +1,8 @@
 """Tetrahedra through the organs of a case: one conforming mesh, a region for each organ, named boundaries.
 
-fTetWild (Hu et al. 2020, `pytetwild`) fills the box around all surfaces at once, so that neighbours share the
-faces of the wall between them; a tetrahedron is of the smallest organ that its middle lies in.
+fTetWild (Hu et al. 2020, `pytetwild`) fills the box around all surfaces at once, or Gmsh all bodies, so that
+neighbours share the faces of the wall between them; a tetrahedron is of the smallest organ that its middle
+lies in.
 """
 
 from __future__ import annotations
@@ -18,11 +19,14 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import TetrahedraSettings
+from cccd.settings.surface import LoftSettings, SolidSettings, TetrahedraSettings
 from cccd.tetrahedra.chords import balance_chords
+from cccd.tetrahedra.gmsh_program import fill_solids, fill_surfaces
 from cccd.tetrahedra.shapes import FACES, signed_volumes
 
 __all__ = ["TetrahedralMesh", "fill_organs", "sizes_in_mm"]
+
+_DEFAULT = LoftSettings()
 
 #: Without a number of the user's, edges are at most this share of the box's diagonal, as in fTetWild, ...
 EDGE_SHARE = 1 / 20
@@ -96,7 +100,11 @@ def sizes_in_mm(organs: Mapping[str, Mesh], settings: TetrahedraSettings) -> tup
 
 
 def fill_organs(
-    organs: Mapping[str, Mesh], settings: TetrahedraSettings, frame: Frame | None = None
+    organs: Mapping[str, Mesh],
+    settings: TetrahedraSettings,
+    frames: Mapping[str, Frame] | None = None,
+    step_tolerance_mm: float = _DEFAULT.step_tolerance_mm,
+    solid: SolidSettings = _DEFAULT.solid,
 ) -> TetrahedralMesh:
     """Fill closed surfaces with tetrahedra.
 
@@ -109,15 +117,20 @@ def fill_organs(
         of least volume.
     settings : TetrahedraSettings
         Section ``surface.tetrahedra`` of the configuration.
-    frame : Frame, optional
-        The scan: where it ends organs have faces ``cut``.
+    frames : mapping of str to Frame, optional
+        Each organ's scan: where it ends the organ has faces ``cut``.
+    step_tolerance_mm : float
+        Of the solids that the mesher ``gmsh-step`` takes.
+    solid : SolidSettings
+        Section ``surface.solid`` of the configuration, likewise.
 
     Raises
     ------
     InputError
-        A surface that is not closed, or an organ that is too small for the edges asked for.
+        A surface that is not closed, or an organ that is too small for the edges asked for; gmsh is asked for
+        and missing, or surfaces are not as it wants them.
     ModuleNotFoundError
-        Where the extra ``fe`` is not installed.
+        Where the extra that the mesher needs is not installed.
 
     Examples
     --------
@@ -131,7 +144,15 @@ def fill_organs(
     for name, mesh in organs.items():
         if not mesh.is_closed_manifold:
             raise InputError(name, "the mesh is not closed: it bounds no volume", "export another format")
-    vertices, tetrahedra = _fill_box(organs, settings)
+    sizes = sizes_in_mm(organs, settings)
+    if settings.mesher == "gmsh":
+        vertices, tetrahedra = fill_surfaces(organs, *sizes)
+    elif settings.mesher == "gmsh-step":
+        vertices, tetrahedra = fill_solids(organs, *sizes, step_tolerance_mm, solid)
+    else:
+        vertices, tetrahedra = _fill_box(organs, settings)
+    turned = signed_volumes(vertices, tetrahedra) < 0
+    tetrahedra[turned] = tetrahedra[turned][:, (0, 2, 1, 3)]
     inside = _inside(vertices[tetrahedra].mean(axis=1), organs)
     regions = _least(inside, organs)
     missing = [name for n, name in enumerate(organs) if not np.any(regions == n)]
@@ -141,7 +162,9 @@ def fill_organs(
         )
     kept = regions >= 0
     used, tetrahedra = np.unique(tetrahedra[kept], return_inverse=True)
-    return _bounded(vertices[used], tetrahedra.reshape(-1, 4), regions[kept], inside[kept], organs, frame)
+    return _bounded(
+        vertices[used], tetrahedra.reshape(-1, 4), regions[kept], inside[kept], organs, frames or {}
+    )
 
 
 def _bounded(
@@ -150,14 +173,18 @@ def _bounded(
     regions: IntArray,
     inside: BoolArray,
     organs: Mapping[str, Mesh],
-    frame: Frame | None,
+    frames: Mapping[str, Frame],
 ) -> TetrahedralMesh:
     """Name the boundaries, and balance their chords."""
     names = tuple(organs)
     sides, beyond = _bounding_sides(tetrahedra, regions)
     triangles = tetrahedra[sides[:, 0, None], FACES[sides[:, 1]]]
-    cut = np.zeros(len(sides), bool) if frame is None else _at_the_end_of(frame, vertices[triangles])
-    keys = zip(regions[sides[:, 0]].tolist(), beyond.tolist(), cut.tolist(), strict=True)
+    owners = regions[sides[:, 0]]
+    cut = np.zeros(len(sides), bool)
+    for n, frame in ((n, frames[name]) for n, name in enumerate(names) if name in frames):
+        own = (owners == n) & (beyond < 0)
+        cut[own] = _at_the_end_of(frame, vertices[triangles[own]])
+    keys = zip(owners.tolist(), beyond.tolist(), cut.tolist(), strict=True)
     group_names, groups = np.unique([_group(*key, names) for key in keys], return_inverse=True)
     fixed = np.zeros(len(vertices), bool)
     fixed[triangles[cut]] = True
@@ -192,10 +219,7 @@ def _fill_box(organs: Mapping[str, Mesh], settings: TetrahedraSettings) -> tuple
         num_threads=1,  # the workflow counts on it
         disable_filtering=True,
     )
-    points, tetrahedra = np.asarray(points, float), np.asarray(tetrahedra, np.int64)
-    turned = signed_volumes(points, tetrahedra) < 0
-    tetrahedra[turned] = tetrahedra[turned][:, (0, 2, 1, 3)]
-    return points, tetrahedra
+    return np.asarray(points, float), np.asarray(tetrahedra, np.int64)
 
 
 def _once(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:

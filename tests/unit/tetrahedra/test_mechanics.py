@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bars import FRAME, SETTINGS, two_halves
+from bars import SETTINGS, two_halves
 
 import cccd
 from cccd.settings.surface import TetrahedraSettings
@@ -30,7 +30,7 @@ MODULUS, POISSON = 3.0, 0.3
 
 def test_a_linear_displacement_is_reproduced():
     """The patch test: given on the boundary, it holds inside, through all organs and to rounding."""
-    filled = fill_organs({"left": two_halves()["left"]}, SETTINGS, FRAME)
+    filled = fill_organs({"left": two_halves()["left"]}, SETTINGS)
     mesh = MeshTet(filled.vertices.T, filled.tetrahedra.T)
     basis = Basis(mesh, ElementVector(ElementTetP1()))
     stiffness = linear_elasticity(*lame_parameters(MODULUS, POISSON)).assemble(basis)
@@ -49,7 +49,7 @@ def test_a_lofted_bar_bends_as_timoshenko_says():
     mask = np.repeat((i**2 + j**2 < 7.5**2)[:, :, None], 30, axis=2)
     surface = cccd.reconstruct(mask, np.diag([1.0, 1.0, 2.0, 1.0])).lofted
     settings = TetrahedraSettings(edge_mm=6, tolerance_mm=0.2)
-    filled = fill_organs({"bar": surface.mesh}, settings, surface.frame)
+    filled = fill_organs({"bar": surface.mesh}, settings, {"bar": surface.frame})
     cut = np.unique(filled.group("cut"))
     z = filled.vertices[:, 2]
     low, high = z.min(), z.max()

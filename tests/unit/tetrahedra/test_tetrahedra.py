@@ -1,17 +1,22 @@
 """Tetrahedra through several organs: one conforming mesh, whose regions and boundaries are the organs'."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from bars import FRAME, HALF, SETTINGS, WIDTH, two_halves
-from solids import sphere
+import trimesh
+from bars import FRAME, HALF, SETTINGS, WIDTH, one_wall, two_halves
+from solids import mesh_of, sphere
 
+from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
+from cccd.settings.surface import SolidSettings, TetrahedraSettings
+from cccd.tetrahedra import gmsh_program
 from cccd.tetrahedra.build import fill_and_measure
 from cccd.tetrahedra.chords import balance_chords
 from cccd.tetrahedra.filling import fill_organs
@@ -24,7 +29,7 @@ pytest.importorskip("pytetwild", reason="the extra fe is not installed")
 
 @pytest.fixture(scope="module")
 def bar():
-    return fill_and_measure(two_halves(), SETTINGS, FRAME)
+    return fill_and_measure(two_halves(), SETTINGS, dict.fromkeys(two_halves(), FRAME))
 
 
 def boundary(tetrahedra):
@@ -76,6 +81,23 @@ def test_the_ends_of_the_scan_cut(bar):
         assert filled.vertices[faces][:, :, 2] == pytest.approx(z, abs=SETTINGS.tolerance_mm)
         assert Mesh(filled.vertices, faces).area == pytest.approx(WIDTH**2, rel=0.05)
         assert Mesh(filled.vertices, faces).unit_normals[:, 2] * np.sign(z) == pytest.approx(1, abs=0.2)
+
+
+def test_each_organ_is_cut_by_its_own_scan():
+    """Two boxes side by side, whose scans end on different planes."""
+    boxes = {
+        name: mesh_of(trimesh.creation.box((8.0, 8.0, 8.0)), (x, 0, 0))
+        for name, x in (("short", 0), ("long", 20))
+    }
+    affine = np.array([[1, 0, 0, -10.0], [0, 1, 0, -10], [0, 0, 1, -3.5], [0, 0, 0, 1]])
+    below = affine - np.array([[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 20], [0, 0, 0, 0]])
+    frames = {"short": Frame(affine, 2, (40, 40, 20)), "long": Frame(below, 2, (40, 40, 28))}
+    filled = fill_organs(boxes, SETTINGS, frames)
+    assert set(filled.group_names) == {"cut_short", "cut_long", "wall_short", "wall_long"}
+    for name, z in (("short", -4), ("long", 4)):
+        faces = filled.group(f"cut_{name}")
+        assert filled.vertices[faces][:, :, 2] == pytest.approx(z, abs=SETTINGS.tolerance_mm)
+        assert Mesh(filled.vertices, faces).area == pytest.approx(64, rel=0.05)
 
 
 def test_the_angles_are_fit_for_a_solver(bar):
@@ -134,6 +156,89 @@ def test_an_open_surface_is_refused():
     ball = sphere(5.0)
     with pytest.raises(InputError, match="not closed"):
         fill_organs({"open": Mesh(ball.vertices, ball.faces[1:])}, SETTINGS)
+
+
+# Other meshers ------------------------------------------------------------------------------------------
+
+
+def gmsh_runs():
+    program = shutil.which("gmsh", path=gmsh_program.search_path())
+    environment = os.environ | {"PATH": gmsh_program.search_path()}
+    return (
+        program
+        and not subprocess.run([program, "--version"], capture_output=True, env=environment).returncode
+    )
+
+
+needs_gmsh = pytest.mark.skipif(not gmsh_runs(), reason="gmsh does not run here (apt install gmsh)")
+
+
+@needs_gmsh
+def test_gmsh_fills_organs_that_share_a_wall_or_lie_in_one_another():
+    organs = one_wall()
+    settings = TetrahedraSettings(mesher="gmsh", edge_mm=6, tolerance_mm=0.4)
+    filled, report = fill_and_measure(organs, settings, dict.fromkeys(organs, FRAME))
+    assert set(filled.group_names) == {
+        *("cut_left", "cut_right", "wall_left", "wall_right"),
+        *("interface_left_right", "interface_left_tumour"),
+    }
+    assert filled.volumes.min() > 0
+    left, right, tumour = (as_sets(boundary(filled.tetrahedra[filled.regions == n])) for n in range(3))
+    assert as_sets(filled.group("interface_left_tumour")) == left & tumour == tumour
+    wall = filled.group("interface_left_right")
+    assert as_sets(wall) == left & right
+    assert filled.vertices[wall][:, :, 2] == pytest.approx(0, abs=1e-9)
+    assert Mesh(filled.vertices, wall).area == pytest.approx(WIDTH**2)
+    for name, surface in organs.items():
+        mesh = Mesh(filled.vertices, boundary(filled.tetrahedra[filled.regions == list(organs).index(name)]))
+        assert mesh.is_closed_manifold
+        assert report["organs"][name]["volume_ratio"] == pytest.approx(1, abs=0.01), surface
+    assert report["organs"]["left"]["least_dihedral_deg"]["min"] > 8
+
+
+@needs_gmsh
+def test_gmsh_fills_both_bodies_of_an_organ_and_not_its_cavity():
+    shell, hollow = sphere(8.0, subdivisions=3), sphere(5.0, subdivisions=3)
+    parts = [
+        part.to_trimesh() for part in (shell, hollow.reversed(), sphere(6.0, (20.0, 0, 0), subdivisions=3))
+    ]
+    organ = mesh_of(trimesh.util.concatenate(parts))
+    settings = TetrahedraSettings(mesher="gmsh", edge_mm=6, tolerance_mm=0.5)
+    filled = fill_organs({"organ": organ}, settings)
+    assert filled.group_names == ("wall",)
+    assert filled.volumes.sum() == pytest.approx(organ.volume, rel=0.03)
+    assert len(Mesh(filled.vertices, filled.triangles).pieces()) == 3
+
+
+@needs_gmsh
+def test_gmsh_fills_the_solids_of_step():
+    pytest.importorskip("OCP", reason="cadquery-ocp-novtk is not installed")
+    balls = {"large": sphere(9.0, subdivisions=3), "small": sphere(6.0, (20.0, 0, 0), subdivisions=3)}
+    settings = TetrahedraSettings(mesher="gmsh-step", edge_mm=8, tolerance_mm=1)
+    solid = SolidSettings(first_patches=60, most_patches=120)
+    filled, report = fill_and_measure(balls, settings, {}, 0.5, solid)
+    assert filled.group_names == ("wall_large", "wall_small")
+    for name, organ in report["organs"].items():
+        assert organ["volume_ratio"] == pytest.approx(1, abs=0.05)
+        radius = np.linalg.norm(
+            filled.vertices[filled.group(f"wall_{name}")] - balls[name].vertices.mean(axis=0), axis=2
+        )
+        assert radius == pytest.approx(np.abs(balls[name].vertices[:, 2]).max(), abs=0.2)
+
+
+@needs_gmsh
+def test_gmsh_is_not_asked_for_what_it_cannot_do():
+    crossing = {"liver": sphere(8.0, subdivisions=2), "spleen": sphere(8.0, (9.3, 0.1, 0.2), subdivisions=2)}
+    with pytest.raises(InputError, match=r"liver and spleen: .* pass through each other .*shared_walls"):
+        fill_organs(crossing, SETTINGS.model_copy(update={"mesher": "gmsh"}))
+    with pytest.raises(InputError, match=r"left and right: they touch|left and tumour: they touch"):
+        fill_organs(one_wall(), SETTINGS.model_copy(update={"mesher": "gmsh-step"}))
+
+
+def test_one_line_says_that_gmsh_is_missing(monkeypatch):
+    monkeypatch.setattr(gmsh_program, "search_path", lambda: "")
+    with pytest.raises(InputError, match=r"surface.tetrahedra.mesher: gmsh is not installed; apt install"):
+        fill_organs(two_halves(), SETTINGS.model_copy(update={"mesher": "gmsh"}))
 
 
 # What others read -------------------------------------------------------------------------------------
