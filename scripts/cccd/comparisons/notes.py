@@ -142,8 +142,12 @@ def table_3(cohort: Cohort) -> str:
 
 
 def segmenters(cohort: Cohort) -> str:
-    """Say which of the paper's orders hold among the networks and CCCD on the same scans."""
+    """Say of each organ which of the paper's orders hold among the networks and CCCD on the same scans."""
     table = paper_tables.segmenters(cohort)
+    return " ".join(_networks_on(str(organ), rows) for organ, rows in table.groupby("organ", sort=False))
+
+
+def _networks_on(organ: str, table: pd.DataFrame) -> str:
     dice = table.groupby(["given", "method"], sort=False)["dice_percent"].mean()
     paper = table.groupby("method")["paper_dice_percent"].first()
     grey = dice["the image"]
@@ -165,10 +169,11 @@ def segmenters(cohort: Cohort) -> str:
     lost = [dice[name, f"{CCCD}, {FINEST}"] - networks[name] for name in networks.index]
     alone = grey.get(f"{CCCD}, {FINEST}")
     return (
-        f"On the same scans: {told}. CCCD at {FINEST} on the true mask has "
+        f"On the same scans ({organ}): {told}. CCCD at {FINEST} on the true mask has "
         f"{_percent(finest, paper[f'{CCCD}, {FINEST}'])}, above {_beside(above, theirs)} networks; it is "
         f"told where the organ is, and on the networks' masks it changes their Dice by {min(lost):+.2f} to "
-        f"{max(lost):+.2f} points. The paper's order of two holds for {held} of {len(pairs)} pairs."
+        f"{max(lost):+.2f} points."
+        + (f" The paper's order of two holds for {held} of {len(pairs)} pairs." if pairs else "")
         + (f" Where a threshold stands for a network, CCCD at {FINEST} has {alone:.1f} %." if alone else "")
     )
 

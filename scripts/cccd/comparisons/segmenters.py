@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -38,7 +39,15 @@ from cccd.volumes.regions import find_region
 if TYPE_CHECKING:  # torch takes seconds to load
     from cccd.segmentation.model import Segmenter
 
-__all__ = ["COLUMNS", "THE_IMAGE", "TRUE_MASK", "compare_segmenters", "load_segmenters", "network_figures"]
+__all__ = [
+    "COLUMNS",
+    "THE_IMAGE",
+    "TRUE_MASK",
+    "ShippedNetworks",
+    "compare_segmenters",
+    "load_segmenters",
+    "network_figures",
+]
 
 _Volume = TypeVar("_Volume", BoolArray, SingleArray)
 
@@ -60,16 +69,38 @@ _LEVEL = 0.5
 _SAMPLES = 10_000
 
 
-def load_segmenters(*paths: str | Path) -> list[Segmenter]:
+@dataclass(frozen=True)
+class ShippedNetworks:
+    """Networks that are shipped for an organ; each looks at a scan once, for the table and for the figure.
+
+    Attributes
+    ----------
+    segmenters : sequence of (module, plan)
+    found : dict
+        Probabilities (a, b, c) of any label that a network found, by its name, case, organ and seed.
+    """
+
+    segmenters: Sequence[Segmenter]
+    found: dict[tuple[str, str, str, int], SingleArray] = field(default_factory=dict)
+
+    def chances(self, segmenter: Segmenter, structure: Structure, scan: Volume, seed: int) -> SingleArray:
+        """Probabilities (a, b, c) of any label in a structure's whole scan, specks left out."""
+        key = (segmenter[1].network, structure.case, structure.organ, seed)
+        if key not in self.found:
+            self.found[key] = _chances(segmenter, scan)
+        return self.found[key]
+
+
+def load_segmenters(*paths: str | Path) -> ShippedNetworks:
     """Load the segmentation networks that are shipped for an organ, each with its plan."""
     from cccd.segmentation.model import load_segmenter
 
-    return [load_segmenter(path) for path in paths]
+    return ShippedNetworks([load_segmenter(path) for path in paths])
 
 
 def compare_segmenters(
     structure: Structure,
-    segmenters: Sequence[Segmenter],
+    segmenters: ShippedNetworks,
     orderers: Sequence[Orderer],
     edges: BoundarySettings,
     fitting: CurveSettings,
@@ -82,8 +113,7 @@ def compare_segmenters(
     ----------
     structure : Structure
         Of any other source than a phantom there are no rows.
-    segmenters : sequence of (module, plan)
-        From `load_segmenters`.
+    segmenters : ShippedNetworks
     orderers : sequence of Orderer
         The first one orders the edges of the image; without one there are no such rows.
     edges, fitting, lofting
@@ -99,7 +129,7 @@ def compare_segmenters(
         ``surface_assd_mm`` is the distance between the surface that a network's mask leads to and the true
         one; ``probability_surface_assd_mm`` that of the best network's probabilities, at one half.
     """
-    if not segmenters or structure.provenance.get("source") != "phantom":
+    if not segmenters.segmenters or structure.provenance.get("source") != "phantom":
         return pd.DataFrame(columns=list(COLUMNS))
     from cccd.segmentation.networks import NETWORKS, parameters
 
@@ -112,10 +142,10 @@ def compare_segmenters(
     if orderers and (curves := _curves_of_image(scan, frame, orderers[0], edges)) is not None:
         rows += _cccd_rows(curves, truth, THE_IMAGE, frame, fitting)[0]
     best, most = None, -1.0
-    for model, plan in segmenters:
+    for model, plan in segmenters.segmenters:
         title = NETWORKS[plan.network].title
         begun = time.process_time()
-        chances = _chances((model, plan), scan)
+        chances = segmenters.chances((model, plan), structure, scan, seed)
         mask = chances >= _LEVEL
         seconds = (time.process_time() - begun) / scan.shape[frame.slice_axis]
         row: dict[str, Any] = {"method": title, "given": THE_IMAGE, **_compare(mask, truth, frame)}
@@ -138,7 +168,7 @@ def compare_segmenters(
 
 def network_figures(
     structure: Structure,
-    segmenters: Sequence[Segmenter],
+    segmenters: ShippedNetworks,
     orderers: Sequence[Orderer],
     edges: BoundarySettings,
     fitting: CurveSettings,
@@ -149,7 +179,7 @@ def network_figures(
 
     Parameters as in `compare_segmenters`.
     """
-    drawn = next((pair for pair in segmenters if pair[1].network == _DRAWN), None)
+    drawn = next((pair for pair in segmenters.segmenters if pair[1].network == _DRAWN), None)
     if drawn is None or structure.provenance.get("source") != "phantom":
         return {}
     from cccd.segmentation.networks import NETWORKS
@@ -161,7 +191,8 @@ def network_figures(
     frame = Frame(scan.affine, structure.frame.slice_axis, scan.shape)
     first, *corner = _stack_offset(scan, structure.frame)
     layer = int(own.slice[0]) - first
-    true, found = (_stack(mask, frame)[layer] for mask in (truth, _chances(drawn, scan) >= _LEVEL))
+    chances = segmenters.chances(drawn, structure, scan, seed)
+    true, found = (_stack(mask, frame)[layer] for mask in (truth, chances >= _LEVEL))
     outline = middle_curve(trace_stack(found[None], (0, *corner), structure.frame))
     if outline is None:
         return {}

@@ -46,11 +46,14 @@ class LabelledScan:
         Grey values.
     labels : (a, b, c) uint8
         0 outside, 1, 2, ... the classes; on the image's grid.
+    source : str
+        As the cohort sheet names it: ``files``, ``phantom``.
     """
 
     patient: str
     image: Volume
     labels: AnyArray
+    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -115,6 +118,8 @@ def make_plan(
     orientation = orientation_of(scans[0].image.affine)
     spacings = np.array([spacing_of(scan.image.affine, orientation) for scan in scans])
     first, second, third = settings.spacing_mm or np.median(spacings, axis=0).tolist()
+    intensity = make_intensity([scan.image.data for scan in scans], [scan.labels for scan in scans])
+    greys = np.round([intensity.percentiles(scan.image.data) for scan in scans], 4)
     return Plan(
         network=network,
         width=width,
@@ -122,10 +127,12 @@ def make_plan(
         labels=settings.labels or (1,),
         orientation=orientation,
         spacing=(first, second, third),
-        intensity=make_intensity([scan.image.data for scan in scans], [scan.labels for scan in scans]),
+        intensity=intensity,
         patch=settings.patch,
         flip_axes=settings.flip_axes,
         organ=organ,
+        source=" ".join(sorted({scan.source for scan in scans})),
+        greys=tuple(zip(greys.min(axis=0).tolist(), greys.max(axis=0).tolist(), strict=True)),
         seed=seed,
     )
 

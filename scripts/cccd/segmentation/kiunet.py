@@ -58,7 +58,8 @@ class KiUNet3D(nn.Module):
     -----
     Skips are added, not concatenated. Training sees four outputs, three from coarser levels. Instance
     normalisation, which has no parameters, stands before the rectifiers: the published network has none, and
-    does not learn in the steps that are taken here.
+    does not learn in the steps that are taken here. The features that the classes are made of keep their
+    signs: the published network, of one class, rectifies them, and a second class was never found so.
     """
 
     def __init__(self, classes: int, width: int) -> None:
@@ -95,6 +96,5 @@ class KiUNet3D(nn.Module):
             if level < len(self.coarse_heads):
                 coarse.append(upsample_to(self.coarse_heads[level](x), volume))
         x, fine = self.late(x, fine)
-        x = _normal(upsample_to(self.last(x), volume))
-        x = x + _normal(_pool_to(self.fine_last(fine), volume))
+        x = upsample_to(self.last(x), volume) + _pool_to(self.fine_last(fine), volume)
         return [self.head(x), *coarse]

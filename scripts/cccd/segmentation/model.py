@@ -38,8 +38,8 @@ def load_segmenter(path: str | Path) -> Segmenter:
     InputError
         No file of `save_segmenter`, or weights of another network than it says.
     """
-    plan = Plan.of_plain(read_segmenter_plan(path))
     try:
+        plan = Plan.of_plain(read_segmenter_plan(path))
         content = torch.load(path, weights_only=True, map_location="cpu")
         model = build(plan.network, plan.classes, plan.width, plan.sizes)
         weights = {

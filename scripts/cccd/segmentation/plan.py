@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import nibabel as nib
@@ -20,6 +20,13 @@ _AIR_HU = -300.0
 
 #: Relative difference of spacings above which a scan is told to be unlike those of the training.
 _UNLIKE = 0.5
+
+#: Percentiles of grey values by which a scan is compared with those of the training.
+_PERCENTILES = (10, 50, 90)
+
+#: How far outside the training's range a percentile may lie, in widths of the range, and at the least in the
+#: network's units: few training scans do not show all that a scanner does.
+_BEYOND, _LEAST_BEYOND = 1.0, 0.25
 
 
 @dataclass(frozen=True)
@@ -56,6 +63,10 @@ class Intensity:
         values = np.clip(values, low, high)
         return ((values - values.mean()) / max(float(values.std()), 1e-6)).astype(np.float32)
 
+    def percentiles(self, image: AnyArray) -> FloatArray:
+        """Percentiles 10, 50 and 90 of a scan's grey values as the network sees them."""
+        return np.asarray(np.percentile(self(image), _PERCENTILES), np.float64)
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -80,6 +91,10 @@ class Plan:
         Axes over whose flips logits are averaged.
     organ : str
         What it was trained to find.
+    source : str
+        Sources of its training scans, as the cohort sheet names them: ``phantom``.
+    greys : tuple of (float, float)
+        Least and greatest of each of the percentiles that `Intensity.percentiles` has of its training scans.
     seed : int
     """
 
@@ -93,8 +108,9 @@ class Plan:
     patch: tuple[int, int, int]
     flip_axes: tuple[int, ...] = ()
     organ: str = ""
+    source: str = ""
+    greys: tuple[tuple[float, float], ...] = ()
     seed: int = 0
-    extra: dict[str, Any] = field(default_factory=dict[str, Any])
 
     @property
     def classes(self) -> int:
@@ -112,7 +128,7 @@ class Plan:
         return cls(**{**values, **tuples, "intensity": Intensity(**values["intensity"])})
 
     def differences(self, image: Volume) -> list[str]:
-        """Say in what a scan is unlike those of the training: modality and spacing, both values each."""
+        """Say in what a scan is unlike those of the training: modality, spacing, grey values; both each."""
         notes: list[str] = []
         modality = "CT" if looks_like_ct(image.data) else "MR"
         if modality != self.intensity.modality:
@@ -126,7 +142,30 @@ class Plan:
             notes.append(
                 f"{image.location} has voxels of {ours} mm, and the segmenter was trained on {theirs} mm"
             )
+        if modality == self.intensity.modality:
+            notes += self._other_greys(image)
+        if "phantom" in self.source.split():
+            notes.append(
+                f"the segmenter was trained on phantoms: what it finds in {image.location} is doubtful"
+            )
         return notes
+
+    def _other_greys(self, image: Volume) -> list[str]:
+        """Name the percentile of a scan's grey values that lies furthest outside the training scans'."""
+        if not self.greys:
+            return []
+        low, high = np.array(self.greys).T
+        room = np.maximum(_BEYOND * (high - low), _LEAST_BEYOND)
+        found = self.intensity.percentiles(image.data)
+        outside = np.maximum(low - found, found - high) / room
+        worst = int(outside.argmax())
+        if outside[worst] <= 1:
+            return []
+        return [
+            f"{image.location} has other grey values than the segmenter was trained on: scaled, their "
+            f"percentile {_PERCENTILES[worst]} is {found[worst]:.2f}, and there it was {low[worst]:.2f} to "
+            f"{high[worst]:.2f}"
+        ]
 
 
 def looks_like_ct(image: AnyArray) -> bool:

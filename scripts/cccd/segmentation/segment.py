@@ -93,8 +93,6 @@ def segment(image: Volume, segmenter: str | Path | Sequence[str], organ: str) ->
         found = Segmentation(image, labels, (labels > 0).astype(np.float32), name, [])
     else:
         found = _by_network(image, name, organ)
-    for warning in found.warnings:
-        logger.warning("%s", warning)
     if not found.labels.any():
         hint = "; ".join(found.warnings) or "give a scan that holds it, or a mask"
         raise InputError(image.location, f"{Path(name).name} found no {organ}", hint)
@@ -109,6 +107,8 @@ def _by_network(image: Volume, path: str, organ: str) -> Segmentation:
     notes = plan.differences(image)
     if plan.organ and organ not in plan.organ.split():
         notes.append(f"the segmenter was trained to find {plan.organ}, not {organ}")
+    for note in notes:  # before the network runs, which takes minutes on a large scan
+        logger.warning("%s", note)
     chances = probabilities(model, image, plan)
     labels = labels_of(chances, plan)
     narrow = labels.astype(np.uint8) if labels.max(initial=0) < 256 else labels

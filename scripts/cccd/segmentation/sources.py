@@ -66,7 +66,7 @@ def read_labelled_scan(
     """
     if row["source"] == "phantom":
         image, mask = scan_phantom(row["case"], row["organ"], settings, seed)
-        return LabelledScan(row["case"], image, mask.astype(np.uint8))
+        return LabelledScan(row["case"], image, mask.astype(np.uint8), row["source"])
     image = read_scan(row, folder, settings)
     row, implied = complete_row(row, folder)
     if not row["mask"]:
@@ -83,7 +83,7 @@ def read_labelled_scan(
     moved = on_grid(Volume(classes, drawn.affine, drawn.location), image.affine, image.shape, fill=0)
     if moved is None:
         raise InputError(path.name, f"its grid is not that of {image.location}", "give matching files")
-    return LabelledScan(row["case"], image, moved.data)
+    return LabelledScan(row["case"], image, moved.data, row["source"])
 
 
 def _classes(values: AnyArray, labels: Sequence[int], location: str) -> AnyArray:

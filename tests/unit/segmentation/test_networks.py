@@ -58,6 +58,17 @@ def test_kiunet_has_the_sizes_of_its_repository():
     assert ours - fusion == pytest.approx(theirs, rel=0.001)
 
 
+def test_kiunet_s_classes_are_made_of_features_of_either_sign():
+    """Rectified ones can only lower a logit whose weights are negative: a label that is never found."""
+    torch.manual_seed(0)
+    model = build("kiunet_3d", 3, 4, {}).eval()
+    seen = []
+    model.head.register_forward_pre_hook(lambda _, given: seen.append(given[0]))
+    with torch.no_grad():
+        model(torch.randn(1, 1, 32, 32, 32))
+    assert (seen[0].amin(dim=(0, 2, 3, 4)) < 0).any()
+
+
 def test_names_are_those_of_the_configuration():
     assert {name: network.title for name, network in NETWORKS.items()} == SEGMENTERS
     with pytest.raises(InputError, match="did you mean 'nnunet'"):

@@ -1,6 +1,7 @@
 """Splits, plans, resumed trainings, files of weights, and probabilities on the scan's own grid."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -133,9 +134,17 @@ def test_another_modality_and_another_spacing_are_warned_of_with_both(trained, t
         segment(scan, __file__, "ball")
 
 
-def test_a_file_of_another_network_is_refused(trained, tmp_path):
-    from dataclasses import replace
+def test_other_grey_values_and_weights_of_phantoms_are_warned_of(trained):
+    scan = SCANS[0].image
+    assert trained.plan.differences(scan) == []
+    much_air = Volume(np.pad(scan.data, 20), scan.affine, "head.nii")
+    (note,) = trained.plan.differences(much_air)
+    assert "head.nii has other grey values than the segmenter was trained on" in note
+    (note,) = replace(trained.plan, source="phantom").differences(scan)
+    assert "trained on phantoms" in note
 
+
+def test_a_file_of_another_network_is_refused(trained, tmp_path):
     save_segmenter(
         tmp_path / "model.pt", trained.model, replace(trained.plan, network="unet_3plus", sizes={})
     )
