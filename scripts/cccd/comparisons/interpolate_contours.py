@@ -1,7 +1,8 @@
-"""Interpolate a mask between its slices by ITK, in a process of its own.
+"""Interpolate masks between their slices by ITK, in a process of its own.
 
-``python interpolate_contours.py GIVEN FILLED``: arrays (slice, i, j) of uint8 as NumPy files; empty
-slices are filled. ITK beside SimpleITK and VTK can crash a process when it ends.
+``python interpolate_contours.py GIVEN FILLED [GIVEN FILLED ...]``: arrays (slice, i, j) of uint8 as NumPy
+files; empty slices are filled. ITK beside SimpleITK and VTK can crash a process when it ends, and takes long
+to load.
 """
 
 import sys
@@ -20,4 +21,5 @@ def interpolate(given: Path, filled: Path) -> None:
 
 
 if __name__ == "__main__":
-    interpolate(Path(sys.argv[1]), Path(sys.argv[2]))
+    for name, result in zip(sys.argv[1::2], sys.argv[2::2], strict=True):
+        interpolate(Path(name), Path(result))

@@ -9,9 +9,12 @@ import cccd
 from cccd.cohort import read_cohort
 from cccd.containers import Annotation
 from cccd.errors import InputError
+from cccd.settings.surface import LoftSettings
 from cccd.store import read_annotation, read_compared, read_structure, write_structure
+from cccd.surface import loft_surface
 from cccd.surface.measure import measure_surface
-from cccd.volumes import load_structure
+from cccd.tracing import trace_mask
+from cccd.volumes import load_structure, structure_of_array
 from cccd.volumes.annotation import drawn_slices, find_annotation
 
 ORIGIN = np.array([3, 10, 20])
@@ -145,6 +148,15 @@ def test_the_label_map_is_whole_and_keeps_what_was_drawn(tmp_path):
     assert np.array_equal(values[:, :, slices], drawn[:, :, slices])
     assert 2 * (values & mask).sum() / (values.sum() + mask.sum()) > 0.97
     assert not values[:, :, :5].any()
+
+
+def test_drawn_contours_far_apart_are_one_organ():
+    curves = trace_mask(structure_of_array(only(ellipsoid(), [12, 16, 20, 64]), np.eye(4), settings()))
+    known = Annotation(np.array([12, 16, 20, 64]))
+    bodies = [
+        loft_surface(curves, LoftSettings(), annotation=some).report["bodies"] for some in (None, known)
+    ]
+    assert bodies == [2, 1]
 
 
 def test_parts_that_lie_beside_each_other_are_one_organ():
