@@ -37,9 +37,13 @@ def planar_cap(ring: Ring, way: int, run: Run) -> list[Section]:
 def cap_height(ring: Ring, way: int, graph: RingGraph, run: Run, settings: MatchingSettings) -> float:
     """Height in mm at which a tube closes beyond ``ring``, by the area of its last slices.
 
-    Near its pole the section of any smooth body falls linearly with height, as a paraboloid's does.
+    Near its pole the section of any smooth body falls linearly with height, as a paraboloid's does. Where it
+    was drawn on planes across the slices, they say how far it goes.
     """
     step = run.step
+    drawn = [rise for guide in run.guides if (rise := guide.rise(ring, way)) is not None]
+    if drawn:
+        return max(drawn)
     before = ring
     while abs(before.z - ring.z) < 0.99 * step and (further := graph.next(before, 1 - way)) is not None:
         before = further

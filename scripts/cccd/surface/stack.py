@@ -18,7 +18,7 @@ from cccd.surface.outlines import Outlines
 from cccd.surface.probability import ProbabilityTarget
 from cccd.surface.rings import Ring, find_rings
 from cccd.surface.target import TargetField
-from cccd.surface.undrawn import guides_reach, shape_undrawn
+from cccd.surface.undrawn import GuideLine, guide_lines, guides_reach, shape_undrawn
 
 __all__ = ["Run", "SliceStack", "interpolate_slices"]
 
@@ -44,6 +44,8 @@ class Run:
         Half the distance between the scan's slices in mm: how far what it cuts reaches beyond its last slice.
     scan_range : (float, float)
         Heights in mm of the volume's first and last slice: an organ that reaches them was cut by the scan.
+    guides : sequence of GuideLine
+        Planes across the slices on which the organ was drawn as well.
     """
 
     fields: Sequence[LevelField]
@@ -52,6 +54,7 @@ class Run:
     step: float
     half_step: float
     scan_range: tuple[float, float]
+    guides: Sequence[GuideLine] = ()
 
     @property
     def pixel(self) -> float:
@@ -174,6 +177,7 @@ def interpolate_slices(
     ratios = settings.interpolation.learned_ratios
     share = float(np.interp(step / pixel, ratios, (0.0, 1.0, 1.0, 0.0)))
     certain = 0.0 if probability is None else float(np.interp(step / pixel, ratios[2:], (1.0, 0.0)))
+    guides = guide_lines(annotation, distance.shape[1:], frame, origin)
     runs: list[Run] = []
     warnings: list[str] = []
     for part in np.split(np.arange(len(slices)), breaks):
@@ -182,9 +186,9 @@ def interpolate_slices(
         if share > 0 and np.all(np.diff(slices[here]) == every):
             fields = _filled(fields, distance[here], outlines, step, scan_range, share)
         if annotation is not None:
-            fields, warnings = shape_undrawn(fields, annotation, frame, origin)
+            fields, warnings = shape_undrawn(fields, guides, frame)
         rings = [find_rings(plane, level, spacing, outlines.of_pixels) for level, plane in enumerate(fields)]
-        runs.append(Run(fields, rings, spacing, step, half_step, scan_range))
+        runs.append(Run(fields, rings, spacing, step, half_step, scan_range, guides))
     if not any(rings for run in runs for rings in run.rings):
         raise InputError(
             "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"

@@ -21,8 +21,9 @@ from cccd.containers import Annotation, Frame, Guide
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
 from cccd.surface.fields import LevelField, interpolated_planes
+from cccd.surface.rings import Ring
 
-__all__ = ["guides_reach", "shape_undrawn"]
+__all__ = ["GuideLine", "guide_lines", "guides_reach", "shape_undrawn"]
 
 #: A part runs on in one that it does not overlap if that begins no further aside, per mm between slices: at
 #: twice that, bends of the colon and bronchi are joined to what they are no part of.
@@ -52,7 +53,7 @@ def _extent(guide: Guide) -> IntArray:
 
 
 def shape_undrawn(
-    fields: Sequence[LevelField], annotation: Annotation, frame: Frame, origin: IntArray
+    fields: Sequence[LevelField], guides: Sequence[GuideLine], frame: Frame
 ) -> tuple[list[LevelField], list[str]]:
     """Shape the levels between drawn slices.
 
@@ -60,12 +61,10 @@ def shape_undrawn(
     ----------
     fields : sequence of LevelField
         Of the drawn slices, and interpolated between them.
-    annotation : Annotation
+    guides : sequence of GuideLine
         The planes across the slices.
     frame : Frame
         The scan's.
-    origin : (2,) int64
-        Source ``(i, j)`` of the fields' first pixel.
 
     Returns
     -------
@@ -75,7 +74,6 @@ def shape_undrawn(
         How many parts do not overlap the next slice's, and what became of them.
     """
     spacing = frame.pixel_spacing
-    guides = [_GuideLine.of(guide, fields[0].distance.shape, frame, origin) for guide in annotation.guides]
     drawn = [n for n, field in enumerate(fields) if field.source_slice is not None]
     slices = [_Slice.of(fields[n]) for n in drawn]
     gaps = [_Gap.of(below, above, spacing) for below, above in itertools.pairwise(slices)]
@@ -269,8 +267,16 @@ def _rest(gap: _Gap, spacing: FloatArray) -> BoolArray | None:
 # planes across the slices -----------------------------------------------------------------------------
 
 
+def guide_lines(
+    annotation: Annotation | None, shape: Sequence[int], frame: Frame, origin: IntArray
+) -> list[GuideLine]:
+    """Planes across the slices as they meet fields (I, J) that begin at the source's ``origin`` (2,)."""
+    guides = () if annotation is None else annotation.guides
+    return [GuideLine.of(guide, shape, frame, origin) for guide in guides]
+
+
 @dataclass(frozen=True, eq=False)
-class _GuideLine:
+class GuideLine:
     """A plane across the slices as it meets the levels.
 
     Attributes
@@ -283,8 +289,8 @@ class _GuideLine:
         The source slice of its lowest line.
     lines : (S, L) float32
         Signed distances in mm along the row or column, slice by slice.
-    pixel : float
-        mm per pixel square to the plane.
+    pixel, step : float
+        mm per pixel square to the plane, and per slice.
     """
 
     axis: int
@@ -292,9 +298,10 @@ class _GuideLine:
     first: int
     lines: SingleArray
     pixel: float
+    step: float
 
     @classmethod
-    def of(cls, guide: Guide, shape: Sequence[int], frame: Frame, origin: IntArray) -> _GuideLine:
+    def of(cls, guide: Guide, shape: Sequence[int], frame: Frame, origin: IntArray) -> GuideLine:
         """Measure the distances on a plane, over all of the length of fields (I, J) from ``origin`` on."""
         along = 1 - guide.axis
         before = int(guide.origin[1] - origin[along])
@@ -302,7 +309,8 @@ class _GuideLine:
         inside[:, before : before + guide.inside.shape[1]] = guide.inside
         distance = to_mask(inside, np.array([frame.slice_spacing, frame.pixel_spacing[along]]))
         row = int(guide.index - origin[guide.axis])
-        return cls(guide.axis, row, int(guide.origin[0]), distance, float(frame.pixel_spacing[guide.axis]))
+        pixel = float(frame.pixel_spacing[guide.axis])
+        return cls(guide.axis, row, int(guide.origin[0]), distance, pixel, frame.slice_spacing)
 
     def line(self, k: float) -> SingleArray:
         """Distances (L,) at a height in slices."""
@@ -311,8 +319,22 @@ class _GuideLine:
         share = np.float32(at - low)
         return (1 - share) * self.lines[low] + share * self.lines[min(low + 1, len(self.lines) - 1)]
 
+    def rise(self, ring: Ring, way: int) -> float | None:
+        """How far in mm a ring goes on beyond its slice, up or down; None where the plane misses it."""
+        row, along = self.row - int(ring.bbox_min[self.axis]), 1 - self.axis
+        if not 0 <= row < ring.mask.shape[self.axis]:
+            return None
+        met = np.flatnonzero(np.moveaxis(ring.mask, self.axis, 0)[row]) + int(ring.bbox_min[along])
+        start = round(ring.z / self.step) - self.first
+        if len(met) == 0 or not 0 <= start < len(self.lines):
+            return None
+        beyond = self.lines[start + 1 :, met] if way else self.lines[:start, met][::-1]
+        same = (beyond < 0) != ring.hole
+        slices = np.logical_and.accumulate(same, axis=0).sum(axis=0).max()
+        return (float(slices) + 0.5) * self.step
 
-def _guided(distance: SingleArray, guides: Sequence[_GuideLine], k: float, reach: float) -> SingleArray:
+
+def _guided(distance: SingleArray, guides: Sequence[GuideLine], k: float, reach: float) -> SingleArray:
     """Distances (I, J) of a level ``k`` slices high that meet what was drawn on planes across it."""
     for axis in (0, 1):
         here = [guide for guide in guides if guide.axis == axis]

@@ -187,6 +187,16 @@ def test_a_plane_across_guides_a_bent_tube(tmp_path):
     assert guided > 0.95
 
 
+def test_a_plane_across_says_where_an_organ_ends():
+    mask, slices = ellipsoid(), [12, 20, 40, 55, 62]
+    ends = [
+        np.sort(cccd.reconstruct(drawn).vertices[:, 2])[[0, -1]]
+        for drawn in (with_planes(mask, slices, i=[30]), only(mask, slices))
+    ]
+    assert np.abs(ends[0] - [9.5, 69.5]).max() < 0.8
+    assert np.abs(ends[1] - [9.5, 69.5]).max() > 1.5
+
+
 # from the sheet to the figures ----------------------------------------------------------------------
 
 
