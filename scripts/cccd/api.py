@@ -29,7 +29,7 @@ from cccd.solids.shared_walls import Organ, share_walls
 from cccd.surface.export import Scan, write_surface
 from cccd.surface.surface import Surface as LoftedSurface
 from cccd.volumes import load_structure, structure_of_array
-from cccd.volumes.annotation import AUTO, RULES, with_undrawn_filled
+from cccd.volumes.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
 from cccd.volumes.grid import check_affine, find_slice_axis
 from cccd.volumes.inputs import list_labels
 from cccd.volumes.label_maps import list_map
@@ -211,6 +211,8 @@ def read(
     name = name_of(path)
     chosen = str(label) if isinstance(label, (str, int)) else ",".join(str(value) for value in label)
     wanted = "boundary" if boundary else _column_of(path)
+    if annotated == NONEMPTY and wanted != "mask":
+        raise InputError(path.name, "annotated: nonempty needs a mask", "leave annotated out")
     columns = {"image": "", "mask": "", "boundary": "", wanted: str(path)}
     if wanted == "mask" and path.is_dir() and _holds_images(path):
         columns["image"] = str(path)

@@ -1,8 +1,13 @@
-"""What goes out as DICOM, read back by programs of others: dciodvfy (Debian's dicom3tools), trimesh."""
+"""What goes out as DICOM, read by programs of others: dciodvfy (Debian's dicom3tools), trimesh, Orthanc."""
 
 import io
+import json
+import os
 import shutil
+import socket
 import subprocess
+import time
+import urllib.request
 
 import numpy as np
 import pydicom
@@ -35,26 +40,82 @@ def errors_of(path):
     return [line for line in (told.stdout + told.stderr).splitlines() if line.startswith("Error")]
 
 
-@pytest.mark.parametrize("referring", [True, False], ids=["of a series", "of no series"])
-@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
-def test_dciodvfy_finds_no_error(tmp_path, kind, referring):
-    mask = organ()
-    series = write_series(tmp_path / "dicom", grey(mask), AFFINE)
-    folder = tmp_path / "dicom" if referring else None
-    path = tmp_path / "out.dcm"
+def write_kind(kind, path, folder):
+    """Write the ball as RTSTRUCT, M3D or SEG that refers to the series of a folder, or to none."""
     if kind == "SEG":
-        if not referring:
-            pytest.skip("a SEG lies on a series")
         write_seg(path, ball(), name="liver", reference=folder, keep_patient=True)
     elif kind == "M3D":
         write_encapsulated_stl(path, ball(), name="liver", reference=folder, keep_patient=True)
     else:
-        frame = Frame(AFFINE, 2, mask.shape)
+        frame = Frame(AFFINE, 2, organ().shape)
         write_rtstruct(path, ball(), frame, name="liver", reference=folder, keep_patient=True)
+
+
+@pytest.mark.parametrize("referring", [True, False], ids=["of a series", "of no series"])
+@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
+def test_dciodvfy_finds_no_error(tmp_path, kind, referring):
+    series = write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+    folder = tmp_path / "dicom" if referring else None
+    path = tmp_path / "out.dcm"
+    if kind == "SEG" and not referring:
+        pytest.skip("a SEG lies on a series")
+    write_kind(kind, path, folder)
     assert pydicom.dcmread(path).Modality == kind
     if referring:
         assert pydicom.dcmread(path).StudyInstanceUID == series[0].StudyInstanceUID
     assert errors_of(path) == []
+
+
+@pytest.fixture
+def archive(tmp_path):
+    """The address of an Orthanc that runs during the test, on a port of its own and with an empty store."""
+    program = shutil.which("Orthanc", path=f"{os.environ['PATH']}:/usr/sbin")
+    if program is None:
+        pytest.skip("Orthanc is not installed (Debian's orthanc)")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    store = str(tmp_path / "store")
+    settings = {"StorageDirectory": store, "IndexDirectory": store, "HttpPort": port, "Plugins": []}
+    settings |= {"DicomServerEnabled": False, "RemoteAccessAllowed": False, "AuthenticationEnabled": False}
+    (tmp_path / "orthanc.json").write_text(json.dumps(settings))
+    with (tmp_path / "orthanc.log").open("w") as log:
+        process = subprocess.Popen([program, tmp_path / "orthanc.json"], stdout=log, stderr=log)
+    address = f"http://127.0.0.1:{port}"
+    try:
+        for _ in range(300):
+            try:
+                ask(f"{address}/system")
+                break
+            except OSError:
+                assert process.poll() is None, (tmp_path / "orthanc.log").read_text()
+                time.sleep(0.1)
+        yield address
+    finally:
+        process.terminate()
+        process.wait(30)
+
+
+def ask(address, content=None):
+    """What a server answers to a GET, or to a POST of some bytes."""
+    with urllib.request.urlopen(urllib.request.Request(address, content), timeout=30) as answer:
+        return answer.read()
+
+
+def test_an_archive_keeps_all_kinds_with_their_scan(archive, tmp_path):
+    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+    files = sorted((tmp_path / "dicom").iterdir())
+    for kind in ("RTSTRUCT", "M3D", "SEG"):
+        files.append(tmp_path / f"{kind}.dcm")
+        write_kind(kind, files[-1], tmp_path / "dicom")
+    for file in files:
+        stored = json.loads(ask(f"{archive}/instances", file.read_bytes()))
+        assert stored["Status"] == "Success"
+        assert ask(f"{archive}/instances/{stored['ID']}/file") == file.read_bytes()
+    (study,) = json.loads(ask(f"{archive}/studies?expand"))
+    series = [json.loads(ask(f"{archive}/series/{name}")) for name in study["Series"]]
+    kinds = sorted(one["MainDicomTags"]["Modality"] for one in series)
+    assert kinds == ["CT", "M3D", "RTSTRUCT", "SEG"]
 
 
 def test_an_encapsulated_stl_is_the_mesh_in_lps_and_refers_to_every_slice(tmp_path):
