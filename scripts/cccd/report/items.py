@@ -235,7 +235,7 @@ def figure_16(results: Results, item: Item) -> Plots:
     method = rows["method"].where(rows["method"] != CCCD, CCCD + ", given " + rows["given"])
     rows = rows.assign(closed=rows["closed"].astype(float), method=method)
     means = rows.groupby(["points", "method"], sort=False)[["closed", "dice"]].mean().reset_index()
-    shown = {"closed": "Share of single closed curves", "dice": "Mean Dice"}
+    shown = {"closed": "One curve", "dice": "Mean Dice"}
     dots = plots.methods("figure16-dots", means, "method", shown, group="points")
     return [*drawn, (dots, item.captions[1])]
 
