@@ -536,17 +536,18 @@ def _export(given: argparse.Namespace) -> int:
     from cccd.store import read_drawn
     from cccd.surface.export import Scan, read_surface, write_surface
 
-    patches, mesh = given.input / "surface.h5", given.input / "surface.ply"
+    folder = given.input if given.input.is_dir() else given.input.parent  # a file of it will do
+    patches, mesh = folder / "surface.h5", folder / "surface.ply"
     for path in (patches, mesh):
         if not path.is_file():
             raise InputError(
                 str(path), "not there", "give the folder of a finished structure: results/CASE/ORGAN"
             )
     _check_outputs(given.output, mesh)
-    surface, structure = read_surface(patches, mesh), given.input / "structure.h5"
+    surface, structure = read_surface(patches, mesh), folder / "structure.h5"
     drawn = read_drawn(structure) if structure.is_file() else None
     for path in given.output:
-        write_surface(path, surface, Scan(given.input.resolve().name, drawn=drawn))
+        write_surface(path, surface, Scan(folder.resolve().name, drawn=drawn))
         print(path)
     return 0
 

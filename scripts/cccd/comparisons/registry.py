@@ -381,7 +381,9 @@ ITEMS = (
         section="paper",
         rows=(CORNERS,),
         plots=_PLOTS + "figure_6",
-        captions=("The middle slice as it came (the mask where there is no image), and its longest outline.",),
+        captions=(
+            "The middle slice as it came (the mask where there is no image), and its longest outline.",
+        ),
     ),
     Item(
         "figure7",
