@@ -121,8 +121,9 @@ def _check_row(row: dict[str, str]) -> None:
         raise InputError(
             row["location"], f"source {row['source']} needs an image", "give the path of the scan"
         )
-    if row["annotated"] == "nonempty" and (not row["mask"] or row["boundary"] or starred):
-        problem = "annotated: nonempty needs a mask, of one organ, that is reconstructed"
+    unused = not row["mask"] or row["boundary"] or row["role"] == "train"
+    if row["annotated"] == "nonempty" and unused:
+        problem = "annotated: nonempty needs a mask that is reconstructed"
         raise InputError(row["location"], problem, "leave annotated empty, or give the row a mask alone")
     if row["source"] not in _FROM_FILES:
         for name in ("image", "mask", "boundary", "label"):

@@ -34,6 +34,8 @@ LEAST_GAP = 3
 LEAST_SLICES, OVERLAPPING = 3, 0.5
 #: A slice less of which than this lies in squares of 2 x 2 pixels holds lines: planes across it were drawn.
 SOLID = 0.5
+#: There are no such planes where fewer slices than this share hold lines: an organ's ends may be thin.
+LINES = 1 / 3
 #: Planes across the slices must account for this share of what such slices hold.
 EXPLAINED = 0.9
 
@@ -120,14 +122,15 @@ def drawn_slices(stack: BoolArray) -> _Drawn:
     pixels = np.count_nonzero(stack, axis=(1, 2))
     squares = np.array([np.count_nonzero(_in_squares(plane[None])) for plane in stack])
     lines = filled & (squares < SOLID * pixels)
-    if not filled.sum() / 2 <= lines.sum() < filled.sum():
+    if not filled.sum() * LINES <= lines.sum() < filled.sum():
         return _Drawn(np.flatnonzero(filled), [])
     rest = stack & lines[:, None, None]
     explained = np.zeros_like(rest)
     planes: list[tuple[int, int]] = []
     for axis in (0, 1):
         across = np.moveaxis(rest, 1 + axis, 0)
-        solid = np.count_nonzero(_in_squares(across), axis=(1, 2))
+        squares = _in_squares(np.moveaxis(stack, 1 + axis, 0))
+        solid = np.count_nonzero(squares & across, axis=(1, 2))
         drawn = np.flatnonzero(solid > SOLID * np.count_nonzero(across, axis=(1, 2)))
         np.moveaxis(explained, 1 + axis, 0)[drawn] = across[drawn]
         planes += [(axis, int(position)) for position in drawn]

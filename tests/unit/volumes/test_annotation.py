@@ -97,10 +97,11 @@ def with_planes(mask, slices, i=(), j=()):
     return drawn
 
 
+@pytest.mark.parametrize("slices", [[14, 26, 33, 47, 60], list(range(11, 70, 2))], ids=["far", "near"])
 @pytest.mark.parametrize(("i", "j"), [((30,), ()), ((), (25,)), ((20, 36), (28,)), ((25, 30, 35), (20, 30))])
-def test_planes_across_the_slices_are_told_from_slices(i, j):
-    mask, slices = ellipsoid(), [14, 26, 33, 47, 60]
-    annotation = found(with_planes(mask, slices, i, j))
+def test_planes_across_the_slices_are_told_from_slices(i, j, slices):
+    mask = ellipsoid()
+    annotation = found(with_planes(mask, slices, i, j), "nonempty")
     assert annotation.slices.tolist() == [k + 3 for k in slices]
     planes = [(guide.axis, guide.index) for guide in annotation.guides]
     assert planes == [(0, n + 10) for n in i] + [(1, n + 20) for n in j]
@@ -222,6 +223,7 @@ def test_what_was_drawn_is_stored_and_is_all_that_is_measured_against(tmp_path):
     [
         ({"annotated": "nonempty", "image": "a.nii"}, "annotated: nonempty needs a mask"),
         ({"annotated": "nonempty", "mask": "a.nii", "boundary": "b.nii"}, "annotated: nonempty needs a mask"),
+        ({"annotated": "nonempty", "mask": "a.nii", "role": "train"}, "annotated: nonempty needs a mask"),
         ({"annotated": "nonempti", "mask": "a.nii"}, "annotated 'nonempti' is not known"),
     ],
 )
