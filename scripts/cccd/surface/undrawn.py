@@ -343,9 +343,13 @@ def _guided(distance: SingleArray, guides: Sequence[GuideLine], k: float, reach:
         plane = distance if axis == 0 else distance.T
         plane = _stretched(plane, [(guide.row, guide.line(k)) for guide in here])
         for guide in here:
-            away = np.abs(np.arange(len(plane)) - guide.row) * guide.pixel
-            weight = np.clip(1 - away / reach, 0, 1).astype(np.float32)
-            plane = plane + weight[:, None] * (guide.line(k) - plane[guide.row])
+            line, found = guide.line(k), plane[guide.row]
+            wrong = (line < 0) != (found < 0)
+            if wrong.any():
+                push = np.where(wrong, np.clip(line, -guide.pixel, guide.pixel) - found, np.float32(0))
+                away = np.abs(np.arange(len(plane)) - guide.row) * guide.pixel
+                weight = np.clip(1 - away / reach, 0, 1).astype(np.float32)
+                plane = plane + weight[:, None] * push
         distance = plane if axis == 0 else plane.T
     return distance
 
