@@ -525,6 +525,15 @@ class TetrahedraSettings(Section):
         gt=0,
         le=100,
     )
+    most: int = setting(
+        1_500_000,
+        "more tetrahedra than this, by a rough estimate, are refused before any is made",
+        why="fTetWild takes two milliseconds for each (a brain's 22,000 in 49 s): this is an hour.",
+        unit="count",
+        expert=True,
+        ge=1000,
+        le=1_000_000_000,
+    )
     energy: float = setting(
         10.0,
         "ftetwild: tetrahedra are improved until the worst has this conformal energy; 3 is a regular one",

@@ -145,6 +145,7 @@ def fill_organs(
         if not mesh.is_closed_manifold:
             raise InputError(name, "the mesh is not closed: it bounds no volume", "export another format")
     sizes = sizes_in_mm(organs, settings)
+    _refuse_too_many(organs, *sizes, settings.most)
     if settings.mesher == "gmsh":
         vertices, tetrahedra = fill_surfaces(organs, *sizes)
     elif settings.mesher == "gmsh-step":
@@ -165,6 +166,26 @@ def fill_organs(
     return _bounded(
         vertices[used], tetrahedra.reshape(-1, 4), regions[kept], inside[kept], organs, frames or {}
     )
+
+
+def _refuse_too_many(organs: Mapping[str, Mesh], edge: float, tolerance: float, most: int) -> None:
+    """Raise `InputError` where the sizes ask for more tetrahedra than there is time and memory for.
+
+    A regular one of edge a has the volume a^3 / 6 sqrt 2. Faces are as large as the tolerance allows on a
+    ball of the organ's volume by surface, and each has about five tetrahedra behind it.
+    """
+    inside = at_surface = 0.0
+    for mesh in organs.values():
+        radius = 3 * mesh.volume / mesh.area
+        inside += 6 * 2**0.5 * mesh.volume / edge**3
+        at_surface += 5 * mesh.area / (3**0.5 / 4 * min(edge**2, 8 * radius * tolerance))
+    if inside + at_surface > most:
+        key, size = ("edge_mm", edge) if inside > at_surface else ("tolerance_mm", tolerance)
+        raise InputError(
+            f"config key surface.tetrahedra.{key}",
+            f"{size:.2g} mm asks for about {inside + at_surface:.1g} tetrahedra",
+            "raise it, or surface.tetrahedra.most with time and memory for them",
+        )
 
 
 def _bounded(

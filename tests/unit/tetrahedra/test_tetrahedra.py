@@ -152,6 +152,12 @@ def test_chords_are_balanced_and_what_is_fixed_stays():
     assert np.array_equal(balance_chords(vertices, tetrahedra, inscribed.faces, ball, ~fixed), vertices)
 
 
+@pytest.mark.parametrize("key", ["edge_mm", "tolerance_mm"])
+def test_sizes_that_nobody_could_wait_for_are_refused_at_once(key):
+    with pytest.raises(InputError, match=f"surface.tetrahedra.{key}: 1e-05 mm asks for about .* raise it"):
+        fill_organs({"ball": sphere(50.0)}, SETTINGS.model_copy(update={key: 1e-5}))
+
+
 def test_an_open_surface_is_refused():
     ball = sphere(5.0)
     with pytest.raises(InputError, match="not closed"):
