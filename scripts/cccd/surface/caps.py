@@ -44,12 +44,14 @@ def cap_height(ring: Ring, way: int, graph: RingGraph, run: Run, settings: Match
     drawn = [rise for guide in run.guides if (rise := guide.rise(ring, way)) is not None]
     if drawn:
         return max(drawn)
+    # what nobody drew was made to end: it falls as it was made to
+    back = run.pixel if run.of_some_slices and ring.source_slice is None else step
     before = ring
-    while abs(before.z - ring.z) < 0.99 * step and (further := graph.next(before, 1 - way)) is not None:
+    while abs(before.z - ring.z) < 0.99 * back and (further := graph.next(before, 1 - way)) is not None:
         before = further
     fall = (before.area - ring.area) / max(abs(before.z - ring.z), 1e-9)
     low, high = settings.lowest_cap_steps, settings.highest_cap_steps
-    return float(np.clip(ring.area / fall, low * step, high * step)) if fall > 0 else high * step
+    return float(np.clip(ring.area / fall, low * back, high * step)) if fall > 0 else high * step
 
 
 def rounded_cap(

@@ -44,6 +44,8 @@ class Run:
         Half the distance between the scan's slices in mm: how far what it cuts reaches beyond its last slice.
     scan_range : (float, float)
         Heights in mm of the volume's first and last slice: an organ that reaches them was cut by the scan.
+    of_some_slices : bool
+        Whether only some slices were drawn.
     guides : sequence of GuideLine
         Planes across the slices on which the organ was drawn as well.
     """
@@ -54,6 +56,7 @@ class Run:
     step: float
     half_step: float
     scan_range: tuple[float, float]
+    of_some_slices: bool = False
     guides: Sequence[GuideLine] = ()
 
     @property
@@ -188,7 +191,8 @@ def interpolate_slices(
         if annotation is not None:
             fields, warnings = shape_undrawn(fields, guides, frame)
         rings = [find_rings(plane, level, spacing, outlines.of_pixels) for level, plane in enumerate(fields)]
-        runs.append(Run(fields, rings, spacing, step, half_step, scan_range, guides))
+        of_some = annotation is not None
+        runs.append(Run(fields, rings, spacing, step, half_step, scan_range, of_some, guides))
     if not any(rings for run in runs for rings in run.rings):
         raise InputError(
             "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"

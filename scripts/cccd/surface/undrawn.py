@@ -31,6 +31,9 @@ STEEPEST = 0.25
 #: A part is moved onto the next where that makes up for so much of what they do not share: not at all at the
 #: first, all the way at the second. Organs that change their shape are nearer to the truth where they lie.
 MOTION = (0.3, 0.7)
+#: A part that has nothing to run on in closes as a paraboloid so high, as a share of the way to the next
+#: slice: all that is known is that it ends before that.
+HEIGHT = 0.5
 #: Where stretching alone does not bring a level to a plane's outline, it is corrected so far to either side
 #: of the plane, as a share of the distance between the drawn slices.
 REACH = 0.25
@@ -81,13 +84,16 @@ def shape_undrawn(
     chains = [_moving_fields(chain, slices, gaps, z, spacing) for chain in _chains(gaps)]
     shaped = list(fields)
     for gap, (low, high) in zip(gaps, itertools.pairwise(drawn), strict=True):
-        rest = _rest(gap, spacing)
+        rest, endings = _rest(gap, spacing), _endings(gap, spacing)
         for n in range(low + 1, high):
             distance = fields[n].distance
             following = [chain[n] for chain in chains if n in chain]
             if following:
                 nearest = functools.reduce(np.minimum, following)
                 distance = nearest if rest is None else np.where(rest, np.minimum(distance, nearest), nearest)
+            share = (z[n] - z[low]) / (z[high] - z[low])
+            for ending in endings:
+                distance = np.minimum(distance, ending.at(share))
             reach = REACH * (fields[high].z - fields[low].z)
             distance = _guided(distance, guides, fields[n].z / frame.slice_spacing, reach)
             shaped[n] = replace(fields[n], distance=distance)
@@ -96,7 +102,10 @@ def shape_undrawn(
 
 def _warnings(gaps: Sequence[_Gap]) -> list[str]:
     """Say what became of parts that do not overlap those of the next drawn slice."""
-    moved, ending = sum(gap.aside for gap in gaps), sum(gap.ending for gap in gaps)
+    moved, ending = (
+        sum(gap.aside for gap in gaps),
+        sum(len(numbers) for gap in gaps for numbers in gap.ending),
+    )
     notes: list[str] = []
     if moved:
         notes.append(
@@ -151,8 +160,8 @@ class _Gap:
         Pixels by which each of these parts below has moved.
     aside : int
         How many of these do not overlap.
-    ending : int
-        How many parts have nothing to run on in.
+    ending : pair of sets of int
+        Parts below, and above, that have nothing to run on in.
     """
 
     below: _Slice
@@ -160,7 +169,7 @@ class _Gap:
     pairs: dict[int, int]
     ways: dict[int, FloatArray]
     aside: int
-    ending: int
+    ending: tuple[set[int], set[int]]
 
     @classmethod
     def of(cls, below: _Slice, above: _Slice, spacing: FloatArray) -> _Gap:
@@ -177,7 +186,8 @@ class _Gap:
             for n, side in enumerate((below, above))
         ]
         aside = _nearest(below.parts, above.parts, free, spacing, STEEPEST * (above.z - below.z))
-        ending = len(free[0]) + len(free[1]) - 2 * len(aside)
+        taken = [{a for a, _ in aside}, {b for _, b in aside}]
+        ending = set(map(int, free[0])) - taken[0], set(map(int, free[1])) - taken[1]
         ways = {a: _way(below, above, a, b) for a, b in single}
         ways |= {a: above.centre(b) - below.centre(a) for a, b in aside}
         pairs = {a: b for a, b in [*single, *aside] if ways[a].any()}
@@ -262,6 +272,30 @@ def _rest(gap: _Gap, spacing: FloatArray) -> BoolArray | None:
     if not np.any(branches):
         return None
     return to_mask(np.any(branches, axis=0), spacing) < to_mask(np.any(follows, axis=0), spacing)
+
+
+@dataclass(frozen=True, eq=False)
+class _Ending:
+    """A part that ends between its slice, the lower (0) or upper one (1) of two, and the other."""
+
+    distance: SingleArray
+    side: int
+
+    def at(self, share: float) -> SingleArray:
+        """Distances (I, J) in mm at a share of the way up: the part shrinks to nothing."""
+        gone = min((share, 1 - share)[self.side] / HEIGHT, 1.0)
+        depth = np.float32(1 - np.sqrt(1 - gone))
+        return self.distance - depth * self.distance.min()
+
+
+def _endings(gap: _Gap, spacing: FloatArray) -> list[_Ending]:
+    """Parts that end between two slices."""
+    sides = (gap.below, gap.above)
+    return [
+        _Ending(sides[side].distance_of(number, spacing), side)
+        for side, numbers in enumerate(gap.ending)
+        for number in sorted(numbers)
+    ]
 
 
 # planes across the slices -----------------------------------------------------------------------------

@@ -169,6 +169,16 @@ def test_parts_that_lie_beside_each_other_are_one_organ():
     assert any("joined aslant" in warning for warning in surface.warnings)
 
 
+def test_a_part_without_a_next_one_ends_half_way():
+    i, j, k = np.indices((70, 30, 81))
+    long, short = np.hypot(i - 15, j - 15) <= 7, (np.hypot(i - 52, j - 15) <= 9) & (k > 28)
+    surface = cccd.reconstruct(only(long | short, list(range(0, 81, 20))))
+    assert surface.lofted.report["bodies"] == 2
+    ends = surface.vertices[surface.vertices[:, 0] > 33, 2]
+    assert 28 < ends.min() < 33
+    assert any("they end on the way" in warning for warning in surface.warnings)
+
+
 def bent_tube():
     i, j, k = np.indices((60, 70, 81))
     return np.hypot(i - 30, j - 35 - 12 * np.sin(np.pi * k / 40)) <= 9
