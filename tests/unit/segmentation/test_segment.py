@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 pytest.importorskip("monai")
@@ -12,10 +13,13 @@ pytest.importorskip("monai")
 from cccd.cli import main
 from cccd.cohort import complete_row
 from cccd.errors import InputError
+from cccd.project import PROJECT
 from cccd.segmentation.external import run_external
+from cccd.segmentation.model import load_segmenter
 from cccd.segmentation.segment import find_segmenter
 from cccd.segmentation.sources import read_labelled_scan
 from cccd.settings.imports import ImportSettings, PhantomSettings
+from cccd.settings.segmentation import SEGMENTERS
 from cccd.volumes.grid import Volume
 from cccd.volumes.nifti_export import write_nifti
 
@@ -29,6 +33,25 @@ def test_shipped_weights_are_found_by_name_and_strangers_are_not():
     assert organ == "hippocampus"
     with pytest.raises(InputError, match="there is no file heart"):
         find_segmenter("heart")
+
+
+@pytest.mark.parametrize(
+    ("folder", "networks", "least", "source"),
+    [
+        ("hippocampus", SEGMENTERS, 0.84, "files"),
+        ("phantom_liver", SEGMENTERS, 0.95, "phantom"),
+        ("phantom_lungs", ["nnunet"], 0.95, "phantom"),
+    ],
+)
+def test_shipped_weights_are_small_and_their_scores_are_those_asked_for(folder, networks, least, source):
+    for network in networks:
+        path = PROJECT / "workflow" / "models" / "segmenters" / folder / f"{network}.pt"
+        assert path.stat().st_size <= 3e6
+        _, plan = load_segmenter(path)
+        assert (plan.network, plan.source) == (network, source)
+        scores = pd.read_csv(path.with_name(f"{network}_scores.csv"))
+        assert scores["dice"].mean() >= least
+        assert scores.groupby("label")["dice"].mean().min() >= least - 0.01
 
 
 def test_an_installed_segmenter_that_is_absent_is_said(monkeypatch):
