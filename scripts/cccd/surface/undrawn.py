@@ -7,9 +7,8 @@ Where planes across the slices were drawn as well, levels are stretched until th
 
 from __future__ import annotations
 
-import functools
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,16 +80,18 @@ def shape_undrawn(
     slices = [_Slice.of(fields[n]) for n in drawn]
     gaps = [_Gap.of(below, above, spacing) for below, above in itertools.pairwise(slices)]
     z = np.array([field.z for field in fields])
-    chains = [_moving_fields(chain, slices, gaps, z, spacing) for chain in _chains(gaps)]
+    moving: dict[int, SingleArray] = {}
+    for chain in _chains(gaps):
+        for n, plane in _moving_fields(chain, slices, gaps, z, spacing):
+            moving[n] = np.minimum(moving[n], plane) if n in moving else plane
     shaped = list(fields)
     for gap, (low, high) in zip(gaps, itertools.pairwise(drawn), strict=True):
         rest, endings = _rest(gap, spacing), _endings(gap, spacing)
         for n in range(low + 1, high):
             distance = fields[n].distance
-            following = [chain[n] for chain in chains if n in chain]
-            if following:
-                nearest = functools.reduce(np.minimum, following)
-                distance = nearest if rest is None else np.where(rest, np.minimum(distance, nearest), nearest)
+            if n in moving:
+                moved = moving.pop(n)
+                distance = moved if rest is None else np.where(rest, np.minimum(distance, moved), moved)
             share = (z[n] - z[low]) / (z[high] - z[low])
             for ending in endings:
                 distance = np.minimum(distance, ending.at(share))
@@ -241,8 +242,8 @@ def _moving_fields(
     gaps: Sequence[_Gap],
     z: FloatArray,
     spacing: FloatArray,
-) -> dict[int, SingleArray]:
-    """Fields (I, J) of a chain of parts on the levels at heights ``z`` between its slices, by level.
+) -> Iterator[tuple[int, SingleArray]]:
+    """Fields (I, J) of a chain of parts on the levels at heights ``z`` between its slices, numbered.
 
     The parts are interpolated where the first one lies, and moved back along a smooth path.
     """
@@ -256,7 +257,8 @@ def _moving_fields(
     levels = np.flatnonzero((z > heights[0]) & (z < heights[-1]) & ~np.isin(z, heights))
     back = PchipInterpolator(heights, path)
     still = interpolated_planes(heights, np.stack(planes), z[levels])
-    return {int(n): _moved(plane, back(z[n])) for n, plane in zip(levels, still, strict=True)}
+    for n, plane in zip(levels, still, strict=True):
+        yield int(n), _moved(plane, back(z[n]))
 
 
 def _moved(plane: SingleArray, by: FloatArray) -> SingleArray:
