@@ -36,6 +36,9 @@ SHARP_DEG = 40.0
 #: Edges are no shorter than this many times the tolerance: on a radius of the tolerance a chord is as long.
 SHORTEST = 2.0
 
+#: Radius of an organ's bends, by that of a ball of its volume by surface.
+BENDS = 0.25
+
 #: Vertices of one organ that are tried for lying in another.
 TRIED = 100
 
@@ -159,10 +162,13 @@ def fill_solids(
             "set surface.tetrahedra.mesher to gmsh or ftetwild",
         )
     solids = {name: build_solids(mesh, step_tolerance, settings) for name, mesh in organs.items()}
-    sizes = _sizes(organs, edge, tolerance)
+    bends = min(BENDS * 3 * mesh.volume / mesh.area for mesh in organs.values())
+    edge = min(edge, (8 * bends * tolerance) ** 0.5)
     with tempfile.TemporaryDirectory() as folder:
         write_organs(Path(folder, "organs.step"), solids, dict.fromkeys(solids, COLOUR), "step")
-        script = ['SetFactory("OpenCASCADE");', 'Merge "organs.step";', *sizes]
+        script = ['SetFactory("OpenCASCADE");', 'Merge "organs.step";']
+        # not by curvature, for which Gmsh needs minutes on a thousand splines
+        script += [f"Mesh.MeshSizeMax = {float(edge)!r};", "Mesh.SaveAll = 1;"]
         filled = _run(Path(folder), "filled", script, 3, organs)
     return filled.vertices, filled.tetrahedra
 
