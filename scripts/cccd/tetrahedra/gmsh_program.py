@@ -259,6 +259,7 @@ def _sizes(organs: Mapping[str, Mesh], edge: float, tolerance: float) -> list[st
         f"Mesh.MeshSizeMax = {float(edge)!r};",
         f"Mesh.MeshSizeMin = {float(SHORTEST * tolerance)!r};",
         f"Mesh.MeshSizeFromCurvature = {float(np.pi * edge / (4 * tolerance))!r};",
+        "Mesh.MeshSizeExtendFromBoundary = 0;",  # else the short edges between pieces spread over them
         "Mesh.OptimizeNetgen = 1;",
         "Mesh.SaveAll = 1;",
     ]
