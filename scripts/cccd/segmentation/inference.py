@@ -23,8 +23,9 @@ _OVERLAP = 0.5
 
 
 def device_of(model: nn.Module) -> torch.device:
-    """Device that a network's weights lie on."""
-    return next(model.parameters()).device
+    """Device that a network's weights lie on; without weights, the processor."""
+    weights = next(model.parameters(), None)
+    return torch.device("cpu") if weights is None else weights.device
 
 
 @torch.no_grad()
