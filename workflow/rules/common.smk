@@ -269,6 +269,10 @@ def way_of(wildcards):
     return "take_contours" if is_drawn(row["mask"]) else "trace_contours"
 
 
+#: Priorities: first what the longest chain of jobs begins with, as structures wait for the trained network; then
+#: the way to each surface, which comparisons wait for; comparisons, by their length; and all else.
+FIRST, ON_THE_WAY = 100, 50
+
 #: The model in use; the one that comes with the project; and the one that is taken where none is trained.
 MODEL = "results/gnn/model.pt"
 SHIPPED = near(ROOT / "workflow" / "models" / "junctions.pt")

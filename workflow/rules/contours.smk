@@ -11,6 +11,7 @@ rule extract_boundaries:
         "logs/{case}/{organ}/extract_boundaries.log",
     benchmark:
         "benchmarks/{case}/{organ}/extract_boundaries.tsv"
+    priority: ON_THE_WAY
     group:
         before_walls
     conda:
@@ -36,6 +37,7 @@ rule make_contours:
         "logs/{case}/{organ}/make_contours.log",
     benchmark:
         "benchmarks/{case}/{organ}/make_contours.tsv"
+    priority: ON_THE_WAY
     group:
         before_walls
     conda:

@@ -11,6 +11,7 @@ rule fit_curves:
         "logs/{case}/{organ}/fit_curves.log",
     benchmark:
         "benchmarks/{case}/{organ}/fit_curves.tsv"
+    priority: ON_THE_WAY
     group:
         before_walls
     conda:

@@ -1,8 +1,5 @@
 """Junctions: synthetic training graphs -> the GNN that tells true links from false ones -> its scores."""
 
-#: Priority of what the longest chain of jobs begins with: two structures wait for the trained network.
-FIRST = 100
-
 
 rule generate_graphs:
     """Draw the frozen training, validation and test graphs from synthetic contours, none of them a structure's."""

@@ -40,6 +40,7 @@ rule import_structure:
         "logs/{case}/{organ}/import_structure.log",
     benchmark:
         "benchmarks/{case}/{organ}/import_structure.tsv"
+    priority: ON_THE_WAY
     group:
         "import"
     conda:

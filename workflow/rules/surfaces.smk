@@ -48,6 +48,7 @@ rule loft_surface:
         "benchmarks/{case}/{organ}/loft_surface.tsv"
     wildcard_constraints:
         case=APART,
+    priority: ON_THE_WAY
     group:
         "structure"
     conda:
