@@ -101,7 +101,7 @@ WRONG = {
     "a folder as output": (["surface", "liver.nii.gz", "-o", "taken.ply"], "that is a folder"),
     "one output twice": (["surface", "liver.nii.gz", "-o", "a.ply", "-o", "a.ply"], "named twice"),
     "a label of one mask": (["surface", "liver.nii.gz", "--label", "liver"], "no label 'liver'"),
-    "a sheet as mask": (["surface", "sheet.tsv"], "a table, not a volume"),
+    "a sheet as mask": (["surface", "table.tsv"], "a table, not a volume"),
     "a mask as sheet": (["run", "liver.nii.gz"], "not a cohort sheet"),
     "no segmenter": (["segment", "liver.nii.gz", "--segmenter", "lvier"], "choose one of hippocampus"),
     "no report": (["report", "nothing"], "no structure is finished there"),
@@ -117,8 +117,7 @@ WRONG = {
 def test_what_cannot_work_ends_in_one_line(here, capsys, arguments, words):
     (here / "nothing").mkdir()
     (here / "taken.ply").mkdir()
-    if arguments[1] == "sheet.tsv" and arguments[0] == "surface":
-        (here / "sheet.tsv").write_text("case\torgan\tmask\n")
+    (here / "table.tsv").write_text("case\torgan\tmask\n")
     before = files(here)
     assert main(arguments) == 1
     (line,) = capsys.readouterr().err.splitlines()

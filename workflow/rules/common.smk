@@ -22,8 +22,8 @@ import cccd
 from cccd.cohort import brings_maps, complete_row, read_cohort
 from cccd.comparisons.registry import COMPARISONS, INPUTS, ITEMS, tables
 from cccd.dependencies import imported_files
-from cccd.dicom_objects import holds_contours
 from cccd.devices import DEVICE
+from cccd.dicom_objects import holds_contours
 from cccd.disk_space import check_room
 from cccd.sidecar_files import voxel_files
 from cccd.errors import InputError
