@@ -2,6 +2,7 @@
 
 snakemake --cores 2                              the default cohort: training, surfaces, tables, report
 snakemake --cores 2 --config cohort=sheet.tsv    your own structures
+snakemake --cores 2 surfaces                     surfaces alone: no measures, comparisons or report
 snakemake --cores 2 results/CASE/ORGAN/surface.ply
 snakemake --cores 2 segmenters                   segmentation networks, trained on the sheet's rows of role train
 snakemake --cores 2 phantoms                     scans and true surfaces, as files for a benchmark
@@ -35,14 +36,21 @@ include: "workflow/rules/report.smk"
 include: "workflow/rules/phantoms.smk"
 
 
+rule surfaces:
+    """Every surface in every format that is asked for, and nothing else."""
+    input:
+        for_structures("surface.ply"),
+        for_formats(),
+        for_case_formats(),
+    localrule: True
+
+
 rule all:
     """Everything: a surface per structure, every table, and the report."""
     default_target: True
     input:
         "results/report.html",
-        for_structures("surface.ply"),
-        for_formats(),
-        for_case_formats(),
+        rules.surfaces.input,
         for_structures("region.png", REGIONS),
         for_pages(),
         for_cases(),
@@ -52,6 +60,7 @@ rule all:
 onstart:
     check_before_jobs()
     switch_timers_off()
+    answer_sigterm_beside()
 
 
 onsuccess:

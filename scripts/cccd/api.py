@@ -119,7 +119,11 @@ class Surface:
         return self.lofted.mesh.to_polydata()
 
     def write(
-        self, path: str | Path, contour_spacing_mm: float | None = None, keep_patient: bool = False
+        self,
+        path: str | Path,
+        contour_spacing_mm: float | None = None,
+        keep_patient: bool = False,
+        settings: Settings = _DEFAULTS,
     ) -> Path:
         """Write the surface; the suffix chooses the format.
 
@@ -134,6 +138,9 @@ class Surface:
             Distance of the RTSTRUCT's planes; that of the scan's slices by default.
         keep_patient : bool
             The RTSTRUCT says who the patient is, as the scan's DICOM files do.
+        settings : Settings
+            The configuration; of its section ``surface`` solids read ``step_tolerance_mm`` and ``solid``,
+            tetrahedra ``tetrahedra`` as well.
 
         Returns
         -------
@@ -145,7 +152,17 @@ class Surface:
         InputError
             An unknown suffix, or a format whose extra is not installed.
         """
-        scan = Scan(self.name, contour_spacing_mm, self.series, keep_patient, self.drawn)
+        surface = settings.surface
+        scan = Scan(
+            self.name,
+            contour_spacing_mm,
+            self.series,
+            keep_patient,
+            self.drawn,
+            surface.step_tolerance_mm,
+            surface.solid,
+            surface.tetrahedra,
+        )
         write_surface(path, self.lofted, scan)
         return Path(path)
 

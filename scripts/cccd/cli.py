@@ -22,6 +22,7 @@ from cccd.extras import missing_extra
 if TYPE_CHECKING:
     from cccd.api import Surface
     from cccd.containers import Structure
+    from cccd.settings.root import Settings
 
 __all__ = ["main"]
 
@@ -151,6 +152,10 @@ def _add_surface(commands: Any) -> None:
         action="store_true",
         help="a surface of every label, smoothed together: a wall between two is the same in both",
     )
+    surface.add_argument(
+        "--configfile", type=Path, metavar="YAML",
+        help="keys of the configuration that shall be others, as in 'surface: {tetrahedra: {mesher: gmsh}}'",
+    )  # fmt: skip
     surface.set_defaults(run=_surface)
 
 
@@ -238,12 +243,13 @@ def _add_report(commands: Any) -> None:
 
 def _surface(given: argparse.Namespace) -> int:
     outputs = given.output or [Path(f"{_plain_stem(given.input)}.ply")]
-    _check_outputs(outputs, given.input)
+    settings = _settings_of(given)
+    _check_outputs(outputs, given.input, settings.surface.tetrahedra.mesher)
     made, failed = [], 0
     if given.all_labels:
-        made, failed = _make_all_surfaces(given, outputs)
+        made, failed = _make_all_surfaces(given, outputs, settings)
     else:
-        made = [_make_surface(given, given.label, outputs)]
+        made = [_make_surface(given, given.label, outputs, settings)]
     if not given.json:
         for surface in made:
             _print_surface(surface)
@@ -258,12 +264,25 @@ def _plain_stem(path: Path) -> str:
     return name_of(path.absolute())
 
 
-def _check_outputs(outputs: Sequence[Path], source: Path) -> None:
+def _settings_of(given: argparse.Namespace) -> Settings:
+    """Return the defaults, or those with the keys of the file that was given."""
+    from cccd.settings.root import Settings
+    from cccd.settings.validation import read_config
+
+    return read_config(given.configfile) if given.configfile else Settings()
+
+
+def _check_outputs(outputs: Sequence[Path], source: Path, mesher: str = "ftetwild") -> None:
     """Refuse what could not be written before anything is computed."""
-    from cccd.surface.export import check_format
+    from cccd.settings.surface import TETRAHEDRA_FORMATS
+    from cccd.surface.export import check_format, format_of
 
     for path in outputs:
-        check_format(path)
+        check_format(path, mesher)
+        if mesher != "ftetwild" and format_of(path) in TETRAHEDRA_FORMATS:
+            from cccd.tetrahedra.gmsh_program import require_gmsh
+
+            require_gmsh()
         if outputs.count(path) > 1:
             raise InputError(str(path), "named twice as output", "name it once")
         if path.is_dir():
@@ -289,7 +308,7 @@ def _with_name(path: Path, organ: str) -> Path:
 
 
 def _make_all_surfaces(
-    given: argparse.Namespace, outputs: Sequence[Path]
+    given: argparse.Namespace, outputs: Sequence[Path], settings: Settings
 ) -> tuple[list[dict[str, Any]], int]:
     """Make a surface of every label and write them; what there is to say of each, and how many failed."""
     from tqdm import tqdm
@@ -302,6 +321,7 @@ def _make_all_surfaces(
             given.input,
             image=given.image,
             annotated=given.annotated,
+            settings=settings,
             progress=bar.set_description_str,
         )
     for line in failures:
@@ -311,12 +331,18 @@ def _make_all_surfaces(
     for surface in surfaces:
         files = [_with_name(path, surface.name) for path in outputs]
         for path in files:
-            surface.write(path)
+            _write(surface, path, settings)
         made.append(_describe_surface(surface, files, seconds))
     return made, len(failures)
 
 
-def _make_surface(given: argparse.Namespace, label: str, files: Sequence[Path]) -> dict[str, Any]:
+def _write(surface: Surface, path: Path, settings: Settings) -> None:
+    surface.write(path, settings.surface.contour_spacing_mm, settings.surface.keep_patient, settings)
+
+
+def _make_surface(
+    given: argparse.Namespace, label: str, files: Sequence[Path], settings: Settings
+) -> dict[str, Any]:
     """Make one surface and write it; what there is to say of it."""
     from tqdm import tqdm
 
@@ -331,14 +357,19 @@ def _make_surface(given: argparse.Namespace, label: str, files: Sequence[Path]) 
 
         tell("reading")
         structure = cccd.read(
-            given.input, label, image=given.image, boundary=given.boundary, annotated=given.annotated
+            given.input,
+            label,
+            image=given.image,
+            boundary=given.boundary,
+            annotated=given.annotated,
+            settings=settings,
         )
         if not _is_compiled():
             tqdm.write("first use: compiling, once, for about a minute ...", file=sys.stderr)
-        surface = cccd.reconstruct(structure, progress=tell)
+        surface = cccd.reconstruct(structure, settings=settings, progress=tell)
         tell("writing")
         for path in files:
-            surface.write(path)
+            _write(surface, path, settings)
     return _describe_surface(surface, files, time.perf_counter() - began)
 
 

@@ -159,11 +159,7 @@ def normal_angles(mesh: Mesh, truth: Mesh, rng: np.random.Generator, count: int 
     face = rng.choice(len(truth.faces), count, p=truth.face_areas / truth.area)
     weights = rng.dirichlet(np.ones(3), count)
     points = np.einsum("pc,pcx->px", weights, truth.vertices[truth.faces[face]])
-    at_vertices = np.zeros_like(truth.vertices)
-    for corner in range(3):
-        np.add.at(at_vertices, truth.faces[:, corner], truth.face_normals)
-    at_vertices /= np.maximum(np.linalg.norm(at_vertices, axis=1, keepdims=True), 1e-12)
-    true = np.einsum("pc,pcx->px", weights, at_vertices[truth.faces[face]])
+    true = np.einsum("pc,pcx->px", weights, truth.vertex_normals[truth.faces[face]])
     nearest = mesh.unit_normals[nearest_faces(points, mesh)]
     across = np.linalg.norm(np.cross(true, nearest), axis=1)
     return np.degrees(np.arctan2(across, np.einsum("px,px->p", true, nearest)))

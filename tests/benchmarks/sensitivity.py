@@ -162,6 +162,8 @@ class Chain:
     figures: tuple[Callable[[Settings], Figures], ...]
 
 
+#: Keys of what is made of the finished surface.
+AFTER_THE_SURFACE = ("surface.solid.", "surface.tetrahedra.")
 CHAINS = (
     Chain("curves.", (curve_figures, surface_figures)),
     Chain("surface.", (surface_figures,)),
@@ -185,6 +187,7 @@ def expert_numbers(chain: Chain) -> list[Key]:
         for key in keys()
         if key.expert
         and key.dotted.startswith(chain.prefix)
+        and not key.dotted.startswith(AFTER_THE_SURFACE)
         and all(part.get("type") in ("number", "integer") for part in _parts(key))
     ]
 

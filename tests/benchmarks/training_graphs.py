@@ -27,6 +27,8 @@ from cccd.junctions.loop import train_model  # noqa: E402
 from cccd.settings.junctions import NetworkSettings  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
 
+__all__ = ["trained_scores"]
+
 COUNTS = (25, 70, 200)
 #: Epochs over the largest number of graphs, and graphs per step of our network.
 EPOCHS, BATCH = 4, 4
@@ -34,9 +36,21 @@ EPOCHS, BATCH = 4, 4
 VALIDATION = 10
 
 
-def score(network: str, count: int, folder: Path) -> dict[str, float | int | str]:
+def trained_scores(settings: NetworkSettings) -> dict[str, float]:
+    """Train a network by the default seed, and return its scores on the test graphs."""
+    seed = Settings().seed
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        graphs, history = folder / "graphs.h5", folder / "history.csv"
+        generate_graphs(settings.graphs, settings.kind_weights, seed, graphs)
+        train_model(graphs, settings, seed, folder / "checkpoints", folder / "model.pt", history, 1)
+        rows = pd.read_csv(history).dropna(subset=["test_correct"])
+    return rows[[name for name in rows if name.startswith("test_")]].iloc[0].to_dict()
+
+
+def score(network: str, count: int) -> dict[str, float | int | str]:
     """Train one network on so many graphs, and return its scores on the test graphs."""
-    plain, seed = NetworkSettings(), Settings().seed
+    plain = NetworkSettings()
     epochs = round(EPOCHS * max(COUNTS) / count)
     graphs = plain.graphs.model_copy(update={"training": count, "validation": VALIDATION})
     plan = {"epochs": epochs, "patience": epochs}
@@ -50,12 +64,7 @@ def score(network: str, count: int, folder: Path) -> dict[str, float | int | str
             **plan,
         }
     )
-    generate_graphs(graphs, settings.kind_weights, seed, folder / "graphs.h5")
-    history = folder / "history.csv"
-    train_model(folder / "graphs.h5", settings, seed, folder / "checkpoints", folder / "model.pt", history, 1)
-    rows = pd.read_csv(history).dropna(subset=["test_correct"])
-    tested = rows[[name for name in rows if name.startswith("test_")]].iloc[0].to_dict()
-    return {"network": network, "training_graphs": count, "epochs": epochs, **tested}
+    return {"network": network, "training_graphs": count, "epochs": epochs, **trained_scores(settings)}
 
 
 def main() -> None:
@@ -67,8 +76,7 @@ def main() -> None:
     table, rows = parser.parse_args().table, []
     for network in ("paper", "ours"):
         for count in COUNTS:
-            with tempfile.TemporaryDirectory() as folder:
-                rows.append(score(network, count, Path(folder)))
+            rows.append(score(network, count))
             print(rows[-1], file=sys.stderr)
             pd.DataFrame(rows).to_csv(table, index=False, float_format="%.4f")
 

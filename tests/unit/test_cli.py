@@ -67,6 +67,29 @@ def test_every_label_a_file_in_every_format_that_was_asked_for(here, capsys):
     assert [surface["volume_ml"] for surface in made] == pytest.approx([2.145, 0.21], rel=0.1)
 
 
+def test_a_file_of_settings_reaches_all_that_follows(here, capsys):
+    pytest.importorskip("OCP", reason="the extra cad is not installed")
+    (here / "coarse.yaml").write_text(
+        "surface: {edge_voxels: 4, step_tolerance_mm: 2, solid: {first_patches: 60}}\n"
+    )
+    assert main(["surface", "liver.nii.gz", "-o", "a.ply", "-o", "a.step"]) == 0
+    asked = ["surface", "liver.nii.gz", "-o", "b.ply", "-o", "b.step", "--configfile", "coarse.yaml"]
+    assert main(asked) == 0
+    sizes = {name: (here / name).stat().st_size for name in ("a.ply", "b.ply", "a.step", "b.step")}
+    assert sizes["b.ply"] < sizes["a.ply"] / 2
+    assert sizes["b.step"] < sizes["a.step"] / 2
+
+
+def test_tetrahedra_by_gmsh_are_asked_for_in_a_file(here, capsys, monkeypatch):
+    (here / "by_gmsh.yaml").write_text("surface: {tetrahedra: {mesher: gmsh}}\n")
+    monkeypatch.setenv("PATH", str(here))
+    monkeypatch.setattr(sys, "executable", str(here / "python"))
+    assert main(["surface", "liver.nii.gz", "-o", "a.msh", "--configfile", "by_gmsh.yaml"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "gmsh is not installed" in line
+    assert not (here / "a.msh").exists()
+
+
 def test_dicom_contours_and_what_check_says_of_them(here, capsys):
     pytest.importorskip("pydicom")
     (here / "drawn").mkdir()
@@ -109,6 +132,14 @@ WRONG = {
     "no level": (["run", "nothing"], "participant"),
     "no masks in BIDS": (["run", "nothing", "out", "participant"], "no sub-*_mask.nii.gz"),
     "no finished structure": (["export", "nothing", "-o", "a.stl"], "surface.h5"),
+    "no configuration": (["surface", "liver.nii.gz", "--configfile", "mine.yaml"], "mine.yaml: not there"),
+    "a table as configuration": (["surface", "liver.nii.gz", "--configfile", "table.tsv"], "no YAML"),
+    "a configuration of bytes": (["surface", "liver.nii.gz", "--configfile", "liver.nii.gz"], "no YAML"),
+    "a word as configuration": (["surface", "liver.nii.gz", "--configfile", "word.yaml"], "no keys with"),
+    "an unknown key": (
+        ["surface", "liver.nii.gz", "--configfile", "key.yaml"],
+        "surface.tetrahedra.meshr: unknown key; did you mean 'mesher'?",
+    ),
     "not for Snakemake": (["surface", "liver.nii.gz", "--", "--dry-run"], "leave them out"),
 }
 
@@ -118,6 +149,8 @@ def test_what_cannot_work_ends_in_one_line(here, capsys, arguments, words):
     (here / "nothing").mkdir()
     (here / "taken.ply").mkdir()
     (here / "table.tsv").write_text("case\torgan\tmask\n")
+    (here / "word.yaml").write_text("gmsh\n")
+    (here / "key.yaml").write_text("surface: {tetrahedra: {meshr: gmsh}}\n")
     before = files(here)
     assert main(arguments) == 1
     (line,) = capsys.readouterr().err.splitlines()
@@ -157,7 +190,7 @@ def test_a_format_whose_extra_is_missing_is_refused_before_anything_is_read(
 
 
 def test_interrupting_leaves_nothing_half_written(here, capsys, monkeypatch):
-    def interrupted(self, path, contour_spacing_mm=None):
+    def interrupted(self, path, *settings):
         from cccd.store import atomic_path
 
         with atomic_path(path) as temporary:

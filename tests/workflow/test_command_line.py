@@ -29,3 +29,9 @@ def test_what_a_nested_text_cannot_stand_for_is_refused(fresh_project, setting, 
     assert run.returncode != 0
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
     assert all(word in line for word in words)
+
+
+def test_surfaces_alone_wait_for_no_comparison(fresh_project):
+    plan = fresh_project.planned("--config", "train=false", "surface={formats: [stl]}", "--", "surfaces")
+    on_the_way = ("import_structure", "make_contours", "fit_curves", "loft_surface", "export_surface")
+    assert plan == {**dict.fromkeys(on_the_way, 2), "surfaces": 1}

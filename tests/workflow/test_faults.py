@@ -37,6 +37,22 @@ if re.search(r"[.]snakemake/scripts/tmp[^/]*[.]py$", " ".join(sys.orig_argv)):
     pathlib.Path.replace = replace
 """
 
+#: Loaded by every Python: Snakemake gets SIGTERM while it finishes its first job and holds a lock of its own.
+STRIKE_SNAKEMAKE = """
+import os, signal, sys
+if sys.orig_argv[1:3] == ["-m", "snakemake"] and "STRUCK" in os.environ:
+    import snakemake.jobs
+    whole = snakemake.jobs.Job.postprocess
+    async def postprocess(self, *arguments, **options):
+        try:
+            os.close(os.open(os.environ["STRUCK"], os.O_CREAT | os.O_EXCL))
+        except FileExistsError:
+            return await whole(self, *arguments, **options)
+        os.kill(os.getpid(), signal.SIGTERM)
+        return await whole(self, *arguments, **options)
+    snakemake.jobs.Job.postprocess = postprocess
+"""
+
 #: What each file is written from, given the results of a finished structure as ``done``.
 WRITERS = {
     "structure.h5": "store.write_structure(path, store.read_structure(done / 'structure.h5'))",
@@ -121,6 +137,18 @@ def test_a_worker_killed_in_any_stage_is_run_again(tiny_run, fresh_project, stri
         for name in ("curves.h5", "surface.h5", "surface.ply"):
             ours, theirs = (project.results / "tiny" / organ / name for project in (fresh_project, tiny_run))
             assert ours.read_bytes() == theirs.read_bytes(), f"{organ}/{name}"
+
+
+def test_snakemake_ends_when_it_is_asked_to_while_it_finishes_a_job(fresh_project, tmp_path):
+    target = "results/tiny/sphere/surface.ply"
+    (tmp_path / "sitecustomize.py").write_text(STRIKE_SNAKEMAKE)
+    own = {"PYTHONPATH": str(tmp_path), "STRUCK": str(tmp_path / "struck")}
+    surroundings = fresh_project.surroundings()["env"] | own
+    ended = fresh_project.snakemake(target, env=surroundings, timeout=120, check=False)
+    assert ended.returncode
+    assert (fresh_project.results / "tiny/sphere/structure.h5").exists()  # the job was finished
+    assert not (fresh_project.folder / target).exists()
+    fresh_project.snakemake(target)
 
 
 def test_two_runs_in_one_folder_and_a_killed_snakemake(fresh_project, strike_once):

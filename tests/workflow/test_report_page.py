@@ -301,4 +301,16 @@ def test_index_of_200_structures_is_small_and_opens_fast(tmp_path, open_page):
         "all => all.map(a => a.getAttribute('href'))"
     )
     assert links[0] == "case_000/liver/report.html"
+    shown = page.locator("#table-structures tbody tr:visible")
+    page.get_by_label("Find").fill("BRAIN case_01")
+    assert shown.locator("td:nth-child(1)").all_inner_texts() == [
+        "case_010",
+        "case_013",
+        "case_016",
+        "case_019",
+    ]
+    assert page.locator(".sheet-of-thumbs li:visible").count() == 4
+    assert page.locator(".find output").inner_text() == "4 of 200"
+    page.get_by_label("Find").fill("")
+    assert shown.count() == 200
     assert page.complaints == []

@@ -1,4 +1,4 @@
-// Tables: sorted by a click on a heading, saved as CSV.
+// Tables: sorted by a click on a heading, saved as CSV; a cohort's structures, found by words.
 "use strict";
 
 const cellValue = (cell) => cell?.dataset.value ?? cell?.textContent.trim() ?? "";
@@ -27,7 +27,28 @@ function tableCsv(table) {
   return [...table.rows].map((row) => [...row.cells].map((cell) => quote(cell.dataset.column ?? cellValue(cell))).join(",")).join("\r\n") + "\r\n";
 }
 
+// Hides the structures of which not every word is said: in their names or their warnings.
+function findStructures(words, said) {
+  const entries = [...document.querySelectorAll("#table-structures tbody tr, .sheet-of-thumbs li")];
+  for (const entry of entries) {
+    const text = said[entry.querySelector("a")?.getAttribute("href")] ?? "";
+    entry.hidden = !words.every((word) => text.includes(word));
+  }
+  const rows = entries.filter((entry) => entry.matches("tr"));
+  return `${rows.filter((row) => !row.hidden).length} of ${rows.length}`;
+}
+
 document.addEventListener("DOMContentLoaded", () => {
+  const find = document.querySelector(".find");
+  if (find) {
+    const said = JSON.parse(document.getElementById("said").textContent);
+    const field = find.querySelector("input"), told = find.querySelector("output");
+    field.addEventListener("input", () => {
+      const words = field.value.toLowerCase().split(/\s+/).filter(Boolean);
+      const count = findStructures(words, said);
+      told.textContent = words.length ? count : "";
+    });
+  }
   for (const table of document.querySelectorAll("table.data")) {
     for (const heading of table.tHead.rows[0].cells) {
       const button = heading.querySelector("button");

@@ -4,7 +4,9 @@ import functools
 import hashlib
 import os
 import re
+import signal
 import sys
+import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -655,6 +657,17 @@ def switch_timers_off():
     hundred submissions a second.
     """
     workflow.scheduler.job_rate_limiter = None
+
+
+def answer_sigterm_beside():
+    """Answer SIGTERM in a thread of its own.
+
+    Snakemake 9.27 takes a lock in the handler, which runs in the main thread: where that holds the lock, as while a
+    job is finished, it would wait for itself for ever.
+    """
+    end = workflow.scheduler.exit_gracefully
+    if signal.getsignal(signal.SIGTERM) == end:
+        signal.signal(signal.SIGTERM, lambda *_: threading.Thread(target=end).start())
 
 
 def failures():

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import LinearOperator, cg
 
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 
 __all__ = ["ConformingSurface", "faired"]
@@ -88,15 +88,22 @@ class ConformingSurface:
         edges, count = self.edges
         return edges[count > 2]
 
+    @property
+    def on_junctions(self) -> BoolArray:
+        """Vertices (V,) along these."""
+        return np.bincount(self.junctions.ravel(), minlength=len(self.vertices)) > 0
+
     def _part(self, faces: IntArray) -> Mesh:
         used, inverse = np.unique(faces, return_inverse=True)
         return Mesh(self.vertices[used], inverse.reshape(-1, 3).astype(np.int64))
 
 
-def faired(surface: ConformingSurface, trust: FloatArray, stiffness: float, rounds: int = 200) -> FloatArray:
+def faired(
+    surface: ConformingSurface, trust: FloatArray, stiffness: FloatArray, rounds: int = 200
+) -> FloatArray:
     r"""Vertices (V, 3) of smooth walls that meet along smooth lines.
 
-    They minimise :math:`\sum t |x - x_0|^2 + s \sum |x - \bar x|^2`, the second term being the distance of
+    They minimise :math:`\sum t |x - x_0|^2 + \sum s |x - \bar x|^2`, the second term being the distance of
     each vertex to the mean of its neighbours (a thin plate's energy): of all neighbours within a wall, of the
     two neighbours along the line where three walls meet. Walls go on straight to their lines, whatever the
     angles between them, because nothing is asked across a line.
@@ -106,13 +113,13 @@ def faired(surface: ConformingSurface, trust: FloatArray, stiffness: float, roun
     surface : ConformingSurface
     trust : (V,) float64
         The t of each vertex; above 0.
-    stiffness : float
-        The s; waves whose length is :math:`\pi s^{1/4}` edges or so are halved where t is 1.
+    stiffness : (V,) float64
+        The s of each vertex; waves whose length is :math:`\pi s^{1/4}` edges or so are halved where t is 1.
     rounds : int
         Steps of conjugate gradients at most.
     """
     bending = _bending(surface)
-    matrix = diags_array(trust) + stiffness * (bending.T @ bending)
+    matrix = diags_array(trust) + bending.T @ (diags_array(stiffness) @ bending)
     diagonal = matrix.diagonal()
     scale = LinearOperator(matrix.shape, matvec=lambda x: x / diagonal, dtype=np.float64)
     right = trust[:, None] * surface.vertices

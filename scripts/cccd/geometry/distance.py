@@ -193,9 +193,7 @@ def nearest_faces(points: FloatArray, mesh: Mesh) -> IntArray:
 
 def unsigned_to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:
     """Distance (P,) of points (P, 3) to the nearest point on a mesh, open or closed."""
-    surface = cast(Any, mesh.to_polydata())  # VTK's types are looser than what it returns
-    _, nearest = surface.find_closest_cell(points, return_closest_point=True)
-    return np.linalg.norm(points - np.asarray(nearest), axis=1)
+    return np.abs(to_mesh(points, mesh))
 
 
 class NearTriangles:

@@ -7,11 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from cccd.geometry._vtk import vtk
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.collisions import passing_pairs
 
 if TYPE_CHECKING:
@@ -88,6 +88,15 @@ class Mesh:
         """Normals (F, 3) of unit length; zero for a face without area."""
         size = np.linalg.norm(self.face_normals, axis=1, keepdims=True)
         return np.divide(self.face_normals, size, out=np.zeros_like(self.face_normals), where=size > 0)
+
+    @cached_property
+    def vertex_normals(self) -> FloatArray:
+        """Normals (V, 3) of unit length, of a vertex's faces by their areas; zero without any."""
+        total = np.zeros_like(self.vertices)
+        for corner, axis in np.ndindex(3, 3):
+            total[:, axis] += np.bincount(self.faces[:, corner], self.face_normals[:, axis], len(total))
+        size = np.linalg.norm(total, axis=1, keepdims=True)
+        return np.divide(total, size, out=total, where=size > 0)
 
     @cached_property
     def dihedrals(self) -> Dihedrals:
@@ -183,6 +192,12 @@ class Mesh:
         found = [np.unique(faces, return_inverse=True) for faces in parts if len(faces)]
         return [Mesh(self.vertices[used], faces.reshape(-1, 3)) for used, faces in found]
 
+    def with_neighbours(self, faces: BoolArray) -> BoolArray:
+        """Mark (F,) the faces that are marked, and all that have a vertex of one."""
+        ends = np.zeros(len(self.vertices), np.bool_)
+        ends[self.faces[faces]] = True
+        return np.any(ends[self.faces], axis=1)
+
     def reversed(self) -> Mesh:
         """Turn all faces round."""
         return Mesh(self.vertices, np.ascontiguousarray(self.faces[:, ::-1]))
@@ -236,6 +251,23 @@ class Mesh:
         filter_.Update()
         moved = support.vtk_to_numpy(filter_.GetOutput().GetPoints().GetData())
         return Mesh(moved.astype(float), self.faces)
+
+    def averaged(self, values: FloatArray, rounds: int) -> FloatArray:
+        """Average values (V,) of a closed mesh's vertices with their neighbours' mean, so many times over.
+
+        Each round spreads them like a Gaussian of half an edge's length (its standard deviation).
+        """
+        for _ in range(rounds):
+            values = 0.5 * values + self._half_means @ values
+        return values
+
+    @cached_property
+    def _half_means(self) -> csr_array:
+        """Matrix (V, V) of half the mean of each vertex's neighbours."""
+        ends, starts = self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel()
+        count = len(self.vertices)
+        degree = np.bincount(ends, minlength=count)
+        return coo_array((0.5 / degree[ends], (ends, starts)), shape=(count, count)).tocsr()
 
     def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Draw points (count, 3) uniformly by area."""

@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from cccd.chaincode import DIRECTIONS
 from cccd.geometry._jit import jit
-from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, offsets_of
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from cccd.junctions.columns import Column, FeatureSchema
 from cccd.tolerances import ROUNDING
 
@@ -224,14 +222,25 @@ def connected_nodes(count: int, links: AnyArray) -> IntArray:
     >>> connected_nodes(5, np.array([[4, 2], [0, 1]])).tolist()
     [0, 0, 2, 3, 2]
     """
-    first, second = links.T
-    # rows put together here: SciPy's own conversion takes longer than finding the parts
-    order, rows = np.argsort(first, kind="stable"), offsets_of(np.bincount(first, minlength=count))
-    joined = csr_array((np.ones(len(links)), second[order], rows), shape=(count, count))
-    parts, part = connected_components(joined, directed=False)
-    lowest = np.empty(parts, np.int64)
-    lowest[part[::-1]] = np.arange(count)[::-1]  # of equal parts the last that is written stays
-    return lowest[part]
+    return _lowest(count, np.ascontiguousarray(links, np.int64))
+
+
+@jit
+def _lowest(count: int, links: IntArray) -> IntArray:
+    # joins the trees of a link's ends under the lower root; ways to a root are halved as they are walked
+    lowest = np.arange(count)
+    for n in range(len(links)):
+        a, b = links[n, 0], links[n, 1]
+        while lowest[a] != a:
+            lowest[a] = lowest[lowest[a]]
+            a = lowest[a]
+        while lowest[b] != b:
+            lowest[b] = lowest[lowest[b]]
+            b = lowest[b]
+        lowest[max(a, b)] = min(a, b)
+    for node in range(count):  # what is lower has its root already
+        lowest[node] = lowest[lowest[node]]
+    return lowest
 
 
 @jit

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, RealArray
 from cccd.tolerances import FLOW
 
-__all__ = ["minimum_cut"]
+__all__ = ["minimum_cuts"]
 
 
-def minimum_cut(
-    unary: RealArray,
+def minimum_cuts(
+    unaries: Sequence[RealArray] | RealArray,
     pairwise: RealArray,
     neighbours: AnyArray,
     triangle_links: AnyArray,
@@ -21,8 +23,8 @@ def minimum_cut(
 
     Parameters
     ----------
-    unary : (T,) array
-        What a triangle inside costs; negative where inside is better.
+    unaries : (K, T) array
+        What a triangle inside costs; negative where inside is better. Each of the K is cut by itself.
     pairwise : (L,) array, not negative
         What the border costs where it runs along a link.
     neighbours, triangle_links : (T, 3) int32 arrays
@@ -30,14 +32,15 @@ def minimum_cut(
 
     Returns
     -------
-    (T,) bool array
+    (K, T) bool array
         Inside. Of several least cuts, the one with the smallest inside.
 
     Notes
     -----
     Maximum flow by Dinic (1970) with shortest augmenting paths; by the max-flow min-cut theorem the
-    triangles that the source still reaches are inside (Greig, Porteous and Seheult 1989).
-    `scipy.sparse.csgraph.maximum_flow` takes whole-number capacities only.
+    triangles that the source still reaches are inside (Greig, Porteous and Seheult 1989). Each cut goes on
+    from the flow of the one before, so that energies that differ little cost little more than one (Kohli and
+    Torr 2007). `scipy.sparse.csgraph.maximum_flow` takes whole-number capacities only.
 
     Examples
     --------
@@ -45,25 +48,34 @@ def minimum_cut(
 
     >>> neighbours = np.array([(1, -1, -1), (0, -1, -1)])
     >>> links = np.array([(0, -1, -1), (0, -1, -1)])
-    >>> [minimum_cut([-2, 1], [cost], neighbours, links).tolist() for cost in (0.5, 1.5)]
+    >>> [minimum_cuts([[-2, 1]], [cost], neighbours, links)[0].tolist() for cost in (0.5, 1.5)]
     [[True, False], [True, True]]
     """
-    unary = np.ascontiguousarray(unary, np.float64)
     pairwise = np.ascontiguousarray(pairwise, np.float64)
     capacity = np.append(pairwise, 0.0)[triangle_links]  # -1, beyond the ghost points, takes the last
-    return _cut(unary, capacity, neighbours)
+    return _cuts(np.ascontiguousarray(unaries, np.float64), capacity, neighbours)
 
 
 @jit
-def _cut(unary: FloatArray, capacity: FloatArray, neighbours: AnyArray) -> BoolArray:
-    residual = capacity.copy()
+def _cuts(unaries: FloatArray, residual: FloatArray, neighbours: AnyArray) -> BoolArray:
+    count = unaries.shape[1]
+    inside = np.zeros(unaries.shape, np.bool_)
+    source, sink = np.zeros(count), np.zeros(count)
     reverse = _reverse_sides(neighbours)
-    source, sink = np.maximum(-unary, 0.0), np.maximum(unary, 0.0)
-    while True:
-        level = _levels(source, residual, neighbours)
-        if not np.any((level >= 0) & (sink > FLOW)):
-            return level >= 0
-        _block(source, sink, residual, level, neighbours, reverse)
+    for k in range(len(unaries)):
+        for cell in range(count):  # what a cell's energy changes by comes to what is left of it
+            left = sink[cell] - source[cell] + unaries[k, cell] - (unaries[k - 1, cell] if k else 0.0)
+            source[cell], sink[cell] = max(-left, 0.0), max(left, 0.0)
+        while True:
+            level = _levels(source, residual, neighbours)
+            reached = False
+            for cell in range(count):
+                inside[k, cell] = level[cell] >= 0
+                reached |= level[cell] >= 0 and sink[cell] > FLOW
+            if not reached:
+                break
+            _block(source, sink, residual, level, neighbours, reverse)
+    return inside
 
 
 @jit

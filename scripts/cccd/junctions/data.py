@@ -19,7 +19,10 @@ from cccd.junctions.observation import observe
 from cccd.junctions.synthetic_maps import ALL_KINDS, RandomStream, SyntheticMap, draw_map
 from cccd.settings.junctions import LossSettings, NetworkSettings
 
-__all__ = ["EpochMaps", "label_map"]
+__all__ = ["EpochMaps", "FrozenMaps", "label_map"]
+
+# Labelled maps that are kept, about 1 MB each.
+_MOST_KEPT = 400
 
 
 def label_map(drawn: SyntheticMap, hide_image: bool, settings: NetworkSettings) -> HeteroData:
@@ -59,17 +62,44 @@ def _real(array: AnyArray) -> Tensor:
     return torch.as_tensor(np.asarray(array, np.float32))
 
 
+class FrozenMaps:
+    """Maps that every epoch reads again: labelled when first read, then kept.
+
+    Parameters
+    ----------
+    maps : sequence of SyntheticMap
+    settings : NetworkSettings
+    """
+
+    def __init__(self, maps: Sequence[SyntheticMap], settings: NetworkSettings):
+        self.maps, self.settings = maps, settings
+        self._kept: dict[tuple[int, bool], HeteroData] = {}
+
+    def __len__(self) -> int:
+        return len(self.maps)
+
+    def labelled(self, number: int, hide_image: bool) -> HeteroData:
+        """Label a map, as by `label_map`."""
+        key = number, hide_image
+        data = self._kept.get(key)
+        if data is None:
+            data = label_map(self.maps[number], hide_image, self.settings)
+            if len(self._kept) < _MOST_KEPT:
+                self._kept[key] = data
+        return data
+
+
 class EpochMaps(Dataset[HeteroData]):
     """Labelled maps of one epoch: the frozen ones in a new order, among fresh ones drawn from the seed.
 
     Parameters
     ----------
-    frozen : sequence of SyntheticMap
+    frozen : FrozenMaps
     settings : NetworkSettings
     seed, epoch : int
     """
 
-    def __init__(self, frozen: Sequence[SyntheticMap], settings: NetworkSettings, seed: int, epoch: int):
+    def __init__(self, frozen: FrozenMaps, settings: NetworkSettings, seed: int, epoch: int):
         self.frozen, self.settings, self.seed, self.epoch = frozen, settings, seed, epoch
         random = np.random.default_rng([seed, RandomStream.MAP_ORDER, epoch])
         count = len(frozen) + settings.fresh_maps
@@ -84,10 +114,8 @@ class EpochMaps(Dataset[HeteroData]):
         number = int(self.order[index])
         hiding = np.random.default_rng([self.seed, RandomStream.HIDDEN_IMAGES, self.epoch, number])
         hidden = bool(hiding.random() < self.settings.hidden_images)
-        return label_map(self._map(number), hidden, self.settings)
-
-    def _map(self, number: int) -> SyntheticMap:
         if number < len(self.frozen):
-            return self.frozen[number]
+            return self.frozen.labelled(number, hidden)
         rng = np.random.default_rng([self.seed, RandomStream.FRESH_MAPS, self.epoch, number])
-        return draw_map(rng, ALL_KINDS[int(self.kinds[number])])
+        drawn = draw_map(rng, ALL_KINDS[int(self.kinds[number])])
+        return label_map(drawn, hidden, self.settings)

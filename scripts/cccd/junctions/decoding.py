@@ -19,7 +19,7 @@ from cccd.geometry.arrays import (
     offsets_of,
     split_ragged,
 )
-from cccd.junctions.delaunay import DelaunayGraph, fragments
+from cccd.junctions.delaunay import DelaunayGraph, any_corner
 from cccd.junctions.energy import Logits, inference_energy, least_energy
 from cccd.junctions.parts import limit_parts
 from cccd.settings.junctions import InferenceSettings
@@ -58,9 +58,9 @@ class Outline:
 
 def find_outline(graph: DelaunayGraph, settings: InferenceSettings) -> Outline:
     """Find what a slice's boundary map encloses already, and whether nothing else is in it."""
-    fragment = fragments(graph)
+    fragment = graph.fragments
     debris = graph.observed & (np.bincount(fragment)[fragment] < settings.smallest_loop_px)
-    enclosed = (graph.depths[:, 0] % 2 == 1) & ~debris[graph.triangles].any(axis=1)
+    enclosed = (graph.depths[:, 0] % 2 == 1) & ~any_corner(debris, graph.triangles)
     masks, origin = fill_inside(graph, enclosed)
     observed = np.zeros_like(masks[0])
     i, j = (graph.points[graph.observed & ~debris].astype(np.int64) - origin).T
@@ -161,19 +161,20 @@ def fill_loops(loops: Sequence[Sequence[IntArray]], origin: IntArray, shape: Seq
     return masks.astype(bool)
 
 
-def fill_inside(graph: DelaunayGraph, inside: BoolArray) -> tuple[BoolArray, IntArray]:
+def fill_inside(graph: DelaunayGraph, *inside: BoolArray) -> tuple[BoolArray, IntArray]:
     """Pixels enclosed by the border of the inside triangles (T,), the border's own pixels included.
 
     Returns
     -------
-    masks : (1, I, J) bool array
+    masks : (K, I, J) bool array
+        One for each of the K labellings given.
     origin : (2,) int64 array
         Pixel (i, j) of ``masks[:, 0, 0]``.
     """
     pixels = graph.points[~graph.ghost].astype(np.int64)
     origin = pixels.min(axis=0) - 1
     shape = pixels.max(axis=0) + 2 - origin
-    return fill_loops([border_loops(graph, inside)], origin, shape), origin
+    return fill_loops([border_loops(graph, one) for one in inside], origin, shape), origin
 
 
 def closed_chains(

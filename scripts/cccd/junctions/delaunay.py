@@ -23,8 +23,8 @@ __all__ = [
     "HASHES",
     "REGION_GAPS_PX",
     "DelaunayGraph",
+    "any_corner",
     "build_graph",
-    "fragments",
     "pixel_hash",
 ]
 
@@ -105,8 +105,18 @@ class DelaunayGraph:
     @cached_property
     def outer(self) -> BoolArray:
         """Whether a triangle (T,) touches a ghost point: certainly outside."""
-        first, second, third = self.triangles.T  # many times faster than any(axis=1)
-        return self.ghost[first] | self.ghost[second] | self.ghost[third]
+        return any_corner(self.ghost, self.triangles)
+
+    @cached_property
+    def fragments(self) -> IntArray:
+        """Lowest node (V,) of the 8-connected fragment that each node is part of."""
+        return connected_nodes(len(self.points), self.links[self.link_lengths <= REGION_GAPS_PX[0]])
+
+
+def any_corner(marked: BoolArray, triangles: IndexArray) -> BoolArray:
+    """Whether any corner of a triangle (T,) is a marked node (V,)."""
+    first, second, third = triangles.T  # many times faster than any(axis=1)
+    return marked[first] | marked[second] | marked[third]
 
 
 def _ghost_points(pixels: AnyArray) -> FloatArray:
@@ -154,7 +164,7 @@ def build_graph(pixels: AnyArray, edges: AnyArray | None = None) -> DelaunayGrap
     links, link_triangles, triangle_links = _links(triangles, neighbours)
     step = points[links[:, 0]] - points[links[:, 1]]
     length = np.hypot(step[:, 0], step[:, 1])
-    outer = np.logical_or.reduce(ghost[triangles], axis=1)
+    outer = any_corner(ghost, triangles)
     regions, depths = _regions_and_depths(neighbours, triangle_links, length, outer)
     return DelaunayGraph(
         points,
@@ -258,8 +268,3 @@ def _walls_to_outside(neighbours: IndexArray, wall: BoolArray, outer: BoolArray)
         filled = ahead
         level += 1
     return depths
-
-
-def fragments(graph: DelaunayGraph) -> IntArray:
-    """Lowest node (V,) of the 8-connected fragment that each node is part of."""
-    return connected_nodes(len(graph.points), graph.links[graph.link_lengths <= REGION_GAPS_PX[0]])

@@ -15,14 +15,14 @@ Pairwise energies are not negative, so that the least energy is found exactly by
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 import numpy as np
 
 from cccd.geometry.arrays import BoolArray, FloatArray
-from cccd.junctions.cut import minimum_cut
+from cccd.junctions.cut import minimum_cuts
 from cccd.junctions.delaunay import DelaunayGraph
 from cccd.settings.junctions import InferenceSettings
 
@@ -37,6 +37,7 @@ __all__ = [
     "energy_of_logits",
     "energy_weights",
     "inference_energy",
+    "least_energies",
     "least_energy",
 ]
 
@@ -115,5 +116,10 @@ def inference_energy(graph: DelaunayGraph, logits: Logits, settings: InferenceSe
 
 def least_energy(graph: DelaunayGraph, energy: Energy[FloatArray]) -> BoolArray:
     """Inside triangles (T,) of the least energy; those at the ghost points are outside."""
-    unary = np.where(graph.outer, HELD, energy.unary)
-    return minimum_cut(unary, energy.pairwise, graph.neighbours, graph.triangle_links)
+    return least_energies(graph, [energy.unary], energy.pairwise)[0]
+
+
+def least_energies(graph: DelaunayGraph, unaries: Sequence[FloatArray], pairwise: FloatArray) -> BoolArray:
+    """Inside triangles (K, T) of the least of several energies that differ in their unary terms alone."""
+    held = np.where(graph.outer, HELD, np.stack(unaries))
+    return minimum_cuts(held, pairwise, graph.neighbours, graph.triangle_links)

@@ -7,14 +7,16 @@ exactly these, so the constants here are part of their definition and no setting
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import cv2
 import numpy as np
 
+from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, ByteArray, FloatArray, IntArray, SingleArray
 from cccd.junctions.branches import SHAPE_COLUMNS, find_branches
 from cccd.junctions.columns import Column, FeatureSchema
-from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph, fragments
+from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd.junctions.intensity import BLURS, IntensitySlice, sample_channels
 from cccd.tolerances import LEAST_PX
 
@@ -177,14 +179,17 @@ def measure_features(graph: DelaunayGraph, intensity: IntensitySlice | None) -> 
 # Nodes ------------------------------------------------------------------------------------------------
 
 
+@jit
 def _patches(raster: ByteArray, at: IntArray, half: int, step: int) -> ByteArray:
-    """Take samples (N, (2 half + 1)^2) of a raster around places (N, 2), zero beyond its border."""
-    margin = half * step
-    padded = np.pad(raster, margin)
-    steps = np.arange(-half, half + 1) * step
-    window = (steps[:, None] * padded.shape[1] + steps).ravel()
-    centre = (at[:, 0] + margin) * padded.shape[1] + at[:, 1] + margin
-    return padded.ravel()[centre[:, None] + window]
+    # samples (N, (2 half + 1)^2) of a raster around places (N, 2), all within it
+    width = 2 * half + 1
+    samples = np.empty((len(at), width * width), np.uint8)
+    for n in range(len(at)):
+        for i in range(width):
+            for j in range(width):
+                row, column = at[n, 0] + (i - half) * step, at[n, 1] + (j - half) * step
+                samples[n, i * width + j] = raster[row, column]
+    return samples
 
 
 def _raster_places(graph: DelaunayGraph) -> IntArray:
@@ -202,12 +207,13 @@ def _node_features(graph: DelaunayGraph, places: IntArray, intensity: IntensityS
     for half, step in _SCALES:
         # the mean over a box says how much of it is occupied; coarse boxes hold little, hence the gain
         seen = raster if step == 1 else cv2.blur(raster, (step, step), borderType=cv2.BORDER_CONSTANT)
-        gained = np.minimum(seen * np.uint16(1 if step == 1 else min(step, 4)), 255).astype(np.uint8)
-        columns[f"occupancy_{step}px"] = _patches(gained, places, half, step)
+        samples = _patches(cast(ByteArray, seen), places, half, step)
+        columns[f"occupancy_{step}px"] = np.minimum(samples * np.uint16(min(step, 4)), 255)
     patches = np.zeros((len(places), NODES["intensity"].stop - NODES["intensity"].start), np.uint8)
     if intensity is not None:
-        at = graph.points[inner].astype(np.int64) - intensity.origin
-        patches = _patches(intensity.scaled, at, *_PATCH)
+        margin = _PATCH[0] * _PATCH[1]
+        at = graph.points[inner].astype(np.int64) - intensity.origin + margin
+        patches = _patches(np.pad(intensity.scaled, margin), at, *_PATCH)
     columns["intensity"] = patches
     columns["has_image"] = np.full(len(places), 0 if intensity is None else 255)
     columns["unobserved"] = np.where(observed, 0, 255)
@@ -254,8 +260,9 @@ def _triangle_intensities(graph: DelaunayGraph, intensity: IntensitySlice | None
     if intensity is not None:
         corners = graph.points[graph.triangles]
         centre = corners.mean(axis=1, keepdims=True)
-        samples = sample_channels(intensity, np.concatenate([centre, (corners + centre) / 2], axis=1))
-        mean[:], spread[:] = samples.mean(axis=1) - 0.5, samples.std(axis=1)
+        places = np.concatenate([centre, (corners + centre) / 2], axis=1).swapaxes(0, 1)
+        samples = sample_channels(intensity, places)  # sums along the first axis are the fastest
+        mean[:], spread[:] = samples.mean(axis=0) - 0.5, samples.std(axis=0)
     return {
         "intensity_mean": mean[:, 0],
         "intensity_spread": spread[:, 0],
@@ -327,31 +334,31 @@ def _link_intensities(graph: DelaunayGraph, intensity: IntensitySlice | None) ->
         step = _steps(graph)
         normal = np.column_stack([-step[:, 1], step[:, 0]]) / graph.link_lengths[:, None]
         start = graph.points[graph.links[:, 0]]
-        places = start[:, None] + step[:, None] * np.array([1 / 6, 1 / 2, 5 / 6])[:, None]
+        places = start + step * np.array([1 / 6, 1 / 2, 5 / 6])[:, None, None]
         for n, (_, reach) in enumerate(BLURS):
-            beside = reach * normal[:, None]
+            beside = reach * normal
             change = sample_channels(intensity, places + beside) - sample_channels(intensity, places - beside)
             across[n] = _mean_and_least(change[..., n + 1])
             if n == 0:
-                middle = np.abs(change[:, 1, 0])
+                middle = np.abs(change[1, :, 0])
         slope = _mean_and_least(sample_channels(intensity, places)[..., -1])
     named = {f"equalised_step_{part}": column for part, column in zip(_BLURRED, across, strict=True)}
     return {"intensity_step": middle, "slope": slope, **named}
 
 
 def _mean_and_least(steps: SingleArray) -> SingleArray:
-    """Size of the mean, and the least size (L, 2), of three steps (L, 3)."""
-    first, second, third = steps.T
+    """Size of the mean, and the least size (L, 2), of three steps (3, L)."""
+    first, second, third = steps
     least = np.minimum(np.minimum(np.abs(first), np.abs(second)), np.abs(third))
     return np.column_stack([np.abs(first + second + third) / 3, least])
 
 
 def _link_fragments(graph: DelaunayGraph) -> dict[str, AnyArray]:
     """Pixels in the 8-connected fragments that links join, and whether they are one."""
-    fragment = fragments(graph)
+    fragment = graph.fragments
     ends = (np.log(np.bincount(fragment)[fragment]) / 4)[graph.links]
     return {
-        "fragment_size": np.column_stack([ends.min(axis=1), ends.max(axis=1)]),
+        "fragment_size": np.column_stack([np.minimum(*ends.T), np.maximum(*ends.T)]),
         "same_fragment": fragment[graph.links[:, 0]] == fragment[graph.links[:, 1]],
     }
 
@@ -375,16 +382,17 @@ def _link_branches(graph: DelaunayGraph, places: IntArray) -> tuple[IntArray, In
         label[observed] = part
         labels.append(label)
         columns[f"same_{name}"] = label[a] == label[b]
-        measured = np.zeros((len(observed), SHAPE_COLUMNS.width))
-        measured[observed] = shape
-        both, apart = measured[a] + measured[b], np.abs(measured[a] - measured[b])
+        measured = np.zeros((SHAPE_COLUMNS.width, len(observed)))
+        measured[:, observed] = shape.T
+        one, other = measured[:, a], measured[:, b]
+        both, apart = one + other, np.abs(one - other)
         for n, column in enumerate(SHAPE_COLUMNS.names):
-            columns[f"sum_{name}_{column}"] = both[:, n]
-            columns[f"difference_{name}_{column}"] = apart[:, n]
-    outward = np.zeros((len(observed), 2))
-    outward[observed] = found.outward
-    direction = _steps(graph) / length[:, None]
-    one = np.einsum("lc,lc->l", outward[a], direction)
-    other = np.einsum("lc,lc->l", outward[b], -direction)
+            columns[f"sum_{name}_{column}"] = both[n]
+            columns[f"difference_{name}_{column}"] = apart[n]
+    outward = np.zeros((2, len(observed)))
+    outward[:, observed] = found.outward.T
+    i, j = _steps(graph).T / length
+    one, other = (outward[0, end] * i + outward[1, end] * j for end in (a, b))
+    other = -other
     columns["continuation"] = np.column_stack([np.minimum(one, other), np.maximum(one, other)])
     return labels[0], labels[1], columns

@@ -10,8 +10,12 @@ stored at            holds
 ``pool_index``       of triangles (`TRIANGLE_POOLS`, T) their region, at two scales; of links
                      (`LINK_POOLS`, L) what they share with others: the same two regions, at two scales,
                      the same two branches, the same two good-continuation groups
+``pool_order``       of the same shape: triangles, and links, pool by pool
 `PIXEL_LINKS`        the two pixels of every link, each link once, in the order of ``link``
 `TRIANGLE_LINKS`     the two triangles that share a link, in the same order
+`PIXEL_MESSAGES`     both ways of every link between pixels, receiver by receiver; ``edge_row`` (2 L,):
+                     twice the link's number, one more for the way back
+`TRIANGLE_MESSAGES`  likewise between triangles
 `CORNERS`            pixels to the triangles that they are corners of; ``edge_attr`` (3 T, CORNER_WIDTH):
                      cosine and sine of the corner's angle at the centroid, of twice the angle, log of its
                      distance
@@ -22,14 +26,14 @@ stored at            holds
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-import pandas as pd
 import torch
 from torch import Tensor
 from torch_geometric.data import HeteroData
 
+from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, IntArray
 from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.features import INTENSITIES, GraphFeatures, measure_features
@@ -41,7 +45,9 @@ __all__ = [
     "CORNER_WIDTH",
     "LINK_POOLS",
     "PIXEL_LINKS",
+    "PIXEL_MESSAGES",
     "TRIANGLE_LINKS",
+    "TRIANGLE_MESSAGES",
     "TRIANGLE_POOLS",
     "make_data",
 ]
@@ -49,6 +55,8 @@ __all__ = [
 #: Types of edges.
 PIXEL_LINKS = ("pixel", "link", "pixel")
 TRIANGLE_LINKS = ("triangle", "link", "triangle")
+PIXEL_MESSAGES = ("pixel", "message", "pixel")
+TRIANGLE_MESSAGES = ("triangle", "message", "triangle")
 CORNERS = ("pixel", "corner", "triangle")
 
 #: Rows of ``pool_index``.
@@ -62,16 +70,20 @@ _POOLED_SCALES = (0, 2)
 
 
 class SliceData(HeteroData):
-    """A `HeteroData` whose ``pool_index`` is shifted as well when slices are joined."""
+    """A `HeteroData` whose pools and rows of messages are shifted as well when slices are joined."""
 
     def __cat_dim__(self, key: str, value: Any, *args: Any, **kwargs: Any) -> Any:
         """Along which dimension slices are joined."""
-        return 1 if key == "pool_index" else super().__cat_dim__(key, value, *args, **kwargs)
+        return 1 if key in ("pool_index", "pool_order") else super().__cat_dim__(key, value, *args, **kwargs)
 
     def __inc__(self, key: str, value: Any, *args: Any, **kwargs: Any) -> Any:
         """By how much the next slice's numbers are raised."""
         if key == "pool_index":
             return value.amax(dim=1, keepdim=True) + 1
+        if key == "pool_order":
+            return value.shape[1]
+        if key == "edge_row":
+            return len(value)
         return super().__inc__(key, value, *args, **kwargs)
 
 
@@ -90,9 +102,27 @@ def make_data(graph: DelaunayGraph, intensity: IntensitySlice | None) -> HeteroD
     owners = np.arange(len(graph.triangles)).repeat(3)
     data[CORNERS].edge_index = _index(np.stack([graph.triangles.ravel(), owners]))
     data[CORNERS].edge_attr = _real(_corner_directions(graph))
-    data["triangle"].pool_index = _index(graph.regions[:, _POOLED_SCALES].T)
-    data["link"].pool_index = _index(_link_pools(graph, features))
+    pools = {"triangle": graph.regions[:, _POOLED_SCALES].T, "link": _link_pools(graph, features)}
+    for name, pool in pools.items():
+        data[name].pool_index = _index(pool)
+        data[name].pool_order = _index(np.stack([_order_of(kind) for kind in pool]))
+    for kind, pairs in ((PIXEL_MESSAGES, graph.links), (TRIANGLE_MESSAGES, graph.link_triangles)):
+        edges, rows = _messages(pairs)
+        data[kind].edge_index, data[kind].edge_row = _index(edges), _index(rows)
     return data
+
+
+def _order_of(numbers: AnyArray) -> IntArray:
+    """Order (N,) of small numbers (N,), equal ones as they stand."""
+    # numbers of two bytes are sorted by their digits, many times faster
+    return np.argsort(numbers.astype(np.uint16) if numbers.max() < 1 << 16 else numbers, kind="stable")
+
+
+def _messages(pairs: AnyArray) -> tuple[IntArray, IntArray]:
+    """Both ways (2, 2 L) of pairs (L, 2), receiver by receiver, and the row (2 L,) of each."""
+    rows = _order_of(pairs[:, ::-1].ravel())
+    senders, receivers = pairs.ravel()[rows], pairs[:, ::-1].ravel()[rows]
+    return np.stack([senders, receivers]).astype(np.int64), rows
 
 
 def _index(array: AnyArray) -> Tensor:
@@ -105,15 +135,14 @@ def _real(array: AnyArray) -> Tensor:
 
 def _link_directions(graph: DelaunayGraph) -> AnyArray:
     first, second = graph.links.T
-    step = graph.points[second] - graph.points[first]
-    return step / np.linalg.norm(step, axis=1, keepdims=True)
+    return (graph.points[second] - graph.points[first]) / graph.link_lengths[:, None]
 
 
 def _corner_directions(graph: DelaunayGraph) -> AnyArray:
-    corners = graph.points[graph.triangles]
-    spoke = (corners - corners.mean(axis=1, keepdims=True)).reshape(-1, 2)
-    reach = np.maximum(np.linalg.norm(spoke, axis=1), LEAST_PX)
-    cosine, sine = spoke[:, 1] / reach, spoke[:, 0] / reach
+    i, j = (values[graph.triangles] for values in graph.points.T)
+    up, along = ((values - values @ np.full((3, 1), 1 / 3)).ravel() for values in (i, j))
+    reach = np.maximum(np.hypot(up, along), LEAST_PX)
+    cosine, sine = along / reach, up / reach
     return np.stack([cosine, sine, cosine**2 - sine**2, 2 * cosine * sine, np.log(reach)], axis=1)
 
 
@@ -125,5 +154,26 @@ def _link_pools(graph: DelaunayGraph, features: GraphFeatures) -> IntArray:
 
 def _same_pair(pair: IntArray) -> IntArray:
     """Assign equal unordered pairs (L, 2) equal numbers (L,)."""
-    low, high = np.minimum(*pair.T), np.maximum(*pair.T)
-    return cast(Any, pd).factorize(low * (high.max() + 1) + high)[0]
+    return _numbered(pair, int(pair.max()) + 1)
+
+
+@jit
+def _numbered(pair: IntArray, count: int) -> IntArray:
+    # numbers in the order of first sight, from a table with open addresses (Knuth 1973)
+    size = 4
+    while size < 2 * len(pair):
+        size *= 2
+    keys, values = np.full(size, -1), np.empty(size, np.int64)
+    numbers = np.empty(len(pair), np.int64)
+    found = 0
+    for n in range(len(pair)):
+        low, high = min(pair[n, 0], pair[n, 1]), max(pair[n, 0], pair[n, 1])
+        key = low * count + high
+        at = (key * 40503 + (key >> 7)) & (size - 1)
+        while keys[at] >= 0 and keys[at] != key:
+            at = (at + 1) & (size - 1)
+        if keys[at] < 0:
+            keys[at], values[at] = key, found
+            found += 1
+        numbers[n] = values[at]
+    return numbers

@@ -10,8 +10,8 @@ from torch_geometric.data import Batch, HeteroData
 
 from cccd.junctions.energy import Logits
 from cccd.junctions.features import LINKS, NODES, TRIANGLES
-from cccd.junctions.graph_data import CORNER_WIDTH, CORNERS, PIXEL_LINKS, make_data
-from cccd.junctions.layers import EquationEleven, MessageLayer, both_ways
+from cccd.junctions.graph_data import CORNER_WIDTH, CORNERS, PIXEL_LINKS, PIXEL_MESSAGES, make_data
+from cccd.junctions.layers import EquationEleven, Exchange, HeadGate, Incidence, MessageLayer, Ways
 from cccd.junctions.observation import ObservedSlice
 
 __all__ = ["JunctionNetwork"]
@@ -66,14 +66,12 @@ class JunctionNetwork(nn.Module):
             nn.ReLU(),
             nn.Linear(_HIDDEN * width, width),
         )
-        self.pixel_layers = nn.ModuleList(
-            EquationEleven(width, width, dropout, heads) for _ in range(pixel_layers)
-        )
+        self.pixel_layers = nn.ModuleList(EquationEleven(width, width, dropout) for _ in range(pixel_layers))
         # parts of a link's gates that are the same, and that change sign, for its two directions
-        self.even_gates = nn.ModuleList(nn.Linear(LINKS.width, heads) for _ in range(pixel_layers))
-        self.odd_gates = nn.ModuleList(nn.Linear(2, heads, bias=False) for _ in range(pixel_layers))
-        self.corner_layer = EquationEleven(width, width, dropout, heads)
-        self.corner_gate = nn.Linear(CORNER_WIDTH, heads)
+        self.even_gates = nn.ModuleList(HeadGate(LINKS.width, heads, width) for _ in range(pixel_layers))
+        self.odd_gates = nn.ModuleList(HeadGate(2, heads, width, bias=False) for _ in range(pixel_layers))
+        self.corner_layer = EquationEleven(width, width, dropout)
+        self.corner_gate = HeadGate(CORNER_WIDTH, heads, width)
         self.triangle_encoder = nn.Sequential(
             nn.BatchNorm1d(TRIANGLES.width), nn.Linear(TRIANGLES.width, width)
         )
@@ -91,25 +89,25 @@ class JunctionNetwork(nn.Module):
         """Logits that a triangle (T,) is inside and that a link (L,) is true, of a `Batch` of slices."""
         links, triangles = data["link"], data["triangle"]
         features = self.link_encoder[0](links.x)  # normalised: gates read the same
-        x = self._pixel_states(data, features)
+        ways = Ways.of(data, PIXEL_LINKS, PIXEL_MESSAGES)
+        x = self._pixel_states(data, features, ways)
         t = self.triangle_encoder(triangles.x)
         corners = data[CORNERS]
-        gate = self.corner_gate(corners.edge_attr)
-        t = t + self.corner_layer(x, corners.edge_index, gate, receivers=len(t))
-        ends = self.end_encoder(x)
-        first, second = data[PIXEL_LINKS].edge_index
-        e = self.link_encoder[1](features) + ends.index_select(0, first) + ends.index_select(0, second)
+        received = Incidence.of_owners(corners.edge_index[1], len(t))
+        t = t + self.corner_layer(x, corners.edge_index, self.corner_gate(corners.edge_attr), received)
+        e = self.link_encoder[1](features) + ways.ends.sums(self.end_encoder(x))
+        exchange = Exchange.of(data, self.training)
         for layer in self.message_layers:
-            t, e = layer(t, e, data)
+            t, e = layer(t, e, exchange)
         return self.inside_head(t).squeeze(1), self.link_head(e).squeeze(1)
 
-    def _pixel_states(self, data: HeteroData, link_features: Tensor) -> Tensor:
+    def _pixel_states(self, data: HeteroData, link_features: Tensor, ways: Ways) -> Tensor:
         """States of the pixels (V, width) after their own layers."""
-        x: Tensor = self.pixel_encoder(data["pixel"].x.float() / 255)
-        edges = both_ways(data[PIXEL_LINKS].edge_index)
+        x: Tensor = self.pixel_encoder(data["pixel"].x.float().div_(255))
         for layer, even, odd in zip(self.pixel_layers, self.even_gates, self.odd_gates, strict=True):
             both, turned = even(link_features), odd(data["link"].direction)
-            x = x + layer(x, edges, torch.cat([both + turned, both - turned]))
+            gates = torch.stack([both + turned, both - turned], dim=1).flatten(0, 1)
+            x = x + layer(x, ways.edges, ways.rows.sums(gates), ways.received)
         return x
 
     @torch.inference_mode()

@@ -15,7 +15,7 @@ from torch_geometric.loader import DataLoader
 
 from cccd.containers import Frame
 from cccd.geometry.arrays import BoolArray, IntArray
-from cccd.junctions.data import EpochMaps, label_map
+from cccd.junctions.data import EpochMaps, FrozenMaps, label_map
 from cccd.junctions.decoding import closed_chains, fill_inside, fill_loops, label_inside
 from cccd.junctions.grid import build_grid, find_chains
 from cccd.junctions.labels import grid_labels
@@ -78,7 +78,7 @@ class OurTask:
     """Our network: triangles and links of the Delaunay graph, trained through the cut."""
 
     def __init__(self, frozen: Sequence[SyntheticMap], settings: NetworkSettings, seed: int):
-        self.frozen, self.settings, self.seed = frozen, settings, seed
+        self.frozen, self.settings, self.seed = FrozenMaps(frozen, settings), settings, seed
 
     def network(self) -> JunctionNetwork:
         """Build the network."""
@@ -107,14 +107,15 @@ class OurTask:
         predicted: list[BoolArray] = []
         labels: list[BoolArray] = []
         scores: list[SliceScore] = []
-        for drawn in maps:
-            data = label_map(drawn, False, self.settings)
-            (logits,) = model.predict([data])
-            predicted.append(logits[1] > 0)
-            labels.append(data["link"].y.numpy() > 0.5)
-            masks, origin = fill_inside(data.graph, label_inside(data.graph, logits, settings))
-            curves = closed_chains(masks, origin, np.zeros(1, np.int64), _FLAT, settings)
-            scores.append(score_slice(list(curves), drawn.contours))
+        for begin in range(0, len(maps), settings.slices_per_batch):
+            batch = maps[begin : begin + settings.slices_per_batch]
+            slices = [label_map(drawn, False, self.settings) for drawn in batch]
+            for drawn, data, logits in zip(batch, slices, model.predict(slices), strict=True):
+                predicted.append(logits[1] > 0)
+                labels.append(data["link"].y.numpy() > 0.5)
+                masks, origin = fill_inside(data.graph, label_inside(data.graph, logits, settings))
+                curves = closed_chains(masks, origin, np.zeros(1, np.int64), _FLAT, settings)
+                scores.append(score_slice(list(curves), drawn.contours))
         return _scores(predicted, labels, scores)
 
 

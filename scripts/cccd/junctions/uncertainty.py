@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray
+from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.geometry.opencv import distance_to_zero
 from cccd.junctions.decoding import fill_inside
 from cccd.junctions.delaunay import DelaunayGraph
-from cccd.junctions.energy import Logits, inference_energy, least_energy
+from cccd.junctions.energy import Logits, energy_weights, inference_energy, least_energies
 from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["chance_of_error", "open_width"]
@@ -21,12 +21,11 @@ __all__ = ["chance_of_error", "open_width"]
 
 def open_width(graph: DelaunayGraph, logits: Logits, settings: InferenceSettings) -> float:
     """Measure half the width, in pixels, of what a shift by ``doubt_nats`` changes, at its widest place."""
-    within, link = logits
-    masks: list[BoolArray] = []
-    for shift in (-settings.doubt_nats, settings.doubt_nats):
-        energy = inference_energy(graph, (within + shift, link), settings)
-        masks.append(fill_inside(graph, least_energy(graph, energy))[0][0])
-    zone = masks[0] ^ masks[1]
+    energy = inference_energy(graph, logits, settings)
+    shift = settings.doubt_nats * energy_weights(graph, settings).unary
+    least = least_energies(graph, [energy.unary + shift, energy.unary - shift], energy.pairwise)
+    fewest, most = fill_inside(graph, *least)[0]
+    zone = fewest ^ most
     return float(distance_to_zero(zone.astype(np.uint8)).max()) if zone.any() else 0.0
 
 

@@ -166,8 +166,11 @@ def _run_epoch(
         loss = (torch.stack(losses) * torch.tensor(weights, device=device)).sum() / sum(weights)
         optimiser.zero_grad(set_to_none=True)
         torch.autograd.backward(loss)
-        nn.utils.clip_grad_norm_(model.parameters(), _GRADIENT_NORM)
-        optimiser.step()
+        norm = nn.utils.clip_grad_norm_(model.parameters(), _GRADIENT_NORM)
+        if bool(torch.isfinite(norm)):  # one step that is not would leave no weight that is
+            optimiser.step()
+        else:
+            logger.warning("epoch %d: a step whose gradient is not finite was left out", epoch)
         schedule.step()
         total.append(float(losses[0].detach()))
     return float(np.mean(total))

@@ -377,7 +377,7 @@ class BlendingSettings(Section):
     )
 
     fairing_band: float = setting(
-        0.05,
+        0.02,
         "the mesh's windowed sinc filter passes so much of its spectrum per pixel of its edges",
         why="The grid on which tubes are joined leaves ripples of a few edges; narrower, and the organ's own "
         "details go.",
@@ -387,13 +387,41 @@ class BlendingSettings(Section):
         le=2,
     )
     fairing_rounds: int = setting(
-        30,
+        60,
         "degree of that filter",
         why="More cut more sharply, and cost as much more; fewer than five make no filter.",
         unit="count",
         expert=True,
         ge=5,
         le=200,
+    )
+    regain_pixels: float = setting(
+        1.6,
+        "what that filter takes along the normals is given back as its average over so far (standard "
+        "deviation)",
+        why="Branches and tips are not drawn in; nearer, and ripples come back with them.",
+        unit="px",
+        expert=True,
+        gt=0,
+        le=20,
+    )
+    regain_pixels_probability: float = setting(
+        1.1,
+        "the same of the level of probabilities",
+        why="They tell to a tenth of a pixel where it is: less of what the filter takes is a ripple.",
+        unit="px",
+        expert=True,
+        gt=0,
+        le=20,
+    )
+    regain_rounds: int = setting(
+        2,
+        "times that this is done, each with what the last one left",
+        why="The first leaves some of what is as short as a branch is thick; a third returns more ripples.",
+        unit="count",
+        expert=True,
+        ge=0,
+        le=10,
     )
 
 
@@ -447,6 +475,15 @@ class WallSettings(Section):
         ge=0,
         le=1000,
     )
+    line_stiffness: float = setting(
+        150.0,
+        "the same along the lines where three walls meet",
+        why="To which organ a node beside a line goes is nearly a draw; as stiff as walls, lines have teeth.",
+        unit="ratio",
+        expert=True,
+        ge=0,
+        le=1e4,
+    )
     most_offset_pixels: float = setting(
         0.25,
         "walls move by at most this to give every organ the volume of its voxels",
@@ -463,7 +500,7 @@ class SolidSettings(Section):
 
     first_patches: int = setting(
         300,
-        "spline patches that a solid begins with, shared out by area; they double until they follow the mesh",
+        "spline patches that a solid begins with, shared out by area; more come where they do not follow it",
         why="Where fewer would do the file is small already.",
         unit="patches",
         expert=True,
@@ -478,15 +515,6 @@ class SolidSettings(Section):
         expert=True,
         ge=12,
         le=1_000_000,
-    )
-    unfolding_rounds: int = setting(
-        12,
-        "times that a patch which folds is smoothed and fitted again",
-        why="What still folds then does so with any number of them; twice the patches may not.",
-        unit="count",
-        expert=True,
-        ge=0,
-        le=100,
     )
     most_facets: int = setting(
         40_000,
@@ -543,6 +571,35 @@ class TetrahedraSettings(Section):
         expert=True,
         gt=3,
         le=1000,
+    )
+    sharp_deg: float = setting(
+        40.0,
+        "gmsh: faces of the surface that meet at more than this angle keep the edge between them",
+        why="Lids where the scan cuts an organ meet its wall at more, triangles of smooth walls at less.",
+        unit="degrees",
+        expert=True,
+        gt=0,
+        le=180,
+    )
+    shortest: float = setting(
+        2.0,
+        "gmsh: edges are no shorter than this many times the tolerance",
+        why="On a radius of the tolerance a chord is as long: shorter ones follow nothing that is asked for.",
+        unit="tolerances",
+        expert=True,
+        gt=0,
+        le=100,
+    )
+    bends: float = setting(
+        0.25,
+        "gmsh-step: edges are as short as the tolerance asks on a radius of this times that of a ball of the "
+        "organ's volume by surface",
+        why="By curvature Gmsh takes minutes on a thousand splines, so all edges have one size. Folds bend "
+        "more than the ball; of this size a brain has 41,000 tetrahedra, and its volume to 0.01 %.",
+        unit="ratio",
+        expert=True,
+        gt=0,
+        le=1,
     )
     rounds: int = setting(
         40,

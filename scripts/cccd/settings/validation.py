@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, cast
 
+import yaml
 from pydantic import ValidationError
 
 from cccd.errors import InputError
@@ -14,7 +16,7 @@ from cccd.settings.messages import describe, nearest, show
 from cccd.settings.root import Settings
 from cccd.settings.schema import raw_schema
 
-__all__ = ["validate_config"]
+__all__ = ["read_config", "validate_config"]
 
 _REFUSED_KEYS = ("extra_forbidden", "invalid_key")
 
@@ -50,6 +52,25 @@ def validate_config(config: Mapping[str, Any]) -> Settings:
         return Settings.model_validate(dict(config))
     except ValidationError as error:
         raise _explain(error, config) from None
+
+
+def read_config(path: Path) -> Settings:
+    """Read a file that changes some keys of the configuration, as Snakemake's ``--configfile`` does.
+
+    Raises
+    ------
+    InputError
+        Not there, no YAML, or what `validate_config` refuses.
+    """
+    try:
+        config = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(str(path), "not there", "give a YAML file of the configuration") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(str(path), f"no YAML ({error})", "write key: value, nested by indentation") from None
+    if not isinstance(config, dict):
+        raise InputError(str(path), "no keys with values", "write key: value, nested by indentation")
+    return validate_config(cast("dict[str, Any]", config))
 
 
 def _explain(error: ValidationError, config: Mapping[str, Any]) -> InputError:

@@ -75,7 +75,7 @@ def _follow(mesh: Mesh, share: float, tolerance: float, settings: SolidSettings)
     """Make a piece's shell of patches, or of facets where those fold; ``share`` is its part of the area."""
     first = max(LEAST_PATCHES, round(settings.first_patches * share))
     most = max(LEAST_PATCHES, round(settings.most_patches * share))
-    smooth = patches_within(mesh, tolerance, first, most, settings.unfolding_rounds)
+    smooth = patches_within(mesh, tolerance, first, most)
     return smooth or facets_within(mesh, tolerance, max(4, round(settings.most_facets * share)))
 
 
@@ -90,6 +90,7 @@ def _report(bodies: Sequence[Sequence[Shell]], mesh: Mesh, tolerance: float) -> 
         "cavities": len(shells) - len(bodies),
         "smooth_shells": sum(shell.smooth for shell in shells),
         "faceted_shells": sum(not shell.smooth for shell in shells),
+        "planar_faces": sum(shell.planar for shell in shells),
         "tolerance_mm": tolerance,
         "mean_mm": deviation.mean,
         "p99_mm": deviation.p99,

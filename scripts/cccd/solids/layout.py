@@ -14,17 +14,20 @@ from scipy.sparse import coo_array, csr_array
 from scipy.spatial import cKDTree
 
 from cccd.geometry._jit import jit
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.tolerances import TINY
 
-__all__ = ["Footpoints", "Layout", "grid_ids", "lay_quads", "links"]
+__all__ = ["Footpoints", "Layout", "grid_ids", "lay_flat", "lay_quads", "with_flat"]
 
 #: Triangles tried for the nearest point that faces the same way.
 _TRIED = 24
 
 #: Cosine from which two normals agree.
 _AGREEING = 0.2
+
+#: Steps in which samples beside flat triangles follow those on them.
+_FOLLOWING = 30
 
 #: Steps of tangential smoothing after each subdivision, and their length.
 _ROUNDS, _STEP = 3, 0.5
@@ -37,7 +40,7 @@ class Layout:
     Attributes
     ----------
     quads : (Q, 4) int64
-        Corners, counter-clockwise from outside.
+        Corners, counter-clockwise from outside; each third of the list has one quad of every triangle.
     ids : (Q, n, n) int64
         Numbers of the samples: along the first axis from corner 0 to 3, along the second from 0 to 1.
     points : (P, 3) float64
@@ -107,6 +110,39 @@ def lay_quads(coarse: Mesh, target: Footpoints, subdivisions: int) -> Layout:
     return layout
 
 
+def lay_flat(coarse: Mesh, subdivisions: int) -> Layout:
+    """Lay three quads on each triangle of a mesh and sample them on that mesh, numbered as by `lay_quads`."""
+    quads, points = _three_quads(coarse)
+    layout = Layout(quads, grid_ids(quads, 2), points)
+    for _ in range(subdivisions):
+        layout = _subdivided(layout)
+    return layout
+
+
+def with_flat(layout: Layout, planar: Layout, flat: BoolArray) -> Layout:
+    """Take the samples of some triangles from another layout; those of triangles beside them follow.
+
+    Parameters
+    ----------
+    layout, planar : Layout
+        As `lay_quads` and `lay_flat` lay them on one mesh.
+    flat : (F,) bool
+        The triangles.
+    """
+    held = np.zeros(len(layout.points), np.bool_)
+    held[layout.ids[np.tile(flat, 3)]] = True
+    beside = held[layout.ids].any(axis=(1, 2)).reshape(3, -1).any(axis=0)
+    free = np.zeros(len(held), np.bool_)
+    free[layout.ids[np.tile(beside, 3)]] = True
+    free[layout.ids[np.tile(~beside, 3)]] = False
+    free &= ~held
+    move = np.where(held[:, None], planar.points - layout.points, 0.0)
+    mean = _links(layout.ids, len(held))[np.flatnonzero(free)]
+    for _ in range(_FOLLOWING):
+        move[free] = mean @ move
+    return Layout(layout.quads, layout.ids, layout.points + move)
+
+
 def _three_quads(mesh: Mesh) -> tuple[IntArray, FloatArray]:
     """Split each triangle at its centre and the middles of its edges."""
     faces, count = mesh.faces, len(mesh.vertices)
@@ -133,7 +169,7 @@ def _subdivided(layout: Layout) -> Layout:
     return Layout(layout.quads, ids, points)
 
 
-def links(ids: IntArray, count: int) -> csr_array:
+def _links(ids: IntArray, count: int) -> csr_array:
     """Weights (P, P) by which each sample is the mean of those beside it."""
     pairs = [np.stack([ids[:, 1:], ids[:, :-1]], axis=-1), np.stack([ids[:, :, 1:], ids[:, :, :-1]], axis=-1)]
     ends = np.unique(np.sort(np.concatenate([p.reshape(-1, 2) for p in pairs]), axis=1), axis=0)
@@ -144,7 +180,7 @@ def links(ids: IntArray, count: int) -> csr_array:
 
 def _relaxed(layout: Layout, target: Footpoints) -> Layout:
     """Smooth the samples along the mesh and bring them onto it, each to where the mesh faces as they do."""
-    mean = links(layout.ids, len(layout.points))
+    mean = _links(layout.ids, len(layout.points))
     points, normals = target.nearest(layout.points, _sample_normals(layout.ids, layout.points))
     for _ in range(_ROUNDS):
         move = mean @ points - points
@@ -162,12 +198,7 @@ def _sample_normals(ids: IntArray, points: FloatArray) -> FloatArray:
     return _unit(_summed(corners, cells, len(points)))
 
 
-def _vertex_normals(mesh: Mesh) -> FloatArray:
-    """Return unit normals (V, 3) at the vertices, weighted by the faces' areas."""
-    return _unit(_summed(mesh.faces.T, mesh.face_normals, len(mesh.vertices)))
-
-
-def _summed(owners: tuple[IntArray, ...] | IntArray, values: FloatArray, count: int) -> FloatArray:
+def _summed(owners: tuple[IntArray, ...], values: FloatArray, count: int) -> FloatArray:
     """Sum values (N, 3) over the owners (N,) in each of several lists."""
     total = np.zeros((count, 3))
     for owner in owners:
@@ -197,7 +228,7 @@ class Footpoints:
 
         edge = 2 * float(np.sqrt(4 / np.sqrt(3) * mesh.area / len(mesh.faces)))
         corners = mesh.vertices[mesh.faces]
-        normals = _vertex_normals(mesh)[mesh.faces]
+        normals = mesh.vertex_normals[mesh.faces]
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
         large = longest > edge
         if large.any():

@@ -7,14 +7,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.bsplines import DEGREE, basis, open_knots
 from cccd.geometry.mesh import Mesh
-from cccd.solids.decimation import collapse_edges
+from cccd.solids.decimation import collapse_edges, weigh_more
 from cccd.solids.kernel import patch_shell
-from cccd.solids.layout import Footpoints, Layout, grid_ids, lay_quads, links
+from cccd.solids.layout import Footpoints, Layout, grid_ids, lay_flat, lay_quads, with_flat
 from cccd.solids.shells import follows
 from cccd.tolerances import TINY
 
@@ -33,14 +32,20 @@ DIGITS = 4
 EVENNESS = 1e-2
 
 
-#: Where more than this share of the patches fold smoothing leaves folds: more patches are tried at once.
-MOST_FOLDED = 0.1
+#: Decimated meshes are made of one with so many triangles for each that there may be in the end.
+FINEST = 8
 
-#: Where more than this share fold twice in a row, handles and thin walls abound: facets need less.
-HOPELESS = 1 / 3
+#: Where patches neither fold nor lie off, and still do not follow, there are so many times as many.
+LEAST_GROWTH = 1.125
 
-#: Rounds of smoothing that may leave as many folds as there were.
-PATIENCE = 4
+#: Where the patches of more than this share of the triangles fold they are not flattened: it would show.
+MOST_FOLDED = 0.12
+
+#: Nor where more than this share of the samples lies beyond the tolerance.
+MOST_OFF = 0.02
+
+#: Times that triangles are flattened whose patches fold.
+FLATTENING_ROUNDS = 12
 
 
 @dataclass(frozen=True)
@@ -53,10 +58,13 @@ class Patches:
         Corners of the patches, counter-clockwise from outside.
     control_points : (K, 3) float64
         In mm, numbered as ``grid_ids(quads, CONTROL_POINTS)`` has them.
+    planar : int
+        How many of them are planes: where others would fold.
     """
 
     quads: IntArray
     control_points: FloatArray
+    planar: int = 0
     smooth: bool = True
 
     @cached_property
@@ -134,8 +142,8 @@ def fit_patches(layout: Layout) -> Patches:
     return Patches(layout.quads, np.round(points, DIGITS))
 
 
-def patches_within(mesh: Mesh, tolerance: float, first: int, most: int, rounds: int) -> Patches | None:
-    """Fit patches to a closed mesh in one piece, twice as many until they follow it and do not fold.
+def patches_within(mesh: Mesh, tolerance: float, first: int, most: int) -> Patches | None:
+    """Fit patches to a closed mesh in one piece, more where they fold or lie off, until they follow it.
 
     Parameters
     ----------
@@ -145,8 +153,6 @@ def patches_within(mesh: Mesh, tolerance: float, first: int, most: int, rounds: 
         In mm, of 99 % of the surface.
     first, most : int
         Patches to begin with, and to end with.
-    rounds : int
-        How often folds are smoothed.
 
     Returns
     -------
@@ -154,64 +160,68 @@ def patches_within(mesh: Mesh, tolerance: float, first: int, most: int, rounds: 
         None where folds are left or the tolerance is not reached with so many.
     """
     target = Footpoints(mesh)
-    steps = [first]
-    while steps[-1] * 2 <= min(most, len(mesh.faces)):
-        steps.append(steps[-1] * 2)
-    coarse = [mesh]
-    for patches in reversed(steps):
-        coarse.append(collapse_edges(coarse[-1], max(4, patches // 3), EVENNESS))
-    before = 0.0
-    for layer in reversed(coarse[1:]):
-        fitted, folded = _unfolded(lay_quads(layer, target, SUBDIVISIONS), target, rounds)
+    most = min(most, len(mesh.faces))
+    fine = collapse_edges(mesh, FINEST * most // 3)
+    weights = np.ones(len(fine.vertices))
+    wanted = max(4, first // 3)
+    while True:
+        coarse = collapse_edges(fine, wanted, EVENNESS, weights)
+        fitted, marked = _fitted(coarse, target, tolerance)
         if fitted is not None and follows(fitted.mesh, mesh, tolerance):
             return fitted
-        if min(folded, before) > HOPELESS:
+        count = len(coarse.faces)
+        if max(wanted, count) >= most // 3:
+            return None
+        wanted = min(max(count + 3 * int(marked.sum()), round(LEAST_GROWTH * count)), 2 * count, most // 3)
+        weigh_more(weights, fine, coarse, marked)
+
+
+def _fitted(coarse: Mesh, target: Footpoints, tolerance: float) -> tuple[Patches | None, BoolArray]:
+    """Fit patches to a layout on a decimated mesh, and mark its triangles (F,) that should be smaller.
+
+    Triangles whose patches fold stay as flat as in the decimated mesh, until none folds. That mesh does not
+    pass through itself, so there are patches that do not: those that are all flat. None where it does, or
+    where too many patches fold or lie off.
+    """
+    flat = np.zeros(len(coarse.faces), np.bool_)
+    pairs = coarse.self_intersections()
+    if len(pairs):
+        flat[pairs.ravel()] = True
+        return None, coarse.with_neighbours(flat)
+    layout, planar = lay_quads(coarse, target, SUBDIVISIONS), lay_flat(coarse, SUBDIVISIONS)
+    marked = flat
+    for _ in range(FLATTENING_ROUNDS):
+        fitted = fit_patches(with_flat(layout, planar, flat) if flat.any() else layout)
+        folded, distance = _inspect(fitted, target, flat)
+        off = distance > tolerance
+        marked = marked | folded | off.any(axis=1)
+        if folded.mean() > MOST_FOLDED or off.mean() > MOST_OFF:
             break
-        before = folded
-    return None
+        if not folded.any():
+            return replace(fitted, planar=3 * int(flat.sum())), marked
+        beside = np.all(flat[folded])  # flat ones pass through those beside them
+        flat = flat | (coarse.with_neighbours(folded) if beside else folded)
+    return None, marked
 
 
-def _unfolded(layout: Layout, target: Footpoints, rounds: int) -> tuple[Patches | None, float]:
-    """Smooth the samples of patches that fold until none does; None where some still do, and their share."""
-    mean = links(layout.ids, len(layout.points))
-    fewest, since, bad = len(layout.quads), 0, np.zeros(0, np.bool_)
-    for turn in range(rounds + 1):
-        fitted = fit_patches(layout)
-        bad = _folded(fitted, target)
-        if not bad.any():
-            return fitted, 0.0
-        fewest, since = (int(bad.sum()), 0) if bad.sum() < fewest else (fewest, since + 1)
-        if bad.mean() > MOST_FOLDED or since > PATIENCE:
-            break
-        near = turn >= rounds // 3  # what alone did not unfold has its neighbours in the way
-        layout = replace(layout, points=_smoothed(layout, bad, mean, 2 + turn, near))
-    return None, float(bad.mean())
+def _inspect(fitted: Patches, target: Footpoints, flat: BoolArray) -> tuple[BoolArray, FloatArray]:
+    """Whether the patches of triangles (F,) fold, and how far (F, S) their samples lie from the mesh.
 
-
-def _smoothed(layout: Layout, bad: BoolArray, mean: csr_array, times: int, near: bool) -> FloatArray:
-    """Move the samples of bad patches, and those ``near`` them, half of the way to their neighbours' mean."""
-    weight = np.zeros(len(layout.points))
-    weight[layout.ids[bad]] = 0.5
-    if near:
-        weight[(mean @ (mean @ weight)) > 0] = 0.5
-    points = layout.points
-    for _ in range(times):
-        points = points + weight[:, None] * (mean @ points - points)
-    return points
-
-
-def _folded(fitted: Patches, target: Footpoints) -> BoolArray:
-    """Which patches turn away from the mesh somewhere, or pass through others."""
+    They fold where they turn away from the mesh, unless they are flat, or pass through others.
+    """
     normals = fitted.normals().reshape(-1, 3)
     size = np.linalg.norm(normals, axis=1, keepdims=True)
-    _, there = target.nearest(fitted.samples.reshape(-1, 3), normals / np.maximum(size, TINY))
+    samples = fitted.samples.reshape(-1, 3)
+    near, there = target.nearest(samples, normals / np.maximum(size, TINY))
     against = np.einsum("pc,pc->p", there, normals) <= 0
     bad = against.reshape(len(fitted.quads), -1).any(axis=1)
     bad |= creased(fitted.normals(4 * CHECKED - 3))
+    bad &= ~np.tile(flat, 3)
     pairs = fitted.mesh.self_intersections()
     cells = (CHECKED - 1) ** 2
     bad[np.unique(pairs % (len(fitted.quads) * cells)) // cells] = True
-    return bad
+    distance = np.linalg.norm(near - samples, axis=1).reshape(3, len(flat), -1)
+    return bad.reshape(3, -1).any(axis=0), np.moveaxis(distance, 0, 1).reshape(len(flat), -1)
 
 
 def creased(normals: FloatArray) -> BoolArray:

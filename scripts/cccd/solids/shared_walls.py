@@ -172,7 +172,7 @@ def _share_walls(organs: Mapping[int, Organ], frame: Frame, settings: WallSettin
     regions, pinched = well_composed(fields.owners(voxels), fields.distance)
     net = surface_nets(regions, fields.cut)
     in_mm = replace(net, vertices=fields.low + cell * fields.on_walls(net))
-    smooth = _smoothed(in_mm, voxels.ends, cell, settings.stiffness)
+    smooth = _smoothed(in_mm, voxels.ends, cell, settings)
     most = settings.most_offset_pixels * _edge(frame, settings)
     smooth = _with_volumes(replace(in_mm, vertices=smooth), voxels, cell, most)
     smooth, passing = _unfolded(replace(in_mm, vertices=smooth), fields.low + cell * net.vertices)
@@ -499,10 +499,11 @@ def _level(surface: ConformingSurface, ends: tuple[int, float, float], cell: flo
 
 
 def _smoothed(
-    surface: ConformingSurface, ends: tuple[int, float, float], cell: float, stiffness: float
+    surface: ConformingSurface, ends: tuple[int, float, float], cell: float, settings: WallSettings
 ) -> FloatArray:
     """Vertices (V, 3) without the grid's ripples; those where the scan ends stay on its planes."""
     level = _level(surface, ends, cell)
+    stiffness = np.where(surface.on_junctions, settings.line_stiffness, settings.stiffness)
     smooth = faired(surface, np.where(level, FULL_TRUST, 1.0), stiffness)
     smooth[level, ends[0]] = surface.vertices[level, ends[0]]
     return smooth

@@ -9,11 +9,14 @@ import numpy as np
 
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.solids.decimation import collapse_edges
+from cccd.solids.decimation import collapse_apart
 from cccd.solids.kernel import facet_shell
 from cccd.tolerances import SOLID_VOLUME
 
 __all__ = ["Deviation", "Facets", "Shell", "facets_within", "follows", "measure_deviation"]
+
+#: Facets are tried with this share of them, again and again.
+FEWER = 0.7
 
 #: Points on either surface from which distances are taken.
 SAMPLES = 10_000
@@ -40,6 +43,11 @@ class Shell(Protocol):
         """Whether its faces are splines."""
         ...
 
+    @property
+    def planar(self) -> int:
+        """How many of its faces are planes."""
+        ...
+
     def build(self) -> Any:
         """Make the ``TopoDS_Shell``."""
         ...
@@ -51,6 +59,11 @@ class Facets:
 
     mesh: Mesh
     smooth: bool = False
+
+    @property
+    def planar(self) -> int:
+        """How many of its faces are planes: all."""
+        return len(self.mesh.faces)
 
     def build(self) -> Any:
         """Make the ``TopoDS_Shell``, a plane for each triangle."""
@@ -90,9 +103,9 @@ def facets_within(mesh: Mesh, tolerance: float, most: int) -> Facets:
     most : int
         Most triangles, even if the tolerance asks for more.
     """
-    kept = collapse_edges(mesh, most)
+    kept = collapse_apart(mesh, most)
     while len(kept.faces) > 16:
-        fewer = collapse_edges(kept, len(kept.faces) // 2)
+        fewer = collapse_apart(kept, round(FEWER * len(kept.faces)))
         if len(fewer.faces) == len(kept.faces) or not follows(fewer, mesh, tolerance):
             break
         if len(fewer.self_intersections()):

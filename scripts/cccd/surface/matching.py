@@ -36,7 +36,9 @@ class Tubes:
         """What a user should know of them."""
         if not self.left_out:
             return []
-        return [f"{self.left_out} parts of fewer than {self.smallest_voxels:g} voxels are not in the surface"]
+        parts = "1 part" if self.left_out == 1 else f"{self.left_out} parts"
+        verb = "is" if self.left_out == 1 else "are"
+        return [f"{parts} of fewer than {self.smallest_voxels:g} voxels {verb} not in the surface"]
 
 
 @dataclass(frozen=True, eq=False)

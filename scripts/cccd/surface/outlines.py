@@ -29,12 +29,15 @@ class Outlines:
     outwards : (C,) float64
         Pixels that each outline moves outwards where it runs along a row of pixels, down to 1/sqrt(2) of
         that on a diagonal; zero where the outline is the border itself.
+    areas : (C,) float64
+        Pixels that each outline encloses when it has moved; of a hole, less than zero.
     of_pixels : bool
-        Whether the outlines stand for the area of pixels.
+        Whether the outlines stand for the area of whole pixels.
     """
 
     curves: Curves
     outwards: FloatArray
+    areas: FloatArray
     of_pixels: bool
 
 
@@ -53,13 +56,17 @@ def lofted_outlines(curves: Curves, splines: Splines | None, settings: LoftSetti
     """
     of_pixels = through_pixel_centres(curves)
     if settings.source == "polygons":
-        return Outlines(curves, np.full(len(curves), 0.5 if of_pixels else 0.0), of_pixels)
+        if of_pixels:
+            return Outlines(curves, np.full(len(curves), 0.5), _pixels(curves), True)
+        return Outlines(curves, np.zeros(len(curves)), _areas(curves), False)
     if settings.source == "corners":
         splines = corner_splines(curves, k_cosine_corners(curves.points, curves.offsets, settings.corner_k))
     elif splines is None:
         splines = fit_splines(curves)
     drawn = sample_splines(splines)
-    return Outlines(drawn, _outwards(curves, drawn) if of_pixels else np.zeros(len(curves)), of_pixels)
+    if of_pixels:
+        return Outlines(drawn, *_grown(drawn, _pixels(curves)), True)
+    return Outlines(drawn, np.zeros(len(curves)), _areas(drawn), False)
 
 
 def through_pixel_centres(curves: Curves) -> bool:
@@ -67,17 +74,30 @@ def through_pixel_centres(curves: Curves) -> bool:
     return bool(np.array_equal(curves.points, np.rint(curves.points)))
 
 
-def _outwards(chains: Curves, drawn: Curves) -> FloatArray:
-    """Pixels (C,) by which drawn splines move outwards to enclose the area of their chains' pixels.
+def _areas(curves: Curves) -> FloatArray:
+    """Pixels (C,) that polygons enclose; less than zero in holes."""
+    return np.abs(curves.polygons.signed_areas) * np.where(curves.hole, -1.0, 1.0)
 
-    By Pick's theorem that is the chain's own area and half a pixel per link, plus one (less, in a hole).
+
+def _pixels(chains: Curves) -> FloatArray:
+    """Count the pixels (C,) that chains of pixels bound; less than zero in holes, which lie within theirs.
+
+    By Pick's theorem (1899) that is the chain's own area and half a pixel per link, plus one; for a hole half
+    a pixel per link is taken off.
+    """
+    hole = np.where(chains.hole, -1.0, 1.0)
+    return hole * (np.abs(chains.polygons.signed_areas) + hole * np.diff(chains.offsets) / 2 + 1)
+
+
+def _grown(drawn: Curves, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pixels (C,) by which drawn splines move outwards to enclose so many (C,), and what they enclose then.
+
     An outline that moves by d, in the norm in which a pixel's border lies half a pixel from its centre, gains
     d times its extent, the sum of the larger part of every step, and 2 d^2 for turning round once. A straight
     one moves by one half; one that was smoothed off a small organ, by somewhat more.
     """
-    hole = np.where(chains.hole, -1.0, 1.0)
-    pixels = np.abs(chains.polygons.signed_areas) + hole * np.diff(chains.offsets) / 2 + 1
-    missing = hole * (pixels - np.abs(drawn.polygons.signed_areas))
+    hole, areas = np.where(drawn.hole, -1.0, 1.0), _areas(drawn)
     extent = sum_per_part(np.abs(drawn.polygons.steps).max(axis=1), drawn.offsets)
-    root = np.sqrt(np.maximum(extent**2 + hole * 8 * missing, 0))
-    return np.clip(hole * (root - extent) / 4, 0, MOST_OUTWARDS)
+    root = np.sqrt(np.maximum(extent**2 + hole * 8 * (pixels - areas), 0))
+    moved = np.clip(hole * (root - extent) / 4, 0, MOST_OUTWARDS)
+    return moved, areas + moved * extent + hole * 2 * moved**2

@@ -10,10 +10,12 @@ import numpy as np
 
 from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import BlendingSettings, LoftSettings
 from cccd.surface.blending import blend, blend_reach, offset_surface, points_on_surface
 from cccd.surface.booleans import unite
+from cccd.surface.fairing import fair, without_crossings
 from cccd.surface.offset import offset_patch
 from cccd.surface.patches import FittedTubes
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
@@ -112,32 +114,35 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
     strayed = _strayed(points_on_surface(united), stack.target, reach / 2)
     seams = np.concatenate([meeting, fitted.jumps, strayed])
     distance = blend(united, seams, stack.target, reach, blending.fade_cells, stack.filled)
-    meshed = offset_surface(distance)
-    if len(meshed.faces) == 0:  # thinner than a cell everywhere
+    if not np.any(distance.values < 0):  # thinner than a cell everywhere
         return Solid(unite(meshes, tubes), fitted, 0.0, stack)
-    planes = _cap_planes(tubes)
-    most = blending.most_offset_pixels * stack.pixel
-    known = not (stack.of_probability or stack.of_some_slices)
-    missing = _missing_height(meshed, planes, stack.volume, cell) if known else 0.0
-    offset = float(np.clip(missing, -most, most))
-    shifted = [z + side * offset for z, side in planes]
-    band = blending.fairing_band * cell / CELL_EDGES / stack.pixel
-    moved = _faired(offset_surface(distance, offset), shifted, band, cell, blending)
-    level = _with_level_caps(moved, planes, offset, cell, blending.cap_cells)
-    return Solid(level, fitted, offset, stack)
+    mesh, offset = _of_volume(distance, _cap_planes(tubes), cell, stack, blending)
+    return Solid(mesh, fitted, offset, stack)
 
 
-def _faired(
-    mesh: Mesh, planes: Sequence[float], band: float, cell: float, settings: BlendingSettings
-) -> Mesh:
-    """Take the grid's ripples off a mesh, but for its planar caps at heights ``planes`` in mm and their rims.
+def _of_volume(
+    distance: ScalarGrid,
+    planes: Sequence[tuple[float, int]],
+    cell: float,
+    stack: SliceStack,
+    settings: BlendingSettings,
+) -> tuple[Mesh, float]:
+    """Mesh a grid's zero level moved outwards to hold the slices' volume, and by how many mm it was moved.
 
-    Waves pass whose share of the mesh's spectrum is less than ``band``.
+    It is rid of the grid's ripples, and its planar caps stay where they were.
     """
-    smooth = mesh.low_passed(band, settings.fairing_rounds).vertices
-    away = np.abs(mesh.vertices[:, 2:] - np.array(planes)).min(axis=1, initial=np.inf) / cell
-    share = np.clip(away / settings.cap_cells, 0, 1)[:, None]
-    return Mesh(mesh.vertices + share * (smooth - mesh.vertices), mesh.faces)
+    edge_pixels = cell / CELL_EDGES / stack.pixel
+    regain = settings.regain_pixels_probability if stack.of_probability else settings.regain_pixels
+    offset = 0.0
+    if not (stack.of_probability or stack.of_some_slices):
+        heights = [z for z, _ in planes]
+        smooth = fair(offset_surface(distance), heights, cell, edge_pixels, regain, settings)
+        most = settings.most_offset_pixels * stack.pixel
+        offset = float(np.clip(_missing_height(smooth, planes, stack.volume, cell), -most, most))
+    heights = [z + side * offset for z, side in planes]
+    rough = offset_surface(distance, offset)
+    moved = without_crossings(fair(rough, heights, cell, edge_pixels, regain, settings), rough)
+    return _with_level_caps(moved, planes, offset, cell, settings.cap_cells), offset
 
 
 def _strayed(points: FloatArray, target: TargetDistance, most: float) -> FloatArray:

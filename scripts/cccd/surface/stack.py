@@ -198,7 +198,7 @@ def interpolate_slices(
             "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"
         )
     voxel, voxel_faces = np.array([step, *spacing]), _voxel_faces(distance < 0)
-    volume = _volume(slices, _areas(outlines, slices, distance), frame.slice_spacing, step, breaks)
+    volume = _volume(slices, _areas(outlines, slices), frame.slice_spacing, step, breaks)
     thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
     target = TargetField.of(
         _levels(runs), spacing, settings.bridge_slices * step + pixel, settings.interpolation.knot_pixels
@@ -254,14 +254,11 @@ def _levels(runs: Sequence[Run]) -> list[LevelField]:
     return [*below, *fields, *above]
 
 
-def _areas(outlines: Outlines, slices: IntArray, distance: SingleArray) -> FloatArray:
-    """Area in mm^2 of what the outlines of each slice (S,) enclose: that of their pixels, or their own."""
-    curves = outlines.curves
-    pixel = float(curves.frame.pixel_spacing.prod())
-    if outlines.of_pixels:
-        return pixel * np.count_nonzero(distance < 0, axis=(1, 2)).astype(float)
-    areas = np.abs(curves.polygons.signed_areas) * np.where(curves.hole, -pixel, pixel)
-    return np.bincount(np.searchsorted(slices, curves.slice), areas, len(slices)).astype(float)
+def _areas(outlines: Outlines, slices: IntArray) -> FloatArray:
+    """Area in mm^2 of what the outlines of each slice (S,) stand for."""
+    pixel = float(outlines.curves.frame.pixel_spacing.prod())
+    owner = np.searchsorted(slices, outlines.curves.slice)
+    return pixel * np.bincount(owner, outlines.areas, len(slices)).astype(float)
 
 
 def _volume(slices: IntArray, areas: FloatArray, spacing: float, step: float, breaks: IntArray) -> float:

@@ -147,9 +147,9 @@ def fill_organs(
     sizes = sizes_in_mm(organs, settings)
     _refuse_too_many(organs, *sizes, settings.most)
     if settings.mesher == "gmsh":
-        vertices, tetrahedra = fill_surfaces(organs, *sizes)
+        vertices, tetrahedra = fill_surfaces(organs, *sizes, settings)
     elif settings.mesher == "gmsh-step":
-        vertices, tetrahedra = fill_solids(organs, *sizes, step_tolerance_mm, solid)
+        vertices, tetrahedra = fill_solids(organs, *sizes, settings, step_tolerance_mm, solid)
     else:
         vertices, tetrahedra = _fill_box(organs, settings)
     turned = signed_volumes(vertices, tetrahedra) < 0

@@ -22,22 +22,13 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.collisions import passing_pairs
 from cccd.geometry.distance import nearest_faces, to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import SolidSettings
+from cccd.settings.surface import SolidSettings, TetrahedraSettings
 from cccd.solids.bodies import split_bodies
 from cccd.solids.build import build_solids, write_organs
 from cccd.surface.formats import COLOUR
 from cccd.tetrahedra.formats import rows
 
 __all__ = ["fill_solids", "fill_surfaces", "require_gmsh", "search_path"]
-
-#: Faces that meet at more than this angle have an edge between them that stays.
-SHARP_DEG = 40.0
-
-#: Edges are no shorter than this many times the tolerance: on a radius of the tolerance a chord is as long.
-SHORTEST = 2.0
-
-#: Radius of an organ's bends, by that of a ball of its volume by surface.
-BENDS = 0.25
 
 #: Vertices of one organ that are tried for lying in another.
 TRIED = 100
@@ -81,7 +72,9 @@ class _Walls(NamedTuple):
     owners: list[str]  # the organ of each body
 
 
-def fill_surfaces(organs: Mapping[str, Mesh], edge: float, tolerance: float) -> tuple[FloatArray, IntArray]:
+def fill_surfaces(
+    organs: Mapping[str, Mesh], edge: float, tolerance: float, settings: TetrahedraSettings
+) -> tuple[FloatArray, IntArray]:
     """Fill closed surfaces, whose walls may be shared, and which may lie in one another.
 
     Parameters
@@ -90,6 +83,8 @@ def fill_surfaces(organs: Mapping[str, Mesh], edge: float, tolerance: float) -> 
         Closed, in mm.
     edge, tolerance : float
         Largest edge, and distance of faces to the surface where it curves, in mm.
+    settings : TetrahedraSettings
+        Section ``surface.tetrahedra`` of the configuration: ``sharp_deg`` and ``shortest``.
 
     Returns
     -------
@@ -106,10 +101,13 @@ def fill_surfaces(organs: Mapping[str, Mesh], edge: float, tolerance: float) -> 
     _refuse_crossings(walls)
     pairs, tags = np.unique(walls.sides, axis=0, return_inverse=True)
     tags = tags.reshape(-1)
-    sizes = _sizes(organs, edge, tolerance)
+    sizes = _sizes(organs, edge, tolerance, settings.shortest)
     with tempfile.TemporaryDirectory() as folder:
         _write_triangles(Path(folder, "walls.msh"), walls.vertices, walls.faces, tags)
-        script = ['Merge "walls.msh";', f"ClassifySurfaces{{{float(np.radians(SHARP_DEG))!r}, 1, 1, Pi}};"]
+        script = [
+            'Merge "walls.msh";',
+            f"ClassifySurfaces{{{float(np.radians(settings.sharp_deg))!r}, 1, 1, Pi}};",
+        ]
         script += ["CreateGeometry;", *sizes]
         anew = _run(Path(folder), "walls", script, 2, organs)
         tags = _tags_of(anew, walls, tags)
@@ -126,8 +124,9 @@ def fill_solids(
     organs: Mapping[str, Mesh],
     edge: float,
     tolerance: float,
+    settings: TetrahedraSettings,
     step_tolerance: float,
-    settings: SolidSettings,
+    solid: SolidSettings,
 ) -> tuple[FloatArray, IntArray]:
     """Fill organs that lie apart by way of a STEP file of their solids, on whose splines vertices lie.
 
@@ -135,9 +134,11 @@ def fill_solids(
     ----------
     organs, edge, tolerance
         As for `fill_surfaces`.
+    settings : TetrahedraSettings
+        Section ``surface.tetrahedra`` of the configuration: ``bends``.
     step_tolerance : float
         The solids' distance to the surfaces, in mm.
-    settings : SolidSettings
+    solid : SolidSettings
         Section ``surface.solid`` of the configuration.
 
     Returns
@@ -161,8 +162,8 @@ def fill_solids(
             "they touch, and their solids share no faces",
             "set surface.tetrahedra.mesher to gmsh or ftetwild",
         )
-    solids = {name: build_solids(mesh, step_tolerance, settings) for name, mesh in organs.items()}
-    bends = min(BENDS * 3 * mesh.volume / mesh.area for mesh in organs.values())
+    solids = {name: build_solids(mesh, step_tolerance, solid) for name, mesh in organs.items()}
+    bends = min(settings.bends * 3 * mesh.volume / mesh.area for mesh in organs.values())
     edge = min(edge, (8 * bends * tolerance) ** 0.5)
     with tempfile.TemporaryDirectory() as folder:
         write_organs(Path(folder, "organs.step"), solids, dict.fromkeys(solids, COLOUR), "step")
@@ -245,7 +246,7 @@ class _Found(NamedTuple):
     tetrahedra: IntArray  # (N, 4)
 
 
-def _sizes(organs: Mapping[str, Mesh], edge: float, tolerance: float) -> list[str]:
+def _sizes(organs: Mapping[str, Mesh], edge: float, tolerance: float, shortest: float) -> list[str]:
     """Lines of a script that set the sizes of elements.
 
     Gmsh takes the number n of chords to a circle, whatever its radius r; one lies r (pi / n)^2 / 2 off. That
@@ -257,7 +258,7 @@ def _sizes(organs: Mapping[str, Mesh], edge: float, tolerance: float) -> list[st
     edge = min(edge, (8 * radius * tolerance) ** 0.5)
     return [
         f"Mesh.MeshSizeMax = {float(edge)!r};",
-        f"Mesh.MeshSizeMin = {float(SHORTEST * tolerance)!r};",
+        f"Mesh.MeshSizeMin = {float(shortest * tolerance)!r};",
         f"Mesh.MeshSizeFromCurvature = {float(np.pi * edge / (4 * tolerance))!r};",
         "Mesh.MeshSizeExtendFromBoundary = 0;",  # else the short edges between pieces spread over them
         "Mesh.OptimizeNetgen = 1;",

@@ -62,7 +62,8 @@ def contour_frame(
     Raises
     ------
     InputError
-        Planes that are not parallel, not the image's, unevenly spaced, or fewer than two.
+        Planes that are not parallel, not the image's, unevenly spaced, or fewer than two; contours along a
+        line.
     """
     normal = _plane_normal(contours, location)
     heights, spacing = _plane_heights(contours, normal, location)
@@ -87,10 +88,11 @@ def contour_frame(
 def _plane_normal(contours: list[FloatArray], location: str) -> FloatArray:
     """Find the unit normal (3,) of the parallel planes that the contours lie in."""
     centred = np.concatenate([contour - contour.mean(axis=0) for contour in contours])
-    _, _, axes = np.linalg.svd(centred, full_matrices=False)
-    normal = axes[-1]
-    normal = normal * np.sign(normal[np.abs(normal).argmax()])
-    flat, wide = np.abs(centred @ normal).max(), np.abs(centred @ axes[0]).max()
+    axes = np.linalg.eigh(centred.T @ centred).eigenvectors
+    normal = axes[:, 0] * np.sign(axes[np.abs(axes[:, 0]).argmax(), 0])
+    flat, narrow, wide = np.abs(centred @ axes).max(axis=0)
+    if narrow <= SLICE_DIRECTION * wide:  # along one line: any plane through it would do
+        raise _without_area(location)
     if flat > SLICE_DIRECTION * wide:
         raise InputError(location, "its contours do not lie in parallel planes", "export planar contours")
     return normal
@@ -189,7 +191,7 @@ def assemble_contours(rois: list[list[FloatArray]], frame: Frame, location: str)
     """
     slices, flat = _rings_by_slice(rois, frame, location)
     if not slices:
-        raise InputError(location, "none of its contours encloses an area", "choose another ROI")
+        raise _without_area(location)
     rings: list[FloatArray] = []
     ks: list[int] = []
     holes: list[bool] = []
@@ -208,6 +210,11 @@ def assemble_contours(rois: list[list[FloatArray]], frame: Frame, location: str)
     hole = np.array(holes, bool)
     polygons = _orient(rings, hole)
     return Curves(polygons.points, polygons.offsets, np.array(ks, np.int32), hole, frame), warnings
+
+
+def _without_area(location: str) -> InputError:
+    """Error for a region of interest whose contours are all points and lines."""
+    return InputError(location, "none of its contours encloses an area", "choose another ROI")
 
 
 def _rings_by_slice(

@@ -168,3 +168,24 @@ def test_a_low_pass_takes_ripples_off_a_ball_and_keeps_its_volume():
     assert np.linalg.norm(smooth.vertices, axis=1).std() < 0.3 * np.linalg.norm(rough.vertices, axis=1).std()
     assert smooth.curvature_per_area < 0.6 * rough.curvature_per_area
     assert smooth.is_closed_manifold
+
+
+def test_normals_of_a_ball_point_away_from_its_centre():
+    ball = sphere(8)
+    outwards = np.einsum("vc,vc->v", ball.vertex_normals, ball.vertices)
+    assert outwards.min() > 0.9999 * np.linalg.norm(ball.vertices, axis=1).max()
+    assert np.allclose(np.linalg.norm(ball.vertex_normals, axis=1), 1)
+
+
+def test_averaging_spreads_a_value_by_half_an_edge_each_time():
+    ball = sphere(8)
+    assert np.allclose(ball.averaged(np.ones(len(ball.vertices)), 3), 1)
+    start = np.argmin(np.bincount(ball.faces.ravel()) != 6)  # in the middle of six triangles
+    value = np.zeros(len(ball.vertices))
+    value[start] = 1
+    weight = ball.averaged(value, 40)
+    edge = np.sqrt(4 / np.sqrt(3) * ball.area / len(ball.faces))
+    square = ((ball.vertices - ball.vertices[start]) ** 2).sum(axis=1)
+    assert np.sqrt((weight * square).sum() / weight.sum() / 2) == pytest.approx(
+        0.5 * edge * np.sqrt(40), rel=0.1
+    )

@@ -1,12 +1,16 @@
+import pickle
+
 import h5py
 import numpy as np
 import pandas as pd
 import pytest
 import torch
+from torch_geometric.data import Batch
 
 from cccd.errors import InputError
 from cccd.junctions import loop
 from cccd.junctions.checkpoint import load_model
+from cccd.junctions.data import FrozenMaps, label_map
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.frozen_graphs import generate_graphs, pack_graphs, read_maps
 from cccd.junctions.loop import train_model
@@ -123,6 +127,17 @@ def test_a_killed_run_goes_on_as_if_nothing_had_happened(graphs, tmp_path, monke
     resumed, resumed_history = train(graphs, tmp_path / "killed", network=network)
     assert same(whole, resumed)
     pd.testing.assert_frame_equal(history.drop(columns="seconds"), resumed_history.drop(columns="seconds"))
+
+
+def test_kept_maps_stay_as_they_were_labelled_and_go_to_other_processes(graphs):
+    maps, settings = read_maps(graphs, "training"), NetworkSettings()
+    frozen = FrozenMaps(maps, settings)
+    Batch.from_data_list([frozen.labelled(0, False), frozen.labelled(1, True)])
+    sent = pickle.loads(pickle.dumps(frozen))
+    for one, number, hidden in ((frozen, 0, False), (frozen, 1, True), (sent, 0, False), (sent, 1, True)):
+        fresh = label_map(maps[number], hidden, settings)
+        for kind, name in (("link", "x"), ("link", "y"), ("triangle", "y"), ("triangle", "pool_index")):
+            assert torch.equal(one.labelled(number, hidden)[kind][name], fresh[kind][name])
 
 
 def test_a_torn_checkpoint_falls_back_to_the_one_before(graphs, tmp_path, monkeypatch):

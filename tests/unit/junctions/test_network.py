@@ -7,13 +7,13 @@ from torch_geometric.nn import MessagePassing
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.graph_data import TRIANGLE_LINKS, make_data
 from cccd.junctions.intensity import normalised_intensity
-from cccd.junctions.layers import EquationEleven, pooled_mean
+from cccd.junctions.layers import EquationEleven, HeadGate, Incidence, Pools
 from cccd.junctions.network import JunctionNetwork
 
 
-def layer(width_in=5, width_out=4, heads=1):
+def layer(width_in=5, width_out=4):
     torch.manual_seed(0)
-    convolution = EquationEleven(width_in, width_out, 0.0, heads)
+    convolution = EquationEleven(width_in, width_out, 0.0)
     with torch.no_grad():
         for parameter in convolution.parameters():
             parameter.normal_()
@@ -46,23 +46,33 @@ def test_convolution_is_equation_11_evaluated_densely():
 
 
 def test_gates_of_one_change_nothing_and_zero_closes_a_link():
-    convolution = layer(heads=2)
+    convolution = layer()
     x = torch.randn(6, 5)
     edges = torch.tensor([[0, 1, 2, 3], [1, 0, 4, 4]])
     with torch.no_grad():
         plain = convolution(x, edges)
-        assert torch.equal(convolution(x, edges, torch.ones(4, 2)), plain)
-        gate = torch.ones(4, 2)
+        assert torch.equal(convolution(x, edges, torch.ones(4, 4)), plain)
+        gate = torch.ones(4, 4)
         gate[2] = 0
         closed = convolution(x, edges, gate)
         assert torch.allclose(closed[4], convolution(x, edges[:, 3:])[4])
+
+
+def test_a_gate_is_the_same_for_all_channels_of_a_head():
+    torch.manual_seed(0)
+    gate = HeadGate(5, 2, 6)
+    x = torch.randn(7, 5)
+    with torch.no_grad():
+        by_head = torch.nn.functional.linear(x, gate.weight, gate.bias)
+        assert torch.allclose(gate(x), by_head[:, [0, 0, 0, 1, 1, 1]], atol=1e-6)
 
 
 def test_receivers_may_be_others_than_senders():
     convolution = layer()
     x = torch.randn(3, 5)
     with torch.no_grad():
-        received = convolution(x, torch.tensor([[0, 2, 2], [5, 5, 1]]), receivers=7)
+        edges = torch.tensor([[2, 0, 2], [1, 5, 5]])
+        received = convolution(x, edges, received=Incidence.of_owners(edges[1], 7))
         sent = convolution.sent(x)
     assert received.shape == (7, 4)
     assert torch.allclose(received[5], sent[0] + sent[2])
@@ -70,11 +80,32 @@ def test_receivers_may_be_others_than_senders():
     assert not received[[0, 2, 3, 4, 6]].any()
 
 
-def test_pooling_gives_every_row_its_pools_mean():
-    values = torch.arange(10.0).view(5, 2)
-    pooled = pooled_mean(values, torch.tensor([1, 0, 1, 1, 0]))
-    assert torch.equal(pooled[[0, 2, 3]], values[[0, 2, 3]].mean(dim=0).expand(3, 2))
-    assert torch.equal(pooled[[1, 4]], values[[1, 4]].mean(dim=0).expand(2, 2))
+def test_messages_in_any_order_and_receiver_by_receiver_sum_to_the_same():
+    convolution = layer()
+    x, gate = torch.randn(6, 5), torch.randn(8, 4)
+    edges = torch.randint(0, 6, (2, 8))
+    order = torch.argsort(edges[1], stable=True)
+    with torch.no_grad():
+        plain = convolution(x, edges, gate)
+        received = Incidence.of_owners(edges[1, order], 6)
+        assert torch.allclose(convolution(x, edges[:, order], gate[order], received), plain, atol=1e-6)
+
+
+def test_pools_share_the_mean_of_what_their_rows_send_and_so_do_gradients():
+    torch.manual_seed(0)
+    index = torch.tensor([[1, 0, 1, 1, 0], [0, 0, 1, 2, 2]])
+    pools = Pools(index, torch.argsort(index, dim=1))
+    given = [torch.randn(size, requires_grad=True) for size in ((5, 3), (4, 3), (4,))]
+    message = torch.nn.functional.linear(*given)
+    expected = torch.zeros(5, 2)
+    for part, numbers in zip(message.chunk(2, dim=1), index, strict=True):
+        same = (numbers[:, None] == numbers).float()
+        expected = expected + same @ part / same.sum(dim=1, keepdim=True)
+    shared = pools.shared(*given)
+    assert torch.allclose(shared, expected, atol=1e-6)
+    wanted = torch.autograd.grad(expected.square().sum(), given)
+    for one, other in zip(torch.autograd.grad(shared.square().sum(), given), wanted, strict=True):
+        assert torch.allclose(one, other, atol=1e-5)
 
 
 def test_dropout_acts_in_training_only():

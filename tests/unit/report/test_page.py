@@ -191,6 +191,10 @@ def test_many_structures_make_an_index_without_their_data(tmp_path):
         f"{case}/{organ}/report.html" for case, organ in structures
     ]
     assert page.all("canvas") == []
+    assert "13 structures reconstructed" in page.texts
+    assert (
+        "13 of 14 structures reconstructed" in Reader(build(results, [*structures, ("bad", "liver")])).texts
+    )
     assert len([one for one in page.all("svg") if one.get("class") == "plot"]) >= 5
 
 

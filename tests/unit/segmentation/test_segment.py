@@ -40,7 +40,8 @@ def test_shipped_weights_are_found_by_name_and_strangers_are_not():
     [
         ("hippocampus", SEGMENTERS, 0.84, "files"),
         ("phantom_liver", SEGMENTERS, 0.95, "phantom"),
-        ("phantom_lungs", ["nnunet"], 0.95, "phantom"),
+        ("phantom_lungs", SEGMENTERS, 0.95, "phantom"),
+        ("phantom_kidney", SEGMENTERS, 0.95, "phantom"),
     ],
 )
 def test_shipped_weights_are_small_and_their_scores_are_those_asked_for(folder, networks, least, source):

@@ -1,5 +1,6 @@
 """Splits, plans, resumed trainings, files of weights, and probabilities on the scan's own grid."""
 
+import logging
 import shutil
 from dataclasses import replace
 
@@ -12,7 +13,9 @@ pytest.importorskip("monai")
 from cccd.errors import InputError  # noqa: E402
 from cccd.segmentation.examples import LabelledScan, make_plan, split_patients  # noqa: E402
 from cccd.segmentation.grids import WorkingGrid  # noqa: E402
+from cccd.segmentation.inference import labels_of, probabilities  # noqa: E402
 from cccd.segmentation.model import load_segmenter, save_segmenter  # noqa: E402
+from cccd.segmentation.networks import NETWORKS, Network  # noqa: E402
 from cccd.segmentation.segment import segment, write_segmentation  # noqa: E402
 from cccd.segmentation.training import score_held_out, train_segmenter  # noqa: E402
 from cccd.settings.segmentation import SegmentationSettings  # noqa: E402
@@ -74,6 +77,32 @@ def test_it_learns_and_a_resumed_training_has_the_same_weights(trained, checkpoi
     assert resumed.history["dice"].tolist() == trained.history["dice"].tolist()
 
 
+class Brittle(torch.nn.Module):
+    """One convolution, whose third step has a gradient that is no number though its loss is one."""
+
+    def __init__(self, classes, width):
+        super().__init__()
+        self.conv, self.steps = torch.nn.Conv3d(1, classes, 1), 0
+
+    def forward(self, volume):
+        return self.conv(volume)
+
+    def outputs(self, volume, labels):
+        self.steps += 1
+        nothing = torch.sqrt(0 * self.conv.weight.sum()) if self.steps == 3 else 0
+        return [(self.conv(volume) + nothing, labels)]
+
+
+def test_a_step_without_a_finite_gradient_is_left_out_and_told(tmp_path, monkeypatch, caplog):
+    monkeypatch.setitem(NETWORKS, "brittle", Network("Brittle", Brittle, 1, 1))
+    settings = SETTINGS.model_copy(update={"epochs": 2})
+    with caplog.at_level(logging.WARNING):
+        model = train_segmenter(SCANS, "brittle", settings, 3, tmp_path).model
+    assert all(bool(torch.isfinite(weight).all()) for weight in model.parameters())
+    (line,) = [record.getMessage() for record in caplog.records if "finite" in record.getMessage()]
+    assert line.startswith("epoch 1:")
+
+
 def test_weights_in_half_precision_give_the_same_scores(trained, tmp_path):
     save_segmenter(tmp_path / "model.pt", trained.model, trained.plan)
     model, plan = load_segmenter(tmp_path / "model.pt")
@@ -102,6 +131,38 @@ def test_what_goes_to_the_working_grid_comes_back_to_the_scan_s(axes, trained):
     straight = WorkingGrid(scan.image.affine, "RAS", (1.2, 1.7, 1.4)).forward(scan.labels)
     assert moved.shape == straight.shape
     assert (moved - straight).abs().max() < 1e-4
+
+
+class ShortOfMemory(torch.nn.Module):
+    """A network that a device holds for so many windows at once."""
+
+    def __init__(self, model, most):
+        super().__init__()
+        self.model, self.most, self.batches = model, most, []
+
+    def forward(self, windows):
+        if len(windows) > self.most:
+            raise torch.OutOfMemoryError
+        self.batches.append(len(windows))
+        return self.model(windows)
+
+
+def test_fewer_windows_go_at_once_where_memory_is_short(trained):
+    scan = SCANS[0].image
+    wide = probabilities(trained.model, scan, trained.plan)
+    tight = ShortOfMemory(trained.model, most=1)
+    assert abs(probabilities(tight, scan, trained.plan) - wide).max() < 1e-4
+    assert max(tight.batches) == 1
+    with pytest.raises(torch.OutOfMemoryError):
+        probabilities(ShortOfMemory(trained.model, most=0), scan, trained.plan)
+
+
+def test_half_precision_finds_the_same_labels(trained):
+    scan = SCANS[0].image
+    whole = labels_of(probabilities(trained.model, scan, trained.plan), trained.plan)
+    with torch.autocast("cpu", torch.float16):  # as predict does on a GPU
+        half = labels_of(probabilities(trained.model, scan, trained.plan), trained.plan)
+    assert (whole != half).sum() <= 0.001 * (whole > 0).sum()
 
 
 def test_a_scan_in_another_orientation_gets_the_same_mask(trained, tmp_path):

@@ -5,7 +5,7 @@ from closed_shapes import mesh_of, sphere, together, torus
 
 from cccd.geometry.mesh import Mesh
 from cccd.solids.bodies import split_bodies
-from cccd.solids.decimation import collapse_edges
+from cccd.solids.decimation import collapse_apart, collapse_edges
 
 
 @pytest.mark.parametrize("mesh", [sphere(), torus()])
@@ -30,6 +30,25 @@ def test_the_ring_is_not_pinched():
     fewer = collapse_edges(ring, 4)
     assert fewer.is_closed_manifold
     assert fewer.genus == 1
+
+
+def test_a_thin_wall_stays_a_wall():
+    """A ball and a cavity that comes near to its surface on one side."""
+    wall = together(sphere(10.0, subdivisions=4), sphere(8.0, (1.8, 0.3, 0.1), subdivisions=4).reversed())
+    assert len(wall.self_intersections()) == 0
+    assert len(collapse_edges(wall, 300).self_intersections()) > 0
+    apart = collapse_apart(wall, 300)
+    assert len(apart.self_intersections()) == 0
+    assert len(apart.faces) == 300
+    assert apart.volume == pytest.approx(wall.volume, rel=0.05)
+
+
+def test_weights_decide_where_triangles_stay():
+    ball = sphere(10.0, subdivisions=4)
+    upper = ball.vertices[:, 2] > 0
+    fewer = collapse_edges(ball, 400, weights=np.where(upper, 256.0, 1.0))
+    above = (fewer.vertices[fewer.faces].mean(axis=1)[:, 2] > 0).sum()
+    assert above > 0.7 * len(fewer.faces)
 
 
 def test_the_mesh_stays_as_it_was():

@@ -118,7 +118,7 @@ def test_the_line_where_three_sectors_meet_is_straight():
     line = surface.vertices[np.setdiff1d(edges, outer)] - CENTRE
     assert len(line) > 15
     assert np.abs(line[:, :2].mean(axis=0)).max() < 0.5
-    assert line[:, :2].std(axis=0).max() < 0.2
+    assert line[:, :2].std(axis=0).max() < 0.1
 
 
 def test_a_mirrored_oblique_scan_gives_the_same_surfaces_moved():

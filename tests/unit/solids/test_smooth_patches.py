@@ -4,19 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from closed_shapes import mesh_of, ring, sphere
 
 from cccd.solids.decimation import collapse_edges
-from cccd.solids.layout import Footpoints, grid_ids, lay_quads
+from cccd.solids.layout import Footpoints, grid_ids, lay_flat, lay_quads, with_flat
 from cccd.solids.patches import creased, fit_patches, patches_within
 from cccd.solids.shells import measure_deviation
-
-ROUNDS = 12
 
 
 @pytest.fixture(scope="module")
 def ball():
-    return patches_within(sphere(10.0), 0.05, 60, 2000, ROUNDS)
+    return patches_within(sphere(10.0), 0.05, 60, 2000)
 
 
 def test_neighbours_share_the_points_of_their_edge():
@@ -45,15 +44,42 @@ def test_far_fewer_patches_than_facets(ball):
     assert near.p99 < measure_deviation(facets, sphere(10.0)).p99 / 3
 
 
-def test_twice_the_patches_where_the_tolerance_asks():
-    coarse, fine = (patches_within(ring(), tolerance, 60, 2000, ROUNDS) for tolerance in (1.0, 0.03))
+def test_more_patches_where_the_tolerance_asks():
+    coarse, fine = (patches_within(ring(), tolerance, 60, 2000) for tolerance in (1.0, 0.03))
     assert len(fine.quads) > len(coarse.quads)
     assert fine.mesh.genus == coarse.mesh.genus == 1
     assert measure_deviation(fine.mesh, ring()).p99 <= 0.03
 
 
 def test_none_where_the_tolerance_is_out_of_reach():
-    assert patches_within(ring(), 1e-5, 60, 60, ROUNDS) is None
+    assert patches_within(ring(), 1e-5, 60, 60) is None
+
+
+def test_a_narrow_hole_stays_one():
+    """Triangles at the hole are smaller or flat: none folds, whatever the rest needs."""
+    narrow = mesh_of(trimesh.creation.torus(5.0, 4.9, major_sections=96, minor_sections=96))
+    fitted = patches_within(narrow, 0.1, 60, 4000)
+    assert fitted is not None
+    assert fitted.mesh.genus == 1
+    assert fitted.mesh.is_closed_manifold
+    assert len(fitted.mesh.self_intersections()) == 0
+    assert measure_deviation(fitted.mesh, narrow).p99 <= 0.1
+
+
+def test_flat_triangles_are_planes_and_leave_the_rest():
+    coarse = collapse_edges(sphere(10.0), 60, 1e-2)
+    layout, planar = lay_quads(coarse, Footpoints(sphere(10.0)), 3), lay_flat(coarse, 3)
+    flat = np.arange(60) == 7
+    fitted = fit_patches(with_flat(layout, planar, flat))
+    normal = coarse.unit_normals[7]
+    height = (fitted.samples[np.tile(flat, 3)] - coarse.vertices[coarse.faces[7, 0]]) @ normal
+    assert height == pytest.approx(0, abs=2e-4)  # control points are rounded
+    far = ~np.tile(coarse.with_neighbours(flat), 3)
+    assert np.array_equal(
+        fitted.control_points[fitted.nets[far]], fit_patches(layout).control_points[fitted.nets[far]]
+    )
+    assert fitted.mesh.is_closed_manifold
+    assert len(fitted.mesh.self_intersections()) == 0
 
 
 def test_samples_stay_on_their_side_of_a_thin_plate():
@@ -67,8 +93,6 @@ def test_samples_stay_on_their_side_of_a_thin_plate():
 
 
 def mesh_of_plate():
-    import trimesh
-
     plate = trimesh.creation.box((20.0, 20.0, 0.4))
     for _ in range(5):
         plate = plate.subdivide()

@@ -12,7 +12,8 @@ from cccd.surface.rings import find_rings, overlap
 
 def border(curves):
     """Outlines that are an organ's border themselves."""
-    return Outlines(curves, np.zeros(len(curves)), of_pixels=False)
+    areas = curves.polygons.signed_areas  # of outer ones
+    return Outlines(curves, np.zeros(len(curves)), areas, of_pixels=False)
 
 
 def polygons(curves):

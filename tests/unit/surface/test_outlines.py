@@ -11,7 +11,7 @@ from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.surface.fields import distance_fields
-from cccd.surface.outlines import Outlines, lofted_outlines
+from cccd.surface.outlines import lofted_outlines
 
 
 def disc(radius, centre=(40.3, 39.8), shape=(80, 80, 5)):
@@ -33,6 +33,14 @@ def test_outlines_enclose_the_area_of_their_pixels(radius):
     # the area of the zero contour, by a tenth of a pixel's share of each pixel
     share = np.clip(0.5 - distance[2], 0, 1).sum()
     assert share == pytest.approx(mask[:, :, 2].sum(), rel=0.01, abs=1)
+    assert outlines.areas == pytest.approx(mask.sum(axis=(0, 1)), rel=1e-9)
+
+
+def test_outlines_with_holes_stand_for_their_pixels_whatever_they_are_drawn_by():
+    mask = disc(30) & ~disc(12.2)
+    for source in ("splines", "polygons"):
+        outlines = lofted_outlines(curves_of(mask), None, lofted_from(source))
+        assert outlines.areas.reshape(5, 2).sum(axis=1) == pytest.approx(mask.sum(axis=(0, 1)), rel=1e-9)
 
 
 def test_a_hole_closes_as_much_as_its_outline_opens():
@@ -131,5 +139,5 @@ def test_touching_loops_grow_together():
     """Two lobes that touch in a pixel: moved outwards they overlap, and nothing is cut out there."""
     lobes = disc(8.3, (30, 40)) | disc(8.3, (46, 40))
     outlines = lofted_outlines(curves_of(lobes), None, LoftSettings())
-    _, distance, origin = distance_fields(Outlines(outlines.curves, outlines.outwards, True))
+    _, distance, origin = distance_fields(outlines)
     assert distance[2][38 - origin[0], 40 - origin[1]] < 0

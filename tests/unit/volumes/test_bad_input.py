@@ -449,6 +449,14 @@ def test_contours_without_area(tmp_path):
     drawn(tmp_path, [circle(z)[:2] for z in range(5)], "encloses an area")
 
 
+def test_contours_without_area_in_many_directions(tmp_path):
+    drawn(tmp_path, [circle(z)[[z, z + 10]] for z in range(5)], "encloses an area")
+
+
+def test_one_contour_of_two_points(tmp_path):
+    drawn(tmp_path, [circle(0)[:2]], "encloses an area")
+
+
 def test_points_only(tmp_path):
     drawn(tmp_path, [circle(z)[:1] for z in range(5)], "points only", kind="POINT")
 
