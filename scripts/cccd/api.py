@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from cccd.containers import Curves, FittedCurves, Frame, Structure
 from cccd.curves import describe_curves
@@ -57,6 +58,9 @@ __all__ = [
 ]
 
 _DEFAULTS = Settings()
+
+#: Sums round by how many threads share them: one thread, as a job of the workflow has, gives its very bits.
+_one_thread = threadpool_limits.wrap(limits=1)
 
 
 @dataclass(frozen=True)
@@ -118,6 +122,7 @@ class Surface:
         """Return the mesh for PyVista; needs the extra ``view``."""
         return self.lofted.mesh.to_polydata()
 
+    @_one_thread
     def write(
         self,
         path: str | Path,
@@ -266,6 +271,7 @@ def _holds_images(folder: Path) -> bool:
     return bool(kinds - {None, "", "SEG", "RTSTRUCT", "RTPLAN", "RTDOSE"})
 
 
+@_one_thread
 def reconstruct(
     organ: Structure | Curves | np.ndarray,
     affine: np.ndarray | None = None,
@@ -332,6 +338,7 @@ def _rule(annotated: str) -> str:
     return annotated
 
 
+@_one_thread
 def reconstruct_labels(
     path: str | Path,
     *,
@@ -417,6 +424,7 @@ def _series(structure: Structure) -> Path | None:
     return next((folder for folder in folders if folder.is_dir() and _holds_images(folder)), None)
 
 
+@_one_thread
 def fit_contours(
     contours: Curves | Sequence[np.ndarray], affine: np.ndarray | None = None, settings: Settings = _DEFAULTS
 ) -> FittedCurves:
@@ -470,6 +478,7 @@ def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
     return Curves(points, offsets, np.zeros(len(rings), np.int32), hole, frame)
 
 
+@_one_thread
 def order(
     boundary_map: np.ndarray,
     affine: np.ndarray | None = None,
