@@ -167,7 +167,7 @@ def read_cohort(path: str | Path) -> list[dict[str, str]]:
     if len(records) == 1:
         raise InputError(path.name, "the sheet has no rows", "add one row per structure")
     rows: list[dict[str, str]] = []
-    seen: dict[tuple[str, str], str] = {}
+    seen: dict[str, tuple[str, str]] = {}
     for line, record in records[1:]:
         location = f"{path.name} row {line}"
         if any(record[len(header) :]):
@@ -178,14 +178,22 @@ def read_cohort(path: str | Path) -> list[dict[str, str]]:
         }
         row["location"] = location
         _check_row(row)
-        key = (row["case"], row["organ"])
-        if key in seen:
-            raise InputError(
-                location, f"{'/'.join(key)} stands in {seen[key]} already", "rename or delete one of them"
-            )
-        seen[key] = location
+        _check_name(row, seen)
         rows.append(row)
     return rows
+
+
+def _check_name(row: Mapping[str, str], seen: dict[str, tuple[str, str]]) -> None:
+    """Refuse a structure whose folder is another's, and note its folders in ``seen`` in lower case."""
+    case, structure = row["case"], f"{row['case']}/{row['organ']}"
+    location = row["location"]
+    for name in (case, structure):
+        first, where = seen.setdefault(name.lower(), (name, location))
+        if first != name:
+            problem = f"{name} and {first} of {where} are one folder where capitals do not count"
+            raise InputError(location, problem, "rename one of them")
+    if where != location:
+        raise InputError(location, f"{structure} stands in {where} already", "rename or delete one of them")
 
 
 def brings_maps(row: Mapping[str, str]) -> bool:

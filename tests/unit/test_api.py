@@ -56,7 +56,9 @@ print(hashlib.sha256(surface.vertices.tobytes() + surface.faces.tobytes()).hexdi
     for count in ("1", "2"):
         threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), count)
         env = os.environ | threads | {"OPENBLAS_CORETYPE": "Haswell", "PYTHONPATH": str(SCRIPTS)}
-        run = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
+        run = subprocess.run(
+            [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True
+        )
         said.add(run.stdout)
     assert len(said) == 1
 

@@ -74,6 +74,8 @@ BAD = {
     "named cohort without scan": (HEADER + "a\tliver\tlits17\t\t\t\t\t\n", "needs an image"),
     "files for a phantom": (HEADER + "a\tliver\tphantom\t\tm.nii\t\t\t\n", "brings its own"),
     "duplicate": ("case\torgan\tmask\na\tliver\tm\nb\tliver\tm\na\tliver\tn\n", "row 4: a/liver stands in"),
+    "capitals": ("case\torgan\tmask\na\tliver\tm\na\tLiver\tm\n", "a/Liver and a/liver of sheet.tsv row 2"),
+    "capitals of a case": ("case\torgan\tmask\na\tliver\tm\nA\tlungs\tm\n", "row 3: A and a of"),
     "too many fields": ("case\torgan\tmask\na\tliver\tm\textra\n", "4 fields under 3 columns"),
     "open quote": ('case\torgan\tmask\na\tliver\t"m\n', "quote"),
     "line break in a field": ('case\torgan\tmask\na\tliver\t"m\nn"\n', "line break"),
