@@ -348,6 +348,24 @@ class BlendingSettings(Section):
         gt=0,
         le=20,
     )
+    wall_share: float = setting(
+        0.4,
+        "share of the slices' interpolated distances in walls away from seams; the splines have the rest",
+        why="Both err between slices and not alike, so that their mean is nearer than either. All of it, and "
+        "walls show the slices.",
+        unit="share",
+        expert=True,
+        ge=0,
+        le=1,
+    )
+    wall_tilts: tuple[float, float] = setting(
+        (0.4, 0.8),
+        "what rises as steeply as the first is a wall, what lies as flat as the second none: the part of the "
+        "normal along the slice axis",
+        why="Where the organ ends between two slices distances in the plane tell little.",
+        unit="share",
+        expert=True,
+    )
     thickness_cells: float = setting(
         25.0,
         "thin organs have so many cells through six times volume by surface",

@@ -1,8 +1,9 @@
 """Solids that meet, smooth where they do: signed distances on a grid, and the mesh at their zero level.
 
 The signed distance to the joined splines gives way to the organ's own distance near the lines along which
-tubes meet: instead of a seam there is a blend. The zero level of the result is closed, and nothing of it
-passes through itself.
+tubes meet: instead of a seam there is a blend. In walls it gives way in part: splines along the slice axis
+and distances between slices err differently, and their mean errs less. The zero level of the result is
+closed, and nothing of it passes through itself.
 """
 
 from __future__ import annotations
@@ -20,12 +21,14 @@ from cccd.surface.stack import SliceStack
 from cccd.surface.target import TargetDistance
 from cccd.surface.union import BAND_CELLS
 
-__all__ = ["blend", "blend_reach", "offset_surface", "points_on_surface", "seam_weights"]
+__all__ = ["blend", "blend_reach", "blend_weights", "offset_surface", "points_on_surface", "seam_weights"]
 
 #: Distances from a seam are taken from points that lie this share of the blend's reach apart.
 SEAM_STEP = 0.25
 #: A surface does not run through the grid's nodes, but at least this share of a cell beside them.
 NODE_MARGIN = 1e-4
+#: mm; a smaller difference between neighbouring nodes is none.
+LEAST_RISE = 1e-9
 
 
 def blend_reach(stack: SliceStack, settings: BlendingSettings) -> float:
@@ -33,15 +36,10 @@ def blend_reach(stack: SliceStack, settings: BlendingSettings) -> float:
     return max(settings.reach_pixels * stack.pixel, settings.reach_steps * stack.step)
 
 
-def blend(
-    grid: ScalarGrid,
-    seams: FloatArray,
-    target: TargetDistance,
-    reach: float,
-    fade_cells: float,
-    everywhere: float = 0.0,
-) -> ScalarGrid:
-    """Let the distance to joined tubes give way to that to the target's zero level near seams.
+def blend_weights(
+    grid: ScalarGrid, seams: FloatArray, reach: float, everywhere: float, settings: BlendingSettings
+) -> ByteArray:
+    """Share that the target has at a grid's nodes: along seams, in walls, and everywhere where it knows more.
 
     Parameters
     ----------
@@ -49,30 +47,53 @@ def blend(
         Signed distances in mm, as `cccd.surface.union.unite_on_grid` returns them.
     seams : (P, 3) float64
         Points of the lines along which tubes meet.
-    target : callable
-        Distance to the organ's boundary; see `TargetDistance`.
     reach : float
         mm from a seam at which the blend ends; it holds fully up to half of that.
+    everywhere : float
+        Share along the whole surface: 0 where the target only mends the tubes, 1 where it tells more than
+        they do.
+    settings : BlendingSettings
+        Of these ``wall_share`` and ``wall_tilts``.
+
+    Returns
+    -------
+    (A, B, C) uint8
+        In 255ths.
+    """
+    low, cell, shape = grid.affine[:3, 3], float(grid.affine[0, 0]), grid.values.shape
+    values = np.ascontiguousarray(grid.values, np.float32)
+    weight = _wall_weights(values, BAND_CELLS * cell, settings.wall_share, settings.wall_tilts)
+    if len(seams):
+        weight = np.maximum(weight, seam_weights((seams - low) / cell, shape, reach / cell))
+    if everywhere > 0:
+        along = seam_weights((points_on_surface(grid) - low) / cell, shape, reach / cell)
+        weight = np.maximum(weight, (everywhere * along).astype(np.uint8))
+    return weight
+
+
+def blend(grid: ScalarGrid, weight: ByteArray, target: TargetDistance, fade_cells: float) -> ScalarGrid:
+    """Let the distance to joined tubes give way to that to the target's zero level.
+
+    Parameters
+    ----------
+    grid : ScalarGrid
+        Signed distances in mm, as `cccd.surface.union.unite_on_grid` returns them.
+    weight : (A, B, C) uint8
+        The target's share at every node in 255ths, see `blend_weights`.
+    target : callable
+        Distance to the organ's boundary; see `TargetDistance`.
     fade_cells : float
         The blend fades out within so many cells of where the target ends.
-    everywhere : float
-        Share that the target has along the whole surface: 0 where it only closes seams, 1 where it tells more
-        than the tubes do.
 
     Returns
     -------
     ScalarGrid
         float32, mm, negative inside, cut off some cells away from the surface.
     """
-    if len(seams) == 0 and everywhere <= 0:
-        return grid
     low, cell = grid.affine[:3, 3], float(grid.affine[0, 0])
-    a, b, c = grid.values.shape
-    weight = seam_weights((seams - low) / cell, (a, b, c), reach / cell)
-    if everywhere > 0:
-        along = seam_weights((points_on_surface(grid) - low) / cell, (a, b, c), reach / cell)
-        weight = np.maximum(weight, (everywhere * along).astype(np.uint8))
     nodes = np.argwhere(weight.transpose(2, 0, 1))[:, [1, 2, 0]]  # by height, as the target is sampled
+    if len(nodes) == 0:
+        return grid
     at = tuple(nodes.T)
     limit = BAND_CELLS * cell
     distance, room = target(low + cell * nodes, limit)
@@ -121,6 +142,27 @@ def _weights(points: FloatArray, shape: tuple[int, int, int], reach: float) -> B
                     here = np.uint8(255 * min(1.0, max(0.0, 2 - 2 * away / reach)))
                     if here > weight[i, j, k]:
                         weight[i, j, k] = here
+    return weight
+
+
+@jit
+def _wall_weights(values: SingleArray, band: float, share: float, tilts: tuple[float, float]) -> ByteArray:
+    """Weights (A, B, C) in 255ths within a band: a share where the surface is steep, none where flat."""
+    steep, flat = tilts
+    weight = np.zeros(values.shape, np.uint8)
+    for i in range(1, values.shape[0] - 1):
+        for j in range(1, values.shape[1] - 1):
+            for k in range(1, values.shape[2] - 1):
+                if abs(values[i, j, k]) >= band:
+                    continue
+                across = values[i + 1, j, k] - values[i - 1, j, k], values[i, j + 1, k] - values[i, j - 1, k]
+                up = values[i, j, k + 1] - values[i, j, k - 1]
+                size = np.sqrt(across[0] ** 2 + across[1] ** 2 + up**2)
+                rise = flat * size - abs(up)
+                if rise > 0:
+                    weight[i, j, k] = np.uint8(
+                        255 * share * min(1.0, rise / max((flat - steep) * size, 1e-9))
+                    )
     return weight
 
 

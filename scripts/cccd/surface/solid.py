@@ -13,7 +13,13 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import BlendingSettings, LoftSettings
-from cccd.surface.blending import blend, blend_reach, offset_surface, points_on_surface
+from cccd.surface.blending import (
+    blend,
+    blend_reach,
+    blend_weights,
+    offset_surface,
+    points_on_surface,
+)
 from cccd.surface.booleans import unite
 from cccd.surface.fairing import fair, without_crossings
 from cccd.surface.offset import offset_patch
@@ -113,7 +119,8 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
     united, meeting = unite_on_grid(meshes, tubes, cell)
     strayed = _strayed(points_on_surface(united), stack.target, reach / 2)
     seams = np.concatenate([meeting, fitted.jumps, strayed])
-    distance = blend(united, seams, stack.target, reach, blending.fade_cells, stack.filled)
+    weight = blend_weights(united, seams, reach, stack.filled, blending)
+    distance = blend(united, weight, stack.target, blending.fade_cells)
     if not np.any(distance.values < 0):  # thinner than a cell everywhere
         return Solid(unite(meshes, tubes), fitted, 0.0, stack)
     mesh, offset = _of_volume(distance, _cap_planes(tubes), cell, stack, blending)

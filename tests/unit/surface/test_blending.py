@@ -7,7 +7,7 @@ from skimage.measure import marching_cubes
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.surface import loft_surface
-from cccd.surface.blending import blend, offset_surface
+from cccd.surface.blending import blend, blend_weights, offset_surface
 from cccd.surface.booleans import Nesting
 from cccd.surface.fields import LevelField
 from cccd.surface.solid import _strayed
@@ -32,6 +32,11 @@ def unknown(points, within):
     return np.zeros(len(points)), np.zeros(len(points))
 
 
+def weights_of(sphere, seam, reach, share=0.0, everywhere=0.0):
+    settings = SETTINGS.blending.model_copy(update={"wall_share": share})
+    return blend_weights(sphere, seam, reach, everywhere, settings)
+
+
 def cone(spacing=(0.8, 1.2), slope=0.15, knot=1.9):
     """A target whose distance is known: round discs that shrink with height."""
     i, j = np.indices((50, 40))
@@ -43,7 +48,8 @@ def cone(spacing=(0.8, 1.2), slope=0.15, knot=1.9):
 @pytest.mark.parametrize("cell", [0.7, 1.3])
 @pytest.mark.parametrize("level", [-0.5, 0.0, 0.5])
 def test_level_sets_of_a_sphere_are_spheres(cell, level):
-    distance = blend(sphere_grid(cell), NOWHERE, unknown, 5.0, 2.0)
+    sphere = sphere_grid(cell)
+    distance = blend(sphere, blend_weights(sphere, NOWHERE, 5.0, 0.0, SETTINGS.blending), unknown, 2.0)
     mesh = offset_surface(distance, level)
     assert mesh.is_closed_manifold
     assert len(mesh.self_intersections()) == 0
@@ -52,7 +58,7 @@ def test_level_sets_of_a_sphere_are_spheres(cell, level):
 
 
 def test_an_empty_level_set_has_no_mesh():
-    mesh = offset_surface(blend(sphere_grid(1.0, 1.0), NOWHERE, unknown, 5.0, 2.0), -1.4)
+    mesh = offset_surface(sphere_grid(1.0, 1.0), -1.4)
     assert mesh.vertices.shape == mesh.faces.shape == (0, 3)
 
 
@@ -61,7 +67,7 @@ def test_the_target_rules_at_seams_and_nowhere_else():
         return np.linalg.norm(points - 14.5, axis=1) - 9.0, np.full(len(points), 99.0)
 
     seam = np.array([[14.5, 14.5, 22.5]])
-    mesh = offset_surface(blend(sphere_grid(0.8), seam, larger, 8.0, 2.0))
+    mesh = offset_surface(blend(sphere_grid(0.8), weights_of(sphere_grid(0.8), seam, 8.0), larger, 2.0))
     radius = np.linalg.norm(mesh.vertices - 14.5, axis=1)
     away = np.linalg.norm(mesh.vertices - seam, axis=1)
     assert radius[away < 3] == pytest.approx(9, abs=0.05)
@@ -69,12 +75,36 @@ def test_the_target_rules_at_seams_and_nowhere_else():
     assert mesh.is_closed_manifold
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_the_target_has_its_share_in_walls_and_none_on_top(share):
+    def larger(points, within):
+        return np.linalg.norm(points - 14.5, axis=1) - 8.4, np.full(len(points), 99.0)
+
+    sphere = sphere_grid(0.8)
+    mesh = offset_surface(blend(sphere, weights_of(sphere, NOWHERE, 8.0, share), larger, 2.0))
+    away = mesh.vertices - 14.5
+    radius = np.linalg.norm(away, axis=1)
+    tilt = np.abs(away[:, 2]) / radius
+    assert radius[tilt < 0.35] == pytest.approx(8 + 0.4 * share, abs=0.05)
+    assert radius[tilt > 0.85] == pytest.approx(8, abs=0.05)
+    assert mesh.is_closed_manifold
+
+
+def test_a_target_that_knows_more_than_the_tubes_rules_everywhere():
+    def larger(points, within):
+        return np.linalg.norm(points - 14.5, axis=1) - 8.6, np.full(len(points), 99.0)
+
+    sphere = sphere_grid(0.8)
+    mesh = offset_surface(blend(sphere, weights_of(sphere, NOWHERE, 8.0, everywhere=1.0), larger, 2.0))
+    assert np.linalg.norm(mesh.vertices - 14.5, axis=1) == pytest.approx(8.6, abs=0.05)
+
+
 def test_a_target_that_reaches_beyond_the_grid_leaves_the_mesh_closed():
     def everywhere(points, within):
         return np.full(len(points), -5.0), np.full(len(points), 99.0)
 
     seam = np.array([[14.5, 14.5, 22.5]])
-    mesh = offset_surface(blend(sphere_grid(0.8), seam, everywhere, 20.0, 2.0))
+    mesh = offset_surface(blend(sphere_grid(0.8), weights_of(sphere_grid(0.8), seam, 20.0), everywhere, 2.0))
     assert mesh.is_closed_manifold
     assert mesh.volume > 4 / 3 * np.pi * 8**3
 
