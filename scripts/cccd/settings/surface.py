@@ -351,8 +351,8 @@ class BlendingSettings(Section):
     wall_share: float = setting(
         0.25,
         "share of the slices' interpolated distances in walls away from seams; the splines have the rest",
-        why="Both err between slices and not alike, so that a mean is nearer than either. At 0.4 brains gain a "
-        "little more, and smooth walls show the grain of the pixels.",
+        why="Both err between slices and not alike, so that a mean is nearer than either. At 0.4 brains gain "
+        "a little more, and smooth walls show the grain of the pixels.",
         unit="share",
         expert=True,
         ge=0,
