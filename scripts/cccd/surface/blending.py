@@ -20,6 +20,7 @@ from cccd.settings.surface import BlendingSettings
 from cccd.surface.stack import SliceStack
 from cccd.surface.target import TargetDistance
 from cccd.surface.union import BAND_CELLS
+from cccd.tolerances import ROUNDING
 
 __all__ = ["blend", "blend_reach", "blend_weights", "offset_surface", "points_on_surface", "seam_weights"]
 
@@ -27,8 +28,6 @@ __all__ = ["blend", "blend_reach", "blend_weights", "offset_surface", "points_on
 SEAM_STEP = 0.25
 #: A surface does not run through the grid's nodes, but at least this share of a cell beside them.
 NODE_MARGIN = 1e-4
-#: mm; a smaller difference between neighbouring nodes is none.
-LEAST_RISE = 1e-9
 
 
 def blend_reach(stack: SliceStack, settings: BlendingSettings) -> float:
@@ -160,9 +159,8 @@ def _wall_weights(values: SingleArray, band: float, share: float, tilts: tuple[f
                 size = np.sqrt(across[0] ** 2 + across[1] ** 2 + up**2)
                 rise = flat * size - abs(up)
                 if rise > 0:
-                    weight[i, j, k] = np.uint8(
-                        255 * share * min(1.0, rise / max((flat - steep) * size, 1e-9))
-                    )
+                    wall = rise / max((flat - steep) * size, ROUNDING)
+                    weight[i, j, k] = np.uint8(255 * share * min(1.0, wall))
     return weight
 
 

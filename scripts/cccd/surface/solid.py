@@ -13,13 +13,7 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import BlendingSettings, LoftSettings
-from cccd.surface.blending import (
-    blend,
-    blend_reach,
-    blend_weights,
-    offset_surface,
-    points_on_surface,
-)
+from cccd.surface.blending import blend, blend_reach, blend_weights, offset_surface, points_on_surface
 from cccd.surface.booleans import unite
 from cccd.surface.fairing import fair, without_crossings
 from cccd.surface.offset import offset_patch
@@ -98,9 +92,10 @@ class Solid:
 def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings) -> Solid:
     """Join the patches of all tubes into one closed mesh.
 
-    Their union, holes subtracted, is blended along the lines where tubes meet, moved outwards or inwards by a
-    little so that it holds the volume of the slices, meshed, and rid of the grid's ripples. The level of
-    probabilities is not moved, nor is what lies between slices of which only some were drawn.
+    Their union, holes subtracted, is blended with the slices' distances along the lines where tubes meet, and
+    in part in walls (`cccd.surface.blending.blend_weights`), moved outwards or inwards by a little so that it
+    holds the volume of the slices, meshed, and rid of the grid's ripples. The level of probabilities is not
+    moved, nor is what lies between slices of which only some were drawn.
 
     Parameters
     ----------

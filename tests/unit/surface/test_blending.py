@@ -28,6 +28,11 @@ def sphere_grid(cell, radius=8.0):
     return unite_on_grid([sphere_mesh(radius)], [Nesting(0, False)], cell)[0]
 
 
+def sphere_target(radius):
+    """Distance to a sphere, known everywhere."""
+    return lambda points, within: (np.linalg.norm(points - 14.5, axis=1) - radius, np.full(len(points), 99.0))
+
+
 def unknown(points, within):
     return np.zeros(len(points)), np.zeros(len(points))
 
@@ -63,11 +68,10 @@ def test_an_empty_level_set_has_no_mesh():
 
 
 def test_the_target_rules_at_seams_and_nowhere_else():
-    def larger(points, within):
-        return np.linalg.norm(points - 14.5, axis=1) - 9.0, np.full(len(points), 99.0)
-
     seam = np.array([[14.5, 14.5, 22.5]])
-    mesh = offset_surface(blend(sphere_grid(0.8), weights_of(sphere_grid(0.8), seam, 8.0), larger, 2.0))
+    mesh = offset_surface(
+        blend(sphere_grid(0.8), weights_of(sphere_grid(0.8), seam, 8.0), sphere_target(9.0), 2.0)
+    )
     radius = np.linalg.norm(mesh.vertices - 14.5, axis=1)
     away = np.linalg.norm(mesh.vertices - seam, axis=1)
     assert radius[away < 3] == pytest.approx(9, abs=0.05)
@@ -77,11 +81,8 @@ def test_the_target_rules_at_seams_and_nowhere_else():
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_the_target_has_its_share_in_walls_and_none_on_top(share):
-    def larger(points, within):
-        return np.linalg.norm(points - 14.5, axis=1) - 8.4, np.full(len(points), 99.0)
-
     sphere = sphere_grid(0.8)
-    mesh = offset_surface(blend(sphere, weights_of(sphere, NOWHERE, 8.0, share), larger, 2.0))
+    mesh = offset_surface(blend(sphere, weights_of(sphere, NOWHERE, 8.0, share), sphere_target(8.4), 2.0))
     away = mesh.vertices - 14.5
     radius = np.linalg.norm(away, axis=1)
     tilt = np.abs(away[:, 2]) / radius
@@ -91,11 +92,10 @@ def test_the_target_has_its_share_in_walls_and_none_on_top(share):
 
 
 def test_a_target_that_knows_more_than_the_tubes_rules_everywhere():
-    def larger(points, within):
-        return np.linalg.norm(points - 14.5, axis=1) - 8.6, np.full(len(points), 99.0)
-
     sphere = sphere_grid(0.8)
-    mesh = offset_surface(blend(sphere, weights_of(sphere, NOWHERE, 8.0, everywhere=1.0), larger, 2.0))
+    mesh = offset_surface(
+        blend(sphere, weights_of(sphere, NOWHERE, 8.0, everywhere=1.0), sphere_target(8.6), 2.0)
+    )
     assert np.linalg.norm(mesh.vertices - 14.5, axis=1) == pytest.approx(8.6, abs=0.05)
 
 
