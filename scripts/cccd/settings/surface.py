@@ -413,19 +413,27 @@ class BlendingSettings(Section):
         ge=5,
         le=200,
     )
-    regain_pixels: float = setting(
-        1.6,
-        "what that filter takes along the normals is given back as its average over so far (standard "
-        "deviation)",
-        why="Branches and tips are not drawn in; nearer, and ripples come back with them.",
+    regain_pixels: tuple[float, float, float] = setting(
+        (0.8, 1.6, 4.5),
+        "what that filter takes along the normals is given back: its average over the last of these lengths "
+        "(standard deviation), and details between each two of them where they are more than ripples",
+        why="Branches and tips are not drawn in, and walls stay smooth.",
         unit="px",
         expert=True,
-        gt=0,
-        le=20,
+    )
+    regain_ripples: tuple[float, float] = setting(
+        (0.03, 0.025),
+        "so high are ripples between the first two of these lengths, and between the last two (root mean "
+        "square)",
+        why="That much of the pixels' steps is left on phantoms; gyri and branches are two and three times "
+        "as high.",
+        unit="px",
+        expert=True,
     )
     regain_pixels_probability: float = setting(
         1.1,
-        "the same of the level of probabilities",
+        "from the level of probabilities all of what that filter takes is given back, as its average over so "
+        "far",
         why="They tell to a tenth of a pixel where it is: less of what the filter takes is a ripple.",
         unit="px",
         expert=True,

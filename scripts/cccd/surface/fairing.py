@@ -3,31 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
+from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import BlendingSettings
 
-__all__ = ["fair", "without_crossings"]
+__all__ = ["CELL_EDGES", "fair", "without_crossings"]
 
+#: Cells of the grid on which the surface is meshed, in edges: marching cubes' edges are a little longer.
+CELL_EDGES = 0.8
 #: Averaging with the neighbours once spreads a vertex's value over this many edges (standard deviation).
 EDGES_PER_AVERAGING = 0.5
+#: Details this many times as high as ripples are surely none.
+SURE_DETAIL = 1.8
 
 
 def fair(
     mesh: Mesh,
     planes: Sequence[float],
     cell: float,
-    edge_pixels: float,
-    regain_pixels: float,
+    pixel: float,
     settings: BlendingSettings,
+    of_probability: bool = False,
 ) -> Mesh:
     """Smooth a closed mesh, but for its planar caps and their rims.
 
     A windowed sinc filter of the positions (Taubin et al. 1996) takes ripples off, and draws branches and
-    tips in as well. What it took along the normals is alike all around a branch, and turns about within a
-    ripple: averaged over some pixels along the surface, it is given back.
+    tips in as well. What it took along the normals is given back but for what is as low as ripples are.
 
     Parameters
     ----------
@@ -37,28 +42,63 @@ def fair(
         Heights of the planar caps in mm.
     cell : float
         The grid's, mm.
-    edge_pixels : float
-        Length of the mesh's edges in pixels.
-    regain_pixels : float
-        Standard deviation of the average that is given back, in pixels.
+    pixel : float
+        The slices', mm.
     settings : BlendingSettings
-        Of these ``cap_cells``, ``regain_rounds`` and what begins with ``fairing``.
+        Of these ``cap_cells``, and what begins with ``fairing`` and ``regain``.
+    of_probability : bool
+        Whether the mesh is the level of probabilities, which knows less of ripples.
 
     Returns
     -------
     Mesh
         The same faces.
     """
+    edge_pixels = cell / CELL_EDGES / pixel
     smooth = mesh.low_passed(settings.fairing_band * edge_pixels, settings.fairing_rounds)
-    averagings = int(np.ceil((regain_pixels / (EDGES_PER_AVERAGING * edge_pixels)) ** 2))
+    lengths, ripples = settings.regain_pixels, settings.regain_ripples
+    if of_probability:
+        lengths, ripples = (settings.regain_pixels_probability,), ()
+    averagings = [int(np.ceil((length / (EDGES_PER_AVERAGING * edge_pixels)) ** 2)) for length in lengths]
     for _ in range(settings.regain_rounds):
         normals = smooth.vertex_normals
         lost = np.einsum("vc,vc->v", mesh.vertices - smooth.vertices, normals)
-        regained = mesh.averaged(lost, averagings)[:, None] * normals
-        smooth = Mesh(smooth.vertices + regained, mesh.faces)
+        regained = _without_ripples(mesh, lost, averagings, pixel * np.array(ripples))
+        smooth = Mesh(smooth.vertices + regained[:, None] * normals, mesh.faces)
     away = np.abs(mesh.vertices[:, 2:] - np.array(planes)).min(axis=1, initial=np.inf) / cell
     share = np.clip(away / settings.cap_cells, 0, 1)[:, None]
     return Mesh(mesh.vertices + share * (smooth.vertices - mesh.vertices), mesh.faces)
+
+
+def _without_ripples(
+    mesh: Mesh, heights: FloatArray, averagings: Sequence[int], ripples: FloatArray
+) -> FloatArray:
+    """Average heights (V,) along a mesh over a length, over less where shorter averages show details.
+
+    Between an average and the next longer one lie details of that size. Where their root mean square is that
+    of ripples they are left out; wavelet shrinkage does so with coefficients (Donoho and Johnstone 1994).
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed.
+    heights : (V,) float64
+        Along the normals, mm.
+    averagings : (L,) int
+        Rounds of averaging that make up each length, ascending.
+    ripples : (L - 1,) float64
+        Root mean square of ripples between each length and the next, mm.
+    """
+    averages = [mesh.averaged(heights, averagings[0])]
+    for before, rounds in pairwise(averagings):
+        averages.append(mesh.averaged(averages[-1], rounds - before))
+    kept = averages[-1]
+    for shorter, longer, rounds, ripple in zip(averages, averages[1:], averagings[1:], ripples, strict=False):
+        details = shorter - longer
+        size = np.sqrt(mesh.averaged(details**2, rounds))
+        share = np.clip((size / ripple - 1) / (SURE_DETAIL - 1), 0, 1)
+        kept = kept + share**2 * (3 - 2 * share) * details
+    return kept
 
 
 def without_crossings(moved: Mesh, before: Mesh) -> Mesh:

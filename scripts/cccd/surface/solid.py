@@ -15,7 +15,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import BlendingSettings, LoftSettings
 from cccd.surface.blending import blend, blend_reach, blend_weights, offset_surface, points_on_surface
 from cccd.surface.booleans import unite
-from cccd.surface.fairing import fair, without_crossings
+from cccd.surface.fairing import CELL_EDGES, fair, without_crossings
 from cccd.surface.offset import offset_patch
 from cccd.surface.patches import FittedTubes
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
@@ -27,8 +27,6 @@ from cccd.surface.union import unite_on_grid
 
 __all__ = ["Solid", "join_patches"]
 
-#: Cells of the grid on which the surface is meshed, in edges: marching cubes' edges are a little longer.
-CELL_EDGES = 0.8
 #: Vertices within this share of a cell of a planar cap lie on it.
 SAME_PLANE = 1e-3
 
@@ -133,17 +131,16 @@ def _of_volume(
 
     It is rid of the grid's ripples, and its planar caps stay where they were.
     """
-    edge_pixels = cell / CELL_EDGES / stack.pixel
-    regain = settings.regain_pixels_probability if stack.of_probability else settings.regain_pixels
     offset = 0.0
     if not (stack.of_probability or stack.of_some_slices):
         heights = [z for z, _ in planes]
-        smooth = fair(offset_surface(distance), heights, cell, edge_pixels, regain, settings)
+        smooth = fair(offset_surface(distance), heights, cell, stack.pixel, settings)
         most = settings.most_offset_pixels * stack.pixel
         offset = float(np.clip(_missing_height(smooth, planes, stack.volume, cell), -most, most))
     heights = [z + side * offset for z, side in planes]
     rough = offset_surface(distance, offset)
-    moved = without_crossings(fair(rough, heights, cell, edge_pixels, regain, settings), rough)
+    smooth = fair(rough, heights, cell, stack.pixel, settings, stack.of_probability)
+    moved = without_crossings(smooth, rough)
     return _with_level_caps(moved, planes, offset, cell, settings.cap_cells), offset
 
 
