@@ -20,7 +20,19 @@ __all__ = [
 ]
 
 #: Phantoms that ``snakemake phantoms`` writes, and the slice distances at which it scans each, in mm.
-PHANTOM_ORGANS = ("A", "H", "X", "kidney", "liver", "lungs", "shell", "sphere", "torus", "two_spheres")
+PHANTOM_ORGANS = (
+    "A",
+    "H",
+    "X",
+    "bronchi",
+    "kidney",
+    "liver",
+    "lungs",
+    "shell",
+    "sphere",
+    "torus",
+    "two_spheres",
+)
 PHANTOM_DISTANCES_MM = (2, 5, 8)
 
 _Block = Annotated[int, Field(ge=1, le=20)]

@@ -44,6 +44,10 @@ _MATRIX, _SUBSLICES = 512, 5
 _AIR, _LUNG, _FAT, _MUSCLE, _LIVER, _BLOOD, _BONE = -1000.0, -850.0, -95.0, 50.0, 105.0, 155.0, 380.0
 
 
+#: Length and radius in mm of the airways' generations, from the trachea on.
+_AIRWAYS_MM = ((60.0, 8.0), (42.0, 6.0), (26.0, 4.4), (19.0, 3.2), (14.0, 2.4), (10.0, 1.8))
+
+
 #: What fills a solid, and its attenuation in HU.
 Tissue = tuple[ImplicitFunction, float]
 
@@ -266,6 +270,40 @@ def _kidney(rng: np.random.Generator) -> Anatomy:
     return Anatomy(organ, np.full(3, -75.0), np.full(3, 75.0), 1.0, 165.0, around, [])
 
 
+def _bronchi(rng: np.random.Generator) -> Anatomy:
+    branches = _airways(rng, np.array((0.0, -5, 75)), np.array((0.05, 0, -1)), np.array((1.0, 0.15, 0)), 0)
+    organ = warped(union(*(capsule(*branch) for branch in branches), radius=2), rng, 1.0, 60)
+
+    def wall(points: AnyArray) -> AnyArray:
+        return organ(points) - points.dtype.type(1.5)
+
+    ends = np.array([end for start, end, _ in branches for end in (start, end)])
+    lungs = [ellipsoid((side * 74, -6, -6), (64, 88, 136)) for side in (1, -1)]
+    around: list[Tissue] = [(ellipsoid((0, 5, 0), (138, 94, 900)), _MUSCLE)]
+    around += [(lung, _LUNG) for lung in lungs] + [(ellipsoid((0, 0, 60), (26, 40, 70)), 40.0), (wall, 30.0)]
+    return Anatomy(organ, ends.min(axis=0) - 15, ends.max(axis=0) + 15, 0.5, _AIR, around, [])
+
+
+def _airways(
+    rng: np.random.Generator, start: AnyArray, way: AnyArray, side: AnyArray, generation: int
+) -> list[tuple[AnyArray, AnyArray, float]]:
+    """Branches (start, end, radius) in mm of an airway that forks in two, each time across the last fork.
+
+    Radii and lengths of the generations are about those of Weibel's model of the lung.
+    """
+    way, side = way / np.linalg.norm(way), side / np.linalg.norm(side)
+    length, radius = _AIRWAYS_MM[generation]
+    end = start + length * rng.uniform(0.9, 1.1) * way
+    branches = [(start, end, radius * rng.uniform(0.95, 1.05))]
+    if generation + 1 < len(_AIRWAYS_MM):
+        across = np.cross(way, side)
+        for sign in (1, -1):
+            lean = np.deg2rad(rng.normal(36, 4))
+            onwards = np.cos(lean) * way + sign * np.sin(lean) * side
+            branches += _airways(rng, end, onwards, across + rng.normal(0, 0.1, 3), generation + 1)
+    return branches
+
+
 def _simple(
     shape: Callable[[np.random.Generator], ImplicitFunction],
 ) -> Callable[[np.random.Generator], Anatomy]:
@@ -325,6 +363,7 @@ ORGANS: dict[str, Callable[[np.random.Generator], Anatomy]] = {
     "liver": _liver,
     "lungs": _lungs,
     "kidney": _kidney,
+    "bronchi": _bronchi,
     "sphere": _simple(_sphere),
     "torus": _simple(_torus),
     "two_spheres": _simple(_two_spheres),

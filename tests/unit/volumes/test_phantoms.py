@@ -46,8 +46,8 @@ def test_mask_image_and_truth_agree(organ):
     voxels = structure.mask.sum() * abs(np.linalg.det(structure.frame.affine[:3, :3]))
     assert mesh.body_count == {"lungs": 2, "two_spheres": 2, "shell": 2}.get(organ, 1)
     assert structure.truth.genus == (organ in ("torus", "A"))
-    # strokes of letters are 16 mm thick, less than three slices
-    assert voxels == pytest.approx(mesh.volume, rel=0.04 if organ in ("A", "H", "X") else 0.02)
+    # strokes of letters are 16 mm thick, less than three slices, and most bronchi less than one
+    assert voxels == pytest.approx(mesh.volume, rel=0.04 if organ in ("A", "H", "X", "bronchi") else 0.02)
     # the mask is the voxels whose centres are inside
     filled = voxelise(structure.truth, structure.frame.affine, structure.mask.shape, structure.origin)
     assert np.count_nonzero(filled ^ structure.mask) <= 0.005 * filled.sum()
@@ -158,3 +158,15 @@ def test_mesh_lies_on_the_zero_set():
     mesh = ball.to_trimesh()
     assert mesh.is_watertight
     assert mesh.volume == pytest.approx(4 / 3 * np.pi * 15**3, rel=0.01)
+
+
+@pytest.mark.parametrize("case", ["a", "b", "c"])
+def test_bronchi_are_one_tree_that_grows_thinner_and_branches_downwards(case):
+    airways = phantom("bronchi", case, spacing_mm=[1.0, 1.0, 2.0])
+    assert airways.truth.genus == 0
+    assert airways.truth.count_bodies() == 1
+    slices = [part for part in airways.stack("mask") if part.any()]
+    counts = [ndimage.label(part)[1] for part in slices]
+    assert counts[-10] == 1  # the trachea, below its upper end
+    assert slices[-10].sum() == pytest.approx(np.pi * 8**2, rel=0.25)
+    assert max(counts) > 8
