@@ -93,6 +93,30 @@ class ConformingSurface:
         """Vertices (V,) along these."""
         return np.bincount(self.junctions.ravel(), minlength=len(self.vertices)) > 0
 
+    def averaged(self, values: FloatArray, rounds: int) -> FloatArray:
+        """Average values (V,) with the mean of the neighbours within the same wall, so many times over.
+
+        Each round spreads them like a Gaussian of half an edge's length, but not into lines where walls meet
+        or across them; values there stay.
+        """
+        for _ in range(rounds):
+            values = self._kept * values + self._half_means @ values
+        return values
+
+    @cached_property
+    def _half_means(self) -> csr_array:
+        """Matrix (V, V) of half the mean of each vertex's neighbours, but for lines where walls meet."""
+        edges = self.edges[0][~self.on_junctions[self.edges[0]].any(axis=1)]
+        starts, ends = np.concatenate([edges, edges[:, ::-1]]).T
+        count = len(self.vertices)
+        degree = np.bincount(starts, minlength=count)
+        return csr_array((0.5 / degree[starts], (starts, ends)), shape=(count, count))
+
+    @cached_property
+    def _kept(self) -> FloatArray:
+        """Share (V,) of a vertex's own value in an average: half, or all where it has no such neighbour."""
+        return np.asarray(1.0 - self._half_means.sum(axis=1), np.float64)
+
     def _part(self, faces: IntArray) -> Mesh:
         used, inverse = np.unique(faces, return_inverse=True)
         return Mesh(self.vertices[used], inverse.reshape(-1, 3).astype(np.int64))

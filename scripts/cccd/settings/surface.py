@@ -455,33 +455,38 @@ class WallSettings(Section):
     """How organs of one scan are smoothed together."""
 
     cell_pixels: float = setting(
-        0.75,
+        0.6,
         "cells of the grid on which organs meet, in pixels (of coarsest_mm at most)",
-        why="A shell of one pixel has a node in it. At 0.6 ribs and vessels gain a tenth of their accuracy, "
-        "and walls are twice as rough.",
+        why="A shell of one pixel has a node in it. At 0.75 ribs and vessels lose a tenth of their accuracy.",
         unit="px",
         expert=True,
         ge=0.25,
         le=5,
     )
     coarsest_mm: float = setting(
-        1.5,
+        1.9,
         "cell_pixels counts pixels no larger than this",
-        why="As the edges of the meshes that organs have alone.",
+        why="Cells are then about half as long as the edges of the meshes that organs have alone.",
         unit="mm",
         expert=True,
         gt=0,
         le=100,
     )
-    border_voxels: float = setting(
-        0.6,
-        "width of the kernel that smooths the border of all labels where organs touch",
-        why="At 0.5 every organ of a CT lies as near to its voxels as alone, and voxels of 3 mm show their "
-        "steps; at 0.7 two thirds of the organs of a fine one lie farther, and gaps of one voxel close.",
+    border_voxels: tuple[float, float] = setting(
+        (0.5, 0.6),
+        "width of the kernel that smooths the border of all labels where organs touch, on voxels of "
+        "border_mm",
+        why="At 0.6 half of the organs of a fine CT lie farther from their voxels than alone, at 0.5 voxels "
+        "of 3 mm show their steps; at 0.7 gaps of one voxel close.",
         unit="voxels",
         expert=True,
-        gt=0,
-        le=5,
+    )
+    border_mm: tuple[float, float] = setting(
+        (1.0, 2.0),
+        "the first width holds for voxels up to this edge, the second from this edge on",
+        why="Features of organs have a size in mm; on coarse voxels few voxels make one up.",
+        unit="mm",
+        expert=True,
     )
     reach_voxels: float = setting(
         3.0,
@@ -509,6 +514,25 @@ class WallSettings(Section):
         expert=True,
         ge=0,
         le=1e4,
+    )
+    regain_pixels: float = setting(
+        1.6,
+        "what that smoothing takes along the normals is given back as its average over so far (standard "
+        "deviation), but not along lines where walls meet",
+        why="Ribs and vessels are not drawn in.",
+        unit="px",
+        expert=True,
+        gt=0,
+        le=20,
+    )
+    regain_rounds: int = setting(
+        2,
+        "times that this is done, each with what the last one left",
+        why="As in surfaces that are smoothed alone.",
+        unit="count",
+        expert=True,
+        ge=0,
+        le=10,
     )
     most_offset_pixels: float = setting(
         0.25,

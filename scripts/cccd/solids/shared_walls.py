@@ -46,6 +46,8 @@ MOST_STEP = 0.3
 SAME_PLANE = 1e-3
 #: Organs with a voxel of both within so many voxels of some voxel are smoothed together.
 GROUP_VOXELS = 1
+#: Averaging once spreads a vertex's value over this many cells (standard deviation).
+EDGES_PER_AVERAGING = 0.5
 #: Times that vertices of triangles that pass through each other go halfway back.
 UNFOLDING_ROUNDS = 10
 
@@ -172,7 +174,8 @@ def _share_walls(organs: Mapping[int, Organ], frame: Frame, settings: WallSettin
     regions, pinched = well_composed(fields.owners(voxels), fields.distance)
     net = surface_nets(regions, fields.cut)
     in_mm = replace(net, vertices=fields.low + cell * fields.on_walls(net))
-    smooth = _smoothed(in_mm, voxels.ends, cell, settings)
+    pixel = float(np.sqrt(frame.pixel_spacing.prod()))
+    smooth = _smoothed(in_mm, voxels.ends, cell, pixel, settings)
     most = settings.most_offset_pixels * _edge(frame, settings)
     smooth = _with_volumes(replace(in_mm, vertices=smooth), voxels, cell, most)
     smooth, passing = _unfolded(replace(in_mm, vertices=smooth), fields.low + cell * net.vertices)
@@ -282,7 +285,9 @@ class _Voxels:
         The kernel's second moment vanishes: curved borders do not shrink. What the scan cuts goes on beyond
         its last slices.
         """
-        margin = int(np.ceil(4 * settings.border_voxels)) + 1
+        edge = np.cbrt(self.spacing.prod())
+        width = float(np.interp(edge, settings.border_mm, settings.border_voxels))
+        margin = int(np.ceil(4 * width)) + 1
         inside = np.pad(self.labels > 0, margin)
         axis, low, high = self.ends
         stack = np.moveaxis(inside, axis, 0)
@@ -293,8 +298,8 @@ class _Voxels:
         if 0 <= last < len(stack):
             stack[last + 1 :] = stack[last]
         distance = _signed_distance(inside, self.spacing)
-        once = ndimage.gaussian_filter(distance, settings.border_voxels)
-        return 2 * once - ndimage.gaussian_filter(once, settings.border_voxels), self.origin - margin
+        once = ndimage.gaussian_filter(distance, width)
+        return 2 * once - ndimage.gaussian_filter(once, width), self.origin - margin
 
 
 def _signed_distance(inside: BoolArray, spacing: FloatArray) -> SingleArray:
@@ -499,12 +504,27 @@ def _level(surface: ConformingSurface, ends: tuple[int, float, float], cell: flo
 
 
 def _smoothed(
-    surface: ConformingSurface, ends: tuple[int, float, float], cell: float, settings: WallSettings
+    surface: ConformingSurface,
+    ends: tuple[int, float, float],
+    cell: float,
+    pixel: float,
+    settings: WallSettings,
 ) -> FloatArray:
-    """Vertices (V, 3) without the grid's ripples; those where the scan ends stay on its planes."""
+    """Vertices (V, 3) without the grid's ripples; those where the scan ends stay on its planes.
+
+    What that takes along the normals, thin organs above all, is averaged within walls over some pixels and
+    given back, as in `cccd.surface.fairing.fair`.
+    """
     level = _level(surface, ends, cell)
     stiffness = np.where(surface.on_junctions, settings.line_stiffness, settings.stiffness)
     smooth = faired(surface, np.where(level, FULL_TRUST, 1.0), stiffness)
+    free = ~(level | surface.on_junctions)
+    averagings = int(np.ceil((settings.regain_pixels * pixel / (EDGES_PER_AVERAGING * cell)) ** 2))
+    for _ in range(settings.regain_rounds):
+        normals = Mesh(smooth, surface.triangles).vertex_normals
+        lost = np.where(free, np.einsum("vc,vc->v", surface.vertices - smooth, normals), 0.0)
+        regained = np.where(free, surface.averaged(lost, averagings), 0.0)
+        smooth = smooth + regained[:, None] * normals
     smooth[level, ends[0]] = surface.vertices[level, ends[0]]
     return smooth
 

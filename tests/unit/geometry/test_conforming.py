@@ -3,6 +3,7 @@
 import numpy as np
 
 from cccd.geometry.conforming import ConformingSurface
+from cccd.geometry.surface_nets import surface_nets
 from cccd.store import read_conforming, write_conforming
 
 
@@ -36,3 +37,23 @@ def test_a_file_gives_back_what_was_written(tmp_path):
     assert back.pairs == both.pairs
     for name in ("vertices", "triangles", "regions"):
         assert np.array_equal(getattr(back, name), getattr(both, name))
+
+
+def test_values_are_averaged_within_walls_and_stay_along_their_lines():
+    cube = np.indices((6, 6, 6)).reshape(3, -1).T
+    halves = np.zeros((8, 8, 8), np.int32)
+    halves[tuple((cube + 1).T)] = 1 + (cube[:, 0] > 2)
+    net = surface_nets(halves, lambda nodes, ends, low, high: np.full(len(nodes), 0.5))
+    values = np.random.default_rng(0).standard_normal(len(net.vertices))
+    after = net.averaged(values, 40)
+    lines = net.on_junctions
+    assert lines.sum() > 0
+    np.testing.assert_array_equal(after[lines], values[lines])
+    np.testing.assert_allclose(net.averaged(np.ones(len(values)), 5), 1)
+    middle = net.vertices[:, 0]
+    for side in (middle < middle[lines].min() - 0.5, middle > middle[lines].max() + 0.5):
+        assert after[side].std() < 0.2 * values[side].std()
+        # nothing crosses the line: of another wall only what begins there arrives there
+        alone = net.averaged(np.where(side | lines, values, 0.0), 1)
+        inner = side & (np.abs(middle - middle[lines].mean()) > 1.5)
+        np.testing.assert_allclose(alone[inner], net.averaged(values, 1)[inner])
