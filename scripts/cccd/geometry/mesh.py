@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     import pyvista
     import trimesh
 
-__all__ = ["Dihedrals", "Mesh"]
+__all__ = ["Dihedrals", "Mesh", "averaging_rounds"]
+
+#: Averaging with the neighbours once spreads a vertex's value over this many edges (standard deviation).
+EDGES_PER_AVERAGING = 0.5
 
 
 class Dihedrals(NamedTuple):
@@ -255,7 +258,8 @@ class Mesh:
     def averaged(self, values: FloatArray, rounds: int) -> FloatArray:
         """Average values (V,) of a closed mesh's vertices with their neighbours' mean, so many times over.
 
-        Each round spreads them like a Gaussian of half an edge's length (its standard deviation).
+        Each round spreads them like a Gaussian of half an edge's length (its standard deviation); see
+        `averaging_rounds`.
         """
         for _ in range(rounds):
             values = 0.5 * values + self._half_means @ values
@@ -308,6 +312,17 @@ class Mesh:
         middle: FloatArray = self.vertices.mean(axis=0)
         a, b, c = (self.vertices[self.faces[:, corner]] - middle for corner in range(3))
         return a, np.cross(b, c)
+
+
+def averaging_rounds(length: float, edge: float) -> int:
+    """Count rounds of averaging with neighbours an ``edge`` away that spread values over a ``length``.
+
+    Examples
+    --------
+    >>> averaging_rounds(2.0, 1.0)
+    16
+    """
+    return int(np.ceil((length / (EDGES_PER_AVERAGING * edge)) ** 2))
 
 
 def _count_fans(faces: IntArray) -> int:

@@ -24,7 +24,7 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, LabelArray, Si
 from cccd.geometry.collisions import passing_pairs
 from cccd.geometry.conforming import ConformingSurface, faired
 from cccd.geometry.distance import grid_to_mesh
-from cccd.geometry.mesh import Mesh
+from cccd.geometry.mesh import Mesh, averaging_rounds
 from cccd.geometry.ply import read_ply
 from cccd.geometry.surface_nets import surface_nets, well_composed
 from cccd.settings.surface import WallSettings
@@ -46,8 +46,6 @@ MOST_STEP = 0.3
 SAME_PLANE = 1e-3
 #: Organs with a voxel of both within so many voxels of some voxel are smoothed together.
 GROUP_VOXELS = 1
-#: Averaging once spreads a vertex's value over this many cells (standard deviation).
-EDGES_PER_AVERAGING = 0.5
 #: Times that vertices of triangles that pass through each other go halfway back.
 UNFOLDING_ROUNDS = 10
 
@@ -519,7 +517,7 @@ def _smoothed(
     stiffness = np.where(surface.on_junctions, settings.line_stiffness, settings.stiffness)
     smooth = faired(surface, np.where(level, FULL_TRUST, 1.0), stiffness)
     free = ~(level | surface.on_junctions)
-    averagings = int(np.ceil((settings.regain_pixels * pixel / (EDGES_PER_AVERAGING * cell)) ** 2))
+    averagings = averaging_rounds(settings.regain_pixels * pixel, cell)
     for _ in range(settings.regain_rounds):
         normals = Mesh(smooth, surface.triangles).vertex_normals
         lost = np.where(free, np.einsum("vc,vc->v", surface.vertices - smooth, normals), 0.0)

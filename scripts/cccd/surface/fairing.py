@@ -8,15 +8,14 @@ from itertools import pairwise
 import numpy as np
 
 from cccd.geometry.arrays import FloatArray
-from cccd.geometry.mesh import Mesh
+from cccd.geometry.mesh import Mesh, averaging_rounds
 from cccd.settings.surface import BlendingSettings
+from cccd.tolerances import ROUNDING
 
 __all__ = ["CELL_EDGES", "fair", "without_crossings"]
 
 #: Cells of the grid on which the surface is meshed, in edges: marching cubes' edges are a little longer.
 CELL_EDGES = 0.8
-#: Averaging with the neighbours once spreads a vertex's value over this many edges (standard deviation).
-EDGES_PER_AVERAGING = 0.5
 #: Details this many times as high as ripples are surely none.
 SURE_DETAIL = 1.8
 
@@ -59,7 +58,7 @@ def fair(
     lengths, ripples = settings.regain_pixels, settings.regain_ripples
     if of_probability:
         lengths, ripples = (settings.regain_pixels_probability,), ()
-    averagings = [int(np.ceil((length / (EDGES_PER_AVERAGING * edge_pixels)) ** 2)) for length in lengths]
+    averagings = [averaging_rounds(length, edge_pixels) for length in lengths]
     for _ in range(settings.regain_rounds):
         normals = smooth.vertex_normals
         lost = np.einsum("vc,vc->v", mesh.vertices - smooth.vertices, normals)
@@ -96,7 +95,7 @@ def _without_ripples(
     for shorter, longer, rounds, ripple in zip(averages, averages[1:], averagings[1:], ripples, strict=False):
         details = shorter - longer
         size = np.sqrt(mesh.averaged(details**2, rounds))
-        share = np.clip((size / ripple - 1) / (SURE_DETAIL - 1), 0, 1)
+        share = np.clip((size / max(ripple, ROUNDING) - 1) / (SURE_DETAIL - 1), 0, 1)
         kept = kept + share**2 * (3 - 2 * share) * details
     return kept
 
