@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     import pyvista
     import trimesh
 
-__all__ = ["Dihedrals", "Mesh", "averaging_rounds"]
+__all__ = ["Dihedrals", "Mesh", "averaging_rounds", "given_back"]
 
 #: Averaging with the neighbours once spreads a vertex's value over this many edges (standard deviation).
 EDGES_PER_AVERAGING = 0.5
@@ -323,6 +324,25 @@ def averaging_rounds(length: float, edge: float) -> int:
     16
     """
     return int(np.ceil((length / (EDGES_PER_AVERAGING * edge)) ** 2))
+
+
+def given_back(rough: Mesh, smooth: Mesh, average: Callable[[FloatArray], FloatArray], rounds: int) -> Mesh:
+    """Give back an average of what smoothing took along the normals, so many times over.
+
+    Parameters
+    ----------
+    rough, smooth : Mesh
+        Before and after smoothing, of the same faces.
+    average : callable
+        Maps heights (V,) along the normals to those that come back.
+    rounds : int
+        Each gives back of what the last one left.
+    """
+    for _ in range(rounds):
+        normals = smooth.vertex_normals
+        lost = np.einsum("vc,vc->v", rough.vertices - smooth.vertices, normals)
+        smooth = Mesh(smooth.vertices + average(lost)[:, None] * normals, rough.faces)
+    return smooth
 
 
 def _count_fans(faces: IntArray) -> int:

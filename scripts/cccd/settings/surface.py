@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import AfterValidator
+from pydantic import AfterValidator, Field
 
 from cccd.settings.section import Section, setting
 from cccd.settings.validators import without_repeats
@@ -38,6 +38,9 @@ def _writers(package: str) -> dict[str, str]:
 SOLID_FORMATS = _writers("solids")
 TETRAHEDRA_FORMATS = _writers("tetrahedra")
 SURFACE_FORMATS = dict(sorted((_writers("surface") | SOLID_FORMATS | TETRAHEDRA_FORMATS).items()))
+
+_Length = Annotated[float, Field(gt=0, le=20)]
+_Width = Annotated[float, Field(gt=0, le=5)]
 
 if TYPE_CHECKING:
     _Format = _CaseFormat = str
@@ -413,7 +416,7 @@ class BlendingSettings(Section):
         ge=5,
         le=200,
     )
-    regain_pixels: tuple[float, float, float] = setting(
+    regain_pixels: tuple[_Length, _Length, _Length] = setting(
         (0.8, 1.6, 4.5),
         "what that filter takes along the normals is given back: its average over the last of these lengths "
         "(standard deviation), and details between each two of them where they are more than ripples",
@@ -472,7 +475,7 @@ class WallSettings(Section):
         gt=0,
         le=100,
     )
-    border_voxels: tuple[float, float] = setting(
+    border_voxels: tuple[_Width, _Width] = setting(
         (0.5, 0.6),
         "width of the kernel that smooths the border of all labels where organs touch, on voxels of "
         "border_mm",

@@ -24,7 +24,7 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, LabelArray, Si
 from cccd.geometry.collisions import passing_pairs
 from cccd.geometry.conforming import ConformingSurface, faired
 from cccd.geometry.distance import grid_to_mesh
-from cccd.geometry.mesh import Mesh, averaging_rounds
+from cccd.geometry.mesh import Mesh, averaging_rounds, given_back
 from cccd.geometry.ply import read_ply
 from cccd.geometry.surface_nets import surface_nets, well_composed
 from cccd.settings.surface import WallSettings
@@ -513,16 +513,17 @@ def _smoothed(
     What that takes along the normals, thin organs above all, is averaged within walls over some pixels and
     given back, as in `cccd.surface.fairing.fair`.
     """
-    level = _level(surface, ends, cell)
-    stiffness = np.where(surface.on_junctions, settings.line_stiffness, settings.stiffness)
+    level, on_lines = _level(surface, ends, cell), surface.on_junctions
+    stiffness = np.where(on_lines, settings.line_stiffness, settings.stiffness)
     smooth = faired(surface, np.where(level, FULL_TRUST, 1.0), stiffness)
-    free = ~(level | surface.on_junctions)
+    held = level | on_lines
     averagings = averaging_rounds(settings.regain_pixels * pixel, cell)
-    for _ in range(settings.regain_rounds):
-        normals = Mesh(smooth, surface.triangles).vertex_normals
-        lost = np.where(free, np.einsum("vc,vc->v", surface.vertices - smooth, normals), 0.0)
-        regained = np.where(free, surface.averaged(lost, averagings), 0.0)
-        smooth = smooth + regained[:, None] * normals
+
+    def average(lost: FloatArray) -> FloatArray:
+        return np.where(held, 0.0, surface.averaged(np.where(held, 0.0, lost), averagings))
+
+    rough = Mesh(surface.vertices, surface.triangles)
+    smooth = given_back(rough, Mesh(smooth, surface.triangles), average, settings.regain_rounds).vertices
     smooth[level, ends[0]] = surface.vertices[level, ends[0]]
     return smooth
 

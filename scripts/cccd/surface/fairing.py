@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from cccd.geometry.arrays import FloatArray
-from cccd.geometry.mesh import Mesh, averaging_rounds
+from cccd.geometry.mesh import Mesh, averaging_rounds, given_back
 from cccd.settings.surface import BlendingSettings
 from cccd.tolerances import ROUNDING
 
@@ -59,11 +59,13 @@ def fair(
     if of_probability:
         lengths, ripples = (settings.regain_pixels_probability,), ()
     averagings = [averaging_rounds(length, edge_pixels) for length in lengths]
-    for _ in range(settings.regain_rounds):
-        normals = smooth.vertex_normals
-        lost = np.einsum("vc,vc->v", mesh.vertices - smooth.vertices, normals)
-        regained = _without_ripples(mesh, lost, averagings, pixel * np.array(ripples))
-        smooth = Mesh(smooth.vertices + regained[:, None] * normals, mesh.faces)
+    heights = pixel * np.array(ripples)
+    smooth = given_back(
+        mesh,
+        smooth,
+        lambda lost: _without_ripples(mesh, lost, averagings, heights),
+        settings.regain_rounds,
+    )
     away = np.abs(mesh.vertices[:, 2:] - np.array(planes)).min(axis=1, initial=np.inf) / cell
     share = np.clip(away / settings.cap_cells, 0, 1)[:, None]
     return Mesh(mesh.vertices + share * (smooth.vertices - mesh.vertices), mesh.faces)
