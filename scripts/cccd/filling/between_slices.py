@@ -37,8 +37,8 @@ class Filling:
     ----------
     slices : (S, I, J) float32
         In-plane signed distances in mm, as far as the network looks at them.
-    corrections : (2 A, 2 B, 4 C) float32
-        mm, on halves of a node in the plane and quarters of a slice distance.
+    corrections : (4 C, 2 A, 2 B) float32
+        mm, on quarters of a slice distance and halves of a node in the plane.
     every : int
         Pixels per node.
     node : float
@@ -63,7 +63,7 @@ class Filling:
         height = PARTS[2] * (at + BEYOND)
         below = int(height)
         share = np.float32(height - below)
-        plane = (1 - share) * self.corrections[..., below] + share * self.corrections[..., below + 1]
+        plane = (1 - share) * self.corrections[below] + share * self.corrections[below + 1]
         i, j = (PARTS[0] * (1 + np.arange(size) / self.every) for size in self.slices.shape[1:])
         at_pixels = np.meshgrid(i, j, indexing="ij")
         return map_coordinates(plane, at_pixels, np.float32, order=1, mode="nearest")

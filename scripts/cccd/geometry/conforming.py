@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -11,6 +11,7 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import LinearOperator, cg
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.averaging import averages
 from cccd.geometry.mesh import Mesh
 
 __all__ = ["ConformingSurface", "faired"]
@@ -93,29 +94,24 @@ class ConformingSurface:
         """Vertices (V,) along these."""
         return np.bincount(self.junctions.ravel(), minlength=len(self.vertices)) > 0
 
-    def averaged(self, values: FloatArray, rounds: int) -> FloatArray:
-        """Average values (V,) with the mean of the neighbours within the same wall, so many times over.
+    def averages(self, values: FloatArray, rounds: Sequence[int]) -> list[FloatArray]:
+        """Average values (V,) along walls, but not into or across lines where walls meet; there they stay.
 
-        Each round spreads them like a Gaussian of half an edge's length, but not into lines where walls meet
-        or across them; values there stay.
+        See `cccd.geometry.averaging.averages`.
         """
-        for _ in range(rounds):
-            values = self._kept * values + self._half_means @ values
-        return values
+        return averages(self._means, values, rounds)
 
     @cached_property
-    def _half_means(self) -> csr_array:
-        """Matrix (V, V) of half the mean of each vertex's neighbours, but for lines where walls meet."""
+    def _means(self) -> csr_array:
+        """Matrix (V, V) of the mean of each vertex's neighbours, but for lines where walls meet."""
         edges = self.edges[0][~self.on_junctions[self.edges[0]].any(axis=1)]
         starts, ends = np.concatenate([edges, edges[:, ::-1]]).T
         count = len(self.vertices)
         degree = np.bincount(starts, minlength=count)
-        return csr_array((0.5 / degree[starts], (starts, ends)), shape=(count, count))
-
-    @cached_property
-    def _kept(self) -> FloatArray:
-        """Share (V,) of a vertex's own value in an average: half, or all where it has no such neighbour."""
-        return np.asarray(1.0 - self._half_means.sum(axis=1), np.float64)
+        alone = np.flatnonzero(degree == 0)
+        weights = np.concatenate([1 / degree[starts], np.ones(len(alone))])
+        rows, columns = (np.concatenate([side, alone]) for side in (starts, ends))
+        return csr_array((weights, (rows, columns)), shape=(count, count))
 
     def _part(self, faces: IntArray) -> Mesh:
         used, inverse = np.unique(faces, return_inverse=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -13,16 +13,14 @@ from scipy.sparse.csgraph import connected_components
 
 from cccd.geometry._vtk import vtk
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.averaging import averages
 from cccd.geometry.collisions import passing_pairs
 
 if TYPE_CHECKING:
     import pyvista
     import trimesh
 
-__all__ = ["Dihedrals", "Mesh", "averaging_rounds", "given_back"]
-
-#: Averaging with the neighbours once spreads a vertex's value over this many edges (standard deviation).
-EDGES_PER_AVERAGING = 0.5
+__all__ = ["Dihedrals", "Mesh", "given_back"]
 
 
 class Dihedrals(NamedTuple):
@@ -256,23 +254,17 @@ class Mesh:
         moved = support.vtk_to_numpy(filter_.GetOutput().GetPoints().GetData())
         return Mesh(moved.astype(float), self.faces)
 
-    def averaged(self, values: FloatArray, rounds: int) -> FloatArray:
-        """Average values (V,) of a closed mesh's vertices with their neighbours' mean, so many times over.
-
-        Each round spreads them like a Gaussian of half an edge's length (its standard deviation); see
-        `averaging_rounds`.
-        """
-        for _ in range(rounds):
-            values = 0.5 * values + self._half_means @ values
-        return values
+    def averages(self, values: FloatArray, rounds: Sequence[int]) -> list[FloatArray]:
+        """Average values (V,) of a closed mesh's vertices; see `cccd.geometry.averaging.averages`."""
+        return averages(self._means, values, rounds)
 
     @cached_property
-    def _half_means(self) -> csr_array:
-        """Matrix (V, V) of half the mean of each vertex's neighbours."""
+    def _means(self) -> csr_array:
+        """Matrix (V, V) of the mean of each vertex's neighbours."""
         ends, starts = self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel()
         count = len(self.vertices)
         degree = np.bincount(ends, minlength=count)
-        return coo_array((0.5 / degree[ends], (ends, starts)), shape=(count, count)).tocsr()
+        return coo_array((1 / degree[ends], (ends, starts)), shape=(count, count)).tocsr()
 
     def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Draw points (count, 3) uniformly by area."""
@@ -313,17 +305,6 @@ class Mesh:
         middle: FloatArray = self.vertices.mean(axis=0)
         a, b, c = (self.vertices[self.faces[:, corner]] - middle for corner in range(3))
         return a, np.cross(b, c)
-
-
-def averaging_rounds(length: float, edge: float) -> int:
-    """Count rounds of averaging with neighbours an ``edge`` away that spread values over a ``length``.
-
-    Examples
-    --------
-    >>> averaging_rounds(2.0, 1.0)
-    16
-    """
-    return int(np.ceil((length / (EDGES_PER_AVERAGING * edge)) ** 2))
 
 
 def given_back(rough: Mesh, smooth: Mesh, average: Callable[[FloatArray], FloatArray], rounds: int) -> Mesh:

@@ -21,10 +21,11 @@ from scipy.sparse.csgraph import connected_components
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, LabelArray, SingleArray, offsets_of
+from cccd.geometry.averaging import averaging_rounds
 from cccd.geometry.collisions import passing_pairs
 from cccd.geometry.conforming import ConformingSurface, faired
 from cccd.geometry.distance import grid_to_mesh
-from cccd.geometry.mesh import Mesh, averaging_rounds, given_back
+from cccd.geometry.mesh import Mesh, given_back
 from cccd.geometry.ply import read_ply
 from cccd.geometry.surface_nets import surface_nets, well_composed
 from cccd.settings.surface import WallSettings
@@ -520,7 +521,7 @@ def _smoothed(
     averagings = averaging_rounds(settings.regain_pixels * pixel, cell)
 
     def average(lost: FloatArray) -> FloatArray:
-        return np.where(held, 0.0, surface.averaged(np.where(held, 0.0, lost), averagings))
+        return np.where(held, 0.0, surface.averages(np.where(held, 0.0, lost), [averagings])[0])
 
     rough = Mesh(surface.vertices, surface.triangles)
     smooth = given_back(rough, Mesh(smooth, surface.triangles), average, settings.regain_rounds).vertices

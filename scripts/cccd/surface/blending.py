@@ -22,7 +22,7 @@ from cccd.surface.target import TargetDistance
 from cccd.surface.union import BAND_CELLS
 from cccd.tolerances import ROUNDING
 
-__all__ = ["blend", "blend_reach", "blend_weights", "offset_surface", "points_on_surface", "seam_weights"]
+__all__ = ["blend", "blend_reach", "blend_weights", "points_on_surface", "seam_weights", "zero_surface"]
 
 #: Distances from a seam are taken from points that lie this share of the blend's reach apart.
 SEAM_STEP = 0.25
@@ -164,25 +164,8 @@ def _wall_weights(values: SingleArray, band: float, share: float, tilts: tuple[f
     return weight
 
 
-def offset_surface(distance: ScalarGrid, offset: float = 0.0) -> Mesh:
-    """Mesh the surface ``offset`` mm outside a grid's zero level, outwards; empty when nothing is inside."""
-    margin = NODE_MARGIN * float(distance.affine[0, 0])
-    values, inside = _beside_nodes(np.ascontiguousarray(distance.values, np.float32), offset, margin)
-    return replace(distance, values=values).isosurface(0.0) if inside else Mesh.empty()
-
-
-@jit
-def _beside_nodes(values: SingleArray, offset: float, margin: float) -> tuple[SingleArray, bool]:
-    """Values (A, B, C) less an offset, none within a margin of zero, and whether any is below it."""
-    moved = np.empty_like(values)
-    inside = False
-    for i in range(values.shape[0]):
-        for j in range(values.shape[1]):
-            for k in range(values.shape[2]):
-                value = values[i, j, k] - offset
-                if value < 0:
-                    inside = True
-                    moved[i, j, k] = min(value, -margin)
-                else:
-                    moved[i, j, k] = max(value, margin)
-    return moved, inside
+def zero_surface(distance: ScalarGrid) -> Mesh:
+    """Mesh the surface at a grid's zero level."""
+    values = np.abs(distance.values)
+    np.maximum(values, NODE_MARGIN * float(distance.affine[0, 0]), out=values)
+    return replace(distance, values=np.copysign(values, distance.values, out=values)).isosurface(0.0)

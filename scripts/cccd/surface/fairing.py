@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
 from cccd.geometry.arrays import FloatArray
-from cccd.geometry.mesh import Mesh, averaging_rounds, given_back
+from cccd.geometry.averaging import averaging_rounds
+from cccd.geometry.mesh import Mesh, given_back
 from cccd.settings.surface import BlendingSettings
 from cccd.tolerances import ROUNDING
 
-__all__ = ["CELL_EDGES", "fair", "without_crossings"]
+__all__ = ["CELL_EDGES", "fair", "from_caps", "without_crossings"]
 
 #: Cells of the grid on which the surface is meshed, in edges: marching cubes' edges are a little longer.
 CELL_EDGES = 0.8
@@ -22,7 +22,7 @@ SURE_DETAIL = 1.8
 
 def fair(
     mesh: Mesh,
-    planes: Sequence[float],
+    caps: FloatArray,
     cell: float,
     pixel: float,
     settings: BlendingSettings,
@@ -37,7 +37,7 @@ def fair(
     ----------
     mesh : Mesh
         Isosurface of a grid, mm.
-    planes : sequence of float
+    caps : (C,) float64
         Heights of the planar caps in mm.
     cell : float
         The grid's, mm.
@@ -66,9 +66,13 @@ def fair(
         lambda lost: _without_ripples(mesh, lost, averagings, heights),
         settings.regain_rounds,
     )
-    away = np.abs(mesh.vertices[:, 2:] - np.array(planes)).min(axis=1, initial=np.inf) / cell
-    share = np.clip(away / settings.cap_cells, 0, 1)[:, None]
+    share = np.clip(from_caps(mesh, caps) / (settings.cap_cells * cell), 0, 1)[:, None]
     return Mesh(mesh.vertices + share * (smooth.vertices - mesh.vertices), mesh.faces)
+
+
+def from_caps(mesh: Mesh, caps: FloatArray) -> FloatArray:
+    """Distances (V,) along z of a mesh's vertices to the nearest of heights (C,); inf without any."""
+    return np.abs(mesh.vertices[:, 2:] - caps).min(axis=1, initial=np.inf)
 
 
 def _without_ripples(
@@ -90,13 +94,11 @@ def _without_ripples(
     ripples : (L - 1,) float64
         Root mean square of ripples between each length and the next, mm.
     """
-    averages = [mesh.averaged(heights, averagings[0])]
-    for before, rounds in pairwise(averagings):
-        averages.append(mesh.averaged(averages[-1], rounds - before))
+    averages = mesh.averages(heights, averagings)
     kept = averages[-1]
     for shorter, longer, rounds, ripple in zip(averages, averages[1:], averagings[1:], ripples, strict=False):
         details = shorter - longer
-        size = np.sqrt(mesh.averaged(details**2, rounds))
+        size = np.sqrt(np.maximum(mesh.averages(details**2, [rounds])[0], 0))
         share = np.clip((size / max(ripple, ROUNDING) - 1) / (SURE_DETAIL - 1), 0, 1)
         kept = kept + share**2 * (3 - 2 * share) * details
     return kept

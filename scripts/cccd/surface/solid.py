@@ -13,9 +13,9 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import BlendingSettings, LoftSettings
-from cccd.surface.blending import blend, blend_reach, blend_weights, offset_surface, points_on_surface
+from cccd.surface.blending import blend, blend_reach, blend_weights, points_on_surface, zero_surface
 from cccd.surface.booleans import unite
-from cccd.surface.fairing import CELL_EDGES, fair, without_crossings
+from cccd.surface.fairing import CELL_EDGES, fair, from_caps, without_crossings
 from cccd.surface.offset import offset_patch
 from cccd.surface.patches import FittedTubes
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
@@ -116,32 +116,29 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
     distance = blend(united, weight, stack.target, blending.fade_cells)
     if not np.any(distance.values < 0):  # thinner than a cell everywhere
         return Solid(unite(meshes, tubes), fitted, 0.0, stack)
-    mesh, offset = _of_volume(distance, _cap_planes(tubes), cell, stack, blending)
+    mesh, offset = _of_volume(distance, _cap_heights(tubes), cell, stack, blending)
     return Solid(mesh, fitted, offset, stack)
 
 
 def _of_volume(
     distance: ScalarGrid,
-    planes: Sequence[tuple[float, int]],
+    caps: FloatArray,
     cell: float,
     stack: SliceStack,
     settings: BlendingSettings,
 ) -> tuple[Mesh, float]:
-    """Mesh a grid's zero level moved outwards to hold the slices' volume, and by how many mm it was moved.
+    """Mesh a grid's zero level, moved outwards to hold the slices' volume, and by how many mm it was moved.
 
     It is rid of the grid's ripples, and its planar caps stay where they were.
     """
+    rough = zero_surface(distance)
+    smooth = fair(rough, caps, cell, stack.pixel, settings, stack.of_probability)
     offset = 0.0
     if not (stack.of_probability or stack.of_some_slices):
-        heights = [z for z, _ in planes]
-        smooth = fair(offset_surface(distance), heights, cell, stack.pixel, settings)
         most = settings.most_offset_pixels * stack.pixel
-        offset = float(np.clip(_missing_height(smooth, planes, stack.volume, cell), -most, most))
-    heights = [z + side * offset for z, side in planes]
-    rough = offset_surface(distance, offset)
-    smooth = fair(rough, heights, cell, stack.pixel, settings, stack.of_probability)
-    moved = without_crossings(smooth, rough)
-    return _with_level_caps(moved, planes, offset, cell, settings.cap_cells), offset
+        offset = float(np.clip(_missing_height(smooth, caps, stack.volume, cell), -most, most))
+    moved = _moved_outwards(smooth, caps, offset, cell, settings.cap_cells)
+    return without_crossings(moved, rough), offset
 
 
 def _strayed(points: FloatArray, target: TargetDistance, most: float) -> FloatArray:
@@ -155,32 +152,28 @@ def _strayed(points: FloatArray, target: TargetDistance, most: float) -> FloatAr
     return points[(distance.min(axis=0) > most) | (distance.max(axis=0) < -most)]
 
 
-def _cap_planes(tubes: Sequence[Tube]) -> list[tuple[float, int]]:
-    """Heights in mm at which the scan cuts the organ, and whether its outside is below (-1) or above (1)."""
-    low = {(tube.sections[0].z, -1) for tube in tubes if tube.ends[0] == "cut"}
-    high = {(tube.sections[-1].z, 1) for tube in tubes if tube.ends[1] == "cut"}
-    return sorted(low | high)
+def _cap_heights(tubes: Sequence[Tube]) -> FloatArray:
+    """Heights (C,) in mm at which the scan cuts the organ, ascending."""
+    low = {tube.sections[0].z for tube in tubes if tube.ends[0] == "cut"}
+    high = {tube.sections[-1].z for tube in tubes if tube.ends[1] == "cut"}
+    return np.array(sorted(low | high))
 
 
-def _missing_height(mesh: Mesh, planes: Sequence[tuple[float, int]], volume: float, cell: float) -> float:
+def _missing_height(mesh: Mesh, caps: FloatArray, volume: float, cell: float) -> float:
     """How far in mm a mesh must move outwards, but for its planar caps, to hold a volume in mm^3."""
-    heights = np.array([z for z, _ in planes])
-    apart = np.abs(mesh.vertices[:, 2:] - heights)
-    on_cap = np.any(apart <= SAME_PLANE * cell, axis=1)
+    on_cap = from_caps(mesh, caps) <= SAME_PLANE * cell
     wall = Mesh(mesh.vertices, mesh.faces[~on_cap[mesh.faces].all(axis=1)])
     return (volume - mesh.volume) / max(wall.area, 1e-9)
 
 
-def _with_level_caps(
-    mesh: Mesh, planes: Sequence[tuple[float, int]], offset: float, cell: float, cap_cells: float
-) -> Mesh:
-    """Move a mesh's planar caps back to where they were before it moved, and bend its wall to meet them."""
-    z = mesh.vertices[:, 2].copy()
-    for plane, outwards in planes:
-        away = np.abs(z - (plane + outwards * offset)) / cell
-        z -= outwards * offset * np.clip(1 - away / cap_cells, 0, 1)
-        z[away < SAME_PLANE] = plane
-    return Mesh(np.column_stack([mesh.vertices[:, :2], z]), mesh.faces)
+def _moved_outwards(mesh: Mesh, caps: FloatArray, offset: float, cell: float, cap_cells: float) -> Mesh:
+    """Move a mesh outwards, near its planar caps only sideways: these stay where they are, and level."""
+    away = from_caps(mesh, caps) / cell
+    along = np.column_stack([np.ones((len(away), 2)), np.clip(away / cap_cells, 0, 1)])
+    vertices = mesh.vertices + offset * along * mesh.vertex_normals
+    for cap in caps:
+        vertices[np.abs(vertices[:, 2] - cap) <= SAME_PLANE * cell, 2] = cap
+    return Mesh(vertices, mesh.faces)
 
 
 def _plane_to_world(frame: Frame, origin: IntArray) -> FloatArray:

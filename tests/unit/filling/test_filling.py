@@ -25,7 +25,7 @@ def predicted(body):
     linear = interpolated(torch.tensor(body.distance, dtype=torch.float32)[None, None])[0].numpy()
     a, b, s = body.distance.shape
     corrections = shipped_network().corrections(body.distance.astype(np.float32), body.ratio, body.pixel)
-    parts = corrections.reshape(a, 2, b, 2, s, 4).transpose(1, 3, 5, 0, 2, 4).reshape(16, a, b, s)
+    parts = corrections.reshape(s, 4, a, 2, b, 2).transpose(3, 5, 1, 2, 4, 0).reshape(16, a, b, s)
     return linear, linear + parts
 
 
@@ -49,9 +49,9 @@ def test_numpy_and_torch_run_the_same_network(tmp_path):
     distance = np.clip(np.hypot(np.hypot(i - 5, j - 4), 2 * (k - 3)) - 4, -3, 3).astype(np.float32)
     with torch.no_grad():
         parts, near = model(torch.tensor(distance)[None, None], torch.tensor([2.0]), torch.tensor([0.5]))
-    expected = (parts * near)[0].numpy().reshape(2, 2, 4, 12, 10, 7).transpose(3, 0, 4, 1, 5, 2)
+    expected = (parts * near)[0].numpy().reshape(2, 2, 4, 12, 10, 7).transpose(5, 2, 3, 0, 4, 1)
     found = FillingNetwork.load(tmp_path / "weights.npz").corrections(distance, 2.0, 0.5)
-    assert found == pytest.approx(expected.reshape(24, 20, 28), abs=1e-5)
+    assert found == pytest.approx(expected.reshape(28, 24, 20), abs=1e-5)
 
 
 def test_far_from_the_surface_it_corrects_nothing():

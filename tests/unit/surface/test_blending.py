@@ -7,7 +7,7 @@ from skimage.measure import marching_cubes
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.surface import loft_surface
-from cccd.surface.blending import blend, blend_weights, offset_surface
+from cccd.surface.blending import blend, blend_weights, zero_surface
 from cccd.surface.booleans import Nesting
 from cccd.surface.fields import LevelField
 from cccd.surface.solid import _strayed
@@ -51,25 +51,19 @@ def cone(spacing=(0.8, 1.2), slope=0.15, knot=1.9):
 
 
 @pytest.mark.parametrize("cell", [0.7, 1.3])
-@pytest.mark.parametrize("level", [-0.5, 0.0, 0.5])
-def test_level_sets_of_a_sphere_are_spheres(cell, level):
+def test_the_zero_level_of_a_sphere_is_a_sphere(cell):
     sphere = sphere_grid(cell)
     distance = blend(sphere, blend_weights(sphere, NOWHERE, 5.0, 0.0, SETTINGS.blending), unknown, 2.0)
-    mesh = offset_surface(distance, level)
+    mesh = zero_surface(distance)
     assert mesh.is_closed_manifold
     assert len(mesh.self_intersections()) == 0
-    assert np.linalg.norm(mesh.vertices - 14.5, axis=1) == pytest.approx(8 + level, abs=0.08)
-    assert mesh.volume == pytest.approx(4 / 3 * np.pi * (8 + level) ** 3, rel=0.03)
-
-
-def test_an_empty_level_set_has_no_mesh():
-    mesh = offset_surface(sphere_grid(1.0, 1.0), -1.4)
-    assert mesh.vertices.shape == mesh.faces.shape == (0, 3)
+    assert np.linalg.norm(mesh.vertices - 14.5, axis=1) == pytest.approx(8, abs=0.08)
+    assert mesh.volume == pytest.approx(4 / 3 * np.pi * 8**3, rel=0.03)
 
 
 def test_the_target_rules_at_seams_and_nowhere_else():
     seam = np.array([[14.5, 14.5, 22.5]])
-    mesh = offset_surface(
+    mesh = zero_surface(
         blend(sphere_grid(0.8), weights_of(sphere_grid(0.8), seam, 8.0), sphere_target(9.0), 2.0)
     )
     radius = np.linalg.norm(mesh.vertices - 14.5, axis=1)
@@ -82,7 +76,7 @@ def test_the_target_rules_at_seams_and_nowhere_else():
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_the_target_has_its_share_in_walls_and_none_on_top(share):
     sphere = sphere_grid(0.8)
-    mesh = offset_surface(blend(sphere, weights_of(sphere, NOWHERE, 8.0, share), sphere_target(8.4), 2.0))
+    mesh = zero_surface(blend(sphere, weights_of(sphere, NOWHERE, 8.0, share), sphere_target(8.4), 2.0))
     away = mesh.vertices - 14.5
     radius = np.linalg.norm(away, axis=1)
     tilt = np.abs(away[:, 2]) / radius
@@ -93,7 +87,7 @@ def test_the_target_has_its_share_in_walls_and_none_on_top(share):
 
 def test_a_target_that_knows_more_than_the_tubes_rules_everywhere():
     sphere = sphere_grid(0.8)
-    mesh = offset_surface(
+    mesh = zero_surface(
         blend(sphere, weights_of(sphere, NOWHERE, 8.0, everywhere=1.0), sphere_target(8.6), 2.0)
     )
     assert np.linalg.norm(mesh.vertices - 14.5, axis=1) == pytest.approx(8.6, abs=0.05)
@@ -104,7 +98,7 @@ def test_a_target_that_reaches_beyond_the_grid_leaves_the_mesh_closed():
         return np.full(len(points), -5.0), np.full(len(points), 99.0)
 
     seam = np.array([[14.5, 14.5, 22.5]])
-    mesh = offset_surface(blend(sphere_grid(0.8), weights_of(sphere_grid(0.8), seam, 20.0), everywhere, 2.0))
+    mesh = zero_surface(blend(sphere_grid(0.8), weights_of(sphere_grid(0.8), seam, 20.0), everywhere, 2.0))
     assert mesh.is_closed_manifold
     assert mesh.volume > 4 / 3 * np.pi * 8**3
 

@@ -1,0 +1,73 @@
+"""Values averaged along a mesh over a length."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from cccd.geometry.arrays import FloatArray
+
+__all__ = ["averages", "averaging_rounds"]
+
+#: Averaging with the neighbours once spreads a vertex's value over this many edges (standard deviation).
+EDGES_PER_AVERAGING = 0.5
+#: What is left out of an average may weigh so much in all.
+NEGLIGIBLE = 1e-4
+
+
+def averaging_rounds(length: float, edge: float) -> int:
+    """Count rounds of averaging with neighbours an ``edge`` away that spread values over a ``length``.
+
+    Examples
+    --------
+    >>> averaging_rounds(2.0, 1.0)
+    16
+    """
+    return int(np.ceil((length / (EDGES_PER_AVERAGING * edge)) ** 2))
+
+
+def averages(means: csr_array, values: FloatArray, rounds: Sequence[int]) -> list[FloatArray]:
+    r"""Average vertices' values with the mean of their neighbours, so many times over.
+
+    Parameters
+    ----------
+    means : (V, V) float64
+        Gives each vertex the mean of its neighbours, or its own value.
+    values : (V,) float64
+    rounds : sequence of int
+        An average (V,) is made of each.
+
+    Notes
+    -----
+    With :math:`M` for the means these are :math:`((1 + M) / 2)^n v`. As :math:`((1 + \cos t) / 2)^n` is the
+    sum of :math:`\binom{2 n}{n - k} \cos(k t) / 4^n` over k from -n to n, they are sums of Chebyshev
+    polynomials of M as well, whose weights fade like a Gaussian: a few times :math:`\sqrt n` products with M
+    do.
+
+    Examples
+    --------
+    Two neighbours become alike at once.
+
+    >>> averages(csr_array([[0.0, 1.0], [1.0, 0.0]]), np.array([0.0, 1.0]), [0, 1])
+    [array([0., 1.]), array([0.5, 0.5])]
+    """
+    weights = [_weights(count) for count in rounds]
+    before, polynomial = values, values
+    totals = [weight[0] * values for weight in weights]
+    for k in range(1, max(map(len, weights))):
+        before, polynomial = polynomial, (1 if k == 1 else 2) * (means @ polynomial) - (k > 1) * before
+        for total, weight in zip(totals, weights, strict=True):
+            if k < len(weight):
+                total += weight[k] * polynomial
+    return totals
+
+
+def _weights(rounds: int) -> FloatArray:
+    """Weights (K,) of the Chebyshev polynomials of degree 0 to K - 1, of sum 1."""
+    k = np.arange(rounds)
+    weights = np.concatenate([[0.5], np.cumprod((rounds - k) / (rounds + k + 1))])
+    weights /= weights.sum()
+    kept = weights[: np.count_nonzero(np.cumsum(weights[::-1])[::-1] > NEGLIGIBLE)]
+    return kept / kept.sum()
