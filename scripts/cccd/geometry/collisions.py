@@ -40,11 +40,10 @@ def passing_pairs(vertices: FloatArray, faces: IntArray) -> IntArray:
     boxes = _boxes(vertices, faces)
     cells = boxes[:, 3:].max(axis=0).astype(np.int64) + 1
     cell, member = _grid_entries(boxes, cells)
-    order = np.argsort(cell, kind="stable")
-    cell, member = cell[order], member[order]
+    cell, member = np.divmod(np.sort(cell * len(faces) + member), len(faces))  # faster than any argsort
     starts = np.concatenate([[0], np.flatnonzero(np.diff(cell)) + 1, [len(cell)]])
     places = np.column_stack(np.unravel_index(cell[starts[:-1]], tuple(cells)))
-    pairs = _pairs_in_cells(vertices, faces, boxes[member], member, starts, places)
+    pairs = _pairs_in_cells(vertices, faces, boxes, member, starts, places)
     return np.array(pairs, np.int64).reshape(-1, 2)
 
 
@@ -101,20 +100,22 @@ def _pairs_in_cells(
     """Pairs that pass through each other; members from ``starts[n]`` to the next start reach one cell."""
     found = [(np.int64(0), np.int64(0)) for _ in range(0)]  # typed and empty
     for n in range(len(starts) - 1):
-        for m in range(starts[n], starts[n + 1]):
-            for o in range(m + 1, starts[n + 1]):
-                if _meet_first_in(boxes, m, o, places, n) and _pass(vertices, faces, member[m], member[o]):
-                    found.append((member[m], member[o]))
+        here = member[starts[n] : starts[n + 1]]
+        for m in range(len(here)):
+            for o in range(m + 1, len(here)):
+                f, g = here[m], here[o]
+                if _meet_first_in(boxes, f, g, places, n) and _pass(vertices, faces, f, g):
+                    found.append((f, g))
     return found
 
 
 @jit
-def _meet_first_in(boxes: FloatArray, m: int, o: int, places: IntArray, n: int) -> bool:
+def _meet_first_in(boxes: FloatArray, f: int, g: int, places: IntArray, n: int) -> bool:
     """Whether two boxes overlap, and this is the lowest cell that both reach."""
     for axis in range(3):
-        if boxes[m, axis] > boxes[o, axis + 3] or boxes[o, axis] > boxes[m, axis + 3]:
+        if boxes[f, axis] > boxes[g, axis + 3] or boxes[g, axis] > boxes[f, axis + 3]:
             return False
-        if int(max(boxes[m, axis], boxes[o, axis])) != places[n, axis]:
+        if int(max(boxes[f, axis], boxes[g, axis])) != places[n, axis]:
             return False
     return True
 

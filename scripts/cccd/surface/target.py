@@ -80,14 +80,16 @@ class TargetField:
         """
         gaps = np.diff(self.z)
         wide = gaps > self.widest
-        ends = np.concatenate([self.z[:1], self.z[:-1][wide], self.z[1:][wide], self.z[-1:]])
+        starts = np.concatenate([self.z[:1], self.z[1:][wide]])
+        ends = np.concatenate([self.z[:-1][wide], self.z[-1:]])
+        run = np.cumsum(wide)
         value, room = np.zeros(len(z)), np.zeros(len(z))
         stops: IntArray = np.searchsorted(z, self.z)
         for n in map(int, np.flatnonzero(~wide & (np.diff(stops) > 0))):
             here = slice(stops[n], stops[n + 1])
             low, high = (_sampled(self.planes[m], pixels[here], 0.0) for m in (n, n + 1))
             value[here] = low + (z[here] - self.z[n]) / gaps[n] * (high - low)
-            room[here] = np.abs(z[here, None] - ends).min(axis=1)
+            room[here] = np.minimum(z[here] - starts[run[n]], ends[run[n]] - z[here])
         return value, room
 
     def _smoothed(self, z: FloatArray, pixels: FloatArray, knot: float) -> FloatArray:
