@@ -56,7 +56,7 @@ ONLY = {
         "devices",
         *(f"segmentation.{name}" for name in SEGMENTING),
         "filling_training.training",
-        *(f"junctions.{name}" for name in (*GEOMETRIC, "energy", "checkpoint", "loop")),
+        *(f"junctions.{name}" for name in (*GEOMETRIC, "energy", "checkpoint", "loop", "reranker_training")),
     },
     "torch_geometric": {f"junctions.{name}" for name in GEOMETRIC},
     "snakemake": set(),

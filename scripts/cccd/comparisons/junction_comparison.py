@@ -22,9 +22,10 @@ from cccd.containers import Boundaries, Frame
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
-from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
+from cccd.junctions.decoding import closed_chains, fill_inside
 from cccd.junctions.grid import LinkPredictor
 from cccd.junctions.inference import DEFAULTS, Predictor, predict_masks
+from cccd.junctions.labelling import label_inside
 from cccd.junctions.labels import inside_shares, link_labels
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.observation import observe
@@ -67,12 +68,13 @@ def _chains(masks: np.ndarray, origin: np.ndarray) -> list[list[np.ndarray]]:
 
 def _by_true_labels(samples: Sequence[SyntheticMap]) -> list[list[np.ndarray]]:
     """Decode what a network without fault would say."""
+    settings = DEFAULTS.model_copy(update={"rerank": False})
     chains: list[list[np.ndarray]] = []
     for sample in samples:
         graph = observe(sample.pixels, sample.image, DEFAULTS).graph
         inside = inside_shares(graph, sample.contours)
         logits = 20 * (inside - 0.5), np.where(link_labels(graph, inside), 10.0, -10.0)
-        chains += _chains(*fill_inside(graph, label_inside(graph, logits, DEFAULTS)))
+        chains += _chains(*fill_inside(graph, label_inside(graph, logits, settings)))
     return chains
 
 

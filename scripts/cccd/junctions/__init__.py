@@ -19,6 +19,9 @@ module               holds
 ``energy``           unary and pairwise terms, for training and inference
 ``cut``              the labelling of least energy, by minimum cut
 ``decoding``         labelled triangles to closed chains
+``alternatives``     other labellings, described as a whole
+``reranking``        which of them is right; ``reranker_training``
+``labelling``        a slice's labels, from the cut or an alternative of it
 ``parts``            no more pieces than an organ has on a slice; ``stacks``: slices beside others
 ``uncertainty``      how likely a slice's curves are wrong
 ``inference``        the forward path, batched over slices

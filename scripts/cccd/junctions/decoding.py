@@ -20,8 +20,6 @@ from cccd.geometry.arrays import (
     split_ragged,
 )
 from cccd.junctions.delaunay import DelaunayGraph, any_corner
-from cccd.junctions.energy import Logits, inference_energy, least_energy
-from cccd.junctions.parts import limit_parts
 from cccd.settings.junctions import InferenceSettings
 from cccd.tracing import trace_stack
 
@@ -32,11 +30,10 @@ __all__ = [
     "fill_inside",
     "fill_loops",
     "find_outline",
-    "label_inside",
 ]
 
 
-# Labels -----------------------------------------------------------------------------------------------
+# Outlines ---------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,22 +65,6 @@ def find_outline(graph: DelaunayGraph, settings: InferenceSettings) -> Outline:
     around = outline(masks)[0]
     left = np.count_nonzero(observed & ~around)
     return Outline(enclosed, bool(masks.any() and (around <= observed).all() and left <= settings.tip_px))
-
-
-def label_inside(
-    graph: DelaunayGraph, logits: Logits, settings: InferenceSettings, outline: Outline | None = None
-) -> BoolArray:
-    """Inside triangles (T,) of one slice: those of the least energy, in as many pieces as there may be.
-
-    Maps that are outlines already are taken as they are; so are closed curves where the cut finds nothing.
-    The ``outline`` is found where it is not given.
-    """
-    outline = find_outline(graph, settings) if outline is None else outline
-    if outline.exact:
-        return outline.enclosed
-    energy = inference_energy(graph, logits, settings)
-    cut = limit_parts(graph, energy, least_energy(graph, energy), settings)
-    return cut if cut.any() else outline.enclosed
 
 
 # Loops ------------------------------------------------------------------------------------------------

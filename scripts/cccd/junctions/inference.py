@@ -147,7 +147,12 @@ def _read_and_labelled(
     numbers: AnyArray,
     settings: InferenceSettings,
 ) -> tuple[list[ReadSlice], list[BoolArray]]:
-    """Read slices batch by batch, and find the inside triangles of each, its neighbours considered."""
+    """Read slices batch by batch, and find the inside triangles of each, its neighbours considered.
+
+    What the prior says is taken as the cut has it: alternatives are told by a network's logits.
+    """
+    if predictor is None:
+        settings = settings.model_copy(update={"rerank": False})
     shown = [None] * len(maps) if predictor is None else images
     read: list[ReadSlice] = []
     for begin in range(0, len(maps), settings.slices_per_batch):

@@ -15,9 +15,10 @@ import numpy as np
 
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.opencv import distance_to_zero
-from cccd.junctions.decoding import Outline, border_loops, fill_loops, label_inside
+from cccd.junctions.decoding import Outline, border_loops, fill_loops
 from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import Logits
+from cccd.junctions.labelling import label_inside
 from cccd.junctions.uncertainty import open_width
 from cccd.settings.junctions import InferenceSettings
 
@@ -46,8 +47,7 @@ def label_slices(
         Ascending.
     settings : InferenceSettings
     """
-    zero = np.zeros(1)
-    inside = [_label(one, zero, settings) for one in slices]
+    inside = [_label(one, None, settings) for one in slices]
     changed = np.ones(len(slices), bool)
     for _ in range(settings.neighbour_sweeps if settings.neighbour_nats else 0):
         shapes = _Shapes(slices, inside, np.asarray(numbers, np.int64))
@@ -85,12 +85,11 @@ def open_widths(
     return widths
 
 
-def _label(one: ReadSlice, evidence: FloatArray, settings: InferenceSettings) -> BoolArray:
+def _label(one: ReadSlice, evidence: FloatArray | None, settings: InferenceSettings) -> BoolArray:
     """Label a slice whose triangles gain some evidence (T,)."""
     if one.logits is None:
         return one.outline.enclosed
-    within, link = one.logits
-    return label_inside(one.graph, (within + evidence, link), settings, one.outline)
+    return label_inside(one.graph, one.logits, settings, one.outline, evidence)
 
 
 class _Shapes:

@@ -16,8 +16,9 @@ from torch_geometric.loader import DataLoader
 from cccd.containers import Frame
 from cccd.geometry.arrays import BoolArray, IntArray
 from cccd.junctions.data import EpochMaps, FrozenMaps, label_map
-from cccd.junctions.decoding import closed_chains, fill_inside, fill_loops, label_inside
+from cccd.junctions.decoding import closed_chains, fill_inside, fill_loops
 from cccd.junctions.grid import build_grid, find_chains
+from cccd.junctions.labelling import label_inside
 from cccd.junctions.labels import grid_labels
 from cccd.junctions.loss import total_loss
 from cccd.junctions.network import JunctionNetwork

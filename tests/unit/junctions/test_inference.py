@@ -15,9 +15,10 @@ from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.opencv import border_pixels
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
-from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
+from cccd.junctions.decoding import closed_chains, fill_inside
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.inference import DEFAULTS, predict_masks
+from cccd.junctions.labelling import label_inside
 from cccd.junctions.scoring import score_slice
 from cccd.junctions.synthetic_maps import draw_map
 

@@ -4,15 +4,18 @@ from test_inference import FRAME, blob, boundaries, raster_order
 
 from cccd.geometry.opencv import border_pixels
 from cccd.junctions import order_boundaries
-from cccd.junctions.decoding import closed_chains, fill_inside, label_inside
+from cccd.junctions.decoding import closed_chains, fill_inside
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.energy import Energy, least_energy
 from cccd.junctions.inference import DEFAULTS
+from cccd.junctions.labelling import label_inside
 from cccd.junctions.labels import inside_shares
 from cccd.junctions.parts import limit_parts
 from cccd.junctions.scoring import score_slice
 
-ONE, TWO = (DEFAULTS.model_copy(update={"parts": parts}) for parts in (1, 2))
+#: The cut alone, whose pieces are limited.
+CUT = DEFAULTS.model_copy(update={"rerank": False})
+ONE, TWO = (CUT.model_copy(update={"parts": parts}) for parts in (1, 2))
 
 
 def curves_of(graph, inside, settings):
@@ -42,7 +45,7 @@ def test_two_pieces_are_joined_where_that_costs_less_than_leaving_one_out():
     mask, chain, seen = dumbbell()
     graph = build_graph(raster_order(seen))
     logits = logits_of(graph, mask, (40, 69))
-    assert len(curves_of(graph, label_inside(graph, logits, DEFAULTS), DEFAULTS)) == 2
+    assert len(curves_of(graph, label_inside(graph, logits, CUT), CUT)) == 2
     joined = curves_of(graph, label_inside(graph, logits, ONE), ONE)
     assert len(joined) == 1
     assert score_slice(list(joined), [chain]).dice > 0.9
@@ -65,7 +68,7 @@ def test_a_hole_is_filled_where_a_part_is_wanted_and_stays_where_none_is():
     graph = build_graph(raster_order(np.vstack([*chains, spur])))
     inside = inside_shares(graph, chains) > 0.5
     logits = np.where(inside, 4.0, -4.0), np.zeros(len(graph.links))
-    assert len(curves_of(graph, label_inside(graph, logits, DEFAULTS), DEFAULTS)) == 2
+    assert len(curves_of(graph, label_inside(graph, logits, CUT), CUT)) == 2
     (curve,) = curves_of(graph, label_inside(graph, logits, ONE), ONE)
     assert score_slice([curve], chains[:1]).correct
 

@@ -16,13 +16,13 @@ def disc(radius):
     return (np.hypot(i, j) < radius).astype(np.uint8)
 
 
-def doubled(radius, true):
-    """A map of two circles, of which the network half believes the wrong one; its true mask."""
+def doubled(radius, true, nats=0.3):
+    """A map of two circles, of which the network believes the outer one by so many nats; its true mask."""
     chains = [border_pixels(disc(r))[0] for r in (radius, radius + 5)]
     line = np.column_stack([np.arange(2, 10), np.full(8, 45)])  # without it the map were a ring's outline
     graph = build_graph(np.unique(np.vstack([*chains, line]), axis=0))
     centre = np.hypot(*(graph.points[graph.triangles].mean(axis=1) - 45).T)
-    within = np.where(centre < radius - 0.5, 4.0, np.where(centre < radius + 4.5, 0.3, -4.0))
+    within = np.where(centre < radius - 0.5, 4.0, np.where(centre < radius + 4.5, nats, -4.0))
     read = ReadSlice(graph, find_outline(graph, DEFAULTS), (within, np.zeros(len(graph.links))))
     return read, disc(radius if true == "inner" else radius + 5)
 
@@ -52,7 +52,7 @@ def test_of_two_lines_the_one_is_taken_that_the_neighbours_have():
 
 
 def test_what_both_neighbours_are_far_apart_on_says_little():
-    stack = [clear(38), doubled(25, "outer"), clear(15)]
+    stack = [clear(38), doubled(25, "outer", nats=1.0), clear(15)]
     assert agreement(stack, [0, 1, 2])[1] > 0.99
 
 
