@@ -101,7 +101,7 @@ def _neighbours(near: BoolArray) -> LabelArray:
     within = np.pad(near, 1)
     number = np.full(within.shape, count, np.int32)
     number[within] = np.arange(count, dtype=np.int32)
-    around = np.ravel_multi_index(np.indices((3, 3, 3)).reshape(3, -1), number.shape)
+    around = np.asarray(np.ravel_multi_index(np.indices((3, 3, 3)).reshape(3, -1), number.shape))
     middle = around[len(around) // 2]
     return number.ravel()[np.flatnonzero(within)[:, None] + (around - middle)]
 

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -26,6 +27,7 @@ from cccd.junctions.decoding import closed_chains, fill_inside
 from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import energy_weights, inference_energy, least_energy
 from cccd.junctions.inference import DEFAULTS, Predictor, read_slices
+from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.observation import observe
 from cccd.junctions.reranking import Reranker
 from cccd.junctions.scoring import SliceScore, score_slice
@@ -125,7 +127,7 @@ def _score(graph: DelaunayGraph, inside: BoolArray, drawn: SyntheticMap) -> Slic
 
 def train_reranker(examples: Sequence[Example], epochs: int, seed: int) -> Reranker:
     """Fit scores whose softmax is the probability that a labelling is the right one."""
-    torch.manual_seed(seed)
+    cast(Any, torch).manual_seed(seed)
     everything = np.concatenate([example.features for example in examples])
     blank = Reranker(everything.mean(axis=0), everything.std(axis=0) + np.float32(0.01), [], [])
     batch = _packed(examples, blank)
@@ -134,11 +136,13 @@ def train_reranker(examples: Sequence[Example], epochs: int, seed: int) -> Reran
     steps = -(-len(examples) // STEP)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=epochs * steps)
     for _ in tqdm(range(epochs), "epochs"):
-        for chosen in torch.randperm(len(examples)).split(STEP):
+        order = torch.randperm(len(examples))
+        for start in range(0, len(examples), STEP):
+            chosen = order[start : start + STEP]
             features, *rest = (part[chosen] for part in batch)
             optimiser.zero_grad()
-            _loss(net(features).squeeze(-1), *rest).backward()
-            optimiser.step()
+            cast(Any, _loss(net(features).squeeze(-1), *rest)).backward()
+            cast(Any, optimiser).step()
             schedule.step()
     layers = [layer for layer in net if isinstance(layer, nn.Linear)]
     weights = [layer.weight.detach().numpy().T.copy() for layer in layers]
@@ -162,7 +166,7 @@ def _packed(examples: Sequence[Example], scaling: Reranker) -> list[Tensor]:
         count = len(example.correct)
         features[n, :count] = scaling.standardised(example.features)
         there[n, :count], correct[n, :count], dice[n, :count] = True, example.correct, example.dice
-    return [torch.from_numpy(part) for part in (features, there, correct, dice)]
+    return [torch.as_tensor(part) for part in (features, there, correct, dice)]
 
 
 def _loss(scores: Tensor, there: Tensor, correct: Tensor, dice: Tensor) -> Tensor:
@@ -177,8 +181,8 @@ def _loss(scores: Tensor, there: Tensor, correct: Tensor, dice: Tensor) -> Tenso
 # Command ----------------------------------------------------------------------------------------------
 
 
-def _groups(model: Path, seed: int, maps: int, processes: int) -> Iterator[list[Example]]:
-    draw = partial(draw_examples, load_model(model), seed)
+def _groups(model: Predictor, seed: int, maps: int, processes: int) -> Iterator[list[Example]]:
+    draw = partial(draw_examples, model, seed)
     groups = range(-(-maps // GROUP))
     if processes == 1:
         yield from map(draw, groups)
@@ -189,7 +193,7 @@ def _groups(model: Path, seed: int, maps: int, processes: int) -> Iterator[list[
 
 def main() -> None:
     """Draw maps, train, write the weights."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("model", type=Path, help="trained junction network, as workflow/models/junctions.pt")
     parser.add_argument("weights", type=Path, help="file to write, as reranker.npz")
     parser.add_argument("--maps", type=int, default=20_000)
@@ -197,8 +201,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=201)
     parser.add_argument("--processes", type=int, default=1)
     asked = parser.parse_args()
+    model = load_model(asked.model)
+    if not isinstance(model, JunctionNetwork):
+        parser.error(f"{asked.model} holds the paper's network, which has no alternatives")
     torch.set_num_threads(1)
-    groups = _groups(asked.model, asked.seed, asked.maps, asked.processes)
+    groups = _groups(model, asked.seed, asked.maps, asked.processes)
     examples = [one for group in tqdm(groups, "maps", asked.maps // GROUP) for one in group]
     train_reranker(examples, asked.epochs, asked.seed).save(asked.weights)
 

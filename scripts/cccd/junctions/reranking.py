@@ -10,10 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
-from cccd.geometry.arrays import FloatArray, SingleArray
+from cccd.geometry.arrays import RealArray, SingleArray
 from cccd.junctions.alternatives import FEATURES
 
 __all__ = ["Reranker", "shipped_reranker"]
@@ -53,11 +54,12 @@ class Reranker:
 
     def save(self, path: Path) -> None:
         """Write the weights."""
-        layers = {f"weight{n}": values for n, values in enumerate(self.weights)}
-        layers |= {f"bias{n}": values for n, values in enumerate(self.biases)}
-        np.savez_compressed(path, mean=self.mean, spread=self.spread, **layers)
+        arrays = {"mean": self.mean, "spread": self.spread}
+        arrays |= {f"weight{n}": values for n, values in enumerate(self.weights)}
+        arrays |= {f"bias{n}": values for n, values in enumerate(self.biases)}
+        cast(Any, np).savez_compressed(path, **arrays)
 
-    def scores(self, features: FloatArray) -> SingleArray:
+    def scores(self, features: RealArray) -> SingleArray:
         """Score (K,) each labelling of a slice by its features (K, F); the highest is the likeliest.
 
         The softmax of the scores is how probable each is, if one of them is right.
@@ -67,7 +69,7 @@ class Reranker:
             hidden = (np.maximum(hidden, 0) if n else hidden) @ weight + bias
         return hidden[:, 0]
 
-    def standardised(self, features: FloatArray) -> SingleArray:
+    def standardised(self, features: RealArray) -> SingleArray:
         """Features (K, F) as the first layer reads them."""
         return np.clip((features.astype(np.float32) - self.mean) / self.spread, -FARTHEST, FARTHEST)
 
