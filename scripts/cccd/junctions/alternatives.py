@@ -25,6 +25,8 @@ __all__ = ["FEATURES", "alternatives", "describe", "pieces"]
 SHIFTS = (1.0, 3.0, 9.0)
 #: Smaller zones are not weighed, and of the others at most so many, those that cost least.
 SMALLEST_PX, MOST_ZONES = 4.0, 24
+#: Costs are told of the largest so many.
+_MOST_COUNTED = 100
 #: Logits count up to these.
 _MOST_LOGIT = 8.0
 #: Pixels along an outline to either side of which its direction is compared, and the turn of a sharp corner.
@@ -34,7 +36,24 @@ _ARM, _SHARP = 5, 1.3
 def alternatives(
     graph: DelaunayGraph, energy: Energy[FloatArray], weights: EnergyWeights[FloatArray], first: BoolArray
 ) -> BoolArray:
-    """Labellings (K, T), none of them empty: the ``first`` (T,), and it with one zone changed each."""
+    """List labellings that the least cut nearly was.
+
+    Parameters
+    ----------
+    graph : DelaunayGraph
+    energy : Energy
+        Of the (T,) triangles and (L,) links.
+    weights : EnergyWeights
+        What a nat of a triangle's logit counts in it.
+    first : (T,) bool array
+        The labelling that they differ from: the least cut, or what is left of it. Not empty.
+
+    Returns
+    -------
+    (K, T) bool array
+        ``first``, and it with one connected zone changed each, by rising energy; none is empty. A zone is
+        what the cut changes somewhere when all logits are shifted by `SHIFTS`.
+    """
     shifts = sorted([*SHIFTS, *(-nats for nats in SHIFTS)])
     cuts = least_energies(graph, [energy.unary - nats * weights.unary for nats in shifts], energy.pairwise)
     zones = _zones(graph, cuts ^ first)
@@ -44,7 +63,7 @@ def alternatives(
 
 
 def _zones(graph: DelaunayGraph, changed: BoolArray) -> BoolArray:
-    """Find the connected zones (Z, T) of what cuts (K, T) change, but for tiny ones; each once."""
+    """Find the largest connected zones (Z, T) of what cuts (K, T) change, but for tiny ones; each once."""
     first, second = graph.link_triangles.T
     cuts, count = changed.shape
     cut, link = np.nonzero(changed[:, first] & changed[:, second])
@@ -55,9 +74,14 @@ def _zones(graph: DelaunayGraph, changed: BoolArray) -> BoolArray:
     number = connected_components(joined, directed=False)[1]
     at = np.flatnonzero(changed)
     _, zone = np.unique(number[at], return_inverse=True)
-    zones = np.zeros((zone.max(initial=-1) + 1, count), bool)
-    zones[zone, at % count] = True
-    zones = zones[zones @ _inner_areas(graph) >= SMALLEST_PX]
+    triangle = at % count
+    area = np.bincount(zone, _inner_areas(graph)[triangle])
+    counted = np.argsort(-area, kind="stable")[:_MOST_COUNTED]
+    row = np.full(len(area), -1)
+    row[counted] = np.where(area[counted] >= SMALLEST_PX, np.arange(len(counted)), -1)
+    zones = np.zeros((row.max(initial=-1) + 1, count), bool)
+    kept = row[zone] >= 0
+    zones[row[zone[kept]], triangle[kept]] = True
     bits = np.packbits(zones, axis=1)
     _, once = np.unique(bits.view(np.dtype((np.void, bits.shape[1]))), return_index=True)
     return zones[np.sort(once)]
@@ -104,7 +128,25 @@ def describe(
     labels: BoolArray,
     settings: InferenceSettings,
 ) -> FloatArray:
-    """Describe labellings (K, T) as a whole: `FEATURES` (K, F), sums by their inverse hyperbolic sine."""
+    """Describe labellings as a whole, beside the first of them.
+
+    Parameters
+    ----------
+    graph : DelaunayGraph
+    logits : tuple of (T,) and (L,) arrays
+    energy : Energy
+        Of these logits.
+    labels : (K, T) bool array
+        As from `alternatives`.
+    settings : InferenceSettings
+        Of these ``smallest_loop_px``.
+
+    Returns
+    -------
+    (K, F) float64
+        `FEATURES`: lengths and areas in pixels, logits in nats, turns in radians, sums and differences by
+        their inverse hyperbolic sine.
+    """
     first, second = graph.link_triangles.T
     border = labels[:, first] != labels[:, second]
     lost, gained = border[0] & ~border, border & ~border[0]
