@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -54,14 +54,21 @@ def averages(means: csr_array, values: FloatArray, rounds: Sequence[int]) -> lis
     [array([0., 1.]), array([0.5, 0.5])]
     """
     weights = [_weights(count) for count in rounds]
-    before, polynomial = values, values
-    totals = [weight[0] * values for weight in weights]
-    for k in range(1, max(map(len, weights))):
-        before, polynomial = polynomial, (1 if k == 1 else 2) * (means @ polynomial) - (k > 1) * before
+    totals = [np.zeros_like(values) for _ in weights]
+    for k, polynomial in zip(range(max(map(len, weights))), _polynomials(means, values), strict=False):
         for total, weight in zip(totals, weights, strict=True):
             if k < len(weight):
                 total += weight[k] * polynomial
     return totals
+
+
+def _polynomials(means: csr_array, values: FloatArray) -> Iterator[FloatArray]:
+    """Yield Chebyshev polynomials of the means, of rising degree, times the values (V,)."""
+    yield values
+    before, polynomial = values, means @ values
+    while True:
+        yield polynomial
+        before, polynomial = polynomial, 2 * (means @ polynomial) - before
 
 
 def _weights(rounds: int) -> FloatArray:

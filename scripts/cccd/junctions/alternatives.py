@@ -94,8 +94,7 @@ def _inner_areas(graph: DelaunayGraph) -> FloatArray:
 def _costs(graph: DelaunayGraph, energy: Energy[FloatArray], labels: BoolArray) -> FloatArray:
     """Energies (K,) of labellings (K, T)."""
     first, second = graph.link_triangles.T
-    unary = np.where(graph.outer, 0, energy.unary)
-    return labels @ unary + (labels[:, first] != labels[:, second]) @ energy.pairwise
+    return labels @ energy.unary + (labels[:, first] != labels[:, second]) @ energy.pairwise
 
 
 # Description ------------------------------------------------------------------------------------------

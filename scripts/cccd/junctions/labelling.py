@@ -50,6 +50,8 @@ def label_inside(
         return cut
     weights = energy_weights(graph, settings)
     labels = alternatives(graph, energy, weights, cut)
+    if len(labels) == 1:
+        return cut
     features = describe(graph, logits, energy, labels, settings)
     scores = shipped_reranker().scores(features) + settings.neighbour_score * (
         labels @ (weights.unary * evidence)

@@ -19,18 +19,15 @@ import torch
 from torch import Tensor, nn
 from tqdm import tqdm
 
-from cccd.containers import Frame
 from cccd.geometry.arrays import BoolArray, SingleArray
 from cccd.junctions.alternatives import FEATURES, alternatives, describe
 from cccd.junctions.checkpoint import load_model
-from cccd.junctions.decoding import closed_chains, fill_inside
-from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import energy_weights, inference_energy, least_energy
 from cccd.junctions.inference import DEFAULTS, Predictor, read_slices
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.observation import observe
 from cccd.junctions.reranking import Reranker
-from cccd.junctions.scoring import SliceScore, score_slice
+from cccd.junctions.scoring import score_labels
 from cccd.junctions.synthetic_maps import SyntheticMap, draw_map
 
 __all__ = ["Example", "draw_examples", "train_reranker"]
@@ -62,8 +59,6 @@ STEP, RATE, DECAY = 128, 4e-3, 0.02
 SECOND_BEST, DICE_WORTH = 0.3, 40.0
 #: Score of what is no alternative.
 _NEVER = -1e9
-
-_FLAT = Frame(np.eye(4), 2, (1, 1, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +93,7 @@ def draw_examples(model: Predictor, seed: int, group: int) -> list[Example]:
         labels = alternatives(graph, energy, energy_weights(graph, DEFAULTS), cut)
         if len(labels) > 1:
             features = describe(graph, one.logits, energy, labels, DEFAULTS).astype(np.float32)
-            scores = [_score(graph, inside, drawn) for inside in labels]
+            scores = [score_labels(graph, inside, drawn.contours, DEFAULTS) for inside in labels]
             correct = np.array([score.correct for score in scores])
             examples.append(
                 Example(features, correct, np.array([score.dice for score in scores], np.float32))
@@ -114,12 +109,6 @@ def _draw(rng: np.random.Generator) -> SyntheticMap:
         drawn = draw_map(rng, kind, severity)
         if sum(map(len, drawn.contours)) >= SHORTEST_PX:
             return drawn
-
-
-def _score(graph: DelaunayGraph, inside: BoolArray, drawn: SyntheticMap) -> SliceScore:
-    masks, origin = fill_inside(graph, inside)
-    chains = closed_chains(masks, origin, np.zeros(1, np.int64), _FLAT, DEFAULTS)
-    return score_slice(list(chains), drawn.contours)
 
 
 # Training ---------------------------------------------------------------------------------------------

@@ -9,15 +9,21 @@ from typing import Any, cast
 import cv2
 import numpy as np
 
+from cccd.containers import Frame
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray
 from cccd.geometry.polygons import RaggedPolygons
+from cccd.junctions.decoding import closed_chains, fill_inside
+from cccd.junctions.delaunay import DelaunayGraph
 from cccd.metrics import dice
+from cccd.settings.junctions import InferenceSettings
 
-__all__ = ["CORRECT_DICE", "CORRECT_HAUSDORFF_PX", "SliceScore", "hausdorff", "score_slice"]
+__all__ = ["CORRECT_DICE", "CORRECT_HAUSDORFF_PX", "SliceScore", "hausdorff", "score_labels", "score_slice"]
 
 #: A slice is correct when its curves agree with the true ones at least so well.
 CORRECT_DICE = 0.98
 CORRECT_HAUSDORFF_PX = 5.0
+
+_FLAT = Frame(np.eye(4), 2, (1, 1, 1))
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,14 @@ def score_slice(chains: Sequence[AnyArray], truth: Sequence[AnyArray]) -> SliceS
     one_each = (parts, holes) == (true_parts, true_holes) and len(area) == parts + holes
     correct = one_each and overlap >= CORRECT_DICE and distance <= CORRECT_HAUSDORFF_PX
     return SliceScore(bool(correct), overlap, distance, int((area > 0).sum()), int((area < 0).sum()))
+
+
+def score_labels(
+    graph: DelaunayGraph, inside: BoolArray, truth: Sequence[AnyArray], settings: InferenceSettings
+) -> SliceScore:
+    """Score the closed chains around a slice's inside triangles (T,), as `score_slice` does."""
+    masks, origin = fill_inside(graph, inside)
+    return score_slice(list(closed_chains(masks, origin, np.zeros(1, np.int64), _FLAT, settings)), truth)
 
 
 def _counts(mask: BoolArray) -> tuple[int, int]:

@@ -16,14 +16,14 @@ from torch_geometric.loader import DataLoader
 from cccd.containers import Frame
 from cccd.geometry.arrays import BoolArray, IntArray
 from cccd.junctions.data import EpochMaps, FrozenMaps, label_map
-from cccd.junctions.decoding import closed_chains, fill_inside, fill_loops
+from cccd.junctions.decoding import closed_chains, fill_loops
 from cccd.junctions.grid import build_grid, find_chains
 from cccd.junctions.labelling import label_inside
 from cccd.junctions.labels import grid_labels
 from cccd.junctions.loss import total_loss
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.paper_network import PaperNetwork, grid_data
-from cccd.junctions.scoring import SliceScore, score_slice
+from cccd.junctions.scoring import SliceScore, score_labels, score_slice
 from cccd.junctions.synthetic_maps import RandomStream, SyntheticMap
 from cccd.settings.junctions import NetworkSettings
 
@@ -114,9 +114,8 @@ class OurTask:
             for drawn, data, logits in zip(batch, slices, model.predict(slices), strict=True):
                 predicted.append(logits[1] > 0)
                 labels.append(data["link"].y.numpy() > 0.5)
-                masks, origin = fill_inside(data.graph, label_inside(data.graph, logits, settings))
-                curves = closed_chains(masks, origin, np.zeros(1, np.int64), _FLAT, settings)
-                scores.append(score_slice(list(curves), drawn.contours))
+                inside = label_inside(data.graph, logits, settings)
+                scores.append(score_labels(data.graph, inside, drawn.contours, settings))
         return _scores(predicted, labels, scores)
 
 
