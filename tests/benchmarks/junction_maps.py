@@ -37,10 +37,9 @@ from cccd.junctions.decoding import closed_chains, fill_inside  # noqa: E402
 from cccd.junctions.inference import DEFAULTS, Predictor, read_slices  # noqa: E402
 from cccd.junctions.observation import observe  # noqa: E402
 from cccd.junctions.scoring import SliceScore, score_slice  # noqa: E402
-from cccd.junctions.stacks import ReadSlice, label_slices, open_widths  # noqa: E402
+from cccd.junctions.stacks import ReadSlice, label_slices  # noqa: E402
 from cccd.junctions.synthetic_images import canny_map, draw_image  # noqa: E402
 from cccd.junctions.synthetic_maps import SyntheticMap, draw_map  # noqa: E402
-from cccd.junctions.uncertainty import chance_of_error  # noqa: E402
 from cccd.volumes.corruptions import KINDS, corrupt  # noqa: E402
 
 MODEL = ROOT / "workflow" / "models" / "junctions.pt"
@@ -157,14 +156,14 @@ def scored(
     """Order maps and score them; ``together`` as the slices of a stack, else as strangers."""
     settings = DEFAULTS.model_copy(update={"parts": parts})
     numbers = np.arange(len(maps)) * (1 if together else 1000)
-    labels = label_slices(read, numbers, settings)
-    uncertainty = chance_of_error(open_widths(read, labels, numbers, settings), settings)
     scores: list[Scored] = []
-    for one, drawn, inside, chance in zip(read, maps, labels, uncertainty, strict=True):
-        masks, origin = fill_inside(one.graph, inside)
+    for one, drawn, found in zip(read, maps, label_slices(read, numbers, settings), strict=True):
+        masks, origin = fill_inside(one.graph, found.inside)
         frame = Frame(np.eye(4), 2, (1, 1, 1))
         chains = closed_chains(masks, origin, np.zeros(1, np.int64), frame, settings)
-        scores.append((score_slice(list(chains), drawn.contours), bool(chance >= settings.doubtful_from)))
+        scores.append(
+            (score_slice(list(chains), drawn.contours), found.uncertainty >= settings.doubtful_from)
+        )
     return scores
 
 

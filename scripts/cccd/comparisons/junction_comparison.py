@@ -25,7 +25,7 @@ from cccd.junctions.checkpoint import load_model
 from cccd.junctions.decoding import closed_chains, fill_inside
 from cccd.junctions.grid import LinkPredictor
 from cccd.junctions.inference import DEFAULTS, Predictor, predict_masks
-from cccd.junctions.labelling import label_inside
+from cccd.junctions.labelling import label_slice
 from cccd.junctions.labels import inside_shares, link_labels
 from cccd.junctions.network import JunctionNetwork
 from cccd.junctions.observation import observe
@@ -74,7 +74,7 @@ def _by_true_labels(samples: Sequence[SyntheticMap]) -> list[list[np.ndarray]]:
         graph = observe(sample.pixels, sample.image, DEFAULTS).graph
         inside = inside_shares(graph, sample.contours)
         logits = 20 * (inside - 0.5), np.where(link_labels(graph, inside), 10.0, -10.0)
-        chains += _chains(*fill_inside(graph, label_inside(graph, logits, settings)))
+        chains += _chains(*fill_inside(graph, label_slice(graph, logits, settings).inside))
     return chains
 
 

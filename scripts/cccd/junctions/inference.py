@@ -13,9 +13,9 @@ from cccd.junctions.decoding import border_loops, fill_loops, find_outline
 from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd.junctions.energy import Logits
 from cccd.junctions.grid import LinkPredictor, build_grid, find_chains
+from cccd.junctions.labelling import Labelled
 from cccd.junctions.observation import ObservedSlice, observe
-from cccd.junctions.stacks import ReadSlice, label_slices, open_widths
-from cccd.junctions.uncertainty import chance_of_error
+from cccd.junctions.stacks import ReadSlice, label_slices
 from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["DEFAULTS", "PRIOR", "Prediction", "Predictor", "predict_masks", "predict_slices", "read_slices"]
@@ -88,7 +88,8 @@ class Prediction:
     origin : (2,) int64 array
         Pixel of ``masks[:, 0, 0]``.
     uncertainty : (S,) array or None
-        Probability that a slice's curves are wrong, where our network was asked.
+        Probability that a slice's curves are wrong, where our network was asked and alternatives were
+        weighed.
     """
 
     masks: BoolArray
@@ -120,11 +121,10 @@ def predict_slices(
     """
     if isinstance(predictor, LinkPredictor):
         return Prediction(*_filled(_chain_loops(maps, predictor)), None)
-    read, inside = _read_and_labelled(maps, predictor, images, numbers, settings)
-    uncertainty = None
-    if predictor is not None:
-        uncertainty = chance_of_error(open_widths(read, inside, numbers, settings), settings)
-    return Prediction(*_filled(_border_loops(read, inside)), uncertainty)
+    read, labelled = _read_and_labelled(maps, predictor, images, numbers, settings)
+    told = [one.uncertainty for one in labelled if one.uncertainty is not None]
+    uncertainty = np.array(told) if predictor is not None and len(told) == len(labelled) else None
+    return Prediction(*_filled(_border_loops(read, labelled)), uncertainty)
 
 
 def predict_masks(
@@ -146,8 +146,8 @@ def _read_and_labelled(
     images: Sequence[RealArray | None],
     numbers: AnyArray,
     settings: InferenceSettings,
-) -> tuple[list[ReadSlice], list[BoolArray]]:
-    """Read slices batch by batch, and find the inside triangles of each, its neighbours considered.
+) -> tuple[list[ReadSlice], list[Labelled]]:
+    """Read slices batch by batch, and label the triangles of each, its neighbours considered.
 
     What the prior says is taken as the cut has it: alternatives are told by a network's logits.
     """
@@ -162,8 +162,8 @@ def _read_and_labelled(
     return read, label_slices(read, numbers, settings)
 
 
-def _border_loops(read: Sequence[ReadSlice], inside: Sequence[BoolArray]) -> list[list[IntArray]]:
-    return [border_loops(one.graph, within) for one, within in zip(read, inside, strict=True)]
+def _border_loops(read: Sequence[ReadSlice], labelled: Sequence[Labelled]) -> list[list[IntArray]]:
+    return [border_loops(one.graph, found.inside) for one, found in zip(read, labelled, strict=True)]
 
 
 def _filled(loops: Sequence[Sequence[IntArray]]) -> tuple[BoolArray, IntArray]:

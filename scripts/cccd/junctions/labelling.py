@@ -2,28 +2,50 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from cccd.geometry.arrays import BoolArray, FloatArray
-from cccd.junctions.alternatives import alternatives, describe, pieces
+from cccd.junctions.alternatives import FEATURES, alternatives, describe, pieces
 from cccd.junctions.decoding import Outline, find_outline
 from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import Logits, energy_weights, inference_energy, least_energy
 from cccd.junctions.parts import limit_parts
 from cccd.junctions.reranking import shipped_reranker
+from cccd.junctions.uncertainty import areas_between, chance_of_error, doubt_facts
 from cccd.settings.junctions import InferenceSettings
 
-__all__ = ["label_inside"]
+__all__ = ["Labelled", "label_slice"]
+
+#: Chance of error of the closed curves of a map in which the cut finds nothing: nobody knows.
+_UNKNOWN = 0.5
 
 
-def label_inside(
+@dataclass(frozen=True, eq=False)
+class Labelled:
+    """What is inside of a slice's graph.
+
+    Attributes
+    ----------
+    inside : (T,) bool array
+        Of its triangles.
+    uncertainty : float or None
+        Probability that its curves are wrong; ``None`` where alternatives were not weighed.
+    """
+
+    inside: BoolArray
+    uncertainty: float | None
+
+
+def label_slice(
     graph: DelaunayGraph,
     logits: Logits,
     settings: InferenceSettings,
     outline: Outline | None = None,
     evidence: FloatArray | None = None,
-) -> BoolArray:
-    """Inside triangles (T,) of one slice, in as many pieces as there may be.
+) -> Labelled:
+    """Label the triangles of one slice, inside in as many pieces as there may be.
 
     Maps that are outlines already are taken as they are; so are closed curves where the cut finds nothing.
 
@@ -39,24 +61,25 @@ def label_inside(
     """
     outline = find_outline(graph, settings) if outline is None else outline
     if outline.exact:
-        return outline.enclosed
+        return Labelled(outline.enclosed, 0.0)
     evidence = np.zeros(len(graph.triangles)) if evidence is None else evidence
     logits = logits[0] + evidence, logits[1]
     energy = inference_energy(graph, logits, settings)
     cut = limit_parts(graph, energy, least_energy(graph, energy), settings)
     if not cut.any():
-        return outline.enclosed
+        return Labelled(outline.enclosed, _UNKNOWN if settings.rerank else None)
     if not settings.rerank:
-        return cut
+        return Labelled(cut, None)
     weights = energy_weights(graph, settings)
     labels = alternatives(graph, energy, weights, cut)
-    if len(labels) == 1:
-        return cut
     features = describe(graph, logits, energy, labels, settings)
-    scores = shipped_reranker().scores(features) + settings.neighbour_score * (
-        labels @ (weights.unary * evidence)
-    )
+    reranker = shipped_reranker()
+    own = reranker.scores(features)
+    scores = own + settings.neighbour_score * (labels @ (weights.unary * evidence))
     if settings.parts is not None:
         parts, holes = pieces(features)
         scores[1:][(parts[1:] > settings.parts) | (holes[1:] > 0)] = -np.inf
-    return labels[scores.argmax()]
+    chosen = int(scores.argmax())
+    size = float(features[0, FEATURES.index("size")])
+    facts = doubt_facts(scores, float(own[0]), areas_between(graph, labels, chosen), size)
+    return Labelled(labels[chosen], float(chance_of_error(facts, reranker.doubt)))

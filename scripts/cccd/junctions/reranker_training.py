@@ -1,7 +1,8 @@
 """Train the network that chooses among a slice's labellings: ``python -m cccd.junctions.reranker_training``.
 
 It reads what a trained junction network says of fresh synthetic maps, and learns which alternative of the
-least cut has the right curves (`cccd.junctions.scoring`). No real scan is among the maps.
+least cut has the right curves (`cccd.junctions.scoring`); and from maps left aside, how likely the chosen one
+is wrong. No real scan is among the maps.
 """
 
 from __future__ import annotations
@@ -9,17 +10,18 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import torch
+from scipy.optimize import minimize
 from torch import Tensor, nn
 from tqdm import tqdm
 
-from cccd.geometry.arrays import BoolArray, SingleArray
+from cccd.geometry.arrays import BoolArray, FloatArray, SingleArray
 from cccd.junctions.alternatives import FEATURES, alternatives, describe
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.energy import energy_weights, inference_energy, least_energy
@@ -29,8 +31,9 @@ from cccd.junctions.observation import observe
 from cccd.junctions.reranking import Reranker
 from cccd.junctions.scoring import score_labels
 from cccd.junctions.synthetic_maps import SyntheticMap, draw_map
+from cccd.junctions.uncertainty import areas_between, doubt_facts
 
-__all__ = ["Example", "draw_examples", "train_reranker"]
+__all__ = ["Example", "draw_examples", "fit_doubt", "train_reranker"]
 
 #: How often each kind of map is drawn.
 KINDS = {
@@ -57,24 +60,38 @@ CHANNELS, DROPOUT = (96, 48), (0.3, 0.15)
 STEP, RATE, DECAY = 128, 4e-3, 0.02
 #: Where no alternative is right, those of more Dice are worth more: so much, and per unit of Dice.
 SECOND_BEST, DICE_WORTH = 0.3, 40.0
+#: Of so many maps one is left aside for the chance of error.
+ASIDE = 5
 #: Score of what is no alternative.
 _NEVER = -1e9
 
 
 @dataclass(frozen=True, eq=False)
 class Example:
-    """A slice's labellings: features (K, F), whether each has the right curves (K,), and their Dice (K,)."""
+    """A slice's labellings.
+
+    Attributes
+    ----------
+    features : (K, F) float32
+        `cccd.junctions.alternatives.FEATURES`.
+    correct : (K,) bool
+        Whether each has the right curves.
+    dice : (K,) float32
+    apart : (K, K) float32
+        Areas in pixels between any two (`cccd.junctions.uncertainty.areas_between`).
+    """
 
     features: SingleArray
     correct: BoolArray
     dice: SingleArray
+    apart: SingleArray
 
 
 # Examples ---------------------------------------------------------------------------------------------
 
 
 def draw_examples(model: Predictor, seed: int, group: int) -> list[Example]:
-    """Draw a group of maps and find the alternatives of those that have any."""
+    """Draw a group of maps and find the alternatives of those that are not outlines already."""
     rng = np.random.default_rng([seed, group])
     maps = [_draw(rng) for _ in range(GROUP)]
     shown = [None if rng.random() < HIDDEN else drawn.image for drawn in maps]
@@ -91,13 +108,16 @@ def draw_examples(model: Predictor, seed: int, group: int) -> list[Example]:
         if not cut.any():
             continue
         labels = alternatives(graph, energy, energy_weights(graph, DEFAULTS), cut)
-        if len(labels) > 1:
-            features = describe(graph, one.logits, energy, labels, DEFAULTS).astype(np.float32)
-            scores = [score_labels(graph, inside, drawn.contours, DEFAULTS) for inside in labels]
-            correct = np.array([score.correct for score in scores])
-            examples.append(
-                Example(features, correct, np.array([score.dice for score in scores], np.float32))
+        features = describe(graph, one.logits, energy, labels, DEFAULTS).astype(np.float32)
+        scores = [score_labels(graph, inside, drawn.contours, DEFAULTS) for inside in labels]
+        examples.append(
+            Example(
+                features,
+                np.array([score.correct for score in scores]),
+                np.array([score.dice for score in scores], np.float32),
+                np.array([areas_between(graph, labels, k) for k in range(len(labels))], np.float32),
             )
+        )
     return examples
 
 
@@ -115,10 +135,17 @@ def _draw(rng: np.random.Generator) -> SyntheticMap:
 
 
 def train_reranker(examples: Sequence[Example], epochs: int, seed: int) -> Reranker:
-    """Fit scores whose softmax is the probability that a labelling is the right one."""
+    """Fit scores whose softmax is the probability that a labelling is the right one.
+
+    One in `ASIDE` of the examples is not trained on: the chance of error is fitted to these.
+    """
+    aside = examples[::ASIDE]
+    examples = [example for n, example in enumerate(examples) if n % ASIDE]
     cast(Any, torch).manual_seed(seed)
     everything = np.concatenate([example.features for example in examples])
-    blank = Reranker(everything.mean(axis=0), everything.std(axis=0) + np.float32(0.01), [], [])
+    blank = Reranker(
+        everything.mean(axis=0), everything.std(axis=0) + np.float32(0.01), [], [], np.zeros(0, np.float32)
+    )
     batch = _packed(examples, blank)
     net = _perceptron()
     optimiser = torch.optim.AdamW(net.parameters(), RATE / 2, weight_decay=DECAY)
@@ -135,7 +162,36 @@ def train_reranker(examples: Sequence[Example], epochs: int, seed: int) -> Reran
             schedule.step()
     layers = [layer for layer in net if isinstance(layer, nn.Linear)]
     weights = [layer.weight.detach().numpy().T.copy() for layer in layers]
-    return Reranker(blank.mean, blank.spread, weights, [layer.bias.detach().numpy() for layer in layers])
+    biases = [layer.bias.detach().numpy() for layer in layers]
+    trained = replace(blank, weights=weights, biases=biases)
+    return replace(trained, doubt=fit_doubt(trained, aside))
+
+
+def fit_doubt(reranker: Reranker, examples: Sequence[Example]) -> SingleArray:
+    """Fit the logistic curve (4,) of `cccd.junctions.uncertainty.chance_of_error`, by maximum likelihood.
+
+    Parameters
+    ----------
+    reranker : Reranker
+        Which chooses.
+    examples : sequence of Example
+        Maps that it was not trained on.
+    """
+    facts: list[FloatArray] = []
+    wrong: list[bool] = []
+    for example in examples:
+        scores = reranker.scores(example.features)
+        chosen = int(scores.argmax())
+        size = float(example.features[0, FEATURES.index("size")])
+        facts.append(doubt_facts(scores, float(scores[0]), example.apart[chosen], size))
+        wrong.append(not example.correct[chosen])
+    design = np.column_stack([facts, np.ones(len(facts))])
+
+    def surprise(weights: FloatArray) -> float:
+        odds = design @ weights
+        return float(np.logaddexp(0, odds).sum() - odds[wrong].sum())
+
+    return minimize(surprise, np.zeros(design.shape[1])).x.astype(np.float32)
 
 
 def _perceptron() -> nn.Sequential:

@@ -7,7 +7,7 @@ can say decides. `cccd.junctions.reranker_training` trained it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
@@ -16,13 +16,14 @@ import numpy as np
 
 from cccd.geometry.arrays import RealArray, SingleArray
 from cccd.junctions.alternatives import FEATURES
+from cccd.junctions.uncertainty import FACTS
 
 __all__ = ["Reranker", "shipped_reranker"]
 
 #: The trained weights.
 WEIGHTS = Path(__file__).with_name("reranker.npz")
 #: Their SHA-256: the workflow orders slices again when this file changes, so it must change with them.
-WEIGHTS_SHA256 = "523df7389195e313c5502a75e2aa869211fe84b78688118e4c9c2b9b1ed9c07c"
+WEIGHTS_SHA256 = "26bfacfb4e1ed2d6148a46738da8f13af8075a9ce64791178cb83fe6cc24e052"
 #: Features count up to so many standard deviations.
 FARTHEST = 5.0
 
@@ -37,12 +38,15 @@ class Reranker:
         Of the features (`cccd.junctions.alternatives.FEATURES`) among those trained on.
     weights : list of (channels in, channels out) float32
     biases : list of (channels out,) float32
+    doubt : (4,) float32
+        Weights of `cccd.junctions.uncertainty.FACTS`, and the log odds of error without them.
     """
 
     mean: SingleArray
     spread: SingleArray
     weights: list[SingleArray]
     biases: list[SingleArray]
+    doubt: SingleArray = field(default_factory=lambda: np.zeros(len(FACTS) + 1, np.float32))
 
     @classmethod
     def load(cls, path: Path) -> Reranker:
@@ -50,11 +54,11 @@ class Reranker:
         with np.load(path) as file:
             layers = range(sum(name.startswith("weight") for name in file))
             weights, biases = ([file[f"{name}{n}"] for n in layers] for name in ("weight", "bias"))
-            return cls(file["mean"], file["spread"], weights, biases)
+            return cls(file["mean"], file["spread"], weights, biases, file["doubt"])
 
     def save(self, path: Path) -> None:
         """Write the weights."""
-        arrays = {"mean": self.mean, "spread": self.spread}
+        arrays = {"mean": self.mean, "spread": self.spread, "doubt": self.doubt}
         arrays |= {f"weight{n}": values for n, values in enumerate(self.weights)}
         arrays |= {f"bias{n}": values for n, values in enumerate(self.biases)}
         cast(Any, np).savez_compressed(path, **arrays)

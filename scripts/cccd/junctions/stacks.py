@@ -18,11 +18,10 @@ from cccd.geometry.opencv import distance_to_zero
 from cccd.junctions.decoding import Outline, border_loops, fill_loops
 from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import Logits
-from cccd.junctions.labelling import label_inside
-from cccd.junctions.uncertainty import open_width
+from cccd.junctions.labelling import Labelled, label_slice
 from cccd.settings.junctions import InferenceSettings
 
-__all__ = ["ReadSlice", "label_slices", "open_widths"]
+__all__ = ["ReadSlice", "label_slices"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +35,8 @@ class ReadSlice:
 
 def label_slices(
     slices: Sequence[ReadSlice], numbers: AnyArray, settings: InferenceSettings
-) -> list[BoolArray]:
-    """Inside triangles (T,) of every slice; slices of consecutive numbers are neighbours.
+) -> list[Labelled]:
+    """Label the triangles of every slice; slices of consecutive numbers are neighbours.
 
     Parameters
     ----------
@@ -47,49 +46,29 @@ def label_slices(
         Ascending.
     settings : InferenceSettings
     """
-    inside = [_label(one, None, settings) for one in slices]
+    labelled = [_label(one, None, settings) for one in slices]
     changed = np.ones(len(slices), bool)
     for _ in range(settings.neighbour_sweeps if settings.neighbour_nats else 0):
-        shapes = _Shapes(slices, inside, np.asarray(numbers, np.int64))
+        shapes = _Shapes(slices, [one.inside for one in labelled], np.asarray(numbers, np.int64))
         # what its neighbours say is new where one of them has changed
         stale = [
             n for n, one in enumerate(slices) if one.logits is not None and changed[shapes.known(n)].any()
         ]
         if not stale:
             break
-        labels = {n: _label(slices[n], shapes.evidence(n, settings), settings) for n in stale}
-        changed = np.array([n in labels and bool((labels[n] != inside[n]).any()) for n in range(len(slices))])
-        inside = [labels.get(n, before) for n, before in enumerate(inside)]
-    return inside
+        again = {n: _label(slices[n], shapes.evidence(n, settings), settings) for n in stale}
+        changed = np.array(
+            [n in again and bool((again[n].inside != labelled[n].inside).any()) for n in range(len(slices))]
+        )
+        labelled = [again.get(n, before) for n, before in enumerate(labelled)]
+    return labelled
 
 
-def open_widths(
-    slices: Sequence[ReadSlice],
-    inside: Sequence[BoolArray],
-    numbers: AnyArray,
-    settings: InferenceSettings,
-) -> FloatArray:
-    """`cccd.junctions.uncertainty.open_width` of slices (S,) that `label_slices` has labelled.
-
-    Maps that are outlines already leave nothing open.
-    """
-    shapes = _Shapes(slices, inside, np.asarray(numbers, np.int64))
-    widths = np.zeros(len(slices))
-    for n, one in enumerate(slices):
-        if one.logits is None:
-            continue
-        within, link = one.logits
-        known = shapes.known(n) and settings.neighbour_sweeps and settings.neighbour_nats
-        evidence = shapes.evidence(n, settings) if known else np.zeros(1)
-        widths[n] = open_width(one.graph, (within + evidence, link), settings)
-    return widths
-
-
-def _label(one: ReadSlice, evidence: FloatArray | None, settings: InferenceSettings) -> BoolArray:
+def _label(one: ReadSlice, evidence: FloatArray | None, settings: InferenceSettings) -> Labelled:
     """Label a slice whose triangles gain some evidence (T,)."""
     if one.logits is None:
-        return one.outline.enclosed
-    return label_inside(one.graph, one.logits, settings, one.outline, evidence)
+        return Labelled(one.outline.enclosed, 0.0)
+    return label_slice(one.graph, one.logits, settings, one.outline, evidence)
 
 
 class _Shapes:

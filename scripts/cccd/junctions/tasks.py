@@ -18,7 +18,7 @@ from cccd.geometry.arrays import BoolArray, IntArray
 from cccd.junctions.data import EpochMaps, FrozenMaps, label_map
 from cccd.junctions.decoding import closed_chains, fill_loops
 from cccd.junctions.grid import build_grid, find_chains
-from cccd.junctions.labelling import label_inside
+from cccd.junctions.labelling import label_slice
 from cccd.junctions.labels import grid_labels
 from cccd.junctions.loss import total_loss
 from cccd.junctions.network import JunctionNetwork
@@ -114,7 +114,7 @@ class OurTask:
             for drawn, data, logits in zip(batch, slices, model.predict(slices), strict=True):
                 predicted.append(logits[1] > 0)
                 labels.append(data["link"].y.numpy() > 0.5)
-                inside = label_inside(data.graph, logits, settings)
+                inside = label_slice(data.graph, logits, settings).inside
                 scores.append(score_labels(data.graph, inside, drawn.contours, settings))
         return _scores(predicted, labels, scores)
 

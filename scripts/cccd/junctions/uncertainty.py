@@ -1,41 +1,66 @@
-"""How likely a slice's curves are wrong: by the margin of the cut.
+"""How likely a slice's curves are wrong: by what the alternatives of its least cut are worth.
 
-The cut is sought twice more, with every triangle's logit shifted towards inside and towards outside. Where
-the labels stay the same the answer is clear; the widest place of the zone in which they do not measures how
-much hangs on a few nats. A logistic curve makes a probability of that width.
+Little speaks for a slice where the cut itself scores low as a whole, or where labellings that are likely too
+enclose something else; and a small organ is wrong the sooner. A logistic curve, fitted to maps that the
+ranking has not seen (`cccd.junctions.reranker_training`), makes a probability of this.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from cccd.geometry.arrays import AnyArray, FloatArray
-from cccd.geometry.opencv import distance_to_zero
-from cccd.junctions.decoding import fill_inside
+from cccd.geometry.arrays import BoolArray, FloatArray, RealArray
 from cccd.junctions.delaunay import DelaunayGraph
-from cccd.junctions.energy import Logits, energy_weights, inference_energy, least_energies
-from cccd.settings.junctions import InferenceSettings
 
-__all__ = ["chance_of_error", "open_width"]
+__all__ = ["FACTS", "areas_between", "chance_of_error", "doubt_facts"]
 
-
-def open_width(graph: DelaunayGraph, logits: Logits, settings: InferenceSettings) -> float:
-    """Measure half the width, in pixels, of what a shift by ``doubt_nats`` changes, at its widest place."""
-    energy = inference_energy(graph, logits, settings)
-    shift = settings.doubt_nats * energy_weights(graph, settings).unary
-    least = least_energies(graph, [energy.unary + shift, energy.unary - shift], energy.pairwise)
-    fewest, most = fill_inside(graph, *least)[0]
-    zone = fewest ^ most
-    return float(distance_to_zero(zone.astype(np.uint8)).max()) if zone.any() else 0.0
+#: What `doubt_facts` gives, in order.
+FACTS = ("expected change", "size", "score of the cut")
 
 
-def chance_of_error(open_px: AnyArray, settings: InferenceSettings) -> FloatArray:
-    """Estimate the probability (S,) that curves are wrong (`cccd.junctions.scoring`) from open widths (S,).
+def areas_between(graph: DelaunayGraph, labels: BoolArray, chosen: int) -> FloatArray:
+    """Areas (K,) in square pixels in which labellings (K, T) differ from one of them."""
+    return (labels ^ labels[chosen]) @ np.where(graph.outer, 0, graph.areas)
+
+
+def doubt_facts(scores: RealArray, cut_score: float, apart_px: RealArray, size: float) -> FloatArray:
+    """List `FACTS` (3,) of a slice.
+
+    Parameters
+    ----------
+    scores : (K,) array
+        Of its labellings, the evidence of neighbours among them; minus infinity where one is ruled out.
+    cut_score : float
+        Of the least cut, by the network alone.
+    apart_px : (K,) array
+        `areas_between` the labellings and the chosen one.
+    size : float
+        Logarithm of the square root of the area in pixels.
 
     Examples
     --------
-    >>> chance_of_error(np.array([0, 2, 6]), InferenceSettings()).round(2).tolist()
-    [0.0, 0.17, 0.78]
+    Of two labellings that are equally likely, the other has 99 pixels more:
+
+    >>> doubt_facts(np.array([2.0, 2.0]), 2.0, np.array([0, 99]), 3.0).round(2).tolist()
+    [2.3, 3.0, 2.0]
     """
-    score = settings.doubt_offset + settings.doubt_slope * np.log1p(open_px)
-    return 1 / (1 + np.exp(-score))
+    likely = np.exp(scores.astype(float) - scores.max())
+    return np.array([likely @ np.log1p(apart_px) / likely.sum(), size, cut_score])
+
+
+def chance_of_error(facts: FloatArray, weights: RealArray) -> FloatArray:
+    """Estimate how probable it is that curves are wrong (`cccd.junctions.scoring`).
+
+    Parameters
+    ----------
+    facts : (..., 3) array
+    weights : (4,) array
+        Of the facts, and the log odds where all are zero (`cccd.junctions.reranking.Reranker.doubt`).
+
+    Examples
+    --------
+    >>> chance_of_error(np.array([[0, 4, 3], [3, 4, 0]]), np.array([1, -1.5, -1, 6])).round(2).tolist()
+    [0.05, 0.95]
+    """
+    odds = facts @ weights[:-1].astype(float) + float(weights[-1])
+    return 1 / (1 + np.exp(-odds))

@@ -83,7 +83,7 @@ class InferenceSettings(Section):
     )
     rerank: bool = setting(
         True,
-        "whether alternatives of the least cut are weighed as a whole",
+        "whether alternatives of the least cut are weighed as a whole, and what they say of errors is told",
         why="Half of the wrong maps have a right alternative, and half of these are found by it.",
         expert=True,
     )
@@ -150,37 +150,10 @@ class InferenceSettings(Section):
         ge=0,
         le=2,
     )
-    doubt_nats: float = setting(
-        2.0,
-        "shift of all triangles' logits that a clear slice's labels withstand",
-        why="Of 1, 2, 3 and 4 the one by which most of 33 wrong maps among 225 stood out.",
-        unit="nat",
-        expert=True,
-        gt=0,
-        le=100,
-    )
-    doubt_offset: float = setting(
-        -5.3,
-        "log odds that a slice is wrong if no label depends on that shift",
-        why="Logistic fit to 492 maps and slices of the development seed, 59 of them wrong; shipped weights.",
-        unit="nat",
-        expert=True,
-        ge=-100,
-        le=100,
-    )
-    doubt_slope: float = setting(
-        3.37,
-        "what the log odds gain with log(1 + half the width in px of the zone that depends on it)",
-        why="The same fit.",
-        unit="nat",
-        expert=True,
-        ge=0,
-        le=100,
-    )
     doubtful_from: float = setting(
-        0.15,
+        0.1,
         "slices at least as probably wrong are listed to be looked at",
-        why="One in seven of the development maps.",
+        why="One in eight of 600 development maps, which holds 21 of the 25 wrong ones.",
         unit="probability",
         ge=0,
         le=1,

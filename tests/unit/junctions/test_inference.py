@@ -18,7 +18,7 @@ from cccd.junctions.checkpoint import load_model
 from cccd.junctions.decoding import closed_chains, fill_inside
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.inference import DEFAULTS, predict_masks
-from cccd.junctions.labelling import label_inside
+from cccd.junctions.labelling import label_slice
 from cccd.junctions.scoring import score_slice
 from cccd.junctions.synthetic_maps import draw_map
 
@@ -84,9 +84,8 @@ def test_an_outline_is_taken_as_it_is_whatever_the_logits_say(mask, tip):
     extra = [chains[0][0] - (n, 0) for n in range(1, tip + 1)] + [(2, 2), (2, 3)]  # a tip, and a speck
     graph = build_graph(raster_order(np.vstack([*chains, extra])))
     rng = np.random.default_rng(0)
-    inside = label_inside(
-        graph, (rng.normal(0, 9, len(graph.triangles)), rng.normal(0, 9, len(graph.links))), DEFAULTS
-    )
+    logits = rng.normal(0, 9, len(graph.triangles)), rng.normal(0, 9, len(graph.links))
+    inside = label_slice(graph, logits, DEFAULTS).inside
     masks, origin = fill_inside(graph, inside)
     curves = closed_chains(masks, origin, np.zeros(1, int), FRAME, DEFAULTS)
     assert {tuple(p) for p in curves.points.astype(int)} == {tuple(p) for p in np.vstack(chains)}
@@ -101,15 +100,16 @@ def test_a_spur_or_a_chord_makes_it_no_outline():
         # the cut's say counts: the part left of the chord, or of where it would go on
         left = graph.points[graph.triangles][..., 1].max(axis=1) <= 45
         wanted = left & (graph.depths[:, 0] == 1)
-        found = label_inside(graph, (np.where(wanted, 9.0, -9.0), np.full(len(graph.links), 9.0)), DEFAULTS)
-        assert (found == wanted).all()
+        logits = np.where(wanted, 9.0, -9.0), np.full(len(graph.links), 9.0)
+        assert (label_slice(graph, logits, DEFAULTS).inside == wanted).all()
 
 
 def test_closed_curves_are_kept_where_the_cut_finds_nothing():
     chain = border_pixels(blob())[0]
     spur = chain[0] + np.column_stack([-np.arange(1, 9), np.zeros(8, int)])
     graph = build_graph(raster_order(np.vstack([chain, spur])))
-    inside = label_inside(graph, (np.full(len(graph.triangles), -9.0), np.zeros(len(graph.links))), DEFAULTS)
+    logits = np.full(len(graph.triangles), -9.0), np.zeros(len(graph.links))
+    inside = label_slice(graph, logits, DEFAULTS).inside
     masks, origin = fill_inside(graph, inside)
     curves = closed_chains(masks, origin, np.zeros(1, int), FRAME, DEFAULTS)
     assert score_slice(list(curves), [chain]).correct

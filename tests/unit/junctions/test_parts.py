@@ -8,7 +8,7 @@ from cccd.junctions.decoding import closed_chains, fill_inside
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.energy import Energy, least_energy
 from cccd.junctions.inference import DEFAULTS
-from cccd.junctions.labelling import label_inside
+from cccd.junctions.labelling import label_slice
 from cccd.junctions.labels import inside_shares
 from cccd.junctions.parts import limit_parts
 from cccd.junctions.scoring import score_slice
@@ -45,11 +45,11 @@ def test_two_pieces_are_joined_where_that_costs_less_than_leaving_one_out():
     mask, chain, seen = dumbbell()
     graph = build_graph(raster_order(seen))
     logits = logits_of(graph, mask, (40, 69))
-    assert len(curves_of(graph, label_inside(graph, logits, CUT), CUT)) == 2
-    joined = curves_of(graph, label_inside(graph, logits, ONE), ONE)
+    assert len(curves_of(graph, label_slice(graph, logits, CUT).inside, CUT)) == 2
+    joined = curves_of(graph, label_slice(graph, logits, ONE).inside, ONE)
     assert len(joined) == 1
     assert score_slice(list(joined), [chain]).dice > 0.9
-    assert len(curves_of(graph, label_inside(graph, logits, TWO), TWO)) == 2
+    assert len(curves_of(graph, label_slice(graph, logits, TWO).inside, TWO)) == 2
 
 
 def test_a_piece_that_is_hardly_there_is_left_out_rather_than_joined():
@@ -58,7 +58,7 @@ def test_a_piece_that_is_hardly_there_is_left_out_rather_than_joined():
     within, link = logits_of(graph, mask, (40, 69), doubt=-9.0)
     right = graph.points[graph.triangles].mean(axis=1)[:, 1] > 69
     within[right & (within > 0)] = 0.02
-    (curve,) = curves_of(graph, label_inside(graph, (within, link), ONE), ONE)
+    (curve,) = curves_of(graph, label_slice(graph, (within, link), ONE).inside, ONE)
     assert curve[:, 1].max() < 45
 
 
@@ -68,8 +68,8 @@ def test_a_hole_is_filled_where_a_part_is_wanted_and_stays_where_none_is():
     graph = build_graph(raster_order(np.vstack([*chains, spur])))
     inside = inside_shares(graph, chains) > 0.5
     logits = np.where(inside, 4.0, -4.0), np.zeros(len(graph.links))
-    assert len(curves_of(graph, label_inside(graph, logits, CUT), CUT)) == 2
-    (curve,) = curves_of(graph, label_inside(graph, logits, ONE), ONE)
+    assert len(curves_of(graph, label_slice(graph, logits, CUT).inside, CUT)) == 2
+    (curve,) = curves_of(graph, label_slice(graph, logits, ONE).inside, ONE)
     assert score_slice([curve], chains[:1]).correct
 
 

@@ -13,7 +13,7 @@ from cccd.junctions.decoding import closed_chains
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.energy import energy_weights, inference_energy, least_energy
 from cccd.junctions.inference import DEFAULTS, predict_masks
-from cccd.junctions.labelling import label_inside
+from cccd.junctions.labelling import label_slice
 from cccd.junctions.reranker_training import Example, draw_examples, train_reranker
 from cccd.junctions.reranking import WEIGHTS, WEIGHTS_SHA256, Reranker, shipped_reranker
 from cccd.junctions.scoring import score_slice
@@ -106,7 +106,7 @@ def test_parts_that_a_row_allows_are_kept_to():
     graph = build_graph(raster_order(seen))
     for doubt in (-0.2, -0.5, -1.0):
         logits = logits_of(graph, mask, (40, 69), doubt=doubt)
-        assert len(curves_of(graph, label_inside(graph, logits, ONE), ONE)) == 1
+        assert len(curves_of(graph, label_slice(graph, logits, ONE).inside, ONE)) == 1
 
 
 def test_shipped_weights_are_those_that_are_named():
@@ -138,7 +138,8 @@ def test_training_finds_what_tells_right_from_wrong_and_its_file_comes_back(tmp_
     for _ in range(400):
         features = rng.normal(0, 1, (rng.integers(2, 6), len(FEATURES))).astype(np.float32)
         correct = features[:, 7] == features[:, 7].max()
-        examples.append(Example(features, correct, correct.astype(np.float32)))
+        apart = 50 * (1 - np.eye(len(features), dtype=np.float32))
+        examples.append(Example(features, correct, correct.astype(np.float32), apart))
     train_reranker(examples, 15, 1).save(tmp_path / "weights.npz")
     trained = Reranker.load(tmp_path / "weights.npz")
     found = [example.correct[trained.scores(example.features).argmax()] for example in examples]

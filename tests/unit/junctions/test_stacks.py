@@ -34,9 +34,9 @@ def clear(radius):
 
 def agreement(stack, numbers, settings=DEFAULTS):
     found = []
-    labels = label_slices([read for read, _ in stack], np.array(numbers), settings)
-    for (read, truth), inside in zip(stack, labels, strict=True):
-        masks, origin = fill_inside(read.graph, inside)
+    slices = label_slices([read for read, _ in stack], np.array(numbers), settings)
+    for (read, truth), labelled in zip(stack, slices, strict=True):
+        masks, origin = fill_inside(read.graph, labelled.inside)
         drawn = np.zeros(SHAPE, bool)
         drawn[tuple((np.argwhere(masks[0]) + origin).T)] = True
         found.append(float(dice(truth > 0, drawn)))

@@ -1,5 +1,8 @@
+from dataclasses import replace
+from itertools import compress
+
 import numpy as np
-from test_inference import FRAME, boundaries, raster_order
+from test_inference import FRAME, SHIPPED, boundaries, raster_order
 from test_stacks import clear, disc
 
 from cccd import store
@@ -7,33 +10,95 @@ from cccd.containers import Curves, FittedCurves, Splines
 from cccd.contours import doubtful_slices
 from cccd.geometry.opencv import border_pixels
 from cccd.junctions import order_boundaries
+from cccd.junctions.alternatives import FEATURES
+from cccd.junctions.checkpoint import load_model
+from cccd.junctions.decoding import closed_chains
 from cccd.junctions.delaunay import build_graph
-from cccd.junctions.inference import DEFAULTS
-from cccd.junctions.uncertainty import chance_of_error, open_width
+from cccd.junctions.inference import DEFAULTS, predict_slices
+from cccd.junctions.labelling import label_slice
+from cccd.junctions.reranker_training import Example, fit_doubt
+from cccd.junctions.reranking import shipped_reranker
+from cccd.junctions.scoring import score_slice
+from cccd.junctions.synthetic_maps import draw_map
+from cccd.junctions.uncertainty import chance_of_error, doubt_facts
 
 
 def two_circles(gap, doubt):
     """A map of two circles, ``gap`` pixels apart, between which the network has ``doubt`` nats for inside."""
     chains = [border_pixels(disc(radius))[0] for radius in (25, 25 + gap)]
-    graph = build_graph(np.unique(np.vstack(chains), axis=0))
+    line = np.column_stack([np.arange(2, 8), np.full(6, 45)])  # without it the map were a ring's outline
+    graph = build_graph(np.unique(np.vstack([*chains, line]), axis=0))
     centre = np.hypot(*(graph.points[graph.triangles].mean(axis=1) - 45).T)
-    within = np.where(centre < 24.5, 9.0, np.where(centre < 24.5 + gap, doubt, -9.0))
-    return graph, (within, np.full(len(graph.links), 9.0))
+    within = np.where(centre < 24.5, 3.0, np.where(centre < 24.5 + gap, doubt, -3.0))
+    return graph, (within, np.zeros(len(graph.links)))
 
 
-def test_the_width_of_what_hangs_on_a_few_nats_is_half_that_of_the_doubtful_ring():
+def chance(gap, doubt):
+    return label_slice(*two_circles(gap, doubt), DEFAULTS).uncertainty
+
+
+def test_a_ring_that_hangs_on_a_few_nats_is_more_doubtful_than_one_of_which_the_network_is_sure():
     for gap in (4, 8):
-        for doubt in (0.5, -0.5):
-            assert abs(open_width(*two_circles(gap, doubt), DEFAULTS) - gap / 2) <= 1
-        for sure in (6.0, -6.0):
-            assert open_width(*two_circles(gap, sure), DEFAULTS) == 0
+        for doubt in (0.3, -0.3):
+            assert chance(gap, doubt) > 2 * chance(gap, 10 * doubt)
 
 
-def test_more_width_is_more_chance_of_error():
-    chance = chance_of_error(np.linspace(0, 20, 9), DEFAULTS)
-    assert (np.diff(chance) > 0).all()
-    assert 0 < chance[0] < 0.05
-    assert 0.8 < chance[-1] < 1
+def test_what_is_expected_to_change_is_the_mean_over_likely_labellings():
+    apart = np.array([0, 0, 10, 1e6])
+    scores = np.array([*np.log([0.5, 0.25, 0.25]), -np.inf])
+    facts = doubt_facts(scores, 1.5, apart, 4.0)
+    np.testing.assert_allclose(facts, [np.log(11) / 4, 4, 1.5])
+
+
+def test_more_expected_change_is_more_chance_of_error_and_a_better_cut_of_a_larger_organ_is_less():
+    change, size, score = shipped_reranker().doubt[:-1]
+    assert change > 0
+    assert size < 0
+    assert score < 0
+
+
+def test_the_fit_finds_the_curve_that_errors_were_drawn_from():
+    rng = np.random.default_rng(4)
+    blank = shipped_reranker()
+    first = replace(blank, weights=[np.eye(len(FEATURES), 1, dtype=np.float32)], biases=[np.zeros(1)])
+    drawn_from = np.array([0.8, -0.7, -0.5, 1.0])
+    examples, facts = [], []
+    for _ in range(6000):
+        features = blank.mean + blank.spread * rng.normal(0, 1, (2, len(FEATURES)))
+        scores = first.scores(features)
+        apart = np.exp(rng.uniform(0, 9)) * (1 - np.eye(2))
+        size = features[0, FEATURES.index("size")]
+        facts.append(doubt_facts(scores, scores[0], apart[scores.argmax()], size))
+        wrong = rng.random() < chance_of_error(facts[-1], drawn_from)
+        examples.append(Example(features, np.full(2, not wrong), np.ones(2), apart))
+    fitted, true = (
+        chance_of_error(np.array(facts), curve) for curve in (fit_doubt(first, examples), drawn_from)
+    )
+    assert np.std(true) > 0.15
+    assert np.abs(fitted - true).mean() < 0.02
+
+
+def test_wrong_maps_are_more_doubtful_than_right_ones():
+    rng = np.random.default_rng(78)
+    maps = [draw_map(rng, kind, 2.0) for kind in ("pinch", "gaps", "mixed", "thick") for _ in range(25)]
+    found = predict_slices(
+        [drawn.pixels for drawn in maps],
+        load_model(SHIPPED),
+        [drawn.image for drawn in maps],
+        2 * np.arange(len(maps)),
+    )
+    curves = closed_chains(found.masks, found.origin, np.arange(len(maps)), FRAME, DEFAULTS)
+    of_map = [[*compress(curves, curves.slice == n)] for n in range(len(maps))]
+    right = np.array(
+        [score_slice(chains, drawn.contours).correct for chains, drawn in zip(of_map, maps, strict=True)]
+    )
+    doubts = found.uncertainty
+    assert np.mean(doubts[~right][:, None] > doubts[right]) > 0.75
+
+
+def test_without_alternatives_nothing_is_said_of_errors():
+    settings = DEFAULTS.model_copy(update={"rerank": False})
+    assert label_slice(*two_circles(6, 0.3), settings).uncertainty is None
 
 
 class _Network:
@@ -47,7 +112,7 @@ class _Network:
             between = (away > 24.5) & (away < 32.5)
             sure = len(graph.points) % 2 == 0
             within = np.where(between, -9.0 if sure else 0.3, np.where(away < 25, 9.0, -9.0))
-            found.append((within, np.full(len(graph.links), 9.0)))
+            found.append((within, np.full(len(graph.links), 9.0 if sure else 0.0)))
         return found
 
 
@@ -62,7 +127,7 @@ def test_doubtful_slices_are_listed_and_their_uncertainty_is_stored(tmp_path):
     (warning,) = doubtful_slices(report)
     assert "10 (1 of 3;" in warning
     chance = dict(zip(curves.slice.tolist(), curves.uncertainty.tolist(), strict=True))
-    assert chance[10] > 0.15 > chance[0] >= chance[20]
+    assert chance[10] > DEFAULTS.doubtful_from > chance[0] >= chance[20]
     splines = Splines(
         curves.points, curves.offsets, np.arange(5.0), np.zeros(len(curves) + 1, np.int64),
         curves.slice, curves.hole, 3, FRAME,
