@@ -29,14 +29,12 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from scipy import ndimage  # noqa: E402
 
-from cccd.containers import Frame  # noqa: E402
 from cccd.geometry.arrays import ByteArray  # noqa: E402
 from cccd.geometry.opencv import border_pixels  # noqa: E402
 from cccd.junctions.checkpoint import load_model  # noqa: E402
-from cccd.junctions.decoding import closed_chains, fill_inside  # noqa: E402
 from cccd.junctions.inference import DEFAULTS, Predictor, read_slices  # noqa: E402
 from cccd.junctions.observation import observe  # noqa: E402
-from cccd.junctions.scoring import SliceScore, score_slice  # noqa: E402
+from cccd.junctions.scoring import SliceScore, score_labels  # noqa: E402
 from cccd.junctions.stacks import ReadSlice, label_slices  # noqa: E402
 from cccd.junctions.synthetic_images import canny_map, draw_image  # noqa: E402
 from cccd.junctions.synthetic_maps import SyntheticMap, draw_map  # noqa: E402
@@ -158,12 +156,8 @@ def scored(
     numbers = np.arange(len(maps)) * (1 if together else 1000)
     scores: list[Scored] = []
     for one, drawn, found in zip(read, maps, label_slices(read, numbers, settings), strict=True):
-        masks, origin = fill_inside(one.graph, found.inside)
-        frame = Frame(np.eye(4), 2, (1, 1, 1))
-        chains = closed_chains(masks, origin, np.zeros(1, np.int64), frame, settings)
-        scores.append(
-            (score_slice(list(chains), drawn.contours), found.uncertainty >= settings.doubtful_from)
-        )
+        score = score_labels(one.graph, found.inside, drawn.contours, settings)
+        scores.append((score, found.uncertainty >= settings.doubtful_from))
     return scores
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from cccd.settings.section import Section, setting
-from cccd.settings.validators import without_repeats
+from cccd.settings.validators import ascending, without_repeats
 
 __all__ = [
     "SOLID_FORMATS",
@@ -73,7 +73,7 @@ class InterpolationSettings(Section):
         le=10,
     )
 
-    learned_ratios: tuple[float, float, float, float] = setting(
+    learned_ratios: Annotated[tuple[float, float, float, float], AfterValidator(ascending)] = setting(
         (1.2, 1.5, 2.5, 3.5),
         "slice distances, in pixels, between which the learned filling has a share in the fields: none, all, "
         "all, none",
@@ -96,7 +96,7 @@ class DetailSettings(Section):
         gt=0,
         le=100,
     )
-    coarse_mm: tuple[float, float] = setting(
+    coarse_mm: Annotated[tuple[float, float], AfterValidator(ascending)] = setting(
         (2.0, 3.0),
         "from the first on a voxel counts as coarse, fully at the second, by its longest effective edge ...",
         why="Features of organs have a size in mm; on coarse voxels few voxels make one up.",
@@ -112,7 +112,7 @@ class DetailSettings(Section):
         gt=0,
         le=1,
     )
-    thin_voxels: tuple[float, float] = setting(
+    thin_voxels: Annotated[tuple[float, float], AfterValidator(ascending)] = setting(
         (15.0, 30.0),
         "thin below the first of these, not at all from the second on: six times volume by surface",
         why="A thin organ has few voxels for its curvature.",
@@ -361,7 +361,7 @@ class BlendingSettings(Section):
         ge=0,
         le=1,
     )
-    wall_tilts: tuple[float, float] = setting(
+    wall_tilts: Annotated[tuple[float, float], AfterValidator(ascending)] = setting(
         (0.4, 0.8),
         "what rises as steeply as the first is a wall, what lies as flat as the second none: the part of the "
         "normal along the slice axis",
@@ -416,7 +416,7 @@ class BlendingSettings(Section):
         ge=5,
         le=200,
     )
-    regain_pixels: tuple[_Length, _Length, _Length] = setting(
+    regain_pixels: Annotated[tuple[_Length, _Length, _Length], AfterValidator(ascending)] = setting(
         (0.8, 1.6, 4.5),
         "what that filter takes along the normals is given back: its average over the last of these lengths "
         "(standard deviation), and details between each two of them where they are more than ripples",
@@ -484,7 +484,7 @@ class WallSettings(Section):
         unit="voxels",
         expert=True,
     )
-    border_mm: tuple[float, float] = setting(
+    border_mm: Annotated[tuple[float, float], AfterValidator(ascending)] = setting(
         (1.0, 2.0),
         "the first width holds for voxels up to this edge, the second from this edge on",
         why="Features of organs have a size in mm; on coarse voxels few voxels make one up.",

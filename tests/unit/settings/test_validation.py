@@ -62,6 +62,10 @@ def test_bad_value_names_key_value_and_hint(curves, expected):
         ({"import": {"region": {"window": ["low", None]}}}, ["import.region.window", "'otsu' or a list"]),
         ({"import": {"resample": 1}}, ["config key import.resample", "true or false"]),
         ({"surface": {"formats": ["stl", "stl"]}}, ["config key surface.formats", "stl", "twice"]),
+        (
+            {"surface": {"detail": {"coarse_mm": [3.0, 2.0]}}},
+            ["config key surface.detail.coarse_mm", "2 stands after 3", "larger"],
+        ),
         ({"surface": {"formats": ["stp"]}}, ["config key surface.formats.0", "did you mean 'step'?"]),
         (
             {"comparisons": {"active_contour": {"figure_15": {"a": [1, 99]}}}},
