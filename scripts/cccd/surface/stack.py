@@ -14,6 +14,7 @@ from cccd.filling import fill_between_slices
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.settings.surface import LoftSettings
 from cccd.surface.fields import LevelField, distance_fields, interpolated_fields
+from cccd.surface.moving_sheets import move_sheets
 from cccd.surface.outlines import Outlines
 from cccd.surface.probability import ProbabilityTarget
 from cccd.surface.rings import Ring, find_rings
@@ -186,6 +187,8 @@ def interpolate_slices(
     for part in np.split(np.arange(len(slices)), breaks):
         here = slice(part[0], part[-1] + 1)
         fields = list(interpolated_fields(slices[here], distance[here], frame.slice_spacing, level_spacing))
+        if annotation is None and share < 1:
+            fields = move_sheets(fields, spacing, settings.interpolation.sheets)
         if share > 0 and np.all(np.diff(slices[here]) == every):
             fields = _filled(fields, distance[here], outlines, step, scan_range, share)
         if annotation is not None:

@@ -1,0 +1,295 @@
+"""Slits and plates that move aside from slice to slice: fissures between lobes, folds, thin walls.
+
+Where one has moved by more than it is wide, distances that are interpolated pixel by pixel break it into a
+chain of pearls. So its middle line on a slice is followed to that on the next, and between the two slices
+what lies around it is interpolated along that way. Only ways square to the line are seen, and needed.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from dataclasses import fields as dataclass_fields
+
+import numpy as np
+from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.spatial import cKDTree
+
+from cccd.geometry.arrays import AnyArray, FloatArray, IntArray, SingleArray
+from cccd.settings.surface import SheetSettings
+from cccd.surface.fields import LevelField
+
+__all__ = ["MiddleLine", "Ways", "find_middle_line", "follow", "move_sheets"]
+
+#: On a middle line the distance's slope is less than this: the nearest walls lie opposite each other (two at
+#: 120 degrees have this slope), and its direction is one in so much of the gradients around.
+_OPPOSED, _ONE_WAY = 0.5, 0.5
+#: What follows turns by no more than this, is no more than so many times as wide, and lies where the line's
+#: normal points (the cosine); pixels' steps are forgiven besides.
+_TURN_DEG, _WIDER, _SQUARE = 35.0, 2.0, 0.75
+#: Followed back, a way ends where it began: within so many pixels and this share of its length.
+_BACK_PIXELS, _BACK_SHARE = 3.0, 0.35
+#: Ways are averaged over their neighbours (standard deviation, in distances between slices; as many at most),
+#: and left out where these differ by more than this share of that distance and of their length.
+_AVERAGED, _NEIGHBOURS = 0.4, 24
+_ALIKE = (0.25, 0.2)
+#: A pixel goes the way of so many of the nearest lines' pixels.
+_CLOSEST = 6
+
+
+@dataclass(frozen=True, eq=False)
+class MiddleLine:
+    """Pixels in the middle of what is thin on a slice, in the plane's mm.
+
+    Attributes
+    ----------
+    points : (N, 2) float64
+    normals : (N, 2) float64
+        Unit vectors towards the walls, either way.
+    half_widths : (N,) float64
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    half_widths: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """Where middle lines go from one slice to the next.
+
+    Attributes
+    ----------
+    middles : (N, 2) float64
+        mm, half way.
+    shifts : (N, 2) float64
+        mm from the lower slice to the upper one.
+    half_widths : (N,) float64
+    lost : (N,) float64
+        How much of the sheet is lost half way where distances are interpolated as they lie, from 0 to 1.
+    """
+
+    middles: FloatArray
+    shifts: FloatArray
+    half_widths: FloatArray
+    lost: FloatArray
+
+    @property
+    def reach(self) -> FloatArray:
+        """Distance (N,) in mm from the middle that the moving sheet covers."""
+        return np.linalg.norm(self.shifts, axis=1) / 2 + self.half_widths
+
+    def take(self, chosen: AnyArray) -> Ways:
+        """Leave some of them."""
+        return Ways(self.middles[chosen], self.shifts[chosen], self.half_widths[chosen], self.lost[chosen])
+
+
+def move_sheets(
+    fields: Sequence[LevelField], spacing: FloatArray, settings: SheetSettings
+) -> list[LevelField]:
+    """Let thin parts move between the slices.
+
+    Parameters
+    ----------
+    fields : sequence of LevelField
+        Of slices, and interpolated between them.
+    spacing : (2,) float64
+        mm per pixel.
+    settings : SheetSettings
+        Section ``surface.interpolation.sheets`` of the configuration.
+
+    Returns
+    -------
+    list of LevelField
+        Those of slices are as they were; so are all where nothing thin has moved by more than its width.
+    """
+    moved = list(fields)
+    if settings.steepest == 0:
+        return moved
+    slices = [n for n, field in enumerate(fields) if field.source_slice is not None]
+    for low, high in itertools.pairwise(slices):
+        if high - low == 1:
+            continue
+        below, above = fields[low], fields[high]
+        ways = _ways_between(below.distance, above.distance, above.z - below.z, spacing, settings)
+        around = _around(ways, below.distance.shape, spacing)
+        for n in range(low + 1, high) if len(around.pixels) else ():
+            share = (fields[n].z - below.z) / (above.z - below.z)
+            moved[n] = replace(fields[n], distance=around.moved(fields[n], below, above, share))
+    return moved
+
+
+# middle lines -----------------------------------------------------------------------------------------
+
+
+def find_middle_line(distance: SingleArray, spacing: FloatArray, widest: float) -> MiddleLine:
+    """Find the middle of slits: of what is outside and narrow.
+
+    Parameters
+    ----------
+    distance : (I, J) float32
+        Signed distances in mm, negative inside. Of plates it is that with the other sign.
+    spacing : (2,) float64
+        mm per pixel.
+    widest : float
+        Half the width in mm of what is no slit any more.
+
+    Examples
+    --------
+    A slit three pixels wide between two halves:
+
+    >>> distance = np.float32(2 - np.abs(np.arange(15) - 7))[:, None].repeat(9, axis=1)
+    >>> line = find_middle_line(distance, np.ones(2), 5.0)
+    >>> np.unique(line.points[:, 0]), np.abs(line.normals[0]).round(6), line.half_widths[0]
+    (array([7.]), array([1., 0.]), np.float64(2.0))
+    """
+    slopes = np.gradient(distance, *spacing)
+    middle = (distance > 0) & (distance < widest) & (np.hypot(slopes[0], slopes[1]) < _OPPOSED)
+    products = slopes[0] * slopes[0], slopes[0] * slopes[1], slopes[1] * slopes[1]
+    along, across, other = (gaussian_filter(product, 1.0)[middle].astype(float) for product in products)
+    angle = np.arctan2(2 * across, along - other) / 2
+    one_way = np.hypot(along - other, 2 * across) > _ONE_WAY * (along + other)
+    points = np.argwhere(middle) * spacing
+    normals = np.column_stack([np.cos(angle), np.sin(angle)])
+    return MiddleLine(points[one_way], normals[one_way], distance[middle][one_way].astype(float))
+
+
+def follow(line: MiddleLine, other: MiddleLine, reach: float, pixel: float) -> tuple[IntArray, IntArray]:
+    """Follow a middle line to the nearest one on the next slice that runs in its direction.
+
+    Parameters
+    ----------
+    line, other : MiddleLine
+    reach : float
+        Longest way in mm.
+    pixel : float
+        mm.
+
+    Returns
+    -------
+    chosen, onto : (M,) int64
+        Points of ``line`` that go on in the other, and in which of its points.
+    """
+    if not (len(line.points) and len(other.points)):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    here, there = _placed(line, reach), _placed(other, reach)
+    onto = np.asarray(cKDTree(there).query(here)[1])
+    back = cKDTree(here).query(there[onto])[1]
+    way = other.points[onto] - line.points
+    length = np.linalg.norm(way, axis=1)
+    square = (way * line.normals).sum(axis=1)
+    turned = np.abs((line.normals * other.normals[onto]).sum(axis=1))
+    widths = np.sort(np.column_stack([line.half_widths, other.half_widths[onto]]), axis=1)
+    returned = np.linalg.norm(line.points[back] - line.points, axis=1)
+    follows = (
+        (length <= reach)
+        & (turned >= np.cos(np.radians(_TURN_DEG)))
+        & (np.abs(square) >= _SQUARE * length - pixel)
+        & (widths[:, 1] <= _WIDER * widths[:, 0] + pixel)
+        & (returned <= _BACK_PIXELS * pixel + _BACK_SHARE * length)
+    )
+    return np.flatnonzero(follows), onto[follows]
+
+
+def _placed(line: MiddleLine, reach: float) -> FloatArray:
+    """Points (N, 4) that are near each other where lines are, in place and in direction."""
+    first, second = line.normals.T
+    return np.column_stack([line.points, reach * (first**2 - second**2), reach * 2 * first * second])
+
+
+# between two slices -----------------------------------------------------------------------------------
+
+
+def _ways_between(
+    low: SingleArray, high: SingleArray, gap: float, spacing: FloatArray, settings: SheetSettings
+) -> Ways:
+    """Follow slits and plates from a slice to the next one ``gap`` mm above and back; leave what is alike."""
+    pixel, reach = float(np.sqrt(spacing.prod())), settings.steepest * gap
+    found: list[Ways] = []
+    for sign in (1, -1):
+        lines = [find_middle_line(sign * plane, spacing, gap) for plane in (low, high)]
+        for way, (line, other) in zip((1, -1), (lines, lines[::-1]), strict=True):
+            chosen, onto = follow(line, other, reach, pixel)
+            points, normals = line.points[chosen], line.normals[chosen]
+            square = ((other.points[onto] - points) * normals).sum(axis=1, keepdims=True)
+            shifts, middles = way * square * normals, points + square * normals / 2
+            half_widths = np.minimum(line.half_widths[chosen], other.half_widths[onto])
+            kept = sign * (_at(low, middles / spacing) + _at(high, middles / spacing)) / (2 * half_widths)
+            lost = 1 - np.interp(kept, settings.kept, (0.0, 1.0))
+            found.append(Ways(middles, shifts, half_widths, lost))
+    return _averaged(_joined(found), gap, settings.least_length * 4 * gap / pixel)
+
+
+def _joined(parts: Sequence[Ways]) -> Ways:
+    """Join ways of several lines."""
+    names = [field.name for field in dataclass_fields(Ways)]
+    return Ways(*(np.concatenate([getattr(ways, name) for ways in parts]) for name in names))
+
+
+def _averaged(ways: Ways, gap: float, fewest: float) -> Ways:
+    """Average ways over their neighbours; leave out what has few within ``gap`` mm, or unlike ones."""
+    if len(ways.middles) < fewest:
+        return ways.take(np.zeros(0, np.int64))
+    many = cKDTree(ways.middles).query_ball_point(ways.middles, gap, return_length=True) >= fewest
+    away, near = _nearest(ways.middles, ways.middles, min(_NEIGHBOURS, len(ways.middles)), gap)
+    weight = _summing_to_one(np.exp(-((away / (_AVERAGED * gap)) ** 2) / 2))
+    shifts = np.einsum("nk,nkx->nx", weight, ways.shifts[near])
+    spread = np.einsum("nk,nk->n", weight, ((ways.shifts[near] - shifts[:, None]) ** 2).sum(axis=2))
+    alike = np.sqrt(spread) <= _ALIKE[0] * gap + _ALIKE[1] * np.linalg.norm(ways.shifts, axis=1)
+    lost = np.einsum("nk,nk->n", weight, ways.lost[near])
+    return replace(ways, shifts=shifts, lost=lost).take(many & alike)
+
+
+@dataclass(frozen=True, eq=False)
+class _Around:
+    """Pixels (P, 2) around moving sheets, the pixels (P, 2) by which they move, and how much they do (P,)."""
+
+    pixels: IntArray
+    shifts: FloatArray
+    weight: SingleArray
+
+    def moved(self, plane: LevelField, below: LevelField, above: LevelField, share: float) -> SingleArray:
+        """Distances (I, J) of a level at a share of the way up, interpolated along the way."""
+        low = _at(below.distance, self.pixels - share * self.shifts)
+        high = _at(above.distance, self.pixels + (1 - share) * self.shifts)
+        along = np.float32(1 - share) * low + np.float32(share) * high
+        distance, at = plane.distance.copy(), tuple(self.pixels.T)
+        distance[at] += self.weight * (along - distance[at])
+        return distance
+
+
+def _around(ways: Ways, shape: tuple[int, ...], spacing: FloatArray) -> _Around:
+    """Spread ways over the pixels that the sheets cover, and less and less as far again."""
+    pixels = np.argwhere(np.ones(shape, bool))
+    if not np.any(ways.lost > 0):
+        return _Around(pixels[:0], np.zeros((0, 2)), np.zeros(0, np.float32))
+    away, near = _nearest(ways.middles, pixels * spacing, _CLOSEST, 2 * float(ways.reach.max()))
+    close = np.isfinite(away[:, 0])
+    pixels, away, near = pixels[close], away[close], near[close]
+    weight = _summing_to_one(1 / (away + spacing.min() / 2) ** 2)
+    reach, lost = (np.einsum("pk,pk->p", weight, values[near]) for values in (ways.reach, ways.lost))
+    shifts = np.einsum("pk,pkx->px", weight, ways.shifts[near])
+    share: FloatArray = lost * np.clip(2 - away[:, 0] / reach, 0, 1)
+    some = share > 0
+    return _Around(pixels[some], shifts[some] / spacing, share[some].astype(np.float32))
+
+
+def _nearest(
+    points: FloatArray, places: FloatArray, count: int, within: float
+) -> tuple[FloatArray, IntArray]:
+    """Distances (N, count) from places to the nearest points, infinite beyond ``within``; which they are."""
+    away, near = map(
+        np.asarray, cKDTree(points).query(places, range(1, count + 1), distance_upper_bound=within)
+    )
+    return away, np.minimum(near, len(points) - 1)
+
+
+def _summing_to_one(weight: FloatArray) -> FloatArray:
+    """Weights (N, K) of each row by their sum."""
+    return weight / weight.sum(axis=1, keepdims=True)
+
+
+def _at(plane: SingleArray, places: FloatArray) -> SingleArray:
+    """Values (N,) of a plane (I, J) at places (N, 2) in pixels; beyond it, of its border."""
+    return np.asarray(map_coordinates(plane, places.T, np.float32, order=1, mode="nearest"))
