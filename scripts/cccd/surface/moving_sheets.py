@@ -105,15 +105,15 @@ def move_sheets(
         Those of slices are as they were; so are all where nothing thin has moved by more than its width.
     """
     moved = list(fields)
-    if settings.steepest == 0:
-        return moved
     slices = [n for n, field in enumerate(fields) if field.source_slice is not None]
-    for low, high in itertools.pairwise(slices):
-        if high - low == 1:
-            continue
-        below, above = fields[low], fields[high]
-        ways = _ways_between(below.distance, above.distance, above.z - below.z, spacing, settings)
-        around = _around(ways, below.distance.shape, spacing)
+    if settings.steepest == 0 or len(slices) == len(fields):
+        return moved
+    widest = max(fields[high].z - fields[low].z for low, high in itertools.pairwise(slices))
+    sheets = [_Sheets.on(fields[n], spacing, widest) for n in slices]
+    for (low, high), (below, above) in zip(
+        itertools.pairwise(slices), itertools.pairwise(sheets), strict=True
+    ):
+        around = _around(_ways_between(below, above, spacing, settings), below.distance.shape, spacing)
         for n in range(low + 1, high) if len(around.pixels) else ():
             share = (fields[n].z - below.z) / (above.z - below.z)
             moved[n] = replace(fields[n], distance=around.moved(fields[n], below, above, share))
@@ -146,6 +146,8 @@ def find_middle_line(distance: SingleArray, spacing: FloatArray, widest: float) 
     """
     slopes = np.gradient(distance, *spacing)
     middle = (distance > 0) & (distance < widest) & (np.hypot(slopes[0], slopes[1]) < _OPPOSED)
+    if not middle.any():
+        return MiddleLine(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
     products = slopes[0] * slopes[0], slopes[0] * slopes[1], slopes[1] * slopes[1]
     along, across, other = (gaussian_filter(product, 1.0)[middle].astype(float) for product in products)
     angle = np.arctan2(2 * across, along - other) / 2
@@ -201,21 +203,35 @@ def _placed(line: MiddleLine, reach: float) -> FloatArray:
 # between two slices -----------------------------------------------------------------------------------
 
 
-def _ways_between(
-    low: SingleArray, high: SingleArray, gap: float, spacing: FloatArray, settings: SheetSettings
-) -> Ways:
-    """Follow slits and plates from a slice to the next one ``gap`` mm above and back; leave what is alike."""
-    pixel, reach = float(np.sqrt(spacing.prod())), settings.steepest * gap
+@dataclass(frozen=True, eq=False)
+class _Sheets:
+    """A slice's distances (I, J), and the middle lines of its slits and of its plates."""
+
+    z: float
+    distance: SingleArray
+    lines: tuple[MiddleLine, MiddleLine]
+
+    @classmethod
+    def on(cls, field: LevelField, spacing: FloatArray, widest: float) -> _Sheets:
+        """Find both."""
+        lines = [find_middle_line(sign * field.distance, spacing, widest) for sign in (1, -1)]
+        return cls(field.z, field.distance, (lines[0], lines[1]))
+
+
+def _ways_between(low: _Sheets, high: _Sheets, spacing: FloatArray, settings: SheetSettings) -> Ways:
+    """Follow slits and plates from a slice to the next one above and back; leave what is alike."""
+    gap, pixel = high.z - low.z, float(np.sqrt(spacing.prod()))
+    reach = settings.steepest * gap
     found: list[Ways] = []
-    for sign in (1, -1):
-        lines = [find_middle_line(sign * plane, spacing, gap) for plane in (low, high)]
+    for sign, *lines in zip((1, -1), low.lines, high.lines, strict=True):
         for way, (line, other) in zip((1, -1), (lines, lines[::-1]), strict=True):
             chosen, onto = follow(line, other, reach, pixel)
             points, normals = line.points[chosen], line.normals[chosen]
             square = ((other.points[onto] - points) * normals).sum(axis=1, keepdims=True)
             shifts, middles = way * square * normals, points + square * normals / 2
             half_widths = np.minimum(line.half_widths[chosen], other.half_widths[onto])
-            kept = sign * (_at(low, middles / spacing) + _at(high, middles / spacing)) / (2 * half_widths)
+            both = _at(low.distance, middles / spacing) + _at(high.distance, middles / spacing)
+            kept = sign * both / (2 * half_widths)
             lost = 1 - np.interp(kept, settings.kept, (0.0, 1.0))
             found.append(Ways(middles, shifts, half_widths, lost))
     return _averaged(_joined(found), gap, settings.least_length * 4 * gap / pixel)
@@ -249,7 +265,7 @@ class _Around:
     shifts: FloatArray
     weight: SingleArray
 
-    def moved(self, plane: LevelField, below: LevelField, above: LevelField, share: float) -> SingleArray:
+    def moved(self, plane: LevelField, below: _Sheets, above: _Sheets, share: float) -> SingleArray:
         """Distances (I, J) of a level at a share of the way up, interpolated along the way."""
         low = _at(below.distance, self.pixels - share * self.shifts)
         high = _at(above.distance, self.pixels + (1 - share) * self.shifts)
@@ -261,10 +277,13 @@ class _Around:
 
 def _around(ways: Ways, shape: tuple[int, ...], spacing: FloatArray) -> _Around:
     """Spread ways over the pixels that the sheets cover, and less and less as far again."""
-    pixels = np.argwhere(np.ones(shape, bool))
     if not np.any(ways.lost > 0):
-        return _Around(pixels[:0], np.zeros((0, 2)), np.zeros(0, np.float32))
-    away, near = _nearest(ways.middles, pixels * spacing, _CLOSEST, 2 * float(ways.reach.max()))
+        return _Around(np.zeros((0, 2), np.int64), np.zeros((0, 2)), np.zeros(0, np.float32))
+    furthest = 2 * float(ways.reach.max())
+    first = np.maximum(np.floor((ways.middles.min(axis=0) - furthest) / spacing).astype(int), 0)
+    last = np.minimum(np.ceil((ways.middles.max(axis=0) + furthest) / spacing).astype(int), shape)
+    pixels = np.argwhere(np.ones(np.maximum(last - first, 0), bool)) + first
+    away, near = _nearest(ways.middles, pixels * spacing, _CLOSEST, furthest)
     close = np.isfinite(away[:, 0])
     pixels, away, near = pixels[close], away[close], near[close]
     weight = _summing_to_one(1 / (away + spacing.min() / 2) ** 2)
