@@ -245,7 +245,7 @@ def _joined(parts: Sequence[Ways]) -> Ways:
 
 def _averaged(ways: Ways, gap: float, fewest: float) -> Ways:
     """Average ways over their neighbours; leave out what has few within ``gap`` mm, or unlike ones."""
-    if len(ways.middles) < fewest:
+    if len(ways.middles) < max(fewest, 1):
         return ways.take(np.zeros(0, np.int64))
     many = cKDTree(ways.middles).query_ball_point(ways.middles, gap, return_length=True) >= fewest
     away, near = _nearest(ways.middles, ways.middles, min(_NEIGHBOURS, len(ways.middles)), gap)

@@ -54,6 +54,9 @@ def test_slices_stay_and_so_does_what_overlaps_itself_or_only_grows():
     assert moved[0] is fields[0]
     assert moved[-1] is fields[-1]
     assert move_sheets(fields, PIXEL, SheetSettings(steepest=0)) == fields
+    wall = [np.float32(np.indices(SHAPE)[0] * 0.75 - middle) for middle in (19.0, 25.0)]
+    fields = stack(*wall)
+    assert move_sheets(fields, PIXEL, SheetSettings(least_length=0)) == fields
 
 
 def test_ways_up_and_down_are_each_other_s_reverse():
