@@ -143,9 +143,7 @@ def train_reranker(examples: Sequence[Example], epochs: int, seed: int) -> Reran
     examples = [example for n, example in enumerate(examples) if n % ASIDE]
     cast(Any, torch).manual_seed(seed)
     everything = np.concatenate([example.features for example in examples])
-    blank = Reranker(
-        everything.mean(axis=0), everything.std(axis=0) + np.float32(0.01), [], [], np.zeros(0, np.float32)
-    )
+    blank = Reranker(everything.mean(axis=0), everything.std(axis=0) + np.float32(0.01), [], [])
     batch = _packed(examples, blank)
     net = _perceptron()
     optimiser = torch.optim.AdamW(net.parameters(), RATE / 2, weight_decay=DECAY)
