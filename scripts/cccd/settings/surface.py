@@ -81,6 +81,28 @@ class SheetSettings(Section):
     )
 
 
+class BranchSettings(Section):
+    """Branches that move aside from slice to slice by more than they are wide."""
+
+    steepest: float = setting(
+        3.0,
+        "they are followed so far aside, in distances between slices; 0: not at all",
+        why="At 72 degrees to the axis; what lies nearer to the slices' plane shows on one slice as a whole.",
+        unit="ratio",
+        expert=True,
+        ge=0,
+        le=10,
+    )
+    kept: Annotated[tuple[float, float], AfterValidator(ascending)] = setting(
+        (0.6, 0.85),
+        "they move all the way where distances that are interpolated as they lie keep less than the first "
+        "share of their area half way, not at all where they keep the second",
+        why="A disc that moves by 1.6 and by 1.0 of its radii keeps these.",
+        unit="share",
+        expert=True,
+    )
+
+
 class InterpolationSettings(Section):
     """Levels between slices."""
 
@@ -118,6 +140,12 @@ class InterpolationSettings(Section):
         SheetSettings(),
         "slits and plates that move aside from slice to slice",
         why="A fissure of the lungs would be a chain of pearls.",
+        expert=True,
+    )
+    branches: BranchSettings = setting(
+        BranchSettings(),
+        "branches that move aside from slice to slice by more than they are wide",
+        why="A vessel that runs aslant would be a chain of pearls.",
         expert=True,
     )
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask, to_polygons
@@ -18,7 +19,14 @@ from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
 from cccd.surface.outlines import Outlines, through_pixel_centres
 
-__all__ = ["LevelField", "distance_fields", "interpolated_fields", "interpolated_planes"]
+__all__ = [
+    "LevelField",
+    "distance_fields",
+    "distance_to_part",
+    "interpolated_fields",
+    "interpolated_planes",
+    "sampled",
+]
 
 #: Fields reach this many pixels beyond the curves, so that every contour closes.
 MARGIN_PIXELS = 4
@@ -162,3 +170,28 @@ def _slope(distance: SingleArray, height: FloatArray, s: int) -> SingleArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = (w1 + w2) / (w1 / left + w2 / right)
     return np.where(left * right > 0, mean, np.float32(0))
+
+
+def distance_to_part(distance: SingleArray, parts: IntArray, number: int, spacing: FloatArray) -> SingleArray:
+    """Signed distances (I, J) in mm to one of a plane's connected parts.
+
+    Parameters
+    ----------
+    distance : (I, J) float32
+        To all parts, negative inside.
+    parts : (I, J) int64
+        Their numbers, 0 outside.
+    number : int
+    spacing : (2,) float64
+        mm per pixel.
+    """
+    others = (parts > 0) & (parts != number)
+    if not others.any():
+        return distance
+    own = to_mask(parts == number, spacing)
+    return np.where(own <= to_mask(others, spacing), distance, own)
+
+
+def sampled(plane: SingleArray, places: FloatArray) -> SingleArray:
+    """Values (N,) of a plane (I, J) at places (N, 2) in pixels; beyond it, of its border."""
+    return np.asarray(map_coordinates(plane, places.T, np.float32, order=1, mode="nearest"))

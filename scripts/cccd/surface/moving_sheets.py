@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import AnyArray, FloatArray, IntArray, SingleArray
 from cccd.settings.surface import SheetSettings
-from cccd.surface.fields import LevelField
+from cccd.surface.fields import LevelField, sampled
 
 __all__ = ["MiddleLine", "Ways", "find_middle_line", "follow", "move_sheets"]
 
@@ -230,7 +230,7 @@ def _ways_between(low: _Sheets, high: _Sheets, spacing: FloatArray, settings: Sh
             square = ((other.points[onto] - points) * normals).sum(axis=1, keepdims=True)
             shifts, middles = way * square * normals, points + square * normals / 2
             half_widths = np.minimum(line.half_widths[chosen], other.half_widths[onto])
-            both = _at(low.distance, middles / spacing) + _at(high.distance, middles / spacing)
+            both = sampled(low.distance, middles / spacing) + sampled(high.distance, middles / spacing)
             kept = sign * both / (2 * half_widths)
             lost = 1 - np.interp(kept, settings.kept, (0.0, 1.0))
             found.append(Ways(middles, shifts, half_widths, lost))
@@ -267,8 +267,8 @@ class _Around:
 
     def moved(self, plane: LevelField, below: _Sheets, above: _Sheets, share: float) -> SingleArray:
         """Distances (I, J) of a level at a share of the way up, interpolated along the way."""
-        low = _at(below.distance, self.pixels - share * self.shifts)
-        high = _at(above.distance, self.pixels + (1 - share) * self.shifts)
+        low = sampled(below.distance, self.pixels - share * self.shifts)
+        high = sampled(above.distance, self.pixels + (1 - share) * self.shifts)
         along = np.float32(1 - share) * low + np.float32(share) * high
         distance, at = plane.distance.copy(), tuple(self.pixels.T)
         distance[at] += self.weight * (along - distance[at])
@@ -307,8 +307,3 @@ def _nearest(
 def _summing_to_one(weight: FloatArray) -> FloatArray:
     """Weights (N, K) of each row by their sum."""
     return weight / weight.sum(axis=1, keepdims=True)
-
-
-def _at(plane: SingleArray, places: FloatArray) -> SingleArray:
-    """Values (N,) of a plane (I, J) at places (N, 2) in pixels; beyond it, of its border."""
-    return np.asarray(map_coordinates(plane, places.T, np.float32, order=1, mode="nearest"))

@@ -14,6 +14,7 @@ from cccd.filling import fill_between_slices
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.settings.surface import LoftSettings
 from cccd.surface.fields import LevelField, distance_fields, interpolated_fields
+from cccd.surface.moving_branches import move_branches
 from cccd.surface.moving_sheets import move_sheets
 from cccd.surface.outlines import Outlines
 from cccd.surface.probability import ProbabilityTarget
@@ -191,6 +192,8 @@ def interpolate_slices(
             fields = move_sheets(fields, spacing, settings.interpolation.sheets)
         if share > 0 and np.all(np.diff(slices[here]) == every):
             fields = _filled(fields, distance[here], outlines, step, scan_range, share)
+        if annotation is None:
+            fields = move_branches(fields, spacing, settings.interpolation.branches)
         if annotation is not None:
             fields, warnings = shape_undrawn(fields, guides, frame)
         rings = [find_rings(plane, level, spacing, outlines.of_pixels) for level, plane in enumerate(fields)]
@@ -203,9 +206,8 @@ def interpolate_slices(
     voxel, voxel_faces = np.array([step, *spacing]), _voxel_faces(distance < 0)
     volume = _volume(slices, _areas(outlines, slices), frame.slice_spacing, step, breaks)
     thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
-    target = TargetField.of(
-        _levels(runs), spacing, settings.bridge_slices * step + pixel, settings.interpolation.knot_pixels
-    )
+    widest = settings.bridge_slices * step + pixel
+    target = TargetField.of(_levels(runs, level_spacing), spacing, widest, settings.interpolation.knot_pixels)
     if probability is not None and certain > 0:
         known = ProbabilityTarget.of(probability, frame, origin, target)
         return SliceStack(runs, known, origin, voxel, voxel_faces, volume, thickness, certain, True)
@@ -246,15 +248,18 @@ def _filled(
     ]
 
 
-def _levels(runs: Sequence[Run]) -> list[LevelField]:
-    """All runs' fields by height; what the scan cuts goes on up to its planar cap."""
+def _levels(runs: Sequence[Run], level_spacing: float) -> list[LevelField]:
+    """All runs' fields by height; what the scan cuts goes on up to its planar cap, level by level."""
     fields = [plane for run in runs for plane in run.fields]
     half_step, scan_range = runs[0].half_step, runs[0].scan_range
+    rises = np.linspace(0, half_step, int(np.ceil(half_step / level_spacing)) + 1)[1:]
     below, above = (
-        [replace(end, z=end.z + way * half_step)] if abs(end.z - border) < half_step else []
+        [replace(end, z=end.z + float(way * rise)) for rise in rises]
+        if abs(end.z - border) < half_step
+        else []
         for way, end, border in ((-1, fields[0], scan_range[0]), (1, fields[-1], scan_range[1]))
     )
-    return [*below, *fields, *above]
+    return [*below[::-1], *fields, *above]
 
 
 def _areas(outlines: Outlines, slices: IntArray) -> FloatArray:

@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 from cccd.containers import Annotation, Frame, Guide
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
-from cccd.surface.fields import LevelField, interpolated_planes
+from cccd.surface.fields import LevelField, distance_to_part, interpolated_planes
 from cccd.surface.rings import Ring
 
 __all__ = ["GuideLine", "guide_lines", "guides_reach", "shape_undrawn"]
@@ -137,11 +137,7 @@ class _Slice:
 
     def distance_of(self, number: int, spacing: FloatArray) -> SingleArray:
         """Signed distances (I, J) in mm to one of the parts."""
-        if self.count == 1:
-            return self.distance
-        own = to_mask(self.parts == number, spacing)
-        others = to_mask((self.parts > 0) & (self.parts != number), spacing)
-        return np.where(own <= others, self.distance, own)
+        return distance_to_part(self.distance, self.parts, number, spacing)
 
     def centre(self, number: int) -> FloatArray:
         """Centre (2,) of a part's pixels."""

@@ -70,6 +70,16 @@ def test_mirrored_affines_still_point_outwards():
     assert_sound(loft_surface(trace_mask(structure), SETTINGS))
 
 
+@pytest.mark.parametrize("step", [1, 8, 20])  # pixels of 0.7 mm
+def test_what_the_scan_cuts_ends_half_a_slice_beyond_it_however_thick_slices_are(step):
+    disc = np.sum((grid(40, 40, 6)[:2] - 20) ** 2, axis=0) < 120
+    surface = loft_surface(curves_of(disc, (0.7, 0.7, step)), SETTINGS)
+    assert_sound(surface)
+    assert surface.mesh.volume == pytest.approx(disc.sum() * 0.49 * step, rel=0.002)
+    heights = surface.vertices[:, 2]
+    assert (heights.min(), heights.max()) == pytest.approx((-step / 2, 5.5 * step), abs=1e-6)
+
+
 def test_drawn_outlines_are_not_moved_outwards():
     angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
     circle = np.column_stack([30 + 15.3 * np.cos(angle), 30 + 15.3 * np.sin(angle)])
