@@ -188,7 +188,7 @@ def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curve
         ``components``: in-slice components (8-connected) too small to have a polygon;
         ``component_pixels``: their pixels; ``spur_pixels``: pixels of other components that lie on spurs
         or bridges one pixel wide; ``parts``: parts of the whole mask (26-connected) that have no polygon on
-        any slice; ``part_voxels``: their voxels.
+        any slice; ``part_voxels``: their voxels; ``voxels``: the mask's.
     """
     missing = mask & ~curves.rasterise(origin, mask.shape)
     in_plane = np.zeros((3, 3, 3), bool)
@@ -204,6 +204,7 @@ def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curve
         "spur_pixels": int(lost[~whole].sum()),
         "parts": len(parts),
         "part_voxels": int(parts.sum()),
+        "voxels": int(size[1:].sum()),
     }
 
 

@@ -84,6 +84,7 @@ def test_pinches_spurs_and_islands():
         "spur_pixels": 3,
         "parts": 2,
         "part_voxels": 5,
+        "voxels": np.count_nonzero(mask),
     }
     # what is a single pixel on one slice only is a part of what it lies on
     tower = np.stack([np.pad(np.ones((4, 4), bool), 3), np.eye(10, dtype=bool) & (np.arange(10) == 4)])

@@ -25,10 +25,10 @@ __all__ = ["Tubes", "match_contours"]
 
 @dataclass(frozen=True, eq=False)
 class Tubes:
-    """The tubes of all levels, and the number of parts that were left out, as of fewer voxels than that."""
+    """The tubes of all levels, and mm^3 of each part that was left out, as of fewer voxels than that."""
 
     tubes: list[Tube]
-    left_out: int
+    left_out: list[float]
     smallest_voxels: float
 
     @property
@@ -36,9 +36,10 @@ class Tubes:
         """What a user should know of them."""
         if not self.left_out:
             return []
-        parts = "1 part" if self.left_out == 1 else f"{self.left_out} parts"
-        verb = "is" if self.left_out == 1 else "are"
-        return [f"{parts} of fewer than {self.smallest_voxels:g} voxels {verb} not in the surface"]
+        count, volume = len(self.left_out), f"{sum(self.left_out):.3g} mm³"
+        parts, verb = ("1 part", "is") if count == 1 else (f"{count} parts", "are")
+        size = f"{volume}, fewer than {self.smallest_voxels:g} voxels" + (" each" if count > 1 else "")
+        return [f"{parts} ({size}) {verb} not in the surface"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,20 +61,23 @@ def match_contours(stack: SliceStack, settings: MatchingSettings) -> Tubes:
     smallest = settings.smallest_part_voxels * stack.voxel[1:].prod() * stack.step
     matched = [_match_run(run, smallest, settings) for run in stack.runs]
     tubes = [tube for found, _ in matched for tube in found]
-    return Tubes(tubes, sum(left_out for _, left_out in matched), settings.smallest_part_voxels)
+    left_out = [volume for _, volumes in matched for volume in volumes]
+    return Tubes(tubes, left_out, settings.smallest_part_voxels)
 
 
-def _match_run(run: Run, smallest: float, settings: MatchingSettings) -> tuple[list[Tube], int]:
-    """Tubes of one run of levels, and how many parts of less than ``smallest`` mm^3 were left out.
+def _match_run(run: Run, smallest: float, settings: MatchingSettings) -> tuple[list[Tube], list[float]]:
+    """Tubes of one run of levels, and the volumes of parts of less than ``smallest`` mm^3, left out.
 
     What no slice shows is not a part: the fields between slices may hold a speck of their own.
     """
     graph = link_rings(run.rings)
     trimmed = [_without_fading_ends(chain, graph, run, settings) for chain in graph.chains()]
     chains = [chain for chain in trimmed if any(ring.source_slice is not None for ring in chain)]
-    kept = [chain for chain in chains if _volume(chain, run.step) >= smallest]
-    if not kept:
-        kept = sorted(chains, key=lambda chain: -_volume(chain, run.step))[:1]
+    volumes = np.array([_volume(chain, run.step) for chain in chains])
+    large = volumes >= smallest
+    if len(chains) and not large.any():
+        large[volumes.argmax()] = True
+    kept = [chain for chain, is_large in zip(chains, large, strict=True) if is_large]
     ends = [
         (_end(chain[0], DOWN, graph, run, settings), _end(chain[-1], UP, graph, run, settings))
         for chain in kept
@@ -83,7 +87,7 @@ def _match_run(run: Run, smallest: float, settings: MatchingSettings) -> tuple[l
         _tube(chain, low, high, cuts, run, settings.fade_pixels)
         for chain, (low, high) in zip(kept, ends, strict=True)
     ]
-    return tubes, len(chains) - len(kept)
+    return tubes, volumes[~large].tolist()
 
 
 def _without_fading_ends(

@@ -29,6 +29,8 @@ __all__ = ["Solid", "join_patches"]
 
 #: Vertices within this share of a cell of a planar cap lie on it.
 SAME_PLANE = 1e-3
+#: A volume that is off by more than this share of the slices' is told.
+TOLD_VOLUME = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +84,17 @@ class Solid:
             "vertices": len(self.mesh.vertices),
             "triangles": len(self.mesh.faces),
             "mean_error_mm": float(np.mean([fit.error for fit in self.fitted.fits])),
-            "warnings": [*tubes.warnings, *stack.warnings],
+            "warnings": [*tubes.warnings, *stack.warnings, *self._of_other_volume()],
             "bodies": self.mesh.count_bodies(),
         }
+
+    def _of_other_volume(self) -> list[str]:
+        """Say where moving the surface as far as it may did not give it the slices' volume."""
+        stack = self.stack
+        share = self.mesh.volume / stack.volume
+        if stack.of_probability or stack.of_some_slices or abs(share - 1) <= TOLD_VOLUME:
+            return []
+        return [f"the surface holds {share:.0%} of its slices' volume: in places it is as thin as a voxel"]
 
 
 def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings) -> Solid:

@@ -196,6 +196,17 @@ def test_dozens_of_specks_do_not_raise():
     assert_sound(loft_surface(curves_of(mask), SETTINGS))
 
 
+def test_what_is_lost_is_told_by_its_volume():
+    mask = ball((60, 60, 40), (30, 30, 20), 14)
+    mask[4:6, 4:6, 5] = mask[50:52, 50:52, 30] = True
+    warnings = loft_surface(curves_of(mask, (0.5, 0.5, 2)), SETTINGS).report["warnings"]
+    assert warnings == ["2 parts (4 mm³, fewer than 6 voxels each) are not in the surface"]
+    shell = np.abs(np.linalg.norm(np.stack(grid(24, 24, 24), -1) - 11.5, axis=-1) - 7) < 0.3  # full of holes
+    surface = loft_surface(curves_of(shell), SETTINGS)
+    assert surface.mesh.volume < 0.5 * shell.sum()
+    assert "of its slices' volume" in surface.report["warnings"][-1]
+
+
 def test_no_curves_is_an_input_error():
     frame = Frame(np.eye(4), 2, (5, 5, 5))
     none = Curves(np.zeros((0, 2)), np.zeros(1, int), np.zeros(0, np.int32), np.zeros(0, bool), frame)
