@@ -453,16 +453,6 @@ class BlendingSettings(Section):
         ge=0,
         le=5,
     )
-    cap_cells: float = setting(
-        3.0,
-        "when it moves, what lies within so many cells of a planar cap moves less",
-        why="The caps stay where the scan cuts the organ.",
-        unit="cells",
-        expert=True,
-        gt=0,
-        le=50,
-    )
-
     fairing_band: float = setting(
         0.02,
         "the mesh's windowed sinc filter passes so much of its spectrum per pixel of its edges",
@@ -864,3 +854,7 @@ class LoftSettings(Section):
     blending: BlendingSettings = setting(
         BlendingSettings(), "from control nets to one mesh", why="Tuned on phantoms and shared scans."
     )
+
+    def mesh_edge(self, pixel: float) -> float:
+        """Edge length in mm of the mesh's triangles, for pixels of a size in mm."""
+        return self.edge_voxels * min(pixel, self.detail.coarsest_mm)

@@ -14,7 +14,7 @@ from manifold3d import Manifold, OpType
 
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["Nesting", "unite"]
+__all__ = ["Nesting", "between_planes", "unite"]
 
 
 class Nested(Protocol):
@@ -57,6 +57,23 @@ def unite(meshes: Sequence[Mesh], tubes: Sequence[Nested]) -> Mesh:
                 joined = Manifold.batch_boolean(layer, OpType.Add)
                 whole = whole - joined if hole else whole + joined
     return _triangles(bodies[0] if whole.is_empty() else whole)
+
+
+def between_planes(mesh: Mesh, low: float, high: float) -> Mesh:
+    """Cut a closed mesh by planes across z, and close it by planar caps.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    low, high : float
+        Heights of the planes in mm, without a plane infinite; vertices on them stay where they are.
+    """
+    body = _manifold(mesh)
+    if np.isfinite(low):
+        body = body.trim_by_plane((0, 0, 1), low)
+    if np.isfinite(high):
+        body = body.trim_by_plane((0, 0, -1), -high)
+    return _triangles(body)
 
 
 def _manifold(mesh: Mesh) -> Manifold:

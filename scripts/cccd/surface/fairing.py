@@ -12,7 +12,7 @@ from cccd.geometry.mesh import Mesh, given_back
 from cccd.settings.surface import BlendingSettings
 from cccd.tolerances import ROUNDING
 
-__all__ = ["CELL_EDGES", "fair", "from_caps", "without_crossings"]
+__all__ = ["CELL_EDGES", "fair", "without_crossings"]
 
 #: Cells of the grid on which the surface is meshed, in edges: marching cubes' edges are a little longer.
 CELL_EDGES = 0.8
@@ -21,14 +21,9 @@ SURE_DETAIL = 1.8
 
 
 def fair(
-    mesh: Mesh,
-    caps: FloatArray,
-    cell: float,
-    pixel: float,
-    settings: BlendingSettings,
-    of_probability: bool = False,
+    mesh: Mesh, cell: float, pixel: float, settings: BlendingSettings, of_probability: bool = False
 ) -> Mesh:
-    """Smooth a closed mesh, but for its planar caps and their rims.
+    """Smooth a closed mesh.
 
     A windowed sinc filter of the positions (Taubin et al. 1996) takes ripples off, and draws branches and
     tips in as well. What it took along the normals is given back but for what is as low as ripples are.
@@ -37,14 +32,12 @@ def fair(
     ----------
     mesh : Mesh
         Isosurface of a grid, mm.
-    caps : (C,) float64
-        Heights of the planar caps in mm.
     cell : float
         The grid's, mm.
     pixel : float
         The slices', mm.
     settings : BlendingSettings
-        Of these ``cap_cells``, and what begins with ``fairing`` and ``regain``.
+        Of these what begins with ``fairing`` and ``regain``.
     of_probability : bool
         Whether the mesh is the level of probabilities, which knows less of ripples.
 
@@ -60,19 +53,12 @@ def fair(
         lengths, ripples = (settings.regain_pixels_probability,), ()
     averagings = [averaging_rounds(length, edge_pixels) for length in lengths]
     heights = pixel * np.array(ripples)
-    smooth = given_back(
+    return given_back(
         mesh,
         smooth,
         lambda lost: _without_ripples(mesh, lost, averagings, heights),
         settings.regain_rounds,
     )
-    share = np.clip(from_caps(mesh, caps) / (settings.cap_cells * cell), 0, 1)[:, None]
-    return Mesh(mesh.vertices + share * (smooth.vertices - mesh.vertices), mesh.faces)
-
-
-def from_caps(mesh: Mesh, caps: FloatArray) -> FloatArray:
-    """Distances (V,) along z of a mesh's vertices to the nearest of heights (C,); inf without any."""
-    return np.abs(mesh.vertices[:, 2:] - caps).min(axis=1, initial=np.inf)
 
 
 def _without_ripples(

@@ -51,9 +51,17 @@ class ProbabilityTarget:
 
     @classmethod
     def of(
-        cls, stack: ProbabilityStack, frame: Frame, plane_origin: IntArray, outlines: TargetField
+        cls,
+        stack: ProbabilityStack,
+        frame: Frame,
+        plane_origin: IntArray,
+        outlines: TargetField,
+        run_on: float,
     ) -> ProbabilityTarget:
-        """Target of a stack whose outlines' plane begins at source pixel ``plane_origin`` (2,)."""
+        """Target of a stack whose outlines' plane begins at source pixel ``plane_origin`` (2,).
+
+        It runs on for ``run_on`` mm beyond its first and last slice.
+        """
         voxel = np.array([frame.slice_spacing, *frame.pixel_spacing])
         sides = ((0, 0), (BEYOND, BEYOND), (BEYOND, BEYOND))
         level = np.pad(np.float32(0.5) - stack.values, sides, constant_values=np.float32(0.5))
@@ -61,7 +69,7 @@ class ProbabilityTarget:
         corner = np.array([0, BEYOND + plane_origin[0], BEYOND + plane_origin[1]])
         first = np.asarray(stack.origin, np.int64) - corner
         low = (first[0] - 0.5) * voxel[0]
-        z_range = float(low), float(low + len(level) * voxel[0])
+        z_range = float(low) - run_on, float(low + len(level) * voxel[0]) + run_on
         return cls(coefficients, first, voxel, z_range, _slope(level, voxel), outlines)
 
     def __call__(self, points: FloatArray, within: float = np.inf) -> tuple[FloatArray, FloatArray]:

@@ -14,21 +14,21 @@ from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import BlendingSettings, LoftSettings
 from cccd.surface.blending import blend, blend_reach, blend_weights, points_on_surface, zero_surface
-from cccd.surface.booleans import unite
-from cccd.surface.fairing import CELL_EDGES, fair, from_caps, without_crossings
+from cccd.surface.booleans import between_planes, unite
+from cccd.surface.fairing import CELL_EDGES, fair, without_crossings
 from cccd.surface.offset import offset_patch
 from cccd.surface.patches import FittedTubes
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
 from cccd.surface.surface import Surface
 from cccd.surface.target import TargetDistance
-from cccd.surface.tessellation import tessellate
+from cccd.surface.tessellation import run_on, tessellate
 from cccd.surface.tubes import Tube
 from cccd.surface.union import unite_on_grid
 
 __all__ = ["Solid", "join_patches"]
 
-#: Vertices within this share of a cell of a planar cap lie on it.
-SAME_PLANE = 1e-3
+#: Vertices within this share of a cell of where the scan cuts the organ are moved there before it is cut.
+NEXT_TO_CUT = 0.2
 #: A volume that is off by more than this share of the slices' is told.
 TOLD_VOLUME = 0.03
 
@@ -102,8 +102,9 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
 
     Their union, holes subtracted, is blended with the slices' distances along the lines where tubes meet, and
     in part in walls (`cccd.surface.blending.blend_weights`), moved outwards or inwards by a little so that it
-    holds the volume of the slices, meshed, and rid of the grid's ripples. The level of probabilities is not
-    moved, nor is what lies between slices of which only some were drawn.
+    holds the volume of the slices, meshed, and rid of the grid's ripples. What the scan cuts runs on beyond
+    until then, and is cut by a plane at last: so its rim is sharp. The level of probabilities is not moved,
+    nor is what lies between slices of which only some were drawn.
 
     Parameters
     ----------
@@ -115,40 +116,64 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
         ``edge_voxels``, shortened in thin organs; how blends fade, and how far the surface may move.
     """
     tubes, blending = fitted.tubes.tubes, settings.blending
-    edge = settings.edge_voxels * min(stack.pixel, settings.detail.coarsest_mm)
+    edge = settings.mesh_edge(stack.pixel)
     reach = blend_reach(stack, blending)
     cell = float(np.clip(stack.thickness / blending.thickness_cells, edge / 2, CELL_EDGES * edge))
-    meshes = [tessellate(patch, cell / CELL_EDGES) for patch in fitted.patches()]
+    ends = _cut_heights(tubes)
+    meshes = [
+        _running_on(tessellate(patch, cell / CELL_EDGES), tube, ends, stack.run_on)
+        for patch, tube in zip(fitted.patches(), tubes, strict=True)
+    ]
     united, meeting = unite_on_grid(meshes, tubes, cell)
     strayed = _strayed(points_on_surface(united), stack.target, reach / 2)
     seams = np.concatenate([meeting, fitted.jumps, strayed])
     weight = blend_weights(united, seams, reach, stack.filled, blending)
     distance = blend(united, weight, stack.target, blending.fade_cells)
     if not np.any(distance.values < 0):  # thinner than a cell everywhere
-        return Solid(unite(meshes, tubes), fitted, 0.0, stack)
-    mesh, offset = _of_volume(distance, _cap_heights(tubes), cell, stack, blending)
+        return Solid(between_planes(unite(meshes, tubes), *ends), fitted, 0.0, stack)
+    mesh, offset = _of_volume(distance, ends, cell, stack, blending)
     return Solid(mesh, fitted, offset, stack)
+
+
+def _running_on(mesh: Mesh, tube: Tube, ends: tuple[float, float], by: float) -> Mesh:
+    """Lengthen a tube's mesh by some mm beyond each end at which the scan cuts the organ."""
+    for way, end, section, pole in zip(
+        (-1, 1), ends, (tube.sections[0], tube.sections[-1]), tube.poles, strict=True
+    ):
+        if pole is None and 0 <= way * (section.z - end) < by:
+            mesh = run_on(mesh, section.z, end + way * by)
+    return mesh
 
 
 def _of_volume(
     distance: ScalarGrid,
-    caps: FloatArray,
+    ends: tuple[float, float],
     cell: float,
     stack: SliceStack,
     settings: BlendingSettings,
 ) -> tuple[Mesh, float]:
     """Mesh a grid's zero level, moved outwards to hold the slices' volume, and by how many mm it was moved.
 
-    It is rid of the grid's ripples, and its planar caps stay where they were.
+    It is rid of the grid's ripples, and cut where the scan ends.
     """
     rough = zero_surface(distance)
-    smooth = fair(rough, caps, cell, stack.pixel, settings, stack.of_probability)
+    smooth = fair(rough, cell, stack.pixel, settings, stack.of_probability)
     offset = 0.0
     if not (stack.of_probability or stack.of_some_slices):
         most = settings.most_offset_pixels * stack.pixel
-        offset = float(np.clip(_missing_height(smooth, caps, stack.volume, cell), -most, most))
-    moved = _moved_outwards(smooth, caps, offset, cell, settings.cap_cells)
-    return without_crossings(moved, rough), offset
+        offset = float(np.clip(_missing_height(_cut(smooth, ends, cell), ends, stack.volume), -most, most))
+    moved = Mesh(smooth.vertices + offset * smooth.vertex_normals, smooth.faces)
+    return _cut(without_crossings(moved, rough), ends, cell), offset
+
+
+def _cut(mesh: Mesh, ends: tuple[float, float], cell: float) -> Mesh:
+    """Cut a mesh where the scan ends; vertices next to there are moved there, so that no sliver is left."""
+    if not np.isfinite(ends).any():
+        return mesh
+    vertices = mesh.vertices.copy()
+    for end in ends:
+        vertices[np.abs(vertices[:, 2] - end) < NEXT_TO_CUT * cell, 2] = end
+    return between_planes(Mesh(vertices, mesh.faces), *ends)
 
 
 def _strayed(points: FloatArray, target: TargetDistance, most: float) -> FloatArray:
@@ -162,28 +187,18 @@ def _strayed(points: FloatArray, target: TargetDistance, most: float) -> FloatAr
     return points[(distance.min(axis=0) > most) | (distance.max(axis=0) < -most)]
 
 
-def _cap_heights(tubes: Sequence[Tube]) -> FloatArray:
-    """Heights (C,) in mm at which the scan cuts the organ, ascending."""
-    low = {tube.sections[0].z for tube in tubes if tube.ends[0] == "cut"}
-    high = {tube.sections[-1].z for tube in tubes if tube.ends[1] == "cut"}
-    return np.array(sorted(low | high))
+def _cut_heights(tubes: Sequence[Tube]) -> tuple[float, float]:
+    """Heights in mm at which the scan cuts the organ below and above; infinite where it does not."""
+    low = [tube.sections[0].z for tube in tubes if tube.ends[0] == "cut"]
+    high = [tube.sections[-1].z for tube in tubes if tube.ends[1] == "cut"]
+    return min(low, default=-np.inf), max(high, default=np.inf)
 
 
-def _missing_height(mesh: Mesh, caps: FloatArray, volume: float, cell: float) -> float:
+def _missing_height(mesh: Mesh, ends: tuple[float, float], volume: float) -> float:
     """How far in mm a mesh must move outwards, but for its planar caps, to hold a volume in mm^3."""
-    on_cap = from_caps(mesh, caps) <= SAME_PLANE * cell
+    on_cap = np.isin(mesh.vertices[:, 2], ends)
     wall = Mesh(mesh.vertices, mesh.faces[~on_cap[mesh.faces].all(axis=1)])
     return (volume - mesh.volume) / max(wall.area, 1e-9)
-
-
-def _moved_outwards(mesh: Mesh, caps: FloatArray, offset: float, cell: float, cap_cells: float) -> Mesh:
-    """Move a mesh outwards, near its planar caps only sideways: these stay where they are, and level."""
-    away = from_caps(mesh, caps) / cell
-    along = np.column_stack([np.ones((len(away), 2)), np.clip(away / cap_cells, 0, 1)])
-    vertices = mesh.vertices + offset * along * mesh.vertex_normals
-    for cap in caps:
-        vertices[np.abs(vertices[:, 2] - cap) <= SAME_PLANE * cell, 2] = cap
-    return Mesh(vertices, mesh.faces)
 
 
 def _plane_to_world(frame: Frame, origin: IntArray) -> FloatArray:

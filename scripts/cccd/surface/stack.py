@@ -26,6 +26,8 @@ __all__ = ["Run", "SliceStack", "interpolate_slices"]
 
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
 CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
+#: What the scan cuts runs on for so many edges of the mesh, and is cut by a plane when all is smooth.
+RUN_ON_EDGES = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +100,8 @@ class SliceStack:
         Whether the target is the level of probabilities.
     of_some_slices : bool
         Whether only some slices were drawn: ``volume`` then is an estimate.
+    run_on : float
+        How far in mm what the scan cuts runs on beyond its cut in ``target``.
     warnings : tuple of str
         What a user should know of what lies between the slices.
     """
@@ -112,6 +116,7 @@ class SliceStack:
     filled: float
     of_probability: bool = False
     of_some_slices: bool = False
+    run_on: float = 0.0
     warnings: tuple[str, ...] = ()
 
     @property
@@ -207,10 +212,15 @@ def interpolate_slices(
     volume = _volume(slices, _areas(outlines, slices), frame.slice_spacing, step, breaks)
     thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
     widest = settings.bridge_slices * step + pixel
-    target = TargetField.of(_levels(runs, level_spacing), spacing, widest, settings.interpolation.knot_pixels)
+    run_on = RUN_ON_EDGES * settings.mesh_edge(pixel)
+    target = TargetField.of(
+        _levels(runs, run_on, level_spacing), spacing, widest, settings.interpolation.knot_pixels
+    )
     if probability is not None and certain > 0:
-        known = ProbabilityTarget.of(probability, frame, origin, target)
-        return SliceStack(runs, known, origin, voxel, voxel_faces, volume, thickness, certain, True)
+        known = ProbabilityTarget.of(probability, frame, origin, target, run_on)
+        return SliceStack(
+            runs, known, origin, voxel, voxel_faces, volume, thickness, certain, True, run_on=run_on
+        )
     return SliceStack(
         runs,
         target,
@@ -221,6 +231,7 @@ def interpolate_slices(
         thickness,
         share,
         of_some_slices=annotation is not None,
+        run_on=run_on,
         warnings=tuple(warnings),
     )
 
@@ -248,11 +259,12 @@ def _filled(
     ]
 
 
-def _levels(runs: Sequence[Run], level_spacing: float) -> list[LevelField]:
-    """All runs' fields by height; what the scan cuts goes on up to its planar cap, level by level."""
+def _levels(runs: Sequence[Run], run_on: float, level_spacing: float) -> list[LevelField]:
+    """All runs' fields by height; what the scan cuts runs on beyond its planar cap, level by level."""
     fields = [plane for run in runs for plane in run.fields]
     half_step, scan_range = runs[0].half_step, runs[0].scan_range
-    rises = np.linspace(0, half_step, int(np.ceil(half_step / level_spacing)) + 1)[1:]
+    far = half_step + run_on
+    rises = np.linspace(0, far, int(np.ceil(far / level_spacing)) + 1)[1:]
     below, above = (
         [replace(end, z=end.z + float(way * rise)) for rise in rises]
         if abs(end.z - border) < half_step

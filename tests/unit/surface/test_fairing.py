@@ -9,7 +9,6 @@ from cccd.surface.fairing import fair, without_crossings
 CELL = 0.5
 PIXEL = 1.0
 BRANCH, BODY = 1.0, 10.0
-NO_CAPS = np.zeros(0)
 
 
 def ball_with_a_branch():
@@ -35,21 +34,12 @@ def test_a_branch_keeps_its_radius_while_ripples_go():
     noise = 0.1 * np.random.default_rng(0).standard_normal((len(organ.vertices), 1))
     rough = Mesh(organ.vertices + noise * organ.vertex_normals, organ.faces)
     settings = BlendingSettings()
-    smooth = fair(rough, NO_CAPS, CELL, PIXEL, settings)
-    drawn_in = fair(rough, NO_CAPS, CELL, PIXEL, settings.model_copy(update={"regain_rounds": 0}))
+    smooth = fair(rough, CELL, PIXEL, settings)
+    drawn_in = fair(rough, CELL, PIXEL, settings.model_copy(update={"regain_rounds": 0}))
     assert radii_of_branch(drawn_in).mean() < 0.5 * BRANCH
     assert radii_of_branch(smooth).mean() == pytest.approx(BRANCH, rel=0.015)
     assert radii_of_body(smooth).mean() == pytest.approx(BODY, rel=0.002)
     assert radii_of_body(smooth).std() < 0.25 * radii_of_body(rough).std()
-
-
-def test_planar_caps_stay_where_they_are():
-    organ = ball_with_a_branch()
-    above = organ.vertices[:, 2] > 8
-    flat = Mesh(np.column_stack([organ.vertices[:, :2], np.minimum(organ.vertices[:, 2], 8.0)]), organ.faces)
-    smooth = fair(flat, np.array([8.0]), CELL, PIXEL, BlendingSettings())
-    assert np.array_equal(smooth.vertices[above], flat.vertices[above])
-    assert not np.allclose(smooth.vertices[~above], flat.vertices[~above])
 
 
 def test_what_would_pass_through_itself_stays():
@@ -73,7 +63,7 @@ def test_low_waves_are_ripples_and_high_ones_details(height, kept):
     waves = height * np.sqrt(8) * np.prod(np.sin(2 * np.pi / 5 * points), axis=0)
     values = np.linalg.norm(points, axis=0) - 20 - waves
     rough = ScalarGrid.uniform(values, (-24, -24, -24), CELL).isosurface(0.0)
-    smooth = fair(rough, NO_CAPS, CELL, PIXEL, BlendingSettings())
+    smooth = fair(rough, CELL, PIXEL, BlendingSettings())
     before, after = (np.linalg.norm(mesh.vertices, axis=1) - 20 for mesh in (rough, smooth))
     share = before @ (after - after.mean()) / (before @ before)
     assert kept[0] <= share <= kept[1]

@@ -80,6 +80,18 @@ def test_what_the_scan_cuts_ends_half_a_slice_beyond_it_however_thick_slices_are
     assert (heights.min(), heights.max()) == pytest.approx((-step / 2, 5.5 * step), abs=1e-6)
 
 
+def test_the_rim_where_the_scan_cuts_an_organ_is_sharp_and_smooth():
+    disc = np.sum((grid(60, 60, 12)[:2] - 30) ** 2, axis=0) < 20.3**2
+    mesh = loft_surface(curves_of(disc), SETTINGS).mesh
+    level = np.abs(mesh.face_normals[:, 2]) / np.linalg.norm(mesh.face_normals, axis=1)
+    assert np.all((level > 0.9999) | (level < 0.1))
+    on_cap = np.isin(mesh.vertices[:, 2], (-0.5, 11.5))
+    walls = mesh.faces[level < 0.1]
+    rim = np.intersect1d(walls[on_cap[walls]], mesh.faces[level > 0.9999])
+    radius = np.linalg.norm(mesh.vertices[rim, :2] - 30, axis=1)
+    assert np.abs(radius - np.sqrt(disc[..., 0].sum() / np.pi)).max() < 0.3
+
+
 def test_drawn_outlines_are_not_moved_outwards():
     angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
     circle = np.column_stack([30 + 15.3 * np.cos(angle), 30 + 15.3 * np.sin(angle)])
