@@ -16,6 +16,7 @@ from cccd.settings.surface import BlendingSettings, LoftSettings
 from cccd.surface.blending import blend, blend_reach, blend_weights, points_on_surface, zero_surface
 from cccd.surface.booleans import between_planes, unite
 from cccd.surface.fairing import CELL_EDGES, fair, without_crossings
+from cccd.surface.flat_caps import even_cap
 from cccd.surface.offset import offset_patch
 from cccd.surface.patches import FittedTubes
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
@@ -173,7 +174,10 @@ def _cut(mesh: Mesh, ends: tuple[float, float], cell: float) -> Mesh:
     vertices = mesh.vertices.copy()
     for end in ends:
         vertices[np.abs(vertices[:, 2] - end) < NEXT_TO_CUT * cell, 2] = end
-    return between_planes(Mesh(vertices, mesh.faces), *ends)
+    cut = between_planes(Mesh(vertices, mesh.faces), *ends)
+    for end in ends:
+        cut = even_cap(cut, end, cell / CELL_EDGES)
+    return cut
 
 
 def _strayed(points: FloatArray, target: TargetDistance, most: float) -> FloatArray:

@@ -1,0 +1,118 @@
+"""Planar caps of even triangles, where planes have cut a mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import Delaunay, cKDTree
+
+from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.mesh import Mesh
+
+__all__ = ["even_cap"]
+
+#: Points within a cap keep so many edges away from its rim: no side of the rim then lies in a triangle.
+_FROM_RIM = 0.75
+#: Share by which a cap's area may change.
+_SAME_AREA = 1e-6
+
+
+def even_cap(mesh: Mesh, height: float, edge: float) -> Mesh:
+    """Give a planar cap even triangles in place of those that span it from rim to rim.
+
+    It stays as it is where the Delaunay triangles of its points do not keep to its rim.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed.
+    height : float
+        Of the cap in mm: faces are its if all their vertices have this z.
+    edge : float
+        Edge length in mm that the triangles aim at.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> tin = trimesh.creation.cylinder(10, 4, sections=60)
+    >>> tin = Mesh(tin.vertices, tin.faces)
+    >>> even = even_cap(tin, 2.0, 1.0)
+    >>> even.is_closed_manifold, abs(even.volume - tin.volume) < 1e-6, len(even.faces) > 2 * len(tin.faces)
+    (True, True, True)
+    """
+    flat = (mesh.vertices[:, 2] == height)[mesh.faces].all(axis=1)
+    if not flat.any():
+        return mesh
+    faces = mesh.faces[flat]
+    area = _areas(mesh.vertices[:, :2], faces).sum()
+    upwards = bool(area > 0)
+    sides = _sides(faces if upwards else faces[:, ::-1])
+    rim = sides[~np.isin(_keys(sides, len(mesh.vertices)), _keys(sides[:, ::-1], len(mesh.vertices)))]
+    on_rim = np.unique(rim)
+    corners = np.searchsorted(on_rim, rim)
+    points = mesh.vertices[on_rim, :2]
+    middles = points[corners].mean(axis=1)
+    added = _lattice(np.concatenate([points, middles]), edge)
+    points = np.concatenate([points, added])
+    triangles = _inside(points, corners)
+    if not np.isclose(_areas(points, triangles).sum(), abs(area), rtol=_SAME_AREA):
+        return mesh
+    number = np.concatenate([on_rim, len(mesh.vertices) + np.arange(len(added))])
+    cap = number[triangles if upwards else triangles[:, ::-1]]
+    vertices = np.concatenate([mesh.vertices, np.column_stack([added, np.full(len(added), height)])])
+    return _of_used(vertices, np.concatenate([mesh.faces[~flat], cap]))
+
+
+def _lattice(rim: FloatArray, edge: float) -> FloatArray:
+    """Corners (P, 2) of equilateral triangles around points (R, 2) of a rim, none of them near to it."""
+    low, step = rim.min(axis=0), np.array([edge, edge * np.sqrt(3) / 2])
+    count = np.ceil((rim.max(axis=0) - low) / step).astype(np.int64)
+    places = np.indices((int(count[0]), int(count[1]))).reshape(2, -1).T.astype(np.float64)
+    places[:, 0] += places[:, 1] % 2 / 2
+    places = low + places * step
+    away = np.asarray(cKDTree(rim).query(places)[0])
+    return places[away >= _FROM_RIM * edge]
+
+
+def _inside(points: FloatArray, rim: IntArray) -> IntArray:
+    """Delaunay triangles (T, 3), counter-clockwise, left of a rim's sides (R, 2); none if one is missing."""
+    triangles = np.asarray(Delaunay(points).simplices, np.int64)
+    clockwise = _areas(points, triangles) < 0
+    triangles[clockwise] = triangles[clockwise][:, ::-1]
+    count, owner = len(points), np.tile(np.arange(len(triangles)), 3)
+    sides = _sides(triangles)
+    keys, back, wanted = _keys(sides, count), _keys(sides[:, ::-1], count), _keys(rim, count)
+    if not np.isin(wanted, keys).all():
+        return np.zeros((0, 3), np.int64)
+    order = np.argsort(keys)
+    opposite = order[np.minimum(np.searchsorted(keys, back, sorter=order), len(keys) - 1)]
+    linked = (keys[opposite] == back) & ~np.isin(keys, wanted) & ~np.isin(back, wanted)
+    links = coo_array(
+        (np.ones(int(linked.sum()), bool), (owner[linked], owner[opposite[linked]])),
+        shape=(len(triangles), len(triangles)),
+    )
+    part = connected_components(links, directed=False)[1]
+    return triangles[np.isin(part, part[owner[np.isin(keys, wanted)]])]
+
+
+def _sides(faces: IntArray) -> IntArray:
+    """Directed sides (3 F, 2) of triangles, first all first ones."""
+    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
+def _keys(sides: IntArray, count: int) -> IntArray:
+    """One number (E,) for each directed side (E, 2) between ``count`` vertices."""
+    return sides[:, 0] * count + sides[:, 1]
+
+
+def _areas(points: FloatArray, triangles: IntArray) -> FloatArray:
+    """Areas (T,) of triangles of plane points (P, 2), positive if counter-clockwise."""
+    first, second = (points[triangles[:, n]] - points[triangles[:, 0]] for n in (1, 2))
+    return (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
+
+
+def _of_used(vertices: FloatArray, faces: IntArray) -> Mesh:
+    """Mesh of those vertices that faces have."""
+    used = np.unique(faces)
+    return Mesh(vertices[used], np.searchsorted(used, faces))
