@@ -130,7 +130,7 @@ def alpha_shape(curves: Curves) -> Mesh:
     solid = labels != labels[outside]
     chosen = solid[tetrahedron] & ~solid[linked]
     apex = points[net.simplices[tetrahedron, corner]]
-    return _compact(points, _facing_away(points, faces[chosen], apex[chosen]))
+    return Mesh(points, _facing_away(points, faces[chosen], apex[chosen])).compact()
 
 
 def _circumradii(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -180,7 +180,7 @@ def ball_pivoting(curves: Curves) -> Mesh:
     chosen = faces[rests]
     flip = facing[rests] < 0
     chosen[flip] = chosen[flip][:, ::-1]
-    return _compact(points, chosen)
+    return Mesh(points, chosen.astype(np.int64)).compact()
 
 
 def poisson(curves: Curves) -> Mesh:
@@ -244,9 +244,3 @@ def _facing_away(points: np.ndarray, faces: np.ndarray, behind: np.ndarray) -> n
     faces = faces.copy()
     faces[inner] = faces[inner][:, ::-1]
     return faces
-
-
-def _compact(points: np.ndarray, faces: np.ndarray) -> Mesh:
-    """Leave out the points that no face uses."""
-    used, renumbered = np.unique(faces, return_inverse=True)
-    return Mesh(points[used], renumbered.reshape(-1, 3).astype(np.int64))

@@ -114,8 +114,7 @@ class ConformingSurface:
         return csr_array((weights, (rows, columns)), shape=(count, count))
 
     def _part(self, faces: IntArray) -> Mesh:
-        used, inverse = np.unique(faces, return_inverse=True)
-        return Mesh(self.vertices[used], inverse.reshape(-1, 3).astype(np.int64))
+        return Mesh(self.vertices, faces).compact()
 
 
 def faired(

@@ -191,8 +191,12 @@ class Mesh:
         piece = self._pieces()
         order = np.argsort(piece, kind="stable")
         parts = np.split(self.faces[order], np.flatnonzero(np.diff(piece[order])) + 1)
-        found = [np.unique(faces, return_inverse=True) for faces in parts if len(faces)]
-        return [Mesh(self.vertices[used], faces.reshape(-1, 3)) for used, faces in found]
+        return [Mesh(self.vertices, faces).compact() for faces in parts if len(faces)]
+
+    def compact(self) -> Mesh:
+        """Leave out the vertices that no face has."""
+        used, faces = np.unique(self.faces, return_inverse=True)
+        return Mesh(self.vertices[used], faces.reshape(-1, 3).astype(np.int64))
 
     def with_neighbours(self, faces: BoolArray) -> BoolArray:
         """Mark (F,) the faces that are marked, and all that have a vertex of one."""

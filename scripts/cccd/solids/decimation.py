@@ -101,8 +101,7 @@ def collapse_edges(mesh: Mesh, most: int, evenness: float = 1e-4, weights: Float
         net.quadrics[:] *= weights[:, None]
         net.areas[:] *= weights
     _collapse(net, most, evenness)
-    used, faces = np.unique(net.faces[net.alive], return_inverse=True)
-    return Mesh(net.points[used] * scale + middle, faces.reshape(-1, 3))
+    return Mesh(net.points * scale + middle, net.faces[net.alive].astype(np.int64)).compact()
 
 
 def collapse_apart(mesh: Mesh, most: int) -> Mesh:

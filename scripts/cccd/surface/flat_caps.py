@@ -1,4 +1,4 @@
-"""Planar caps of even triangles, where planes have cut a mesh."""
+"""Planar caps of a mesh across z: moved on along it, and filled with even triangles."""
 
 from __future__ import annotations
 
@@ -9,13 +9,39 @@ from scipy.spatial import Delaunay, cKDTree
 
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
+from cccd.surface.tessellation import SAME_POINT_MM
 
-__all__ = ["even_cap"]
+__all__ = ["even_cap", "run_on"]
 
 #: Points within a cap keep so many edges away from its rim: no side of the rim then lies in a triangle.
 _FROM_RIM = 0.75
 #: Share by which a cap's area may change.
 _SAME_AREA = 1e-6
+
+
+def run_on(mesh: Mesh, cap: float, end: float) -> Mesh:
+    """Lengthen a closed mesh straight along z from its planar cap at one height in mm to another.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> box = trimesh.creation.box()
+    >>> box = Mesh(box.vertices, box.faces)
+    >>> float(run_on(box, 0.5, 2.5).volume), float(run_on(box, -0.5, -1.5).volume)
+    (3.0, 2.0)
+    """
+    count = len(mesh.vertices)
+    flat = (np.abs(mesh.vertices[:, 2] - cap) <= SAME_POINT_MM)[mesh.faces].all(axis=1)
+    on_cap = np.unique(mesh.faces[flat])
+    raised = mesh.vertices[on_cap]
+    raised[:, 2] = end
+    above = np.zeros(count, np.int64)
+    above[on_cap] = count + np.arange(len(on_cap))
+    low = _rim(mesh.faces[flat], count)
+    high = above[low]
+    walls = [np.column_stack([low, high[:, 1]]), np.column_stack([low[:, 0], high[:, ::-1]])]
+    faces = np.concatenate([mesh.faces[~flat], above[mesh.faces[flat]], *walls])
+    return Mesh(np.concatenate([mesh.vertices, raised]), faces)
 
 
 def even_cap(mesh: Mesh, height: float, edge: float) -> Mesh:
@@ -47,8 +73,7 @@ def even_cap(mesh: Mesh, height: float, edge: float) -> Mesh:
     faces = mesh.faces[flat]
     area = _areas(mesh.vertices[:, :2], faces).sum()
     upwards = bool(area > 0)
-    sides = _sides(faces if upwards else faces[:, ::-1])
-    rim = sides[~np.isin(_keys(sides, len(mesh.vertices)), _keys(sides[:, ::-1], len(mesh.vertices)))]
+    rim = _rim(faces if upwards else faces[:, ::-1], len(mesh.vertices))
     on_rim = np.unique(rim)
     corners = np.searchsorted(on_rim, rim)
     points = mesh.vertices[on_rim, :2]
@@ -61,7 +86,7 @@ def even_cap(mesh: Mesh, height: float, edge: float) -> Mesh:
     number = np.concatenate([on_rim, len(mesh.vertices) + np.arange(len(added))])
     cap = number[triangles if upwards else triangles[:, ::-1]]
     vertices = np.concatenate([mesh.vertices, np.column_stack([added, np.full(len(added), height)])])
-    return _of_used(vertices, np.concatenate([mesh.faces[~flat], cap]))
+    return Mesh(vertices, np.concatenate([mesh.faces[~flat], cap])).compact()
 
 
 def _lattice(rim: FloatArray, edge: float) -> FloatArray:
@@ -80,7 +105,7 @@ def _inside(points: FloatArray, rim: IntArray) -> IntArray:
     triangles = np.asarray(Delaunay(points).simplices, np.int64)
     clockwise = _areas(points, triangles) < 0
     triangles[clockwise] = triangles[clockwise][:, ::-1]
-    count, owner = len(points), np.tile(np.arange(len(triangles)), 3)
+    count, owner = len(points), np.repeat(np.arange(len(triangles)), 3)
     sides = _sides(triangles)
     keys, back, wanted = _keys(sides, count), _keys(sides[:, ::-1], count), _keys(rim, count)
     if not np.isin(wanted, keys).all():
@@ -96,9 +121,15 @@ def _inside(points: FloatArray, rim: IntArray) -> IntArray:
     return triangles[np.isin(part, part[owner[np.isin(keys, wanted)]])]
 
 
+def _rim(faces: IntArray, count: int) -> IntArray:
+    """Directed sides (R, 2) of triangles of ``count`` vertices that have no other triangle beside them."""
+    sides = _sides(faces)
+    return sides[~np.isin(_keys(sides, count), _keys(sides[:, ::-1], count))]
+
+
 def _sides(faces: IntArray) -> IntArray:
-    """Directed sides (3 F, 2) of triangles, first all first ones."""
-    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    """Directed sides (3 F, 2) of triangles, one triangle's after another's."""
+    return faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
 
 
 def _keys(sides: IntArray, count: int) -> IntArray:
@@ -110,9 +141,3 @@ def _areas(points: FloatArray, triangles: IntArray) -> FloatArray:
     """Areas (T,) of triangles of plane points (P, 2), positive if counter-clockwise."""
     first, second = (points[triangles[:, n]] - points[triangles[:, 0]] for n in (1, 2))
     return (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
-
-
-def _of_used(vertices: FloatArray, faces: IntArray) -> Mesh:
-    """Mesh of those vertices that faces have."""
-    used = np.unique(faces)
-    return Mesh(vertices[used], np.searchsorted(used, faces))

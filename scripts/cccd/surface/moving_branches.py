@@ -172,9 +172,11 @@ def move_branches(
         for gap, (low, high) in enumerate(itertools.pairwise(slices)):
             for way in ways[gap]:
                 branch = _Branch.between(sections[gap], sections[gap + 1], way, slopes[gap], spacing)
+                here = branch.window.slices
                 for n in range(low + 1, high):
-                    distance = branch.united(sign * moved[n].distance, moved[n].z)
-                    moved[n] = replace(moved[n], distance=sign * distance)
+                    distance = moved[n].distance.copy()
+                    distance[here] = sign * branch.united(sign * distance[here], moved[n].z)
+                    moved[n] = replace(moved[n], distance=distance)
     return moved
 
 
@@ -395,7 +397,7 @@ class _Branch:
         return cls(window, lower, upper, way, slopes[way], (below.z, above.z))
 
     def united(self, distance: SingleArray, z: float) -> SingleArray:
-        """Distances (I, J) of a level at height ``z`` with the branch in them."""
+        """Distances of the window, on a level at height ``z``, with the branch in them."""
         gap = self.z[1] - self.z[0]
         t = (z - self.z[0]) / gap
         first, last = self.slopes
@@ -405,10 +407,8 @@ class _Branch:
         low = self.window.moved(self.lower, way.start, middle, t * way.turn)
         high = self.window.moved(self.upper, way.start + way.shift, middle, (t - 1) * way.turn)
         branch = np.float32(1 - t) * low + np.float32(t) * high
-        united = distance.copy()
-        here = united[self.window.slices]
-        here += np.float32(self.way.share) * (np.minimum(here, branch) - here)
-        return united
+        united = distance + np.float32(way.share) * (np.minimum(distance, branch) - distance)
+        return np.asarray(united, np.float32)
 
 
 @dataclass(frozen=True, eq=False)

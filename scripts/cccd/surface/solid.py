@@ -16,13 +16,13 @@ from cccd.settings.surface import BlendingSettings, LoftSettings
 from cccd.surface.blending import blend, blend_reach, blend_weights, points_on_surface, zero_surface
 from cccd.surface.booleans import between_planes, unite
 from cccd.surface.fairing import CELL_EDGES, fair, without_crossings
-from cccd.surface.flat_caps import even_cap
+from cccd.surface.flat_caps import even_cap, run_on
 from cccd.surface.offset import offset_patch
 from cccd.surface.patches import FittedTubes
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
 from cccd.surface.surface import Surface
 from cccd.surface.target import TargetDistance
-from cccd.surface.tessellation import run_on, tessellate
+from cccd.surface.tessellation import tessellate
 from cccd.surface.tubes import Tube
 from cccd.surface.union import unite_on_grid
 
@@ -164,7 +164,10 @@ def _of_volume(
         most = settings.most_offset_pixels * stack.pixel
         offset = float(np.clip(_missing_height(_cut(smooth, ends, cell), ends, stack.volume), -most, most))
     moved = Mesh(smooth.vertices + offset * smooth.vertex_normals, smooth.faces)
-    return _cut(without_crossings(moved, rough), ends, cell), offset
+    cut = _cut(without_crossings(moved, rough), ends, cell)
+    for end in ends:
+        cut = even_cap(cut, end, cell / CELL_EDGES)
+    return cut, offset
 
 
 def _cut(mesh: Mesh, ends: tuple[float, float], cell: float) -> Mesh:
@@ -174,10 +177,7 @@ def _cut(mesh: Mesh, ends: tuple[float, float], cell: float) -> Mesh:
     vertices = mesh.vertices.copy()
     for end in ends:
         vertices[np.abs(vertices[:, 2] - end) < NEXT_TO_CUT * cell, 2] = end
-    cut = between_planes(Mesh(vertices, mesh.faces), *ends)
-    for end in ends:
-        cut = even_cap(cut, end, cell / CELL_EDGES)
-    return cut
+    return between_planes(Mesh(vertices, mesh.faces), *ends)
 
 
 def _strayed(points: FloatArray, target: TargetDistance, most: float) -> FloatArray:

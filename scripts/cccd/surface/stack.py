@@ -199,7 +199,7 @@ def interpolate_slices(
             fields = _filled(fields, distance[here], outlines, step, scan_range, share)
         if annotation is None:
             fields = move_branches(fields, spacing, settings.interpolation.branches)
-        if annotation is not None:
+        else:
             fields, warnings = shape_undrawn(fields, guides, frame)
         rings = [find_rings(plane, level, spacing, outlines.of_pixels) for level, plane in enumerate(fields)]
         of_some = annotation is not None

@@ -11,7 +11,7 @@ from cccd.geometry.arrays import FloatArray, IntArray, offsets_of
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["run_on", "tessellate"]
+__all__ = ["SAME_POINT_MM", "tessellate"]
 
 #: Triangles per turn of the thinnest tube.
 FEWEST_SIDES = 8
@@ -42,33 +42,6 @@ def tessellate(patch: Patch, edge: float) -> Mesh:
     if not high:
         faces.append(_planar_cap(vertices[starts[-2] :], normal) + starts[-2])
     return Mesh(vertices, np.concatenate(faces)).outwards()
-
-
-def run_on(mesh: Mesh, cap: float, end: float) -> Mesh:
-    """Lengthen a closed mesh straight along z from its planar cap at one height in mm to another.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> box = trimesh.creation.box()
-    >>> box = Mesh(box.vertices, box.faces)
-    >>> float(run_on(box, 0.5, 2.5).volume), float(run_on(box, -0.5, -1.5).volume)
-    (3.0, 2.0)
-    """
-    level = np.abs(mesh.vertices[:, 2] - cap) <= SAME_POINT_MM
-    flat = level[mesh.faces].all(axis=1)
-    on_cap = np.unique(mesh.faces[flat])
-    raised = mesh.vertices[on_cap]
-    raised[:, 2] = end
-    above = np.zeros(len(mesh.vertices), np.int64)
-    above[on_cap] = len(mesh.vertices) + np.arange(len(on_cap))
-    sides = mesh.faces[flat][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    count = len(mesh.vertices)
-    rim = sides[~np.isin(sides @ [count, 1], sides @ [1, count])]
-    low, high = rim, above[rim]
-    walls = [np.column_stack([low, high[:, 1]]), np.column_stack([low[:, 0], high[:, ::-1]])]
-    faces = np.concatenate([mesh.faces[~flat], above[mesh.faces[flat]], *walls])
-    return Mesh(np.concatenate([mesh.vertices, raised]), faces)
 
 
 def _is_pole(patch: Patch, end: int) -> bool:

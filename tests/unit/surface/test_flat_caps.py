@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.surface.booleans import between_planes
-from cccd.surface.flat_caps import even_cap
-from cccd.surface.tessellation import run_on
+from cccd.surface.flat_caps import even_cap, run_on
 
 
 def edges_of(mesh, height):
