@@ -729,6 +729,11 @@ class LoftSettings(Section):
         "lofted from the curves' closed splines, the curves themselves, or splines through their corners",
         why="Splines carry no pixel steps into the surface; corners are the paper's way (Definition 4).",
     )
+    method: Literal["spline", "tubes"] = setting(
+        "spline",
+        "one Catmull-Clark spline fitted to the distances between slices, or tubes that are blended",
+        why="The spline is the surface that is written, measured and exported; tubes are being replaced by it.",
+    )
     corner_k: int = setting(
         7,
         "corners: longest support of the k-cosine whose sharpest points the splines go through",

@@ -23,6 +23,7 @@ from cccd.surface.stack import CONTROL_BYTES, SliceStack
 from cccd.surface.surface import Surface
 from cccd.surface.target import TargetDistance
 from cccd.surface.tessellation import tessellate
+from cccd.surface.told import volume_warnings
 from cccd.surface.tubes import Tube
 from cccd.surface.union import unite_on_grid
 
@@ -30,8 +31,6 @@ __all__ = ["Solid", "join_patches"]
 
 #: Vertices within this share of a cell of where the scan cuts the organ are moved there before it is cut.
 NEXT_TO_CUT = 0.2
-#: A volume that is off by more than this share of the slices' is told.
-TOLD_VOLUME = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +56,7 @@ class Solid:
 
     def to_world(self, frame: Frame) -> Surface:
         """Return the mesh, and the patches moved like it, in mm RAS."""
-        affine = _plane_to_world(frame, self.stack.origin)
+        affine = self.stack.plane_to_world(frame)
         up = np.array([0.0, 0.0, 1.0])
         moved = [offset_patch(patch, patch.sign * self.offset, up) for patch in self.fitted.patches()]
         patches = [
@@ -85,17 +84,9 @@ class Solid:
             "vertices": len(self.mesh.vertices),
             "triangles": len(self.mesh.faces),
             "mean_error_mm": float(np.mean([fit.error for fit in self.fitted.fits])),
-            "warnings": [*tubes.warnings, *stack.warnings, *self._of_other_volume()],
+            "warnings": [*tubes.warnings, *stack.warnings, *volume_warnings(self.mesh, stack)],
             "bodies": self.mesh.count_bodies(),
         }
-
-    def _of_other_volume(self) -> list[str]:
-        """Say where moving the surface as far as it may did not give it the slices' volume."""
-        stack = self.stack
-        share = self.mesh.volume / stack.volume
-        if stack.of_probability or stack.of_some_slices or abs(share - 1) <= TOLD_VOLUME:
-            return []
-        return [f"the surface holds {share:.0%} of its slices' volume: in places it is as thin as a voxel"]
 
 
 def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings) -> Solid:
@@ -203,13 +194,6 @@ def _missing_height(mesh: Mesh, ends: tuple[float, float], volume: float) -> flo
     on_cap = np.isin(mesh.vertices[:, 2], ends)
     wall = Mesh(mesh.vertices, mesh.faces[~on_cap[mesh.faces].all(axis=1)])
     return (volume - mesh.volume) / max(wall.area, 1e-9)
-
-
-def _plane_to_world(frame: Frame, origin: IntArray) -> FloatArray:
-    """Affine (4, 4) from the plane's mm and height in mm to mm RAS."""
-    scale = np.diag([*(1 / frame.pixel_spacing), 1 / frame.slice_spacing, 1.0])
-    scale[:2, 3] = origin
-    return frame.stack_affine @ scale
 
 
 def _transformed(points: FloatArray, affine: FloatArray) -> FloatArray:

@@ -8,11 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from cccd.containers import Annotation, ProbabilityStack
+from cccd.containers import Annotation, Frame, ProbabilityStack
 from cccd.errors import InputError
 from cccd.filling import fill_between_slices
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.settings.surface import LoftSettings
+from cccd.surface.endings import round_ends
 from cccd.surface.fields import LevelField, distance_fields, interpolated_fields
 from cccd.surface.moving_branches import move_branches
 from cccd.surface.moving_sheets import move_sheets
@@ -67,6 +68,11 @@ class Run:
     def pixel(self) -> float:
         """Edge length of a pixel in mm (the geometric mean of its two)."""
         return float(np.sqrt(self.spacing.prod()))
+
+    @property
+    def fields_of_slices(self) -> list[LevelField]:
+        """The fields of the slices themselves."""
+        return [field for field in self.fields if field.source_slice is not None]
 
     def field_inside(self, ring: Ring) -> SingleArray:
         """Signed distances in mm on a ring's level, negative inside what the ring bounds."""
@@ -128,6 +134,22 @@ class SliceStack:
     def pixel(self) -> float:
         """Edge length of a pixel in mm (the geometric mean of its two)."""
         return float(np.sqrt(self.voxel[1:].prod()))
+
+    @property
+    def cut_heights(self) -> tuple[float, float]:
+        """Heights in mm at which the scan cuts the organ below and above; infinite where it does not."""
+        first, last = self.runs[0], self.runs[-1]
+        low, high = first.fields_of_slices[0].z, last.fields_of_slices[-1].z
+        return (
+            low - first.half_step if abs(low - first.scan_range[0]) < first.half_step else -np.inf,
+            high + last.half_step if abs(high - last.scan_range[1]) < last.half_step else np.inf,
+        )
+
+    def plane_to_world(self, frame: Frame) -> FloatArray:
+        """Affine (4, 4) from the plane's mm and height in mm to mm RAS."""
+        scale = np.diag([*(1 / frame.pixel_spacing), 1 / frame.slice_spacing, 1.0])
+        scale[:2, 3] = self.origin
+        return frame.stack_affine @ scale
 
     @property
     def voxels_through(self) -> float:
@@ -197,14 +219,20 @@ def interpolate_slices(
             fields = move_sheets(fields, spacing, settings.interpolation.sheets)
         if share > 0 and np.all(np.diff(slices[here]) == every):
             fields = _filled(fields, distance[here], outlines, step, scan_range, share)
+        if settings.method == "spline":
+            cut = tuple(abs(field.z - end) < half_step for field, end in zip(fields[:: len(fields) - 1 or 1], scan_range, strict=False))
+            fields = round_ends(fields, spacing, step, (cut[0], cut[-1]), level_spacing)
         if annotation is None:
             fields = move_branches(fields, spacing, settings.interpolation.branches)
         else:
             fields, warnings = shape_undrawn(fields, guides, frame)
-        rings = [find_rings(plane, level, spacing, outlines.of_pixels) for level, plane in enumerate(fields)]
+        rings = [
+            find_rings(plane, level, spacing, outlines.of_pixels) if settings.method == "tubes" else []
+            for level, plane in enumerate(fields)
+        ]
         of_some = annotation is not None
         runs.append(Run(fields, rings, spacing, step, half_step, scan_range, of_some, guides))
-    if not any(rings for run in runs for rings in run.rings):
+    if not np.any(distance < 0):
         raise InputError(
             "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"
         )
