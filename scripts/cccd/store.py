@@ -39,6 +39,7 @@ from cccd.errors import InputError
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.subdivision import ControlMesh
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,7 +47,9 @@ if TYPE_CHECKING:
 __all__ = [
     "GraphSplit",
     "atomic_path",
+    "bodies_bytes",
     "read_annotation",
+    "read_bodies",
     "read_boundaries",
     "read_compared",
     "read_conforming",
@@ -67,11 +70,11 @@ __all__ = [
     "write_boundaries",
     "write_conforming",
     "write_contours",
+    "write_control_nets",
     "write_curves",
     "write_figures",
     "write_graphs",
     "write_json",
-    "write_patches",
     "write_structure",
     "write_table",
     "write_view",
@@ -613,13 +616,34 @@ def read_view(path: str | Path) -> View:
 # surface.h5 -----------------------------------------------------------------------------------------
 
 
-def write_patches(
-    path: str | Path, patches: Sequence[Patch], frame: Frame, report: Mapping[str, Any]
+def write_control_nets(
+    path: str | Path,
+    bodies: Sequence[ControlMesh],
+    patches: Sequence[Patch],
+    frame: Frame,
+    report: Mapping[str, Any],
 ) -> None:
-    """Write ``surface.h5``: control nets in mm RAS; ``report`` is plain JSON about the lofting."""
+    """Write ``surface.h5``: closed splines in mm RAS, or where there is none the tubes' control nets.
+
+    Parameters
+    ----------
+    path : path
+        Where.
+    bodies : sequence of ControlMesh
+        A cavity's turned inside out.
+    patches : sequence of Patch
+        Of a surface that was made of tubes.
+    frame : Frame
+        The grid of the source volume.
+    report : mapping
+        Plain JSON about the lofting.
+    """
     with _create(path) as file:
         _put_frame(file, frame)
         _put_json(file, "report", report)
+        if bodies:
+            _put_bodies(file.create_group("bodies"), bodies)
+            return
         root = file.create_group("patches")
         for number, patch in enumerate(patches):
             group = root.create_group(str(number))
@@ -631,10 +655,40 @@ def write_patches(
                 group.attrs[name] = getattr(patch, name)
 
 
-def read_patches(path: str | Path) -> list[Patch]:
-    """Read the control nets of ``surface.h5``."""
+def read_bodies(path: str | Path) -> list[ControlMesh]:
+    """Read the closed splines of ``surface.h5``; there is none where the surface was made of tubes."""
     with _open(path) as file:
-        return [_get_patch(group) for group in _numbered(file, "patches")]
+        return [] if "patches" in file else [_get_body(group) for group in _numbered(file, "bodies")]
+
+
+def read_patches(path: str | Path) -> list[Patch]:
+    """Read the tubes' control nets of ``surface.h5``; there is none where it holds closed splines."""
+    with _open(path) as file:
+        return [] if "bodies" in file else [_get_patch(group) for group in _numbered(file, "patches")]
+
+
+def bodies_bytes(bodies: Sequence[ControlMesh]) -> int:
+    """Bytes that closed splines take in ``surface.h5``, compressed: control points, quads and creases."""
+    with h5py.File(io.BytesIO(), "w") as file:
+        root = file.create_group("bodies")
+        _put_bodies(root, bodies)
+        groups = _numbered(file, "bodies")
+        return sum(int(group[name].id.get_storage_size()) for group in groups for name in group)
+
+
+def _put_bodies(root: h5py.Group, bodies: Sequence[ControlMesh]) -> None:
+    for number, body in enumerate(bodies):
+        group = root.create_group(str(number))
+        group.attrs["sign"] = body.sign
+        _put(group, "vertices", body.vertices, np.float64)
+        _put(group, "quads", body.quads, np.int32)
+        _put(group, "creases", body.creases, np.int32)
+        _put(group, "crease_sharpness", body.sharpness, np.float32)
+
+
+def _get_body(group: h5py.Group) -> ControlMesh:
+    quads, creases = (_get(group, name).astype(np.int64) for name in ("quads", "creases"))
+    return ControlMesh(_get(group, "vertices"), quads, creases, _get(group, "crease_sharpness").astype(float))
 
 
 def _get_patch(group: h5py.Group) -> Patch:

@@ -32,6 +32,9 @@ SAME_GRID_VOXELS = 0.05
 #: Spacings that differ by less than this share count as equal when the slice axis is chosen.
 SAME_SPACING = 0.05
 
+#: Coordinates of stored control points are rounded by at most this share of a pixel: zero bits pack well.
+CONTROL_POINT_PIXELS = 0.002
+
 #: Vertices of a phantom's true surface lie this near to its zero set.
 PROJECTION_MM = 1e-4
 

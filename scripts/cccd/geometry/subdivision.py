@@ -9,6 +9,7 @@ them: an edge of sharpness s is sharp for s steps of subdivision, one of `SHARP`
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -50,7 +51,7 @@ class ControlMesh:
 
     Examples
     --------
-    A cube's limit surface is closed, smooth and smaller than the cube; with all its edges sharp it is the cube.
+    A cube's limit surface is closed, smooth and smaller than the cube; with all edges sharp it is the cube.
 
     >>> corners = np.array([(x, y, z) for z in (-1.0, 1) for y in (-1.0, 1) for x in (-1.0, 1)])
     >>> sides = np.array([(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)])
@@ -75,6 +76,11 @@ class ControlMesh:
         vertices = self.vertices @ affine[:3, :3].T + affine[:3, 3]
         quads = self.quads if np.linalg.det(affine[:3, :3]) > 0 else self.quads[:, ::-1]
         return ControlMesh(vertices, np.ascontiguousarray(quads), self.creases, self.sharpness)
+
+    def rounded(self, tolerance: float) -> ControlMesh:
+        """Round coordinates to a power of two, by at most ``tolerance``: bits that are zero pack well."""
+        step = 2.0 ** math.floor(math.log2(2 * tolerance))
+        return self.moved(np.round(self.vertices / step) * step + 0.0)  # no negative zeros
 
     def subdivided(self, times: int = 1) -> ControlMesh:
         """Return the control mesh of the same surface with four times the quads, ``times`` over."""
@@ -107,6 +113,11 @@ class ControlMesh:
                 ControlMesh(self.vertices[used], quads.reshape(-1, 4), creases, self.sharpness[mine])
             )
         return found
+
+    @cached_property
+    def sign(self) -> int:
+        """+1 where the surface encloses a solid, -1 where its outer side is within: a cavity."""
+        return 1 if self.tessellate(1).volume > 0 else -1
 
     @cached_property
     def valences(self) -> IntArray:
@@ -200,7 +211,9 @@ def subdivide(quads: IntArray, creases: IntArray, sharpness: FloatArray, count: 
     )
 
 
-def _matrix(rows: IntArray, columns: IntArray, values: FloatArray | float, shape: tuple[int, int]) -> csr_array:
+def _matrix(
+    rows: IntArray, columns: IntArray, values: FloatArray | float, shape: tuple[int, int]
+) -> csr_array:
     spread = np.broadcast_to(np.asarray(values, float), rows.shape)
     return coo_array((spread.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
 
@@ -240,10 +253,10 @@ def _sharpened(
     share = np.minimum(sharp, 1.0)
     rows = np.repeat(np.arange(len(edges)), 2).reshape(-1, 2)
     middle = _matrix(rows, edges, 0.5, edge.shape)
-    edge = diags_array(1 - share) @ edge + diags_array(share) @ middle
+    sharp_edge = diags_array(1 - share) @ edge + diags_array(share) @ middle
     rule, on_crease = _crease_rule(edges, sharp, count, (6.0, 1.0))
-    vertex = diags_array(1 - on_crease) @ vertex + diags_array(on_crease) @ rule
-    return csr_array(vertex), csr_array(edge)
+    sharp_vertex = diags_array(1 - on_crease) @ vertex + diags_array(on_crease) @ rule
+    return csr_array(sharp_vertex), csr_array(sharp_edge)
 
 
 def _crease_rule(

@@ -16,7 +16,7 @@ from cccd.errors import InputError
 from cccd.extras import missing_extra
 from cccd.geometry.ply import read_ply
 from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS
-from cccd.store import atomic_path, read_patches, read_report, read_surface_frame
+from cccd.store import atomic_path, read_bodies, read_patches, read_report, read_surface_frame
 from cccd.surface.formats import Scan
 from cccd.surface.surface import Surface
 
@@ -96,11 +96,12 @@ def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) 
             raise InputError(str(path), error.problem, error.hint) from None
 
 
-def read_surface(patches_path: str | Path, mesh_path: str | Path) -> Surface:
+def read_surface(path: str | Path, mesh_path: str | Path) -> Surface:
     """Read back what the lofting wrote: ``surface.h5`` and the PLY mesh."""
     return Surface(
-        read_patches(patches_path),
+        read_patches(path),
         read_ply(mesh_path),
-        read_surface_frame(patches_path),
-        read_report(patches_path),
+        read_surface_frame(path),
+        read_report(path),
+        read_bodies(path),
     )
