@@ -15,6 +15,7 @@ sees ``snakemake``: arrays and small dataclasses go in and come out. Imports run
 __version__ = "0.2.0"
 
 __all__ = [
+    "ControlMesh",
     "Curves",
     "FittedCurves",
     "InputError",

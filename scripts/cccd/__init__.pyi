@@ -1,4 +1,5 @@
 from cccd.api import (
+    ControlMesh,
     Curves,
     FittedCurves,
     InputError,
@@ -17,6 +18,7 @@ from cccd.api import (
 __version__: str
 
 __all__ = [
+    "ControlMesh",
     "Curves",
     "FittedCurves",
     "InputError",

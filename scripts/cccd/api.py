@@ -22,6 +22,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.subdivision import ControlMesh
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, fit_and_loft, order_maps
 from cccd.settings.messages import nearest
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     import trimesh
 
 __all__ = [
+    "ControlMesh",
     "Curves",
     "FittedCurves",
     "InputError",
@@ -94,8 +96,25 @@ class Surface:
 
     @property
     def patches(self) -> list[Patch]:
-        """The control nets: the tubes before they are blended."""
+        """The tubes' control nets before blending, with ``surface.method: tubes``; else there is none."""
         return self.lofted.patches
+
+    @property
+    def bodies(self) -> list[ControlMesh]:
+        """The closed Catmull-Clark splines of which the mesh is a tessellation, a cavity's turned inside out.
+
+        With ``surface.method: tubes`` there is none.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cccd import reconstruct
+        >>> at = np.indices((16, 16, 16)) - 7.5
+        >>> (ball,) = reconstruct(np.linalg.norm(at, axis=0) <= 6).bodies
+        >>> ball.sign, bool(abs(ball.tessellate(3).volume / (4 / 3 * np.pi * 6**3) - 1) < 0.05)
+        (1, True)
+        """
+        return self.lofted.bodies
 
     @property
     def vertices(self) -> np.ndarray:

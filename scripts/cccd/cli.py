@@ -387,7 +387,7 @@ def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -
         "volume_ml": round(surface.volume / 1000, 4),
         "size_mm": [round(length, 2) for length in surface.size],
         "triangles": len(surface.faces),
-        "patches": len(surface.patches),
+        "control_points": surface.lofted.report["control_points"],
         "warnings": list(surface.warnings),
         "seconds": round(seconds, 2),
     }
@@ -568,14 +568,14 @@ def _export(given: argparse.Namespace) -> int:
     from cccd.surface.export import Scan, read_surface, write_surface
 
     folder = given.input if given.input.is_dir() else given.input.parent  # a file of it will do
-    patches, mesh = folder / "surface.h5", folder / "surface.ply"
-    for path in (patches, mesh):
+    splines, mesh = folder / "surface.h5", folder / "surface.ply"
+    for path in (splines, mesh):
         if not path.is_file():
             raise InputError(
                 str(path), "not there", "give the folder of a finished structure: results/CASE/ORGAN"
             )
     _check_outputs(given.output, mesh)
-    surface, structure = read_surface(patches, mesh), folder / "structure.h5"
+    surface, structure = read_surface(splines, mesh), folder / "structure.h5"
     drawn = read_drawn(structure) if structure.is_file() else None
     for path in given.output:
         write_surface(path, surface, Scan(folder.resolve().name, drawn=drawn))

@@ -77,7 +77,8 @@ class Structure {
       for (const key of ["distance", "curvature"]) if (this.data[`${name}_${key}`]) values[key] = this.data[`${name}_${key}`];
       scene[name] = { points: this.mm(this.data[`${name}_points`], meta.mm), faces: this.data[`${name}_faces`], values };
     }
-    if (this.data.net_points) scene.net = this.netSegments();
+    if (this.data.net_points)
+      for (const name of ["edges", "creases"]) scene[name] = this.netSegments(this.data[`net_${name}`]);
     if (this.data.curve_points) scene.curves = this.curveSegments();
     const bounds = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]], { points } = scene.surface;
     for (let n = 0; n < points.length; n++) {
@@ -87,19 +88,10 @@ class Structure {
     return { ...scene, bounds };
   }
 
-  netSegments() {
-    const points = this.mm(this.data.net_points, this.data.meta.net_mm), segments = [];
-    let first = 0;
-    const push = (a, b) => segments.push(...points.subarray(3 * a, 3 * a + 3), ...points.subarray(3 * b, 3 * b + 3));
-    for (const { nu, nv, closed_u, closed_v } of this.data.meta.patches) {
-      for (let u = 0; u < nu; u++) for (let v = 0; v < nv; v++) {
-        const here = first + u * nv + v;
-        if (u + 1 < nu || closed_u) push(here, first + ((u + 1) % nu) * nv + v);
-        if (v + 1 < nv || closed_v) push(here, first + u * nv + ((v + 1) % nv));
-      }
-      first += nu * nv;
-    }
-    return new Float32Array(segments);
+  netSegments(ends) {
+    const points = this.mm(this.data.net_points, this.data.meta.net_mm), segments = new Float32Array(3 * ends.length);
+    ends.forEach((point, n) => segments.set(points.subarray(3 * point, 3 * point + 3), 3 * n));
+    return segments;
   }
 
   curveSegments() {

@@ -58,8 +58,8 @@ void main() {
 }`;
 
 class SurfaceViewer {
-  // canvas: where to draw; scene: {surface, cubes: {points, faces, values: {name: Uint8Array}}, net, curves:
-  // Float32Array of segments (6 numbers each), bounds: [[x, y, z], [x, y, z]]}; scales: {name: [[r, g, b], ...]}
+  // canvas: where to draw; scene: {surface, cubes: {points, faces, values: {name: Uint8Array}}, edges, creases (of
+  // the control net), curves: Float32Array of segments (6 numbers each), bounds: [[x, y, z], [x, y, z]]}; scales: {name: [[r, g, b], ...]}
   constructor(canvas, scene, scales) {
     const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser offers no WebGL 2");
@@ -75,7 +75,7 @@ class SurfaceViewer {
     for (const [name, stops] of Object.entries(scales)) this.scales[name] = this.texture(stops);
     this.parts = {};
     for (const name of ["surface", "cubes"]) if (scene[name]) this.parts[name] = this.upload(scene[name]);
-    for (const name of ["net", "curves"]) if (scene[name]) this.parts[name] = this.uploadSegments(scene[name]);
+    for (const name of ["edges", "creases", "curves"]) if (scene[name]) this.parts[name] = this.uploadSegments(scene[name]);
     this.reset();
     this.listen();
     this.observer = new ResizeObserver(() => this.draw());
@@ -303,9 +303,10 @@ class SurfaceViewer {
     }
     place(this.line);
     gl.uniform2f(this.line.uniforms.size, width / 2, height / 2);
-    for (const [name, tint, pen] of [["curves", [0.10, 0.36, 0.62], 0.55], ["net", [0.0, 0.56, 0.42], 0.45]]) {
+    for (const [name, box, tint, pen] of [["curves", "curves", [0.10, 0.36, 0.62], 0.55],
+      ["edges", "net", [0.0, 0.56, 0.42], 0.45], ["creases", "net", [0.84, 0.37, 0.0], 0.6]]) {
       const part = this.parts[name];
-      if (!part || !this.shown[name]) continue;
+      if (!part || !this.shown[box]) continue;
       gl.bindVertexArray(part.array);
       gl.uniform1f(this.line.uniforms.width, pen * dots);
       // First faintly through everything, then at full strength where the line lies in front.

@@ -35,7 +35,7 @@ wildcard_constraints:
 
 
 rule loft_surface:
-    """Match the curves between slices, loft tubes, join branches, cap ends: one closed solid per body."""
+    """Loft the curves of all slices: one closed surface per body."""
     input:
         curves="results/{case}/{organ}/curves.h5",
         structure="results/{case}/{organ}/structure.h5",

@@ -19,7 +19,7 @@ from cccd.metrics import dice
 from cccd.settings.comparisons import CornerSurfaceSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
-from cccd.surface.measure import Reference, measure_agreement
+from cccd.surface.measure import Reference, control_bytes, measure_agreement
 from cccd.tracing import trace_mask
 
 __all__ = ["compare_corner_surfaces"]
@@ -115,7 +115,7 @@ def _surface_of(
         **{name: figures.get(name, np.nan) for name in ("dice_3d", "assd_mm", "volume_bias")},
         "stack_bytes": POINT_BYTES * STACK * points / slices,
         "image_bytes": GREY_BYTES * STACK * rows * columns,
-        "net_bytes": surface.report["control_bytes"],
+        "net_bytes": control_bytes(surface),
         "order_s": order_s,
         "curve_s": middle - begin,
         "surface_s": end - middle,

@@ -15,11 +15,11 @@ from cccd.containers import Curves, Structure
 from cccd.geometry.mesh import Mesh
 from cccd.settings.comparisons import IsosurfaceSettings
 from cccd.surface import Surface
-from cccd.surface.measure import Reference, measure_mesh, patches_mesh
+from cccd.surface.measure import Reference, control_bytes, measure_mesh, patches_mesh
 
 __all__ = ["NETS", "compare_isosurfaces"]
 
-#: Our surface as its control nets hold it: before its tubes are blended, and in their few bytes.
+#: A surface of tubes as its control nets hold it: before they are blended, and in their few bytes.
 NETS = "CCCD, control nets alone"
 
 
@@ -43,8 +43,9 @@ def compare_isosurfaces(
     -------
     DataFrame
         One row per method, and up to two for a tuned one (see `cccd.comparisons.tuning`): Dice, ASSD and
-        95 % Hausdorff distance in mm, volume bias, bending per area, triangles, bytes (of the mesh; of the
-        control nets for the nets alone), seconds, soundness.
+        95 % Hausdorff distance in mm, volume bias, bending per area, triangles, bytes (of the mesh; ours
+        those of its control mesh as stored, beside ``mesh_bytes``, or of tubes a second row for their control
+        nets alone), seconds, soundness.
     """
     if structure.mask is None:
         return pd.DataFrame(_own_rows(surface, partial(measure_mesh, structure=structure)))
@@ -67,9 +68,9 @@ def compare_isosurfaces(
 
 
 def _own_rows(surface: Surface, measure: Callable[[Mesh], dict[str, Any]]) -> list[dict[str, Any]]:
-    """Measure our mesh and, in their own bytes, its control nets alone."""
-    nets = measure(patches_mesh(surface)) | {"bytes": surface.report["control_bytes"]}
-    return [
-        {"method": "CCCD", "chosen": None, "setting": None, **measure(surface.mesh), "seconds": None},
-        {"method": NETS, **nets, "seconds": None},
-    ]
+    """Measure our mesh in the bytes of the splines that it is read off; of tubes, which are not it, apart."""
+    figures, kept = measure(surface.mesh), {"bytes": control_bytes(surface)}
+    ours = {"method": "CCCD", "chosen": None, "setting": None, **figures, "seconds": None}
+    if surface.bodies:
+        return [ours | kept | {"mesh_bytes": figures["bytes"]}]
+    return [ours, {"method": NETS, **measure(patches_mesh(surface)), **kept, "seconds": None}]

@@ -1,4 +1,4 @@
-"""The distances that our surface is lofted from as an isosurface: what the tubes add to them, and lose."""
+"""The distances that our surface is lofted from as an isosurface: what its splines add to them, and lose."""
 
 from __future__ import annotations
 

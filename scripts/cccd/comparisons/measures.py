@@ -9,7 +9,8 @@ __all__ = ["AS_SMOOTH", "BEST", "DISTANCES", "HEADLINES", "MEASURES", "Headline"
 
 #: For what a tuned baseline's setting was taken, as the column ``chosen`` says.
 BEST, AS_SMOOTH = "best ASSD", "as smooth as ours"
-#: The distances between our splines, learned filling included, without tubes: ours, and no baseline.
+#: The distances between our splines, learned filling included, without a surface's own splines: ours, and no
+#: baseline.
 DISTANCES = "CCCD, distances alone + windowed sinc"
 
 

@@ -658,7 +658,7 @@ ITEMS = (
         name="Section 9",
         section="paper",
         table="shapes",
-        columns=("case", "organ", "slices", "tubes", "genus", "genus_true", "volume_bias"),
+        columns=("case", "organ", "slices", "genus", "genus_true", "volume_bias"),
         tabulate="cccd.comparisons.summary.shapes",
         note=_NOTES + "shapes",
     ),
@@ -677,7 +677,8 @@ ITEMS = (
         note=_NOTES + "surfaces",
         plots=_PLOTS + "surfaces",
         captions=(
-            "Each dot is a structure. Bytes are those of the mesh; of the control nets alone, their own.",
+            "Each dot is a structure. Bytes are those of the mesh; ours, of the control mesh that it is read "
+            "off, as stored. Of a surface of tubes the control nets have a row and their own bytes.",
         ),
     ),
     Item(

@@ -138,14 +138,16 @@ def structures(cohort: Cohort) -> pd.DataFrame:
 
 
 def shapes(cohort: Cohort) -> pd.DataFrame:
-    """Tubes, genus and volume of every surface that has a truth, beside the true ones."""
-    columns = ["tubes", "joined_ends", "genus", "genus_true", "volume_ml", "volume_bias", "assd_mm"]
+    """Bodies, genus and volume of every surface that has a truth, beside the true ones."""
+    columns = ["genus", "genus_true", "volume_ml", "volume_bias", "assd_mm"]
+    parts = ["bodies", "tubes", "joined_ends"]
     return pd.DataFrame(
         [
             {
                 "case": metrics["case"],
                 "organ": metrics["organ"],
                 "slices": metrics["curves"]["slices"],
+                **{name: metrics["surface"][name] for name in parts if name in metrics["surface"]},
                 **{name: metrics["surface"].get(name) for name in columns},
             }
             for metrics in cohort.metrics

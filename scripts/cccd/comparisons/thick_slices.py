@@ -17,7 +17,7 @@ from cccd.reconstruction import reconstruct_mask
 from cccd.settings.comparisons import ThickSliceSettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface.measure import Reference, measure_mesh
+from cccd.surface.measure import Reference, control_bytes, measure_mesh
 
 __all__ = ["every_nth_slice", "thick_slice_experiment"]
 
@@ -51,7 +51,7 @@ def thick_slice_experiment(
         With a mask; without one the table is empty.
     settings : ThickSliceSettings
         The slice distances, and the tolerance and compactness that take the place of those in ``lofting``.
-        The other methods' meshes may be as large as they like, so here the control nets are held to
+        The other methods' meshes may be as large as they like, so here tubes' control nets are held to
         accuracy more than to size.
     fitting : CurveSettings
     lofting : LoftSettings
@@ -92,7 +92,7 @@ def _reconstructions(
     surface = reconstruct_mask(thick, fitting, lofting)
     seconds = time.perf_counter() - start
     ours = measure_mesh(surface.mesh, structure, reference=truth.reference, samples=SAMPLES)
-    sizes = {"seconds": seconds, "control_bytes": surface.report["control_bytes"]}
+    sizes = {"seconds": seconds, "control_bytes": control_bytes(surface)}
     yield {"method": "CCCD", "chosen": None, "setting": None, **ours, **sizes}
     for family in FAMILIES.values():
         if family.available():

@@ -11,6 +11,7 @@ import pandas as pd
 from cccd import store
 from cccd.comparisons.registry import Comparison, Item
 from cccd.containers import SliceFigure
+from cccd.report.net import ControlNet
 
 __all__ = ["Results", "StructureFiles"]
 
@@ -56,9 +57,10 @@ class StructureFiles:
         """Read the corner points and their offsets."""
         return _if_there(store.read_corners, self.folder / "curves.h5")
 
-    def patches(self):
-        """Read the control nets."""
-        return _if_there(store.read_patches, self.folder / "surface.h5")
+    def net(self) -> ControlNet | None:
+        """Read the surface's control points and the lines between them."""
+        file = self.folder / "surface.h5"
+        return ControlNet.of(store.read_bodies(file), store.read_patches(file)) if file.is_file() else None
 
     def view(self):
         """Read the small meshes and what colours them."""

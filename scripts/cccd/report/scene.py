@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline
 
 from cccd.containers import Boundaries, Curves, Frame, Splines, Structure, View
 from cccd.geometry.arrays import offsets_of
-from cccd.geometry.bsplines import Patch
+from cccd.report.net import ControlNet
 from cccd.report.payload import Grid, pack, quantise
 from cccd.report.results import StructureFiles
 
@@ -95,10 +95,10 @@ class _Piece:
 
 def build_scene(files: StructureFiles) -> Scene | None:
     """Pack what there is of one structure's files; None when there is nothing to show."""
-    structure, view, patches = files.structure(), files.view(), files.patches()
+    structure, view, net = files.structure(), files.view(), files.net()
     boundaries, curves = files.boundaries(), files.curves()
     pieces = [_pack_meshes(view)] if view is not None else []
-    pieces += [_pack_nets(patches)] if patches else []
+    pieces += [_pack_net(net)] if net is not None else []
     scene = Scene("")
     found = [part for part in (boundaries, curves) if part is not None and len(part)]
     if structure is not None and found:
@@ -161,19 +161,14 @@ def _round_up(value: float) -> float:
     return float(next(n * power for n in (1, 1.5, 2, 3, 5, 7, 10) if n * power >= value * (1 - 1e-12)))
 
 
-def _pack_nets(patches: list[Patch]) -> _Piece:
-    points = np.concatenate([patch.control_points.reshape(-1, 3) for patch in patches])
-    grid = Grid(points)
-    layout = [
-        {
-            "nu": patch.control_points.shape[0],
-            "nv": patch.control_points.shape[1],
-            "closed_u": patch.closed_u,
-            "closed_v": patch.closed_v,
-        }
-        for patch in patches
-    ]
-    return _Piece({"net_mm": grid, "patches": layout}, {"net_points": quantise(points, grid)}, {"net"})
+def _pack_net(net: ControlNet) -> _Piece:
+    grid = Grid(net.points)
+    arrays = {
+        "net_points": quantise(net.points, grid),
+        "net_edges": net.edges.astype(np.uint32),
+        "net_creases": net.creases.astype(np.uint32),
+    }
+    return _Piece({"net_mm": grid}, arrays, {"net"})
 
 
 # The slices -------------------------------------------------------------------------------------------

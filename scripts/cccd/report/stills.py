@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.collections import LineCollection
 
-from cccd.geometry.bsplines import Patch
 from cccd.report.render import VIEWS, frame_view, paint_mesh
 from cccd.report.results import StructureFiles
 from cccd.report.svg import axes, style, to_svg
 
 __all__ = ["draw_surface_still"]
 
-_NET_COLOUR = "#0072b2"
+_NET_COLOUR, _CREASE_COLOUR = "#0072b2", "#d55e00"
 
 
 def draw_surface_still(key: str, files: StructureFiles) -> str | None:
@@ -24,11 +23,12 @@ def draw_surface_still(key: str, files: StructureFiles) -> str | None:
         Id of the figure.
     files : StructureFiles
     """
-    view, patches = files.view(), files.patches()
-    if view is None or patches is None:
+    view, net = files.view(), files.net()
+    if view is None or net is None:
         return None
     surface = view.meshes["surface"]
-    panels = [("b  spline surface", surface, []), ("c  control net", surface, patches)]
+    lines = [(net.edges, _NET_COLOUR), (net.creases, _CREASE_COLOUR)]
+    panels = [("b  spline surface", surface, []), ("c  control net", surface, lines)]
     if "cubes" in view.meshes:
         panels.insert(0, ("a  marching cubes", view.meshes["cubes"], []))
     side = VIEWS[0]
@@ -36,22 +36,13 @@ def draw_surface_still(key: str, files: StructureFiles) -> str | None:
     across = np.stack([np.cross(up, side.towards), up], axis=1)  # (3, 2): world to picture
     with style():
         figure, grid = axes(3.0 * len(panels), 3.2, columns=len(panels))
-        for axis, (title, mesh, nets) in zip(np.atleast_1d(grid), panels, strict=True):
+        for axis, (title, mesh, drawn) in zip(np.atleast_1d(grid), panels, strict=True):
             centre = frame_view(axis, surface.vertices)
             paint_mesh(axis, mesh.vertices, mesh.faces, centre, side, rasterized=True)
-            lines = [(line - centre) @ across for patch in nets for line in _net_lines(patch)]
-            axis.add_collection(
-                LineCollection(lines, colors=_NET_COLOUR, linewidths=0.35, alpha=0.7, rasterized=True)
-            )
             axis.set_title(title)
+            for ends, colour in drawn:
+                segments = list((net.points[ends] - centre) @ across)
+                axis.add_collection(
+                    LineCollection(segments, colors=colour, linewidths=0.35, alpha=0.7, rasterized=True)
+                )
         return to_svg(figure, key, "Marching cubes, spline surface and control net, seen from the front")
-
-
-def _net_lines(patch: Patch) -> list[np.ndarray]:
-    """Polylines (n, 3) of a control net in world mm, both ways, closed where the patch is."""
-    points = patch.control_points
-    if patch.closed_u:
-        points = np.concatenate([points, points[:1]])
-    if patch.closed_v:
-        points = np.concatenate([points, points[:, :1]], axis=1)
-    return [*points, *points.transpose(1, 0, 2)]

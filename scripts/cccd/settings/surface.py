@@ -732,7 +732,7 @@ class LoftSettings(Section):
     method: Literal["spline", "tubes"] = setting(
         "spline",
         "one Catmull-Clark spline fitted to the distances between slices, or tubes that are blended",
-        why="The spline is the surface that is written, measured and exported; tubes are being replaced by it.",
+        why="The spline is what is written, measured and exported; it replaces the tubes.",
     )
     corner_k: int = setting(
         7,

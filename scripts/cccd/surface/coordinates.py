@@ -1,7 +1,8 @@
-"""Where on its tubes each vertex of a surface lies."""
+"""On which of its bodies, or where on its tubes, each vertex of a surface lies."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,10 +10,13 @@ from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.bsplines import Patch
+from cccd.geometry.subdivision import ControlMesh
 from cccd.surface.surface import Surface
 
-__all__ = ["TubeCoordinates", "tube_coordinates"]
+__all__ = ["TubeCoordinates", "body_numbers", "tube_coordinates"]
 
+#: Bodies are subdivided so often where points look for the nearest.
+SUBDIVIDED = 2
 #: Samples around and along each control point of a tube.
 PER_CONTROL_POINT = 4
 
@@ -24,6 +28,14 @@ class TubeCoordinates(NamedTuple):
     around: FloatArray  # (P,) 0 to 1, once around the tube
     along: FloatArray  # (P,) 0 to 1, from its lower end to its upper
     distance: FloatArray  # (P,) mm to the tube, by its samples
+
+
+def body_numbers(points: FloatArray, bodies: Sequence[ControlMesh]) -> IntArray:
+    """Which of some bodies (P,) is the nearest, by their samples, to points (P, 3) in mm RAS."""
+    samples = [body.tessellate(SUBDIVIDED).vertices for body in bodies]
+    owner = np.repeat(np.arange(len(bodies)), [len(part) for part in samples])
+    _, nearest = cKDTree(np.concatenate(samples)).query(points)
+    return owner[nearest]
 
 
 def tube_coordinates(points: FloatArray, surface: Surface) -> TubeCoordinates:

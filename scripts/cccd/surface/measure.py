@@ -12,6 +12,7 @@ from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.metrics import dice, normal_angles, surface_distances
+from cccd.store import bodies_bytes
 from cccd.surface.booleans import Nesting, unite
 from cccd.surface.surface import Surface
 from cccd.surface.tessellation import tessellate
@@ -20,6 +21,7 @@ from cccd.tolerances import VOLUME_BIAS
 __all__ = [
     "SAMPLES",
     "Reference",
+    "control_bytes",
     "mask_surface",
     "measure_agreement",
     "measure_mesh",
@@ -139,19 +141,32 @@ def volume_warnings(figures: Mapping[str, Any]) -> list[str]:
 
 
 def measure_surface(surface: Surface, structure: Structure) -> dict[str, Any]:
-    """Everything for ``metrics.json``: the mesh's figures, the patches' alone, what the lofting reported."""
+    """Everything for ``metrics.json``: the mesh's figures, what the lofting reported, the bytes kept.
+
+    Of a surface that was made of tubes their patches are measured alone as well: its mesh is blended.
+    """
     reported = {key: value for key, value in surface.report.items() if key not in _UNMEASURED}
     reference = Reference.of(structure) if _is_known(structure) else None
-    alone = measure_agreement(patches_mesh(surface), structure, reference) if reference is not None else {}
+    alone: dict[str, float] = {}
+    if surface.patches and reference is not None:
+        alone = measure_agreement(patches_mesh(surface), structure, reference)
+    kept = control_bytes(surface)
     return {
         **measure_mesh(surface.mesh, structure, reference),
         **reported,
+        "control_bytes": kept,
+        "compactness": reported["marching_cubes_bytes"] / max(kept, 1),
         **{f"patches_{key}": value for key, value in alone.items()},
     }
 
 
+def control_bytes(surface: Surface) -> int:
+    """Bytes of what a surface is read off: its splines as stored, or the control points of its tubes."""
+    return bodies_bytes(surface.bodies) if surface.bodies else surface.report["control_bytes"]
+
+
 def patches_mesh(surface: Surface) -> Mesh:
-    """Join the tessellated patches by booleans as they nest, in mm RAS: nothing is blended."""
+    """Join a surface's tessellated tubes by booleans as they nest, in mm RAS: nothing is blended."""
     edge = float(surface.frame.pixel_spacing.mean())
     places = [
         Nesting(depth, patch.sign < 0)
