@@ -25,7 +25,7 @@ UNPINNED = {
     "pytetwild",
 }
 #: Pinned and no part of the library: what runs it and what tests it.
-TOOLS = {"snakemake", "pytest", "pytest-cov", "hypothesis"}
+TOOLS = {"snakemake", "pytest", "pytest-cov", "pytest-xdist", "hypothesis"}
 #: Distributions whose module has another name.
 DISTRIBUTIONS = {
     "cv2": "opencv-contrib-python-headless",
