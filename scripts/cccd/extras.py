@@ -6,7 +6,7 @@ import importlib.util
 
 from cccd.errors import InputError
 
-__all__ = ["EXTRAS", "check_extra", "missing_extra"]
+__all__ = ["EXTRAS", "check_extra", "how_to_install", "missing_extra"]
 
 #: Modules of each extra, by what they are imported as; ``pyproject.toml`` names their distributions.
 EXTRAS: dict[str, tuple[str, ...]] = {
@@ -37,7 +37,7 @@ def missing_extra(error: ModuleNotFoundError, location: str) -> InputError:
     Examples
     --------
     >>> print(missing_extra(ModuleNotFoundError("", name="torch.nn"), "maps.nii.gz"))
-    maps.nii.gz: torch is not installed; pip install 'cccd[gnn]'
+    maps.nii.gz: torch is not installed; in CCCD's checkout: pip install '.[gnn]'
     """
     module = (error.name or str(error)).split(".")[0]
     extra = next((extra for extra, modules in EXTRAS.items() if module in modules), "all")
@@ -65,4 +65,15 @@ def check_extra(extra: str, location: str) -> None:
 
 
 def _not_installed(module: str, extra: str, location: str) -> InputError:
-    return InputError(location, f"{module} is not installed", f"pip install 'cccd[{extra}]'")
+    return InputError(location, f"{module} is not installed", how_to_install(extra))
+
+
+def how_to_install(extra: str) -> str:
+    """Say how an extra gets installed: from the checkout, as the registries have no ``cccd`` of ours.
+
+    Examples
+    --------
+    >>> how_to_install("cad")
+    "in CCCD's checkout: pip install '.[cad]'"
+    """
+    return f"in CCCD's checkout: pip install '.[{extra}]'"

@@ -186,7 +186,7 @@ def test_a_format_whose_extra_is_missing_is_refused_before_anything_is_read(
     assert main(["surface", "nowhere.nii.gz", "-o", f"liver.{suffix}"]) != 0
     said = capsys.readouterr().err.strip()
     assert said.splitlines() == [said]
-    assert f"pip install 'cccd[{extra}]'" in said
+    assert f"pip install '.[{extra}]'" in said
 
 
 def test_interrupting_leaves_nothing_half_written(here, capsys, monkeypatch):
@@ -247,7 +247,7 @@ def test_the_doctor_names_the_extra_that_is_missing():
     assert _extra("dicom", ("pydicom",)).works
     absent = _extra("none", ("no_such_module",))
     assert not absent.works
-    assert "pip install 'cccd[none]'" in absent.detail
+    assert "pip install '.[none]'" in absent.detail
 
 
 def test_help_is_there_at_once():
