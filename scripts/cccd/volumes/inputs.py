@@ -14,6 +14,7 @@ from cccd.geometry.arrays import AnyArray
 from cccd.settings.imports import LimitSettings
 from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE
+from cccd.volumes.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_values
 from cccd.volumes.grid import Volume, on_grid
 from cccd.volumes.labels import choose_labels
 from cccd.volumes.nnunet import is_nnunet, read_classes
@@ -310,6 +311,7 @@ def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyAr
     if data.dtype == bool:
         return data.astype(np.uint8), False
     if not np.issubdtype(data.dtype, np.floating):
+        refuse_grey_values(data, location)
         return data, False
     if not np.isfinite(data).all():
         raise InputError(
@@ -317,12 +319,14 @@ def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyAr
         )
     whole = np.rint(data)
     if np.abs(data - whole).max(initial=0) <= LABEL_VALUE:
-        return whole.astype(np.int32), False
+        whole = whole.astype(np.int32)
+        refuse_grey_values(whole, location)
+        return whole, False
     if data.min() < 0 or data.max() > 1:
         raise InputError(
             location,
             f"its values, {data.min():.4g} to {data.max():.4g}, are neither labels nor probabilities",
-            "give a label map, or probabilities from 0 to 1",
+            f"give a label map, or probabilities from 0 to 1; of a grey image: {HOW_TO_GIVE_AN_IMAGE}",
         )
     if labelled:
         raise InputError(location, "it holds one organ's probabilities, no labels", "leave the label out")
