@@ -9,6 +9,7 @@ import argparse
 import errno
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -37,6 +38,7 @@ examples:
   cccd surface labels.nii.gz --label 5 -o liver.stl -o liver.step
   cccd surface labels.nii.gz --all-labels       one file for each label
   cccd surface dicom_folder/ --label Liver      a series with its RTSTRUCT or SEG
+  cccd surface ct.nii.gz --threshold 150:       what is bright in an image without a mask
   cccd segment mr.nii.gz --segmenter hippocampus    labels and surface, from a scan without a mask
   cccd check labels.nii.gz                      what is in it: axes, spacing, labels, a picture
   cccd run sheet.tsv --cores 8                  a cohort, with tables and a report
@@ -54,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     cut = given.index("--") if "--" in given else len(given)
-    parsed = _parser().parse_args(given[:cut])
+    parsed = _parser().parse_args(_with_ranges_joined(given[:cut]))
     parsed.further = given[cut + 1 :]
     try:
         if parsed.further and parsed.command != "run":
@@ -74,6 +76,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(
             f"{error.filename or 'file'}: {error.strerror or error}; check the folder's rights and space"
         )
+
+
+def _with_ranges_joined(words: Sequence[str]) -> list[str]:
+    """Join ``--threshold`` and its range: argparse takes -200:0 for an option, and any file for a range."""
+    joined: list[str] = []
+    for word in words:
+        if joined and joined[-1] == "--threshold":
+            joined[-1] += f"={word}" if re.fullmatch(r"[-+.:e\d]*[\d:][-+.:e\d]*", word) else "="
+            if joined[-1] != "--threshold=":
+                continue
+        joined.append(word)
+    return joined
 
 
 def _fail(line: str, code: int = 1) -> int:
@@ -121,6 +135,11 @@ def _add_input(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--image", type=Path, help="the scan, where it lies elsewhere")
     command.add_argument(
+        "--threshold", nargs="?", const="", metavar="LOW:HIGH",
+        help="the input is an image without a mask: take the largest piece with grey values in a range (150: "
+        "or -1000:-400); without one Otsu's method chooses. It knows no organs",
+    )  # fmt: skip
+    command.add_argument(
         "--boundary", action="store_true", help="the input holds boundary maps, to be ordered by the network"
     )
     command.add_argument(
@@ -145,7 +164,7 @@ def _add_surface(commands: Any) -> None:
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
         help="where to, any number of times; the suffix chooses the format: .ply .stl .obj .vtp .gii .glb "
         ".3mf .step .msh .inp (tetrahedra) .nii.gz (label map) .dcm (RTSTRUCT); default: the input's "
-        "name with .ply, here",
+        "name with .ply (_threshold.ply), here",
     )  # fmt: skip
     surface.add_argument(
         "--all-labels",
@@ -242,7 +261,11 @@ def _add_report(commands: Any) -> None:
 
 
 def _surface(given: argparse.Namespace) -> int:
-    outputs = given.output or [Path(f"{_plain_stem(given.input)}.ply")]
+    by_threshold = given.threshold is not None
+    stem = f"{_plain_stem(given.input)}_threshold" if by_threshold else _plain_stem(given.input)
+    outputs = given.output or [Path(f"{stem}.ply")]
+    if by_threshold and given.all_labels:
+        raise InputError("--threshold", "an image without a mask has no labels", "leave --all-labels out")
     settings = _settings_of(given)
     _check_outputs(outputs, given.input, settings.surface.tetrahedra.mesher)
     made, failed = [], 0
@@ -262,6 +285,18 @@ def _plain_stem(path: Path) -> str:
     from cccd.api import name_of
 
     return name_of(path.absolute())
+
+
+def _threshold_of(given: argparse.Namespace) -> bool | tuple[float | None, float | None]:
+    """Return what `cccd.read` takes as threshold."""
+    if not given.threshold:
+        return given.threshold is not None
+    try:
+        low, high = (float(end) if end else None for end in given.threshold.split(":"))
+    except ValueError:
+        hint = "give LOW:HIGH, as 150: or -1000:-400"
+        raise InputError("--threshold", f"{given.threshold!r} is no range", hint) from None
+    return low, high
 
 
 def _settings_of(given: argparse.Namespace) -> Settings:
@@ -362,6 +397,7 @@ def _make_surface(
             image=given.image,
             boundary=given.boundary,
             annotated=given.annotated,
+            threshold=_threshold_of(given),
             settings=settings,
         )
         if not _is_compiled():
@@ -445,10 +481,17 @@ def _check(given: argparse.Namespace) -> int:
     if given.input.suffix == ".tsv":
         found = [_check_one(given, *row) for row in _rows(given.input)]
     else:
-        labels = {} if given.boundary or not given.input.exists() else cccd.labels(given.input)
+        threshold = _threshold_of(given)
+        plain = given.boundary or threshold is not False or not given.input.exists()
+        labels = {} if plain else cccd.labels(given.input)
         label = given.label or (next(iter(labels)) if len(labels) > 1 else "")
         structure = cccd.read(
-            given.input, label, image=given.image, boundary=given.boundary, annotated=given.annotated
+            given.input,
+            label,
+            image=given.image,
+            boundary=given.boundary,
+            annotated=given.annotated,
+            threshold=threshold,
         )
         found = [_check_one(given, structure, labels)]
     if given.json:
@@ -502,9 +545,8 @@ def _describe_structure(structure: Structure, labels: dict[str, str]) -> dict[st
         "contours": "drawn contours, taken as they are",
         "boundary": "boundary maps, ordered by the network",
     }
-    way = next(
-        (text for name, text in ways.items() if getattr(structure, name) is not None), "a mask, traced"
-    )
+    traced = "a region of grey values, traced" if "region" in structure.provenance else "a mask, traced"
+    way = next((text for name, text in ways.items() if getattr(structure, name) is not None), traced)
     return {
         "organ": structure.organ,
         "input": way,

@@ -163,10 +163,81 @@ def test_two_series_in_a_folder_are_refused(here, capsys):
     pytest.importorskip("pydicom")
     for name in ("first", "second"):
         SCANS["write_series"](here / "scan" / name, 100 * ball().astype(np.int16), AFFINE, uid=name)
-    assert main(["surface", "scan"]) == 1
+    assert main(["surface", "scan", "--threshold"]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert "first" in line
     assert "second" in line
+
+
+@pytest.fixture
+def scans(here):
+    """An image alone, as a series, a file of it, and NIfTI: a bright ball in air."""
+    pytest.importorskip("pydicom")
+    grey = np.where(ball(), 100, -900).astype(np.int16)
+    noise = np.random.default_rng(0).integers(-20, 20, grey.shape)
+    SCANS["write_series"](here / "scan", grey + noise, AFFINE)
+    SCANS["write_nifti"](here / "scan.nii.gz", (grey + noise).astype(np.int16), AFFINE)
+    return here
+
+
+@pytest.mark.parametrize("command", ["surface", "check"])
+@pytest.mark.parametrize("name", ["scan", "scan.nii.gz", "scan/000.dcm"])
+@pytest.mark.parametrize(
+    "label", [[], ["--label", "liver"], ["--label", "5"]], ids=["none", "name", "number"]
+)
+def test_no_organ_is_found_in_an_image_without_a_mask(scans, capsys, command, name, label):
+    before = files(scans)
+    assert main([command, name, *label]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert name.rsplit("/", 1)[-1] in line
+    assert "--threshold LOW:HIGH" in line
+    assert "--image" in line
+    assert files(scans) == before
+
+
+@pytest.mark.parametrize("name", ["scan", "scan.nii.gz"])
+@pytest.mark.parametrize("window", [[], ["0:"], ["-200:300"]], ids=str)
+def test_a_threshold_is_called_one(scans, capsys, name, window):
+    assert main(["surface", name, "--threshold", *window, "--json"]) == 0
+    (made,) = json.loads(capsys.readouterr().out)["surfaces"]
+    assert made["organ"] == "threshold"
+    assert made["files"] == ["scan_threshold.ply"]
+    assert made["volume_ml"] == pytest.approx(2.145, rel=0.05)
+    assert any("no mask; the organ is a threshold's" in warning for warning in made["warnings"])
+    assert main(["check", "--threshold", *window, name, "--json"]) == 0  # before the input as well
+    (said,) = json.loads(capsys.readouterr().out)
+    assert (said["organ"], said["picture"]) == ("threshold", "scan_threshold_check.png")
+    assert "grey values" in said["input"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["scan.nii.gz", "--threshold", "--label", "liver"], "it knows no organs"),
+        (["scan.nii.gz", "--threshold", "--image", "liver.nii.gz"], "give it the image alone"),
+        (["scan.nii.gz", "--threshold", "--all-labels"], "has no labels"),
+        (["scan", "--all-labels"], "an image without a mask"),
+        (["scan.nii.gz", "--threshold", "150"], "'150' is no range; give LOW:HIGH"),
+        (["scan.nii.gz", "--threshold", ":"], "is no range"),
+        (["scan.nii.gz", "--threshold", "200:100"], "is no range"),
+        (["scan.nii.gz", "--threshold", "3000:"], "no region between 3000"),
+    ],
+)
+def test_thresholds_that_cannot_be_meant(scans, capsys, arguments, words):
+    assert main(["surface", *arguments]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+
+
+def test_a_threshold_in_python(scans):
+    with pytest.raises(cccd.InputError, match="an image without a mask, so it has no label 'liver'"):
+        cccd.read("scan", "liver")
+    with pytest.raises(cccd.InputError, match="an image without a mask"):
+        cccd.labels("scan")
+    for threshold in (True, (0, None), (-200, 300)):
+        structure = cccd.read("scan", threshold=threshold)
+        assert structure.organ == "threshold"
+        assert structure.mask.sum() == ball().sum()
 
 
 def test_a_folder_without_rights_is_refused(here, capsys, monkeypatch):

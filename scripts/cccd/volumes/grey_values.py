@@ -7,7 +7,7 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
 
-__all__ = ["HOW_TO_GIVE_AN_IMAGE", "refuse_grey_values"]
+__all__ = ["HOW_TO_GIVE_AN_IMAGE", "image_without_mask", "refuse_grey_values"]
 
 #: The hint where an image stands in a mask's place.
 HOW_TO_GIVE_AN_IMAGE = (
@@ -17,18 +17,25 @@ HOW_TO_GIVE_AN_IMAGE = (
 
 #: A map of so many labels at most is not looked at: grey images have more values.
 _FEW_VALUES = 16
-#: A label hangs together where this share of its voxels' neighbours, at least, has it as well: a half in labels
-#: of 2 x 2 x 2 voxels that touch others, a few hundredths in a grey image, a third in one slice repeated.
+#: A label hangs together where this share of its voxels' neighbours, at least, has it as well: a half in
+#: labels of 2 x 2 x 2 voxels that touch others, a few hundredths in a grey image, a third in one slice
+#: repeated.
 _COHERENT = 0.35
-#: Of a label map's labels this share at least hangs together; real ones have 0.44 to 1, grey images 0 to 0.03.
+#: Of a label map's labels this share at least hangs together; real ones have 0.4 to 1, grey images 0 to 0.03.
 _COHERENT_VALUES = 0.2
 #: A value with fewer neighbours than this says nothing.
 _LEAST_NEIGHBOURS = 6
-#: A smooth ramp of grey has so many values at least (more than there are vertebrae, which touch in order, too),
+#: A smooth ramp of grey has so many values at least (more than there are vertebrae, which touch in order),
 #: and this share of its borders is between values that follow each other.
 _RAMP_VALUES, _RAMP_BORDERS = 64, 0.95
 #: So many voxels are looked at: a tenth to a third of a second.
 _MOST_VOXELS = 2_000_000
+
+
+def image_without_mask(location: str, label: str = "") -> InputError:
+    """Return the error of an image in which an organ, or the label of one, was looked for in vain."""
+    lacking = f", so it has no label {label!r}" if label else ""
+    return InputError(location, f"an image without a mask{lacking}", HOW_TO_GIVE_AN_IMAGE)
 
 
 def refuse_grey_values(data: AnyArray, location: str) -> None:
@@ -89,7 +96,7 @@ def _is_grey(data: AnyArray) -> bool:
 
 
 def _slices_looked_at(shape: tuple[int, ...]) -> AnyArray:
-    """Indices along the last axis, ascending: all, or pairs of neighbours spread over the volume."""
+    """Return indices along the last axis, ascending: all, or pairs of neighbours spread over the volume."""
     a, b, c = shape
     pairs = max(1, _MOST_VOXELS // (2 * a * b))
     if 2 * pairs >= c:

@@ -66,7 +66,7 @@ def find_region(
         raise InputError(
             location,
             f"{found} between {low:g} and {high:g} (grey values {image.min():g} to {image.max():g})",
-            "set import: region: window",
+            "give another range (--threshold LOW:HIGH; import: region: window)",
         )
     return (ndimage.binary_fill_holes(mask) if settings.fill_holes else mask), (low, high)
 
