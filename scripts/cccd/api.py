@@ -6,6 +6,7 @@ both are what the workflow's jobs make, to the last bit.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -33,7 +34,7 @@ from cccd.volumes import load_structure, structure_of_array
 from cccd.volumes.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
 from cccd.volumes.grey_values import image_without_mask
 from cccd.volumes.grid import check_affine, find_slice_axis
-from cccd.volumes.inputs import list_labels
+from cccd.volumes.inputs import TAKEN_TOGETHER, list_labels
 from cccd.volumes.label_maps import list_map
 from cccd.volumes.load import existing
 from cccd.volumes.readers import SUFFIXES, without_suffix
@@ -216,7 +217,8 @@ def read(
         folder with a mask per organ (TotalSegmentator). With ``threshold`` an image, or the folder of a DICOM
         series.
     label : str, int or several int
-        Value(s) of a label map, or the name of an organ, segment or ROI; by default the only one.
+        Value(s) of a label map, or the name of an organ, segment or ROI; by default the only one. Several
+        labels of a map are then one organ, with a Python warning.
     image : path, optional
         The scan, where it lies elsewhere.
     boundary : bool
@@ -266,7 +268,15 @@ def read(
         organ = "threshold"
     row = {"case": name, "organ": organ, "source": "files", "label": chosen, "location": path.name}
     row |= {"annotated": _rule(annotated), **columns}
-    return load_structure(row, path.parent, settings.import_, settings.seed)
+    return _told(load_structure(row, path.parent, settings.import_, settings.seed), 3)
+
+
+def _told(structure: Structure, level: int) -> Structure:
+    """Warn, before any work, that all labels of a map become one organ; ``level``: whose line is named."""
+    for note in structure.warnings:
+        if TAKEN_TOGETHER in note:
+            warnings.warn(note, stacklevel=level)
+    return structure
 
 
 def _with_window(settings: Settings, threshold: bool | tuple[float | None, float | None]) -> Settings:
@@ -359,6 +369,7 @@ def reconstruct(
     else:
         grid = np.eye(4) if affine is None else np.asarray(affine, float)
         structure = structure_of_array(organ, grid, settings.import_, annotated=_rule(annotated))
+        _told(structure, 4)  # one frame is the threads'
     curves, missing = find_contours(structure, settings.boundaries, settings.gnn.inference)
     level = structure.probability_stack
     annotation = structure.annotation

@@ -13,6 +13,7 @@ import re
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -382,6 +383,7 @@ def _make_surface(
     from tqdm import tqdm
 
     import cccd
+    from cccd.volumes.inputs import TAKEN_TOGETHER
 
     began = time.perf_counter()
     with tqdm(total=len(_STEPS), disable=None, leave=False, bar_format="{desc:<12}{bar:30} {elapsed}") as bar:
@@ -391,15 +393,20 @@ def _make_surface(
             bar.update(_STEPS.index(step) - bar.n)
 
         tell("reading")
-        structure = cccd.read(
-            given.input,
-            label,
-            image=given.image,
-            boundary=given.boundary,
-            annotated=given.annotated,
-            threshold=_threshold_of(given),
-            settings=settings,
-        )
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", f".*{TAKEN_TOGETHER}")  # it is said here, in one line
+            structure = cccd.read(
+                given.input,
+                label,
+                image=given.image,
+                boundary=given.boundary,
+                annotated=given.annotated,
+                threshold=_threshold_of(given),
+                settings=settings,
+            )
+        for note in structure.warnings:
+            if TAKEN_TOGETHER in note:
+                tqdm.write(f"warning: {note}", file=sys.stderr)
         if not _is_compiled():
             tqdm.write("first use: compiling, once, for about a minute ...", file=sys.stderr)
         surface = cccd.reconstruct(structure, settings=settings, progress=tell)
@@ -430,11 +437,14 @@ def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -
 
 
 def _print_surface(made: dict[str, Any]) -> None:
+    from cccd.volumes.inputs import TAKEN_TOGETHER
+
     size = " x ".join(f"{length:.1f}" for length in made["size_mm"])
     print(*made["files"], sep="\n")
     print(f"  {made['volume_ml']:.4g} ml, {size} mm, {made['triangles']} triangles, {made['seconds']:.1f} s")
     for warning in made["warnings"]:
-        print(f"  warning: {warning}")
+        if TAKEN_TOGETHER not in warning:  # that was said before
+            print(f"  warning: {warning}")
 
 
 # cccd segment ---------------------------------------------------------------------------------------

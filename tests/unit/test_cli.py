@@ -67,6 +67,40 @@ def test_every_label_a_file_in_every_format_that_was_asked_for(here, capsys):
     assert [surface["volume_ml"] for surface in made] == pytest.approx([2.145, 0.21], rel=0.1)
 
 
+def test_labels_that_become_one_organ_are_told_before_any_work_and_once(here, capsys, monkeypatch):
+    told, make = [], cccd.reconstruct
+
+    def reconstruct(*given, **more):
+        told.append(capsys.readouterr().err)
+        return make(*given, **more)
+
+    monkeypatch.setattr(cccd, "reconstruct", reconstruct)
+    assert main(["surface", "labels.nii.gz"]) == 0
+    (before,) = told
+    (line,) = (line for line in before.splitlines() if line.startswith("warning: "))
+    assert "labels.nii.gz" in line
+    assert "2 labels are taken as one organ: 5, 7;" in line
+    assert "--label NAME" in line
+    assert "--all-labels" in line
+    after = capsys.readouterr()
+    assert "taken as one organ" not in after.out + after.err
+    assert (here / "labels.ply").is_file()
+
+
+@pytest.mark.filterwarnings("error")
+def test_python_warns_of_labels_that_become_one_organ(here):
+    labels = np.asarray(nibabel.load("labels.nii.gz").dataobj)
+    words = "all 2 labels are taken as one organ: 5, 7; --label"
+    with pytest.warns(UserWarning, match=words) as told:
+        structure = cccd.read("labels.nii.gz")
+    with pytest.warns(UserWarning, match=words) as told_of_array:
+        cccd.reconstruct(labels, AFFINE)
+    assert [warning.filename for warning in (*told, *told_of_array)] == [__file__] * 2
+    cccd.reconstruct(structure)  # once is enough
+    cccd.read("labels.nii.gz", 5)
+    cccd.read("liver.nii.gz")
+
+
 def test_a_file_of_settings_reaches_all_that_follows(here, capsys):
     pytest.importorskip("OCP", reason="the extra cad is not installed")
     (here / "coarse.yaml").write_text(

@@ -21,6 +21,7 @@ from cccd.volumes.nnunet import is_nnunet, read_classes
 from cccd.volumes.readers import SUFFIXES, read_volume, without_suffix
 
 __all__ = [
+    "TAKEN_TOGETHER",
     "label_values",
     "list_labels",
     "organ_of_labels",
@@ -268,18 +269,25 @@ def organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, 
     else:
         chosen = present
         if len(present) > 1:
-            warnings = [*warnings, f"{location}: no label given, {_every(present)} taken"]
+            warnings = [*warnings, f"{location}: {TAKEN_TOGETHER} {_as_one_organ(names)}"]
     return replace(volume, data=np.isin(data, chosen), warnings=volume.warnings + warnings)
 
 
-#: More labels than these are told by their number.
+#: How the note on labels that become one organ begins: it is told before work begins.
+TAKEN_TOGETHER = "no label given, so all"
+
+#: So many labels are named in a message.
 _FEW_LABELS = 20
 
 
-def _every(labels: list[int]) -> str:
-    if len(labels) <= _FEW_LABELS:
-        return f"all of {', '.join(map(str, labels))}"
-    return f"all {len(labels)} labels from {labels[0]} to {labels[-1]} (is it a label map?)"
+def _as_one_organ(names: Mapping[int, str]) -> str:
+    """Name the labels that become one organ, and the two ways on."""
+    named = [f"{label} {name}".strip() for label, name in names.items()]
+    more = f" ... ({len(named)} in all)" if len(named) > _FEW_LABELS else ""
+    return (
+        f"{len(named)} labels are taken as one organ: {', '.join(named[:_FEW_LABELS])}{more}; --label NAME "
+        "takes one (label in Python and in a sheet), --all-labels makes each (reconstruct_labels, organ *)"
+    )
 
 
 #: What a probability at least loses over the organ's border, from a pixel to the next, where the map is but a
