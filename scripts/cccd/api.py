@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from cccd.containers import Curves, FittedCurves, Frame, Structure
 from cccd.curves import describe_curves
 from cccd.dicom_objects import dicom_modality, object_in
-from cccd.errors import InputError
+from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.polygons import RaggedPolygons
@@ -34,7 +34,7 @@ from cccd.volumes import load_structure, structure_of_array
 from cccd.volumes.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
 from cccd.volumes.grey_values import image_without_mask
 from cccd.volumes.grid import check_affine, find_slice_axis
-from cccd.volumes.inputs import TAKEN_TOGETHER, list_labels
+from cccd.volumes.inputs import list_labels
 from cccd.volumes.label_maps import list_map
 from cccd.volumes.load import existing
 from cccd.volumes.readers import SUFFIXES, without_suffix
@@ -193,8 +193,7 @@ def labels(path: str | Path) -> dict[str, str]:
     path = Path(path)
     if not path.exists():
         return {}
-    if _column_of(path) == "image":
-        raise image_without_mask(path.name)
+    refuse_image(path)
     return list_labels(object_in(path))
 
 
@@ -254,8 +253,8 @@ def read(
             problem = "a threshold stands beside a label, an image or boundary maps"
             raise InputError(path.name, problem, "give it the image alone; it knows no organs")
         settings = _with_window(settings, threshold)
-    elif wanted == "image":
-        raise image_without_mask(path.name, chosen)
+    elif not boundary:
+        refuse_image(path, chosen)
     if annotated == NONEMPTY and wanted != "mask":
         raise InputError(path.name, "annotated: nonempty needs a mask", "leave annotated out")
     columns = {"image": "", "mask": "", "boundary": "", wanted: str(path)}
@@ -277,6 +276,12 @@ def _told(structure: Structure, level: int) -> Structure:
         if TAKEN_TOGETHER in note:
             warnings.warn(note, stacklevel=level)
     return structure
+
+
+def refuse_image(path: Path, label: str = "") -> None:
+    """Refuse a DICOM image or series in which a label is looked for."""
+    if _column_of(path) == "image":
+        raise image_without_mask(path.name, label)
 
 
 def _with_window(settings: Settings, threshold: bool | tuple[float | None, float | None]) -> Settings:
@@ -427,8 +432,7 @@ def reconstruct_labels(
     """
     tell = progress or (lambda step: None)
     source = existing(Path(path), "mask")
-    if _column_of(source) == "image":
-        raise image_without_mask(source.name)
+    refuse_image(source)
     failures: list[str] = []
     structures: dict[int, Structure] = {}
     surfaces: dict[int, Surface] = {}

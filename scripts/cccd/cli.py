@@ -18,13 +18,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cccd.errors import InputError
+from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import missing_extra
 
 if TYPE_CHECKING:
     from cccd.api import Surface
     from cccd.containers import Structure
+    from cccd.label_survey import SurveyedLabel
     from cccd.settings.root import Settings
+    from cccd.volumes.regions import DrawnLabels
 
 __all__ = ["main"]
 
@@ -62,7 +64,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if parsed.further and parsed.command != "run":
             raise InputError("--", "only cccd run hands arguments on to Snakemake", "leave them out")
-        return parsed.run(parsed)
+        with warnings.catch_warnings():  # of Python; commands say it themselves, in one line
+            warnings.filterwarnings("ignore", f".*{TAKEN_TOGETHER}")
+            return parsed.run(parsed)
     except InputError as error:
         return _fail(str(error))
     except ModuleNotFoundError as error:
@@ -383,7 +387,6 @@ def _make_surface(
     from tqdm import tqdm
 
     import cccd
-    from cccd.volumes.inputs import TAKEN_TOGETHER
 
     began = time.perf_counter()
     with tqdm(total=len(_STEPS), disable=None, leave=False, bar_format="{desc:<12}{bar:30} {elapsed}") as bar:
@@ -393,17 +396,15 @@ def _make_surface(
             bar.update(_STEPS.index(step) - bar.n)
 
         tell("reading")
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", f".*{TAKEN_TOGETHER}")  # it is said here, in one line
-            structure = cccd.read(
-                given.input,
-                label,
-                image=given.image,
-                boundary=given.boundary,
-                annotated=given.annotated,
-                threshold=_threshold_of(given),
-                settings=settings,
-            )
+        structure = cccd.read(
+            given.input,
+            label,
+            image=given.image,
+            boundary=given.boundary,
+            annotated=given.annotated,
+            threshold=_threshold_of(given),
+            settings=settings,
+        )
         for note in structure.warnings:
             if TAKEN_TOGETHER in note:
                 tqdm.write(f"warning: {note}", file=sys.stderr)
@@ -437,8 +438,6 @@ def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -
 
 
 def _print_surface(made: dict[str, Any]) -> None:
-    from cccd.volumes.inputs import TAKEN_TOGETHER
-
     size = " x ".join(f"{length:.1f}" for length in made["size_mm"])
     print(*made["files"], sep="\n")
     print(f"  {made['volume_ml']:.4g} ml, {size} mm, {made['triangles']} triangles, {made['seconds']:.1f} s")
@@ -487,29 +486,31 @@ def _segment(given: argparse.Namespace) -> int:
 
 def _check(given: argparse.Namespace) -> int:
     import cccd
+    from cccd.label_survey import measure_labels, survey_labels
 
+    threshold = _threshold_of(given)
     if given.input.suffix == ".tsv":
-        found = [_check_one(given, *row) for row in _rows(given.input)]
-    else:
-        threshold = _threshold_of(given)
-        plain = given.boundary or threshold is not False or not given.input.exists()
-        labels = {} if plain else cccd.labels(given.input)
-        label = given.label or (next(iter(labels)) if len(labels) > 1 else "")
+        found = [_check_one(given, structure) for structure in _rows(given.input)]
+    elif given.label or given.boundary or threshold is not False or not given.input.exists():
         structure = cccd.read(
             given.input,
-            label,
+            given.label,
             image=given.image,
             boundary=given.boundary,
             annotated=given.annotated,
             threshold=threshold,
         )
-        found = [_check_one(given, structure, labels)]
+        plain = given.boundary or threshold is not False
+        listed = [] if plain else [label for label, _ in measure_labels(given.input)]
+        found = [_check_one(given, structure, listed)]
+    else:
+        found = [_check_one(given, *survey_labels(given.input, given.image, given.annotated))]
     if given.json:
         print(json.dumps(found, indent=2))
     return 0
 
 
-def _rows(sheet: Path) -> list[tuple[Structure, dict[str, str]]]:
+def _rows(sheet: Path) -> list[Structure]:
     """Every structure of a cohort sheet."""
     from cccd.cohort import read_cohort
     from cccd.settings.root import Settings
@@ -517,10 +518,15 @@ def _rows(sheet: Path) -> list[tuple[Structure, dict[str, str]]]:
 
     settings = Settings()
     rows = read_cohort(sheet)
-    return [(load_structure(row, sheet.parent, settings.import_, settings.seed), {}) for row in rows]
+    return [load_structure(row, sheet.parent, settings.import_, settings.seed) for row in rows]
 
 
-def _check_one(given: argparse.Namespace, structure: Structure, labels: dict[str, str]) -> dict[str, Any]:
+def _check_one(
+    given: argparse.Namespace,
+    structure: Structure,
+    labels: Sequence[SurveyedLabel] = (),
+    drawn: DrawnLabels | None = None,
+) -> dict[str, Any]:
     """Say what a structure was understood to be, and draw it."""
     from cccd.store import atomic_path
     from cccd.volumes.regions import draw_region
@@ -528,14 +534,18 @@ def _check_one(given: argparse.Namespace, structure: Structure, labels: dict[str
     name = structure.organ if structure.organ == structure.case else f"{structure.case}_{structure.organ}"
     picture = given.output or Path(f"{name}_check.png")
     _check_writable(picture)
-    said = _describe_structure(structure, labels)
+    said = _describe_structure(structure, drawn)
     if not given.json:
-        for key, value in said.items():
-            for line in value if isinstance(value, list) else [value]:
+        for key, value in {**said, "labels": labels}.items():
+            for line in [value] if isinstance(value, str) else value:
                 print(f"{key + ':':<10} {line}")
+    said["labels"] = [
+        {"label": label.label, "name": label.name, "volume_ml": label.volume_ml, "note": label.note}
+        for label in labels
+    ]
     try:
         with atomic_path(picture) as temporary:
-            draw_region(structure, temporary)
+            draw_region(structure, temporary, drawn)
     except ModuleNotFoundError as error:
         print(missing_extra(error, "no picture"), file=sys.stderr)
         return said
@@ -544,7 +554,7 @@ def _check_one(given: argparse.Namespace, structure: Structure, labels: dict[str
     return {**said, "picture": str(picture)}
 
 
-def _describe_structure(structure: Structure, labels: dict[str, str]) -> dict[str, Any]:
+def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict[str, Any]:
     from nibabel.orientations import aff2axcodes
 
     frame = structure.frame
@@ -557,13 +567,15 @@ def _describe_structure(structure: Structure, labels: dict[str, str]) -> dict[st
     }
     traced = "a region of grey values, traced" if "region" in structure.provenance else "a mask, traced"
     way = next((text for name, text in ways.items() if getattr(structure, name) is not None), traced)
+    if drawn is not None:
+        way = way.replace("a mask", "masks")
+        way += f"; {len(drawn.captions)} labels: --label NAME takes one, --all-labels makes each"
     return {
         "organ": structure.organ,
         "input": way,
         "grid": f"{shape} voxels of {spacing} mm",
         "axes": f"index axes run towards {', '.join(axes)}: {', '.join(_TOWARDS[axis] for axis in axes)}",
         "slices": f"{_slices(structure)} with organ, along {along}, {frame.slice_spacing:.4g} mm apart",
-        "labels": ", ".join(f"{label} {name}".strip() for label, name in labels.items()) or "one",
         "warnings": list(structure.warnings),
     }
 

@@ -10,10 +10,12 @@ from pathlib import Path
 import nibabel
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 import cccd
 from cccd.cli import main
 from cccd.doctor import _extra
+from cccd.volumes.label_maps import colour_of
 
 ROOT = Path(__file__).parents[2]
 SCANS = runpy.run_path(str(Path(__file__).parent / "volumes" / "scans.py"))
@@ -142,8 +144,68 @@ def test_check_says_axes_labels_and_cut_ends(here, capsys):
     assert said["grid"] == "24 x 24 x 13 voxels of 1 x 1 x 2.5 mm"
     assert "R, A, S" in said["axes"]
     assert any("first slice" in warning for warning in said["warnings"])
-    assert main(["check", "labels.nii.gz"]) == 0
-    assert "labels:    5, 7" in capsys.readouterr().out
+
+
+def test_check_lists_and_draws_every_label(here, capsys):
+    labels = np.asarray(nibabel.load("labels.nii.gz").dataobj).astype(np.int16)
+    labels[20, 20, 10] = 1000
+    for name, side in {"right": 1.0, "left": -1.0}.items():  # towards which the first axis runs
+        affine = np.diag([side, 1.0, 2.5, 1.0])
+        nibabel.save(nibabel.Nifti1Image(labels, affine), f"{name}.nii.gz")
+    (here / "dataset.json").write_text('{"labels": {"background": 0, "liver": 5, "kidney": 7}}')
+    assert main(["check", "right.nii.gz"]) == 0
+    said = capsys.readouterr()
+    lines = ["5 liver, 2.09 ml", "7 kidney, 0.21 ml"]
+    lines += ["1000, 0.0025 ml (a single voxel: too little for a surface)"]
+    assert [line.split(maxsplit=1)[1] for line in said.out.splitlines() if line[:7] == "labels:"] == lines
+    assert "--all-labels" in said.out
+    assert not said.err
+    assert main(["check", "left.nii.gz", "--json"]) == 0
+    (said,) = json.loads(capsys.readouterr().out)
+    found = [(label["label"], label["name"], label["volume_ml"]) for label in said["labels"]]
+    volumes = [2.5e-3 * np.count_nonzero(labels == value) for value in (5, 7, 1000)]
+    assert [label[:2] for label in found] == [("5", "liver"), ("7", "kidney"), ("1000", "")]
+    assert [label[2] for label in found] == pytest.approx(volumes)
+    for name, kidney_is in {"right": 1, "left": -1}.items():  # on a radiologist's picture
+        picture = (255 * imread(f"{name}_check.png")[..., :3]).round().astype(int)
+        legend = picture.shape[1] * 0.7
+        middle = {}
+        for number in (1, 2, 3):
+            colour = [int(colour_of(number)[at : at + 2], 16) for at in (1, 3, 5)]
+            column = np.flatnonzero((abs(picture - colour) <= 2).all(axis=-1).any(axis=0))
+            assert (column > legend).any()
+            if number < 3:  # the single voxel lies on none of the slices
+                middle[number] = np.median(column[column < picture.shape[1] // 4])
+        assert (middle[2] - middle[1]) * kidney_is > 0
+
+
+def test_check_of_one_label_or_one_of_many_draws_its_outline(here, capsys):
+    assert main(["check", "liver.nii.gz", "--json"]) == 0
+    (one,) = json.loads(capsys.readouterr().out)
+    assert main(["check", "labels.nii.gz", "--label", "7", "-o", "7.png", "--json"]) == 0
+    (chosen,) = json.loads(capsys.readouterr().out)
+    assert [label["label"] for label in one["labels"]] == ["1"]
+    assert [label["label"] for label in chosen["labels"]] == ["5", "7"]
+    assert chosen["slices"].startswith("7 with organ")
+    assert {"liver_check.png", "7.png"} <= files(here)
+
+
+def test_check_of_drawn_regions_and_of_a_folder_of_masks(here, capsys):
+    pytest.importorskip("pydicom")
+    rois = {"Liver": ball(), "Vessel": ball(radius=3), "Point": ball(radius=1)}
+    (here / "drawn").mkdir()
+    drawn = {name: SCANS["outlines"](mask, AFFINE) for name, mask in rois.items()}
+    SCANS["write_structure_set"](here / "drawn" / "rt", drawn)
+    (here / "masks").mkdir()
+    for name, mask in rois.items():
+        nibabel.save(nibabel.Nifti1Image(mask.astype(np.uint8), AFFINE), here / "masks" / f"{name}.nii.gz")
+    for folder, first in (("drawn", "1"), ("masks", "Liver")):
+        assert main(["check", folder, "--json"]) == 0
+        (said,) = json.loads(capsys.readouterr().out)
+        assert {label["name"] for label in said["labels"]} == set(rois)
+        assert said["labels"][0]["label"] == first
+        assert said["labels"][0]["volume_ml"] == pytest.approx(2.145, rel=0.1)
+        assert [label["name"] for label in said["labels"] if label["note"]] == ["Point"]
 
 
 WRONG = {

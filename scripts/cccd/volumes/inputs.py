@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cccd.dicom_objects import dicom_modality
-from cccd.errors import InputError
+from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.geometry.arrays import AnyArray
 from cccd.settings.imports import LimitSettings
 from cccd.settings.messages import choices, nearest
@@ -21,7 +21,6 @@ from cccd.volumes.nnunet import is_nnunet, read_classes
 from cccd.volumes.readers import SUFFIXES, read_volume, without_suffix
 
 __all__ = [
-    "TAKEN_TOGETHER",
     "label_values",
     "list_labels",
     "organ_of_labels",
@@ -178,19 +177,19 @@ def list_labels(path: Path) -> dict[str, str]:
         return {str(number): name for number, name in sorted(names.items())}
     if is_nnunet(path):
         return read_classes(path).present()
-    data, named = _label_map(path)
-    present = [int(value) for value in np.unique(data) if value > 0]
-    return {str(value): named.get(value, "") for value in present}
+    labels = _label_map(path)
+    present = [int(value) for value in np.unique(labels.data) if value > 0]
+    return {str(value): labels.names.get(value, "") for value in present}
 
 
-def label_values(path: Path) -> tuple[AnyArray, Mapping[int, str]] | None:
-    """Values of a label map's voxels, and their names where it holds some; None where it is no one volume."""
+def label_values(path: Path) -> Volume | None:
+    """Read a label map's values, whole numbers, and their names; None where it is no one volume."""
     return None if path.is_dir() or is_nnunet(path) or _is_dicom(path) else _label_map(path)
 
 
-def _label_map(path: Path) -> tuple[AnyArray, Mapping[int, str]]:
+def _label_map(path: Path) -> Volume:
     volume = read_volume(path)
-    return _whole_numbers(volume.data, volume.location, labelled=False)[0], volume.names
+    return replace(volume, data=_whole_numbers(volume.data, volume.location, labelled=False)[0])
 
 
 def _mask_files(folder: Path) -> dict[str, Path]:
@@ -199,8 +198,8 @@ def _mask_files(folder: Path) -> dict[str, Path]:
     return {name: file for name, file in named if name is not None}
 
 
-def read_masks(folder: Path) -> Iterator[tuple[str, AnyArray]]:
-    """Read the masks of a folder one after another: names and voxels, empty masks left out.
+def read_masks(folder: Path) -> Iterator[tuple[str, Volume]]:
+    """Read the masks of a folder one after another: names and boolean volumes, empty masks left out.
 
     TotalSegmentator writes a mask for every organ that it knows; of those that are not there it is empty.
 
@@ -211,10 +210,11 @@ def read_masks(folder: Path) -> Iterator[tuple[str, AnyArray]]:
     """
     files, found = _mask_files(folder), 0
     for name, file in files.items():
-        inside = _label_map(file)[0] > 0
-        if inside.any():
+        labels = _label_map(file)
+        mask = replace(labels, data=labels.data > 0)
+        if mask.data.any():
             found += 1
-            yield name, inside
+            yield name, mask
     if not found:
         what = "every mask in this folder is empty" if files else "no masks in this folder"
         raise InputError(folder.name, what, "give a label volume, or a folder of masks")
@@ -272,9 +272,6 @@ def organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, 
             warnings = [*warnings, f"{location}: {TAKEN_TOGETHER} {_as_one_organ(names)}"]
     return replace(volume, data=np.isin(data, chosen), warnings=volume.warnings + warnings)
 
-
-#: How the note on labels that become one organ begins: it is told before work begins.
-TAKEN_TOGETHER = "no label given, so all"
 
 #: So many labels are named in a message.
 _FEW_LABELS = 20
