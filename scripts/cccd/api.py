@@ -6,6 +6,7 @@ both are what the workflow's jobs make, to the last bit.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from cccd.containers import Curves, FittedCurves, Frame, Structure
 from cccd.curves import describe_curves
 from cccd.dicom_objects import dicom_modality, object_in
-from cccd.errors import InputError
+from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.polygons import RaggedPolygons
@@ -31,6 +32,7 @@ from cccd.surface.export import Scan, write_surface
 from cccd.surface.surface import Surface as LoftedSurface
 from cccd.volumes import load_structure, structure_of_array
 from cccd.volumes.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
+from cccd.volumes.grey_values import image_without_mask
 from cccd.volumes.grid import check_affine, find_slice_axis
 from cccd.volumes.inputs import list_labels
 from cccd.volumes.label_maps import list_map
@@ -58,6 +60,9 @@ __all__ = [
 ]
 
 _DEFAULTS = Settings()
+
+#: DICOM modalities that are no images.
+_OBJECTS = ("SEG", "RTSTRUCT", "RTPLAN", "RTDOSE")
 
 #: Sums round by how many threads share them: one thread, as a job of the workflow has, gives its very bits.
 _one_thread = threadpool_limits.wrap(limits=1)
@@ -186,7 +191,10 @@ def labels(path: str | Path) -> dict[str, str]:
         What `read` takes as ``label``, and its name where the file holds one.
     """
     path = Path(path)
-    return list_labels(object_in(path)) if path.exists() else {}
+    if not path.exists():
+        return {}
+    refuse_image(path)
+    return list_labels(object_in(path))
 
 
 def read(
@@ -196,6 +204,7 @@ def read(
     image: str | Path | None = None,
     boundary: bool = False,
     annotated: str = AUTO,
+    threshold: bool | tuple[float | None, float | None] = False,
     settings: Settings = _DEFAULTS,
 ) -> Structure:
     """Read one organ from a file or folder.
@@ -203,11 +212,12 @@ def read(
     Parameters
     ----------
     path : path
-        A mask or label map (NIfTI, NRRD, MHA), a DICOM SEG or RTSTRUCT, a folder with one of these, a folder
-        with a mask per organ (TotalSegmentator), or a folder of a DICOM series, in which a threshold finds
-        the organ.
+        A mask or label map (NIfTI, NRRD, MHA), a DICOM SEG or RTSTRUCT, a folder with one of these, or a
+        folder with a mask per organ (TotalSegmentator). With ``threshold`` an image, or the folder of a DICOM
+        series.
     label : str, int or several int
-        Value(s) of a label map, or the name of an organ, segment or ROI; by default the only one.
+        Value(s) of a label map, or the name of an organ, segment or ROI; by default the only one. Several
+        labels of a map are then one organ, with a Python warning.
     image : path, optional
         The scan, where it lies elsewhere.
     boundary : bool
@@ -215,6 +225,10 @@ def read(
     annotated : {"auto", "nonempty", "every slice"}
         Which slices of the mask were drawn: those that are not empty, or all. ``auto`` goes by the gaps: what
         lies between drawn slices is filled where at least two empty ones lie between any two of them.
+    threshold : bool or (float or None, float or None)
+        Take from an image without a mask the largest piece whose grey values lie from ``low`` to ``high``,
+        None standing for no bound; True takes the range of ``import.region``, by default found by Otsu's
+        method. It knows no organs: the structure is called ``threshold``.
     settings : Settings
         Section ``import`` says how it is read.
 
@@ -226,13 +240,21 @@ def read(
     Raises
     ------
     InputError
-        Not there, not readable, empty, or without such a label: one line with a hint.
+        Not there, not readable, empty, without such a label, or an image without a mask: one line with a
+        hint.
     """
     path = Path(path).absolute()
     existing(path, path.name)
     name = name_of(path)
     chosen = str(label) if isinstance(label, (str, int)) else ",".join(str(value) for value in label)
-    wanted = "boundary" if boundary else _column_of(path)
+    wanted = "boundary" if boundary else "image" if threshold is not False else _column_of(path)
+    if threshold is not False:
+        if chosen or image is not None or boundary:
+            problem = "a threshold stands beside a label, an image or boundary maps"
+            raise InputError(path.name, problem, "give it the image alone; it knows no organs")
+        settings = _with_window(settings, threshold)
+    elif not boundary:
+        refuse_image(path, chosen)
     if annotated == NONEMPTY and wanted != "mask":
         raise InputError(path.name, "annotated: nonempty needs a mask", "leave annotated out")
     columns = {"image": "", "mask": "", "boundary": "", wanted: str(path)}
@@ -241,9 +263,37 @@ def read(
     if image is not None:
         columns["image"] = str(Path(image).absolute())
     organ = chosen if chosen and not chosen.replace(",", "").isdecimal() else name
+    if threshold is not False:
+        organ = "threshold"
     row = {"case": name, "organ": organ, "source": "files", "label": chosen, "location": path.name}
     row |= {"annotated": _rule(annotated), **columns}
-    return load_structure(row, path.parent, settings.import_, settings.seed)
+    return _told(load_structure(row, path.parent, settings.import_, settings.seed), 3)
+
+
+def _told(structure: Structure, level: int) -> Structure:
+    """Warn, before any work, that all labels of a map become one organ; ``level``: whose line is named."""
+    for note in structure.warnings:
+        if TAKEN_TOGETHER in note:
+            warnings.warn(note, stacklevel=level)
+    return structure
+
+
+def refuse_image(path: Path, label: str = "") -> None:
+    """Refuse a DICOM image or series in which a label is looked for."""
+    if _column_of(path) == "image":
+        raise image_without_mask(path.name, label)
+
+
+def _with_window(settings: Settings, threshold: bool | tuple[float | None, float | None]) -> Settings:
+    """Return settings whose threshold is this range of grey values."""
+    if isinstance(threshold, bool):
+        return settings
+    low, high = threshold
+    if (low is None and high is None) or (low is not None and high is not None and low >= high):
+        raise InputError("threshold", f"{threshold} is no range", "give (low, high), None for no bound")
+    region = settings.import_.region.model_copy(update={"window": (low, high)})
+    reading = settings.import_.model_copy(update={"region": region})
+    return settings.model_copy(update={"import_": reading})
 
 
 def name_of(path: Path) -> str:
@@ -257,18 +307,20 @@ def name_of(path: Path) -> str:
 def _column_of(path: Path) -> str:
     """Which column of the cohort sheet a path would stand in: ``mask``, or ``image`` for a series alone."""
     if not path.is_dir():
-        return "mask"
+        return "image" if dicom_modality(path) not in (None, "", *_OBJECTS) else "mask"
     files = [file for file in path.rglob("*") if file.is_file()]
     if not files:
         raise InputError(path.name, "there is no file in this folder", "give a mask or a DICOM folder")
     masks = any(file.name.lower().endswith(SUFFIXES) for file in path.iterdir())
-    return "mask" if masks or object_in(path) != path else "image"
+    if masks or object_in(path) != path or all(dicom_modality(file) is None for file in files):
+        return "mask"
+    return "image"
 
 
 def _holds_images(folder: Path) -> bool:
     """Whether a folder holds DICOM images beside a segmentation."""
     kinds = {dicom_modality(file) for file in folder.iterdir() if file.is_file()}
-    return bool(kinds - {None, "", "SEG", "RTSTRUCT", "RTPLAN", "RTDOSE"})
+    return bool(kinds - {None, "", *_OBJECTS})
 
 
 @_one_thread
@@ -322,6 +374,7 @@ def reconstruct(
     else:
         grid = np.eye(4) if affine is None else np.asarray(affine, float)
         structure = structure_of_array(organ, grid, settings.import_, annotated=_rule(annotated))
+        _told(structure, 4)  # one frame is the threads'
     curves, missing = find_contours(structure, settings.boundaries, settings.gnn.inference)
     level = structure.probability_stack
     annotation = structure.annotation
@@ -379,6 +432,7 @@ def reconstruct_labels(
     """
     tell = progress or (lambda step: None)
     source = existing(Path(path), "mask")
+    refuse_image(source)
     failures: list[str] = []
     structures: dict[int, Structure] = {}
     surfaces: dict[int, Surface] = {}
