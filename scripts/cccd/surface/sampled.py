@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.sparse import csr_array
 
-from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
+from cccd.geometry.arrays import FloatArray, SingleArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.surface.stack import SliceStack
@@ -38,8 +38,6 @@ class SampledDistance:
         Heights of the levels in mm, ascending.
     spacing : (2,) float64
         mm per pixel along i and j.
-    slices : (S,) float64
-        Heights of the slices themselves.
     ends : (float, float)
         Heights at which the scan cuts the organ below and above; infinite where it does not.
     """
@@ -47,7 +45,6 @@ class SampledDistance:
     values: SingleArray
     z: FloatArray
     spacing: FloatArray
-    slices: FloatArray
     ends: tuple[float, float]
 
     @classmethod
@@ -63,8 +60,7 @@ class SampledDistance:
             pixels = np.indices(shape).reshape(2, -1).T * spacing
             planes = [target(np.column_stack([pixels, np.full(len(pixels), h)]))[0].reshape(shape) for h in z]
             values = np.stack(planes).astype(np.float32)
-        slices = np.array([field.z for run in stack.runs for field in run.fields if field.source_slice is not None])
-        return cls(values, z, spacing, slices, stack.cut_heights)
+        return cls(values, z, spacing, stack.cut_heights)
 
     @property
     def pixel(self) -> float:
@@ -88,13 +84,6 @@ class SampledDistance:
         """How fast (P,) distances grow at points (P, 3) along unit vectors (P, 3)."""
         step = SLOPE_PIXELS * self.pixel * directions
         return (self(points + step) - self(points - step)) / (2 * SLOPE_PIXELS * self.pixel)
-
-    def from_slice(self, heights: FloatArray) -> FloatArray:
-        """Distance (P,) in mm of heights from the nearest slice."""
-        after: IntArray = np.searchsorted(self.slices, heights)
-        below = self.slices[np.maximum(after - 1, 0)]
-        above = self.slices[np.minimum(after, len(self.slices) - 1)]
-        return np.minimum(np.abs(heights - below), np.abs(above - heights))
 
     def zero_surface(self) -> Mesh:
         """Mesh the surface at distance zero: closed, oriented outwards, not cut where the scan ends.

@@ -28,19 +28,15 @@ STIFF_PIXELS = 1.25
 #: never below that of so many pixels.
 DETAIL_PIXELS, SOFTEST_PIXELS = 0.05, 0.2
 #: Rounds: each is one linear system; after these control points move by less than a hundredth of a pixel.
-ROUNDS = 5
-#: Weight of what lies between slices beside what lies on them: it is interpolated, not seen.
-BETWEEN = 0.05
-#: Cosines to the slice axis between which a surface is taken for one that faces it, where slices see little.
-FACING = (0.5, 0.9)
+ROUNDS = 8
 #: Distances that grow by less than this per mm are of no use; from the second on they count fully.
 STEEP = (0.3, 0.8)
 #: In one round a control point moves at most by this share of its shortest edge ...
-MOST_STEP = 0.4
+MOST_STEP = 0.2
 #: ... is held where it is by this share of the data's weight ...
 DAMPING = 0.05
 #: ... and goes by this share towards its neighbours' mean along the surface: quads stay even.
-EVENING = 0.2
+EVENING = 0.5
 #: The surface is moved at most by so many pixels to hold the slices' volume.
 MOST_OFFSET = 0.5
 #: Cotangents are kept between these: needles would weigh too much.
@@ -114,13 +110,18 @@ class SplineFit:
         """The limit surface at its samples."""
         return Mesh(self.sampling @ self.points, self.triangles)
 
+    def strays(self, pixels: float) -> BoolArray:
+        """Which triangles (T,) of the samples have one that lies off the distances' zero by so many pixels."""
+        off = np.abs(self.distance(self.sampling @ self.points)) > pixels * self.distance.pixel
+        return np.any((off & ~self.caps.inner)[self.triangles], axis=1)
+
     def step(self) -> None:
         """Move the control points by one linear system."""
         samples = self.sampling @ self.points
         normals = self._normals(samples)
         along = normals[: self.count]
         value, slope = self.distance(samples), self.distance.slopes(samples, normals)
-        weight = self._weights(samples, normals, slope)
+        weight = self._weights(slope)
         seen = _scaled(self.sampling, normals, along)
         self._soften(value, weight)
         plate = csr_array(self.bending.T @ (diags_array(self.stiffness / self.mass) @ self.bending))
@@ -157,13 +158,10 @@ class SplineFit:
         normals[self.caps.inner] = 0
         return normals
 
-    def _weights(self, samples: FloatArray, normals: FloatArray, slope: FloatArray) -> FloatArray:
-        """Weights (P,) of the distances: by area, less between slices and where distances hardly change."""
-        half = self.distance.level_step / 2
-        near = np.clip(1.5 - self.distance.from_slice(samples[:, 2]) / half, 0, 1)
-        facing = np.clip((np.abs(normals[:, 2]) - FACING[0]) / (FACING[1] - FACING[0]), 0, 1)
+    def _weights(self, slope: FloatArray) -> FloatArray:
+        """Weights (P,) of the distances: by area, less where distances hardly change."""
         steep = np.where(slope > 0, np.clip(slope / STEEP[1], 0.01, 1) ** 2, 0)
-        return self.mass * steep * np.maximum(np.maximum(near, BETWEEN), facing) * ~self.caps.inner
+        return self.mass * steep * ~self.caps.inner
 
     def _soften(self, value: FloatArray, weight: FloatArray) -> None:
         """Make the plate softer where it keeps the surface off the slices on the mean of a quad's samples."""
