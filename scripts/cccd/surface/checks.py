@@ -5,6 +5,7 @@ Nothing here knows how the surface was made, and nothing switches it off.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -182,7 +183,8 @@ def _off_between(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) ->
         off[here] = np.maximum(outside, depth)
     far = np.flatnonzero(off > diagonal)
     if len(far):  # what is followed between the slices moves further aside
-        far = far[np.abs(stack.target(mesh.vertices[far], stack.pixel)[0]) > stack.pixel]
+        distance, room = stack.target(mesh.vertices[far], stack.pixel)
+        far = far[(np.abs(distance) > stack.pixel) | (room <= 0)]
     if len(far) == 0:
         return []
     far = far[np.argsort(-off[far], kind="stable")]
@@ -202,15 +204,27 @@ def _of_other_topology(mesh: Mesh, slices: Sequence[LevelField], stack: SliceSta
     """Find bodies and cavities that the slices do not imply, or that are missing; small parts do not count."""
     volumes = [piece.volume for piece in mesh.pieces()]
     least = stack.smallest
-    inside = np.stack([level.distance for level in slices]) < 0
-    bodies = _large(inside, ndimage.generate_binary_structure(3, 3), least, stack)
-    separate = _large(inside, ndimage.generate_binary_structure(3, 1), least, stack)
+    # what touches at a corner, or across a missing slice, may be one part or two
+    touching, apart = (ndimage.generate_binary_structure(3, rank) for rank in (3, 1))
+    runs = [np.stack([level.distance < 0 for level in run.fields_of_slices]) for run in stack.runs]
+    bodies = sum(_large(inside, touching, least, stack) for inside in runs)
+    separate = _large(_with_missing(slices, stack.step), apart, least, stack)
     found = sum(volume >= least for volume in volumes)
     problems: list[Violation] = []
     if not bodies <= found <= separate:
         implied = f"{bodies}" if bodies == separate else f"{bodies} to {separate}"
         problems.append(Violation(f"the surface has {_counted(found, 'part')}, the slices imply {implied}"))
     return problems
+
+
+def _with_missing(slices: Sequence[LevelField], step: float) -> BoolArray:
+    """Pixels (S, I, J) inside, with an empty slice wherever some are missing."""
+    layers = [slices[0].distance < 0]
+    for below, above in itertools.pairwise(slices):
+        if above.z - below.z > 1.5 * step:
+            layers.append(np.zeros_like(layers[0]))
+        layers.append(above.distance < 0)
+    return np.stack(layers)
 
 
 def _large(inside: BoolArray, joined: BoolArray, least: float, stack: SliceStack) -> int:
