@@ -50,7 +50,7 @@ class ControlMesh:
 
     Examples
     --------
-    A cube's limit surface is closed, smooth and smaller than the cube; with all its edges sharp it is the cube.
+    A cube's limit surface is smooth and smaller than the cube; with all its edges sharp it is the cube.
 
     >>> corners = np.array([(x, y, z) for z in (-1.0, 1) for y in (-1.0, 1) for x in (-1.0, 1)])
     >>> sides = np.array([(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)])
@@ -158,11 +158,11 @@ class Sampler:
         for _ in range(times):
             step = subdivide(quads, creases, sharpness, count)
             quads, creases, sharpness = step.quads, step.creases, step.sharpness
-            total = step.matrix if total is None else step.matrix @ total
+            total = step.matrix if total is None else csr_array(step.matrix @ total)
             count = step.matrix.shape[0]
         last = _limit_matrix(quads, creases, sharpness, count)
-        matrix = last if total is None else last @ total
-        return cls(csr_array(matrix), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
+        matrix = last if total is None else csr_array(last @ total)
+        return cls(matrix, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
 
 
 def quad_edges(quads: IntArray) -> tuple[IntArray, IntArray]:
@@ -200,7 +200,9 @@ def subdivide(quads: IntArray, creases: IntArray, sharpness: FloatArray, count: 
     )
 
 
-def _matrix(rows: IntArray, columns: IntArray, values: FloatArray | float, shape: tuple[int, int]) -> csr_array:
+def _matrix(
+    rows: IntArray, columns: IntArray, values: FloatArray | float, shape: tuple[int, int]
+) -> csr_array:
     spread = np.broadcast_to(np.asarray(values, float), rows.shape)
     return coo_array((spread.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
 

@@ -732,7 +732,7 @@ class LoftSettings(Section):
     method: Literal["spline", "tubes"] = setting(
         "tubes",
         "tubes that are blended into a mesh, or one Catmull-Clark spline that is itself the surface",
-        why="The spline is compact and is what is exported; it replaces the tubes once it is ahead everywhere.",
+        why="The spline is compact and is what is exported; it replaces tubes once it is better everywhere.",
     )
     corner_k: int = setting(
         7,

@@ -13,7 +13,6 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from cccd.containers import Frame
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
@@ -50,11 +49,6 @@ class Violation:
     problem: str
     places: FloatArray = field(default_factory=_nowhere)
     nearer: bool = False
-
-    @property
-    def by_place(self) -> bool:
-        """Whether it is of places that a nearer surface would mend."""
-        return self.nearer and len(self.places) > 0
 
     def line(self, to_world: FloatArray) -> str:
         """One line for people, the place in mm RAS by an affine (4, 4)."""
@@ -197,11 +191,13 @@ def _of_other_volume(mesh: Mesh, stack: SliceStack) -> list[Violation]:
     share = mesh.volume / stack.volume
     if stack.of_probability or stack.of_some_slices or abs(share - 1) <= VOLUME:
         return []
-    return [Violation(f"the surface holds {share:.1%} of its slices' volume: in places it is as thin as a voxel")]
+    return [
+        Violation(f"the surface holds {share:.1%} of its slices' volume: in places it is as thin as a voxel")
+    ]
 
 
 def _of_other_topology(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> list[Violation]:
-    """Find bodies and cavities that the slices do not imply, or that are missing; small parts do not count."""
+    """Find parts that the slices do not imply, and parts that are missing; small ones do not count."""
     volumes = [piece.volume for piece in mesh.pieces()]
     least = stack.smallest
     # what touches at a corner, or across a missing slice, may be one part or two

@@ -99,9 +99,10 @@ class SampledDistance:
         mesh = ScalarGrid(values, np.eye(4), (-1, -1, -1)).isosurface(0.0)
         levels = np.arange(-1, len(self.z) + 1)
         heights = np.concatenate([[self.z[0] - self.level_step], self.z, [self.z[-1] + self.level_step]])
-        level, i, j = mesh.vertices.T
-        place = np.column_stack([i * self.spacing[0], j * self.spacing[1], np.interp(level, levels, heights)])
-        return Mesh(place, mesh.faces).outwards()
+        vertices = np.empty_like(mesh.vertices)
+        vertices[:, :2] = mesh.vertices[:, 1:] * self.spacing
+        vertices[:, 2] = np.interp(mesh.vertices[:, 0], levels, heights)
+        return Mesh(vertices, mesh.faces).outwards()
 
 
 def _smoothed(planes: SingleArray, z: FloatArray, knot: float, pixel: float) -> SingleArray:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cccd.containers import Frame
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import FloatArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import BlendingSettings, LoftSettings
@@ -57,7 +57,7 @@ class Solid:
     fitted: FittedTubes
     offset: float
     stack: SliceStack
-    violations: tuple[Violation, ...]
+    violations: tuple[Violation, ...] = ()
 
     def to_world(self, frame: Frame) -> Surface:
         """Return the mesh, and the patches moved like it, in mm RAS."""
@@ -125,19 +125,37 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
     united, meeting = unite_on_grid(meshes, tubes, cell)
     strayed = _strayed(points_on_surface(united), stack.target, reach / 2)
     seams = np.concatenate([meeting, fitted.jumps, strayed])
-    found: list[Violation] = []
-    for _ in range(MENDING_ROUNDS + 1):
-        weight = blend_weights(united, seams, reach, stack.filled, blending)
-        distance = blend(united, weight, stack.target, blending.fade_cells)
-        if not np.any(distance.values < 0):  # thinner than a cell everywhere
-            return Solid(between_planes(unite(meshes, tubes), *ends), fitted, 0.0, stack, ())
-        mesh, offset = _of_volume(distance, ends, cell, stack, blending)
-        found = check_surface(mesh, stack)
-        off = np.concatenate([np.zeros((0, 3)), *(violation.places for violation in found if violation.by_place)])
-        if len(off) == 0:
+    solid = _blended(fitted, united, seams, reach, ends, cell, stack, blending)
+    for _ in range(MENDING_ROUNDS):
+        if solid is None:
             break
-        seams = np.concatenate([seams, off])
-    return Solid(mesh, fitted, offset, stack, tuple(found))
+        off = [violation.places for violation in solid.violations if violation.nearer]
+        if not off:
+            return solid
+        seams = np.concatenate([seams, *off])
+        solid = _blended(fitted, united, seams, reach, ends, cell, stack, blending)
+    if solid is None:  # thinner than a cell everywhere
+        return Solid(between_planes(unite(meshes, tubes), *ends), fitted, 0.0, stack)
+    return solid
+
+
+def _blended(
+    fitted: FittedTubes,
+    united: ScalarGrid,
+    seams: FloatArray,
+    reach: float,
+    ends: tuple[float, float],
+    cell: float,
+    stack: SliceStack,
+    blending: BlendingSettings,
+) -> Solid | None:
+    """Blend tubes with the target around points (P, 3), mesh and check them; None where nothing is left."""
+    weight = blend_weights(united, seams, reach, stack.filled, blending)
+    distance = blend(united, weight, stack.target, blending.fade_cells)
+    if not np.any(distance.values < 0):
+        return None
+    mesh, offset = _of_volume(distance, ends, cell, stack, blending)
+    return Solid(mesh, fitted, offset, stack, tuple(check_surface(mesh, stack)))
 
 
 def _running_on(mesh: Mesh, tube: Tube, ends: tuple[float, float], by: float) -> Mesh:

@@ -11,8 +11,8 @@ import numpy as np
 from cccd.containers import Frame
 from cccd.geometry.arrays import BoolArray, IntArray
 from cccd.geometry.decimation import collapse_edges, weigh_more
-from cccd.geometry.mesh import Mesh
 from cccd.geometry.distance import nearest_faces
+from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
 from cccd.surface.booleans import between_planes
 from cccd.surface.checks import check_surface
@@ -27,13 +27,13 @@ __all__ = ["SplineSolid", "loft_spline"]
 
 #: Triangles of the coarse mesh for each pixel of total curvature: the integral of |k1| + |k2|, as dihedral
 #: angles have it, over the surface. With their size an edge's sagitta is some tenth of a pixel everywhere.
-DENSITY = 0.12
+DENSITY = 0.15
 #: Fewest triangles of a piece.
 FEWEST = 60
 #: The first mesh has this many times the triangles of the coarse one: enough to choose from.
 SPARE = 8
 #: Band and rounds of the filter that takes pixels' steps off before curvature is summed up.
-CALM_BAND, CALM_ROUNDS = 0.05, 20
+CALM_BAND, CALM_ROUNDS = 0.02, 30
 #: Rounds of finer quads where the surface passes through itself, or lies off the distances by so many pixels.
 REFINEMENTS, MOST_OFF = 1, 0.5
 #: Rounds in which what has creases grows, until nothing passes through itself.
@@ -108,7 +108,8 @@ def loft_spline(stack: SliceStack, smallest_voxels: float) -> SplineSolid:
     distance = SampledDistance.of(stack)
     rough = _cut(distance.zero_surface(), distance)
     rough, left_out = _without_small(rough, smallest_voxels * float(stack.voxel.prod()))
-    most = _triangles_wanted(rough, distance.pixel)
+    calm = rough.low_passed(CALM_BAND, CALM_ROUNDS)
+    most = max(FEWEST, round(DENSITY * calm.curvature_per_area * calm.area / distance.pixel))
     fine = collapse_edges(rough, SPARE * most, parts=_flat_parts(rough, distance.ends))
     volume = None if stack.of_probability or stack.of_some_slices else stack.volume
     fit, creased = _fit_and_refine(fine, most, distance, volume)
@@ -131,7 +132,7 @@ def _cut(mesh: Mesh, distance: SampledDistance) -> Mesh:
 
 def _flat_parts(mesh: Mesh, ends: tuple[float, float]) -> IntArray:
     at = np.isin(mesh.vertices[:, 2], [end for end in ends if np.isfinite(end)])
-    return at[mesh.faces].all(axis=1).astype(np.int64)
+    return np.asarray(np.all(at[mesh.faces], axis=1), np.int64)
 
 
 def _without_small(mesh: Mesh, least: float) -> tuple[Mesh, list[float]]:
@@ -142,13 +143,6 @@ def _without_small(mesh: Mesh, least: float) -> tuple[Mesh, list[float]]:
     faces = [piece.faces + start for piece, start in zip(kept, starts, strict=False)]
     whole = Mesh(np.concatenate([piece.vertices for piece in kept]), np.concatenate(faces))
     return whole, [abs(piece.volume) for piece in pieces[len(kept) :]]
-
-
-def _triangles_wanted(mesh: Mesh, pixel: float) -> int:
-    """How many triangles the coarse mesh shall have, by how much the surface bends, seen in pixels."""
-    calm = mesh.low_passed(CALM_BAND, CALM_ROUNDS)
-    bends = calm.curvature_per_area * calm.area / pixel
-    return max(FEWEST, round(DENSITY * bends))
 
 
 def _fit_and_refine(
@@ -180,7 +174,7 @@ def _passing(mesh: Mesh) -> BoolArray:
 
 
 def _creased(fit: SplineFit, passing: BoolArray) -> tuple[SplineFit, int]:
-    """Go back to the first mesh's flat quads, with creases around them, where the spline passes through itself.
+    """Go back to the first mesh's flat quads, with creases, where the spline passes through itself.
 
     That mesh does not pass through itself, whatever the fit makes of it.
     """

@@ -22,7 +22,7 @@ __all__ = ["SplineFit", "fit_spline"]
 
 #: A limit surface is sampled at so many subdivisions: 16 points for each quad.
 SAMPLED = 2
-#: Waves of 2 pi times so many pixels are halved by the plate: pixels' steps are shorter, organs' shapes longer.
+#: Waves of 2 pi times so many pixels are halved by the plate: pixels' steps are shorter.
 STIFF_PIXELS = 1.25
 #: It softens where the surface stays off the slices by this, in pixels, on the mean of a quad's samples, and
 #: never below that of so many pixels.
@@ -69,7 +69,7 @@ class _Caps:
         for end in ends:
             if np.isfinite(end):
                 on |= np.isclose(points[:, 2], end, rtol=0, atol=1e-6)
-        faces = on[triangles].all(axis=1)
+        faces = np.asarray(np.all(on[triangles], axis=1), np.bool_)
         wall, cap = np.zeros((2, len(points)), np.bool_)
         wall[triangles[~faces]] = True
         cap[triangles[faces]] = True
@@ -111,7 +111,7 @@ class SplineFit:
         return Mesh(self.sampling @ self.points, self.triangles)
 
     def strays(self, pixels: float) -> BoolArray:
-        """Which triangles (T,) of the samples have one that lies off the distances' zero by so many pixels."""
+        """Mark triangles (T,) with a sample that lies off the distances' zero by so many pixels."""
         off = np.abs(self.distance(self.sampling @ self.points)) > pixels * self.distance.pixel
         return np.any((off & ~self.caps.inner)[self.triangles], axis=1)
 
@@ -150,7 +150,7 @@ class SplineFit:
             self.points = self.points + missing * self._normals(mesh.vertices)[: self.count]
 
     def _normals(self, samples: FloatArray) -> FloatArray:
-        """Unit normals (P, 3), in the cap's plane on its rim, zero within it."""
+        """Give unit normals (P, 3), in the cap's plane on its rim, zero within it."""
         normals = Mesh(samples, self.triangles[~self.caps.faces]).vertex_normals.copy()
         rim = self.caps.rim
         normals[rim, 2] = 0
@@ -179,7 +179,7 @@ class SplineFit:
         return shortest
 
     def _even(self, along: FloatArray) -> None:
-        """Move control points towards their neighbours' mean along the surface, in caps within their planes."""
+        """Move control points towards their neighbours' mean along the surface."""
         way = self.neighbours @ self.points - self.points
         way -= np.einsum("vc,vc->v", way, along)[:, None] * along
         way[(self.caps.rim | self.caps.inner)[: self.count], 2] = 0
@@ -192,7 +192,7 @@ def fit_spline(spline: ControlMesh, distance: SampledDistance, volume: float | N
     Parameters
     ----------
     spline : ControlMesh
-        Near the surface, in the plane's mm and height in mm; it may have planar caps with creases around them.
+        Near the surface, in the plane's mm and height in mm; planar caps have creases around them.
     distance : SampledDistance
     volume : float or None
         mm^3 that the surface shall hold in the end; None leaves it where the distances have it.
@@ -224,9 +224,11 @@ def _neighbour_means(edges: IntArray, spline: ControlMesh, rim: BoolArray) -> cs
 
 
 def _cotangent(points: FloatArray, faces: IntArray) -> tuple[csr_array, FloatArray]:
-    """Laplacian (V, V) by cotangents of a triangle mesh (Pinkall and Polthier 1993), and its vertices' areas."""
+    """Laplacian (V, V) of triangles by cotangents (Pinkall and Polthier 1993), and the vertices' areas."""
     count = len(points)
-    rows, columns, values = [], [], []
+    rows: list[IntArray] = []
+    columns: list[IntArray] = []
+    values: list[FloatArray] = []
     for k in range(3):
         i, j, apex = faces[:, (k + 1) % 3], faces[:, (k + 2) % 3], faces[:, k]
         u, v = points[i] - points[apex], points[j] - points[apex]

@@ -223,7 +223,10 @@ def interpolate_slices(
         if share > 0 and np.all(np.diff(slices[here]) == every):
             fields = _filled(fields, distance[here], outlines, step, scan_range, share)
         if settings.method == "spline":
-            cut = tuple(abs(field.z - end) < half_step for field, end in zip(fields[:: len(fields) - 1 or 1], scan_range, strict=False))
+            cut = tuple(
+                abs(field.z - end) < half_step
+                for field, end in zip(fields[:: len(fields) - 1 or 1], scan_range, strict=False)
+            )
             fields = round_ends(fields, spacing, step, (cut[0], cut[-1]), level_spacing)
         if annotation is None:
             fields = move_branches(fields, spacing, settings.interpolation.branches)

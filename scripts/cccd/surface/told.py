@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 __all__ = ["left_out_warnings"]
 
+
 def left_out_warnings(volumes: Sequence[float], smallest_voxels: float) -> list[str]:
     """Report the parts, in mm^3, that were left out as smaller than a number of voxels."""
     if not volumes:

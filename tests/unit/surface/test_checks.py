@@ -94,7 +94,7 @@ def test_another_volume_is_found(stack):
 
 def test_passing_through_itself_and_being_open_are_found(stack):
     one = sphere(stack)
-    moved = Mesh(one.vertices + [3.1, 0.7, 0.3], one.faces)
+    moved = Mesh(one.vertices + np.array([3.1, 0.7, 0.3]), one.faces)
     both = Mesh(
         np.concatenate([one.vertices, moved.vertices]),
         np.concatenate([one.faces, moved.faces + len(one.vertices)]),
@@ -116,5 +116,7 @@ def test_thick_slices_leave_the_surface_room_between_them():
     thick = stack_of(ball((60, 60, 12), (30, 30, 6), 20.0, (1.0, 1.0, 5.0)), (1.0, 1.0, 5.0))
     mesh = sphere(thick)
     heights = thick.plane_to_world(Frame(np.diag([1.0, 1.0, 5.0, 1.0]), 2, (60, 60, 12)))
-    true = Mesh(np.array(creation.icosphere(4, 20.0).vertices) + 30, mesh.faces).transformed(np.linalg.inv(heights))
+    true = Mesh(np.array(creation.icosphere(4, 20.0).vertices) + 30, mesh.faces).transformed(
+        np.linalg.inv(heights)
+    )
     assert not any(violation.nearer for violation in check_surface(true, thick))
