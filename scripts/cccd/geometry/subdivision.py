@@ -242,10 +242,10 @@ def _sharpened(
     share = np.minimum(sharp, 1.0)
     rows = np.repeat(np.arange(len(edges)), 2).reshape(-1, 2)
     middle = _matrix(rows, edges, 0.5, edge.shape)
-    edge = diags_array(1 - share) @ edge + diags_array(share) @ middle
+    edge = csr_array(diags_array(1 - share) @ edge + diags_array(share) @ middle)
     rule, on_crease = _crease_rule(edges, sharp, count, (6.0, 1.0))
-    vertex = diags_array(1 - on_crease) @ vertex + diags_array(on_crease) @ rule
-    return csr_array(vertex), csr_array(edge)
+    vertex = csr_array(diags_array(1 - on_crease) @ vertex + diags_array(on_crease) @ rule)
+    return vertex, edge
 
 
 def _crease_rule(
