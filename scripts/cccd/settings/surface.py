@@ -729,6 +729,11 @@ class LoftSettings(Section):
         "lofted from the curves' closed splines, the curves themselves, or splines through their corners",
         why="Splines carry no pixel steps into the surface; corners are the paper's way (Definition 4).",
     )
+    method: Literal["spline", "tubes"] = setting(
+        "tubes",
+        "tubes that are blended into a mesh, or one Catmull-Clark spline that is itself the surface",
+        why="The spline is compact and is what is exported; it replaces tubes once it is better everywhere.",
+    )
     corner_k: int = setting(
         7,
         "corners: longest support of the k-cosine whose sharpest points the splines go through",

@@ -10,8 +10,8 @@ import numpy as np
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.bsplines import DEGREE, basis, open_knots
+from cccd.geometry.decimation import collapse_edges, weigh_more
 from cccd.geometry.mesh import Mesh
-from cccd.solids.decimation import collapse_edges, weigh_more
 from cccd.solids.kernel import patch_shell
 from cccd.solids.layout import Footpoints, Layout, grid_ids, lay_flat, lay_quads, with_flat
 from cccd.solids.shells import follows

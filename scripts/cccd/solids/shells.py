@@ -7,9 +7,9 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from cccd.geometry.decimation import collapse_apart
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.solids.decimation import collapse_apart
 from cccd.solids.kernel import facet_shell
 from cccd.tolerances import SOLID_VOLUME
 

@@ -9,6 +9,7 @@ from cccd.surface.matching import match_contours
 from cccd.surface.outlines import lofted_outlines
 from cccd.surface.patches import fit_patches
 from cccd.surface.solid import join_patches
+from cccd.surface.spline import loft_spline
 from cccd.surface.stack import interpolate_slices
 from cccd.surface.surface import Surface
 
@@ -50,6 +51,8 @@ def loft_surface(
         raise InputError("curves", "there is not one closed curve", "check the mask or the boundary maps")
     outlines = lofted_outlines(curves, splines, settings)
     stack = interpolate_slices(outlines, settings, probability, annotation)
+    if settings.method == "spline":
+        return loft_spline(stack, settings.matching.smallest_part_voxels).to_world(curves.frame)
     tubes = match_contours(stack, settings.matching)
     patches = fit_patches(tubes, stack, settings)
     solid = join_patches(patches, stack, settings)

@@ -18,6 +18,7 @@ from cccd.surface.caps import cap_height, opening, planar_cap, reaches_scan_bord
 from cccd.surface.ring_graph import DOWN, UP, RingGraph, link_rings
 from cccd.surface.rings import Ring
 from cccd.surface.stack import Run, SliceStack
+from cccd.surface.told import left_out_warnings
 from cccd.surface.tubes import EndKind, Section, Tube
 
 __all__ = ["Tubes", "match_contours"]
@@ -34,12 +35,7 @@ class Tubes:
     @property
     def warnings(self) -> list[str]:
         """What a user should know of them."""
-        if not self.left_out:
-            return []
-        count, volume = len(self.left_out), f"{sum(self.left_out):.3g} mm³"
-        parts, verb = ("1 part", "is") if count == 1 else (f"{count} parts", "are")
-        size = f"{volume}, fewer than {self.smallest_voxels:g} voxels" + (" each" if count > 1 else "")
-        return [f"{parts} ({size}) {verb} not in the surface"]
+        return left_out_warnings(self.left_out, self.smallest_voxels)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from cccd.containers import Annotation, ProbabilityStack
+from cccd.containers import Annotation, Frame, ProbabilityStack
 from cccd.errors import InputError
 from cccd.filling import fill_between_slices
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.settings.surface import LoftSettings
+from cccd.surface.endings import round_ends
 from cccd.surface.fields import LevelField, distance_fields, interpolated_fields
 from cccd.surface.moving_branches import move_branches
 from cccd.surface.moving_sheets import move_sheets
@@ -68,6 +69,11 @@ class Run:
         """Edge length of a pixel in mm (the geometric mean of its two)."""
         return float(np.sqrt(self.spacing.prod()))
 
+    @property
+    def fields_of_slices(self) -> list[LevelField]:
+        """The fields of the slices themselves."""
+        return [field for field in self.fields if field.source_slice is not None]
+
     def field_inside(self, ring: Ring) -> SingleArray:
         """Signed distances in mm on a ring's level, negative inside what the ring bounds."""
         distance = self.fields[ring.level].distance
@@ -102,6 +108,8 @@ class SliceStack:
         Whether only some slices were drawn: ``volume`` then is an estimate.
     run_on : float
         How far in mm what the scan cuts runs on beyond its cut in ``target``.
+    smallest : float
+        Parts of fewer mm^3 may be left out.
     warnings : tuple of str
         What a user should know of what lies between the slices.
     """
@@ -117,6 +125,7 @@ class SliceStack:
     of_probability: bool = False
     of_some_slices: bool = False
     run_on: float = 0.0
+    smallest: float = 0.0
     warnings: tuple[str, ...] = ()
 
     @property
@@ -128,6 +137,22 @@ class SliceStack:
     def pixel(self) -> float:
         """Edge length of a pixel in mm (the geometric mean of its two)."""
         return float(np.sqrt(self.voxel[1:].prod()))
+
+    @property
+    def cut_heights(self) -> tuple[float, float]:
+        """Heights in mm at which the scan cuts the organ below and above; infinite where it does not."""
+        first, last = self.runs[0], self.runs[-1]
+        low, high = first.fields_of_slices[0].z, last.fields_of_slices[-1].z
+        return (
+            low - first.half_step if abs(low - first.scan_range[0]) < first.half_step else -np.inf,
+            high + last.half_step if abs(high - last.scan_range[1]) < last.half_step else np.inf,
+        )
+
+    def plane_to_world(self, frame: Frame) -> FloatArray:
+        """Affine (4, 4) from the plane's mm and height in mm to mm RAS."""
+        scale = np.diag([*(1 / frame.pixel_spacing), 1 / frame.slice_spacing, 1.0])
+        scale[:2, 3] = self.origin
+        return frame.stack_affine @ scale
 
     @property
     def voxels_through(self) -> float:
@@ -197,14 +222,23 @@ def interpolate_slices(
             fields = move_sheets(fields, spacing, settings.interpolation.sheets)
         if share > 0 and np.all(np.diff(slices[here]) == every):
             fields = _filled(fields, distance[here], outlines, step, scan_range, share)
+        if settings.method == "spline":
+            cut = tuple(
+                abs(field.z - end) < half_step
+                for field, end in zip(fields[:: len(fields) - 1 or 1], scan_range, strict=False)
+            )
+            fields = round_ends(fields, spacing, step, (cut[0], cut[-1]), level_spacing)
         if annotation is None:
             fields = move_branches(fields, spacing, settings.interpolation.branches)
         else:
             fields, warnings = shape_undrawn(fields, guides, frame)
-        rings = [find_rings(plane, level, spacing, outlines.of_pixels) for level, plane in enumerate(fields)]
+        rings = [
+            find_rings(plane, level, spacing, outlines.of_pixels) if settings.method == "tubes" else []
+            for level, plane in enumerate(fields)
+        ]
         of_some = annotation is not None
         runs.append(Run(fields, rings, spacing, step, half_step, scan_range, of_some, guides))
-    if not any(rings for run in runs for rings in run.rings):
+    if not np.any(distance < 0):
         raise InputError(
             "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"
         )
@@ -212,6 +246,7 @@ def interpolate_slices(
     volume = _volume(slices, _areas(outlines, slices), frame.slice_spacing, step, breaks)
     thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
     widest = settings.bridge_slices * step + pixel
+    smallest = settings.matching.smallest_part_voxels * float(voxel.prod())
     run_on = RUN_ON_EDGES * settings.mesh_edge(pixel)
     target = TargetField.of(
         _levels(runs, run_on, level_spacing), spacing, widest, settings.interpolation.knot_pixels
@@ -219,7 +254,17 @@ def interpolate_slices(
     if probability is not None and certain > 0:
         known = ProbabilityTarget.of(probability, frame, origin, target, run_on)
         return SliceStack(
-            runs, known, origin, voxel, voxel_faces, volume, thickness, certain, True, run_on=run_on
+            runs,
+            known,
+            origin,
+            voxel,
+            voxel_faces,
+            volume,
+            thickness,
+            certain,
+            True,
+            run_on=run_on,
+            smallest=smallest,
         )
     return SliceStack(
         runs,
@@ -232,6 +277,7 @@ def interpolate_slices(
         share,
         of_some_slices=annotation is not None,
         run_on=run_on,
+        smallest=smallest,
         warnings=tuple(warnings),
     )
 

@@ -9,12 +9,17 @@ from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.subdivision import ControlMesh
 
 __all__ = ["Surface"]
 
 
 def _nothing() -> dict[str, Any]:
     return {}
+
+
+def _no_bodies() -> list[ControlMesh]:
+    return []
 
 
 @dataclass
@@ -31,12 +36,16 @@ class Surface:
         The grid of the source volume.
     report : dict
         Plain JSON: tubes, branches, caps, cut ends, control points, bytes, warnings.
+    bodies : list of ControlMesh
+        Closed Catmull-Clark splines in mm RAS of which ``mesh`` is the tessellation, a cavity's turned
+        inside out; none where the surface was made of tubes.
     """
 
     patches: list[Patch]
     mesh: Mesh
     frame: Frame
     report: dict[str, Any] = field(default_factory=_nothing)
+    bodies: list[ControlMesh] = field(default_factory=_no_bodies)
 
     @property
     def vertices(self) -> FloatArray:

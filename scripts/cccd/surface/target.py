@@ -14,7 +14,7 @@ from cccd.geometry._jit import jit
 from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
 from cccd.surface.fields import LevelField
 
-__all__ = ["TargetDistance", "TargetField"]
+__all__ = ["TargetDistance", "TargetField", "smoothing_weights"]
 
 #: Returns at points (P, 3) the signed distance (P,) to the organ's boundary, which need be smooth only up to
 #: a given distance, and over how many mm (P,) it is known.
@@ -104,6 +104,11 @@ class TargetField:
             total[here] += weight * _sampled(plane, pixels[here], self.knot)
             weights[here] += weight
         return total / weights
+
+
+def smoothing_weights(x: FloatArray) -> FloatArray:
+    """Weights of the smoothing at distances (...,) to either side, in knots; they do not sum to one."""
+    return _kernels(np.abs(x).ravel()).reshape(x.shape)
 
 
 @jit

@@ -3,9 +3,9 @@ import pytest
 import trimesh
 from closed_shapes import mesh_of, sphere, together, torus
 
+from cccd.geometry.decimation import collapse_apart, collapse_edges
 from cccd.geometry.mesh import Mesh
 from cccd.solids.bodies import split_bodies
-from cccd.solids.decimation import collapse_apart, collapse_edges
 
 
 @pytest.mark.parametrize("mesh", [sphere(), torus()])

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from closed_shapes import mesh_of, ring, sphere
 
-from cccd.solids.decimation import collapse_edges
+from cccd.geometry.decimation import collapse_edges
 from cccd.solids.layout import Footpoints, grid_ids, lay_flat, lay_quads, with_flat
 from cccd.solids.patches import creased, fit_patches, patches_within
 from cccd.solids.shells import measure_deviation

@@ -63,9 +63,17 @@ class _Net(NamedTuple):
     last: IntArray  # (V,)
     following: IntArray  # (3 F,), next corner at the same vertex, or -1
     changes: IntArray  # (V,), how often the vertex moved; -1 when it is gone
+    part: IntArray  # (F,)
+    on_line: BoolArray  # (V,), whether faces of two parts meet there
 
 
-def collapse_edges(mesh: Mesh, most: int, evenness: float = 1e-4, weights: FloatArray | None = None) -> Mesh:
+def collapse_edges(
+    mesh: Mesh,
+    most: int,
+    evenness: float = 1e-4,
+    weights: FloatArray | None = None,
+    parts: IntArray | None = None,
+) -> Mesh:
     """Collapse edges of a closed manifold, cheapest first, until it has at most so many triangles.
 
     Parameters
@@ -78,6 +86,9 @@ def collapse_edges(mesh: Mesh, most: int, evenness: float = 1e-4, weights: Float
         Weight of edges' squared lengths beside squared distances: more makes triangles of one size.
     weights : (V,) float64, optional
         Factors of what edges cost at the vertices; 1 by default.
+    parts : (F,) int64, optional
+        Which part of the surface each triangle is of. The lines between parts stay: their vertices move along
+        them alone, and no edge joins them across.
 
     Returns
     -------
@@ -96,7 +107,8 @@ def collapse_edges(mesh: Mesh, most: int, evenness: float = 1e-4, weights: Float
         return mesh
     middle = mesh.vertices.mean(axis=0)
     scale = float(np.abs(mesh.vertices - middle).max())
-    net = _start((mesh.vertices - middle) / scale, mesh.faces.copy(), mesh.face_normals / scale**2)
+    part = np.zeros(len(mesh.faces), np.int64) if parts is None else np.asarray(parts, np.int64)
+    net = _start((mesh.vertices - middle) / scale, mesh.faces.copy(), mesh.face_normals / scale**2, part)
     if weights is not None:
         net.quadrics[:] *= weights[:, None]
         net.areas[:] *= weights
@@ -150,7 +162,7 @@ def weigh_more(weights: FloatArray, mesh: Mesh, fewer: Mesh, where: BoolArray) -
     weights[where[nearest_faces(mesh.vertices, fewer)]] *= _DEARER
 
 
-def _start(points: FloatArray, faces: IntArray, doubled: FloatArray) -> _Net:
+def _start(points: FloatArray, faces: IntArray, doubled: FloatArray, part: IntArray) -> _Net:
     """Quadrics, areas and normals at the vertices, and the list of each vertex's corners."""
     count, corners = len(points), faces.ravel()
     area = np.linalg.norm(doubled, axis=1) / 2
@@ -166,6 +178,9 @@ def _start(points: FloatArray, faces: IntArray, doubled: FloatArray) -> _Net:
     same = corners[order[1:]] == corners[order[:-1]]
     following[order[:-1][same]] = order[1:][same]
     vertices = np.arange(count)
+    least, most = np.full(count, part.max()), np.full(count, part.min())
+    np.minimum.at(least, corners, np.repeat(part, 3))
+    np.maximum.at(most, corners, np.repeat(part, 3))
     return _Net(
         np.ascontiguousarray(points),
         np.ascontiguousarray(faces),
@@ -177,6 +192,8 @@ def _start(points: FloatArray, faces: IntArray, doubled: FloatArray) -> _Net:
         order[np.searchsorted(corners[order], vertices, side="right") - 1],
         following,
         np.zeros(count, np.int64),
+        part,
+        least < most,
     )
 
 
@@ -199,6 +216,8 @@ def _collapse(net: _Net, most: int, evenness: float) -> None:
         if net.changes[u] != changes_u or net.changes[v] != changes_v:
             continue
         to = _candidate(net, u, v, evenness)
+        if net.on_line[u] and net.on_line[v] and not _along_line(net, u, v):
+            continue
         if left <= 4 or not _keeps_topology(net, u, v, ring, other) or not _keeps_sides(net, u, v, to):
             continue
         left -= _merge(net, u, v, to)
@@ -239,6 +258,10 @@ def _candidate(net: _Net, u: int, v: int, evenness: float) -> _Candidate:
     x = (i * rx + j * ry + k * rz) / determinant
     y = (j * rx + (xx * zz - xz * xz) * ry + (xy * xz - xx * yz) * rz) / determinant
     z = (k * rx + (xy * xz - xx * yz) * ry + (xx * yy - xy * xy) * rz) / determinant
+    if net.on_line[u]:
+        x, y, z = a[0], a[1], a[2]
+    if net.on_line[v]:
+        x, y, z = b[0], b[1], b[2]
     squares = q[0] * x * x + q[4] * y * y + r[2] * z * z + r[4]
     error = squares + 2 * (xy * x * y + xz * x * z + yz * y * z + q[3] * x + r[1] * y + r[3] * z)
     length2 = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
@@ -258,6 +281,21 @@ def _neighbours(net: _Net, u: int, ring: IntArray) -> int:
             count += 1
         corner = net.following[corner]
     return count
+
+
+@jit
+def _along_line(net: _Net, u: int, v: int) -> bool:
+    """Whether the edge of two vertices on lines between parts is itself of one."""
+    found, first = 0, 0
+    corner = net.first[u]
+    while corner >= 0:
+        f = corner // 3
+        if net.alive[f] and (net.faces[f, 0] == v or net.faces[f, 1] == v or net.faces[f, 2] == v):
+            if found and net.part[f] != first:
+                return True
+            found, first = found + 1, net.part[f]
+        corner = net.following[corner]
+    return False
 
 
 @jit
@@ -359,6 +397,7 @@ def _merge(net: _Net, u: int, v: int, to: _Candidate) -> int:
     net.areas[v] += net.areas[u]
     net.normals[v] += net.normals[u]
     net.points[v, 0], net.points[v, 1], net.points[v, 2] = to[1], to[2], to[3]
+    net.on_line[v] = net.on_line[u] or net.on_line[v]
     net.changes[u] = -1
     net.changes[v] += 1
     _drop_dead(net, v)
