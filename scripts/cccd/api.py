@@ -368,7 +368,8 @@ def reconstruct(
     tell = progress or (lambda step: None)
     tell("contours")
     if isinstance(organ, Curves):
-        return Surface(fit_and_loft(organ, settings.curves, settings.surface, tell))
+        lofted = fit_and_loft(organ, settings.curves, settings.surface, tell)
+        return Surface(lofted, warnings=tuple(lofted.report["warnings"]))
     if isinstance(organ, Structure):
         structure = organ
     else:

@@ -94,11 +94,18 @@ def fit_and_loft(
         What the curves are the level of.
     annotation : Annotation, optional
         Which slices were drawn, where that is not all.
+
+    Returns
+    -------
+    Surface
+        The curves' warnings stand before its own.
     """
     tell("splines")
     fitted = describe_curves(curves, fitting)
     tell("surface")
-    return loft_surface(fitted.curves, lofting, fitted.splines, probability, annotation)
+    surface = loft_surface(fitted.curves, lofting, fitted.splines, probability, annotation)
+    surface.report["warnings"] = [*fitted.report["warnings"], *surface.report["warnings"]]
+    return surface
 
 
 def reconstruct_mask(structure: Structure, fitting: CurveSettings, lofting: LoftSettings) -> Surface:

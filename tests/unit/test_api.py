@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 import cccd
+from cccd.containers import Curves, Frame
 from cccd.project import PROJECT, SHIPPED_WEIGHTS
 
 PUBLIC = {
@@ -110,6 +111,17 @@ def test_the_order_of_a_map_s_pixels_is_found_and_lofted():
     assert cccd.reconstruct(curves).volume == pytest.approx(4 / 3 * np.pi * 9**3, rel=0.05)
     assert len(cccd.order((mask & ~inner)[:, :, 6])) == 1
     assert SHIPPED_WEIGHTS.is_relative_to(PROJECT)
+
+
+def test_a_given_curve_that_crosses_itself_is_a_warning_of_the_surface():
+    angle = np.linspace(0, 2 * np.pi, 80, endpoint=False) + 0.01
+    circle = 30 + 12.3 * np.column_stack([np.cos(angle), np.sin(angle)])
+    loop = 30 + np.column_stack([12.3 * np.sin(angle), 9 * np.sin(2 * angle) + 6 * np.sin(angle)])
+    points = np.concatenate([circle, circle, loop, circle, circle])
+    layers, hole = np.arange(5, dtype=np.int32), np.zeros(5, bool)
+    curves = Curves(points, 80 * np.arange(6), layers, hole, Frame(np.eye(4), 2, (60, 60, 5)))
+    (line,) = (line for line in cccd.reconstruct(curves).warnings if "crosses itself" in line)
+    assert "slice 2 at (30.0, 30.0), 30.0, 30.0, 2.0 mm" in line
 
 
 @pytest.mark.parametrize(
