@@ -20,6 +20,7 @@ from cccd.containers import Curves, FittedCurves, Frame, Structure
 from cccd.curves import describe_curves
 from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import TAKEN_TOGETHER, InputError
+from cccd.extras import needing
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.polygons import RaggedPolygons
@@ -123,17 +124,19 @@ class Surface:
         x, y, z = (float(length) for length in np.ptp(self.vertices, axis=0))
         return x, y, z
 
+    @needing("surface.to_pyvista", "view")
     def to_pyvista(self) -> pyvista.PolyData:
         """Return the mesh for PyVista; needs the extra ``view``."""
         return self.lofted.mesh.to_polydata()
 
+    @needing("surface.write")
     @_one_thread
     def write(
         self,
         path: str | Path,
         contour_spacing_mm: float | None = None,
         keep_patient: bool = False,
-        settings: Settings = _DEFAULTS,
+        settings: Settings | None = None,
     ) -> Path:
         """Write the surface; the suffix chooses the format.
 
@@ -148,7 +151,7 @@ class Surface:
             Distance of the RTSTRUCT's planes; that of the scan's slices by default.
         keep_patient : bool
             The RTSTRUCT says who the patient is, as the scan's DICOM files do.
-        settings : Settings
+        settings : Settings, optional
             The configuration; of its section ``surface`` solids read ``step_tolerance_mm`` and ``solid``,
             tetrahedra ``tetrahedra`` as well.
 
@@ -160,9 +163,10 @@ class Surface:
         Raises
         ------
         InputError
-            An unknown suffix, or a format whose extra is not installed.
+            An unknown suffix, a format whose extra is not installed, or a folder that nothing can be
+            written to.
         """
-        surface = settings.surface
+        surface = (settings or _DEFAULTS).surface
         scan = Scan(
             self.name,
             contour_spacing_mm,
@@ -177,6 +181,7 @@ class Surface:
         return Path(path)
 
 
+@needing("cccd.labels", "dicom")
 def labels(path: str | Path) -> dict[str, str]:
     """List what the labels of a mask may be.
 
@@ -197,6 +202,7 @@ def labels(path: str | Path) -> dict[str, str]:
     return list_labels(object_in(path))
 
 
+@needing("cccd.read")
 def read(
     path: str | Path,
     label: str | int | Iterable[int] = "",
@@ -205,7 +211,7 @@ def read(
     boundary: bool = False,
     annotated: str = AUTO,
     threshold: bool | tuple[float | None, float | None] = False,
-    settings: Settings = _DEFAULTS,
+    settings: Settings | None = None,
 ) -> Structure:
     """Read one organ from a file or folder.
 
@@ -229,7 +235,7 @@ def read(
         Take from an image without a mask the largest piece whose grey values lie from ``low`` to ``high``,
         None standing for no bound; True takes the range of ``import.region``, by default found by Otsu's
         method. It knows no organs: the structure is called ``threshold``.
-    settings : Settings
+    settings : Settings, optional
         Section ``import`` says how it is read.
 
     Returns
@@ -243,6 +249,7 @@ def read(
         Not there, not readable, empty, without such a label, or an image without a mask: one line with a
         hint.
     """
+    settings = settings or _DEFAULTS
     path = Path(path).absolute()
     existing(path, path.name)
     name = name_of(path)
@@ -267,7 +274,8 @@ def read(
         organ = "threshold"
     row = {"case": name, "organ": organ, "source": "files", "label": chosen, "location": path.name}
     row |= {"annotated": _rule(annotated), **columns}
-    return _told(load_structure(row, path.parent, settings.import_, settings.seed), 3)
+    structure = load_structure(row, path.parent, settings.import_, settings.seed)
+    return _told(structure, 4)  # one frame is the decorator's
 
 
 def _told(structure: Structure, level: int) -> Structure:
@@ -323,13 +331,14 @@ def _holds_images(folder: Path) -> bool:
     return bool(kinds - {None, "", *_OBJECTS})
 
 
+@needing("cccd.reconstruct")
 @_one_thread
 def reconstruct(
     organ: Structure | Curves | np.ndarray,
     affine: np.ndarray | None = None,
     *,
     annotated: str = AUTO,
-    settings: Settings = _DEFAULTS,
+    settings: Settings | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Surface:
     """Make a smooth closed surface.
@@ -342,7 +351,7 @@ def reconstruct(
         Of a mask: ``world_mm = affine @ (a, b, c, 1)``, RAS; voxels of a millimetre by default.
     annotated : {"auto", "nonempty", "every slice"}
         Which slices of a mask in an array were drawn, see `read`.
-    settings : Settings
+    settings : Settings, optional
         The configuration, section by section.
     progress : callable, optional
         Gets the name of each step as it begins: ``contours``, ``splines``, ``surface``.
@@ -365,6 +374,7 @@ def reconstruct(
     >>> surface.mesh.is_watertight, bool(abs(surface.volume / (2 * ball.sum()) - 1) < 0.01)
     (True, True)
     """
+    settings = settings or _DEFAULTS
     tell = progress or (lambda step: None)
     tell("contours")
     if isinstance(organ, Curves):
@@ -375,7 +385,7 @@ def reconstruct(
     else:
         grid = np.eye(4) if affine is None else np.asarray(affine, float)
         structure = structure_of_array(organ, grid, settings.import_, annotated=_rule(annotated))
-        _told(structure, 4)  # one frame is the threads'
+        _told(structure, 5)  # two frames are the decorators'
     curves, missing = find_contours(structure, settings.boundaries, settings.gnn.inference)
     level = structure.probability_stack
     annotation = structure.annotation
@@ -392,6 +402,7 @@ def _rule(annotated: str) -> str:
     return annotated
 
 
+@needing("cccd.reconstruct_labels")
 @_one_thread
 def reconstruct_labels(
     path: str | Path,
@@ -399,7 +410,7 @@ def reconstruct_labels(
     table: str | Path | None = None,
     image: str | Path | None = None,
     annotated: str = AUTO,
-    settings: Settings = _DEFAULTS,
+    settings: Settings | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[list[Surface], list[str]]:
     """Make smooth closed surfaces of every label of a map, with one wall between two that touch.
@@ -414,7 +425,7 @@ def reconstruct_labels(
         The scan, where it lies elsewhere.
     annotated : {"auto", "nonempty", "every slice"}
         Which slices of each label were drawn, see `read`.
-    settings : Settings
+    settings : Settings, optional
         The configuration; ``surface.shared_walls: false`` smooths each organ alone, as drawn contours are.
     progress : callable, optional
         Gets the name of each organ as its surface begins.
@@ -431,6 +442,7 @@ def reconstruct_labels(
     InputError
         Not readable, or no label at all.
     """
+    settings = settings or _DEFAULTS
     tell = progress or (lambda step: None)
     source = existing(Path(path), "mask")
     refuse_image(source)
@@ -479,9 +491,12 @@ def _series(structure: Structure) -> Path | None:
     return next((folder for folder in folders if folder.is_dir() and _holds_images(folder)), None)
 
 
+@needing("cccd.fit_contours")
 @_one_thread
 def fit_contours(
-    contours: Curves | Sequence[np.ndarray], affine: np.ndarray | None = None, settings: Settings = _DEFAULTS
+    contours: Curves | Sequence[np.ndarray],
+    affine: np.ndarray | None = None,
+    settings: Settings | None = None,
 ) -> FittedCurves:
     """Describe closed contours by few points: corners and closed cubic B-splines.
 
@@ -492,7 +507,7 @@ def fit_contours(
         holes clockwise, the first point not repeated.
     affine : (4, 4) float, optional
         Of a sequence: index to world mm; pixels of a millimetre by default.
-    settings : Settings
+    settings : Settings, optional
         Section ``curves``: the tolerance, or a number of control points.
 
     Returns
@@ -511,7 +526,7 @@ def fit_contours(
     """
     if not isinstance(contours, Curves):
         contours = _one_slice(contours, np.eye(4) if affine is None else np.asarray(affine, float))
-    return describe_curves(contours, settings.curves)
+    return describe_curves(contours, (settings or _DEFAULTS).curves)
 
 
 def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
@@ -533,6 +548,7 @@ def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
     return Curves(points, offsets, np.zeros(len(rings), np.int32), hole, frame)
 
 
+@needing("cccd.order", "gnn")
 @_one_thread
 def order(
     boundary_map: np.ndarray,
@@ -540,7 +556,7 @@ def order(
     *,
     image: np.ndarray | None = None,
     weights: str | Path = SHIPPED_WEIGHTS,
-    settings: Settings = _DEFAULTS,
+    settings: Settings | None = None,
 ) -> Curves:
     """Order the pixels of noisy boundary maps into closed simple curves; needs the extra ``gnn``.
 
@@ -554,7 +570,7 @@ def order(
         The grey slices, of the same shape.
     weights : path
         A trained network; the shipped one by default.
-    settings : Settings
+    settings : Settings, optional
         Section ``gnn.inference``.
 
     Returns
@@ -567,6 +583,7 @@ def order(
     InputError
         No map encloses anything.
     """
+    settings = settings or _DEFAULTS
     maps = np.asarray(boundary_map) != 0
     grey = None if image is None else np.asarray(image, np.float32)
     if maps.ndim == 2:

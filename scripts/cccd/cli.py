@@ -333,10 +333,9 @@ def _check_outputs(outputs: Sequence[Path], source: Path, mesher: str = "ftetwil
 
 
 def _check_writable(path: Path) -> None:
-    folder = next(parent for parent in path.absolute().parents if parent.exists())
-    if not folder.is_dir() or not os.access(folder, os.W_OK):
-        problem = "nothing may be written there" if folder.is_dir() else "not a folder"
-        raise InputError(str(folder), problem, "give a folder of your own with -o")
+    from cccd.store import check_writable
+
+    check_writable(path)
 
 
 def _with_name(path: Path, organ: str) -> Path:
@@ -600,6 +599,7 @@ def _run(given: argparse.Namespace) -> int:
         raise InputError(
             str(sheet), "not the folder of a BIDS data set", "give BIDS_DIR OUT participant, or a sheet"
         )
+    _check_writable(folder / "results")
     command = snakemake_command(sheet, folder, given.cores, given.profile, given.further)
     sys.stdout.flush()
     process = subprocess.Popen(command)

@@ -1,5 +1,6 @@
 """What the library offers: few names, cheap to import, the same surface whichever way it is asked for."""
 
+import inspect
 import os
 import subprocess
 import sys
@@ -42,6 +43,26 @@ def test_what_is_public_is_listed_once_and_is_there():
         assert name in dir(cccd)
     with pytest.raises(AttributeError, match="recontsruct"):
         _ = cccd.recontsruct
+
+
+def test_a_signature_is_read_at_a_glance():
+    """With a configuration for a default value, help opened with six thousand characters of it."""
+    functions = {name: getattr(cccd, name) for name in PUBLIC if inspect.isfunction(getattr(cccd, name))}
+    functions |= {f"Surface.{name}": f for name, f in vars(cccd.Surface).items() if inspect.isfunction(f)}
+    assert {"read", "Surface.write"} < set(functions)
+    for name, function in functions.items():
+        assert len(str(inspect.signature(function))) < 400, name
+
+
+def test_no_configuration_is_the_default_one(surface):
+    given = cccd.reconstruct(ball(), AFFINE, settings=cccd.Settings())
+    assert given.vertices.tobytes() == surface.vertices.tobytes()
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="there is no /proc")
+def test_where_nothing_can_be_written_one_line_says_so(surface):
+    with pytest.raises(cccd.InputError, match=r"/proc/a\.ply: nothing can be written in /proc; give"):
+        surface.write("/proc/a.ply")
 
 
 def test_any_number_of_threads_gives_the_same_bits():

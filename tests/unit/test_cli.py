@@ -336,10 +336,44 @@ def test_a_threshold_in_python(scans):
         assert structure.mask.sum() == ball().sum()
 
 
-def test_a_folder_without_rights_is_refused(here, capsys, monkeypatch):
-    monkeypatch.setattr(os, "access", lambda folder, mode: False)  # root may write everywhere
-    assert main(["surface", "liver.nii.gz"]) == 1
-    assert "nothing may be written there" in capsys.readouterr().err
+UNWRITABLE = {
+    "not by root": (["surface", "nowhere.nii.gz", "-o", "/proc/a.ply"], "/proc/a.ply: nothing can be"),
+    "nor below": (["surface", "nowhere.nii.gz", "-o", "/sys/new/a.stl"], "/sys/new/a.stl: nothing can be"),
+    "no labels": (
+        ["segment", "nowhere.nii.gz", "--segmenter", "a", "--labels", "/proc/a.nii"],
+        "/proc/a.nii:",
+    ),
+    "no picture": (["check", "liver.nii.gz", "-o", "/proc/a.png"], "/proc/a.png: nothing can be"),
+    "no results": (["run", "sheet.tsv", "--directory", "/proc"], "/proc/results: nothing can be"),
+    "no sheet of BIDS": (["run", ".", "/proc/out", "participant"], "/proc/out/cohort.tsv: nothing can be"),
+    "no report": (["report", ".", "-o", "/sys/a.html"], "/sys/a.html: nothing can be"),
+    "below a file": (
+        ["surface", "nowhere.nii.gz", "-o", "liver.nii.gz/b/a.ply"],
+        "liver.nii.gz is not a folder",
+    ),
+}
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="there is no /proc")
+@pytest.mark.parametrize(("arguments", "words"), UNWRITABLE.values(), ids=UNWRITABLE)
+def test_what_cannot_be_written_is_refused_before_anything_is_read(here, capsys, arguments, words):
+    (here / "sheet.tsv").write_text("case\torgan\tmask\na\tliver\tliver.nii.gz\n")
+    before = files(here)
+    assert main(arguments) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+    assert "give a folder of your own" in line
+    assert files(here) == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_rights_is_refused(here, capsys):
+    here.chmod(0o500)
+    try:
+        assert main(["surface", "liver.nii.gz"]) == 1
+    finally:
+        here.chmod(0o700)
+    assert f"nothing can be written in {here}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
