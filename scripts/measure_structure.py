@@ -21,20 +21,21 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
     structure = read_structure(snakemake.input.structure)
     curves, splines = read_curves(snakemake.input.curves), read_splines(snakemake.input.curves)
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
-    ordering = read_report(snakemake.input.contours)
+    ordering, fitting = read_report(snakemake.input.contours), read_report(snakemake.input.curves)
     solids = {report["format"]: report for report in map(read_json, snakemake.input.solids)}
     volumes = [*map(read_json, snakemake.input.volume)]
     figures = measure_surface(surface, structure)
     metrics = {
         "case": structure.case,
         "organ": structure.organ,
-        "curves": measure_curves(curves, splines),
+        "curves": {**measure_curves(curves, splines), "mended": fitting["mended"]},
         "surface": figures,
         "ordering": {key: value for key, value in ordering.items() if key != "slices"},
         "warnings": [
             *structure.warnings,
             *missing_parts(ordering),
             *doubtful_slices(ordering),
+            *fitting["warnings"],
             *surface.report["warnings"],
             *volume_warnings(figures),
             *(warning for report in (*solids.values(), *volumes) for warning in report["warnings"]),

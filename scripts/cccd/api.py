@@ -6,6 +6,7 @@ both are what the workflow's jobs make, to the last bit.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,7 +19,8 @@ from threadpoolctl import threadpool_limits
 from cccd.containers import Curves, FittedCurves, Frame, Structure
 from cccd.curves import describe_curves
 from cccd.dicom_objects import dicom_modality, object_in
-from cccd.errors import InputError
+from cccd.errors import TAKEN_TOGETHER, InputError
+from cccd.extras import needing
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.bsplines import Patch
 from cccd.geometry.polygons import RaggedPolygons
@@ -32,6 +34,7 @@ from cccd.surface.export import Scan, write_surface
 from cccd.surface.surface import Surface as LoftedSurface
 from cccd.volumes import load_structure, structure_of_array
 from cccd.volumes.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
+from cccd.volumes.grey_values import image_without_mask
 from cccd.volumes.grid import check_affine, find_slice_axis
 from cccd.volumes.inputs import list_labels
 from cccd.volumes.label_maps import list_map
@@ -60,6 +63,9 @@ __all__ = [
 ]
 
 _DEFAULTS = Settings()
+
+#: DICOM modalities that are no images.
+_OBJECTS = ("SEG", "RTSTRUCT", "RTPLAN", "RTDOSE")
 
 #: Sums round by how many threads share them: one thread, as a job of the workflow has, gives its very bits.
 _one_thread = threadpool_limits.wrap(limits=1)
@@ -96,21 +102,22 @@ class Surface:
 
     @property
     def patches(self) -> list[Patch]:
-        """The tubes' control nets before blending, with ``surface.method: tubes``; else there is none."""
+        """The tubes' control nets before blending; with ``surface.method: spline`` there is none."""
         return self.lofted.patches
 
     @property
     def bodies(self) -> list[ControlMesh]:
-        """The closed Catmull-Clark splines of which the mesh is a tessellation, a cavity's turned inside out.
+        """Closed Catmull-Clark splines of which the mesh is a tessellation, a cavity's turned inside out.
 
-        With ``surface.method: tubes`` there is none.
+        There is none but with ``surface.method: spline``.
 
         Examples
         --------
         >>> import numpy as np
-        >>> from cccd import reconstruct
+        >>> from cccd import Settings, reconstruct
         >>> at = np.indices((16, 16, 16)) - 7.5
-        >>> (ball,) = reconstruct(np.linalg.norm(at, axis=0) <= 6).bodies
+        >>> spline = Settings(surface={"method": "spline"})
+        >>> (ball,) = reconstruct(np.linalg.norm(at, axis=0) <= 6, settings=spline).bodies
         >>> ball.sign, bool(abs(ball.tessellate(3).volume / (4 / 3 * np.pi * 6**3) - 1) < 0.05)
         (1, True)
         """
@@ -137,17 +144,19 @@ class Surface:
         x, y, z = (float(length) for length in np.ptp(self.vertices, axis=0))
         return x, y, z
 
+    @needing("surface.to_pyvista", "view")
     def to_pyvista(self) -> pyvista.PolyData:
         """Return the mesh for PyVista; needs the extra ``view``."""
         return self.lofted.mesh.to_polydata()
 
+    @needing("surface.write")
     @_one_thread
     def write(
         self,
         path: str | Path,
         contour_spacing_mm: float | None = None,
         keep_patient: bool = False,
-        settings: Settings = _DEFAULTS,
+        settings: Settings | None = None,
     ) -> Path:
         """Write the surface; the suffix chooses the format.
 
@@ -162,7 +171,7 @@ class Surface:
             Distance of the RTSTRUCT's planes; that of the scan's slices by default.
         keep_patient : bool
             The RTSTRUCT says who the patient is, as the scan's DICOM files do.
-        settings : Settings
+        settings : Settings, optional
             The configuration; of its section ``surface`` solids read ``step_tolerance_mm`` and ``solid``,
             tetrahedra ``tetrahedra`` as well.
 
@@ -174,9 +183,10 @@ class Surface:
         Raises
         ------
         InputError
-            An unknown suffix, or a format whose extra is not installed.
+            An unknown suffix, a format whose extra is not installed, or a folder that nothing can be
+            written to.
         """
-        surface = settings.surface
+        surface = (settings or _DEFAULTS).surface
         scan = Scan(
             self.name,
             contour_spacing_mm,
@@ -191,6 +201,7 @@ class Surface:
         return Path(path)
 
 
+@needing("cccd.labels", "dicom")
 def labels(path: str | Path) -> dict[str, str]:
     """List what the labels of a mask may be.
 
@@ -205,9 +216,13 @@ def labels(path: str | Path) -> dict[str, str]:
         What `read` takes as ``label``, and its name where the file holds one.
     """
     path = Path(path)
-    return list_labels(object_in(path)) if path.exists() else {}
+    if not path.exists():
+        return {}
+    refuse_image(path)
+    return list_labels(object_in(path))
 
 
+@needing("cccd.read")
 def read(
     path: str | Path,
     label: str | int | Iterable[int] = "",
@@ -215,18 +230,20 @@ def read(
     image: str | Path | None = None,
     boundary: bool = False,
     annotated: str = AUTO,
-    settings: Settings = _DEFAULTS,
+    threshold: bool | tuple[float | None, float | None] = False,
+    settings: Settings | None = None,
 ) -> Structure:
     """Read one organ from a file or folder.
 
     Parameters
     ----------
     path : path
-        A mask or label map (NIfTI, NRRD, MHA), a DICOM SEG or RTSTRUCT, a folder with one of these, a folder
-        with a mask per organ (TotalSegmentator), or a folder of a DICOM series, in which a threshold finds
-        the organ.
+        A mask or label map (NIfTI, NRRD, MHA), a DICOM SEG or RTSTRUCT, a folder with one of these, or a
+        folder with a mask per organ (TotalSegmentator). With ``threshold`` an image, or the folder of a DICOM
+        series.
     label : str, int or several int
-        Value(s) of a label map, or the name of an organ, segment or ROI; by default the only one.
+        Value(s) of a label map, or the name of an organ, segment or ROI; by default the only one. Several
+        labels of a map are then one organ, with a Python warning.
     image : path, optional
         The scan, where it lies elsewhere.
     boundary : bool
@@ -234,7 +251,11 @@ def read(
     annotated : {"auto", "nonempty", "every slice"}
         Which slices of the mask were drawn: those that are not empty, or all. ``auto`` goes by the gaps: what
         lies between drawn slices is filled where at least two empty ones lie between any two of them.
-    settings : Settings
+    threshold : bool or (float or None, float or None)
+        Take from an image without a mask the largest piece whose grey values lie from ``low`` to ``high``,
+        None standing for no bound; True takes the range of ``import.region``, by default found by Otsu's
+        method. It knows no organs: the structure is called ``threshold``.
+    settings : Settings, optional
         Section ``import`` says how it is read.
 
     Returns
@@ -245,13 +266,22 @@ def read(
     Raises
     ------
     InputError
-        Not there, not readable, empty, or without such a label: one line with a hint.
+        Not there, not readable, empty, without such a label, or an image without a mask: one line with a
+        hint.
     """
+    settings = settings or _DEFAULTS
     path = Path(path).absolute()
     existing(path, path.name)
     name = name_of(path)
     chosen = str(label) if isinstance(label, (str, int)) else ",".join(str(value) for value in label)
-    wanted = "boundary" if boundary else _column_of(path)
+    wanted = "boundary" if boundary else "image" if threshold is not False else _column_of(path)
+    if threshold is not False:
+        if chosen or image is not None or boundary:
+            problem = "a threshold stands beside a label, an image or boundary maps"
+            raise InputError(path.name, problem, "give it the image alone; it knows no organs")
+        settings = _with_window(settings, threshold)
+    elif not boundary:
+        refuse_image(path, chosen)
     if annotated == NONEMPTY and wanted != "mask":
         raise InputError(path.name, "annotated: nonempty needs a mask", "leave annotated out")
     columns = {"image": "", "mask": "", "boundary": "", wanted: str(path)}
@@ -260,9 +290,38 @@ def read(
     if image is not None:
         columns["image"] = str(Path(image).absolute())
     organ = chosen if chosen and not chosen.replace(",", "").isdecimal() else name
+    if threshold is not False:
+        organ = "threshold"
     row = {"case": name, "organ": organ, "source": "files", "label": chosen, "location": path.name}
     row |= {"annotated": _rule(annotated), **columns}
-    return load_structure(row, path.parent, settings.import_, settings.seed)
+    structure = load_structure(row, path.parent, settings.import_, settings.seed)
+    return _told(structure, 4)  # one frame is the decorator's
+
+
+def _told(structure: Structure, level: int) -> Structure:
+    """Warn, before any work, that all labels of a map become one organ; ``level``: whose line is named."""
+    for note in structure.warnings:
+        if TAKEN_TOGETHER in note:
+            warnings.warn(note, stacklevel=level)
+    return structure
+
+
+def refuse_image(path: Path, label: str = "") -> None:
+    """Refuse a DICOM image or series in which a label is looked for."""
+    if _column_of(path) == "image":
+        raise image_without_mask(path.name, label)
+
+
+def _with_window(settings: Settings, threshold: bool | tuple[float | None, float | None]) -> Settings:
+    """Return settings whose threshold is this range of grey values."""
+    if isinstance(threshold, bool):
+        return settings
+    low, high = threshold
+    if (low is None and high is None) or (low is not None and high is not None and low >= high):
+        raise InputError("threshold", f"{threshold} is no range", "give (low, high), None for no bound")
+    region = settings.import_.region.model_copy(update={"window": (low, high)})
+    reading = settings.import_.model_copy(update={"region": region})
+    return settings.model_copy(update={"import_": reading})
 
 
 def name_of(path: Path) -> str:
@@ -276,27 +335,30 @@ def name_of(path: Path) -> str:
 def _column_of(path: Path) -> str:
     """Which column of the cohort sheet a path would stand in: ``mask``, or ``image`` for a series alone."""
     if not path.is_dir():
-        return "mask"
+        return "image" if dicom_modality(path) not in (None, "", *_OBJECTS) else "mask"
     files = [file for file in path.rglob("*") if file.is_file()]
     if not files:
         raise InputError(path.name, "there is no file in this folder", "give a mask or a DICOM folder")
     masks = any(file.name.lower().endswith(SUFFIXES) for file in path.iterdir())
-    return "mask" if masks or object_in(path) != path else "image"
+    if masks or object_in(path) != path or all(dicom_modality(file) is None for file in files):
+        return "mask"
+    return "image"
 
 
 def _holds_images(folder: Path) -> bool:
     """Whether a folder holds DICOM images beside a segmentation."""
     kinds = {dicom_modality(file) for file in folder.iterdir() if file.is_file()}
-    return bool(kinds - {None, "", "SEG", "RTSTRUCT", "RTPLAN", "RTDOSE"})
+    return bool(kinds - {None, "", *_OBJECTS})
 
 
+@needing("cccd.reconstruct")
 @_one_thread
 def reconstruct(
     organ: Structure | Curves | np.ndarray,
     affine: np.ndarray | None = None,
     *,
     annotated: str = AUTO,
-    settings: Settings = _DEFAULTS,
+    settings: Settings | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Surface:
     """Make a smooth closed surface.
@@ -309,7 +371,7 @@ def reconstruct(
         Of a mask: ``world_mm = affine @ (a, b, c, 1)``, RAS; voxels of a millimetre by default.
     annotated : {"auto", "nonempty", "every slice"}
         Which slices of a mask in an array were drawn, see `read`.
-    settings : Settings
+    settings : Settings, optional
         The configuration, section by section.
     progress : callable, optional
         Gets the name of each step as it begins: ``contours``, ``splines``, ``surface``.
@@ -332,15 +394,18 @@ def reconstruct(
     >>> surface.mesh.is_watertight, bool(abs(surface.volume / (2 * ball.sum()) - 1) < 0.01)
     (True, True)
     """
+    settings = settings or _DEFAULTS
     tell = progress or (lambda step: None)
     tell("contours")
     if isinstance(organ, Curves):
-        return Surface(fit_and_loft(organ, settings.curves, settings.surface, tell))
+        lofted = fit_and_loft(organ, settings.curves, settings.surface, tell)
+        return Surface(lofted, warnings=tuple(lofted.report["warnings"]))
     if isinstance(organ, Structure):
         structure = organ
     else:
         grid = np.eye(4) if affine is None else np.asarray(affine, float)
         structure = structure_of_array(organ, grid, settings.import_, annotated=_rule(annotated))
+        _told(structure, 5)  # two frames are the decorators'
     curves, missing = find_contours(structure, settings.boundaries, settings.gnn.inference)
     level = structure.probability_stack
     annotation = structure.annotation
@@ -357,6 +422,7 @@ def _rule(annotated: str) -> str:
     return annotated
 
 
+@needing("cccd.reconstruct_labels")
 @_one_thread
 def reconstruct_labels(
     path: str | Path,
@@ -364,7 +430,7 @@ def reconstruct_labels(
     table: str | Path | None = None,
     image: str | Path | None = None,
     annotated: str = AUTO,
-    settings: Settings = _DEFAULTS,
+    settings: Settings | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[list[Surface], list[str]]:
     """Make smooth closed surfaces of every label of a map, with one wall between two that touch.
@@ -379,7 +445,7 @@ def reconstruct_labels(
         The scan, where it lies elsewhere.
     annotated : {"auto", "nonempty", "every slice"}
         Which slices of each label were drawn, see `read`.
-    settings : Settings
+    settings : Settings, optional
         The configuration; ``surface.shared_walls: false`` smooths each organ alone, as drawn contours are.
     progress : callable, optional
         Gets the name of each organ as its surface begins.
@@ -396,8 +462,10 @@ def reconstruct_labels(
     InputError
         Not readable, or no label at all.
     """
+    settings = settings or _DEFAULTS
     tell = progress or (lambda step: None)
     source = existing(Path(path), "mask")
+    refuse_image(source)
     failures: list[str] = []
     structures: dict[int, Structure] = {}
     surfaces: dict[int, Surface] = {}
@@ -443,9 +511,12 @@ def _series(structure: Structure) -> Path | None:
     return next((folder for folder in folders if folder.is_dir() and _holds_images(folder)), None)
 
 
+@needing("cccd.fit_contours")
 @_one_thread
 def fit_contours(
-    contours: Curves | Sequence[np.ndarray], affine: np.ndarray | None = None, settings: Settings = _DEFAULTS
+    contours: Curves | Sequence[np.ndarray],
+    affine: np.ndarray | None = None,
+    settings: Settings | None = None,
 ) -> FittedCurves:
     """Describe closed contours by few points: corners and closed cubic B-splines.
 
@@ -456,7 +527,7 @@ def fit_contours(
         holes clockwise, the first point not repeated.
     affine : (4, 4) float, optional
         Of a sequence: index to world mm; pixels of a millimetre by default.
-    settings : Settings
+    settings : Settings, optional
         Section ``curves``: the tolerance, or a number of control points.
 
     Returns
@@ -475,7 +546,7 @@ def fit_contours(
     """
     if not isinstance(contours, Curves):
         contours = _one_slice(contours, np.eye(4) if affine is None else np.asarray(affine, float))
-    return describe_curves(contours, settings.curves)
+    return describe_curves(contours, (settings or _DEFAULTS).curves)
 
 
 def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
@@ -497,6 +568,7 @@ def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
     return Curves(points, offsets, np.zeros(len(rings), np.int32), hole, frame)
 
 
+@needing("cccd.order", "gnn")
 @_one_thread
 def order(
     boundary_map: np.ndarray,
@@ -504,7 +576,7 @@ def order(
     *,
     image: np.ndarray | None = None,
     weights: str | Path = SHIPPED_WEIGHTS,
-    settings: Settings = _DEFAULTS,
+    settings: Settings | None = None,
 ) -> Curves:
     """Order the pixels of noisy boundary maps into closed simple curves; needs the extra ``gnn``.
 
@@ -518,7 +590,7 @@ def order(
         The grey slices, of the same shape.
     weights : path
         A trained network; the shipped one by default.
-    settings : Settings
+    settings : Settings, optional
         Section ``gnn.inference``.
 
     Returns
@@ -531,6 +603,7 @@ def order(
     InputError
         No map encloses anything.
     """
+    settings = settings or _DEFAULTS
     maps = np.asarray(boundary_map) != 0
     grey = None if image is None else np.asarray(image, np.float32)
     if maps.ndim == 2:

@@ -9,20 +9,24 @@ import argparse
 import errno
 import json
 import os
+import re
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cccd.errors import InputError
+from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import missing_extra
 
 if TYPE_CHECKING:
     from cccd.api import Surface
     from cccd.containers import Structure
+    from cccd.label_survey import SurveyedLabel
     from cccd.settings.root import Settings
+    from cccd.volumes.regions import DrawnLabels
 
 __all__ = ["main"]
 
@@ -37,6 +41,7 @@ examples:
   cccd surface labels.nii.gz --label 5 -o liver.stl -o liver.step
   cccd surface labels.nii.gz --all-labels       one file for each label
   cccd surface dicom_folder/ --label Liver      a series with its RTSTRUCT or SEG
+  cccd surface ct.nii.gz --threshold 150:       what is bright in an image without a mask
   cccd segment mr.nii.gz --segmenter hippocampus    labels and surface, from a scan without a mask
   cccd check labels.nii.gz                      what is in it: axes, spacing, labels, a picture
   cccd run sheet.tsv --cores 8                  a cohort, with tables and a report
@@ -54,12 +59,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     cut = given.index("--") if "--" in given else len(given)
-    parsed = _parser().parse_args(given[:cut])
+    parsed = _parser().parse_args(_with_ranges_joined(given[:cut]))
     parsed.further = given[cut + 1 :]
     try:
         if parsed.further and parsed.command != "run":
             raise InputError("--", "only cccd run hands arguments on to Snakemake", "leave them out")
-        return parsed.run(parsed)
+        with warnings.catch_warnings():  # of Python; commands say it themselves, in one line
+            warnings.filterwarnings("ignore", f".*{TAKEN_TOGETHER}")
+            return parsed.run(parsed)
     except InputError as error:
         return _fail(str(error))
     except ModuleNotFoundError as error:
@@ -74,6 +81,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(
             f"{error.filename or 'file'}: {error.strerror or error}; check the folder's rights and space"
         )
+
+
+def _with_ranges_joined(words: Sequence[str]) -> list[str]:
+    """Join ``--threshold`` and its range: argparse takes -200:0 for an option, and any file for a range."""
+    joined: list[str] = []
+    for word in words:
+        if joined and joined[-1] == "--threshold":
+            joined[-1] += f"={word}" if re.fullmatch(r"[-+.:e\d]*[\d:][-+.:e\d]*", word) else "="
+            if joined[-1] != "--threshold=":
+                continue
+        joined.append(word)
+    return joined
 
 
 def _fail(line: str, code: int = 1) -> int:
@@ -121,6 +140,11 @@ def _add_input(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--image", type=Path, help="the scan, where it lies elsewhere")
     command.add_argument(
+        "--threshold", nargs="?", const="", metavar="LOW:HIGH",
+        help="the input is an image without a mask: take the largest piece with grey values in a range (150: "
+        "or -1000:-400); without one Otsu's method chooses. It knows no organs",
+    )  # fmt: skip
+    command.add_argument(
         "--boundary", action="store_true", help="the input holds boundary maps, to be ordered by the network"
     )
     command.add_argument(
@@ -145,7 +169,7 @@ def _add_surface(commands: Any) -> None:
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
         help="where to, any number of times; the suffix chooses the format: .ply .stl .obj .vtp .gii .glb "
         ".3mf .step .msh .inp (tetrahedra) .nii.gz (label map) .dcm (RTSTRUCT); default: the input's "
-        "name with .ply, here",
+        "name with .ply (_threshold.ply), here",
     )  # fmt: skip
     surface.add_argument(
         "--all-labels",
@@ -242,7 +266,11 @@ def _add_report(commands: Any) -> None:
 
 
 def _surface(given: argparse.Namespace) -> int:
-    outputs = given.output or [Path(f"{_plain_stem(given.input)}.ply")]
+    by_threshold = given.threshold is not None
+    stem = f"{_plain_stem(given.input)}_threshold" if by_threshold else _plain_stem(given.input)
+    outputs = given.output or [Path(f"{stem}.ply")]
+    if by_threshold and given.all_labels:
+        raise InputError("--threshold", "an image without a mask has no labels", "leave --all-labels out")
     settings = _settings_of(given)
     _check_outputs(outputs, given.input, settings.surface.tetrahedra.mesher)
     made, failed = [], 0
@@ -262,6 +290,18 @@ def _plain_stem(path: Path) -> str:
     from cccd.api import name_of
 
     return name_of(path.absolute())
+
+
+def _threshold_of(given: argparse.Namespace) -> bool | tuple[float | None, float | None]:
+    """Return what `cccd.read` takes as threshold."""
+    if not given.threshold:
+        return given.threshold is not None
+    try:
+        low, high = (float(end) if end else None for end in given.threshold.split(":"))
+    except ValueError:
+        hint = "give LOW:HIGH, as 150: or -1000:-400"
+        raise InputError("--threshold", f"{given.threshold!r} is no range", hint) from None
+    return low, high
 
 
 def _settings_of(given: argparse.Namespace) -> Settings:
@@ -293,10 +333,9 @@ def _check_outputs(outputs: Sequence[Path], source: Path, mesher: str = "ftetwil
 
 
 def _check_writable(path: Path) -> None:
-    folder = next(parent for parent in path.absolute().parents if parent.exists())
-    if not folder.is_dir() or not os.access(folder, os.W_OK):
-        problem = "nothing may be written there" if folder.is_dir() else "not a folder"
-        raise InputError(str(folder), problem, "give a folder of your own with -o")
+    from cccd.store import check_writable
+
+    check_writable(path)
 
 
 def _with_name(path: Path, organ: str) -> Path:
@@ -362,8 +401,12 @@ def _make_surface(
             image=given.image,
             boundary=given.boundary,
             annotated=given.annotated,
+            threshold=_threshold_of(given),
             settings=settings,
         )
+        for note in structure.warnings:
+            if TAKEN_TOGETHER in note:
+                tqdm.write(f"warning: {note}", file=sys.stderr)
         if not _is_compiled():
             tqdm.write("first use: compiling, once, for about a minute ...", file=sys.stderr)
         surface = cccd.reconstruct(structure, settings=settings, progress=tell)
@@ -398,7 +441,8 @@ def _print_surface(made: dict[str, Any]) -> None:
     print(*made["files"], sep="\n")
     print(f"  {made['volume_ml']:.4g} ml, {size} mm, {made['triangles']} triangles, {made['seconds']:.1f} s")
     for warning in made["warnings"]:
-        print(f"  warning: {warning}")
+        if TAKEN_TOGETHER not in warning:  # that was said before
+            print(f"  warning: {warning}")
 
 
 # cccd segment ---------------------------------------------------------------------------------------
@@ -441,22 +485,31 @@ def _segment(given: argparse.Namespace) -> int:
 
 def _check(given: argparse.Namespace) -> int:
     import cccd
+    from cccd.label_survey import measure_labels, survey_labels
 
+    threshold = _threshold_of(given)
     if given.input.suffix == ".tsv":
-        found = [_check_one(given, *row) for row in _rows(given.input)]
-    else:
-        labels = {} if given.boundary or not given.input.exists() else cccd.labels(given.input)
-        label = given.label or (next(iter(labels)) if len(labels) > 1 else "")
+        found = [_check_one(given, structure) for structure in _rows(given.input)]
+    elif given.label or given.boundary or threshold is not False or not given.input.exists():
         structure = cccd.read(
-            given.input, label, image=given.image, boundary=given.boundary, annotated=given.annotated
+            given.input,
+            given.label,
+            image=given.image,
+            boundary=given.boundary,
+            annotated=given.annotated,
+            threshold=threshold,
         )
-        found = [_check_one(given, structure, labels)]
+        plain = given.boundary or threshold is not False
+        listed = [] if plain else [label for label, _ in measure_labels(given.input)]
+        found = [_check_one(given, structure, listed)]
+    else:
+        found = [_check_one(given, *survey_labels(given.input, given.image, given.annotated))]
     if given.json:
         print(json.dumps(found, indent=2))
     return 0
 
 
-def _rows(sheet: Path) -> list[tuple[Structure, dict[str, str]]]:
+def _rows(sheet: Path) -> list[Structure]:
     """Every structure of a cohort sheet."""
     from cccd.cohort import read_cohort
     from cccd.settings.root import Settings
@@ -464,10 +517,15 @@ def _rows(sheet: Path) -> list[tuple[Structure, dict[str, str]]]:
 
     settings = Settings()
     rows = read_cohort(sheet)
-    return [(load_structure(row, sheet.parent, settings.import_, settings.seed), {}) for row in rows]
+    return [load_structure(row, sheet.parent, settings.import_, settings.seed) for row in rows]
 
 
-def _check_one(given: argparse.Namespace, structure: Structure, labels: dict[str, str]) -> dict[str, Any]:
+def _check_one(
+    given: argparse.Namespace,
+    structure: Structure,
+    labels: Sequence[SurveyedLabel] = (),
+    drawn: DrawnLabels | None = None,
+) -> dict[str, Any]:
     """Say what a structure was understood to be, and draw it."""
     from cccd.store import atomic_path
     from cccd.volumes.regions import draw_region
@@ -475,14 +533,18 @@ def _check_one(given: argparse.Namespace, structure: Structure, labels: dict[str
     name = structure.organ if structure.organ == structure.case else f"{structure.case}_{structure.organ}"
     picture = given.output or Path(f"{name}_check.png")
     _check_writable(picture)
-    said = _describe_structure(structure, labels)
+    said = _describe_structure(structure, drawn)
     if not given.json:
-        for key, value in said.items():
-            for line in value if isinstance(value, list) else [value]:
+        for key, value in {**said, "labels": labels}.items():
+            for line in [value] if isinstance(value, str) else value:
                 print(f"{key + ':':<10} {line}")
+    said["labels"] = [
+        {"label": label.label, "name": label.name, "volume_ml": label.volume_ml, "note": label.note}
+        for label in labels
+    ]
     try:
         with atomic_path(picture) as temporary:
-            draw_region(structure, temporary)
+            draw_region(structure, temporary, drawn)
     except ModuleNotFoundError as error:
         print(missing_extra(error, "no picture"), file=sys.stderr)
         return said
@@ -491,7 +553,7 @@ def _check_one(given: argparse.Namespace, structure: Structure, labels: dict[str
     return {**said, "picture": str(picture)}
 
 
-def _describe_structure(structure: Structure, labels: dict[str, str]) -> dict[str, Any]:
+def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict[str, Any]:
     from nibabel.orientations import aff2axcodes
 
     frame = structure.frame
@@ -502,16 +564,17 @@ def _describe_structure(structure: Structure, labels: dict[str, str]) -> dict[st
         "contours": "drawn contours, taken as they are",
         "boundary": "boundary maps, ordered by the network",
     }
-    way = next(
-        (text for name, text in ways.items() if getattr(structure, name) is not None), "a mask, traced"
-    )
+    traced = "a region of grey values, traced" if "region" in structure.provenance else "a mask, traced"
+    way = next((text for name, text in ways.items() if getattr(structure, name) is not None), traced)
+    if drawn is not None:
+        way = way.replace("a mask", "masks")
+        way += f"; {len(drawn.captions)} labels: --label NAME takes one, --all-labels makes each"
     return {
         "organ": structure.organ,
         "input": way,
         "grid": f"{shape} voxels of {spacing} mm",
         "axes": f"index axes run towards {', '.join(axes)}: {', '.join(_TOWARDS[axis] for axis in axes)}",
         "slices": f"{_slices(structure)} with organ, along {along}, {frame.slice_spacing:.4g} mm apart",
-        "labels": ", ".join(f"{label} {name}".strip() for label, name in labels.items()) or "one",
         "warnings": list(structure.warnings),
     }
 
@@ -536,6 +599,7 @@ def _run(given: argparse.Namespace) -> int:
         raise InputError(
             str(sheet), "not the folder of a BIDS data set", "give BIDS_DIR OUT participant, or a sheet"
         )
+    _check_writable(folder / "results")
     command = snakemake_command(sheet, folder, given.cores, given.profile, given.further)
     sys.stdout.flush()
     process = subprocess.Popen(command)

@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cccd.errors import InputError
-from cccd.geometry.arrays import split_ragged
+from cccd.geometry.arrays import offsets_of, split_ragged
+from cccd.geometry.closed_splines import sample_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
@@ -327,6 +328,13 @@ class Splines:
             split_ragged(self.knots, self.knot_offsets),
             strict=True,
         )
+
+    def sample(self, per_pixel: float) -> Curves:
+        """Draw them as closed polygons: so many points per pixel of control polygon, 4 per control point."""
+        length = RaggedPolygons(self.control_points, self.offsets).lengths
+        counts = np.maximum(np.ceil(per_pixel * length), 4 * np.diff(self.offsets)).astype(np.int64)
+        points = sample_ragged(self.control_points, self.offsets, self.knots, counts)
+        return Curves(points, offsets_of(counts), self.slice, self.hole, self.frame)
 
 
 @dataclass

@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, packages_distributions, ver
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cccd.extras import EXTRAS
+from cccd.extras import EXTRAS, how_to_install
 
 __all__ = ["Finding", "examine"]
 
@@ -37,7 +37,7 @@ def _extra(name: str, modules: tuple[str, ...]) -> Finding:
     absent = [module for module in modules if importlib.util.find_spec(module) is None]
     what = f"extra {name}"
     if absent:
-        return Finding(what, False, f"no {', '.join(absent)}; pip install 'cccd[{name}]'")
+        return Finding(what, False, f"no {', '.join(absent)}; {how_to_install(name)}")
     return Finding(what, True, ", ".join(f"{module} {_version(module)}".strip() for module in modules))
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-__all__ = ["InputError"]
+__all__ = ["TAKEN_TOGETHER", "InputError"]
+
+#: How the note on labels that become one organ begins: it is told before work begins.
+TAKEN_TOGETHER = "no label given, so all"
 
 
 class InputError(ValueError):

@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
+from collections.abc import Iterator
 
 from cccd.errors import InputError
 
-__all__ = ["EXTRAS", "check_extra", "missing_extra"]
+__all__ = ["EXTRAS", "check_extra", "how_to_install", "missing_extra", "needing"]
 
-#: Modules of each extra, by what they are imported as; ``pyproject.toml`` names their distributions.
+_VIEW = ("pyvista",)
+_REPORT = (*_VIEW, "matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification")
+
+#: Modules of each extra, by what they are imported as; ``pyproject.toml`` names their distributions. Where
+#: nobody says what a module was needed for, the first extra that brings it is named.
 EXTRAS: dict[str, tuple[str, ...]] = {
     "dicom": ("pydicom", "highdicom"),
-    "gnn": ("torch", "torch_geometric"),
-    "segment": ("monai", "torch", "pandas"),
-    "view": ("pyvista",),
-    "report": ("matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification"),
-    "comparisons": ("itk", "open3d"),
+    "view": _VIEW,
+    "report": _REPORT,
+    "gnn": ("torch", "torch_geometric", "pandas"),
+    "segment": ("monai", "torch", "pandas", "matplotlib"),
+    "comparisons": (*_REPORT, "itk", "open3d"),
     "s3": ("boto3", "botocore"),
-    "cad": ("OCP",),
-    "fe": ("pytetwild",),
-    "print": ("lib3mf",),
-    "run": ("snakemake", "jsonschema", "nilearn"),
+    "cad": (*_VIEW, "OCP"),
+    "fe": (*_VIEW, "pytetwild"),
+    "print": (*_VIEW, "lib3mf"),
+    "run": (*_REPORT, "snakemake", "jsonschema", "nilearn"),
 }
 
 
-def missing_extra(error: ModuleNotFoundError, location: str) -> InputError:
+def missing_extra(error: ModuleNotFoundError, location: str, extra: str = "") -> InputError:
     """Say in one line what is not installed, and how to install it.
 
     Parameters
@@ -33,15 +39,50 @@ def missing_extra(error: ModuleNotFoundError, location: str) -> InputError:
         Of an import.
     location : str
         What needed it.
+    extra : str
+        The extra of what was asked for; it is named where it brings the module, though others do as well.
 
     Examples
     --------
     >>> print(missing_extra(ModuleNotFoundError("", name="torch.nn"), "maps.nii.gz"))
-    maps.nii.gz: torch is not installed; pip install 'cccd[gnn]'
+    maps.nii.gz: torch is not installed; in CCCD's checkout: pip install '.[gnn]'
     """
-    module = (error.name or str(error)).split(".")[0]
-    extra = next((extra for extra, modules in EXTRAS.items() if module in modules), "all")
-    return _not_installed(module, extra, location)
+    module = _top_level(error)
+    bringing = [name for name, modules in EXTRAS.items() if module in modules]
+    return _not_installed(module, extra if extra in bringing else [*bringing, "all"][0], location)
+
+
+def _top_level(error: ModuleNotFoundError) -> str:
+    return (error.name or str(error)).split(".")[0]
+
+
+@contextlib.contextmanager
+def needing(location: str, extra: str = "") -> Iterator[None]:
+    """Raise that one line in place of a bare ``ModuleNotFoundError``; a decorator, too.
+
+    Parameters
+    ----------
+    location, extra : str
+        See `missing_extra`.
+
+    Raises
+    ------
+    InputError
+        A module of an extra is not there; any other that is missing raises as it does.
+
+    Examples
+    --------
+    >>> with needing("liver.3mf", "print"):
+    ...     raise ModuleNotFoundError("No module named 'pyvista'", name="pyvista")
+    Traceback (most recent call last):
+    cccd.errors.InputError: liver.3mf: pyvista is not installed; in CCCD's checkout: pip install '.[print]'
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if not any(_top_level(error) in modules for modules in EXTRAS.values()):
+            raise
+        raise missing_extra(error, location, extra) from None
 
 
 def check_extra(extra: str, location: str) -> None:
@@ -65,4 +106,15 @@ def check_extra(extra: str, location: str) -> None:
 
 
 def _not_installed(module: str, extra: str, location: str) -> InputError:
-    return InputError(location, f"{module} is not installed", f"pip install 'cccd[{extra}]'")
+    return InputError(location, f"{module} is not installed", how_to_install(extra))
+
+
+def how_to_install(extra: str) -> str:
+    """Say how an extra gets installed: from the checkout, as the registries have no ``cccd`` of ours.
+
+    Examples
+    --------
+    >>> how_to_install("cad")
+    "in CCCD's checkout: pip install '.[cad]'"
+    """
+    return f"in CCCD's checkout: pip install '.[{extra}]'"

@@ -73,7 +73,7 @@ class ImageAccessor:
         voxels = values.reshape(shape, order="F")
         if label is not None:
             voxels = voxels == label
-        return reconstruct(voxels, affine, settings=settings or Settings())
+        return reconstruct(voxels, affine, settings=settings)
 
     def surface(
         self, scalars: str | None = None, label: int | None = None, settings: Settings | None = None

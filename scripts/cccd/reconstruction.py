@@ -8,6 +8,7 @@ from pathlib import Path
 from cccd.containers import Annotation, Curves, ProbabilityStack, Structure
 from cccd.contours import missing_parts, take_contours, trace_contours
 from cccd.curves import describe_curves
+from cccd.extras import needing
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
@@ -48,6 +49,7 @@ def find_contours(
     return order_maps(structure, boundaries, inference), []
 
 
+@needing("ordering boundary pixels", "gnn")
 def order_maps(
     structure: Structure,
     boundaries: BoundarySettings,
@@ -94,11 +96,18 @@ def fit_and_loft(
         What the curves are the level of.
     annotation : Annotation, optional
         Which slices were drawn, where that is not all.
+
+    Returns
+    -------
+    Surface
+        The curves' warnings stand before its own.
     """
     tell("splines")
     fitted = describe_curves(curves, fitting)
     tell("surface")
-    return loft_surface(fitted.curves, lofting, fitted.splines, probability, annotation)
+    surface = loft_surface(fitted.curves, lofting, fitted.splines, probability, annotation)
+    surface.report["warnings"] = [*fitted.report["warnings"], *surface.report["warnings"]]
+    return surface
 
 
 def reconstruct_mask(structure: Structure, fitting: CurveSettings, lofting: LoftSettings) -> Surface:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from cccd.errors import InputError
-from cccd.extras import missing_extra
+from cccd.extras import needing
 
 __all__ = ["RemoteFile", "fetch", "is_remote", "read_address"]
 
@@ -158,13 +158,11 @@ def _opened(address: str) -> Iterator[tuple[Any, int | None]]:
 @contextlib.contextmanager
 def _opened_s3(address: str) -> Iterator[tuple[Any, int]]:
     """Open an object of S3, by the credentials of the environment; without any, as anybody may."""
-    try:
+    with needing(address, "s3"):
         import boto3
         from botocore import UNSIGNED
         from botocore.config import Config
         from botocore.exceptions import BotoCoreError, ClientError
-    except ModuleNotFoundError as error:
-        raise missing_extra(error, address) from None
     parts = urllib.parse.urlsplit(address)
     session = boto3.Session()
     config = Config(connect_timeout=PATIENCE_S, read_timeout=PATIENCE_S)

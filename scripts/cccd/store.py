@@ -7,6 +7,7 @@ half file under a final name. Times are not tracked, so that the same content gi
 from __future__ import annotations
 
 import contextlib
+import errno
 import glob
 import io
 import json
@@ -48,6 +49,7 @@ __all__ = [
     "GraphSplit",
     "atomic_path",
     "bodies_bytes",
+    "check_writable",
     "read_annotation",
     "read_bodies",
     "read_boundaries",
@@ -107,6 +109,30 @@ def atomic_path(path: str | Path) -> Generator[Path, None, None]:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def check_writable(path: str | Path) -> None:
+    """Refuse a file that `atomic_path` could not make: where its folder is, or is to be, one is tried.
+
+    The rights do not tell: root has all of them, and yet makes no file in ``/proc``.
+
+    Raises
+    ------
+    InputError
+        Nothing can be written there.
+    """
+    folder = next(parent for parent in Path(path).absolute().parents if os.path.exists(parent))
+    if not folder.is_dir():
+        raise InputError(str(path), f"{folder} is not a folder", "give a folder of your own")
+    try:
+        with tempfile.NamedTemporaryFile(prefix=".", dir=folder):
+            pass
+    except OSError as error:
+        if error.errno == errno.ENOSPC:
+            raise
+        raise InputError(
+            str(path), f"nothing can be written in {folder}", "give a folder of your own"
+        ) from None
 
 
 @contextlib.contextmanager

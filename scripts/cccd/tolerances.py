@@ -65,6 +65,12 @@ CHECKED_PER_SPAN = 12
 #: ... and where these turn by more than this (radians), the gaps beside are quartered, so many times.
 CHECKED_TURN = 0.5
 CHECKED_CLOSER = 3
+#: Whether it strays is asked of every third sample: excursions are as long as the spans, crossings are not.
+CHECKED_EVERY = 3
+
+#: A spline lies at most this much further from its curve than its fit's tolerance: the filter that takes the
+#: steps away moves a curve by up to half a pixel.
+STRAY_PX = 0.75
 
 #: Values of a floating-point label map may differ by this from whole numbers.
 LABEL_VALUE = 1e-3

@@ -1,5 +1,6 @@
 """What the library offers: few names, cheap to import, the same surface whichever way it is asked for."""
 
+import inspect
 import os
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import pytest
 import trimesh
 
 import cccd
+from cccd.containers import Curves, Frame
 from cccd.project import PROJECT, SHIPPED_WEIGHTS
 
 PUBLIC = {
@@ -41,6 +43,26 @@ def test_what_is_public_is_listed_once_and_is_there():
         assert name in dir(cccd)
     with pytest.raises(AttributeError, match="recontsruct"):
         _ = cccd.recontsruct
+
+
+def test_a_signature_is_read_at_a_glance():
+    """With a configuration for a default value, help opened with six thousand characters of it."""
+    functions = {name: getattr(cccd, name) for name in PUBLIC if inspect.isfunction(getattr(cccd, name))}
+    functions |= {f"Surface.{name}": f for name, f in vars(cccd.Surface).items() if inspect.isfunction(f)}
+    assert {"read", "Surface.write"} < set(functions)
+    for name, function in functions.items():
+        assert len(str(inspect.signature(function))) < 400, name
+
+
+def test_no_configuration_is_the_default_one(surface):
+    given = cccd.reconstruct(ball(), AFFINE, settings=cccd.Settings())
+    assert given.vertices.tobytes() == surface.vertices.tobytes()
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="there is no /proc")
+def test_where_nothing_can_be_written_one_line_says_so(surface):
+    with pytest.raises(cccd.InputError, match=r"/proc/a\.ply: nothing can be written in /proc; give"):
+        surface.write("/proc/a.ply")
 
 
 def test_any_number_of_threads_gives_the_same_bits():
@@ -110,6 +132,17 @@ def test_the_order_of_a_map_s_pixels_is_found_and_lofted():
     assert cccd.reconstruct(curves).volume == pytest.approx(4 / 3 * np.pi * 9**3, rel=0.05)
     assert len(cccd.order((mask & ~inner)[:, :, 6])) == 1
     assert SHIPPED_WEIGHTS.is_relative_to(PROJECT)
+
+
+def test_a_given_curve_that_crosses_itself_is_a_warning_of_the_surface():
+    angle = np.linspace(0, 2 * np.pi, 80, endpoint=False) + 0.01
+    circle = 30 + 12.3 * np.column_stack([np.cos(angle), np.sin(angle)])
+    loop = 30 + np.column_stack([12.3 * np.sin(angle), 9 * np.sin(2 * angle) + 6 * np.sin(angle)])
+    points = np.concatenate([circle, circle, loop, circle, circle])
+    layers, hole = np.arange(5, dtype=np.int32), np.zeros(5, bool)
+    curves = Curves(points, 80 * np.arange(6), layers, hole, Frame(np.eye(4), 2, (60, 60, 5)))
+    (line,) = (line for line in cccd.reconstruct(curves).warnings if "crosses itself" in line)
+    assert "slice 2 at (30.0, 30.0), 30.0, 30.0, 2.0 mm" in line
 
 
 @pytest.mark.parametrize(

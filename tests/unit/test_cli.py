@@ -10,10 +10,12 @@ from pathlib import Path
 import nibabel
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 import cccd
 from cccd.cli import main
 from cccd.doctor import _extra
+from cccd.volumes.label_maps import colour_of
 
 ROOT = Path(__file__).parents[2]
 SCANS = runpy.run_path(str(Path(__file__).parent / "volumes" / "scans.py"))
@@ -67,6 +69,40 @@ def test_every_label_a_file_in_every_format_that_was_asked_for(here, capsys):
     assert [surface["volume_ml"] for surface in made] == pytest.approx([2.145, 0.21], rel=0.1)
 
 
+def test_labels_that_become_one_organ_are_told_before_any_work_and_once(here, capsys, monkeypatch):
+    told, make = [], cccd.reconstruct
+
+    def reconstruct(*given, **more):
+        told.append(capsys.readouterr().err)
+        return make(*given, **more)
+
+    monkeypatch.setattr(cccd, "reconstruct", reconstruct)
+    assert main(["surface", "labels.nii.gz"]) == 0
+    (before,) = told
+    (line,) = (line for line in before.splitlines() if line.startswith("warning: "))
+    assert "labels.nii.gz" in line
+    assert "2 labels are taken as one organ: 5, 7;" in line
+    assert "--label NAME" in line
+    assert "--all-labels" in line
+    after = capsys.readouterr()
+    assert "taken as one organ" not in after.out + after.err
+    assert (here / "labels.ply").is_file()
+
+
+@pytest.mark.filterwarnings("error")
+def test_python_warns_of_labels_that_become_one_organ(here):
+    labels = np.asarray(nibabel.load("labels.nii.gz").dataobj)
+    words = "all 2 labels are taken as one organ: 5, 7; --label"
+    with pytest.warns(UserWarning, match=words) as told:
+        structure = cccd.read("labels.nii.gz")
+    with pytest.warns(UserWarning, match=words) as told_of_array:
+        cccd.reconstruct(labels, AFFINE)
+    assert [warning.filename for warning in (*told, *told_of_array)] == [__file__] * 2
+    cccd.reconstruct(structure)  # once is enough
+    cccd.read("labels.nii.gz", 5)
+    cccd.read("liver.nii.gz")
+
+
 def test_a_file_of_settings_reaches_all_that_follows(here, capsys):
     pytest.importorskip("OCP", reason="the extra cad is not installed")
     (here / "coarse.yaml").write_text(
@@ -108,8 +144,68 @@ def test_check_says_axes_labels_and_cut_ends(here, capsys):
     assert said["grid"] == "24 x 24 x 13 voxels of 1 x 1 x 2.5 mm"
     assert "R, A, S" in said["axes"]
     assert any("first slice" in warning for warning in said["warnings"])
-    assert main(["check", "labels.nii.gz"]) == 0
-    assert "labels:    5, 7" in capsys.readouterr().out
+
+
+def test_check_lists_and_draws_every_label(here, capsys):
+    labels = np.asarray(nibabel.load("labels.nii.gz").dataobj).astype(np.int16)
+    labels[20, 20, 10] = 1000
+    for name, side in {"right": 1.0, "left": -1.0}.items():  # towards which the first axis runs
+        affine = np.diag([side, 1.0, 2.5, 1.0])
+        nibabel.save(nibabel.Nifti1Image(labels, affine), f"{name}.nii.gz")
+    (here / "dataset.json").write_text('{"labels": {"background": 0, "liver": 5, "kidney": 7}}')
+    assert main(["check", "right.nii.gz"]) == 0
+    said = capsys.readouterr()
+    lines = ["5 liver, 2.09 ml", "7 kidney, 0.21 ml"]
+    lines += ["1000, 0.0025 ml (a single voxel: too little for a surface)"]
+    assert [line.split(maxsplit=1)[1] for line in said.out.splitlines() if line[:7] == "labels:"] == lines
+    assert "--all-labels" in said.out
+    assert not said.err
+    assert main(["check", "left.nii.gz", "--json"]) == 0
+    (said,) = json.loads(capsys.readouterr().out)
+    found = [(label["label"], label["name"], label["volume_ml"]) for label in said["labels"]]
+    volumes = [2.5e-3 * np.count_nonzero(labels == value) for value in (5, 7, 1000)]
+    assert [label[:2] for label in found] == [("5", "liver"), ("7", "kidney"), ("1000", "")]
+    assert [label[2] for label in found] == pytest.approx(volumes)
+    for name, kidney_is in {"right": 1, "left": -1}.items():  # on a radiologist's picture
+        picture = (255 * imread(f"{name}_check.png")[..., :3]).round().astype(int)
+        legend = picture.shape[1] * 0.7
+        middle = {}
+        for number in (1, 2, 3):
+            colour = [int(colour_of(number)[at : at + 2], 16) for at in (1, 3, 5)]
+            column = np.flatnonzero((abs(picture - colour) <= 2).all(axis=-1).any(axis=0))
+            assert (column > legend).any()
+            if number < 3:  # the single voxel lies on none of the slices
+                middle[number] = np.median(column[column < picture.shape[1] // 4])
+        assert (middle[2] - middle[1]) * kidney_is > 0
+
+
+def test_check_of_one_label_or_one_of_many_draws_its_outline(here, capsys):
+    assert main(["check", "liver.nii.gz", "--json"]) == 0
+    (one,) = json.loads(capsys.readouterr().out)
+    assert main(["check", "labels.nii.gz", "--label", "7", "-o", "7.png", "--json"]) == 0
+    (chosen,) = json.loads(capsys.readouterr().out)
+    assert [label["label"] for label in one["labels"]] == ["1"]
+    assert [label["label"] for label in chosen["labels"]] == ["5", "7"]
+    assert chosen["slices"].startswith("7 with organ")
+    assert {"liver_check.png", "7.png"} <= files(here)
+
+
+def test_check_of_drawn_regions_and_of_a_folder_of_masks(here, capsys):
+    pytest.importorskip("pydicom")
+    rois = {"Liver": ball(), "Vessel": ball(radius=3), "Point": ball(radius=1)}
+    (here / "drawn").mkdir()
+    drawn = {name: SCANS["outlines"](mask, AFFINE) for name, mask in rois.items()}
+    SCANS["write_structure_set"](here / "drawn" / "rt", drawn)
+    (here / "masks").mkdir()
+    for name, mask in rois.items():
+        nibabel.save(nibabel.Nifti1Image(mask.astype(np.uint8), AFFINE), here / "masks" / f"{name}.nii.gz")
+    for folder, first in (("drawn", "1"), ("masks", "Liver")):
+        assert main(["check", folder, "--json"]) == 0
+        (said,) = json.loads(capsys.readouterr().out)
+        assert {label["name"] for label in said["labels"]} == set(rois)
+        assert said["labels"][0]["label"] == first
+        assert said["labels"][0]["volume_ml"] == pytest.approx(2.145, rel=0.1)
+        assert [label["name"] for label in said["labels"] if label["note"]] == ["Point"]
 
 
 WRONG = {
@@ -163,16 +259,121 @@ def test_two_series_in_a_folder_are_refused(here, capsys):
     pytest.importorskip("pydicom")
     for name in ("first", "second"):
         SCANS["write_series"](here / "scan" / name, 100 * ball().astype(np.int16), AFFINE, uid=name)
-    assert main(["surface", "scan"]) == 1
+    assert main(["surface", "scan", "--threshold"]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert "first" in line
     assert "second" in line
 
 
-def test_a_folder_without_rights_is_refused(here, capsys, monkeypatch):
-    monkeypatch.setattr(os, "access", lambda folder, mode: False)  # root may write everywhere
-    assert main(["surface", "liver.nii.gz"]) == 1
-    assert "nothing may be written there" in capsys.readouterr().err
+@pytest.fixture
+def scans(here):
+    """An image alone, as a series, a file of it, and NIfTI: a bright ball in air."""
+    pytest.importorskip("pydicom")
+    grey = np.where(ball(), 100, -900).astype(np.int16)
+    noise = np.random.default_rng(0).integers(-20, 20, grey.shape)
+    SCANS["write_series"](here / "scan", grey + noise, AFFINE)
+    SCANS["write_nifti"](here / "scan.nii.gz", (grey + noise).astype(np.int16), AFFINE)
+    return here
+
+
+@pytest.mark.parametrize("command", ["surface", "check"])
+@pytest.mark.parametrize("name", ["scan", "scan.nii.gz", "scan/000.dcm"])
+@pytest.mark.parametrize(
+    "label", [[], ["--label", "liver"], ["--label", "5"]], ids=["none", "name", "number"]
+)
+def test_no_organ_is_found_in_an_image_without_a_mask(scans, capsys, command, name, label):
+    before = files(scans)
+    assert main([command, name, *label]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert name.rsplit("/", 1)[-1] in line
+    assert "--threshold LOW:HIGH" in line
+    assert "--image" in line
+    assert files(scans) == before
+
+
+@pytest.mark.parametrize("name", ["scan", "scan.nii.gz"])
+@pytest.mark.parametrize("window", [[], ["0:"], ["-200:300"]], ids=str)
+def test_a_threshold_is_called_one(scans, capsys, name, window):
+    assert main(["surface", name, "--threshold", *window, "--json"]) == 0
+    (made,) = json.loads(capsys.readouterr().out)["surfaces"]
+    assert made["organ"] == "threshold"
+    assert made["files"] == ["scan_threshold.ply"]
+    assert made["volume_ml"] == pytest.approx(2.145, rel=0.05)
+    assert any("no mask; the organ is a threshold's" in warning for warning in made["warnings"])
+    assert main(["check", "--threshold", *window, name, "--json"]) == 0  # before the input as well
+    (said,) = json.loads(capsys.readouterr().out)
+    assert (said["organ"], said["picture"]) == ("threshold", "scan_threshold_check.png")
+    assert "grey values" in said["input"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["scan.nii.gz", "--threshold", "--label", "liver"], "it knows no organs"),
+        (["scan.nii.gz", "--threshold", "--image", "liver.nii.gz"], "give it the image alone"),
+        (["scan.nii.gz", "--threshold", "--all-labels"], "has no labels"),
+        (["scan", "--all-labels"], "an image without a mask"),
+        (["scan.nii.gz", "--threshold", "150"], "'150' is no range; give LOW:HIGH"),
+        (["scan.nii.gz", "--threshold", ":"], "is no range"),
+        (["scan.nii.gz", "--threshold", "200:100"], "is no range"),
+        (["scan.nii.gz", "--threshold", "3000:"], "no region between 3000"),
+    ],
+)
+def test_thresholds_that_cannot_be_meant(scans, capsys, arguments, words):
+    assert main(["surface", *arguments]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+
+
+def test_a_threshold_in_python(scans):
+    with pytest.raises(cccd.InputError, match="an image without a mask, so it has no label 'liver'"):
+        cccd.read("scan", "liver")
+    with pytest.raises(cccd.InputError, match="an image without a mask"):
+        cccd.labels("scan")
+    for threshold in (True, (0, None), (-200, 300)):
+        structure = cccd.read("scan", threshold=threshold)
+        assert structure.organ == "threshold"
+        assert structure.mask.sum() == ball().sum()
+
+
+UNWRITABLE = {
+    "not by root": (["surface", "nowhere.nii.gz", "-o", "/proc/a.ply"], "/proc/a.ply: nothing can be"),
+    "nor below": (["surface", "nowhere.nii.gz", "-o", "/sys/new/a.stl"], "/sys/new/a.stl: nothing can be"),
+    "no labels": (
+        ["segment", "nowhere.nii.gz", "--segmenter", "a", "--labels", "/proc/a.nii"],
+        "/proc/a.nii:",
+    ),
+    "no picture": (["check", "liver.nii.gz", "-o", "/proc/a.png"], "/proc/a.png: nothing can be"),
+    "no results": (["run", "sheet.tsv", "--directory", "/proc"], "/proc/results: nothing can be"),
+    "no sheet of BIDS": (["run", ".", "/proc/out", "participant"], "/proc/out/cohort.tsv: nothing can be"),
+    "no report": (["report", ".", "-o", "/sys/a.html"], "/sys/a.html: nothing can be"),
+    "below a file": (
+        ["surface", "nowhere.nii.gz", "-o", "liver.nii.gz/b/a.ply"],
+        "liver.nii.gz is not a folder",
+    ),
+}
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="there is no /proc")
+@pytest.mark.parametrize(("arguments", "words"), UNWRITABLE.values(), ids=UNWRITABLE)
+def test_what_cannot_be_written_is_refused_before_anything_is_read(here, capsys, arguments, words):
+    (here / "sheet.tsv").write_text("case\torgan\tmask\na\tliver\tliver.nii.gz\n")
+    before = files(here)
+    assert main(arguments) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+    assert "give a folder of your own" in line
+    assert files(here) == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_rights_is_refused(here, capsys):
+    here.chmod(0o500)
+    try:
+        assert main(["surface", "liver.nii.gz"]) == 1
+    finally:
+        here.chmod(0o700)
+    assert f"nothing can be written in {here}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -186,7 +387,7 @@ def test_a_format_whose_extra_is_missing_is_refused_before_anything_is_read(
     assert main(["surface", "nowhere.nii.gz", "-o", f"liver.{suffix}"]) != 0
     said = capsys.readouterr().err.strip()
     assert said.splitlines() == [said]
-    assert f"pip install 'cccd[{extra}]'" in said
+    assert f"pip install '.[{extra}]'" in said
 
 
 def test_interrupting_leaves_nothing_half_written(here, capsys, monkeypatch):
@@ -247,7 +448,7 @@ def test_the_doctor_names_the_extra_that_is_missing():
     assert _extra("dicom", ("pydicom",)).works
     absent = _extra("none", ("no_such_module",))
     assert not absent.works
-    assert "pip install 'cccd[none]'" in absent.detail
+    assert "pip install '.[none]'" in absent.detail
 
 
 def test_help_is_there_at_once():

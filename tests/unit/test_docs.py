@@ -14,6 +14,9 @@ PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md", ROOT / "CON
 FOLDERS = ("config", "docs", "envs", "scripts", "tests", "workflow")
 
 
+#: Suffixes of files that may tell how to install something.
+TEXTS = {"", ".css", ".def", ".j2", ".js", ".md", ".py", ".rst", ".smk", ".toml", ".txt", ".yaml"}
+
 #: What `cccd` offers by a name of its own; `cccd.api` has it.
 PUBLIC = {
     node.value
@@ -84,6 +87,15 @@ def test_every_function_that_a_page_names_is_there(page):
 def test_every_file_that_a_page_names_is_there(page):
     named = quoted(page, rf"({'|'.join(FOLDERS)})/[\w./<>-]*")
     assert {name for name in named if not list(ROOT.glob(re.sub("<[^>]*>", "*", name)))} == set()
+
+
+def test_nobody_is_told_to_install_somebody_else_s_package():
+    # the public registry's "cccd" is another program; ours is `cccd-surfaces`, from the checkout
+    folders = (ROOT / name for name in ("docs", "envs", "profiles", "scripts", "workflow"))
+    files = [*ROOT.glob("*"), *(path for folder in folders for path in folder.rglob("*"))]
+    texts = [path for path in files if path.suffix in TEXTS and path.is_file()]
+    told = re.compile(r"pip install\s+(-\S+\s+)*['\"]?cccd\b(?!-)|\bcccd\[")
+    assert {path.name for path in texts if told.search(path.read_text(errors="ignore"))} == set()
 
 
 def test_the_walks_name_their_functions_in_full():

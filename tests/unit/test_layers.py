@@ -24,7 +24,7 @@ LAYERS = (
     ("tetrahedra",),
     ("reconstruction", "filling_training"),
     ("api",),
-    ("pyvista_accessor",),
+    ("pyvista_accessor", "label_survey"),
     ("comparisons",),
     ("report",),
     ("bids", "doctor", "workflow_command"),

@@ -94,7 +94,7 @@ def test_structure_boundaries_and_patches_come_back(tmp_path):
     patch = Patch(
         rng.normal(size=(5, 4, 3)), np.ones((5, 4)), np.arange(12.0), np.arange(8.0), 3, 3, True, False, -1
     )
-    store.write_patches(tmp_path / "p.h5", [patch] * 11, FRAME, {})
+    store.write_control_nets(tmp_path / "p.h5", [], [patch] * 11, FRAME, {})
     assert len(store.read_patches(tmp_path / "p.h5")) == 11
     assert_same(patch, store.read_patches(tmp_path / "p.h5")[10])
 

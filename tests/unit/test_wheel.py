@@ -1,6 +1,7 @@
 """The wheel holds all that its commands need, and they work where there is no checkout."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -42,7 +43,7 @@ def installed(tmp_path_factory):
         else:
             shutil.copy(ROOT / part, source)
     subprocess.run([sys.executable, "-c", BUILD], cwd=source, capture_output=True, check=True)
-    (wheel,) = source.glob("cccd-*.whl")
+    (wheel,) = source.glob("cccd_surfaces-*.whl")
     site = tmp_path_factory.mktemp("site")
     with zipfile.ZipFile(wheel) as file:
         file.extractall(site)
@@ -71,8 +72,19 @@ def test_every_package_and_every_file_of_the_workflow_is_in_the_wheel(installed)
     for path in carried:
         inside = installed / "cccd" / "pipeline" / path.relative_to(ROOT)
         assert inside.read_bytes() == path.read_bytes(), path
-    (points,) = installed.glob("cccd-*.dist-info/entry_points.txt")
+    (points,) = installed.glob("cccd_surfaces-*.dist-info/entry_points.txt")
     assert "cccd = cccd.cli:main" in points.read_text()
+
+
+def test_the_wheel_has_a_name_of_its_own_and_the_command_its_old_one(installed, tmp_path):
+    (about,) = installed.glob("*.dist-info/METADATA")
+    lines = about.read_text(encoding="utf-8").splitlines()
+    assert "Name: cccd-surfaces" in lines  # "cccd" is somebody else's in the public registry
+    needed = {
+        re.match(r"Requires-Dist: ([\w.-]+)", line)[1] for line in lines if line.startswith("Requires-Dist")
+    }
+    assert "cccd" not in needed
+    assert cccd(installed, "--version", cwd=tmp_path).stdout.startswith("cccd ")
 
 
 def test_a_cohort_is_planned_from_the_wheel_alone(installed, tmp_path):

@@ -55,7 +55,7 @@ def test_what_is_not_installed_ends_the_run_before_any_job(fresh_project):
     assert run.returncode == 1
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
     assert line.startswith("Error: export_solid tiny/sphere/step: OCP_of_another_machine is not installed")
-    assert line.endswith("pip install 'cccd[cad]'")
+    assert line.endswith("pip install '.[cad]'")
     assert step.read_text() == "of an earlier run"
     assert not (fresh_project.folder / "logs").exists()
 

@@ -64,7 +64,7 @@ WRITERS = {
         "*store.read_corners(done / 'curves.h5'), store.read_splines(done / 'curves.h5')))"
     ),
     "surface.h5": (
-        "store.write_patches(path, store.read_patches(done / 'surface.h5'), "
+        "store.write_control_nets(path, [], store.read_patches(done / 'surface.h5'), "
         "store.read_surface_frame(done / 'surface.h5'), {})"
     ),
     "metrics.json": "store.write_json(path, {'a': 1})",

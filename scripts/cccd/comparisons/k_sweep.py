@@ -99,7 +99,8 @@ def outline_figures(
 def _outline(curve: Curves, k: int) -> Panel:
     """Boundary, corners and the paper's spline: corners at maxima of curvature as control points (eq. 9)."""
     splines = corner_splines(curve, k_cosine_corners(curve.points, curve.offsets, k))
-    drawn = sample_splines(splines).points
+    line = sample_splines(splines)
+    drawn = line.points
     low = np.floor(np.minimum(curve.points.min(axis=0), drawn.min(axis=0))).astype(int) - 2
     shape = np.ceil(np.maximum(curve.points.max(axis=0), drawn.max(axis=0))).astype(int) + 3 - low
     score = dice(rasterise([curve.points], low, shape), rasterise([drawn], low, shape))
@@ -107,5 +108,6 @@ def _outline(curve: Curves, k: int) -> Panel:
     return Panel(
         f"k = {k}",
         {"boundary": curve.points, "spline": drawn, "corners": control},
-        detail=f"{len(control)} points, Dice {100 * score:.2f} %",
+        detail=f"{len(control)} points, Dice {100 * score:.2f} %"
+        + ("" if line.polygons.is_simple.all() else ", crosses itself"),
     )

@@ -10,26 +10,63 @@ are fitted to the polygon itself, every point counting alike.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple, cast
+
 import numpy as np
 import shapely
 
 from cccd.containers import Curves, Splines
 from cccd.curves.corners import sharp_corners
-from cccd.curves.knots import FEWEST, fit_closed_spline
+from cccd.curves.knots import FEWEST, fit_closed_spline, reference
 from cccd.geometry.arrays import concatenate_ragged, offsets_of, ranks_of, split_ragged, sum_per_part
-from cccd.geometry.closed_splines import DEGREE, evaluate, sample_ragged
+from cccd.geometry.closed_splines import DEGREE, evaluate, extend_knots
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.settings.curves import CurveSettings, SplineFittingSettings, ToleranceSettings
-from cccd.tolerances import CHECKED_CLOSER, CHECKED_PER_PIXEL, CHECKED_PER_SPAN, CHECKED_TURN
+from cccd.settings.curves import CurveSettings, ReferenceSettings, ToleranceSettings
+from cccd.tolerances import (
+    CHECKED_CLOSER,
+    CHECKED_EVERY,
+    CHECKED_PER_PIXEL,
+    CHECKED_PER_SPAN,
+    CHECKED_TURN,
+    STRAY_PX,
+)
 
-__all__ = ["corner_splines", "fit_splines", "sample_splines", "uniform_knots"]
+__all__ = [
+    "CheckedSplines",
+    "corner_splines",
+    "crossing_place",
+    "fit_checked",
+    "fit_splines",
+    "sample_splines",
+    "uniform_knots",
+]
+
+#: Makes splines of curves, and says how far (C,) in pixels each may lie from its curve.
+_Way = Callable[[Curves], tuple[Splines, np.ndarray]]
 
 #: What holds when nobody says otherwise.
 _DEFAULTS = CurveSettings()
 
 
+class CheckedSplines(NamedTuple):
+    """Closed splines of curves, and what their check found."""
+
+    splines: Splines
+    mended: np.ndarray  # (C,) bool: the first spline was wrong, this one is not
+    wrong: np.ndarray  # (C,) bool: nothing could be done, because the curve itself crosses
+
+
 def fit_splines(curves: Curves, settings: CurveSettings = _DEFAULTS) -> Splines:
-    """Fit a closed cubic spline to every curve.
+    """Fit a closed cubic spline to every curve: the splines of `fit_checked`."""
+    return fit_checked(curves, settings).splines
+
+
+def fit_checked(
+    curves: Curves, settings: CurveSettings = _DEFAULTS, first: Splines | None = None
+) -> CheckedSplines:
+    """Fit a closed cubic spline to every curve; check all of them, and mend those that are wrong.
 
     Parameters
     ----------
@@ -40,29 +77,34 @@ def fit_splines(curves: Curves, settings: CurveSettings = _DEFAULTS) -> Splines:
         on coarse pixels and short curves: the fewest control points that keep it are sought. With
         ``max_control_points`` each curve is the best for that many, and never has more than half as many as
         points (at least 4).
+    first : Splines, optional
+        What is checked in place of a first fit, such as the paper's splines; they may lie away from their
+        curves.
 
     Returns
     -------
-    Splines
-        One per curve, none of which crosses itself, or another curve that its own does not touch. A fit
-        that does is repeated more stiffly, then with more control points, to which a budget yields.
+    CheckedSplines
+        One spline per curve. It does not cross itself, nor another whose curve its own does not touch; it
+        turns as its curve does and lies near it all along. One that is wrong is fitted again, more stiffly,
+        then with more control points, to which a budget yields. What is still wrong gets its curve, smoothed,
+        for a control polygon, and at last the curve itself.
     """
-    sizes = np.diff(curves.offsets)
-    sharp = sharp_corners(curves.points, curves.offsets, settings.fitting.sharp)
-    target = _budget(sizes, settings.max_control_points)
-    apart = _pairs_apart(curves)
+    ways: list[_Way] = [partial(_fitted, settings, *attempt) for attempt in settings.fitting.attempts]
+    ways += [partial(_along_reference, settings), _along_curve]
+    if first is not None:
+        given = first, np.full(len(curves), np.inf)
+        ways.insert(0, lambda _: given)
     wrong = np.ones(len(curves), bool)
-    splines = None
-    for sliding, share, multiple in settings.fitting.attempts:
-        wanted = np.floor(multiple * target[wrong]).astype(np.int64)
-        own = sharp[np.repeat(wrong, sizes)]
-        tolerance = share * settings.tolerance_px
-        fresh = _fit(_subset(curves, wrong), own, tolerance, wanted, sliding, settings.fitting)
+    check, splines, mended = _Check(curves), None, wrong
+    for number, way in enumerate(ways):
+        fresh, reach = way(_subset(curves, wrong))
         splines = _replace(splines, wrong, fresh)
-        wrong = _crossing(splines, apart)
+        wrong = check.wrong(fresh, wrong, reach)
+        mended = mended if number else wrong
         if not wrong.any():
-            return splines
-    return _replace(splines, wrong, _polygon_splines(_subset(curves, wrong)))
+            break
+    assert splines is not None  # there is a way at least
+    return CheckedSplines(splines, mended & ~wrong, wrong)
 
 
 def _shares(curves: Curves, rule: ToleranceSettings) -> np.ndarray:
@@ -79,29 +121,35 @@ def _budget(sizes: np.ndarray, most: float | None) -> np.ndarray:
     return np.clip(wanted, FEWEST, np.maximum(sizes // 2, FEWEST)).astype(np.int64)
 
 
-def _fit(
-    curves: Curves,
-    sharp: np.ndarray,
-    tolerance_px: float,
-    target: np.ndarray,
-    sliding: float,
-    settings: SplineFittingSettings,
-) -> Splines:
-    steps = settings.reference
-    shares = _shares(curves, settings.tolerance)
-    widest = steps.staircase_px * min(1.0, tolerance_px / steps.pixels_tolerance_px) ** 2
+def _filter_px(tolerance_px: float, steps: ReferenceSettings) -> float:
+    """Width of the filter for a tolerance, before what is small for its pixels gets its share."""
+    return steps.staircase_px * min(1.0, tolerance_px / steps.pixels_tolerance_px) ** 2
+
+
+def _fitted(
+    settings: CurveSettings, sliding: float, share: float, multiple: float, curves: Curves
+) -> tuple[Splines, np.ndarray]:
+    """Fit splines, and say how far (C,) each may lie from its curve; nowhere where the fit failed."""
+    fitting = settings.fitting
+    tolerance_px = share * settings.tolerance_px
+    target = np.floor(multiple * _budget(np.diff(curves.offsets), settings.max_control_points))
+    sharp = split_ragged(sharp_corners(curves.points, curves.offsets, fitting.sharp), curves.offsets)
+    shares = _shares(curves, fitting.tolerance)
+    widest = _filter_px(tolerance_px, fitting.reference)
     fits = []
-    sharp_parts = split_ragged(sharp, curves.offsets)
     for polygon, corners, tolerance, width, count in zip(
-        curves, sharp_parts, shares * tolerance_px, shares * widest, target, strict=True
+        curves, sharp, shares * tolerance_px, shares * widest, target.astype(np.int64), strict=True
     ):
         if 0 < count < 2 * DEGREE * np.count_nonzero(corners):  # corners would take most of the budget
             corners = np.zeros_like(corners)
         fits.append(
-            fit_closed_spline(polygon, corners, tolerance, 0.0 if count else width, count, sliding, settings)
+            fit_closed_spline(polygon, corners, tolerance, 0.0 if count else width, count, sliding, fitting)
         )
     control, offsets = concatenate_ragged([fit[0] for fit in fits])
-    return _splines(control, offsets, np.concatenate([np.zeros(0), *(fit[1] for fit in fits)]), curves)
+    splines = _splines(control, offsets, np.concatenate([np.zeros(0), *(fit[1] for fit in fits)]), curves)
+    missed = np.array([fit[2] for fit in fits])
+    most = STRAY_PX + np.where(target > 0, missed, shares * settings.tolerance_px)
+    return splines, np.where(missed <= most, most, -np.inf)  # nan too
 
 
 def _splines(control: np.ndarray, offsets: np.ndarray, knots: np.ndarray, curves: Curves) -> Splines:
@@ -151,11 +199,31 @@ def uniform_knots(counts: np.ndarray) -> np.ndarray:
     return ranks_of(np.asarray(counts) + 2 * DEGREE + 1).astype(float) - DEGREE
 
 
-def _polygon_splines(curves: Curves) -> Splines:
-    """Uniform cubics through control points so dense on the polygon that they cross only where it does."""
-    counts = np.ceil(4 * curves.polygons.lengths).astype(np.int64)
-    control = curves.polygons.resample(np.maximum(counts, FEWEST))
-    return _splines(control.points, control.offsets, uniform_knots(control.sizes), curves)
+# Splines that need no fit ------------------------------------------------------------------------------
+
+
+def _along_reference(settings: CurveSettings, curves: Curves) -> tuple[Splines, np.ndarray]:
+    """Take the curves without their steps for control polygons: the splines stay in these' convex hulls."""
+    steps = settings.fitting.reference
+    widths = _shares(curves, settings.fitting.tolerance) * _filter_px(settings.tolerance_px, steps)
+    smooth = [
+        reference(polygon, np.zeros(len(polygon), bool), steps.spacing_px, width, steps.fewest_samples)[0]
+        for polygon, width in zip(curves, widths, strict=True)
+    ]
+    control, offsets = concatenate_ragged(smooth)
+    return _splines(control, offsets, uniform_knots(np.diff(offsets)), curves), np.full(len(curves), np.inf)
+
+
+def _along_curve(curves: Curves) -> tuple[Splines, np.ndarray]:
+    """Turn the curves themselves into splines, a triple knot in every point: these cross only with them."""
+    polygons = curves.polygons
+    edge = polygons.steps[polygons.predecessors][:, None]
+    thirds = polygons.points[:, None] - np.arange(DEGREE - 1, -1, -1)[:, None] / DEGREE * edge
+    offsets = DEGREE * polygons.offsets
+    knots = np.concatenate(
+        [np.zeros(0), *(extend_knots(np.repeat(np.arange(n), DEGREE), n) for n in polygons.sizes)]
+    )
+    return _splines(thirds.reshape(-1, 2), offsets, knots, curves), np.full(len(curves), np.inf)
 
 
 # Sampling and checking --------------------------------------------------------------------------------
@@ -163,10 +231,7 @@ def _polygon_splines(curves: Curves) -> Splines:
 
 def sample_splines(splines: Splines, per_pixel: float = 2.0) -> Curves:
     """Draw the splines as closed polygons with about ``per_pixel`` points per pixel of control polygon."""
-    length = RaggedPolygons(splines.control_points, splines.offsets).lengths
-    counts = np.maximum(np.ceil(per_pixel * length), 4 * np.diff(splines.offsets)).astype(np.int64)
-    points = sample_ragged(splines.control_points, splines.offsets, splines.knots, counts)
-    return Curves(points, offsets_of(counts), splines.slice, splines.hole, splines.frame)
+    return splines.sample(per_pixel)
 
 
 def _pairs_apart(curves: Curves) -> np.ndarray:
@@ -187,14 +252,59 @@ def _pairs_apart(curves: Curves) -> np.ndarray:
     return pairs[~shapely.intersects(rings[pairs[:, 0]], rings[pairs[:, 1]])]
 
 
-def _crossing(splines: Splines, apart: np.ndarray) -> np.ndarray:
-    """Splines (C,) bool that cross themselves, or another one whose curve does not touch theirs."""
-    lines = RaggedPolygons.of([_line(control, knots) for control, knots in splines])
-    wrong = ~lines.is_simple
-    if len(apart):
-        rings = lines.rings()
-        wrong[apart[shapely.intersects(rings[apart[:, 0]], rings[apart[:, 1]])].ravel()] = True
-    return wrong
+class _Check:
+    """What is wrong with the splines of curves; those that were right once are not looked at again."""
+
+    def __init__(self, curves: Curves):
+        self._curves = curves
+        self._apart = _pairs_apart(curves)
+        #: Splines as they are (0), and as they are drawn to be lofted (1).
+        self._rings = np.empty((2, len(curves)), object)
+
+    def wrong(self, fresh: Splines, chosen: np.ndarray, reach: np.ndarray) -> np.ndarray:
+        """Find the splines (C,) bool that cross, turn the wrong way or stray.
+
+        Parameters
+        ----------
+        fresh : Splines
+            New splines of the chosen curves (C,) bool; the others are right but for crossing one of these.
+        reach : (chosen curves,) float
+            How far in pixels they may lie from their curves.
+        """
+        own = self._curves.polygons.take(chosen)
+        lines = RaggedPolygons.of([_line(control, knots) for control, knots in fresh])
+        bad = ~(lines.signed_areas * own.signed_areas > 0) | ~(reach > 0)
+        for row, drawn in enumerate((lines, sample_splines(fresh).polygons)):
+            bad |= ~drawn.is_simple
+            self._rings[row, chosen] = drawn.rings()
+        bad |= _strays(lines, own, reach)
+        wrong = np.zeros(len(chosen), bool)
+        wrong[chosen] = bad
+        pairs = self._apart[chosen[self._apart].any(axis=1)]
+        for rings in self._rings:
+            wrong[pairs[shapely.intersects(rings[pairs[:, 0]], rings[pairs[:, 1]])].ravel()] = True
+        return wrong
+
+
+def _strays(lines: RaggedPolygons, polygons: RaggedPolygons, reach: np.ndarray) -> np.ndarray:
+    """Lines (C,) bool that have a point further than ``reach`` (C,) from their polygons."""
+    owner = lines.owners[::CHECKED_EVERY]
+    looked = np.isfinite(reach)[owner]
+    owner, points = owner[looked], shapely.points(lines.points[::CHECKED_EVERY][looked])
+    rings = polygons.rings()
+    shapely.prepare(rings)
+    strays = np.zeros(len(lines), bool)
+    near = shapely.dwithin(rings[owner], points, cast(Any, reach[owner]))  # shapely's types know one distance
+    strays[owner[~near]] = True
+    return strays
+
+
+def crossing_place(control: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Where a spline crosses itself (2,), to a fraction of a pixel; its first point where it does not."""
+    line = _line(control, knots)
+    noded = shapely.get_coordinates(shapely.node(shapely.LinearRing(line)))
+    met = set(map(tuple, noded)) - set(map(tuple, line))
+    return np.array(min(met)) if met else line[0]
 
 
 def _line(control: np.ndarray, knots: np.ndarray) -> np.ndarray:

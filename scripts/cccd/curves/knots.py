@@ -27,7 +27,7 @@ from cccd.geometry.closed_splines import (
 from cccd.settings.curves import KnotSettings, SplineFittingSettings
 from cccd.tolerances import LEAST_SPACING_PX, LEAST_SPAN_PX, RIDGE, STILL, TINY
 
-__all__ = ["FEWEST", "fit_closed_spline"]
+__all__ = ["FEWEST", "fit_closed_spline", "reference"]
 
 #: Control points a closed cubic spline needs.
 FEWEST = 4
@@ -434,7 +434,7 @@ def fit_closed_spline(
     target: int,
     sliding: float,
     settings: SplineFittingSettings,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Fit a closed cubic spline to a closed polygon.
 
     Parameters
@@ -455,7 +455,7 @@ def fit_closed_spline(
 
     Returns
     -------
-    control points (n, 2), knots (n + 7,)
+    control points (n, 2), knots (n + 7,), largest distance in pixels from the reference to the curve
     """
     sampling = settings.reference
     if target:
@@ -476,4 +476,4 @@ def fit_closed_spline(
         fit = _flattened(task, _with(task, fit, kept, max(target, FEWEST)))
     else:
         fit = _within(task, fit, kept, settings.knots.sample_share * tolerance)
-    return fit.control, fit.knots
+    return fit.control, fit.knots, float(fit.distance.max())

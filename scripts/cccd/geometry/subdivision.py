@@ -51,7 +51,7 @@ class ControlMesh:
 
     Examples
     --------
-    A cube's limit surface is closed, smooth and smaller than the cube; with all edges sharp it is the cube.
+    A cube's limit surface is smooth and smaller than the cube; with all its edges sharp it is the cube.
 
     >>> corners = np.array([(x, y, z) for z in (-1.0, 1) for y in (-1.0, 1) for x in (-1.0, 1)])
     >>> sides = np.array([(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)])
@@ -169,11 +169,17 @@ class Sampler:
         for _ in range(times):
             step = subdivide(quads, creases, sharpness, count)
             quads, creases, sharpness = step.quads, step.creases, step.sharpness
-            total = step.matrix if total is None else step.matrix @ total
+            total = step.matrix if total is None else csr_array(step.matrix @ total)
+            count = step.matrix.shape[0]
+        points, triangles = count, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+        while np.any(sharpness < SHARP):  # the limit is known once no edge is sharp for some steps only
+            step = subdivide(quads, creases, sharpness, count)
+            quads, creases, sharpness = step.quads, step.creases, step.sharpness
+            total = step.matrix if total is None else csr_array(step.matrix @ total)
             count = step.matrix.shape[0]
         last = _limit_matrix(quads, creases, sharpness, count)
-        matrix = last if total is None else last @ total
-        return cls(csr_array(matrix), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
+        matrix = last if total is None else csr_array(last @ total)
+        return cls(csr_array(matrix[:points]), triangles)  # a step's vertices come first
 
 
 def quad_edges(quads: IntArray) -> tuple[IntArray, IntArray]:
@@ -253,10 +259,10 @@ def _sharpened(
     share = np.minimum(sharp, 1.0)
     rows = np.repeat(np.arange(len(edges)), 2).reshape(-1, 2)
     middle = _matrix(rows, edges, 0.5, edge.shape)
-    sharp_edge = diags_array(1 - share) @ edge + diags_array(share) @ middle
+    edge = csr_array(diags_array(1 - share) @ edge + diags_array(share) @ middle)
     rule, on_crease = _crease_rule(edges, sharp, count, (6.0, 1.0))
-    sharp_vertex = diags_array(1 - on_crease) @ vertex + diags_array(on_crease) @ rule
-    return csr_array(sharp_vertex), csr_array(sharp_edge)
+    vertex = csr_array(diags_array(1 - on_crease) @ vertex + diags_array(on_crease) @ rule)
+    return vertex, edge
 
 
 def _crease_rule(

@@ -14,7 +14,6 @@ __all__ = ["Provenance", "benchmark_table", "duration", "provenance"]
 
 #: Packages whose version can change a number in the report.
 PACKAGES = (
-    "cccd",
     "numpy",
     "scipy",
     "numba",
@@ -59,9 +58,8 @@ def provenance() -> Provenance:
             found[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             continue
-    version = found.pop("cccd", None) or getattr(cccd, "__version__", "unknown")
     machine = f"Python {platform.python_version()}, {platform.system()} on {platform.machine()}"
-    return Provenance(version, _commit(Path(__file__).parent), machine, found)
+    return Provenance(cccd.__version__, _commit(Path(__file__).parent), machine, found)
 
 
 def _commit(folder: Path) -> str:

@@ -9,10 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BSpline
 
-from cccd.containers import Boundaries, Curves, Frame, Splines, Structure, View
-from cccd.geometry.arrays import offsets_of
+from cccd.containers import Boundaries, Curves, Frame, Structure, View
 from cccd.report.net import ControlNet
 from cccd.report.payload import Grid, pack, quantise
 from cccd.report.results import StructureFiles
@@ -220,9 +218,9 @@ def _pack_curves(
         return _Piece(arrays=arrays)
     points, offsets = corners
     arrays |= window.per_slice("corners", points, np.repeat(curves.slice, np.diff(offsets)))
-    line, offsets = _evaluate(splines)
-    arrays["curve_points"] = quantise(line, window.pixels)
-    arrays["curve_offsets"] = offsets.astype(np.uint32)
+    drawn = splines.sample(per_pixel=1.0)
+    arrays["curve_points"] = quantise(drawn.points, window.pixels)
+    arrays["curve_offsets"] = drawn.offsets.astype(np.uint32)
     arrays["curve_slice"] = splines.slice.astype(np.uint32)
     return _Piece(arrays=arrays, parts={"curves"})
 
@@ -244,17 +242,6 @@ def _extent(structure: Structure, points: np.ndarray) -> tuple[np.ndarray, np.nd
             low = structure.stack_origin[1:]
             return low.astype(int), low + np.array(stack.shape[1:]) - 1
     return np.floor(points.min(axis=0)).astype(int) - 3, np.ceil(points.max(axis=0)).astype(int) + 3
-
-
-def _evaluate(splines: Splines) -> tuple[np.ndarray, np.ndarray]:
-    """Polylines of the closed splines: points (P, 2) and offsets (C + 1,)."""
-    parts, degree = [], splines.degree
-    for control, knots in splines:
-        count = int(np.clip(4 * len(control), 24, 240))
-        u = np.linspace(knots[degree], knots[-degree - 1], count, endpoint=False)
-        parts.append(BSpline(knots, np.vstack([control, control[:degree]]), degree)(u))
-    offsets = offsets_of([len(part) for part in parts])
-    return (np.concatenate(parts) if parts else np.zeros((0, 2))), offsets
 
 
 def _display(frame: Frame, low: np.ndarray, high: np.ndarray) -> tuple[dict, np.ndarray, np.ndarray]:

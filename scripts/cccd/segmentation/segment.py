@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cccd.errors import InputError
+from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray, SingleArray
 from cccd.model_header import read_segmenter_plan
 from cccd.project import PROJECT
@@ -99,6 +100,7 @@ def segment(image: Volume, segmenter: str | Path | Sequence[str], organ: str) ->
     return found
 
 
+@needing("segmenting by a network", "segment")
 def _by_network(image: Volume, path: str, organ: str) -> Segmentation:
     from cccd.segmentation.inference import labels_of, probabilities
     from cccd.segmentation.model import load_segmenter

@@ -730,9 +730,9 @@ class LoftSettings(Section):
         why="Splines carry no pixel steps into the surface; corners are the paper's way (Definition 4).",
     )
     method: Literal["spline", "tubes"] = setting(
-        "spline",
-        "one Catmull-Clark spline fitted to the distances between slices, or tubes that are blended",
-        why="The spline is what is written, measured and exported; it replaces the tubes.",
+        "tubes",
+        "tubes that are blended into a mesh, or one Catmull-Clark spline that is itself the surface",
+        why="The spline is compact and is what is exported; it replaces tubes once it is better everywhere.",
     )
     corner_k: int = setting(
         7,

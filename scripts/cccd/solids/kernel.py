@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from cccd.errors import InputError
-from cccd.extras import missing_extra
+from cccd.extras import needing
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.bsplines import DEGREE, open_knots
 from cccd.geometry.mesh import Mesh
@@ -66,10 +66,8 @@ class Checked:
 
 def require_kernel(path: str | Path) -> None:
     """Raise `InputError` for a file that needs OpenCASCADE where it is not installed."""
-    try:
+    with needing(str(path), "cad"):
         message = importlib.import_module("OCP.Message")
-    except ModuleNotFoundError as error:
-        raise missing_extra(error, str(path)) from None
     message.Message.DefaultMessenger_s().ChangePrinters().Clear()  # it would print statistics of every file
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import colorsys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -16,11 +15,9 @@ from cccd.geometry.raster import voxelise
 from cccd.surface.formats import NOTE
 from cccd.surface.formats.glb import TO_GLTF, gltf_material
 from cccd.volumes.grid import LPS_TO_RAS
+from cccd.volumes.label_maps import colour_of
 
 __all__ = ["SceneOrgan", "describe_scene", "name_organs", "write_scene", "write_segmentation"]
-
-#: Hues of organs without a colour lie this share of the circle apart: no two of the first hundred are alike.
-GOLDEN_SHARE = 0.61803398875
 
 _CONTEXT = "Segmentation category and type - 3D Slicer General Anatomy list"
 
@@ -57,16 +54,10 @@ def name_organs(meshes: Mapping[str, Mesh], labels: Mapping[str, Mapping[str, st
     named: list[SceneOrgan] = []
     for number, (organ, mesh) in enumerate(meshes.items(), 1):
         told = labels.get(organ, {})
-        colour = told.get("colour") or _colour(number)
+        colour = told.get("colour") or colour_of(number)
         label = int(given[number - 1]) if own else number
         named.append(SceneOrgan(organ, told.get("name") or organ, label, colour, told.get("code", ""), mesh))
     return named
-
-
-def _colour(number: int) -> str:
-    """Colour of the organ of a number."""
-    rgb = colorsys.hsv_to_rgb(GOLDEN_SHARE * number % 1, 0.5 + 0.15 * (number % 2), 0.85)
-    return "#" + "".join(f"{round(255 * part):02x}" for part in rgb)
 
 
 def describe_scene(case: str, organs: Sequence[SceneOrgan]) -> dict[str, Any]:

@@ -21,7 +21,7 @@ __all__ = ["control_mesh", "join_in_pairs", "split_to_quads"]
 
 #: Weight of even edges beside that of near ones when edges collapse: needles make needles of quads.
 EVENNESS = 1e-3
-#: A pair is a quad where its triangles' normals agree (1 - cosine), and no corner's sides (cosine) are in line.
+#: A pair is a quad where its triangles' normals agree (1 - cosine), and no corner is straight (cosine).
 MOST_BENT, MOST_ALIGNED = 0.6, 0.97
 #: Rounds in which triangles without a partner look for one by changing one pair; few are left after these.
 PAIRING_ROUNDS = 5
@@ -41,7 +41,7 @@ def control_mesh(
     ends : (float, float)
         Heights of its planar caps, which get a crease around them; infinite without one.
     weights : (V,) float64, optional
-        Factors of what a collapse costs at the vertices of ``fine``: larger ones keep smaller triangles there.
+        Factors of what a collapse costs at the vertices of ``fine``: larger ones keep finer triangles.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def control_mesh(
 def _on_caps(mesh: Mesh, ends: tuple[float, float]) -> BoolArray:
     """Which triangles (F,) lie on one of two planes across z."""
     at = np.isin(mesh.vertices[:, 2], [end for end in ends if np.isfinite(end)])
-    return at[mesh.faces].all(axis=1)
+    return np.asarray(np.all(at[mesh.faces], axis=1), np.bool_)
 
 
 def _rim(mesh: Mesh, flat: BoolArray) -> IntArray:
@@ -98,11 +98,13 @@ def join_in_pairs(mesh: Mesh, flat: BoolArray | None = None) -> tuple[IntArray, 
         Those without a partner.
     """
     faces, vertices = mesh.faces, mesh.vertices
-    edges, side = quad_edges(faces)
+    _, side = quad_edges(faces)
     order = np.argsort(side.ravel(), kind="stable").reshape(-1, 2)
     owner, corner = np.divmod(order, 3)
     (f, g), (i, j) = owner.T, corner.T
-    quads = np.column_stack([faces[f, i], faces[g, (j + 2) % 3], faces[f, (i + 1) % 3], faces[f, (i + 2) % 3]])
+    quads = np.column_stack(
+        [faces[f, i], faces[g, (j + 2) % 3], faces[f, (i + 1) % 3], faces[f, (i + 2) % 3]]
+    )
     cost = _cost_of_quads(vertices[quads])
     if flat is not None:
         cost[flat[f] != flat[g]] = np.inf
@@ -149,9 +151,7 @@ def _pairs(best: IntArray, owner: IntArray, side: IntArray, allowed: BoolArray) 
 
 
 @jit
-def _pair_by_changing(
-    x: int, partner: IntArray, owner: IntArray, side: IntArray, allowed: BoolArray
-) -> bool:
+def _pair_by_changing(x: int, partner: IntArray, owner: IntArray, side: IntArray, allowed: BoolArray) -> bool:
     """Give a triangle a neighbour whose partner finds another one."""
     for k in range(3):
         if not allowed[side[x, k]]:
@@ -182,7 +182,9 @@ def split_to_quads(
         Those that were split, ascending, the lower end first.
     """
     count = len(vertices)
-    ends = [np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2) for faces in (quads, triangles)]
+    ends = [
+        np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2) for faces in (quads, triangles)
+    ]
     ends = np.sort(np.concatenate(ends), axis=1)
     keys, number = np.unique(ends[:, 0] * count + ends[:, 1], return_inverse=True)
     edges = np.column_stack(np.divmod(keys, count))

@@ -7,8 +7,10 @@ the areas of the last two slices fall says how far the part goes.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 from scipy import ndimage
@@ -70,9 +72,10 @@ class _Ends:
         if stays.any():
             other = ndimage.distance_transform_edt(~stays, sampling=spacing)
         number = parts[nearest]
-        depth = -ndimage.minimum(plane, parts, np.arange(count + 1))
+        depth = -np.asarray(ndimage.minimum(plane, parts, np.arange(count + 1)))
         height = _heights(parts, count, before, nearest, step)
-        return cls(own, own < other, np.float32(depth[number]), np.float32(height[number]))
+        here = np.asarray(own < other, np.bool_)
+        return cls(own, here, depth[number].astype(np.float32), height[number].astype(np.float32))
 
     def at(self, rise: float) -> SingleArray:
         """Signed distances (I, J) in mm on a level ``rise`` mm beyond the slice."""
@@ -82,8 +85,9 @@ class _Ends:
 
 
 def _parts(plane: SingleArray) -> tuple[IntArray, int]:
-    parts, count = ndimage.label(plane < 0)
-    return parts, int(count)
+    parts = np.zeros(plane.shape, np.int64)
+    count = ndimage.label(plane < 0, output=parts)
+    return parts, int(cast(Any, count))
 
 
 def _away(mask: BoolArray, spacing: FloatArray) -> tuple[FloatArray, tuple[IntArray, ...]]:
@@ -135,34 +139,30 @@ def round_ends(
     slices = [n for n, level in enumerate(fields) if level.source_slice is not None]
     planes = [level.distance for level in fields]
     beyond: dict[int, list[LevelField]] = {-1: [], 1: []}
-    reach = BEYOND * HIGHEST * step
-    rises = np.linspace(0, reach, max(3, int(np.ceil(reach / pixel))) + 1)[1:]
-    for way in (1, -1):
-        for k, n in enumerate(slices):
-            following, previous = k + way, k - way
-            last = not 0 <= following < len(slices)
-            if last and cut[way > 0]:
+    for way, of_parts in itertools.product((1, -1), (True, False)):
+        sign = np.float32(1 if of_parts else -1)  # a cavity ends as a part does, inside out
+        order = slices[::way]
+        for k, n in enumerate(order):
+            before, after = (
+                sign * fields[order[m]].distance if 0 <= m < len(order) else None for m in (k - 1, k + 1)
+            )
+            if after is None and (cut[way > 0] or not of_parts):
                 continue
-            for sign in (1, -1):
-                if last and sign < 0:
-                    continue
-                of = [np.float32(sign) * fields[m].distance for m in (n,)][0]
-                after = None if last else np.float32(sign) * fields[slices[following]].distance
-                before = (
-                    np.float32(sign) * fields[slices[previous]].distance
-                    if 0 <= previous < len(slices)
-                    else None
-                )
-                ends = _Ends.of(of, before, after, spacing, step)
-                if ends is None:
-                    continue
-                if last:
-                    beyond[way] = [
-                        LevelField(fields[n].z + way * float(rise), ends.at(float(rise)), None) for rise in rises
-                    ]
-                    continue
-                for m in range(n + way, slices[following], way):
-                    value = sign * ends.at(abs(fields[m].z - fields[n].z))
-                    planes[m] = np.where(ends.here, value, planes[m]).astype(np.float32)
+            ends = _Ends.of(sign * fields[n].distance, before, after, spacing, step)
+            if ends is None:
+                continue
+            if after is None:
+                beyond[way] = _levels_beyond(fields[n].z, way, ends, step, pixel)
+                continue
+            for m in range(n + way, order[k + 1], way):
+                value = sign * ends.at(abs(fields[m].z - fields[n].z))
+                planes[m] = np.where(ends.here, value, planes[m]).astype(np.float32)
     inner = [replace(level, distance=plane) for level, plane in zip(fields, planes, strict=True)]
     return [*beyond[-1][::-1], *inner, *beyond[1]]
+
+
+def _levels_beyond(z: float, way: int, ends: _Ends, step: float, pixel: float) -> list[LevelField]:
+    """Levels beyond the last slice, until everything has ended."""
+    reach = BEYOND * HIGHEST * step
+    rises = np.linspace(0, reach, max(3, int(np.ceil(reach / pixel))) + 1)[1:]
+    return [LevelField(z + way * float(rise), ends.at(float(rise)), None) for rise in rises]

@@ -8,29 +8,36 @@ there in the form Slicer reads.
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from cccd.errors import InputError
-from cccd.extras import missing_extra
+from cccd.extras import check_extra
 from cccd.geometry.ply import read_ply
 from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS
-from cccd.store import atomic_path, read_bodies, read_patches, read_report, read_surface_frame
+from cccd.store import (
+    atomic_path,
+    check_writable,
+    read_bodies,
+    read_patches,
+    read_report,
+    read_surface_frame,
+)
 from cccd.surface.formats import Scan
 from cccd.surface.surface import Surface
 
 __all__ = ["Scan", "check_format", "format_of", "read_surface", "write_surface"]
 
-#: What formats are written with beside what every installation has.
-_NEEDS = dict.fromkeys(SOLID_FORMATS, "OCP") | {
-    "dcm": "pydicom",
-    "stl.dcm": "pydicom",
-    "seg.dcm": "highdicom",
-    "3mf": "lib3mf",
+#: The extras that formats are written with.
+_NEEDS = dict.fromkeys(SOLID_FORMATS, "cad") | {
+    "dcm": "dicom",
+    "stl.dcm": "dicom",
+    "seg.dcm": "dicom",
+    "3mf": "print",
+    "vtp": "view",
 }
-#: What each mesher of tetrahedra needs; gmsh is a program.
-_MESHERS = {"ftetwild": "pytetwild", "gmsh": "pyvista", "gmsh-step": "OCP"}
+#: The extra of each mesher of tetrahedra; gmsh is a program.
+_MESHERS = {"ftetwild": "fe", "gmsh": "view", "gmsh-step": "cad"}
 
 
 def format_of(path: str | Path) -> str:
@@ -58,8 +65,8 @@ def check_format(path: str | Path, mesher: str = "ftetwild") -> None:
     """Raise `InputError` for an unknown suffix, or a format whose extra is not installed."""
     form = format_of(path)
     needed = _MESHERS[mesher] if form in TETRAHEDRA_FORMATS else _NEEDS.get(form)
-    if needed and find_spec(needed) is None:
-        raise missing_extra(ModuleNotFoundError(name=needed), str(path))
+    if needed:
+        check_extra(needed, str(path))
 
 
 def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) -> dict[str, Any]:
@@ -82,10 +89,11 @@ def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) 
     Raises
     ------
     InputError
-        For another suffix, or a format whose extra is not installed.
+        For another suffix, a format whose extra is not installed, or a folder that nothing can be written to.
     """
     scan = scan or Scan()
     check_format(path, scan.tetrahedra.mesher)
+    check_writable(path)
     module = import_module(SURFACE_FORMATS[format_of(path)])
     with atomic_path(path) as temporary:
         try:

@@ -8,7 +8,7 @@ import numpy as np
 
 from cccd.containers import Curves, Splines
 from cccd.curves.corners import k_cosine_corners
-from cccd.curves.fitting import corner_splines, fit_splines, sample_splines
+from cccd.curves.fitting import corner_splines, fit_checked, fit_splines, sample_splines
 from cccd.geometry.arrays import FloatArray, sum_per_part
 from cccd.settings.surface import LoftSettings
 
@@ -52,7 +52,7 @@ def lofted_outlines(curves: Curves, splines: Splines | None, settings: LoftSetti
         Their closed splines; fitted here, by the default settings, where they are needed and not given.
     settings : LoftSettings
         ``source``: ``splines``, ``polygons`` (the curves themselves), or ``corners``, the paper's splines
-        through the sharpest points of support ``corner_k`` (Definitions 3 and 4).
+        through the sharpest points of support ``corner_k`` (Definitions 3 and 4), but for those that cross.
     """
     of_pixels = through_pixel_centres(curves)
     if settings.source == "polygons":
@@ -60,7 +60,8 @@ def lofted_outlines(curves: Curves, splines: Splines | None, settings: LoftSetti
             return Outlines(curves, np.full(len(curves), 0.5), _pixels(curves), True)
         return Outlines(curves, np.zeros(len(curves)), _areas(curves), False)
     if settings.source == "corners":
-        splines = corner_splines(curves, k_cosine_corners(curves.points, curves.offsets, settings.corner_k))
+        corners = k_cosine_corners(curves.points, curves.offsets, settings.corner_k)
+        splines = fit_checked(curves, first=corner_splines(curves, corners)).splines
     elif splines is None:
         splines = fit_splines(curves)
     drawn = sample_splines(splines)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.sparse import csr_array
 
-from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
+from cccd.geometry.arrays import FloatArray, SingleArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.surface.stack import SliceStack
@@ -38,8 +38,6 @@ class SampledDistance:
         Heights of the levels in mm, ascending.
     spacing : (2,) float64
         mm per pixel along i and j.
-    slices : (S,) float64
-        Heights of the slices themselves.
     ends : (float, float)
         Heights at which the scan cuts the organ below and above; infinite where it does not.
     """
@@ -47,7 +45,6 @@ class SampledDistance:
     values: SingleArray
     z: FloatArray
     spacing: FloatArray
-    slices: FloatArray
     ends: tuple[float, float]
 
     @classmethod
@@ -63,8 +60,7 @@ class SampledDistance:
             pixels = np.indices(shape).reshape(2, -1).T * spacing
             planes = [target(np.column_stack([pixels, np.full(len(pixels), h)]))[0].reshape(shape) for h in z]
             values = np.stack(planes).astype(np.float32)
-        slices = np.array([field.z for run in stack.runs for field in run.fields if field.source_slice is not None])
-        return cls(values, z, spacing, slices, stack.cut_heights)
+        return cls(values, z, spacing, stack.cut_heights)
 
     @property
     def pixel(self) -> float:
@@ -89,13 +85,6 @@ class SampledDistance:
         step = SLOPE_PIXELS * self.pixel * directions
         return (self(points + step) - self(points - step)) / (2 * SLOPE_PIXELS * self.pixel)
 
-    def from_slice(self, heights: FloatArray) -> FloatArray:
-        """Distance (P,) in mm of heights from the nearest slice."""
-        after: IntArray = np.searchsorted(self.slices, heights)
-        below = self.slices[np.maximum(after - 1, 0)]
-        above = self.slices[np.minimum(after, len(self.slices) - 1)]
-        return np.minimum(np.abs(heights - below), np.abs(above - heights))
-
     def zero_surface(self) -> Mesh:
         """Mesh the surface at distance zero: closed, oriented outwards, not cut where the scan ends.
 
@@ -110,9 +99,10 @@ class SampledDistance:
         mesh = ScalarGrid(values, np.eye(4), (-1, -1, -1)).isosurface(0.0)
         levels = np.arange(-1, len(self.z) + 1)
         heights = np.concatenate([[self.z[0] - self.level_step], self.z, [self.z[-1] + self.level_step]])
-        level, i, j = mesh.vertices.T
-        place = np.column_stack([i * self.spacing[0], j * self.spacing[1], np.interp(level, levels, heights)])
-        return Mesh(place, mesh.faces).outwards()
+        vertices = np.empty_like(mesh.vertices)
+        vertices[:, :2] = mesh.vertices[:, 1:] * self.spacing
+        vertices[:, 2] = np.interp(mesh.vertices[:, 0], levels, heights)
+        return Mesh(vertices, mesh.faces).outwards()
 
 
 def _smoothed(planes: SingleArray, z: FloatArray, knot: float, pixel: float) -> SingleArray:

@@ -15,6 +15,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import BlendingSettings, LoftSettings
 from cccd.surface.blending import blend, blend_reach, blend_weights, points_on_surface, zero_surface
 from cccd.surface.booleans import between_planes, unite
+from cccd.surface.checks import Violation, check_surface
 from cccd.surface.fairing import CELL_EDGES, fair, without_crossings
 from cccd.surface.flat_caps import even_cap, run_on
 from cccd.surface.offset import offset_patch
@@ -23,12 +24,13 @@ from cccd.surface.stack import CONTROL_BYTES, SliceStack
 from cccd.surface.surface import Surface
 from cccd.surface.target import TargetDistance
 from cccd.surface.tessellation import tessellate
-from cccd.surface.told import volume_warnings
 from cccd.surface.tubes import Tube
 from cccd.surface.union import unite_on_grid
 
 __all__ = ["Solid", "join_patches"]
 
+#: Rounds in which the target takes over where the surface is not as it must be.
+MENDING_ROUNDS = 1
 #: Vertices within this share of a cell of where the scan cuts the organ are moved there before it is cut.
 NEXT_TO_CUT = 0.2
 
@@ -47,12 +49,15 @@ class Solid:
         mm by which it was then moved outwards.
     stack : SliceStack
         What the slices hold.
+    violations : tuple of Violation
+        What is not as it must be, and could not be mended.
     """
 
     mesh: Mesh
     fitted: FittedTubes
     offset: float
     stack: SliceStack
+    violations: tuple[Violation, ...] = ()
 
     def to_world(self, frame: Frame) -> Surface:
         """Return the mesh, and the patches moved like it, in mm RAS."""
@@ -62,10 +67,11 @@ class Solid:
         patches = [
             replace(patch, control_points=_transformed(patch.control_points, affine)) for patch in moved
         ]
-        return Surface(patches, self.mesh.transformed(affine), frame, self.report())
+        told = [violation.line(affine) for violation in self.violations]
+        return Surface(patches, self.mesh.transformed(affine), frame, self.report(told))
 
-    def report(self) -> dict[str, Any]:
-        """Count and measure, as plain JSON, with warnings."""
+    def report(self, violations: Sequence[str] = ()) -> dict[str, Any]:
+        """Count and measure, as plain JSON, with warnings; ``violations`` are lines for people."""
         tubes, stack = self.fitted.tubes, self.stack
         ends = [end for tube in tubes.tubes for end in tube.ends]
         control_bytes = CONTROL_BYTES * self.fitted.control_points
@@ -84,7 +90,7 @@ class Solid:
             "vertices": len(self.mesh.vertices),
             "triangles": len(self.mesh.faces),
             "mean_error_mm": float(np.mean([fit.error for fit in self.fitted.fits])),
-            "warnings": [*tubes.warnings, *stack.warnings, *volume_warnings(self.mesh, stack)],
+            "warnings": [*tubes.warnings, *stack.warnings, *violations],
             "bodies": self.mesh.count_bodies(),
         }
 
@@ -119,12 +125,37 @@ def join_patches(fitted: FittedTubes, stack: SliceStack, settings: LoftSettings)
     united, meeting = unite_on_grid(meshes, tubes, cell)
     strayed = _strayed(points_on_surface(united), stack.target, reach / 2)
     seams = np.concatenate([meeting, fitted.jumps, strayed])
+    solid = _blended(fitted, united, seams, reach, ends, cell, stack, blending)
+    for _ in range(MENDING_ROUNDS):
+        if solid is None:
+            break
+        off = [violation.places for violation in solid.violations if violation.nearer]
+        if not off:
+            return solid
+        seams = np.concatenate([seams, *off])
+        solid = _blended(fitted, united, seams, reach, ends, cell, stack, blending)
+    if solid is None:  # thinner than a cell everywhere
+        return Solid(between_planes(unite(meshes, tubes), *ends), fitted, 0.0, stack)
+    return solid
+
+
+def _blended(
+    fitted: FittedTubes,
+    united: ScalarGrid,
+    seams: FloatArray,
+    reach: float,
+    ends: tuple[float, float],
+    cell: float,
+    stack: SliceStack,
+    blending: BlendingSettings,
+) -> Solid | None:
+    """Blend tubes with the target around points (P, 3), mesh and check them; None where nothing is left."""
     weight = blend_weights(united, seams, reach, stack.filled, blending)
     distance = blend(united, weight, stack.target, blending.fade_cells)
-    if not np.any(distance.values < 0):  # thinner than a cell everywhere
-        return Solid(between_planes(unite(meshes, tubes), *ends), fitted, 0.0, stack)
+    if not np.any(distance.values < 0):
+        return None
     mesh, offset = _of_volume(distance, ends, cell, stack, blending)
-    return Solid(mesh, fitted, offset, stack)
+    return Solid(mesh, fitted, offset, stack, tuple(check_surface(mesh, stack)))
 
 
 def _running_on(mesh: Mesh, tube: Tube, ends: tuple[float, float], by: float) -> Mesh:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,30 +11,32 @@ import numpy as np
 from cccd.containers import Frame
 from cccd.geometry.arrays import BoolArray, IntArray
 from cccd.geometry.decimation import collapse_edges, weigh_more
-from cccd.geometry.mesh import Mesh
 from cccd.geometry.distance import nearest_faces
+from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
 from cccd.surface.booleans import between_planes
+from cccd.surface.checks import check_surface
 from cccd.surface.control_mesh import control_mesh
 from cccd.surface.sampled import SampledDistance
-from cccd.surface.spline_fit import SplineFit, fit_spline
+from cccd.surface.spline_fit import SAMPLED, SplineFit, fit_spline
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
 from cccd.surface.surface import Surface
-from cccd.surface.told import left_out_warnings, volume_warnings
+from cccd.surface.told import left_out_warnings
+from cccd.tolerances import CONTROL_POINT_PIXELS
 
 __all__ = ["SplineSolid", "loft_spline"]
 
 #: Triangles of the coarse mesh for each pixel of total curvature: the integral of |k1| + |k2|, as dihedral
 #: angles have it, over the surface. With their size an edge's sagitta is some tenth of a pixel everywhere.
-DENSITY = 0.12
+DENSITY = 0.15
 #: Fewest triangles of a piece.
 FEWEST = 60
 #: The first mesh has this many times the triangles of the coarse one: enough to choose from.
 SPARE = 8
 #: Band and rounds of the filter that takes pixels' steps off before curvature is summed up.
-CALM_BAND, CALM_ROUNDS = 0.05, 20
-#: Rounds of finer triangles where the surface passes through itself.
-REPAIR_ROUNDS = 3
+CALM_BAND, CALM_ROUNDS = 0.02, 30
+#: Rounds of finer quads where the surface passes through itself, or lies off the distances by so many pixels.
+REFINEMENTS, MOST_OFF = 1, 0.5
 #: Rounds in which what has creases grows, until nothing passes through itself.
 CREASE_ROUNDS = 4
 #: Vertices within this share of a pixel of where the scan ends are moved there before the mesh is cut.
@@ -65,11 +68,13 @@ class SplineSolid:
     def to_world(self, frame: Frame) -> Surface:
         """Return the splines and their mesh in mm RAS."""
         affine = self.stack.plane_to_world(frame)
-        bodies = self.spline.transformed(affine).pieces()
-        return Surface([], self.mesh.transformed(affine), frame, self.report(), bodies)
+        tolerance = CONTROL_POINT_PIXELS * self.stack.pixel
+        spline = self.spline.transformed(affine).rounded(tolerance)
+        told = [violation.line(affine) for violation in check_surface(self.mesh, self.stack)]
+        return Surface([], spline.tessellate(SAMPLED), frame, self.report(told), spline.pieces())
 
-    def report(self) -> dict[str, Any]:
-        """Count and measure, as plain JSON, with warnings."""
+    def report(self, violations: Sequence[str] = ()) -> dict[str, Any]:
+        """Count and measure, as plain JSON, with warnings; ``violations`` are lines for people."""
         stack, pieces = self.stack, self.mesh.pieces()
         count = len(self.spline.vertices)
         volumes = [piece.volume for piece in pieces]
@@ -87,7 +92,7 @@ class SplineSolid:
             "warnings": [
                 *left_out_warnings(self.left_out, self.smallest_voxels),
                 *stack.warnings,
-                *volume_warnings(self.mesh, stack),
+                *violations,
             ],
         }
 
@@ -105,10 +110,11 @@ def loft_spline(stack: SliceStack, smallest_voxels: float) -> SplineSolid:
     distance = SampledDistance.of(stack)
     rough = _cut(distance.zero_surface(), distance)
     rough, left_out = _without_small(rough, smallest_voxels * float(stack.voxel.prod()))
-    most = _triangles_wanted(rough, distance.pixel)
+    calm = rough.low_passed(CALM_BAND, CALM_ROUNDS)
+    most = max(FEWEST, round(DENSITY * calm.curvature_per_area * calm.area / distance.pixel))
     fine = collapse_edges(rough, SPARE * most, parts=_flat_parts(rough, distance.ends))
     volume = None if stack.of_probability or stack.of_some_slices else stack.volume
-    fit, creased = _fit_without_crossings(fine, most, distance, volume)
+    fit, creased = _fit_and_refine(fine, most, distance, volume)
     spline = fit.spline.moved(fit.points)
     return SplineSolid(spline, fit.mesh, left_out, creased, stack, smallest_voxels)
 
@@ -128,7 +134,7 @@ def _cut(mesh: Mesh, distance: SampledDistance) -> Mesh:
 
 def _flat_parts(mesh: Mesh, ends: tuple[float, float]) -> IntArray:
     at = np.isin(mesh.vertices[:, 2], [end for end in ends if np.isfinite(end)])
-    return at[mesh.faces].all(axis=1).astype(np.int64)
+    return np.asarray(np.all(at[mesh.faces], axis=1), np.int64)
 
 
 def _without_small(mesh: Mesh, least: float) -> tuple[Mesh, list[float]]:
@@ -141,31 +147,25 @@ def _without_small(mesh: Mesh, least: float) -> tuple[Mesh, list[float]]:
     return whole, [abs(piece.volume) for piece in pieces[len(kept) :]]
 
 
-def _triangles_wanted(mesh: Mesh, pixel: float) -> int:
-    """How many triangles the coarse mesh shall have, by how much the surface bends, seen in pixels."""
-    calm = mesh.low_passed(CALM_BAND, CALM_ROUNDS)
-    bends = calm.curvature_per_area * calm.area / pixel
-    return max(FEWEST, round(DENSITY * bends))
-
-
-def _fit_without_crossings(
+def _fit_and_refine(
     fine: Mesh, most: int, distance: SampledDistance, volume: float | None
 ) -> tuple[SplineFit, int]:
-    """Fit a spline; where it passes through itself with finer quads, and with creases at last."""
+    """Fit a spline; where it strays or passes through itself with finer quads, and with creases at last."""
     weights = np.ones(len(fine.vertices))
-    for turn in range(REPAIR_ROUNDS + 1):
-        spline, coarse = control_mesh(fine, most, distance.ends, weights)
-        fit = fit_spline(spline, distance, volume)
-        passing = _passing(fit.mesh)
-        if not passing.any() or turn == REPAIR_ROUNDS:
+    spline, coarse = control_mesh(fine, most, distance.ends, weights)
+    fit = fit_spline(spline, distance, volume)
+    for _ in range(REFINEMENTS):
+        amiss = fit.strays(MOST_OFF) | _passing(fit.mesh)
+        if not amiss.any():
             break
-        places = fit.mesh.vertices[np.unique(fit.mesh.faces[passing])]
+        places = fit.mesh.vertices[np.unique(fit.mesh.faces[amiss])]
         there = np.zeros(len(coarse.faces), np.bool_)
         there[nearest_faces(places, coarse)] = True
-        there = coarse.with_neighbours(there)
         weigh_more(weights, fine, coarse, there)
         most = len(coarse.faces) + 3 * int(there.sum())
-    return _creased(fit, passing)
+        spline, coarse = control_mesh(fine, most, distance.ends, weights)
+        fit = fit_spline(spline, distance, volume)
+    return _creased(fit, _passing(fit.mesh))
 
 
 def _passing(mesh: Mesh) -> BoolArray:
@@ -176,7 +176,7 @@ def _passing(mesh: Mesh) -> BoolArray:
 
 
 def _creased(fit: SplineFit, passing: BoolArray) -> tuple[SplineFit, int]:
-    """Go back to the first mesh's flat quads, with creases around them, where the spline passes through itself.
+    """Go back to the first mesh's flat quads, with creases, where the spline passes through itself.
 
     That mesh does not pass through itself, whatever the fit makes of it.
     """

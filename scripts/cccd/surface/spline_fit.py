@@ -22,25 +22,21 @@ __all__ = ["SplineFit", "fit_spline"]
 
 #: A limit surface is sampled at so many subdivisions: 16 points for each quad.
 SAMPLED = 2
-#: Waves of 2 pi times so many pixels are halved by the plate: pixels' steps are shorter, organs' shapes longer.
+#: Waves of 2 pi times so many pixels are halved by the plate: pixels' steps are shorter.
 STIFF_PIXELS = 1.25
 #: It softens where the surface stays off the slices by this, in pixels, on the mean of a quad's samples, and
 #: never below that of so many pixels.
 DETAIL_PIXELS, SOFTEST_PIXELS = 0.05, 0.2
 #: Rounds: each is one linear system; after these control points move by less than a hundredth of a pixel.
-ROUNDS = 5
-#: Weight of what lies between slices beside what lies on them: it is interpolated, not seen.
-BETWEEN = 0.05
-#: Cosines to the slice axis between which a surface is taken for one that faces it, where slices see little.
-FACING = (0.5, 0.9)
+ROUNDS = 8
 #: Distances that grow by less than this per mm are of no use; from the second on they count fully.
 STEEP = (0.3, 0.8)
 #: In one round a control point moves at most by this share of its shortest edge ...
-MOST_STEP = 0.4
+MOST_STEP = 0.2
 #: ... is held where it is by this share of the data's weight ...
 DAMPING = 0.05
 #: ... and goes by this share towards its neighbours' mean along the surface: quads stay even.
-EVENING = 0.2
+EVENING = 0.5
 #: The surface is moved at most by so many pixels to hold the slices' volume.
 MOST_OFFSET = 0.5
 #: Cotangents are kept between these: needles would weigh too much.
@@ -73,7 +69,7 @@ class _Caps:
         for end in ends:
             if np.isfinite(end):
                 on |= np.isclose(points[:, 2], end, rtol=0, atol=1e-6)
-        faces = on[triangles].all(axis=1)
+        faces = np.asarray(np.all(on[triangles], axis=1), np.bool_)
         wall, cap = np.zeros((2, len(points)), np.bool_)
         wall[triangles[~faces]] = True
         cap[triangles[faces]] = True
@@ -114,13 +110,18 @@ class SplineFit:
         """The limit surface at its samples."""
         return Mesh(self.sampling @ self.points, self.triangles)
 
+    def strays(self, pixels: float) -> BoolArray:
+        """Mark triangles (T,) with a sample that lies off the distances' zero by so many pixels."""
+        off = np.abs(self.distance(self.sampling @ self.points)) > pixels * self.distance.pixel
+        return np.any((off & ~self.caps.inner)[self.triangles], axis=1)
+
     def step(self) -> None:
         """Move the control points by one linear system."""
         samples = self.sampling @ self.points
         normals = self._normals(samples)
         along = normals[: self.count]
         value, slope = self.distance(samples), self.distance.slopes(samples, normals)
-        weight = self._weights(samples, normals, slope)
+        weight = self._weights(slope)
         seen = _scaled(self.sampling, normals, along)
         self._soften(value, weight)
         plate = csr_array(self.bending.T @ (diags_array(self.stiffness / self.mass) @ self.bending))
@@ -149,7 +150,7 @@ class SplineFit:
             self.points = self.points + missing * self._normals(mesh.vertices)[: self.count]
 
     def _normals(self, samples: FloatArray) -> FloatArray:
-        """Unit normals (P, 3), in the cap's plane on its rim, zero within it."""
+        """Give unit normals (P, 3), in the cap's plane on its rim, zero within it."""
         normals = Mesh(samples, self.triangles[~self.caps.faces]).vertex_normals.copy()
         rim = self.caps.rim
         normals[rim, 2] = 0
@@ -157,13 +158,10 @@ class SplineFit:
         normals[self.caps.inner] = 0
         return normals
 
-    def _weights(self, samples: FloatArray, normals: FloatArray, slope: FloatArray) -> FloatArray:
-        """Weights (P,) of the distances: by area, less between slices and where distances hardly change."""
-        half = self.distance.level_step / 2
-        near = np.clip(1.5 - self.distance.from_slice(samples[:, 2]) / half, 0, 1)
-        facing = np.clip((np.abs(normals[:, 2]) - FACING[0]) / (FACING[1] - FACING[0]), 0, 1)
+    def _weights(self, slope: FloatArray) -> FloatArray:
+        """Weights (P,) of the distances: by area, less where distances hardly change."""
         steep = np.where(slope > 0, np.clip(slope / STEEP[1], 0.01, 1) ** 2, 0)
-        return self.mass * steep * np.maximum(np.maximum(near, BETWEEN), facing) * ~self.caps.inner
+        return self.mass * steep * ~self.caps.inner
 
     def _soften(self, value: FloatArray, weight: FloatArray) -> None:
         """Make the plate softer where it keeps the surface off the slices on the mean of a quad's samples."""
@@ -181,7 +179,7 @@ class SplineFit:
         return shortest
 
     def _even(self, along: FloatArray) -> None:
-        """Move control points towards their neighbours' mean along the surface, in caps within their planes."""
+        """Move control points towards their neighbours' mean along the surface."""
         way = self.neighbours @ self.points - self.points
         way -= np.einsum("vc,vc->v", way, along)[:, None] * along
         way[(self.caps.rim | self.caps.inner)[: self.count], 2] = 0
@@ -194,7 +192,7 @@ def fit_spline(spline: ControlMesh, distance: SampledDistance, volume: float | N
     Parameters
     ----------
     spline : ControlMesh
-        Near the surface, in the plane's mm and height in mm; it may have planar caps with creases around them.
+        Near the surface, in the plane's mm and height in mm; planar caps have creases around them.
     distance : SampledDistance
     volume : float or None
         mm^3 that the surface shall hold in the end; None leaves it where the distances have it.
@@ -226,9 +224,11 @@ def _neighbour_means(edges: IntArray, spline: ControlMesh, rim: BoolArray) -> cs
 
 
 def _cotangent(points: FloatArray, faces: IntArray) -> tuple[csr_array, FloatArray]:
-    """Laplacian (V, V) by cotangents of a triangle mesh (Pinkall and Polthier 1993), and its vertices' areas."""
+    """Laplacian (V, V) of triangles by cotangents (Pinkall and Polthier 1993), and the vertices' areas."""
     count = len(points)
-    rows, columns, values = [], [], []
+    rows: list[IntArray] = []
+    columns: list[IntArray] = []
+    values: list[FloatArray] = []
     for k in range(3):
         i, j, apex = faces[:, (k + 1) % 3], faces[:, (k + 2) % 3], faces[:, k]
         u, v = points[i] - points[apex], points[j] - points[apex]

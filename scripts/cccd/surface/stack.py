@@ -108,6 +108,8 @@ class SliceStack:
         Whether only some slices were drawn: ``volume`` then is an estimate.
     run_on : float
         How far in mm what the scan cuts runs on beyond its cut in ``target``.
+    smallest : float
+        Parts of fewer mm^3 may be left out.
     warnings : tuple of str
         What a user should know of what lies between the slices.
     """
@@ -123,6 +125,7 @@ class SliceStack:
     of_probability: bool = False
     of_some_slices: bool = False
     run_on: float = 0.0
+    smallest: float = 0.0
     warnings: tuple[str, ...] = ()
 
     @property
@@ -220,7 +223,10 @@ def interpolate_slices(
         if share > 0 and np.all(np.diff(slices[here]) == every):
             fields = _filled(fields, distance[here], outlines, step, scan_range, share)
         if settings.method == "spline":
-            cut = tuple(abs(field.z - end) < half_step for field, end in zip(fields[:: len(fields) - 1 or 1], scan_range, strict=False))
+            cut = tuple(
+                abs(field.z - end) < half_step
+                for field, end in zip(fields[:: len(fields) - 1 or 1], scan_range, strict=False)
+            )
             fields = round_ends(fields, spacing, step, (cut[0], cut[-1]), level_spacing)
         if annotation is None:
             fields = move_branches(fields, spacing, settings.interpolation.branches)
@@ -240,6 +246,7 @@ def interpolate_slices(
     volume = _volume(slices, _areas(outlines, slices), frame.slice_spacing, step, breaks)
     thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
     widest = settings.bridge_slices * step + pixel
+    smallest = settings.matching.smallest_part_voxels * float(voxel.prod())
     run_on = RUN_ON_EDGES * settings.mesh_edge(pixel)
     target = TargetField.of(
         _levels(runs, run_on, level_spacing), spacing, widest, settings.interpolation.knot_pixels
@@ -247,7 +254,17 @@ def interpolate_slices(
     if probability is not None and certain > 0:
         known = ProbabilityTarget.of(probability, frame, origin, target, run_on)
         return SliceStack(
-            runs, known, origin, voxel, voxel_faces, volume, thickness, certain, True, run_on=run_on
+            runs,
+            known,
+            origin,
+            voxel,
+            voxel_faces,
+            volume,
+            thickness,
+            certain,
+            True,
+            run_on=run_on,
+            smallest=smallest,
         )
     return SliceStack(
         runs,
@@ -260,6 +277,7 @@ def interpolate_slices(
         share,
         of_some_slices=annotation is not None,
         run_on=run_on,
+        smallest=smallest,
         warnings=tuple(warnings),
     )
 

@@ -6,6 +6,7 @@ That no half file is left is the caller's to see to (`cccd.store.atomic_path`).
 from __future__ import annotations
 
 import hashlib
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.tolerances import CONTOUR_PLANE
+from cccd.volumes.dicom import sop_uid
 from cccd.volumes.grid import LPS_TO_RAS
 
 __all__ = [
@@ -31,6 +33,8 @@ __all__ = [
     "references_to",
     "write_rtstruct",
 ]
+
+logger = logging.getLogger(__name__)
 
 
 def _rounded(loop: FloatArray) -> FloatArray:
@@ -102,8 +106,21 @@ def write_rtstruct(
     dataset.save_as(path, enforce_file_format=True)
 
 
+#: What the images of a series have in common, and a reference to them names.
+_COMMON = ("StudyInstanceUID", "SeriesInstanceUID", "FrameOfReferenceUID")
+
+
 def reference_slices(folder: Path) -> list[Dataset]:
-    """Headers of the DICOM images under a folder."""
+    """Read the headers of the DICOM images under a folder, with every UID that a reference to them needs.
+
+    Where the images have no study, series or frame of reference, one is made up that follows from them, so
+    that all that refers to them names the same.
+
+    Raises
+    ------
+    InputError
+        No DICOM images there, or one that does not say which image it is.
+    """
     found: list[Dataset] = []
     for file in sorted(item for item in folder.rglob("*") if item.is_file()):
         try:
@@ -111,12 +128,43 @@ def reference_slices(folder: Path) -> list[Dataset]:
         except (InvalidDicomError, OSError):
             continue
         if header.get("ImagePositionPatient"):
+            for keyword in ("SOPClassUID", "SOPInstanceUID"):
+                setattr(header, keyword, _own_uid(header, keyword, file))
             found.append(header)
     if not found:
         raise InputError(
             folder.name, "no DICOM images in this folder", "give the folder of the source series"
         )
+    _complete_common_uids(found, folder.name)
     return found
+
+
+def _own_uid(image: Dataset, keyword: str, file: Path) -> str:
+    """Class or instance of an image, without which nothing can refer to it."""
+    uid = sop_uid(image, keyword)
+    if not uid:
+        raise InputError(
+            str(file), f"it has no {keyword}", "export the series again, or choose a format other than DICOM"
+        )
+    return uid
+
+
+def _complete_common_uids(slices: list[Dataset], location: str) -> None:
+    """Write what the images of a series have in common into those that lack it."""
+    instances = sorted(image.SOPInstanceUID for image in slices)
+    made_up: list[str] = []
+    for keyword in _COMMON:
+        uid = next((image[keyword].value for image in slices if image.get(keyword)), None)
+        if uid is None:
+            uid = generate_uid(entropy_srcs=[*instances, keyword])
+            made_up.append(keyword)
+        for image in slices:
+            if not image.get(keyword):
+                setattr(image, keyword, uid)
+    if made_up:
+        logger.warning(
+            "%s: its images have no %s; references name made-up ones", location, ", ".join(made_up)
+        )
 
 
 def item_of(**attributes: object) -> Dataset:

@@ -23,7 +23,7 @@ from cccd.volumes.labels import choose_labels
 from cccd.volumes.limits import check_count, check_size
 from cccd.volumes.readers import guarded
 
-__all__ = ["read_rtstruct", "read_seg", "read_series", "region_names", "segment_names"]
+__all__ = ["read_rtstruct", "read_seg", "read_series", "region_names", "segment_names", "sop_uid"]
 
 _LIMITS = LimitSettings()
 #: Nothing that says whose scan it is: free text, such as a description, may.
@@ -47,6 +47,15 @@ class _Slice(NamedTuple):
 
     path: Path
     header: pydicom.Dataset  # without pixels
+
+
+def sop_uid(image: pydicom.Dataset, keyword: str) -> str:
+    """Read ``SOPClassUID`` or ``SOPInstanceUID`` of an image, empty where the file does not say it.
+
+    Anonymisers blank it in the data set, and leave it in the header before that (PS3.10, section 7.1).
+    """
+    header = getattr(image, "file_meta", {})
+    return str(image.get(keyword) or header.get(f"MediaStorage{keyword}") or "")
 
 
 def _series_in(folder: Path) -> dict[str, list[_Slice]]:
@@ -208,7 +217,7 @@ def read_series(
         affine,
         location,
         warnings=warnings,
-        instances=tuple(str(file.header.get("SOPInstanceUID", "")) for file in stack.files),
+        instances=tuple(sop_uid(file.header, "SOPInstanceUID") for file in stack.files),
         frame_of_reference=str(stack.files[0].header.get("FrameOfReferenceUID", "")),
     )
 

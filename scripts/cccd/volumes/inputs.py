@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from cccd.dicom_objects import dicom_modality
-from cccd.errors import InputError
+from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.geometry.arrays import AnyArray
 from cccd.settings.imports import LimitSettings
 from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE
+from cccd.volumes.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_values
 from cccd.volumes.grid import Volume, on_grid
 from cccd.volumes.labels import choose_labels
 from cccd.volumes.nnunet import is_nnunet, read_classes
@@ -176,19 +177,19 @@ def list_labels(path: Path) -> dict[str, str]:
         return {str(number): name for number, name in sorted(names.items())}
     if is_nnunet(path):
         return read_classes(path).present()
-    data, named = _label_map(path)
-    present = [int(value) for value in np.unique(data) if value > 0]
-    return {str(value): named.get(value, "") for value in present}
+    labels = _label_map(path)
+    present = [int(value) for value in np.unique(labels.data) if value > 0]
+    return {str(value): labels.names.get(value, "") for value in present}
 
 
-def label_values(path: Path) -> tuple[AnyArray, Mapping[int, str]] | None:
-    """Values of a label map's voxels, and their names where it holds some; None where it is no one volume."""
+def label_values(path: Path) -> Volume | None:
+    """Read a label map's values, whole numbers, and their names; None where it is no one volume."""
     return None if path.is_dir() or is_nnunet(path) or _is_dicom(path) else _label_map(path)
 
 
-def _label_map(path: Path) -> tuple[AnyArray, Mapping[int, str]]:
+def _label_map(path: Path) -> Volume:
     volume = read_volume(path)
-    return _whole_numbers(volume.data, volume.location, labelled=False)[0], volume.names
+    return replace(volume, data=_whole_numbers(volume.data, volume.location, labelled=False)[0])
 
 
 def _mask_files(folder: Path) -> dict[str, Path]:
@@ -197,8 +198,8 @@ def _mask_files(folder: Path) -> dict[str, Path]:
     return {name: file for name, file in named if name is not None}
 
 
-def read_masks(folder: Path) -> Iterator[tuple[str, AnyArray]]:
-    """Read the masks of a folder one after another: names and voxels, empty masks left out.
+def read_masks(folder: Path) -> Iterator[tuple[str, Volume]]:
+    """Read the masks of a folder one after another: names and boolean volumes, empty masks left out.
 
     TotalSegmentator writes a mask for every organ that it knows; of those that are not there it is empty.
 
@@ -209,10 +210,11 @@ def read_masks(folder: Path) -> Iterator[tuple[str, AnyArray]]:
     """
     files, found = _mask_files(folder), 0
     for name, file in files.items():
-        inside = _label_map(file)[0] > 0
-        if inside.any():
+        labels = _label_map(file)
+        mask = replace(labels, data=labels.data > 0)
+        if mask.data.any():
             found += 1
-            yield name, inside
+            yield name, mask
     if not found:
         what = "every mask in this folder is empty" if files else "no masks in this folder"
         raise InputError(folder.name, what, "give a label volume, or a folder of masks")
@@ -267,18 +269,22 @@ def organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, 
     else:
         chosen = present
         if len(present) > 1:
-            warnings = [*warnings, f"{location}: no label given, {_every(present)} taken"]
+            warnings = [*warnings, f"{location}: {TAKEN_TOGETHER} {_as_one_organ(names)}"]
     return replace(volume, data=np.isin(data, chosen), warnings=volume.warnings + warnings)
 
 
-#: More labels than these are told by their number.
+#: So many labels are named in a message.
 _FEW_LABELS = 20
 
 
-def _every(labels: list[int]) -> str:
-    if len(labels) <= _FEW_LABELS:
-        return f"all of {', '.join(map(str, labels))}"
-    return f"all {len(labels)} labels from {labels[0]} to {labels[-1]} (is it a label map?)"
+def _as_one_organ(names: Mapping[int, str]) -> str:
+    """Name the labels that become one organ, and the two ways on."""
+    named = [f"{label} {name}".strip() for label, name in names.items()]
+    more = f" ... ({len(named)} in all)" if len(named) > _FEW_LABELS else ""
+    return (
+        f"{len(named)} labels are taken as one organ: {', '.join(named[:_FEW_LABELS])}{more}; --label NAME "
+        "takes one (label in Python and in a sheet), --all-labels makes each (reconstruct_labels, organ *)"
+    )
 
 
 #: What a probability at least loses over the organ's border, from a pixel to the next, where the map is but a
@@ -310,6 +316,7 @@ def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyAr
     if data.dtype == bool:
         return data.astype(np.uint8), False
     if not np.issubdtype(data.dtype, np.floating):
+        refuse_grey_values(data, location)
         return data, False
     if not np.isfinite(data).all():
         raise InputError(
@@ -317,12 +324,14 @@ def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyAr
         )
     whole = np.rint(data)
     if np.abs(data - whole).max(initial=0) <= LABEL_VALUE:
-        return whole.astype(np.int32), False
+        whole = whole.astype(np.int32)
+        refuse_grey_values(whole, location)
+        return whole, False
     if data.min() < 0 or data.max() > 1:
         raise InputError(
             location,
             f"its values, {data.min():.4g} to {data.max():.4g}, are neither labels nor probabilities",
-            "give a label map, or probabilities from 0 to 1",
+            f"give a label map, or probabilities from 0 to 1; of a grey image: {HOW_TO_GIVE_AN_IMAGE}",
         )
     if labelled:
         raise InputError(location, "it holds one organ's probabilities, no labels", "leave the label out")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import colorsys
 import csv
 import hashlib
 import json
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,24 @@ import numpy as np
 from scipy import ndimage
 
 from cccd.errors import InputError
+from cccd.geometry.arrays import AnyArray
 from cccd.volumes.freesurfer import freesurfer_names
+from cccd.volumes.grid import Volume
 from cccd.volumes.inputs import label_values, list_labels, read_masks
 from cccd.volumes.labels import plain_name
 
-__all__ = ["MapLabel", "expand_rows", "list_map", "read_label_table", "shared_groups"]
+__all__ = [
+    "MapLabel",
+    "colour_of",
+    "expand_rows",
+    "list_map",
+    "read_label_table",
+    "read_parts",
+    "shared_groups",
+]
+
+#: Hues of organs without a colour lie this share of the circle apart: no two of the first hundred are alike.
+GOLDEN_SHARE = 0.61803398875
 
 #: Labels with less voxels, or on less slices along some axis, are left out: no surface can be made of them.
 LEAST_VOXELS, LEAST_SLICES = 12, 3
@@ -73,9 +87,51 @@ def list_map(path: Path, table: Path | None = None) -> list[MapLabel]:
     InputError
         Not readable, empty, or no label map.
     """
+    parts = _parts(path)
+    if parts is None:
+        return _named(path, list_labels(path), {}, table)
+    found: dict[str, str] = {}
+    why: dict[str, str] = {}
+    for label, name, part in parts:
+        found[label], why[label] = name, _too_little(part.data)
+    return _named(path, found, why, table)
+
+
+def read_parts(path: Path) -> list[tuple[MapLabel, Volume]] | None:
+    """Read every label of a map, with its voxels.
+
+    Parameters
+    ----------
+    path : path
+        A label map, or a folder of one-organ masks.
+
+    Returns
+    -------
+    list of (MapLabel, Volume) or None
+        Boolean volumes, each no larger than its label; None of what is neither (DICOM, nnU-Net's
+        probabilities).
+
+    Raises
+    ------
+    InputError
+        Not readable, empty, or no label map.
+    """
+    parts = _parts(path)
+    if parts is None:
+        return None
+    volumes: dict[str, Volume] = {}
+    found: dict[str, str] = {}
+    for label, name, part in parts:
+        found[label], volumes[label] = name, part
+    why = {label: _too_little(part.data) for label, part in volumes.items()}
+    return [(label, volumes[label.label]) for label in _named(path, found, why, None)]
+
+
+def _named(
+    path: Path, found: Mapping[str, str], why: Mapping[str, str], table: Path | None
+) -> list[MapLabel]:
+    """Name the labels of a map: ``found`` has the names in the file, ``why`` what is left out."""
     named = read_label_table(table) if table is not None else {}
-    sizes = _sizes(path)
-    found = list_labels(path) if sizes is None else {label: name for label, (name, _) in sizes.items()}
     if not found:
         raise InputError(path.name, "it holds no label", "give a label map, a SEG or a folder of masks")
     guessed = freesurfer_names(path, [int(label) for label in found if label.isdecimal()])
@@ -84,8 +140,7 @@ def list_map(path: Path, table: Path | None = None) -> list[MapLabel]:
         row = named.get(label, MapLabel(label))
         name = row.name or name or guessed.get(label, "")
         organ = plain_name(name) or f"label_{plain_name(label)}"
-        why = "" if sizes is None else sizes[label][1]
-        labels.append(MapLabel(label, name, organ, row.colour, row.code, why))
+        labels.append(MapLabel(label, name, organ, row.colour, row.code, why.get(label, "")))
     twice = {organ for organ, count in Counter(label.organ.lower() for label in labels).items() if count > 1}
     return [
         MapLabel(**{**asdict(label), "organ": f"{label.organ}_{plain_name(label.label)}"})
@@ -95,35 +150,65 @@ def list_map(path: Path, table: Path | None = None) -> list[MapLabel]:
     ]
 
 
-def _sizes(path: Path) -> dict[str, tuple[str, str]] | None:
-    """Labels of a volume or of a folder's masks: their names, and why they are left out; None for DICOM."""
+def _parts(path: Path) -> Iterator[tuple[str, str, Volume]] | None:
+    """Labels of a volume or of a folder's masks: label, name, boolean voxels; None for DICOM."""
     if path.is_dir():
-        masks = ((name, inside.astype(np.uint8)) for name, inside in read_masks(path))
-        return {
-            name: (name, _too_little(int(np.count_nonzero(mask)), ndimage.find_objects(mask)[0]))
-            for name, mask in masks
-        }
+        return ((name, name, _boxed(mask.data, mask)) for name, mask in read_masks(path))
     volume = label_values(path)
-    if volume is None:
-        return None
-    data, names = volume
-    values, inverse = np.unique(data, return_inverse=True)
-    ranks = inverse.reshape(data.shape).astype(np.int32)
-    counts = np.bincount(ranks.ravel())
-    boxes = ndimage.find_objects(ranks + 1)
-    return {
-        str(value): (names.get(value, ""), _too_little(count, box))
-        for value, count, box in zip(values.tolist(), counts.tolist(), boxes, strict=True)
-        if value > 0 and box is not None
-    }
+    return None if volume is None else _parts_of(volume)
 
 
-def _too_little(count: int, box: tuple[slice, ...]) -> str:
-    """Why so many voxels in such a box are left out; empty where they are enough for a surface."""
-    thin = min(side.stop - side.start for side in box)
+def _parts_of(volume: Volume) -> Iterator[tuple[str, str, Volume]]:
+    values, ranks = _ranked(volume.data)
+    boxes = ndimage.find_objects(ranks)
+    for rank, (value, box) in enumerate(zip(values.tolist(), boxes, strict=True), 1):
+        yield str(value), volume.names.get(value, ""), _cut(ranks[box] == rank, box, volume)
+
+
+def _ranked(data: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """Return the values above 0, ascending, and the voxels' ranks among them, from 1; 0 elsewhere."""
+    values = np.maximum(data, 0)
+    high = int(values.max(initial=0))
+    if high >= 1 << 24:
+        present, inverse = np.unique(values, return_inverse=True)
+        background = int(present[0] == 0)
+        return present[background:], inverse.reshape(data.shape).astype(np.int32) + (1 - background)
+    rank_of = np.zeros(high + 1, np.int32)  # ten times as fast as sorting
+    rank_of[values] = 1
+    rank_of[0] = 0
+    present = np.flatnonzero(rank_of)
+    rank_of[present] = np.arange(1, len(present) + 1)
+    return present, rank_of[values]
+
+
+def _boxed(mask: AnyArray, volume: Volume) -> Volume:
+    """Cut a mask that is not empty to its own size."""
+    (box,) = ndimage.find_objects(mask.astype(np.uint8))
+    return _cut(mask[box], box, volume)
+
+
+def _cut(part: AnyArray, box: tuple[slice, ...], volume: Volume) -> Volume:
+    """Return a part of a volume's grid as a volume of its own."""
+    affine = volume.affine.copy()
+    affine[:3, 3] += affine[:3, :3] @ [side.start for side in box]
+    return Volume(part, affine, volume.location)
+
+
+def _too_little(part: AnyArray) -> str:
+    """Why a label of these voxels, in a box of its size, is left out; empty where they are enough."""
+    count, thin = int(np.count_nonzero(part)), min(part.shape)
     if count >= LEAST_VOXELS and thin >= LEAST_SLICES:
         return ""
     return "a single voxel" if count == 1 else f"{count} voxels, {thin} across"
+
+
+def colour_of(number: int) -> str:
+    """Colour, ``#rrggbb``, of the organ of a number, where nothing gives one."""
+    # hues that nearly agree are a Fibonacci number apart (21, 34, 55): saturation or value tells them
+    rgb = colorsys.hsv_to_rgb(
+        GOLDEN_SHARE * number % 1, 0.5 + 0.25 * (number % 2), (0.85, 0.62, 0.98)[number % 3]
+    )
+    return "#" + "".join(f"{round(255 * part):02x}" for part in rgb)
 
 
 def read_label_table(path: Path) -> dict[str, MapLabel]:

@@ -24,6 +24,7 @@ from cccd.sidecar_files import voxel_files
 from cccd.volumes.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
 from cccd.volumes.contours import assemble_contours, contour_frame
 from cccd.volumes.degraded import damage_maps, rescan
+from cccd.volumes.grey_values import image_without_mask
 from cccd.volumes.grid import (
     Volume,
     bounding_box,
@@ -263,6 +264,8 @@ def _scan_of_voxels(
     drawn = mask if boundary is None else boundary
     if drawn is None:
         assert image is not None  # the sheet's check
+        if row["label"]:
+            raise image_without_mask(image.location, row["label"])
         mask, provenance = _find_organ(image, row["source"], settings)
         drawn = mask
     if image is not None and on_grid(drawn, image.affine, image.shape, fill=False) is not None:
@@ -295,7 +298,15 @@ def _find_organ(image: Volume, source: str, settings: ImportSettings) -> tuple[V
     found, bounds = find_region(image.data, image.location, settings.region, slice_axis=axis)
     window = [None if np.isinf(bound) else bound for bound in bounds]
     region = settings.region.as_config() | {"window": window}
-    return Volume(found, image.affine, image.location), {"region": region}
+    note = f"{image.location}: no mask; the organ is a threshold's: grey values {_range(*bounds)}"
+    return Volume(found, image.affine, image.location, warnings=[note]), {"region": region}
+
+
+def _range(low: float, high: float) -> str:
+    """Say a range of grey values of which either end may be infinite."""
+    if np.isinf(high):
+        return f"from {low:.4g} on"
+    return f"up to {high:.4g}" if np.isinf(low) else f"from {low:.4g} to {high:.4g}"
 
 
 def _move_to_grid(volume: Volume, grid: Volume, interpolate: bool) -> tuple[AnyArray, list[str]]:

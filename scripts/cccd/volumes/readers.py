@@ -63,7 +63,7 @@ def guarded(location: str, problem: str, hint: str) -> Iterator[None]:
     """Turn whatever a decoder raises over a damaged file into one line.
 
     Decoders raise ``KeyError``, ``struct.error``, ``AssertionError`` and their own errors alike, so every
-    ``Exception`` is caught; an `InputError` passes through.
+    ``Exception`` is caught; an `InputError` passes through, and a module that is not installed.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def guarded(location: str, problem: str, hint: str) -> Iterator[None]:
     """
     try:
         yield
-    except InputError:
+    except (InputError, ModuleNotFoundError):
         raise
     except Exception as error:
         # ITK ends with a "Reason" that is whatever the system's last error happened to be

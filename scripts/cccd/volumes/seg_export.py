@@ -23,8 +23,12 @@ from cccd.geometry.raster import voxelise
 from cccd.tolerances import CONTOUR_PLANE
 from cccd.volumes.clinical_export import copy_identity, reference_slices
 from cccd.volumes.grid import LPS_TO_RAS
+from cccd.volumes.readers import guarded
 
 __all__ = ["write_seg"]
+
+#: Said of headers that highdicom makes no SEG of, such as those of two studies.
+_UNUSABLE = ("no SEG can lie on its images", "export the series again, or take RTSTRUCT")
 
 
 def write_seg(
@@ -54,12 +58,17 @@ def write_seg(
         raise InputError(
             str(path), "a SEG lies on a DICOM series, and there is none", "name the series' folder as image"
         )
-    slices, affine = _grid(reference_slices(Path(reference)), Path(reference).name)
-    mask = voxelise(mesh, LPS_TO_RAS @ affine, (slices[0].Columns, slices[0].Rows, len(slices)))
+    location = Path(reference).name
+    with guarded(location, *_UNUSABLE):
+        slices, affine = _grid(reference_slices(Path(reference)), location)
+        shape = int(slices[0].Columns), int(slices[0].Rows), len(slices)
+    mask = voxelise(mesh, LPS_TO_RAS @ affine, shape)
     if not mask.any():
         raise InputError(str(path), "no voxel of the series lies in the surface", "name the right series")
     frames = np.ascontiguousarray(mask.transpose(2, 1, 0), np.uint8)
-    dataset = _segmentation(frames, name, [_anonymous(image, keep_patient) for image in slices])
+    sources = [_source(image, float(np.linalg.norm(affine[:3, 2])), keep_patient) for image in slices]
+    with guarded(location, *_UNUSABLE):
+        dataset = _segmentation(frames, name, sources)
     dataset.save_as(path, enforce_file_format=True)
 
 
@@ -87,9 +96,10 @@ def _grid(slices: list[Dataset], location: str) -> tuple[list[Dataset], FloatArr
     return [slices[n] for n in order], affine
 
 
-def _anonymous(image: Dataset, keep_patient: bool) -> Dataset:
-    """Copy an image's header, without who the patient is unless that is kept."""
+def _source(image: Dataset, step: float, keep_patient: bool) -> Dataset:
+    """Copy an image's header: as thick as the step where it is silent, nobody's unless that is kept."""
     copied = copy.deepcopy(image)
+    copied.SliceThickness = image.get("SliceThickness") or step
     copy_identity(image if keep_patient else Dataset(), copied)
     return copied
 

@@ -5,9 +5,10 @@ import pandas as pd
 import pytest
 from known_curves import bean
 
-from cccd.comparisons.k_sweep import OWN, compare_k
-from cccd.containers import Frame, Structure
+from cccd.comparisons.k_sweep import OWN, _outline, compare_k
+from cccd.containers import Curves, Frame, Structure
 from cccd.curves.corners import DETECTORS
+from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
 from cccd.settings.comparisons import SliceChoice
 from cccd.tracing import trace_mask
@@ -51,3 +52,18 @@ def test_only_the_noise_hangs_on_the_seed(rows):
     pd.testing.assert_frame_equal(first, again)
     pd.testing.assert_frame_equal(first.drop(columns="noise"), other.drop(columns="noise"))
     assert not first["noise"].equals(other["noise"])
+
+
+def test_a_figure_says_which_splines_cross_themselves():
+    square = np.array([(20.0, 20), (20, 60), (60, 60), (60, 20)])
+    crossed = square[[0, 2, 1, 3]]
+    for outline, said in ((square, False), (crossed, True)):
+        line = RaggedPolygons.of([outline]).resample(np.array([160]))
+        curve = Curves(
+            line.points,
+            line.offsets,
+            np.zeros(1, np.int32),
+            np.zeros(1, bool),
+            Frame(np.eye(4), 2, (80, 80, 1)),
+        )
+        assert _outline(curve, 7).detail.endswith(", crosses itself") is said

@@ -1,15 +1,21 @@
+import itertools
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 from scipy.interpolate import BSpline
 
 from cccd.containers import Frame
-from cccd.curves import corner_splines, fit_splines, sample_splines
+from cccd.curves import corner_splines, describe_curves, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
+from cccd.curves.fitting import _along_curve, _along_reference, fit_checked
 from cccd.curves.knots import reference
 from cccd.curves.measures import area_dice, distances
+from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.curves import CurveSettings
 from cccd.tracing import trace_stack
 
@@ -238,3 +244,113 @@ def test_splines_are_nearer_to_the_outline_than_its_pixels_are(seed):
     spline = shapely.Polygon(sample_splines(fit_splines(curves, at_most(0.1)), 8).points)
     assert to_outline(spline) > to_outline(pixels) + 0.0005
     assert dice_of(spline, pixels) > to_outline(pixels)
+
+
+# What the check finds, and mends ---------------------------------------------------------------------
+
+
+def ring_of(control, knots):
+    """A spline as a fine ring: 25 points a span, which know nothing of the check's own."""
+    breaks = np.unique(knots[3:-3])
+    u = np.concatenate([np.linspace(a, b, 25, endpoint=False) for a, b in itertools.pairwise(breaks)])
+    return shapely.LinearRing(BSpline(knots, np.vstack([control, control[:3]]), 3)(u))
+
+
+def noisy_tumour(seed, sigma=1.5):
+    """Traced slices of a threshold in smooth noise, its border roughened: long, thin, ragged outlines."""
+    rng = np.random.default_rng(seed)
+    field = ndimage.gaussian_filter(rng.normal(size=(2, 48, 48)), (0, sigma, sigma))
+    mask = field / field.std() + 0.3 * rng.normal(size=field.shape) > 0.5
+    return trace_stack(mask, (0, 0, 0), Frame(np.eye(4), 0, mask.shape))
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([None, 0.05]))
+@example(89, None)  # a needle of 13 pixels that does not cross itself
+@example(3, 0.05)  # one of 78
+def test_no_spline_leaves_its_curve(seed, budget):
+    """Where a span holds no sample, least squares leave it free: without a check it swings out far."""
+    curves = noisy_tumour(seed)
+    checked = fit_checked(curves, at_most(budget))
+    assert not checked.wrong.any()
+    drawn = sample_splines(checked.splines)
+    assert drawn.polygons.is_simple.all()
+    assert np.all(drawn.polygons.signed_areas * curves.polygons.signed_areas > 0)
+    for polygon, (control, knots) in zip(curves, checked.splines, strict=True):
+        line, own = ring_of(control, knots), shapely.LinearRing(polygon)
+        assert line.is_simple
+        away = shapely.distance(shapely.points(line.coords), own).max()
+        back = shapely.distance(shapely.points(own.coords), line).max()
+        assert away < (1 if budget is None else 1 + 1.5 * back)
+
+
+def test_what_is_mended_is_counted_and_the_others_stay(blob):
+    curves = noisy_tumour(89)
+    checked = fit_checked(curves)
+    assert 0 < checked.mended.sum() < len(curves) / 10
+    smooth = blob(0)[1]
+    assert not fit_checked(smooth).mended.any()
+
+
+def test_the_papers_splines_are_mended_where_they_cross(curves_of):
+    eight = np.array([(0, 0), (40, 40), (40, 0), (0, 40)], float)  # corners in an order that crosses
+    square = RaggedPolygons.of([eight[[0, 2, 1, 3]]]).resample(np.array([160])).points
+    curves = curves_of(square, square + 100)
+    good = corner_splines(curves, np.arange(320) % 20 == 0)
+    control = good.control_points.copy()
+    control[:8] = np.repeat(eight, 2, axis=0) + np.tile([(0.0, 0.0), (3.0, 1.0)], (4, 1))
+    checked = fit_checked(curves, first=replace(good, control_points=control))
+    assert checked.mended.tolist() == [True, False]
+    fitted = list(checked.splines)
+    assert np.array_equal(fitted[1][0], good.control_points[8:])
+    assert shapely.LinearRing(ring_of(*fitted[0])).is_simple
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_last_resorts_are_simple_without_a_fit(seed):
+    mask = np.random.default_rng(seed).random((1, 14, 15)) < 0.6
+    curves = trace_stack(mask, (0, 0, 0), Frame(np.eye(4), 0, (1, 60, 60)))
+    for polygon, (control, knots) in zip(curves, _along_curve(curves)[0], strict=True):
+        line = ring_of(control, knots)
+        assert line.is_simple
+        assert shapely.hausdorff_distance(line, shapely.LinearRing(polygon)) < 1e-9
+    for polygon, (control, knots) in zip(curves, _along_reference(CurveSettings(), curves)[0], strict=True):
+        assert shapely.hausdorff_distance(ring_of(control, knots), shapely.LinearRing(polygon)) < 1
+
+
+def test_walls_thinner_than_any_fit_are_kept_apart(curves_of):
+    """Two lines a hundredth of a pixel apart, as the level of probabilities may have."""
+    angle = np.linspace(0, 2 * np.pi, 300, endpoint=False)
+    wave = 20 + np.sign(np.sin(40 * angle))
+    rim = wave[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    curves = curves_of(1.0005 * rim + 50, rim[::-1] + 50, slices=[0, 0])
+    checked = fit_checked(curves)
+    assert not checked.wrong.any()
+    outer, inner = (shapely.Polygon(ring_of(*spline)) for spline in checked.splines)
+    assert outer.is_valid
+    assert inner.is_valid
+    assert outer.contains_properly(inner)
+
+
+def test_a_curve_that_crosses_itself_is_said_with_its_place(curves_of):
+    angle = np.linspace(0, 2 * np.pi, 200, endpoint=False) + 0.01
+    eight = 50 + 20 * np.column_stack([np.sin(angle), np.sin(2 * angle) + 0.2 * np.sin(angle)])
+    circle = 50 + 20 * np.column_stack([np.cos(angle), np.sin(angle)])
+    curves = curves_of(circle, eight, slices=[3, 7])
+    report = describe_curves(curves, CurveSettings()).report
+    (line,) = report["warnings"]
+    assert line.startswith(
+        "1 curve crosses itself or another, and so do the splines: slice 7 at (50.0, 50.0)"
+    )
+    assert line.endswith("50.0, 50.0, 7.0 mm")
+    assert report["mended"] == 0
+    assert describe_curves(curves_of(circle), CurveSettings()).report["warnings"] == []
+
+
+def test_many_crossings_are_one_line(curves_of):
+    eight = np.array([(0, 0), (9, 9), (9, 0), (0, 9.5)])
+    (line,) = describe_curves(curves_of(*[eight + 20] * 7), CurveSettings()).report["warnings"]
+    assert line.startswith("7 curves cross")
+    assert line.count("slice") == 5
+    assert line.endswith("and so on")

@@ -22,9 +22,9 @@ from cccd.store import (
     read_curves,
     read_structure,
     write_boundaries,
+    write_control_nets,
     write_curves,
     write_json,
-    write_patches,
     write_structure,
     write_view,
 )
@@ -114,7 +114,7 @@ def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...]
     )
     net = centre + 1.03 * sphere * radius(sphere.reshape(-1, 3)).reshape(24, 14, 1)
     patch = Patch(net, np.ones((24, 14)), np.arange(31.0), np.arange(18.0), 3, 3, True, False, 1)
-    write_patches(folder / "surface.h5", [patch], structure.frame, {"warnings": []})
+    write_control_nets(folder / "surface.h5", [], [patch], structure.frame, {"warnings": []})
     write_json(
         folder / "metrics.json", make_metrics(case, organ, np.random.default_rng(len(case + organ)), warnings)
     )

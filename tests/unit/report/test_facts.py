@@ -14,4 +14,4 @@ def test_the_packages_named_are_those_that_are_used():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = [name for names in project["optional-dependencies"].values() for name in names]
     declared = {re.match(r"[\w.-]+", name)[0].lower() for name in [*project["dependencies"], *extras]}
-    assert {name.lower() for name in PACKAGES} - {"cccd", "snakemake"} <= declared
+    assert {name.lower() for name in PACKAGES} - {"snakemake"} <= declared

@@ -5,15 +5,18 @@ import io
 
 import numpy as np
 import pytest
+import shapely
 from PIL import Image
 from sample_results import BOUNDARIES, write_results, write_sample_view
 from test_payload import unpack
 
 from cccd.boundary import extract_boundaries
-from cccd.containers import Frame, Structure
+from cccd.containers import Curves, Frame, Structure
+from cccd.curves import describe_curves
 from cccd.report.results import StructureFiles
 from cccd.report.scene import _display, _letters, _round_up, build_scene, colour_stops
-from cccd.store import write_boundaries, write_structure
+from cccd.settings.curves import CurveSettings
+from cccd.store import read_curves, write_boundaries, write_curves, write_structure
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +50,21 @@ def test_meshes_and_net_share_the_world(folder):
     )
     assert len(arrays["surface_faces"]) <= 4000
     assert any("Simplified" in note for note in scene.notes)
+
+
+def test_long_curves_are_drawn_without_crossings(tmp_path):
+    """A band of three pixels wound eight times: a few points for all of it would draw lines across."""
+    folder = tmp_path / "phantom" / "liver"
+    write_results(folder, "phantom", "liver")
+    turn = np.linspace(0, 1, 4000)
+    out = np.column_stack([np.cos(16 * np.pi * turn), np.sin(16 * np.pi * turn)])
+    middle = (40 + 150 * turn)[:, None]
+    band = 300 + np.concatenate([(middle + 1.5) * out, ((middle - 1.5) * out)[::-1]])
+    one = read_curves(folder / "curves.h5")
+    curves = Curves(band, np.array([0, len(band)]), one.slice[:1], np.zeros(1, bool), one.frame)
+    write_curves(folder / "curves.h5", describe_curves(curves, CurveSettings()))
+    _, arrays = unpack(scene_of(folder, 4000).data)
+    assert shapely.LinearRing(arrays["curve_points"].astype(float)).is_simple
 
 
 def test_distance_colours_are_small_for_the_true_surface(folder):

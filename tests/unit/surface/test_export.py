@@ -13,7 +13,7 @@ from shapes import SETTINGS, curves_of, fork
 
 from cccd.errors import InputError
 from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS, TetrahedraSettings
-from cccd.store import write_patches
+from cccd.store import write_control_nets
 from cccd.surface import loft_surface
 from cccd.surface.export import Scan, read_surface, write_surface
 
@@ -25,7 +25,9 @@ def surface():
 
 def test_ply_reads_back_exactly(surface, tmp_path):
     write_surface(tmp_path / "surface.ply", surface)
-    write_patches(tmp_path / "surface.h5", surface.patches, surface.frame, surface.report)
+    write_control_nets(
+        tmp_path / "surface.h5", surface.bodies, surface.patches, surface.frame, surface.report
+    )
     back = read_surface(tmp_path / "surface.h5", tmp_path / "surface.ply")
     assert np.array_equal(back.vertices, surface.vertices)
     assert np.array_equal(back.faces, surface.faces)

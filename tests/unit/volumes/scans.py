@@ -24,6 +24,8 @@ from cccd.settings.imports import ImportSettings
 
 ROOT = Path(__file__).resolve().parents[3]
 DATA = ROOT.parent / "shared" / "data"
+#: What studies are referred to by, retired (PS3.6, annex A).
+STUDY_CLASS = "1.2.840.10008.3.1.2.3.1"
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
@@ -152,6 +154,23 @@ def write_series(
         ds.save_as(folder / f"{(7 * c) % 100:03d}.dcm", enforce_file_format=True)
         series.append(ds)
     return series
+
+
+def empty_uids(dataset):
+    """Keywords of the UIDs in a data set, at any depth, that name nothing."""
+    found = [element.keyword for element in dataset.iterall() if element.VR == "UI" and not element.value]
+    return [*found, *(element.keyword for element in dataset.file_meta if not element.value)]
+
+
+def referred(dataset):
+    """Class and instance of all images that a data set refers to."""
+    items = [part for element in dataset.iterall() if element.VR == "SQ" for part in element.value]
+    uids = {
+        (part.ReferencedSOPClassUID, part.ReferencedSOPInstanceUID)
+        for part in items
+        if "ReferencedSOPInstanceUID" in part
+    }
+    return {(kind, uid) for kind, uid in uids if kind != STUDY_CLASS}
 
 
 def item(**attributes):

@@ -245,13 +245,6 @@ def test_an_organ_in_metres_is_warned_of(tmp_path):
     assert any("are the header's units millimetres?" in warning for warning in structure.warnings)
 
 
-def test_grey_values_as_labels_are_told_by_their_number(tmp_path):
-    write_nifti(tmp_path / "mask.nii", grey(MASK > 0) * MASK, affine_of())
-    (warning,) = load_structure(row(mask="mask.nii"), tmp_path, settings()).warnings
-    assert "labels from " in warning
-    assert len(warning) < 120
-
-
 @pytest.mark.parametrize(
     "change",
     [

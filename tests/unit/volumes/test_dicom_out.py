@@ -8,12 +8,24 @@ import socket
 import subprocess
 import time
 import urllib.request
+from functools import partial
 
 import numpy as np
 import pydicom
 import pytest
 import trimesh
-from scans import affine_of, dicom_affine, full, grey, organ, row, settings, write_series
+from scans import (
+    affine_of,
+    dicom_affine,
+    empty_uids,
+    full,
+    grey,
+    organ,
+    referred,
+    row,
+    settings,
+    write_series,
+)
 
 from cccd.containers import Frame
 from cccd.errors import InputError
@@ -64,6 +76,81 @@ def test_dciodvfy_finds_no_error(tmp_path, kind, referring):
     if referring:
         assert pydicom.dcmread(path).StudyInstanceUID == series[0].StudyInstanceUID
     assert errors_of(path) == []
+
+
+def edit_headers(folder, change):
+    """Change every slice of a folder in place; what the standard demands may go."""
+    for file in folder.iterdir():
+        dataset = pydicom.dcmread(file)
+        change(dataset)
+        pydicom.dcmwrite(file, dataset, enforce_file_format=False)
+
+
+COMMON = ("StudyInstanceUID", "SeriesInstanceUID", "FrameOfReferenceUID")
+
+
+def strip(dataset, blank=False):
+    """Leave what identifies an image to its file's header, and what identifies its series to nobody."""
+    for keyword in ("SOPClassUID", "SOPInstanceUID", "SliceThickness", *COMMON):
+        if blank:
+            dataset[keyword].value = None
+        else:
+            del dataset[keyword]
+
+
+@pytest.mark.parametrize("blank", [True, False], ids=["blank", "absent"])
+@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
+def test_what_only_the_header_says_of_an_image_is_referred_to(tmp_path, kind, blank):
+    series = write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+    edit_headers(tmp_path / "dicom", partial(strip, blank=blank))
+    write_kind(kind, tmp_path / "out.dcm", tmp_path / "dicom")
+    written = pydicom.dcmread(tmp_path / "out.dcm")
+    assert empty_uids(written) == []
+    assert referred(written) == {(image.SOPClassUID, image.SOPInstanceUID) for image in series}
+    write_kind("RTSTRUCT", tmp_path / "other.dcm", tmp_path / "dicom")
+    other = pydicom.dcmread(tmp_path / "other.dcm")
+    assert written.StudyInstanceUID == other.StudyInstanceUID
+    assert written.FrameOfReferenceUID == other.FrameOfReferenceUID
+
+
+@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
+def test_dciodvfy_finds_no_error_beside_bare_slices(tmp_path, kind):
+    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+    edit_headers(tmp_path / "dicom", strip)
+    write_kind(kind, tmp_path / "out.dcm", tmp_path / "dicom")
+    assert errors_of(tmp_path / "out.dcm") == []
+
+
+def test_a_seg_of_slices_that_only_the_header_tells_apart_is_read_back(tmp_path):
+    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+    edit_headers(tmp_path / "dicom", lambda dataset: dataset.__delitem__("SOPInstanceUID"))
+    write_kind("SEG", tmp_path / "seg.dcm", tmp_path / "dicom")
+    read = load_structure(row(image="dicom", mask="seg.dcm"), tmp_path, settings())
+    np.testing.assert_array_equal(full(read), voxelise(ball(), read.frame.affine, read.frame.shape))
+
+
+@pytest.mark.parametrize("keyword", ["SOPClassUID", "SOPInstanceUID"])
+@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
+def test_an_image_that_nothing_can_refer_to_is_named(tmp_path, kind, keyword):
+    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+
+    def silence(dataset):
+        del dataset[keyword]
+        del dataset.file_meta[f"MediaStorage{keyword}"]
+
+    edit_headers(tmp_path / "dicom", silence)
+    with pytest.raises(InputError, match=rf"000\.dcm: it has no {keyword}; export the series again"):
+        write_kind(kind, tmp_path / "out.dcm", tmp_path / "dicom")
+    assert not (tmp_path / "out.dcm").exists()
+
+
+@pytest.mark.parametrize("keyword", COMMON)
+def test_a_seg_on_slices_of_two_kinds_is_refused_in_one_line(tmp_path, keyword):
+    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+    uids = iter(range(1, 100))
+    edit_headers(tmp_path / "dicom", lambda dataset: setattr(dataset, keyword, f"1.2.{next(uids)}"))
+    with pytest.raises(InputError, match=r"dicom: no SEG can lie on its images .*; export the series again"):
+        write_kind("SEG", tmp_path / "out.dcm", tmp_path / "dicom")
 
 
 @pytest.fixture

@@ -1,12 +1,15 @@
 """The real scans beside the project; they are not part of it, so each test skips where they are absent."""
 
+import highdicom
 import nibabel as nib
 import numpy as np
+import pydicom
 import pytest
 import shapely
 import trimesh
-from scans import DATA, full, row, settings
+from scans import DATA, empty_uids, full, referred, row, settings
 
+from cccd.cli import main
 from cccd.errors import InputError
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
@@ -58,6 +61,33 @@ def test_dicom_and_nifti_masks_are_the_same_voxels():
     np.testing.assert_allclose(here.std(axis=0), there.std(axis=0), atol=1e-3)
     # liver enhances: its median lies well above water
     assert 40 < np.median(structure.image[structure.mask]) < 200
+
+
+def test_what_goes_out_on_slices_whose_uids_an_anonymiser_blanked(tmp_path):
+    """Class and instance stand in their files' headers alone; study and series nowhere."""
+    folder = DATA / "dicom_totalseg_liver20"
+    if not folder.exists():
+        pytest.skip("dicom_totalseg_liver20 is not at ../shared/data")
+    headers = [pydicom.dcmread(file, stop_before_pixels=True) for file in (folder / "dicom").iterdir()]
+    assert not any(header.SOPClassUID or header.SeriesInstanceUID for header in headers)
+    outputs = [tmp_path / name for name in ("liver.dcm", "liver.stl.dcm", "liver.seg.dcm")]
+    asked = [str(folder / "mask_liver.nii.gz"), "--image", str(folder / "dicom")]
+    assert main(["surface", *asked, *(part for path in outputs for part in ("-o", str(path)))]) == 0
+    written = [pydicom.dcmread(path) for path in outputs]
+    images = {
+        (header.file_meta.MediaStorageSOPClassUID, header.file_meta.MediaStorageSOPInstanceUID)
+        for header in headers
+    }
+    for dataset in written:
+        assert empty_uids(dataset) == []
+        assert referred(dataset) == images
+    assert len({dataset.StudyInstanceUID for dataset in written}) == 1
+    seg = highdicom.seg.segread(outputs[2])
+    assert {uid for *_, uid in seg.get_source_image_uids()} == {uid for _, uid in images}
+    row_of = {"image": "dicom_totalseg_liver20/dicom"}
+    first, second = (load(**row_of, mask=str(path)) for path in (outputs[0], outputs[2]))
+    assert first.contours is not None
+    assert full(second).sum() == seg.get_volume().array.sum()
 
 
 #: ROI, contours that enclose an area, slices.

@@ -1,0 +1,157 @@
+"""All labels of an input at once: names, volumes, and where each lies; what ``cccd check`` says and draws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from cccd.api import labels, read, refuse_image
+from cccd.containers import Structure
+from cccd.dicom_objects import object_in
+from cccd.errors import InputError
+from cccd.geometry.arrays import AnyArray, FloatArray
+from cccd.volumes.annotation import AUTO
+from cccd.volumes.grid import Volume, interpolate_on_grid, on_grid
+from cccd.volumes.label_maps import MapLabel, colour_of, read_parts
+from cccd.volumes.regions import DrawnLabels, voxels_of
+
+__all__ = ["SurveyedLabel", "measure_labels", "survey_labels"]
+
+
+class SurveyedLabel(NamedTuple):
+    """One label of an input."""
+
+    label: str  # its value, or the name of a mask's file
+    name: str  # empty where nothing says
+    volume_ml: float | None  # of its voxels; None where it cannot be read
+    note: str  # why no surface can be made of it; empty where one can
+    colour: str  # in the picture, "#rrggbb"
+
+    def __str__(self) -> str:
+        return f"{self.caption} ({self.note})" if self.note else self.caption
+
+    @property
+    def caption(self) -> str:
+        """Value, name and volume."""
+        named = self.label if self.name in ("", self.label) else f"{self.label} {self.name}"
+        return named if self.volume_ml is None else f"{named}, {_three_digits(self.volume_ml)} ml"
+
+
+def _three_digits(volume: float) -> str:
+    """Write a volume with three digits, or all those before its point."""
+    return f"{volume:.0f}" if volume >= 100 else f"{volume:.3g}"
+
+
+def measure_labels(path: Path) -> list[tuple[SurveyedLabel, Volume | None]]:
+    """Measure every label of an input.
+
+    Parameters
+    ----------
+    path : path
+        A label map, a DICOM SEG or RTSTRUCT, or a folder with one of them or with a mask per organ.
+
+    Returns
+    -------
+    list of (SurveyedLabel, Volume or None)
+        Boolean volumes, each no larger than its label.
+
+    Raises
+    ------
+    InputError
+        Not readable, or no labels.
+    """
+    refuse_image(path)
+    found = read_parts(object_in(path))
+    listed = _read_one_by_one(path) if found is None else found
+    return [(_surveyed(label, part, number), part) for number, (label, part) in enumerate(listed, 1)]
+
+
+def _read_one_by_one(path: Path) -> Iterator[tuple[MapLabel, Volume | None]]:
+    """Read what DICOM objects and nnU-Net's probabilities hold; what cannot be read says why."""
+    for label, name in labels(path).items():
+        try:
+            organ = read(object_in(path), label)
+        except InputError as error:
+            yield MapLabel(label, name, left_out=error.problem), None
+        else:
+            yield MapLabel(label, name), Volume(voxels_of(organ), _affine_of(organ), name)
+
+
+def _surveyed(label: MapLabel, part: Volume | None, number: int) -> SurveyedLabel:
+    volume = None
+    if part is not None:
+        volume = float(np.count_nonzero(part.data) * abs(np.linalg.det(part.affine[:3, :3])) / 1000)
+    note = (
+        f"{label.left_out}: too little for a surface"
+        if part is not None and label.left_out
+        else label.left_out
+    )
+    return SurveyedLabel(label.label, label.name, volume, note, label.colour or colour_of(number))
+
+
+def _affine_of(structure: Structure) -> FloatArray:
+    """Affine (4, 4) of the structure's arrays."""
+    affine = structure.frame.affine.copy()
+    affine[:3, 3] += affine[:3, :3] @ structure.origin
+    return affine
+
+
+def survey_labels(
+    path: Path, image: Path | None = None, annotated: str = AUTO
+) -> tuple[Structure, list[SurveyedLabel], DrawnLabels | None]:
+    """Read all labels of an input at once.
+
+    Parameters
+    ----------
+    path, image, annotated
+        As of `cccd.read`.
+
+    Returns
+    -------
+    structure : Structure
+        All labels as one organ.
+    labels : list of SurveyedLabel
+    drawn : DrawnLabels or None
+        The labels on the structure's arrays, smaller ones over larger; None where there is but one.
+
+    Raises
+    ------
+    InputError
+        Not readable, no labels, or none that could be drawn.
+    """
+    measured = measure_labels(path)
+    told = [label for label, _ in measured]
+    if len(told) == 1:
+        return read(path, image=image, annotated=annotated), told, None
+    there = [(label, part, rank) for rank, (label, part) in enumerate(measured, 1) if part is not None]
+    every = ",".join(label.label for label, _, _ in there)
+    structure = read(path, every, image=image, annotated=annotated)
+    structure = replace(structure, organ=structure.case)
+    ranks = np.zeros(voxels_of(structure).shape, np.int32)
+    for _, part, rank in sorted(there, key=lambda found: -(found[0].volume_ml or 0)):
+        _paint(ranks, _affine_of(structure), part, rank)
+    return (
+        structure,
+        told,
+        DrawnLabels(ranks, [label.colour for label in told], [label.caption for label in told]),
+    )
+
+
+def _paint(ranks: AnyArray, affine: FloatArray, part: Volume, rank: int) -> None:
+    """Write a label's rank into the voxels (a, b, c) of a grid that lie in it."""
+    corners = np.indices((2, 2, 2)).reshape(3, -1) * (np.array(part.shape)[:, None] - 1)
+    world = part.affine[:3, :3] @ corners + part.affine[:3, 3:]
+    index = np.linalg.solve(affine[:3, :3], world - affine[:3, 3:])
+    low = np.maximum(np.floor(index.min(axis=1) + 0.5).astype(int), 0)
+    high = np.minimum(np.ceil(index.max(axis=1) - 0.5).astype(int) + 1, ranks.shape)
+    if (high <= low).any():
+        return
+    near = affine.copy()
+    near[:3, 3] += affine[:3, :3] @ low
+    shape = tuple((high - low).tolist())
+    moved = on_grid(part, near, shape, fill=False) or interpolate_on_grid(part, near, shape, order=0)
+    ranks[tuple(slice(a, b) for a, b in zip(low, high, strict=True))][moved.data] = rank

@@ -1,0 +1,230 @@
+"""What must hold of every surface, whatever it was made from: found by looking at the surface and the slices.
+
+Nothing here knows how the surface was made, and nothing switches it off.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.distance import unsigned_to_mesh
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import voxelise
+from cccd.surface.fields import LevelField, sampled
+from cccd.surface.stack import SliceStack
+
+__all__ = ["Violation", "check_surface"]
+
+#: On a slice the surface lies within so many pixels of the slice's outline.
+ON_SLICE = 0.75
+#: The surface holds the slices' volume but for this share.
+VOLUME = 0.005
+
+
+def _nowhere() -> FloatArray:
+    return np.zeros((0, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Violation:
+    """Where a surface is not as it must be.
+
+    Attributes
+    ----------
+    problem : str
+        What, in a few words, with its size.
+    places : (P, 3) float64
+        Where, the worst first, in the plane's mm and height in mm; none where it is of the whole surface.
+    nearer : bool
+        Whether the surface would have to be nearer to the slices there.
+    """
+
+    problem: str
+    places: FloatArray = field(default_factory=_nowhere)
+    nearer: bool = False
+
+    def line(self, to_world: FloatArray) -> str:
+        """One line for people, the place in mm RAS by an affine (4, 4)."""
+        if len(self.places) == 0:
+            return self.problem
+        x, y, z = to_world[:3, :3] @ self.places[0] + to_world[:3, 3]
+        return f"{self.problem} at ({x:.1f}, {y:.1f}, {z:.1f}) mm"
+
+
+def check_surface(mesh: Mesh, stack: SliceStack) -> list[Violation]:
+    """Find what is wrong with a surface.
+
+    It is closed and passes nowhere through itself. On every slice it lies within `ON_SLICE` pixels of the
+    outline, both ways; between two slices no further from what they hold than a voxel's diagonal. It holds
+    their volume, and has as many bodies and cavities as they imply.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        In the plane's mm and height in mm.
+    stack : SliceStack
+        What the slices hold.
+    """
+    found: list[Violation] = []
+    if not mesh.is_closed_manifold:
+        found.append(Violation("the surface is not closed"))
+    pairs = mesh.self_intersections()
+    if len(pairs):
+        places = mesh.vertices[mesh.faces[pairs[:, 0]]].mean(axis=1)
+        text = f"the surface passes through itself in {_counted(len(pairs), 'place')}, the first"
+        found.append(Violation(text, places))
+    slices = [level for run in stack.runs for level in run.fields_of_slices]
+    found += _off_slices(mesh, slices, stack)
+    found += _off_between(mesh, slices, stack)
+    return found + _of_other_volume(mesh, stack) + _of_other_topology(mesh, slices, stack)
+
+
+def _off_slices(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> list[Violation]:
+    """Find where the surface leaves a slice's outline, or the outline the surface.
+
+    Distances are in space: where the surface lies almost flat on a slice, its outline there says little.
+    """
+    spacing, most = stack.runs[0].spacing, ON_SLICE * stack.pixel
+    points, off, beside = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros((0, 3))]
+    across = np.linalg.norm(mesh.vertex_normals[:, :2], axis=1)
+    heights = np.array([level.z for level in slices])
+    for level, section in zip(slices, _sections(mesh, across, heights), strict=True):
+        points.append(section[:, :3])
+        off.append(np.abs(sampled(level.distance, section[:, :2] / spacing)) * section[:, 3])
+    for level, within in zip(slices, _inside(mesh, slices, spacing), strict=True):
+        at = np.argwhere(np.where(within, level.distance, -level.distance) > most)
+        beside.append(np.column_stack([at * spacing, np.full(len(at), level.z)]))
+    candidates = np.concatenate(beside)
+    # the nearest vertex is quickly found, and no nearer than the surface
+    candidates = candidates[cKDTree(mesh.vertices).query(candidates)[0] > most]
+    points.append(candidates)
+    off.append(unsigned_to_mesh(candidates, mesh) if len(candidates) else np.zeros(0))
+    place, far = np.concatenate(points), np.concatenate(off)
+    wrong = far > most
+    if not wrong.any():
+        return []
+    count = len(np.unique(place[wrong, 2]))
+    text = f"the surface lies up to {far.max():.2g} mm off the outline of {_counted(count, 'slice')}, most"
+    return [Violation(text, place[wrong][np.argsort(-far[wrong], kind="stable")], True)]
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" + ("" if count == 1 else "s")
+
+
+def _sections(mesh: Mesh, values: FloatArray, heights: FloatArray) -> list[FloatArray]:
+    """Points in which a mesh's edges meet planes across z, and values (V,) there: (P, 4), plane by plane."""
+    vertices = np.column_stack([mesh.vertices, values])
+    ends = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    ends = ends[ends[:, 0] < ends[:, 1]]  # in a closed mesh each edge comes once this way round
+    low, high = vertices[ends[:, 0]], vertices[ends[:, 1]]
+    turned = low[:, 2] > high[:, 2]
+    low[turned], high[turned] = high[turned], low[turned]
+    first, last = np.searchsorted(heights, low[:, 2]), np.searchsorted(heights, high[:, 2])
+    number = last - first
+    edge = np.repeat(np.arange(len(low)), number)
+    plane: IntArray = np.arange(len(edge)) - np.repeat(np.cumsum(number) - number, number) + first[edge]
+    rise = high[edge, 2] - low[edge, 2]
+    share = ((heights[plane] - low[edge, 2]) / np.where(rise > 0, rise, 1))[:, None]
+    points = low[edge] * (1 - share) + high[edge] * share
+    order = np.argsort(plane, kind="stable")
+    return np.split(points[order], np.searchsorted(plane[order], np.arange(1, len(heights))))
+
+
+def _inside(mesh: Mesh, slices: Sequence[LevelField], spacing: FloatArray) -> list[BoolArray]:
+    """Which pixels (I, J) of each slice have their centre inside a closed mesh."""
+    # heights to numbers of slices, which are even only in a run without missing ones
+    heights = np.array([level.z for level in slices])
+    if len(heights) == 1:
+        scaled = mesh.vertices[:, 2] - heights[0]
+    else:
+        step = np.diff(heights)
+        scaled = np.interp(mesh.vertices[:, 2], heights, np.arange(len(heights), dtype=float))
+        scaled += np.minimum(mesh.vertices[:, 2] - heights[0], 0) / step[0]
+        scaled += np.maximum(mesh.vertices[:, 2] - heights[-1], 0) / step[-1]
+    pixels = Mesh(np.column_stack([mesh.vertices[:, :2] / spacing, scaled]), mesh.faces)
+    block = voxelise(pixels, np.eye(4), (*slices[0].distance.shape, len(heights)), np.zeros(3, np.int64))
+    return list(np.moveaxis(block, 2, 0))
+
+
+def _off_between(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> list[Violation]:
+    """Find where the surface is further from the voxels of the slices beside than their diagonal."""
+    spacing = stack.runs[0].spacing
+    heights = np.array([level.z for level in slices])
+    above = np.searchsorted(heights, mesh.vertices[:, 2])
+    order = np.argsort(above, kind="stable")
+    diagonal = float(np.linalg.norm(stack.voxel))
+    off = np.zeros(len(order))
+    starts = np.searchsorted(above[order], np.arange(len(heights) + 2))
+    for n in range(len(heights) + 1):
+        here = order[starts[n] : starts[n + 1]]
+        if len(here) == 0:
+            continue
+        pixels = mesh.vertices[here, :2] / spacing
+        around = [m for m in range(n - 2, n + 2) if 0 <= m < len(slices)]
+        values = np.array([sampled(slices[m].distance, pixels) for m in around])
+        beyond = np.abs(mesh.vertices[here, 2] - heights[around][:, None]) - stack.step / 2
+        outside = np.hypot(np.maximum(values, 0), np.maximum(beyond, 0)).min(axis=0)
+        # a cap may lie deep in two slices, but not in the next ones too
+        depth = -values.max(axis=0) if len(around) == 4 else np.zeros(len(here))
+        off[here] = np.maximum(outside, depth)
+    far = np.flatnonzero(off > diagonal)
+    if len(far):  # what is followed between the slices moves further aside
+        distance, room = stack.target(mesh.vertices[far], stack.pixel)
+        far = far[(np.abs(distance) > stack.pixel) | (room <= 0)]
+    if len(far) == 0:
+        return []
+    far = far[np.argsort(-off[far], kind="stable")]
+    text = f"the surface lies {off[far[0]]:.2g} mm from the voxels of the slices beside,"
+    return [Violation(text, mesh.vertices[far], True)]
+
+
+def _of_other_volume(mesh: Mesh, stack: SliceStack) -> list[Violation]:
+    """Find a volume that is not the slices'."""
+    share = mesh.volume / stack.volume
+    if stack.of_probability or stack.of_some_slices or abs(share - 1) <= VOLUME:
+        return []
+    return [
+        Violation(f"the surface holds {share:.1%} of its slices' volume: in places it is as thin as a voxel")
+    ]
+
+
+def _of_other_topology(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> list[Violation]:
+    """Find parts that the slices do not imply, and parts that are missing; small ones do not count."""
+    volumes = [piece.volume for piece in mesh.pieces()]
+    least = stack.smallest
+    # what touches at a corner, or across a missing slice, may be one part or two
+    touching, apart = (ndimage.generate_binary_structure(3, rank) for rank in (3, 1))
+    runs = [np.stack([level.distance < 0 for level in run.fields_of_slices]) for run in stack.runs]
+    bodies = sum(_large(inside, touching, least, stack) for inside in runs)
+    separate = _large(_with_missing(slices, stack.step), apart, least, stack)
+    found = sum(volume >= least for volume in volumes)
+    problems: list[Violation] = []
+    if not bodies <= found <= separate:
+        implied = f"{bodies}" if bodies == separate else f"{bodies} to {separate}"
+        problems.append(Violation(f"the surface has {_counted(found, 'part')}, the slices imply {implied}"))
+    return problems
+
+
+def _with_missing(slices: Sequence[LevelField], step: float) -> BoolArray:
+    """Pixels (S, I, J) inside, with an empty slice wherever some are missing."""
+    layers = [slices[0].distance < 0]
+    for below, above in itertools.pairwise(slices):
+        if above.z - below.z > 1.5 * step:
+            layers.append(np.zeros_like(layers[0]))
+        layers.append(above.distance < 0)
+    return np.stack(layers)
+
+
+def _large(inside: BoolArray, joined: BoolArray, least: float, stack: SliceStack) -> int:
+    """Count the parts (S, I, J) of at least so many mm^3, by which voxels count as joined."""
+    parts, _ = ndimage.label(inside, joined)
+    size = np.bincount(parts.ravel())[1:] * float(stack.voxel.prod())
+    return int(np.count_nonzero(size >= least))

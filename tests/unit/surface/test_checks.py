@@ -1,0 +1,122 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapes import SETTINGS, ball, curves_of
+from trimesh import creation
+
+from cccd.containers import Frame
+from cccd.curves import describe_curves
+from cccd.geometry.mesh import Mesh
+from cccd.settings.curves import CurveSettings
+from cccd.surface.checks import check_surface
+from cccd.surface.outlines import lofted_outlines
+from cccd.surface.stack import SliceStack, interpolate_slices
+
+
+def stack_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0)) -> SliceStack:
+    fitted = describe_curves(curves_of(mask, spacing), CurveSettings())
+    return interpolate_slices(lofted_outlines(fitted.curves, fitted.splines, SETTINGS), SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def stack() -> SliceStack:
+    return stack_of(ball())
+
+
+def sphere(stack: SliceStack, radius=20.0, centre=(30.0, 30.0, 30.0)) -> Mesh:
+    """Triangles of a ball around a voxel of the volume, where the stack has it."""
+    solid = creation.icosphere(4, radius)
+    mesh = Mesh(np.array(solid.vertices) + centre, np.array(solid.faces, np.int64))
+    return mesh.transformed(np.linalg.inv(stack.plane_to_world(Frame(np.eye(4), 2, (60, 60, 60)))))
+
+
+def problems(mesh: Mesh, stack: SliceStack) -> str:
+    return "\n".join(violation.problem for violation in check_surface(mesh, stack))
+
+
+def pulled(mesh: Mesh, factor: float) -> tuple[Mesh, np.ndarray]:
+    """One vertex pulled away from the middle, or towards it."""
+    vertices = mesh.vertices.copy()
+    middle = vertices.mean(axis=0)
+    vertices[7] = middle + factor * (vertices[7] - middle)
+    return Mesh(vertices, mesh.faces), vertices[7]
+
+
+def test_nothing_is_wrong_with_the_ball_that_the_slices_show(stack):
+    mesh = sphere(stack, (3 / (4 * np.pi) * ball().sum()) ** (1 / 3))
+    assert check_surface(mesh, stack) == []
+
+
+@pytest.mark.parametrize("factor", [1.2, 1.5, 3.0])
+def test_a_needle_is_found_where_it_is(stack, factor):
+    mesh, tip = pulled(sphere(stack), factor)
+    found = [violation for violation in check_surface(mesh, stack) if violation.nearer]
+    assert found
+    ends = np.concatenate([violation.places for violation in found])
+    assert np.linalg.norm(ends - tip, axis=1).min() < 1.5 or factor < 1.3
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2561), st.floats(4.0, 30.0))
+def test_no_needle_gets_through_wherever_it_is(vertex, length):
+    stack = STACK
+    mesh = sphere(stack)
+    vertices = mesh.vertices.copy()
+    vertices[vertex] += length * mesh.vertex_normals[vertex]
+    assert any(violation.nearer for violation in check_surface(Mesh(vertices, mesh.faces), stack))
+
+
+STACK = stack_of(ball())
+
+
+def test_a_dent_is_found(stack):
+    mesh, tip = pulled(sphere(stack), 0.3)
+    (found,) = [violation for violation in check_surface(mesh, stack) if "outline" in violation.problem]
+    assert np.linalg.norm(found.places[0] - tip) < 21
+
+
+def test_a_missing_part_and_one_too_many_are_found(stack):
+    one = sphere(stack)
+    beside = sphere(stack, 3.0, (30.0, 30.0, 56.0))
+    both = Mesh(
+        np.concatenate([one.vertices, beside.vertices]),
+        np.concatenate([one.faces, beside.faces + len(one.vertices)]),
+    )
+    assert "has 2 parts, the slices imply 1" in problems(both, stack)
+    two = stack_of(ball() | ball(centre=(8, 8, 52), radius=5.0))
+    assert "has 1 part, the slices imply 2" in problems(sphere(two), two)
+
+
+def test_another_volume_is_found(stack):
+    assert "volume" in problems(sphere(stack, 20.3), stack)
+
+
+def test_passing_through_itself_and_being_open_are_found(stack):
+    one = sphere(stack)
+    moved = Mesh(one.vertices + np.array([3.1, 0.7, 0.3]), one.faces)
+    both = Mesh(
+        np.concatenate([one.vertices, moved.vertices]),
+        np.concatenate([one.faces, moved.faces + len(one.vertices)]),
+    )
+    assert "passes through itself" in problems(both, stack)
+    assert "not closed" in problems(Mesh(one.vertices, one.faces[1:]), stack)
+
+
+def test_the_line_has_the_place_in_mm_of_the_world(stack):
+    mesh, _ = pulled(sphere(stack), 2.0)
+    frame = Frame(np.eye(4), 2, (60, 60, 60))
+    found = next(violation for violation in check_surface(mesh, stack) if violation.nearer)
+    line = found.line(stack.plane_to_world(frame))
+    place = np.array([float(number) for number in line[line.rindex("(") + 1 : line.rindex(")")].split(",")])
+    assert 22 < np.linalg.norm(place - 30) < 42
+
+
+def test_thick_slices_leave_the_surface_room_between_them():
+    thick = stack_of(ball((60, 60, 12), (30, 30, 6), 20.0, (1.0, 1.0, 5.0)), (1.0, 1.0, 5.0))
+    mesh = sphere(thick)
+    heights = thick.plane_to_world(Frame(np.diag([1.0, 1.0, 5.0, 1.0]), 2, (60, 60, 12)))
+    true = Mesh(np.array(creation.icosphere(4, 20.0).vertices) + 30, mesh.faces).transformed(
+        np.linalg.inv(heights)
+    )
+    assert not any(violation.nearer for violation in check_surface(true, thick))

@@ -1,0 +1,180 @@
+"""The spline surface: what must hold whatever the organ is, and shapes whose surface is known."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import binary_opening, gaussian_filter
+from shapes import ball, curves_of, fork, grid
+from trimesh import creation
+
+from cccd.errors import InputError
+from cccd.geometry.mesh import Mesh
+from cccd.settings.surface import LoftSettings
+from cccd.surface import loft_surface
+from cccd.surface.control_mesh import control_mesh, join_in_pairs, split_to_quads
+from cccd.surface.endings import round_ends
+from cccd.surface.fields import LevelField
+
+SPLINE = LoftSettings(method="spline")
+NOWHERE = (-np.inf, np.inf)
+
+
+def lofted(mask, spacing=(1.0, 1.0, 1.0)):
+    return loft_surface(curves_of(mask, spacing), SPLINE)
+
+
+def assert_sound(surface):
+    assert surface.mesh.is_closed_manifold
+    assert len(surface.mesh.self_intersections()) == 0
+    tessellated = [body.tessellate(2) for body in surface.bodies]
+    assert sum(mesh.volume for mesh in tessellated) == pytest.approx(surface.mesh.volume, rel=1e-9)
+
+
+def test_a_ball_is_round_and_smooth_from_few_control_points():
+    surface = lofted(ball())
+    assert_sound(surface)
+    (body,) = surface.bodies
+    assert len(body.vertices) < 500
+    radius = np.linalg.norm(surface.vertices - 30, axis=1)
+    assert np.abs(radius - (3 / (4 * np.pi) * ball().sum()) ** (1 / 3)).mean() < 0.08
+    assert surface.mesh.volume == pytest.approx(ball().sum(), rel=0.002)
+
+
+def test_thick_slices_of_a_ball():
+    mask = ball((60, 60, 12), (30, 30, 6), 20.0, (1.0, 1.0, 5.0))
+    surface = lofted(mask, (1.0, 1.0, 5.0))
+    assert_sound(surface)
+    radius = np.linalg.norm(surface.vertices - 30, axis=1)
+    assert np.abs(radius - 20).mean() < 0.3
+    assert np.abs(radius - 20).max() < 1.5
+
+
+def test_a_cylinder_that_the_scan_cuts_has_flat_caps_with_a_sharp_rim():
+    x, y, _ = grid(50, 50, 30)
+    surface = lofted(np.hypot(x - 25, y - 25) <= 15)
+    assert_sound(surface)
+    (body,) = surface.bodies
+    z = surface.vertices[:, 2]
+    assert z.min() == pytest.approx(-0.5, abs=1e-6)
+    assert z.max() == pytest.approx(29.5, abs=1e-6)
+    normals = np.abs(surface.mesh.unit_normals[:, 2])
+    bevelled = (normals < 1 - 1e-6) & (normals > 0.3)
+    assert surface.mesh.face_areas[bevelled].sum() < 1e-3 * surface.mesh.area
+    assert set(np.unique(body.sharpness)) == {10.0}
+    assert np.isin(np.round(body.vertices[body.creases.ravel(), 2], 6), [-0.5, 29.5]).all()
+    assert np.abs(np.hypot(*(surface.vertices[np.abs(z - 14.5) < 10, :2] - 25).T) - 15.2).max() < 0.5
+
+
+def test_a_cavity_is_a_body_turned_inside_out():
+    surface = lofted(ball() & ~ball(radius=8.0))
+    assert_sound(surface)
+    volumes = sorted(body.tessellate(2).volume for body in surface.bodies)
+    assert len(volumes) == 2
+    assert volumes[0] == pytest.approx(-ball(radius=8.0).sum(), rel=0.05)
+
+
+def test_branches_are_one_body():
+    surface = lofted(fork())
+    assert_sound(surface)
+    assert len(surface.bodies) == 1
+    assert surface.mesh.genus == 0
+    assert surface.mesh.volume == pytest.approx(fork().sum(), rel=0.01)
+
+
+def test_world_coordinates_follow_the_spacing():
+    mask = ball((60, 60, 20), (30, 30, 10), 20, (0.8, 0.8, 3.0))
+    surface = lofted(mask, (0.8, 0.8, 3.0))
+    assert np.abs(np.linalg.norm(surface.vertices - (24, 24, 30), axis=1) - 20).mean() < 0.3
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.6, 2.5), st.sampled_from([1.0, 2.5, 5.0]))
+def test_random_blobs_are_closed_and_do_not_pass_through_themselves(seed, width, depth):
+    noise = gaussian_filter(np.random.default_rng(seed).normal(size=(30, 30, 16)), width)
+    mask = binary_opening(noise > np.percentile(noise, 75))
+    mask[[0, -1]] = mask[:, [0, -1]] = False
+    if not mask.any():
+        return
+    surface = lofted(mask, (1.0, 1.0, depth))
+    assert surface.mesh.is_closed_manifold
+    crossing = "passes through itself" in " ".join(surface.report["warnings"])
+    assert crossing == (len(surface.mesh.self_intersections()) > 0)  # mended, or said
+
+
+def blocks(*shape):
+    mask = np.zeros((20, 20, 20), bool)
+    mask[tuple(slice(4, 4 + size) for size in shape)] = True
+    return mask
+
+
+@pytest.mark.parametrize("shape", [(12, 12, 1), (2, 2, 1), (2, 12, 12)])
+def test_as_little_as_two_voxels_across_gives_something_closed(shape):
+    surface = lofted(blocks(*shape))
+    assert surface.mesh.is_closed_manifold
+    assert surface.mesh.volume > 0
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (12, 1, 12), (1, 1, 12)])
+def test_what_has_no_closed_curve_is_refused_in_one_line(shape):
+    with pytest.raises(InputError, match=r"^curves: there is not one closed curve; [^\n]*$"):
+        lofted(blocks(*shape))
+
+
+def test_quads_keep_the_topology_and_few_corners_are_irregular():
+    ring = creation.torus(10, 3, major_sections=48, minor_sections=24)
+    mesh = Mesh(np.array(ring.vertices), np.array(ring.faces, np.int64))
+    spline, few = control_mesh(mesh, 400, NOWHERE)
+    assert spline.tessellate(1).genus == few.genus == 1
+    assert np.mean(spline.valences != 4) < 0.25
+    assert spline.tessellate(2).is_closed_manifold
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 1000))
+def test_every_triangle_is_in_one_polygon_and_every_polygon_becomes_quads(seed):
+    ball_of = creation.icosphere(2, 5.0)
+    moved = np.array(ball_of.vertices) * (1 + 0.1 * np.random.default_rng(seed).normal(size=(162, 1)))
+    mesh = Mesh(moved, np.array(ball_of.faces, np.int64))
+    quads, triangles = join_in_pairs(mesh)
+    assert 2 * len(quads) + len(triangles) == len(mesh.faces)
+    points, split, edges = split_to_quads(mesh.vertices, quads, triangles)
+    assert len(split) == 4 * len(quads) + 3 * len(triangles)
+    assert len(points) == len(mesh.vertices) + len(edges) + len(quads) + len(triangles)
+    halves = np.concatenate([split[:, [0, 1, 2]], split[:, [0, 2, 3]]])
+    assert Mesh(points, halves).is_closed_manifold
+
+
+def cone_of_discs(radii, between=4):
+    """Fields of discs on slices 1 mm apart, interpolated linearly between them."""
+    away = np.hypot(*(np.indices((41, 41)) - 20.0)).astype(np.float32)
+    fields = []
+    for n, radius in enumerate(radii):
+        fields.append(LevelField(float(n), away - np.float32(radius), n))
+        if n + 1 < len(radii):
+            for part in range(1, between):
+                t = np.float32(part / between)
+                plane = (1 - t) * (away - radius) + t * (away - radii[n + 1])
+                fields.append(LevelField(n + part / between, plane.astype(np.float32), None))
+    return fields
+
+
+def test_an_end_is_as_high_as_the_areas_fall():
+    """A paraboloid's sections fall by the same area from slice to slice."""
+    radii = np.sqrt(200.0 - 60.0 * np.arange(4))  # 20 are left at the last one: a third of what falls
+    levels = round_ends(cone_of_discs(radii), np.ones(2), 1.0, (True, False), 0.25)
+    beyond = [level for level in levels if level.z > 3]
+    left = [level.z - 3 for level in beyond if (level.distance < 0).any()]
+    assert 0.2 <= max(left) <= 0.55
+    areas = [np.count_nonzero(level.distance < 0) for level in beyond]
+    assert all(a >= b for a, b in itertools.pairwise(areas))
+    assert areas[-1] == 0
+
+
+def test_what_the_scan_cuts_and_what_goes_on_is_not_rounded():
+    fields = cone_of_discs(np.full(4, 8.0))
+    levels = round_ends(fields, np.ones(2), 1.0, (True, True), 0.25)
+    assert len(levels) == len(fields)
+    assert all(np.array_equal(a.distance, b.distance) for a, b in zip(levels, fields, strict=True))

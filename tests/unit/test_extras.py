@@ -1,0 +1,166 @@
+"""What is not installed ends in one line that names the extra of what was asked for, on every way to it."""
+
+import json
+import os
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import nibabel
+import numpy as np
+import pytest
+
+from cccd.extras import EXTRAS, check_extra, missing_extra, needing
+
+ROOT = Path(__file__).parents[2]
+SCANS = runpy.run_path(str(Path(__file__).parent / "volumes" / "scans.py"))
+AFFINE = np.diag([1.0, 1.0, 2.5, 1.0])
+
+#: Runs commands and expressions where a module is not: nothing finds it, as where it was never installed.
+PROGRAM = """
+import contextlib, importlib.machinery, io, json, shlex, sys
+
+missing, *asked = sys.argv[1:]
+find = importlib.machinery.PathFinder.find_spec
+importlib.machinery.PathFinder.find_spec = lambda name, path=None, target=None: (
+    None if name.split(".")[0] == missing else find(name, path, target)
+)
+
+import nibabel, numpy as np, cccd, cccd.remote
+from cccd.cli import main
+
+mask, maps = (np.asarray(nibabel.load(f"{name}.nii.gz").dataobj) > 0 for name in ("mask", "maps"))
+for one in asked:
+    code, said = 0, io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
+            code = main(shlex.split(one)[1:]) if one.startswith("cccd ") else eval(one)
+    except cccd.InputError as error:
+        code, said = "InputError", io.StringIO(str(error))
+    except Exception as error:
+        code, said = type(error).__name__, io.StringIO(str(error))
+    print(json.dumps([one, code, said.getvalue()]))
+"""
+
+ORDERING = (
+    "cccd surface maps.nii.gz --boundary",
+    "cccd.order(maps)",
+    "cccd.reconstruct(cccd.read('maps.nii.gz', boundary=True))",
+)
+SEGMENTING = "cccd segment mask.nii.gz --segmenter hippocampus"
+REPORT = "cccd report results"
+FETCHING = "cccd.remote.fetch(cccd.remote.read_address('s3://bucket/mr.nii.gz', 'here'), None)"
+
+
+def writing(*suffixes):
+    """Before anything is read, and in Python."""
+    inputs = ("surface nowhere.nii.gz", "export results/case/organ")
+    commands = [f"cccd {of} -o a.{suffix}" for of in inputs for suffix in suffixes]
+    return (*commands, *(f"cccd.reconstruct(mask).write('a.{suffix}')" for suffix in suffixes))
+
+
+OF_SEG = ("cccd surface seg.dcm", "cccd check seg.dcm", "cccd.read('seg.dcm')", "cccd.labels('seg.dcm')")
+OF_DICOM = (
+    *OF_SEG,
+    *("cccd surface drawn", "cccd surface series", "cccd surface mask.nii.gz --image series"),
+    *("cccd segment series --segmenter hippocampus", "cccd.reconstruct_labels('seg.dcm')"),
+    "cccd surface seg.dcm --all-labels",
+)
+
+#: By module and extra: what cannot be done without it.
+WITHOUT = {
+    "torch": {"gnn": ORDERING, "segment": [SEGMENTING]},
+    "torch_geometric": {"gnn": ORDERING},
+    "monai": {"segment": [SEGMENTING]},
+    "pyvista": {
+        "view": [*writing("vtp"), "cccd.reconstruct(mask).to_pyvista()", "cccd check ct.tsv"],
+        "cad": writing("step", "iges", "brep"),
+        "fe": writing("msh", "vtu", "inp"),
+        "print": writing("3mf"),
+    },
+    "matplotlib": {"report": ["cccd check mask.nii.gz", REPORT]},
+    "pandas": {"report": [REPORT], "run": ["cccd check mni.tsv"]},
+    "jinja2": {"report": [REPORT]},
+    "markupsafe": {"report": [REPORT]},
+    "PIL": {"report": [REPORT]},
+    "pydicom": {"dicom": [*OF_DICOM, *writing("dcm", "stl.dcm", "seg.dcm")]},
+    "highdicom": {"dicom": [*OF_SEG, "cccd surface enhanced --threshold", *writing("seg.dcm")]},
+    "OCP": {"cad": writing("step", "iges", "brep")},
+    "pytetwild": {"fe": writing("msh", "vtu", "inp")},
+    "lib3mf": {"print": writing("3mf")},
+    "boto3": {"s3": [FETCHING]},
+    "snakemake": {"run": ["cccd run sheet.tsv"]},
+    "jsonschema": {"run": ["cccd check sheet.tsv"]},
+    "nilearn": {"run": ["cccd check mni.tsv"]},
+}
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """A folder with an input of every kind."""
+    pytest.importorskip("highdicom")
+    from cccd.geometry.mesh import Mesh
+    from cccd.volumes.seg_export import write_seg
+
+    trimesh = pytest.importorskip("trimesh")
+    folder = tmp_path_factory.mktemp("inputs")
+    offset = (np.indices((24, 24, 13)) - np.array((12, 12, 6)).reshape(3, 1, 1, 1)).T * (1, 1, 2.5)
+    ball = (np.linalg.norm(offset, axis=-1) <= 8).T
+    inner = np.logical_and.reduce([np.roll(ball, way, axis) for way in (1, -1) for axis in (0, 1)])
+    for name, data in {"mask": ball, "maps": ball & ~inner}.items():
+        nibabel.save(nibabel.Nifti1Image(data.astype(np.uint8), AFFINE), folder / f"{name}.nii.gz")
+    grey, grid = 100 * ball.astype(np.int16), SCANS["dicom_affine"](spacing=(1, 1, 2.5))
+    SCANS["write_series"](folder / "series", grey, grid)
+    for name in ("drawn", "enhanced", "results/case/organ"):
+        (folder / name).mkdir(parents=True)
+    SCANS["write_structure_set"](folder / "drawn" / "rt.dcm", {"ball": SCANS["outlines"](ball, AFFINE)})
+    SCANS["write_enhanced"](folder / "enhanced" / "ct.dcm", grey, grid, range(13))
+    sphere = trimesh.creation.icosphere(3, 8.0)
+    mesh = Mesh(sphere.vertices + (grid @ (12, 12, 6, 1))[:3], np.asarray(sphere.faces, np.int64))
+    write_seg(folder / "seg.dcm", mesh, name="ball", reference=folder / "series")
+    (folder / "sheet.tsv").write_text("case\torgan\tmask\na\tball\tmask.nii.gz\n")
+    for name, source, organ in (("mni", "mni152", "brain"), ("ct", "whole_body_ct", "liver")):
+        (folder / f"{name}.tsv").write_text(f"case\torgan\tsource\na\t{organ}\t{source}\n")
+    for name in ("metrics.json", "surface.h5", "surface.ply"):
+        (folder / "results" / "case" / "organ" / name).write_text("{}")
+    return folder
+
+
+@pytest.mark.parametrize("module", WITHOUT)
+def test_one_line_names_the_extra_of_what_was_asked_for(inputs, module):
+    named = {one: extra for extra, calls in WITHOUT[module].items() for one in calls}
+    env = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
+    run = subprocess.run(
+        [sys.executable, "-c", PROGRAM, module, *named],
+        cwd=inputs, env=env, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    outcomes = [json.loads(line) for line in run.stdout.splitlines()]
+    assert [one for one, *_ in outcomes] == list(named)
+    for one, code, said in outcomes:
+        without_picture = one.startswith("cccd check") and module == "matplotlib"
+        assert code == (0 if without_picture else 1 if one.startswith("cccd ") else "InputError"), one
+        assert len(said.splitlines()) == 1, (one, said)
+        assert f"{module} is not installed" in said, (one, said)
+        assert f"[{named[one]}]" in said, (one, said)
+
+
+def test_every_module_of_an_extra_is_named_with_one_that_brings_it():
+    for extra, modules in EXTRAS.items():
+        for module in modules:
+            error = ModuleNotFoundError(name=f"{module}.part")
+            assert f"[{extra}]" in str(missing_extra(error, "here", extra))
+            assert any(f"[{name}]" in str(missing_extra(error, "here")) for name in EXTRAS), module
+
+
+def test_a_module_of_no_extra_raises_as_it_does():
+    with pytest.raises(ModuleNotFoundError, match="no_such_module"), needing("here", "gnn"):
+        import no_such_module  # noqa: F401  # pyright: ignore[reportMissingImports]
+
+
+def test_an_extra_is_there_when_all_that_it_brings_is(monkeypatch):
+    monkeypatch.setitem(EXTRAS, "cad", ("json", "numpy"))
+    check_extra("cad", "a.step")
+    monkeypatch.setitem(EXTRAS, "cad", ("json", "no_such_module"))
+    with pytest.raises(ValueError, match=r"a\.step: no_such_module is not installed; .*\[cad\]"):
+        check_extra("cad", "a.step")

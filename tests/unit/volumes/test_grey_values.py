@@ -1,0 +1,124 @@
+"""Grey images given as masks are refused; whatever is a label map passes, however many labels it has."""
+
+import time
+
+import numpy as np
+import pytest
+from scans import DATA, affine_of, row, settings, write_nifti
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+import cccd
+from cccd.cli import main
+from cccd.errors import InputError
+from cccd.volumes import load_structure
+from cccd.volumes.grey_values import refuse_grey_values
+from cccd.volumes.inputs import list_labels
+
+RANDOM = np.random.default_rng(0)
+AT = np.indices((64, 60, 40))
+DISTANCE = np.linalg.norm(AT.T - (32, 30, 20), axis=-1).T
+
+
+def noisy_mr():
+    """8 bits, background that is nearly constant, three tissues, noise."""
+    tissue = 40 + 60 * (DISTANCE < 18) + 70 * (DISTANCE < 12)
+    return np.where(DISTANCE < 24, tissue + RANDOM.normal(0, 6, AT[0].shape), 2).clip(0, 255).astype(np.uint8)
+
+
+def smooth_mr():
+    return ndimage.gaussian_filter(noisy_mr().astype(float), 2).astype(np.uint8)
+
+
+def blocks(numbers):
+    return numbers.repeat(2, 0).repeat(2, 1).repeat(2, 2)
+
+
+def cells(count):
+    """Voronoi cells of random points, with numbers up to 14175, as of FreeSurfer's parcels."""
+    nearest = cKDTree(RANDOM.random((count, 3)) * AT[0].shape).query(AT.reshape(3, -1).T)[1]
+    return np.sort(RANDOM.choice(np.arange(1, 14176), count, replace=False))[nearest].reshape(AT[0].shape)
+
+
+GREY = {
+    "MR of 8 bits": noisy_mr(),
+    "smooth MR": smooth_mr(),
+    "padded MR": np.pad(noisy_mr().astype(np.int16) + 3, 30, constant_values=24),
+    "CT": (40 + 400 * (DISTANCE < 20) + RANDOM.normal(0, 20, AT[0].shape) - 500).astype(np.int16),
+    "CT without noise": np.where(DISTANCE < 20, 40, -1000).astype(np.int16),
+    "float of whole numbers": np.rint(smooth_mr() * 3.7).astype(np.float32),
+    "a steep ramp": 3 * AT[0] + 2 * AT[1],
+    "a shallow ramp": (AT[0] // 2 + AT[1] // 2 + AT[2] // 2).astype(np.uint8) + 1,
+    "distances": DISTANCE.astype(np.int32) * 2 + 1 + (DISTANCE * 10).astype(np.int32),
+}
+LABELS = {
+    "a mask of noise": RANDOM.random(AT[0].shape) < 0.5,
+    "several labels of noise": RANDOM.integers(0, 12, AT[0].shape),
+    "190 parcels": cells(190),
+    "1,000 parcels on a shell": np.where(abs(DISTANCE - 17) < 1, cells(1000), 0),
+    "5,000 tiny ones that touch": blocks(RANDOM.permutation(5000).reshape(20, 25, 10) + 1),
+    "5,000 in order": blocks(np.arange(5000).reshape(20, 25, 10) + 1),
+    "5,000 single voxels": np.where((AT % 3 == 0).all(axis=0), np.arange(AT[0].size).reshape(AT[0].shape), 0),
+    "components of noise": ndimage.label(RANDOM.random(AT[0].shape) < 0.2)[0],
+    "vertebrae": np.where(DISTANCE < 25, AT[2] // 2 + 1, 0),
+    "not looked at": cells(30) * np.where(DISTANCE < 20, 1, 0) - (AT[0] == 0),
+}
+
+
+@pytest.mark.parametrize("image", GREY.values(), ids=GREY)
+def test_grey_values_are_refused_with_what_to_do(tmp_path, image):
+    write_nifti(tmp_path / "mask.nii", np.asarray(image, np.float32), affine_of())
+    for read in (
+        lambda: load_structure(row(mask="mask.nii"), tmp_path, settings()),
+        lambda: load_structure(row(mask="mask.nii", label="40"), tmp_path, settings()),
+        lambda: list_labels(tmp_path / "mask.nii"),
+        lambda: cccd.reconstruct(image),
+    ):
+        with pytest.raises(
+            InputError, match=r"mask.*grey values, -?\d+ to \d+, not labels; give the organ's"
+        ):
+            read()
+
+
+@pytest.mark.parametrize("labels", LABELS.values(), ids=LABELS)
+def test_label_maps_pass(labels):
+    refuse_grey_values(labels.astype(np.int32), "labels")
+
+
+def test_it_takes_less_than_a_second():
+    image = np.asfortranarray(RANDOM.normal(300, 30, (512, 512, 1)).astype(np.int16).repeat(300, 2))
+    began = time.process_time()
+    with pytest.raises(InputError, match="grey values"):
+        refuse_grey_values(image, "image")
+    assert time.process_time() - began < 1
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real scans are not at ../shared/data")
+@pytest.mark.parametrize("command", ["surface", "check"])
+@pytest.mark.parametrize(
+    "image",
+    [
+        "brain_tcga_du7294/t1.nii.gz",
+        "liver_totalseg_ct3mm/image.nii.gz",
+        "lung_cip64/image.nrrd",
+        "hippocampus_msd/images/hippocampus_001.nii.gz",
+        "hippocampus_msd/images/hippocampus_091.nii.gz",
+    ],
+)
+def test_real_images_are_refused(image, command, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main([command, str(DATA / image)]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert image.rsplit("/", 1)[1] in line
+    assert "--image" in line
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real scans are not at ../shared/data")
+def test_real_label_maps_pass():
+    for path in (
+        *DATA.glob("*/*label*.n*"),
+        *DATA.glob("*/mask*.n*"),
+        *DATA.glob("hippocampus_msd/labels/*"),
+    ):
+        assert list_labels(path)
