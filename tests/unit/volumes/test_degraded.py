@@ -78,7 +78,7 @@ def test_a_threshold_that_finds_nothing_or_everything_is_named(monkeypatch, wind
     asked = settings(region={"window": window})
     with pytest.raises(InputError, match=words) as error:
         load_structure(row(source="mni152_scan", organ="brain"), ".", asked)
-    assert "set import: region: window" in str(error.value)
+    assert "import: region: window" in str(error.value)
     assert "\n" not in str(error.value)
 
 
