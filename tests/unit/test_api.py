@@ -17,7 +17,7 @@ from cccd.project import PROJECT, SHIPPED_WEIGHTS
 
 PUBLIC = {
     *("fit_contours", "labels", "order", "read", "reconstruct", "reconstruct_labels"),
-    *("Curves", "FittedCurves", "InputError", "Patch", "Settings", "Structure", "Surface"),
+    *("ControlMesh", "Curves", "FittedCurves", "InputError", "Patch", "Settings", "Structure", "Surface"),
     "__version__",
 }
 SCRIPTS = Path(__file__).parents[2] / "scripts"

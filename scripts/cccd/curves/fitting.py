@@ -148,8 +148,18 @@ def _fitted(
     control, offsets = concatenate_ragged([fit[0] for fit in fits])
     splines = _splines(control, offsets, np.concatenate([np.zeros(0), *(fit[1] for fit in fits)]), curves)
     missed = np.array([fit[2] for fit in fits])
-    most = STRAY_PX + np.where(target > 0, missed, shares * settings.tolerance_px)
-    return splines, np.where(missed <= most, most, -np.inf)  # nan too
+    if settings.max_control_points is None:
+        most = STRAY_PX + shares * settings.tolerance_px
+        return splines, np.where(missed <= most, most, -np.inf)  # nan too
+    return splines, np.where(np.isfinite(missed), STRAY_PX + _left_out(splines, curves), -np.inf)
+
+
+def _left_out(splines: Splines, curves: Curves) -> np.ndarray:
+    """How far (C,) in pixels the furthest point of each curve lies from its spline."""
+    rings = sample_splines(splines).polygons.rings()
+    shapely.prepare(rings)
+    far = shapely.distance(shapely.points(curves.points), rings[curves.polygons.owners])
+    return np.maximum.reduceat(far, curves.offsets[:-1]) if len(curves) else np.zeros(0)
 
 
 def _splines(control: np.ndarray, offsets: np.ndarray, knots: np.ndarray, curves: Curves) -> Splines:

@@ -268,6 +268,7 @@ def noisy_tumour(seed, sigma=1.5):
 @given(st.integers(0, 2**32 - 1), st.sampled_from([None, 0.05]))
 @example(89, None)  # a needle of 13 pixels that does not cross itself
 @example(3, 0.05)  # one of 78
+@example(1872, 0.05)  # one that lies further out than its curve from it
 def test_no_spline_leaves_its_curve(seed, budget):
     """Where a span holds no sample, least squares leave it free: without a check it swings out far."""
     curves = noisy_tumour(seed)
