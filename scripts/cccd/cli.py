@@ -272,7 +272,7 @@ def _surface(given: argparse.Namespace) -> int:
     if by_threshold and given.all_labels:
         raise InputError("--threshold", "an image without a mask has no labels", "leave --all-labels out")
     settings = _settings_of(given)
-    _check_outputs(outputs, given.input, settings.surface.tetrahedra.mesher)
+    _check_outputs(outputs, [given.input, given.image], settings.surface.tetrahedra.mesher)
     made, failed = [], 0
     if given.all_labels:
         made, failed = _make_all_surfaces(given, outputs, settings)
@@ -312,8 +312,8 @@ def _settings_of(given: argparse.Namespace) -> Settings:
     return read_config(given.configfile) if given.configfile else Settings()
 
 
-def _check_outputs(outputs: Sequence[Path], source: Path, mesher: str = "ftetwild") -> None:
-    """Refuse what could not be written before anything is computed."""
+def _check_outputs(outputs: Sequence[Path], sources: Sequence[Path | None], mesher: str = "ftetwild") -> None:
+    """Refuse surfaces that could not be written before anything is computed."""
     from cccd.settings.surface import TETRAHEDRA_FORMATS
     from cccd.surface.export import check_format, format_of
 
@@ -323,13 +323,33 @@ def _check_outputs(outputs: Sequence[Path], source: Path, mesher: str = "ftetwil
             from cccd.tetrahedra.gmsh_program import require_gmsh
 
             require_gmsh()
-        if outputs.count(path) > 1:
+    _check_files(outputs, sources)
+
+
+def _check_files(outputs: Sequence[Path], sources: Sequence[Path | None]) -> None:
+    """Refuse files that cannot be written, or that hold what is read."""
+    absolute = [path.absolute() for path in outputs]
+    for path in outputs:
+        if absolute.count(path.absolute()) > 1:
             raise InputError(str(path), "named twice as output", "name it once")
         if path.is_dir():
             raise InputError(str(path), "that is a folder", "give a file's name in it")
-        if path.exists() and source.exists() and path.samefile(source):
+        if any(source is not None and _is_read(path, source) for source in sources):
             raise InputError(str(path), "that is the input", "give another name")
         _check_writable(path)
+
+
+def _is_read(path: Path, source: Path) -> bool:
+    """Whether a file is an input, or one of the volumes and images in a folder that is."""
+    from cccd.dicom_objects import dicom_modality
+    from cccd.volumes.readers import without_suffix
+
+    if not path.is_file() or not source.exists():
+        return False
+    if not source.is_dir():
+        return path.samefile(source)
+    inside = source.resolve() in path.resolve().parents
+    return inside and (without_suffix(path.name) is not None or dicom_modality(path) is not None)
 
 
 def _check_writable(path: Path) -> None:
@@ -459,8 +479,10 @@ def _segment(given: argparse.Namespace) -> int:
         os.environ[DEVICE] = given.device
     stem = _plain_stem(given.input)
     outputs, labels = given.output or [Path(f"{stem}.ply")], given.labels or Path(f"{stem}_labels.nii.gz")
-    _check_outputs(outputs, given.input)
-    _check_writable(labels)
+    _check_outputs(outputs, [given.input])
+    if not labels.name.lower().endswith((".nii.gz", ".nii")):
+        raise InputError(str(labels), "labels are written as NIfTI", "end its name with .nii.gz")
+    _check_files([*outputs, labels], [given.input])
     began = time.perf_counter()
     segmenter, known = find_segmenter(given.segmenter)
     organ = given.organ or known
@@ -488,6 +510,10 @@ def _check(given: argparse.Namespace) -> int:
     from cccd.label_survey import measure_labels, survey_labels
 
     threshold = _threshold_of(given)
+    if given.output is not None:
+        if given.output.suffix.lower() != ".png":
+            raise InputError(str(given.output), "the picture is a PNG", "end its name with .png")
+        _check_files([given.output], [given.input, given.image])
     if given.input.suffix == ".tsv":
         found = [_check_one(given, structure) for structure in _rows(given.input)]
     elif given.label or given.boundary or threshold is not False or not given.input.exists():
@@ -638,7 +664,7 @@ def _export(given: argparse.Namespace) -> int:
             raise InputError(
                 str(path), "not there", "give the folder of a finished structure: results/CASE/ORGAN"
             )
-    _check_outputs(given.output, mesh)
+    _check_outputs(given.output, [mesh])
     surface, structure = read_surface(splines, mesh), folder / "structure.h5"
     drawn = read_drawn(structure) if structure.is_file() else None
     for path in given.output:

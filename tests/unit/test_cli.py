@@ -42,6 +42,10 @@ def files(folder):
     return {path.name for path in folder.rglob("*") if path.is_file()}
 
 
+def contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 def test_a_mask_becomes_a_surface(here, capsys):
     assert main(["surface", "liver.nii.gz"]) == 0
     said = capsys.readouterr()
@@ -218,6 +222,28 @@ WRONG = {
     "no folder to write into": (["surface", "liver.nii.gz", "-o", "liver.nii.gz/a.ply"], "not a folder"),
     "over the input": (["surface", "liver.nii.gz", "-o", "liver.nii.gz"], "that is the input"),
     "a folder as output": (["surface", "liver.nii.gz", "-o", "taken.ply"], "that is a folder"),
+    "over the image": (
+        ["surface", "liver.nii.gz", "--image", "labels.nii.gz", "-o", "labels.nii.gz"],
+        "that is the input",
+    ),
+    "over a mask of a folder": (
+        ["surface", ".", "--label", "liver", "-o", "liver.nii.gz"],
+        "that is the input",
+    ),
+    "a picture over the input": (["check", "liver.nii.gz", "-o", "liver.nii.gz"], "end its name with .png"),
+    "a folder as picture": (["check", "liver.nii.gz", "-o", "folder.png"], "that is a folder"),
+    "labels over the scan": (
+        ["segment", "liver.nii.gz", "--segmenter", "hippocampus", "--labels", "liver.nii.gz"],
+        "that is the input",
+    ),
+    "labels of no format": (
+        ["segment", "liver.nii.gz", "--segmenter", "hippocampus", "--labels", "a.ply"],
+        "end its name with .nii.gz",
+    ),
+    "labels and surface in one": (
+        ["segment", "liver.nii.gz", "--segmenter", "hippocampus", "--labels", "a.nii.gz", "-o", "a.nii.gz"],
+        "named twice",
+    ),
     "one output twice": (["surface", "liver.nii.gz", "-o", "a.ply", "-o", "a.ply"], "named twice"),
     "a label of one mask": (["surface", "liver.nii.gz", "--label", "liver"], "no label 'liver'"),
     "a sheet as mask": (["surface", "table.tsv"], "a table, not a volume"),
@@ -244,15 +270,16 @@ WRONG = {
 def test_what_cannot_work_ends_in_one_line(here, capsys, arguments, words):
     (here / "nothing").mkdir()
     (here / "taken.ply").mkdir()
+    (here / "folder.png").mkdir()
     (here / "table.tsv").write_text("case\torgan\tmask\n")
     (here / "word.yaml").write_text("gmsh\n")
     (here / "key.yaml").write_text("surface: {tetrahedra: {meshr: gmsh}}\n")
-    before = files(here)
+    before = contents(here)
     assert main(arguments) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("Error: ")
     assert words in line
-    assert files(here) == before
+    assert contents(here) == before
 
 
 def test_two_series_in_a_folder_are_refused(here, capsys):
