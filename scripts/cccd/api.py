@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -186,6 +187,8 @@ class Surface:
             An unknown suffix, a format whose extra is not installed, or a folder that nothing can be
             written to.
         """
+        if Path(path).is_dir():
+            raise InputError(str(path), "that is a folder", "give a file's name in it")
         surface = (settings or _DEFAULTS).surface
         scan = Scan(
             self.name,
@@ -214,10 +217,14 @@ def labels(path: str | Path) -> dict[str, str]:
     -------
     dict of str to str
         What `read` takes as ``label``, and its name where the file holds one.
+
+    Raises
+    ------
+    InputError
+        Not there, not readable, or an image.
     """
-    path = Path(path)
-    if not path.exists():
-        return {}
+    path = Path(path).absolute()
+    existing(path, path.name)
     refuse_image(path)
     return list_labels(object_in(path))
 
@@ -273,7 +280,7 @@ def read(
     path = Path(path).absolute()
     existing(path, path.name)
     name = name_of(path)
-    chosen = str(label) if isinstance(label, (str, int)) else ",".join(str(value) for value in label)
+    chosen = _chosen(label)
     wanted = "boundary" if boundary else "image" if threshold is not False else _column_of(path)
     if threshold is not False:
         if chosen or image is not None or boundary:
@@ -298,6 +305,15 @@ def read(
     return _told(structure, 4)  # one frame is the decorator's
 
 
+def _chosen(label: str | int | Iterable[int]) -> str:
+    """Return labels as the cohort sheet writes them."""
+    if isinstance(label, (str, Integral)):
+        return str(label)
+    if isinstance(label, Iterable):
+        return ",".join(str(value) for value in label)
+    raise InputError("label", f"{label!r} is no label", "give its value, its name, or several values")
+
+
 def _told(structure: Structure, level: int) -> Structure:
     """Warn, before any work, that all labels of a map become one organ; ``level``: whose line is named."""
     for note in structure.warnings:
@@ -316,12 +332,23 @@ def _with_window(settings: Settings, threshold: bool | tuple[float | None, float
     """Return settings whose threshold is this range of grey values."""
     if isinstance(threshold, bool):
         return settings
+    if not _is_range(threshold):
+        hint = "give (low, high), the lower one first, None for no bound (--threshold LOW:HIGH)"
+        raise InputError("threshold", f"{threshold!r} is no range", hint)
     low, high = threshold
-    if (low is None and high is None) or (low is not None and high is not None and low >= high):
-        raise InputError("threshold", f"{threshold} is no range", "give (low, high), None for no bound")
     region = settings.import_.region.model_copy(update={"window": (low, high)})
     reading = settings.import_.model_copy(update={"region": region})
     return settings.model_copy(update={"import_": reading})
+
+
+def _is_range(threshold: object) -> bool:
+    """Whether something is two bounds, of which one may be None, and the lower one is the first."""
+    if not isinstance(threshold, (tuple, list)) or len(threshold) != 2:
+        return False
+    bounds = [bound for bound in threshold if bound is not None]
+    if not bounds or not all(isinstance(bound, Real) and not np.isnan(float(bound)) for bound in bounds):
+        return False
+    return len(bounds) == 1 or bounds[0] < bounds[1]
 
 
 def name_of(path: Path) -> str:
@@ -400,6 +427,8 @@ def reconstruct(
     if isinstance(organ, Curves):
         lofted = fit_and_loft(organ, settings.curves, settings.surface, tell)
         return Surface(lofted, warnings=tuple(lofted.report["warnings"]))
+    if isinstance(organ, (str, Path)):
+        raise InputError(str(organ), "a path, not an array", "cccd.read reads it: reconstruct(read(path))")
     if isinstance(organ, Structure):
         structure = organ
     else:

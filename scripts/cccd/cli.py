@@ -271,6 +271,8 @@ def _surface(given: argparse.Namespace) -> int:
     outputs = given.output or [Path(f"{stem}.ply")]
     if by_threshold and given.all_labels:
         raise InputError("--threshold", "an image without a mask has no labels", "leave --all-labels out")
+    if given.label and given.all_labels:
+        raise InputError("--all-labels", "it makes every label", "leave --label out")
     settings = _settings_of(given)
     _check_outputs(outputs, [given.input, given.image], settings.surface.tetrahedra.mesher)
     made, failed = [], 0

@@ -65,6 +65,12 @@ def test_where_nothing_can_be_written_one_line_says_so(surface):
         surface.write("/proc/a.ply")
 
 
+def test_a_folder_in_a_file_s_place_is_refused(surface, tmp_path):
+    (tmp_path / "a.ply").mkdir()
+    with pytest.raises(cccd.InputError, match=r"a\.ply: that is a folder"):
+        surface.write(tmp_path / "a.ply")
+
+
 def test_any_number_of_threads_gives_the_same_bits():
     """OpenBLAS's kernels for AVX2 share a product among threads at places that depend on their number."""
     code = """
@@ -118,6 +124,8 @@ def test_a_file_gives_what_its_array_gives_and_every_format_is_the_registry_s(su
     assert np.array_equal(read.faces, surface.faces)
     assert np.allclose(read.vertices, surface.vertices, atol=1e-5)
     assert cccd.labels(tmp_path / "organ.nii.gz") == {"5": ""}
+    for label in (np.int64(5), np.array([5]), "5"):
+        assert cccd.read(tmp_path / "organ.nii.gz", label).mask.sum() == ball().sum()
     assert trimesh.load(surface.write(tmp_path / "a.stl")).is_watertight
     with pytest.raises(cccd.InputError, match=r"unknown surface format '.tsl'.*\.stl"):
         surface.write(tmp_path / "a.tsl")
@@ -155,6 +163,16 @@ def test_a_given_curve_that_crosses_itself_is_a_warning_of_the_surface():
         (lambda: cccd.fit_contours([np.zeros((2, 2))]), ["contour 0", "(2, 2)"]),
         (lambda: cccd.fit_contours([]), ["there is none"]),
         (lambda: cccd.order(np.zeros((2, 2, 2, 2))), ["(2, 2, 2, 2)"]),
+        (lambda: cccd.reconstruct(np.full((9, 9, 9), "a")), ["no real numbers"]),
+        (lambda: cccd.reconstruct(ball().astype(complex)), ["no real numbers"]),
+        (lambda: cccd.reconstruct("liver.nii.gz"), ["liver.nii.gz: a path", "cccd.read"]),
+        (lambda: cccd.labels("there/liver.nii.gz"), ["liver.nii.gz is not there"]),
+        (lambda: cccd.read(__file__, 5.5), ["5.5 is no label"]),
+        (lambda: cccd.read(__file__, None), ["None is no label"]),
+        *(
+            (lambda threshold=threshold: cccd.read(__file__, threshold=threshold), ["is no range"])
+            for threshold in (150, None, "150:", (1, 2, 3), (300, 100), (None, None), (np.nan, None))
+        ),
     ],
 )
 def test_bad_arrays_are_refused_in_one_line(call, words):

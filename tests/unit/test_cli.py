@@ -246,6 +246,12 @@ WRONG = {
     ),
     "one output twice": (["surface", "liver.nii.gz", "-o", "a.ply", "-o", "a.ply"], "named twice"),
     "a label of one mask": (["surface", "liver.nii.gz", "--label", "liver"], "no label 'liver'"),
+    "one label and all": (["surface", "labels.nii.gz", "--label", "5", "--all-labels"], "leave --label out"),
+    "a threshold upside down": (
+        ["surface", "liver.nii.gz", "--threshold", "300:100"],
+        "300.0, 100.0) is no range",
+    ),
+    "a folder of boundary maps": (["surface", "nothing", "--boundary"], "a folder, not a volume"),
     "a sheet as mask": (["surface", "table.tsv"], "a table, not a volume"),
     "a mask as sheet": (["run", "liver.nii.gz"], "not a cohort sheet"),
     "no segmenter": (["segment", "liver.nii.gz", "--segmenter", "lvier"], "choose one of hippocampus"),

@@ -10,6 +10,7 @@ import numpy as np
 
 from cccd.dicom_objects import dicom_modality
 from cccd.errors import TAKEN_TOGETHER, InputError
+from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray
 from cccd.settings.imports import LimitSettings
 from cccd.settings.messages import choices, nearest
@@ -63,7 +64,8 @@ def read_image(path: Path, source: str, fill_gaps: bool, limits: LimitSettings =
         Not readable, or with voxels that are not finite.
     """
     if path.is_dir() or _is_dicom(path):
-        from cccd.volumes.dicom import read_series  # slow to import
+        with needing(path.name, "dicom"):
+            from cccd.volumes.dicom import read_series  # slow to import
 
         # RIDER keeps a patient's CT and PET together
         modality = "CT" if path.is_dir() and source == "rider_lung" else None

@@ -142,6 +142,8 @@ def structure_of_array(
     array = np.asarray(mask)
     if array.ndim != 3:
         raise InputError(name, f"it has {array.ndim} dimensions", "give a three-dimensional array")
+    if array.dtype.kind not in "biuf":
+        raise InputError(name, f"its values are no real numbers ({array.dtype})", "give a mask of numbers")
     volume = organ_of_labels(Volume(array, check_affine(affine, name), name), "", name)
     layers = _mask_layers(volume.data)
     scan = _Scan(_frame(volume, settings), **layers, annotated=annotated, warnings=volume.warnings)

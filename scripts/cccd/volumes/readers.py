@@ -98,6 +98,8 @@ def read_volume(path: Path, limits: LimitSettings = _LIMITS) -> Volume:
     --------
     read_nifti, read_itk
     """
+    if path.is_dir():
+        raise InputError(path.name, "a folder, not a volume", "give one file")
     for suffix, (problem, hint) in _OTHERWISE.items():
         if path.name.lower().endswith(suffix):
             raise InputError(path.name, problem, hint)
