@@ -591,6 +591,7 @@ def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict
     ways = {
         "contours": "drawn contours, taken as they are",
         "boundary": "boundary maps, ordered by the network",
+        "probability": "probabilities, traced where they are one half",
     }
     traced = "a region of grey values, traced" if "region" in structure.provenance else "a mask, traced"
     way = next((text for name, text in ways.items() if getattr(structure, name) is not None), traced)

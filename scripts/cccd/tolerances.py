@@ -75,6 +75,9 @@ STRAY_PX = 0.75
 #: Values of a floating-point label map may differ by this from whole numbers.
 LABEL_VALUE = 1e-3
 
+#: Probabilities may lie so far below 0 or above 1, by rounding.
+PROBABILITY = 1e-3
+
 #: Neighbouring points of a drawn contour nearer than this, in pixels, are one point.
 SAME_POINT_VOXELS = 1e-6
 

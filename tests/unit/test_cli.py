@@ -212,6 +212,14 @@ def test_check_of_drawn_regions_and_of_a_folder_of_masks(here, capsys):
         assert [label["name"] for label in said["labels"] if label["note"]] == ["Point"]
 
 
+def test_check_tells_probabilities_from_a_mask(here, capsys):
+    offset = (np.indices((24, 24, 13)) - np.array((12, 12, 6)).reshape(3, 1, 1, 1)).T * (1, 1, 2.5)
+    chance = 1 / (1 + np.exp(np.linalg.norm(offset, axis=-1) - 8)).T
+    nibabel.save(nibabel.Nifti1Image(chance.astype(np.float32), AFFINE), here / "chance.nii.gz")
+    assert main(["check", "chance.nii.gz"]) == 0
+    assert "probabilities, traced where they are one half" in capsys.readouterr().out
+
+
 WRONG = {
     "no file": (["surface", "livre.nii.gz"], "did you mean 'liver.nii.gz'"),
     "no folder": (["surface", "there/liver.nii.gz"], "nor its folder"),

@@ -14,8 +14,8 @@ from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray
 from cccd.settings.imports import LimitSettings
 from cccd.settings.messages import choices, nearest
-from cccd.tolerances import LABEL_VALUE
-from cccd.volumes.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_values
+from cccd.tolerances import LABEL_VALUE, PROBABILITY
+from cccd.volumes.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilities, refuse_grey_values
 from cccd.volumes.grid import Volume, on_grid
 from cccd.volumes.labels import choose_labels
 from cccd.volumes.nnunet import is_nnunet, read_classes
@@ -256,7 +256,7 @@ def organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, 
     if not present:
         raise InputError(location, "the mask is empty", "check that it belongs to this organ")
     if probable:
-        return _field_or_mask(replace(volume, data=np.asarray(volume.data, np.float32)))
+        return _field_or_mask(replace(volume, data=np.clip(volume.data, 0, 1).astype(np.float32)))
     warnings: list[str] = []
     names = {value: volume.names.get(value, "") for value in present}
     called = [value for value, name in names.items() if name.lower() == organ.lower()]
@@ -316,6 +316,7 @@ def _field_or_mask(volume: Volume) -> Volume:
 def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyArray, bool]:
     """Labels as integers, and whether they are probabilities, then cut; none are beside a row's label."""
     if data.dtype == bool:
+        refuse_grey_values(data, location)
         return data.astype(np.uint8), False
     if not np.issubdtype(data.dtype, np.floating):
         refuse_grey_values(data, location)
@@ -329,7 +330,7 @@ def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyAr
         whole = whole.astype(np.int32)
         refuse_grey_values(whole, location)
         return whole, False
-    if data.min() < 0 or data.max() > 1:
+    if data.min() < -PROBABILITY or data.max() > 1 + PROBABILITY:
         raise InputError(
             location,
             f"its values, {data.min():.4g} to {data.max():.4g}, are neither labels nor probabilities",
@@ -337,4 +338,5 @@ def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyAr
         )
     if labelled:
         raise InputError(location, "it holds one organ's probabilities, no labels", "leave the label out")
+    refuse_grey_probabilities(data, location)
     return (data >= 0.5).astype(np.int32), True
