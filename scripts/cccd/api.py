@@ -31,7 +31,7 @@ from cccd.reconstruction import find_contours, fit_and_loft, order_maps
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls
-from cccd.surface.export import Scan, write_surface
+from cccd.surface.export import Scan, format_of, write_surface
 from cccd.surface.surface import Surface as LoftedSurface
 from cccd.volumes import load_structure, structure_of_array
 from cccd.volumes.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
@@ -493,7 +493,7 @@ def reconstruct_labels(
     """
     settings = settings or _DEFAULTS
     tell = progress or (lambda step: None)
-    source = existing(Path(path), "mask")
+    source = existing(Path(path).absolute(), "mask")
     refuse_image(source)
     failures: list[str] = []
     structures: dict[int, Structure] = {}
@@ -537,7 +537,27 @@ def reconstruct_labels(
 def _series(structure: Structure) -> Path | None:
     """Folder of the DICOM series that a structure came from."""
     folders = (Path(name) for name in structure.provenance.get("files", ()))
-    return next((folder for folder in folders if folder.is_dir() and _holds_images(folder)), None)
+    return next((folder for folder in folders if folder.is_dir() and _holds_series(folder)), None)
+
+
+def check_references(paths: Sequence[Path], structure: Structure) -> None:
+    """Refuse, before any work, DICOM files that could not refer to the series that a structure came from."""
+    formats = {format_of(path): path for path in paths}
+    if not formats.keys() & {"dcm", "seg.dcm", "stl.dcm"}:
+        return
+    series = _series(structure)
+    if series is not None:
+        from cccd.volumes.clinical_export import reference_slices  # slow to import
+
+        reference_slices(series)
+    elif "seg.dcm" in formats:
+        problem = "a SEG lies on a DICOM series, and there is none"
+        raise InputError(str(formats["seg.dcm"]), problem, "name the series' folder as image")
+
+
+def _holds_series(folder: Path) -> bool:
+    """Whether a folder is read as a DICOM series, or holds one beside a segmentation."""
+    return _column_of(folder) == "image" or _holds_images(folder)
 
 
 @needing("cccd.fit_contours")

@@ -408,6 +408,7 @@ def _make_surface(
     from tqdm import tqdm
 
     import cccd
+    from cccd.api import check_references
 
     began = time.perf_counter()
     with tqdm(total=len(_STEPS), disable=None, leave=False, bar_format="{desc:<12}{bar:30} {elapsed}") as bar:
@@ -426,6 +427,7 @@ def _make_surface(
             threshold=_threshold_of(given),
             settings=settings,
         )
+        check_references(files, structure)
         for note in structure.warnings:
             if TAKEN_TOGETHER in note:
                 tqdm.write(f"warning: {note}", file=sys.stderr)
@@ -490,6 +492,9 @@ def _segment(given: argparse.Namespace) -> int:
     organ = given.organ or known
     if not organ:
         raise InputError("--organ", "it is not said what to look for", "name an organ, such as liver")
+    if known and organ not in known.split():
+        hint = "leave --organ out, or name other weights"
+        raise InputError("--organ", f"the segmenter was trained to find {known}, not {organ}", hint)
     found = segment(read_image(existing(given.input, "scan"), "files", fill_gaps=False), segmenter, organ)
     write_labels(labels, found)
     surface = cccd.reconstruct(found.labels > 0, found.image.affine)

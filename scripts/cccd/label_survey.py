@@ -64,6 +64,7 @@ def measure_labels(path: Path) -> list[tuple[SurveyedLabel, Volume | None]]:
     InputError
         Not readable, or no labels.
     """
+    path = path.absolute()  # whose name is in messages, "." has none
     refuse_image(path)
     found = read_parts(object_in(path))
     listed = _read_one_by_one(path) if found is None else found

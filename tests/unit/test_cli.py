@@ -240,6 +240,10 @@ WRONG = {
     ),
     "a picture over the input": (["check", "liver.nii.gz", "-o", "liver.nii.gz"], "end its name with .png"),
     "a folder as picture": (["check", "liver.nii.gz", "-o", "folder.png"], "that is a folder"),
+    "a SEG of no series": (
+        ["surface", "liver.nii.gz", "-o", "a.ply", "-o", "a.seg.dcm"],
+        "a.seg.dcm: a SEG lies on a DICOM series",
+    ),
     "labels over the scan": (
         ["segment", "liver.nii.gz", "--segmenter", "hippocampus", "--labels", "liver.nii.gz"],
         "that is the input",
@@ -247,6 +251,10 @@ WRONG = {
     "labels of no format": (
         ["segment", "liver.nii.gz", "--segmenter", "hippocampus", "--labels", "a.ply"],
         "end its name with .nii.gz",
+    ),
+    "an organ that the weights do not know": (
+        ["segment", "liver.nii.gz", "--segmenter", "hippocampus", "--organ", "liver"],
+        "trained to find hippocampus, not liver",
     ),
     "labels and surface in one": (
         ["segment", "liver.nii.gz", "--segmenter", "hippocampus", "--labels", "a.nii.gz", "-o", "a.nii.gz"],
@@ -294,6 +302,14 @@ def test_what_cannot_work_ends_in_one_line(here, capsys, arguments, words):
     assert line.startswith("Error: ")
     assert words in line
     assert contents(here) == before
+
+
+@pytest.mark.parametrize("command", [["check"], ["surface"], ["surface", "--all-labels"]])
+def test_the_folder_one_is_in_has_a_name(here, capsys, monkeypatch, command):
+    (here / "nothing").mkdir()
+    monkeypatch.chdir(here / "nothing")
+    assert main([*command, "."]) == 1
+    assert capsys.readouterr().err.startswith("Error: nothing: there is no file in this folder")
 
 
 def test_two_series_in_a_folder_are_refused(here, capsys):
@@ -364,6 +380,22 @@ def test_thresholds_that_cannot_be_meant(scans, capsys, arguments, words):
     assert main(["surface", *arguments]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
+
+
+def test_what_cannot_be_referred_to_is_said_before_the_work(scans, capsys, monkeypatch):
+    pydicom = pytest.importorskip("pydicom")
+    file = min((scans / "scan").iterdir())
+    image = pydicom.dcmread(file)
+    del image.SOPClassUID, image.file_meta.MediaStorageSOPClassUID
+    pydicom.dcmwrite(file, image, enforce_file_format=False)
+    monkeypatch.setattr(cccd, "reconstruct", None)
+    before = files(scans)
+    for suffix in ("dcm", "seg.dcm", "stl.dcm"):
+        asked = ["surface", "liver.nii.gz", "--image", "scan", "-o", "a.ply", "-o", f"a.{suffix}"]
+        assert main(asked) == 1
+        (line,) = capsys.readouterr().err.splitlines()
+        assert f"{file.name}: it has no SOPClassUID" in line
+    assert files(scans) == before
 
 
 def test_a_threshold_in_python(scans):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.tolerances import CONTOUR_PLANE
-from cccd.volumes.dicom import sop_uid
+from cccd.volumes.dicom import NO_IMAGES, known_uid, sop_uid
 from cccd.volumes.grid import LPS_TO_RAS
 
 __all__ = [
@@ -119,7 +120,7 @@ def reference_slices(folder: Path) -> list[Dataset]:
     Raises
     ------
     InputError
-        No DICOM images there, or one that does not say which image it is.
+        No DICOM images there, or one that does not say which image it is, or says what another one says.
     """
     found: list[Dataset] = []
     for file in sorted(item for item in folder.rglob("*") if item.is_file()):
@@ -127,7 +128,7 @@ def reference_slices(folder: Path) -> list[Dataset]:
             header = pydicom.dcmread(file, stop_before_pixels=True)
         except (InvalidDicomError, OSError):
             continue
-        if header.get("ImagePositionPatient"):
+        if header.get("ImagePositionPatient") and header.get("Modality") not in NO_IMAGES:
             for keyword in ("SOPClassUID", "SOPInstanceUID"):
                 setattr(header, keyword, _own_uid(header, keyword, file))
             found.append(header)
@@ -135,8 +136,20 @@ def reference_slices(folder: Path) -> list[Dataset]:
         raise InputError(
             folder.name, "no DICOM images in this folder", "give the folder of the source series"
         )
+    _refuse_namesakes(found, folder.name)
     _complete_common_uids(found, folder.name)
     return found
+
+
+def _refuse_namesakes(slices: list[Dataset], location: str) -> None:
+    """Refuse images that nothing can tell apart."""
+    uid, count = Counter(image.SOPInstanceUID for image in slices).most_common(1)[0]
+    if count > 1:
+        raise InputError(
+            location,
+            f"{count} of its images have one SOPInstanceUID, {uid}",
+            "export the series again, or choose a format other than DICOM",
+        )
 
 
 def _own_uid(image: Dataset, keyword: str, file: Path) -> str:
@@ -154,12 +167,12 @@ def _complete_common_uids(slices: list[Dataset], location: str) -> None:
     instances = sorted(image.SOPInstanceUID for image in slices)
     made_up: list[str] = []
     for keyword in _COMMON:
-        uid = next((image[keyword].value for image in slices if image.get(keyword)), None)
+        uid = next((image[keyword].value for image in slices if known_uid(image.get(keyword))), None)
         if uid is None:
             uid = generate_uid(entropy_srcs=[*instances, keyword])
             made_up.append(keyword)
         for image in slices:
-            if not image.get(keyword):
+            if not known_uid(image.get(keyword)):
                 setattr(image, keyword, uid)
     if made_up:
         logger.warning(

@@ -5,6 +5,7 @@ Coordinates in DICOM are LPS mm; everything that leaves this module is RAS.
 
 from __future__ import annotations
 
+import re
 from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,9 +24,20 @@ from cccd.volumes.labels import choose_labels
 from cccd.volumes.limits import check_count, check_size
 from cccd.volumes.readers import guarded
 
-__all__ = ["read_rtstruct", "read_seg", "read_series", "region_names", "segment_names", "sop_uid"]
+__all__ = [
+    "NO_IMAGES",
+    "known_uid",
+    "read_rtstruct",
+    "read_seg",
+    "read_series",
+    "region_names",
+    "segment_names",
+    "sop_uid",
+]
 
 _LIMITS = LimitSettings()
+#: Modalities of what lies beside images, and has pixels or a position as they have.
+NO_IMAGES = ("SEG", "RTSTRUCT", "RTDOSE")
 #: Nothing that says whose scan it is: free text, such as a description, may.
 _HEADER = [
     "SOPInstanceUID",
@@ -55,7 +67,18 @@ def sop_uid(image: pydicom.Dataset, keyword: str) -> str:
     Anonymisers blank it in the data set, and leave it in the header before that (PS3.10, section 7.1).
     """
     header = getattr(image, "file_meta", {})
-    return str(image.get(keyword) or header.get(f"MediaStorage{keyword}") or "")
+    return known_uid(image.get(keyword)) or known_uid(header.get(f"MediaStorage{keyword}"))
+
+
+def known_uid(value: object) -> str:
+    """Return a UID, empty where there is none or a word in its place, as anonymisers write.
+
+    Examples
+    --------
+    >>> known_uid("1.2.840.10008"), known_uid("anonymous"), known_uid(None)
+    ('1.2.840.10008', '', '')
+    """
+    return str(value) if re.fullmatch(r"[0-9.]{1,64}", str(value)) else ""
 
 
 def _series_in(folder: Path) -> dict[str, list[_Slice]]:
@@ -70,7 +93,7 @@ def _series_in(folder: Path) -> dict[str, list[_Slice]]:
             raise InputError(
                 path.name, f"its header is damaged ({type(error).__name__})", "copy it again"
             ) from None
-        if header.get("Rows") and header.get("Modality") not in ("SEG", "RTSTRUCT", "RTDOSE"):
+        if header.get("Rows") and header.get("Modality") not in NO_IMAGES:
             series[str(header.get("SeriesInstanceUID", ""))].append(_Slice(path, header))
     return series
 

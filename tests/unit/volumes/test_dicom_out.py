@@ -24,9 +24,11 @@ from scans import (
     referred,
     row,
     settings,
+    write_nifti,
     write_series,
 )
 
+import cccd
 from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
@@ -142,6 +144,55 @@ def test_an_image_that_nothing_can_refer_to_is_named(tmp_path, kind, keyword):
     with pytest.raises(InputError, match=rf"000\.dcm: it has no {keyword}; export the series again"):
         write_kind(kind, tmp_path / "out.dcm", tmp_path / "dicom")
     assert not (tmp_path / "out.dcm").exists()
+
+
+@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
+def test_images_of_one_name_are_refused(tmp_path, kind):
+    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+    edit_headers(tmp_path / "dicom", lambda dataset: setattr(dataset, "SOPInstanceUID", "1.2.3"))
+    with pytest.raises(
+        InputError, match=r"dicom: \d+ of its images have one SOPInstanceUID, 1\.2\.3; export"
+    ):
+        write_kind(kind, tmp_path / "out.dcm", tmp_path / "dicom")
+
+
+@pytest.mark.filterwarnings("ignore:Invalid value for VR UI")
+@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
+def test_a_word_in_the_place_of_a_uid_is_none(tmp_path, kind):
+    series = write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+
+    def write_words(dataset):
+        for keyword in ("SOPInstanceUID", *COMMON):
+            setattr(dataset, keyword, "anonymised")
+
+    edit_headers(tmp_path / "dicom", write_words)
+    write_kind(kind, tmp_path / "out.dcm", tmp_path / "dicom")
+    written = pydicom.dcmread(tmp_path / "out.dcm")
+    uids = [element.value for element in written.iterall() if element.VR == "UI"]
+    assert "anonymised" not in uids
+    assert referred(written) == {(image.SOPClassUID, image.SOPInstanceUID) for image in series}
+
+
+def test_a_dose_beside_the_images_is_none_of_them(tmp_path):
+    series = write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+    dose = series[0]
+    dose.Modality, dose.SOPInstanceUID = "RTDOSE", "1.2.3"
+    dose.save_as(tmp_path / "dicom" / "dose.dcm")
+    write_kind("RTSTRUCT", tmp_path / "out.dcm", tmp_path / "dicom")
+    assert "1.2.3" not in {instance for _, instance in referred(pydicom.dcmread(tmp_path / "out.dcm"))}
+
+
+@pytest.mark.parametrize("where", ["below", "of no modality"])
+def test_a_series_that_was_read_is_referred_to(tmp_path, where):
+    series = write_series(tmp_path / "scan" / "study", grey(organ()), AFFINE)
+    folder = tmp_path / "scan"
+    if where == "of no modality":
+        folder = folder / "study"
+        edit_headers(folder, lambda dataset: dataset.__delitem__("Modality"))
+    write_nifti(tmp_path / "mask.nii", organ().astype(np.uint8), AFFINE)
+    surface = cccd.reconstruct(cccd.read(tmp_path / "mask.nii", image=folder))
+    written = pydicom.dcmread(surface.write(tmp_path / "out.dcm"))
+    assert referred(written) == {(image.SOPClassUID, image.SOPInstanceUID) for image in series}
 
 
 @pytest.mark.parametrize("keyword", COMMON)
