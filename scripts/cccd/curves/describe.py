@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from cccd.chaincode import chain_codes, on_pixel_chain
-from cccd.containers import Curves, FittedCurves, Splines
+from cccd.containers import Curves, FittedCurves, Frame, Splines
 from cccd.curves.corners import k_cosine_corners
-from cccd.curves.fitting import corner_splines, crossing_place, fit_checked
+from cccd.curves.fitting import corner_splines, crossed_curves, crossing_place, fit_checked
 from cccd.geometry.arrays import offsets_of, sum_per_part
 from cccd.settings.curves import CurveSettings
 
 __all__ = ["describe_curves"]
+
+#: So many places are named in a message.
+_MOST_PLACES = 5
 
 
 def describe_curves(curves: Curves, settings: CurveSettings) -> FittedCurves:
@@ -28,7 +31,7 @@ def describe_curves(curves: Curves, settings: CurveSettings) -> FittedCurves:
         Its report has ``method``, and as plain numbers ``curves``, ``points``, ``corners``,
         ``control_points``, ``chain_coded``, ``too_few_corners`` (curves whose corners alone do not make a
         closed cubic), ``mended`` (splines that crossed or strayed, and were made anew); ``warnings``, lines
-        about splines that still cross, because their curves do.
+        about splines that cross because their curves do, themselves or each other.
     """
     chained = bool(on_pixel_chain(curves.points, curves.offsets).all())
     codes = chain_codes(curves.points, curves.offsets) if chained else np.zeros(0, np.uint8)
@@ -47,23 +50,44 @@ def describe_curves(curves: Curves, settings: CurveSettings) -> FittedCurves:
         "chain_coded": chained,
         "too_few_corners": int((np.diff(corner_offsets) < 4).sum()),
         "mended": int(checked.mended.sum()),
-        "warnings": _crossings(splines, checked.wrong),
+        "warnings": [*_crossings(splines, checked.wrong), *_crossed(curves)],
     }
     return FittedCurves(curves, codes, curves.points[corner], corner_offsets, splines, report)
 
 
-def _crossings(splines: Splines, wrong: np.ndarray, most: int = 5) -> list[str]:
-    """Say in one line which splines (C,) bool cross, and where, in pixels and in mm (RAS)."""
-    places: list[str] = []
-    for number in np.flatnonzero(wrong)[:most]:
-        begin, end = splines.offsets[number : number + 2]
-        first, last = splines.knot_offsets[number : number + 2]
-        at = crossing_place(splines.control_points[begin:end], splines.knots[first:last])
-        i, j = at
-        x, y, z = splines.frame.to_world(at[None], splines.slice[number])[0]
-        places.append(f"slice {splines.slice[number]} at ({i:.1f}, {j:.1f}), {x:.1f}, {y:.1f}, {z:.1f} mm")
-    if not places:
-        return []
+def _crossings(splines: Splines, wrong: np.ndarray) -> list[str]:
+    """Say in one line which splines (C,) bool cross, and where."""
     count = int(wrong.sum())
+    if not count:
+        return []
+    chosen = np.flatnonzero(wrong)[:_MOST_PLACES]
+    at = [
+        crossing_place(
+            splines.control_points[slice(*splines.offsets[number : number + 2])],
+            splines.knots[slice(*splines.knot_offsets[number : number + 2])],
+        )
+        for number in chosen
+    ]
     what = "1 curve crosses itself or another" if count == 1 else f"{count} curves cross themselves or others"
-    return [f"{what}, and so do the splines: {'; '.join(places)}{' and so on' if count > most else ''}"]
+    places = _places(splines.frame, splines.slice[chosen], np.array(at))
+    return [f"{what}, and so do the splines: {places}{' and so on' if count > _MOST_PLACES else ''}"]
+
+
+def _crossed(curves: Curves) -> list[str]:
+    """Say in one line which given curves cross each other, and where."""
+    slices, at = crossed_curves(curves)
+    count = len(slices)
+    if not count:
+        return []
+    what = "2 curves cross each other" if count == 1 else f"{count} pairs of curves cross each other"
+    places = _places(curves.frame, slices[:_MOST_PLACES], at[:_MOST_PLACES])
+    return [f"{what}, and so do the splines: {places}{' and so on' if count > _MOST_PLACES else ''}"]
+
+
+def _places(frame: Frame, slices: np.ndarray, points: np.ndarray) -> str:
+    """Name points (N, 2) of slices (N,), in pixels and in mm (RAS)."""
+    places: list[str] = []
+    for number, (i, j) in zip(slices, points, strict=True):
+        x, y, z = frame.to_world(np.array([[i, j]]), number)[0]
+        places.append(f"slice {number} at ({i:.1f}, {j:.1f}), {x:.1f}, {y:.1f}, {z:.1f} mm")
+    return "; ".join(places)

@@ -36,6 +36,7 @@ from cccd.tolerances import (
 __all__ = [
     "CheckedSplines",
     "corner_splines",
+    "crossed_curves",
     "crossing_place",
     "fit_checked",
     "fit_splines",
@@ -244,8 +245,8 @@ def sample_splines(splines: Splines, per_pixel: float = 2.0) -> Curves:
     return splines.sample(per_pixel)
 
 
-def _pairs_apart(curves: Curves) -> np.ndarray:
-    """Pairs (N, 2) of curves of one slice that do not touch, though their boxes come within two pixels."""
+def _pairs_near(curves: Curves) -> np.ndarray:
+    """Pairs (N, 2) of curves of one slice whose boxes come within two pixels."""
     size = np.unique(curves.slice, return_counts=True)[1]
     first = offsets_of(size)[:-1]
     several = [
@@ -257,9 +258,27 @@ def _pairs_apart(curves: Curves) -> np.ndarray:
     low = np.minimum.reduceat(curves.points, curves.offsets[:-1]) - 1
     high = np.maximum.reduceat(curves.points, curves.offsets[:-1]) + 1
     a, b = pairs.T
-    pairs = pairs[((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)]
-    rings = curves.polygons.rings()
+    return pairs[((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)]
+
+
+def _pairs_apart(curves: Curves) -> np.ndarray:
+    """Pairs (N, 2) of curves of one slice that do not touch, though their boxes come within two pixels."""
+    pairs, rings = _pairs_near(curves), curves.polygons.rings()
     return pairs[~shapely.intersects(rings[pairs[:, 0]], rings[pairs[:, 1]])]
+
+
+def crossed_curves(curves: Curves) -> tuple[np.ndarray, np.ndarray]:
+    """Where two curves of one slice cross: the slices (N,), and a point (N, 2) in pixels for each pair.
+
+    Curves that touch do not cross; those that cross themselves are left out.
+    """
+    pairs, rings = _pairs_near(curves), curves.polygons.rings()
+    pairs = pairs[curves.polygons.is_simple[pairs].all(axis=1)]
+    areas = np.asarray(shapely.polygons(rings))
+    pairs = pairs[shapely.overlaps(areas[pairs[:, 0]], areas[pairs[:, 1]])]
+    meet = shapely.intersection(rings[pairs[:, 0]], rings[pairs[:, 1]])
+    at = [shapely.get_coordinates(place)[0] for place in meet]
+    return curves.slice[pairs[:, 0]], np.reshape(at, (-1, 2))
 
 
 class _Check:

@@ -349,6 +349,17 @@ def test_a_curve_that_crosses_itself_is_said_with_its_place(curves_of):
     assert describe_curves(curves_of(circle), CurveSettings()).report["warnings"] == []
 
 
+def test_curves_that_cross_each_other_are_said_and_those_that_touch_are_not(curves_of):
+    square = np.array([(10, 10), (30, 10), (30, 30), (10, 30)], float)
+    curves = curves_of(square, square + 15, square + 20, slices=[3, 3, 4])
+    (line,) = describe_curves(curves, CurveSettings()).report["warnings"]
+    assert line.startswith("2 curves cross each other, and so do the splines: slice 3 at (")
+    assert "; " not in line
+    for other in (square + 20, square + 40, (square / 2 + 10)[::-1], (square / 2 + 5)[::-1]):
+        touching = curves_of(square, other, slices=[3, 3])
+        assert describe_curves(touching, CurveSettings()).report["warnings"] == []
+
+
 def test_many_crossings_are_one_line(curves_of):
     eight = np.array([(0, 0), (9, 9), (9, 0), (0, 9.5)])
     (line,) = describe_curves(curves_of(*[eight + 20] * 7), CurveSettings()).report["warnings"]
