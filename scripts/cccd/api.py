@@ -500,7 +500,7 @@ def reconstruct_labels(
                 failures += walls.warnings[number]
                 del surfaces[number]
             else:
-                joined = replace(surface.lofted, mesh=walls.surface.mesh_of(number))
+                joined = replace(surface.lofted, mesh=walls.surface.mesh_of(number), bodies=[])
                 surfaces[number] = replace(surface, lofted=joined)
     return list(surfaces.values()), failures
 
