@@ -181,10 +181,11 @@ class LimitPatches:
     def jumps(self, count: int = 17, of: BoolArray | None = None) -> FloatArray:
         """Degrees (E, count) between the normals of both patches along each edge that is no crease.
 
+        They are taken in the middles of equal parts: at corners where two quads meet patches have no normal.
         ``of`` (4 Q,) says which half-edges to look at; all by default.
         """
         kept = self._both_ways if of is None else self._both_ways[of[self._both_ways]]
-        return np.degrees(np.abs(self._folds(kept, np.linspace(0, 1, count)).angle))
+        return np.degrees(np.abs(self._folds(kept, (np.arange(count) + 0.5) / count).angle))
 
     @cached_property
     def _both_ways(self) -> IntArray:
@@ -293,9 +294,10 @@ def _unit(vectors: FloatArray) -> FloatArray:
 def _side(rows: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Find normals (E, N, 3) along the first of two rows (E, 2, 4, 3) of control points, widths, tangents."""
     tangent = _unit(np.asarray(np.einsum("ta,eac->etc", bernstein(at, True), rows[:, 0]), np.float64))
-    into = 3 * np.einsum("ta,eac->etc", bernstein(at), rows[:, 1] - rows[:, 0])
-    into = into - np.vecdot(into, tangent)[..., None] * tangent
-    return _unit(np.cross(tangent, into)), np.linalg.norm(into, axis=2), tangent
+    into = 3 * np.asarray(np.einsum("ta,eac->etc", bernstein(at), rows[:, 1] - rows[:, 0]), np.float64)
+    into -= np.einsum("etc,etc->et", into, tangent)[..., None] * tangent
+    normal = _unit(np.asarray(np.cross(tangent, into), np.float64))
+    return normal, np.linalg.norm(into, axis=2), tangent
 
 
 def _inner(mesh: ControlMesh, links: HalfEdges) -> FloatArray:
