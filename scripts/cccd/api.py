@@ -164,9 +164,10 @@ class Surface:
         ----------
         path : path
             Ends with ``.ply``, ``.stl``, ``.obj``, ``.vtp``, ``.gii``, ``.glb``, ``.3mf``, ``.usd``,
-            ``.usda``, ``.usdc`` (the spline itself), ``.step``, ``.iges``, ``.brep`` (closed solids), ``.msh``, ``.vtu``, ``.inp`` (tetrahedra), ``.nii.gz`` (a
-            label map on the scan's grid), ``.dcm`` (contours, RTSTRUCT), ``.seg.dcm`` (SEG) or ``.stl.dcm``
-            (encapsulated STL). All or nothing is written.
+            ``.usda``, ``.usdc`` (the spline itself), ``.step``, ``.iges``, ``.brep`` (closed solids),
+            ``.msh``, ``.vtu``, ``.inp`` (tetrahedra), ``.nii.gz`` (a label map on the scan's grid), ``.dcm``
+            (contours, RTSTRUCT), ``.seg.dcm`` (SEG) or ``.stl.dcm`` (encapsulated STL). All or nothing is
+            written.
         contour_spacing_mm : float, optional
             Distance of the RTSTRUCT's planes; that of the scan's slices by default.
         keep_patient : bool

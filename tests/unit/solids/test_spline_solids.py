@@ -13,11 +13,10 @@ from control_meshes import CORNERS, bumpy, cube, pill, polygon_area, torus, turn
 
 from cccd.containers import Frame
 from cccd.geometry.subdivision import SHARP, ControlMesh
-from cccd.settings.surface import SolidSettings
-from cccd.solids.build import build_solids, write_solids
 from cccd.solids.quad_faces import QuadFaces, flattened
 from cccd.solids.spline_shell import SplineShell, spline_shell_of
 from cccd.surface.control_mesh import split_to_quads
+from cccd.surface.export import Scan, write_surface
 from cccd.surface.surface import Surface
 
 FRAME = Frame(np.eye(4), 2, (8, 8, 8))
@@ -90,13 +89,10 @@ def test_quads_are_halved_where_normals_jump():
 
 # by OpenCASCADE ---------------------------------------------------------------------------------------
 
-SETTINGS = SolidSettings()
-
 
 def solid(path, surface):
     pytest.importorskip("OCP", reason="cadquery-ocp-novtk is not installed")
-    form = path.suffix[1:]
-    return write_solids(path, "organ", build_solids(surface, 0.2, SETTINGS), form)
+    return write_surface(path, surface, Scan("organ"))
 
 
 def test_a_cube_is_six_planes(tmp_path):
