@@ -2,21 +2,25 @@
 
 from pathlib import Path
 
-from cccd.geometry.ply import read_ply
 from cccd.job import job
 from cccd.settings.surface import SolidSettings
 from cccd.solids.build import build_solids, write_organs
 from cccd.solids.scene import name_organs
 from cccd.store import atomic_path, write_json
-from cccd.surface.export import check_format
+from cccd.surface.export import check_format, read_surface
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     check_format(snakemake.output.scene)
     settings = snakemake.params.settings
     solid = SolidSettings(**settings["solid"])
-    meshes = {Path(path).parent.name: read_ply(path) for path in snakemake.input.meshes}
+    surfaces = {
+        Path(mesh).parent.name: read_surface(path, mesh)
+        for path, mesh in zip(snakemake.input.surfaces, snakemake.input.meshes, strict=True)
+    }
+    meshes = {name: surface.mesh for name, surface in surfaces.items()}
     colours = {organ.organ: organ.rgb for organ in name_organs(meshes, snakemake.params.labels)}
-    organs = {name: build_solids(mesh, settings["step_tolerance_mm"], solid) for name, mesh in meshes.items()}
+    tolerance = settings["step_tolerance_mm"]
+    organs = {name: build_solids(surface, tolerance, solid) for name, surface in surfaces.items()}
     with atomic_path(Path(snakemake.output.scene)) as temporary:
         report = write_organs(temporary, organs, colours, snakemake.wildcards.scene_format)
     write_json(snakemake.output.report, report)

@@ -164,10 +164,11 @@ class Surface:
         Parameters
         ----------
         path : path
-            Ends with ``.ply``, ``.stl``, ``.obj``, ``.vtp``, ``.gii``, ``.glb``, ``.3mf``, ``.step``,
-            ``.iges``, ``.brep`` (closed solids), ``.msh``, ``.vtu``, ``.inp`` (tetrahedra), ``.nii.gz`` (a
-            label map on the scan's grid), ``.dcm`` (contours, RTSTRUCT), ``.seg.dcm`` (SEG) or ``.stl.dcm``
-            (encapsulated STL). All or nothing is written.
+            Ends with ``.ply``, ``.stl``, ``.obj``, ``.vtp``, ``.gii``, ``.glb``, ``.3mf``, ``.usd``,
+            ``.usda``, ``.usdc`` (the spline itself), ``.step``, ``.iges``, ``.brep`` (closed solids),
+            ``.msh``, ``.vtu``, ``.inp`` (tetrahedra), ``.nii.gz`` (a label map on the scan's grid), ``.dcm``
+            (contours, RTSTRUCT), ``.seg.dcm`` (SEG) or ``.stl.dcm`` (encapsulated STL). All or nothing is
+            written.
         contour_spacing_mm : float, optional
             Distance of the RTSTRUCT's planes; that of the scan's slices by default.
         keep_patient : bool
@@ -529,7 +530,7 @@ def reconstruct_labels(
                 failures += walls.warnings[number]
                 del surfaces[number]
             else:
-                joined = replace(surface.lofted, mesh=walls.surface.mesh_of(number))
+                joined = replace(surface.lofted, mesh=walls.surface.mesh_of(number), bodies=[])
                 surfaces[number] = replace(surface, lofted=joined)
     return list(surfaces.values()), failures
 

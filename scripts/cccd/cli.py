@@ -168,7 +168,7 @@ def _add_surface(commands: Any) -> None:
     surface.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
         help="where to, any number of times; the suffix chooses the format: .ply .stl .obj .vtp .gii .glb "
-        ".3mf .step .msh .inp (tetrahedra) .nii.gz (label map) .dcm (RTSTRUCT); default: the input's "
+        ".3mf .usd .step .msh .inp (tetrahedra) .nii.gz (label map) .dcm (RTSTRUCT); default: the input's "
         "name with .ply (_threshold.ply), here",
     )  # fmt: skip
     surface.add_argument(

@@ -26,6 +26,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "cad": (*_VIEW, "OCP"),
     "fe": (*_VIEW, "pytetwild"),
     "print": (*_VIEW, "lib3mf"),
+    "usd": ("pxr",),
     "run": (*_REPORT, "snakemake", "jsonschema", "nilearn"),
 }
 

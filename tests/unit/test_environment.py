@@ -23,6 +23,7 @@ UNPINNED = {
     "lib3mf",
     "open3d",
     "pytetwild",
+    "usd-core",
 }
 #: Pinned and no part of the library: what runs it and what tests it.
 TOOLS = {"snakemake", "pytest", "pytest-cov", "pytest-xdist", "hypothesis"}
@@ -31,6 +32,7 @@ DISTRIBUTIONS = {
     "cv2": "opencv-contrib-python-headless",
     "OCP": "cadquery-ocp-novtk",
     "PIL": "pillow",
+    "pxr": "usd-core",
     "itk": "itk-morphologicalcontourinterpolation",
     "skimage": "scikit-image",
     "torch_geometric": "torch-geometric",

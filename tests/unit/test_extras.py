@@ -89,6 +89,7 @@ WITHOUT = {
     "OCP": {"cad": writing("step", "iges", "brep")},
     "pytetwild": {"fe": writing("msh", "vtu", "inp")},
     "lib3mf": {"print": writing("3mf")},
+    "pxr": {"usd": writing("usd", "usda", "usdc")},
     "boto3": {"s3": [FETCHING]},
     "snakemake": {"run": ["cccd run sheet.tsv"]},
     "jsonschema": {"run": ["cccd check sheet.tsv"]},

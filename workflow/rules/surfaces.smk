@@ -221,6 +221,7 @@ rule fill_case:
 rule export_scene:
     """All organs of a case as solids in one file for CAD, by name and colour, and what they are worth."""
     input:
+        surfaces=lambda wildcards: of_whole_case(wildcards, "surface.h5"),
         meshes=lambda wildcards: of_whole_case(wildcards, "surface.ply"),
     output:
         scene="results/{case}/scene.{scene_format}",

@@ -801,8 +801,9 @@ class LoftSettings(Section):
         "the surface's files; docs/configuration.md lists the formats; ply always",
         why="Every later step reads the PLY mesh. step, iges and brep hold closed solids and need the "
         "extra cad; msh, vtu and inp hold tetrahedra and need the extra fe; 3mf is for printing and needs "
-        "the extra print; nii.gz is a label map on the scan's grid, dcm an RTSTRUCT, seg.dcm a "
-        "SEG on the row's DICOM series, stl.dcm an encapsulated STL.",
+        "the extra print; usd, usda and usdc hold the spline itself and need the extra usd; nii.gz is a "
+        "label map on the scan's grid, dcm an RTSTRUCT, seg.dcm a SEG on the row's DICOM series, stl.dcm an "
+        "encapsulated STL.",
     )
     case_formats: Annotated[tuple[_CaseFormat, ...], AfterValidator(without_repeats)] = setting(
         (),

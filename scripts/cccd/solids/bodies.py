@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from cccd.geometry.arrays import FloatArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["Body", "split_bodies"]
+__all__ = ["Body", "nest_pieces", "split_bodies"]
 
 
 @dataclass(frozen=True)
@@ -50,14 +51,29 @@ def split_bodies(mesh: Mesh) -> list[Body]:
     (1, True)
     """
     pieces = sorted(mesh.pieces(), key=lambda piece: -piece.volume)
-    outers = [piece for piece in pieces if piece.volume > 0]
-    cavities: list[list[Mesh]] = [[] for _ in outers]
-    for piece in pieces[len(outers) :]:
-        holding = [n for n, outer in enumerate(outers) if _holds(outer, piece.vertices[piece.faces[0, 0]])]
+    return [
+        Body(pieces[outer], tuple(pieces[n] for n in cavities)) for outer, *cavities in nest_pieces(pieces)
+    ]
+
+
+def nest_pieces(pieces: Sequence[Mesh]) -> list[list[int]]:
+    """Find which pieces make up a body: numbers of its outer one and of its cavities, largest bodies first.
+
+    Raises
+    ------
+    ValueError
+        When a cavity lies in no body.
+    """
+    volumes = [piece.volume for piece in pieces]
+    order = sorted(range(len(pieces)), key=lambda n: -volumes[n])
+    bodies = [[n] for n in order if volumes[n] > 0]
+    for n in order[len(bodies) :]:
+        inside = pieces[n].vertices[pieces[n].faces[0, 0]]
+        holding = [body for body in bodies if _holds(pieces[body[0]], inside)]
         if not holding:
             raise ValueError("a cavity lies outside all bodies: the mesh is no closed solid")
-        cavities[holding[-1]].append(piece)
-    return [Body(outer, tuple(inside)) for outer, inside in zip(outers, cavities, strict=True)]
+        holding[-1].append(n)
+    return bodies
 
 
 def _holds(mesh: Mesh, point: FloatArray) -> bool:

@@ -1,4 +1,9 @@
-"""A surface's mesh as solids: one per body, with its cavities, within a tolerance of the mesh."""
+"""A surface as solids: one per body, with its cavities.
+
+Control meshes become their own patches. What has none, as organs that share their walls, is followed by
+patches that are fitted to its mesh: `_follow` and all that it calls, which is no longer needed once every
+surface has control meshes.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +17,15 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.subdivision import ControlMesh
 from cccd.settings.surface import SolidSettings
-from cccd.solids.bodies import split_bodies
+from cccd.solids.bodies import nest_pieces, split_bodies
 from cccd.solids.kernel import Part, check_solid, make_solid, require_kernel, write_parts
 from cccd.solids.patches import patches_within
 from cccd.solids.shells import Shell, facets_within, measure_deviation
+from cccd.solids.spline_shell import SplineShell, spline_shell_of
 from cccd.surface.formats import COLOUR
+from cccd.surface.surface import Surface
 from cccd.tolerances import SOLID_VOLUME
 
 __all__ = ["Solids", "build_solids", "write_organs", "write_solids"]
@@ -48,18 +56,21 @@ class Solids:
     warnings: list[str]
 
 
-def build_solids(mesh: Mesh, tolerance: float, settings: SolidSettings) -> Solids:
-    """Turn a closed mesh into bodies whose shells follow it.
+def build_solids(surface: Surface | Mesh, tolerance: float, settings: SolidSettings) -> Solids:
+    """Turn a surface into bodies: of its own patches, or of shells that follow its closed mesh.
 
     Parameters
     ----------
-    mesh : Mesh
-        In mm.
+    surface : Surface or Mesh
+        In mm. A mesh, or a surface without control meshes, is followed.
     tolerance : float
         99 % of the surface shall lie within so many mm of the mesh.
     settings : SolidSettings
         Section ``surface.solid`` of the configuration.
     """
+    if isinstance(surface, Surface) and surface.bodies:
+        return _of_splines(surface.bodies, tolerance)
+    mesh = surface.mesh if isinstance(surface, Surface) else surface
     if not mesh.is_closed_manifold:
         raise InputError("surface", "the mesh is not closed: it bounds no solid", "export another format")
     area = mesh.area
@@ -69,6 +80,31 @@ def build_solids(mesh: Mesh, tolerance: float, settings: SolidSettings) -> Solid
     ]
     report = _report(bodies, mesh, tolerance)
     return Solids(bodies, report, _warnings(report))
+
+
+def _of_splines(splines: Sequence[ControlMesh], tolerance: float) -> Solids:
+    """Make bodies of control meshes; they are held against the limit surfaces, sampled as they are."""
+    shells = [spline_shell_of(spline) for spline in splines]
+    bodies = [[shells[n] for n in body] for body in nest_pieces([shell.mesh for shell in shells])]
+    limit = _together([shell.limit for shell in shells])
+    report = _report(bodies, limit, tolerance) | _jumps(shells)
+    return Solids(bodies, report, _warnings(report))
+
+
+def _jumps(shells: Sequence[SplineShell]) -> dict[str, Any]:
+    """How far normals jump over edges that are no creases."""
+    jumps = np.concatenate([shell.jumps.ravel() for shell in shells])
+    jumps = jumps if len(jumps) else np.zeros(1)
+    return {
+        "normal_jump_mean_deg": float(jumps.mean()),
+        "normal_jump_p99_deg": float(np.percentile(jumps, 99)),
+        "normal_jump_largest_deg": float(jumps.max()),
+    }
+
+
+def _together(parts: Sequence[Mesh]) -> Mesh:
+    vertices, offsets = concatenate_ragged([part.vertices for part in parts], 3)
+    return Mesh(vertices, np.concatenate([part.faces + n for part, n in zip(parts, offsets, strict=False)]))
 
 
 def _follow(mesh: Mesh, share: float, tolerance: float, settings: SolidSettings) -> Shell:
@@ -81,9 +117,7 @@ def _follow(mesh: Mesh, share: float, tolerance: float, settings: SolidSettings)
 
 def _report(bodies: Sequence[Sequence[Shell]], mesh: Mesh, tolerance: float) -> dict[str, Any]:
     shells = [shell for body in bodies for shell in body]
-    parts = [shell.mesh for shell in shells]
-    vertices, offsets = concatenate_ragged([part.vertices for part in parts], 3)
-    whole = Mesh(vertices, np.concatenate([part.faces + n for part, n in zip(parts, offsets, strict=False)]))
+    whole = _together([shell.mesh for shell in shells])
     deviation = measure_deviation(whole, mesh)
     return {
         "bodies": len(bodies),

@@ -10,7 +10,7 @@ import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,16 +19,22 @@ from cccd.extras import needing
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.bsplines import DEGREE, open_knots
 from cccd.geometry.mesh import Mesh
+from cccd.solids.step_points import share_points
 from cccd.surface.formats import COLOUR
 
 __all__ = [
+    "Bound",
     "Checked",
+    "Curve",
     "Part",
+    "PlanarFace",
+    "SplineFace",
     "check_solid",
     "facet_shell",
     "make_solid",
     "patch_shell",
     "require_kernel",
+    "spline_shell",
     "write_parts",
 ]
 
@@ -151,6 +157,123 @@ def patch_shell(quads: IntArray, nets: FloatArray) -> Any:
         build.Add(shell, face)
     shell.Closed(True)
     return shell
+
+
+class Curve(NamedTuple):
+    """An edge: the vertices that it runs between, and control points (2 n + 2, 3) of n cubics, C1.
+
+    Its parameter runs from 0 to ``width``.
+    """
+
+    start: int
+    end: int
+    points: FloatArray
+    width: int
+
+
+class Bound(NamedTuple):
+    """An edge in a face: its number, whether the face has it on its left, and the ends of its ``way``.
+
+    Those are places in the face's parameters, in the direction of the edge.
+    """
+
+    edge: int
+    forward: bool
+    way: Sequence[Sequence[float]]
+
+
+class SplineFace(NamedTuple):
+    """A bicubic spline within a wire, its parameters from 0 to ``width``.
+
+    The net (2 n + 2, 2 n + 2, 3) has v along its first axis and u along its second.
+    """
+
+    wires: Sequence[Sequence[Bound]]
+    net: FloatArray
+    width: int
+
+
+class PlanarFace(NamedTuple):
+    """A plane within wires, its normal (3,) outwards."""
+
+    wires: Sequence[Sequence[Bound]]
+    normal: FloatArray
+
+
+def spline_shell(
+    points: FloatArray, curves: Sequence[Curve], faces: Sequence[SplineFace | PlanarFace]
+) -> Any:
+    """Make a closed ``TopoDS_Shell`` of faces that share their edges.
+
+    Parameters
+    ----------
+    points : (V, 3) float64
+        Of the vertices; those that no edge ends at may be among them.
+    curves : sequence of Curve
+        Each is in two faces, once forward and once backward.
+    faces : sequence of SplineFace or PlanarFace
+    """
+    from OCP import BRep, Geom, TopAbs, TopoDS, gp
+
+    build = BRep.BRep_Builder()
+    ends = {n for curve in curves for n in (curve.start, curve.end)}
+    vertices = {n: _vertex(build, _point(points[n])) for n in sorted(ends)}
+    edges = [_spline_edge(build, curve, vertices) for curve in curves]
+    shell = TopoDS.TopoDS_Shell()
+    build.MakeShell(shell)
+    for bounded in faces:
+        face = TopoDS.TopoDS_Face()
+        if isinstance(bounded, SplineFace):
+            knots, times = _double_knots(len(bounded.net), bounded.width)
+            poles = _poles(bounded.net)
+            surface = Geom.Geom_BSplineSurface(poles, knots, knots, times, times, DEGREE, DEGREE)
+        else:
+            on_it = points[curves[bounded.wires[0][0].edge].start]
+            surface = Geom.Geom_Plane(_point(on_it), gp.gp_Dir(*bounded.normal.tolist()))
+        build.MakeFace(face, surface, PRECISION_MM)
+        for bounds in bounded.wires:
+            wire = TopoDS.TopoDS_Wire()
+            build.MakeWire(wire)
+            for number, forward, way in bounds:
+                edge = edges[number]
+                if isinstance(bounded, SplineFace):
+                    build.UpdateEdge(edge, _line(*way), face, PRECISION_MM)
+                    build.Range(edge, face, 0.0, float(curves[number].width))
+                build.Add(wire, edge.Oriented(TopAbs.TopAbs_FORWARD if forward else TopAbs.TopAbs_REVERSED))
+            wire.Closed(True)
+            build.Add(face, wire)
+        build.Add(shell, face)
+    shell.Closed(True)
+    return shell
+
+
+def _spline_edge(build: Any, curve: Curve, vertices: dict[int, Any]) -> Any:
+    from OCP import Geom, TopoDS
+
+    edge = TopoDS.TopoDS_Edge()
+    knots, times = _double_knots(len(curve.points), curve.width)
+    build.MakeEdge(edge, Geom.Geom_BSplineCurve(_pole_row(curve.points), knots, times, DEGREE), PRECISION_MM)
+    _bound(build, edge, vertices[curve.start], vertices[curve.end], curve.width)
+    return edge
+
+
+def _line(start: Sequence[float], end: Sequence[float]) -> Any:
+    """Line in a face's parameters from one place to another."""
+    from OCP import Geom2d, gp
+
+    return Geom2d.Geom2d_Line(gp.gp_Pnt2d(*start), gp.gp_Dir2d(end[0] - start[0], end[1] - start[1]))
+
+
+def _double_knots(count: int, width: int) -> tuple[Any, Any]:
+    """Knots of so many control points on [0, width], two at each place within, and how often each counts."""
+    from OCP import collections
+
+    spans = count // 2 - 1
+    knots, times = collections.Array1_double(1, spans + 1), collections.Array1_int(1, spans + 1)
+    for n in range(spans + 1):
+        knots.SetValue(n + 1, width * n / spans)
+        times.SetValue(n + 1, DEGREE + 1 if n in {0, spans} else 2)
+    return knots, times
 
 
 #: Where the four sides of a patch begin in its parameters, and how they run.
@@ -311,7 +434,10 @@ def _write_step(path: str, parts: Sequence[Part]) -> bool:
     document = _document(parts)
     if not writer.Transfer(document, STEPControl.STEPControl_AsIs):
         return False
-    return writer.Write(path) == IFSelect.IFSelect_RetDone
+    if writer.Write(path) != IFSelect.IFSelect_RetDone:
+        return False
+    share_points(Path(path))
+    return True
 
 
 def _write_iges(path: str, parts: Sequence[Part]) -> bool:

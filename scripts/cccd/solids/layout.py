@@ -18,7 +18,7 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.tolerances import TINY
 
-__all__ = ["Footpoints", "Layout", "grid_ids", "lay_flat", "lay_quads", "with_flat"]
+__all__ = ["Footpoints", "Layout", "grid_ids", "grid_triangles", "lay_flat", "lay_quads", "with_flat"]
 
 #: Triangles tried for the nearest point that faces the same way.
 _TRIED = 24
@@ -89,6 +89,19 @@ def grid_ids(quads: IntArray, count: int) -> IntArray:
     rest = first + len(edges) * inner
     ids[:, 1:-1, 1:-1] = rest + np.arange(len(quads) * inner**2).reshape(len(quads), inner, inner)
     return ids
+
+
+def grid_triangles(quads: IntArray, samples: FloatArray) -> Mesh:
+    """Triangles through samples (Q, n, n, 3) of quads (Q, 4), closed where those are."""
+    ids = grid_ids(quads, samples.shape[1])
+    points = np.empty((int(ids.max()) + 1, 3))
+    points[ids] = samples
+    low, high = slice(-1), slice(1, None)
+    a, b, c, d = (
+        ids[:, rows, columns].ravel()
+        for rows, columns in ((low, low), (low, high), (high, high), (high, low))
+    )
+    return Mesh(points, np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])]))
 
 
 def lay_quads(coarse: Mesh, target: Footpoints, subdivisions: int) -> Layout:

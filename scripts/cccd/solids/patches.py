@@ -13,7 +13,7 @@ from cccd.geometry.bsplines import DEGREE, basis, open_knots
 from cccd.geometry.decimation import collapse_edges, weigh_more
 from cccd.geometry.mesh import Mesh
 from cccd.solids.kernel import patch_shell
-from cccd.solids.layout import Footpoints, Layout, grid_ids, lay_flat, lay_quads, with_flat
+from cccd.solids.layout import Footpoints, Layout, grid_ids, grid_triangles, lay_flat, lay_quads, with_flat
 from cccd.solids.shells import follows
 from cccd.tolerances import TINY
 
@@ -85,19 +85,7 @@ class Patches:
 
     @cached_property
     def _triangles(self) -> Mesh:
-        ids = grid_ids(self.quads, CHECKED)
-        points = np.empty((int(ids.max()) + 1, 3))
-        points[ids] = self.samples
-        a, b, c, d = (
-            ids[:, rows, columns].ravel()
-            for rows, columns in (
-                (slice(-1), slice(-1)),
-                (slice(-1), slice(1, None)),
-                (slice(1, None), slice(1, None)),
-                (slice(1, None), slice(-1)),
-            )
-        )
-        return Mesh(points, np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])]))
+        return grid_triangles(self.quads, self.samples)
 
     def normals(self, count: int = CHECKED) -> FloatArray:
         """Return normals (Q, m, m, 3) at even samples, not of unit length; zero where a patch is singular."""

@@ -7,13 +7,19 @@ there in the form Slicer reads.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy.spatial import cKDTree
+
 from cccd.errors import InputError
 from cccd.extras import check_extra
+from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply
+from cccd.geometry.subdivision import ControlMesh
 from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS
 from cccd.store import (
     atomic_path,
@@ -28,6 +34,8 @@ from cccd.surface.surface import Surface
 
 __all__ = ["Scan", "check_format", "format_of", "read_surface", "write_surface"]
 
+#: Vertices this near are the same; a PLY mesh keeps them exactly, older ones as single floats.
+SAME_POINT_MM = 1e-3
 #: The extras that formats are written with.
 _NEEDS = dict.fromkeys(SOLID_FORMATS, "cad") | {
     "dcm": "dicom",
@@ -35,6 +43,9 @@ _NEEDS = dict.fromkeys(SOLID_FORMATS, "cad") | {
     "seg.dcm": "dicom",
     "3mf": "print",
     "vtp": "view",
+    "usd": "usd",
+    "usda": "usd",
+    "usdc": "usd",
 }
 #: The extra of each mesher of tetrahedra; gmsh is a program.
 _MESHERS = {"ftetwild": "fe", "gmsh": "view", "gmsh-step": "cad"}
@@ -105,11 +116,21 @@ def write_surface(path: str | Path, surface: Surface, scan: Scan | None = None) 
 
 
 def read_surface(path: str | Path, mesh_path: str | Path) -> Surface:
-    """Read back what the lofting wrote: ``surface.h5`` and the PLY mesh."""
+    """Read back what the lofting wrote: ``surface.h5`` and the PLY mesh.
+
+    Organs that share their walls have another mesh than their control meshes': it has no ``bodies``.
+    """
+    mesh, bodies = read_ply(mesh_path), read_bodies(path)
     return Surface(
         read_patches(path),
-        read_ply(mesh_path),
+        mesh,
         read_surface_frame(path),
         read_report(path),
-        read_bodies(path),
+        bodies if _is_of(mesh, bodies) else [],
     )
+
+
+def _is_of(mesh: Mesh, bodies: Sequence[ControlMesh]) -> bool:
+    """Whether a mesh is a tessellation of control meshes: it has their limits among its vertices."""
+    limits = [body.tessellate(0).vertices for body in bodies]
+    return all(bool(np.all(cKDTree(mesh.vertices).query(part)[0] < SAME_POINT_MM)) for part in limits)

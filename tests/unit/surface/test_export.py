@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 
 import nibabel
 import numpy as np
@@ -11,11 +12,15 @@ import pytest
 import trimesh
 from shapes import SETTINGS, curves_of, fork
 
+from cccd.containers import Frame
 from cccd.errors import InputError
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS, TetrahedraSettings
 from cccd.store import write_control_nets
 from cccd.surface import loft_surface
 from cccd.surface.export import Scan, read_surface, write_surface
+from cccd.surface.surface import Surface
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +163,73 @@ def test_prusa_slicer_slices_a_3mf_without_repair(surface, tmp_path):
     assert (tmp_path / "fork.gcode").stat().st_size > 10000
 
 
+def spline_surface():
+    """Two bodies, one with sharp edges and a cavity in it."""
+    corners = np.array([(x, y, z) for z in (-1.0, 1) for y in (-1.0, 1) for x in (-1.0, 1)])
+    sides = np.array([(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)])
+    rim = np.array([(0, 1), (1, 3), (2, 3), (0, 2)])
+    bodies = [
+        ControlMesh(8 * corners, sides, rim, np.array([SHARP, SHARP, 1.5, 0.5])),
+        ControlMesh(2 * corners + 0.1, sides[:, ::-1]),
+        ControlMesh(3 * corners + (40, 0, 0), sides),
+    ]
+    bodies = [body.rounded(1e-3) for body in bodies]
+    whole = trimesh.util.concatenate([body.tessellate(2).to_trimesh() for body in bodies])
+    mesh = Mesh(np.array(whole.vertices), np.array(whole.faces, np.int64))
+    return Surface([], mesh, Frame(np.eye(4), 2, (8, 8, 8)), {}, bodies)
+
+
+@pytest.mark.parametrize("suffix", ["usd", "usda", "usdc"])
+def test_usd_has_the_control_meshes_exactly(tmp_path, suffix):
+    reason = "usd-core is not installed"
+    usd, geom = (pytest.importorskip(f"pxr.{name}", reason=reason) for name in ("Usd", "UsdGeom"))
+    surface = spline_surface()
+    path = tmp_path / f"surface.{suffix}"
+    write_surface(path, surface, Scan("heart"))
+    assert path.read_bytes().startswith(b"#usda" if suffix == "usda" else b"PXR-USDC")
+    stage = usd.Stage.Open(str(path))
+    assert geom.GetStageMetersPerUnit(stage) == 0.001
+    assert geom.GetStageUpAxis(stage) == "Z"
+    assert stage.GetDefaultPrim().GetDisplayName() == "heart"
+    meshes = [geom.Mesh(prim) for prim in stage.GetDefaultPrim().GetChildren()]
+    assert [mesh.GetPrim().GetName() for mesh in meshes] == ["body_1", "cavity_1", "body_2"]
+    for mesh, body in zip(meshes, surface.bodies, strict=True):
+        assert mesh.GetSubdivisionSchemeAttr().Get() == "catmullClark"
+        assert mesh.GetOrientationAttr().Get() == "rightHanded"
+        assert np.array_equal(np.array(mesh.GetPointsAttr().Get(), float), body.vertices)
+        assert set(mesh.GetFaceVertexCountsAttr().Get()) == {4}
+        assert np.array_equal(np.array(mesh.GetFaceVertexIndicesAttr().Get()), body.quads.ravel())
+        assert geom.Mesh.ValidateTopology(
+            mesh.GetFaceVertexIndicesAttr().Get(), mesh.GetFaceVertexCountsAttr().Get(), len(body.vertices)
+        )[0]
+        assert len(mesh.GetDisplayColorAttr().Get()) == 1
+    assert np.array_equal(np.array(meshes[0].GetCreaseIndicesAttr().Get()), surface.bodies[0].creases.ravel())
+    assert list(meshes[0].GetCreaseLengthsAttr().Get()) == [2, 2, 2, 2]
+    assert list(meshes[0].GetCreaseSharpnessesAttr().Get()) == [SHARP, SHARP, 1.5, 0.5]
+    assert geom.Mesh.SHARPNESS_INFINITE == SHARP
+    assert not meshes[1].GetCreaseIndicesAttr().HasAuthoredValue()
+
+
+def test_usd_of_a_surface_without_splines_is_its_triangles(surface, tmp_path):
+    usd, geom = (pytest.importorskip(f"pxr.{name}") for name in ("Usd", "UsdGeom"))
+    plain = replace(surface, bodies=[])
+    write_surface(tmp_path / "surface.usdc", plain)
+    stage = usd.Stage.Open(str(tmp_path / "surface.usdc"))
+    (prim,) = stage.GetDefaultPrim().GetChildren()
+    assert geom.Mesh(prim).GetSubdivisionSchemeAttr().Get() == "none"
+    assert len(geom.Mesh(prim).GetFaceVertexCountsAttr().Get()) == len(surface.faces)
+
+
+def test_a_mesh_of_shared_walls_has_no_control_meshes(tmp_path):
+    surface = spline_surface()
+    smoothed = replace(surface, mesh=surface.mesh.low_passed(0.1, 5))
+    for name, written in (("own", surface), ("walls", smoothed)):
+        write_surface(tmp_path / f"{name}.ply", written)
+    write_control_nets(tmp_path / "surface.h5", surface.bodies, [], surface.frame, surface.report)
+    assert len(read_surface(tmp_path / "surface.h5", tmp_path / "own.ply").bodies) == 3
+    assert read_surface(tmp_path / "surface.h5", tmp_path / "walls.ply").bodies == []
+
+
 @pytest.mark.parametrize("name", SURFACE_FORMATS)
 def test_every_format_that_the_configuration_knows_is_written(surface, tmp_path, name):
     if name in SOLID_FORMATS:
@@ -168,6 +240,8 @@ def test_every_format_that_the_configuration_knows_is_written(surface, tmp_path,
         pytest.skip("lies on a DICOM series: tests/unit/volumes/test_dicom_out.py")
     if name == "3mf":
         pytest.importorskip("lib3mf")
+    if name.startswith("usd"):
+        pytest.importorskip("pxr", reason="usd-core is not installed")
     path = tmp_path / f"surface.{name}"
     coarse = TetrahedraSettings(edge_mm=10, tolerance_mm=0.5)
     write_surface(path, surface, Scan("fork", tetrahedra=coarse))

@@ -13,6 +13,6 @@ __all__ = ["write"]
 
 
 def write(path: Path, surface: Surface, scan: Scan) -> dict[str, Any]:
-    """Write the mesh's bodies as solids."""
-    solids = build_solids(surface.mesh, scan.tolerance_mm, scan.solid)
+    """Write the surface's bodies as solids."""
+    solids = build_solids(surface, scan.tolerance_mm, scan.solid)
     return write_solids(path, scan.organ, solids, "brep")
