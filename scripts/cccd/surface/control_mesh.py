@@ -14,10 +14,10 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.decimation import collapse_edges
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
-from cccd.surface.flat_caps import even_cap
+from cccd.surface.flat_caps import fill_rim
 from cccd.tolerances import TINY
 
-__all__ = ["control_mesh", "join_in_pairs", "split_to_quads"]
+__all__ = ["control_mesh", "join_in_pairs", "open_edges", "split_to_quads", "with_caps"]
 
 #: Weight of even edges beside that of near ones when edges collapse: needles make needles of quads.
 EVENNESS = 1e-3
@@ -30,7 +30,7 @@ PAIRING_ROUNDS = 5
 def control_mesh(
     fine: Mesh, most: int, ends: tuple[float, float], weights: FloatArray | None = None
 ) -> tuple[ControlMesh, Mesh]:
-    """Make a control mesh of a closed triangle mesh.
+    """Make a control mesh of a closed triangle mesh, without its planar caps.
 
     Parameters
     ----------
@@ -39,33 +39,86 @@ def control_mesh(
     most : int
         Triangles that its edges collapse to; about twice as many control points come of them.
     ends : (float, float)
-        Heights of its planar caps, which get a crease around them; infinite without one.
+        Heights of its planar caps; infinite without one.
     weights : (V,) float64, optional
         Factors of what a collapse costs at the vertices of ``fine``: larger ones keep finer triangles.
 
     Returns
     -------
     ControlMesh
-        Its control points lie on the triangles.
+        Its control points lie on the triangles. Where the caps were it is open, with creases there.
     Mesh
-        The triangles that it was made of.
+        The triangles that it was made of, the caps' included.
     """
-    flat = _on_caps(fine, ends)
-    few = collapse_edges(fine, most, EVENNESS, weights, flat.astype(np.int64))
+    few = collapse_edges(fine, most, EVENNESS, weights, _on_caps(fine, ends).astype(np.int64))
     flat = _on_caps(few, ends)
-    if flat.any():
-        corners = few.vertices[few.faces[flat]]
-        edge = float(np.median(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)))
-        for end in ends:
-            few = even_cap(few, end, edge)
-        flat = _on_caps(few, ends)
-    quads, triangles = join_in_pairs(few, flat)
-    points, quads, edges = split_to_quads(few.vertices, quads, triangles)
-    rim = _rim(few, flat)
-    count = len(few.vertices)
-    at = np.searchsorted(edges[:, 0] * count + edges[:, 1], rim[:, 0] * count + rim[:, 1])
-    creases = np.concatenate([np.column_stack([rim[:, end], count + at]) for end in (0, 1)])
-    return ControlMesh(points, quads, creases, np.full(len(creases), SHARP)), few
+    return _split(Mesh(few.vertices, few.faces[~flat]).compact()), few
+
+
+def _split(triangles: Mesh) -> ControlMesh:
+    """Join triangles in pairs and split them to quads, with creases along open edges."""
+    points, quads, _ = split_to_quads(triangles.vertices, *join_in_pairs(triangles))
+    rims = open_edges(quads)
+    return ControlMesh(points, quads, rims, np.full(len(rims), SHARP))
+
+
+def open_edges(faces: IntArray) -> IntArray:
+    """Edges (E, 2) of polygons (F, n) that have only one beside them, the lower end first."""
+    edges, side = quad_edges(faces)
+    return edges[np.bincount(side.ravel(), minlength=len(edges)) == 1]
+
+
+def with_caps(wall: ControlMesh, ends: tuple[float, float]) -> ControlMesh:
+    """Close a wall by planar caps of quads within its rims.
+
+    Parameters
+    ----------
+    wall : ControlMesh
+        Open, with rims at the heights ``ends``, as `control_mesh` and `split_to_quads` make it: every second
+        point of a rim is the middle of an edge that was split.
+    ends : (float, float)
+        Heights in mm; infinite without a cap.
+    """
+    if not len(wall.creases):
+        return wall
+    points, quads = [wall.vertices], [wall.quads]
+    count = len(wall.vertices)
+    for end, upwards in zip(ends, (False, True), strict=True):
+        if np.any(wall.vertices[wall.creases[:, 0], 2] == end):
+            added, cap = _cap(wall, end, upwards, count)
+            points.append(added)
+            quads.append(cap)
+            count += len(added)
+    return ControlMesh(np.concatenate(points), np.concatenate(quads), wall.creases, wall.sharpness)
+
+
+def _cap(wall: ControlMesh, end: float, upwards: bool, count: int) -> tuple[FloatArray, IntArray]:
+    """Points to be added to ``count`` others, and quads, of the cap at one height."""
+    own = len(wall.vertices)
+    # the cap runs along the rim against the wall's quads; of a rim's edge the lower end is a corner
+    sides = np.stack([wall.quads, np.roll(wall.quads, -1, axis=1)], axis=2).reshape(-1, 2)
+    on_rim = np.isin(np.sort(sides, axis=1) @ [own, 1], wall.creases @ [own, 1])
+    on_rim &= wall.vertices[sides[:, 0], 2] == end
+    after = np.full(own, -1)
+    after[sides[on_rim, 1]] = sides[on_rim, 0]
+    corners = np.unique(wall.creases[wall.vertices[wall.creases[:, 0], 2] == end, 0])
+    middles = after[corners]
+    rim = np.column_stack([np.arange(len(corners)), np.searchsorted(corners, after[middles])])
+    plane = wall.vertices[corners, :2]
+    added, triangles = fill_rim(plane if upwards else plane * [1, -1], rim)
+    inner = np.concatenate([plane, added if upwards else added * [1, -1]])
+    flat = Mesh(np.column_stack([inner, np.full(len(inner), end)]), triangles)
+    points, quads, edges = split_to_quads(flat.vertices, *join_in_pairs(flat))
+    number = np.full(len(points), -1)
+    number[: len(corners)] = corners
+    keys = np.sort(rim, axis=1) @ [len(inner), 1]
+    order = np.argsort(keys)
+    at = order[np.minimum(np.searchsorted(keys, edges @ [len(inner), 1], sorter=order), len(keys) - 1)]
+    known = keys[at] == edges @ [len(inner), 1]
+    number[len(inner) + np.flatnonzero(known)] = middles[at[known]]
+    new = number < 0
+    number[new] = count + np.arange(int(new.sum()))
+    return points[new], number[quads]
 
 
 def _on_caps(mesh: Mesh, ends: tuple[float, float]) -> BoolArray:
@@ -74,22 +127,13 @@ def _on_caps(mesh: Mesh, ends: tuple[float, float]) -> BoolArray:
     return np.asarray(np.all(at[mesh.faces], axis=1), np.bool_)
 
 
-def _rim(mesh: Mesh, flat: BoolArray) -> IntArray:
-    """Edges (R, 2), the lower end first, between triangles that lie flat and others."""
-    edges, side = quad_edges(mesh.faces)
-    beside = np.bincount(side.ravel(), np.repeat(flat, 3), len(edges))
-    return edges[beside == 1]
-
-
-def join_in_pairs(mesh: Mesh, flat: BoolArray | None = None) -> tuple[IntArray, IntArray]:
+def join_in_pairs(mesh: Mesh) -> tuple[IntArray, IntArray]:
     """Join triangles in pairs, flat and square ones first.
 
     Parameters
     ----------
     mesh : Mesh
-        Closed.
-    flat : (F,) bool, optional
-        Triangles that lie on a cap: they are not joined with others.
+        Oriented; closed, or open.
 
     Returns
     -------
@@ -98,20 +142,22 @@ def join_in_pairs(mesh: Mesh, flat: BoolArray | None = None) -> tuple[IntArray, 
         Those without a partner.
     """
     faces, vertices = mesh.faces, mesh.vertices
-    _, side = quad_edges(faces)
-    order = np.argsort(side.ravel(), kind="stable").reshape(-1, 2)
-    owner, corner = np.divmod(order, 3)
-    (f, g), (i, j) = owner.T, corner.T
+    edges, side = quad_edges(faces)
+    order = np.argsort(side.ravel(), kind="stable")
+    beside = np.bincount(side.ravel(), minlength=len(edges))
+    inner = np.flatnonzero(beside == 2)
+    first = np.cumsum(beside)[inner] - 2
+    (f, g), (i, j) = np.divmod(np.stack([order[first], order[first + 1]]), 3)
     quads = np.column_stack(
         [faces[f, i], faces[g, (j + 2) % 3], faces[f, (i + 1) % 3], faces[f, (i + 2) % 3]]
     )
     cost = _cost_of_quads(vertices[quads])
-    if flat is not None:
-        cost[flat[f] != flat[g]] = np.inf
-    allowed = np.isfinite(cost)
-    best = np.argsort(cost, kind="stable")[: int(allowed.sum())]
+    owner, allowed = np.zeros((len(edges), 2), np.int64), np.zeros(len(edges), np.bool_)
+    owner[inner] = np.column_stack([f, g])
+    allowed[inner] = np.isfinite(cost)
+    best = inner[np.argsort(cost, kind="stable")[: int(allowed.sum())]]
     partner = _pairs(best, owner, side.reshape(-1, 3), allowed)
-    chosen = np.flatnonzero((partner[f] == g) & allowed)
+    chosen = np.flatnonzero((partner[f] == g) & np.isfinite(cost))
     # two triangles may share more than one edge: one pair, one quad
     _, once = np.unique(f[chosen] * len(faces) + g[chosen], return_index=True)
     return quads[chosen[once]], faces[partner < 0]

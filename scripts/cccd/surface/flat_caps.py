@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
+import manifold3d
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -11,7 +14,7 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.surface.tessellation import SAME_POINT_MM
 
-__all__ = ["even_cap", "run_on"]
+__all__ = ["even_cap", "fill_rim", "run_on"]
 
 #: Points within a cap keep so many edges away from its rim: no side of the rim then lies in a triangle.
 _FROM_RIM = 0.75
@@ -87,6 +90,54 @@ def even_cap(mesh: Mesh, height: float, edge: float) -> Mesh:
     cap = number[triangles if upwards else triangles[:, ::-1]]
     vertices = np.concatenate([mesh.vertices, np.column_stack([added, np.full(len(added), height)])])
     return Mesh(vertices, np.concatenate([mesh.faces[~flat], cap])).compact()
+
+
+def fill_rim(points: FloatArray, rim: IntArray) -> tuple[FloatArray, IntArray]:
+    """Triangles left of a closed rim in the plane, about as large as its sides are long.
+
+    Parameters
+    ----------
+    points : (R, 2) float64
+    rim : (R, 2) int64
+        Its sides, each from one of the points to the next; holes run the other way round.
+
+    Returns
+    -------
+    added : (A, 2) float64
+        Points within.
+    triangles : (T, 3) int64
+        Of the points and the added ones, counter-clockwise.
+    """
+    corners = points[rim]
+    edge = float(np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)))
+    added = _lattice(np.concatenate([points, corners.mean(axis=1)]), edge)
+    triangles = _inside(np.concatenate([points, added]), rim)
+    x, y = corners[..., 0], corners[..., 1]
+    area = float((x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0]).sum()) / 2
+    if np.isclose(_areas(np.concatenate([points, added]), triangles).sum(), area, rtol=_SAME_AREA):
+        used = np.union1d(np.arange(len(points)), triangles)
+        return added[used[len(points) :] - len(points)], np.searchsorted(used, triangles)
+    loops = _loops(rim)
+    order = np.concatenate(loops)
+    fill = cast(Any, manifold3d).triangulate  # its stubs leave the arrays' types open
+    spanned = np.asarray(fill([points[loop] for loop in loops]), np.int64)
+    return np.zeros((0, 2)), order[spanned]
+
+
+def _loops(rim: IntArray) -> list[IntArray]:
+    """Split sides (R, 2) into closed chains of points."""
+    after = np.zeros(len(rim), np.int64)
+    after[rim[:, 0]] = rim[:, 1]
+    links = coo_array((np.ones(len(rim), bool), tuple(rim.T)), shape=(len(rim), len(rim)))
+    count, part = connected_components(links, directed=False)
+    loops: list[IntArray] = []
+    for n in range(count):
+        start = int(np.argmax(part == n))
+        chain = [start]
+        while after[chain[-1]] != start:
+            chain.append(int(after[chain[-1]]))
+        loops.append(np.array(chain))
+    return loops
 
 
 def _lattice(rim: FloatArray, edge: float) -> FloatArray:

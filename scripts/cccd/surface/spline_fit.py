@@ -7,7 +7,7 @@ and softer where it keeps the surface off the slices by more than noise would: t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array
@@ -18,17 +18,21 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh, Sampler, quad_edges
 from cccd.surface.sampled import SampledDistance
 
-__all__ = ["SplineFit", "fit_spline"]
+__all__ = ["Curvature", "SplineFit", "fit_spline"]
 
-#: A limit surface is sampled at so many subdivisions: 16 points for each quad.
-SAMPLED = 2
+Curvature = Callable[[FloatArray], FloatArray]
+
+#: A limit surface is sampled at so many subdivisions: 4 points for each quad, of which a coarse one has four.
+SAMPLED = 1
 #: Waves of 2 pi times so many pixels are halved by the plate: pixels' steps are shorter.
-STIFF_PIXELS = 1.25
+STIFF_PIXELS = 0.8
+#: ... or times this share of the radius of curvature: a plate that is stiffer pulls thin branches together.
+STIFF_SHARE = 0.25
 #: It softens where the surface stays off the slices by this, in pixels, on the mean of a quad's samples, and
 #: never below that of so many pixels.
 DETAIL_PIXELS, SOFTEST_PIXELS = 0.05, 0.2
-#: Rounds: each is one linear system; after these control points move by less than a hundredth of a pixel.
-ROUNDS = 8
+#: Rounds: each is one linear system; more change distances to a known surface by less than 1 %.
+ROUNDS = 5
 #: Distances that grow by less than this per mm are of no use; from the second on they count fully.
 STEEP = (0.3, 0.8)
 #: In one round a control point moves at most by this share of its shortest edge ...
@@ -43,37 +47,10 @@ MOST_OFFSET = 0.5
 COTANGENTS = (0.05, 3.0)
 #: A sample counts for at least this share of the median sample's area.
 LEAST_AREA = 0.1
+#: Curvatures count as at least this, in 1/mm.
+LEAST_CURVATURE = 1e-6
 #: Residual of the linear systems.
 SOLVED = 1e-3
-
-
-@dataclass(frozen=True, eq=False)
-class _Caps:
-    """What of a spline lies on planar caps: it stays in their planes.
-
-    Attributes
-    ----------
-    faces : (T,) bool
-        Triangles of the samples that do.
-    rim, inner : (P,) bool
-        Samples on the rims, and within the caps; the first ones are the control points'.
-    """
-
-    faces: BoolArray
-    rim: BoolArray
-    inner: BoolArray
-
-    @classmethod
-    def of(cls, points: FloatArray, triangles: IntArray, ends: tuple[float, float]) -> _Caps:
-        on = np.zeros(len(points), np.bool_)
-        for end in ends:
-            if np.isfinite(end):
-                on |= np.isclose(points[:, 2], end, rtol=0, atol=1e-6)
-        faces = np.asarray(np.all(on[triangles], axis=1), np.bool_)
-        wall, cap = np.zeros((2, len(points)), np.bool_)
-        wall[triangles[~faces]] = True
-        cap[triangles[faces]] = True
-        return cls(faces, cap & wall, cap & ~wall)
 
 
 class SplineFit:
@@ -81,49 +58,43 @@ class SplineFit:
 
     Parameters
     ----------
-    spline : ControlMesh
-        In the plane's mm and height in mm.
+    wall : ControlMesh
+        In the plane's mm and height in mm; open where the scan cuts, with creases along these rims, which
+        stay in their planes.
     distance : SampledDistance
+    curvature : callable
+        Gives the curvature (P,) in 1/mm that the surface has near points (P, 3).
     """
 
-    def __init__(self, spline: ControlMesh, distance: SampledDistance) -> None:
-        self.spline, self.distance = spline, distance
-        self.points = spline.vertices.copy()
-        self.count = len(self.points)
-        sampler = Sampler.of(spline, SAMPLED)
+    def __init__(self, wall: ControlMesh, distance: SampledDistance, curvature: Curvature) -> None:
+        self.wall, self.distance = wall, distance
+        self.points = wall.vertices.copy()
+        sampler = Sampler.of(wall, SAMPLED)
         self.sampling, self.triangles = sampler.matrix, sampler.triangles
         samples = self.sampling @ self.points
-        self.caps = _Caps.of(samples, self.triangles, distance.ends)
-        self.edges, _ = quad_edges(spline.quads)
-        self.neighbours = _neighbour_means(self.edges, spline, self.caps.rim[: self.count])
-        laplacian, self.mass = _cotangent(samples, self.triangles[~self.caps.faces])
-        free = diags_array((~(self.caps.rim | self.caps.inner)).astype(float))
+        self.rim = _on_boundary(self.triangles, len(samples))
+        self.edges, _ = quad_edges(wall.quads)
+        self.neighbours = _neighbour_means(self.edges, wall, self.rim[: len(self.points)])
+        laplacian, self.mass = _cotangent(samples, self.triangles)
+        free = diags_array((~self.rim).astype(float))
         self.bending = csr_array(free @ laplacian @ self.sampling)
-        self.stiffness = np.full(len(samples), (STIFF_PIXELS * distance.pixel) ** 4)
-
-    def with_spline(self, spline: ControlMesh) -> SplineFit:
-        """Return a fit, not moved, of the same quads with other control points and creases."""
-        return SplineFit(spline, self.distance)
+        radius = 1 / np.maximum(curvature(samples), LEAST_CURVATURE)
+        self.stiffness = np.minimum(STIFF_PIXELS * distance.pixel, STIFF_SHARE * radius) ** 4
 
     @property
-    def mesh(self) -> Mesh:
-        """The limit surface at its samples."""
-        return Mesh(self.sampling @ self.points, self.triangles)
-
-    def strays(self, pixels: float) -> BoolArray:
-        """Mark triangles (T,) with a sample that lies off the distances' zero by so many pixels."""
-        off = np.abs(self.distance(self.sampling @ self.points)) > pixels * self.distance.pixel
-        return np.any((off & ~self.caps.inner)[self.triangles], axis=1)
+    def spline(self) -> ControlMesh:
+        """The spline as it is now."""
+        return self.wall.moved(self.points)
 
     def step(self) -> None:
         """Move the control points by one linear system."""
         samples = self.sampling @ self.points
         normals = self._normals(samples)
-        along = normals[: self.count]
+        along = normals[: len(self.points)]
         value, slope = self.distance(samples), self.distance.slopes(samples, normals)
-        weight = self._weights(slope)
+        weight = self.mass * np.where(slope > 0, np.clip(slope / STEEP[1], 0.01, 1) ** 2, 0)
         seen = _scaled(self.sampling, normals, along)
-        self._soften(value, weight)
+        self._soften(value / np.maximum(slope, 1), weight)
         plate = csr_array(self.bending.T @ (diags_array(self.stiffness / self.mass) @ self.bending))
         moving = np.any(along != 0, axis=1)
         held = np.where(moving, DAMPING * (self.sampling.T @ self.mass), 1.0)
@@ -138,30 +109,19 @@ class SplineFit:
         self.points = self.points + np.clip(move, -most, most)[:, None] * along
         self._even(along)
 
-    def hold_volume(self, volume: float) -> None:
-        """Move the surface, but for its caps, outwards or inwards to hold a volume in mm^3."""
-        most, moved = MOST_OFFSET * self.distance.pixel, 0.0
-        for _ in range(3):
-            mesh = self.mesh
-            wall = Mesh(mesh.vertices, mesh.faces[~self.caps.faces])
-            missing = (volume - mesh.volume) / max(wall.area, 1e-9)
-            missing = float(np.clip(moved + missing, -most, most)) - moved
-            moved += missing
-            self.points = self.points + missing * self._normals(mesh.vertices)[: self.count]
+    def hold_volume(self, missing: float) -> None:
+        """Move the wall outwards by as much as it lacks of a volume in mm^3, within `MOST_OFFSET`."""
+        samples = self.sampling @ self.points
+        most = MOST_OFFSET * self.distance.pixel
+        by = np.clip(missing / max(Mesh(samples, self.triangles).area, 1e-9), -most, most)
+        self.points = self.points + by * self._normals(samples)[: len(self.points)]
 
     def _normals(self, samples: FloatArray) -> FloatArray:
-        """Give unit normals (P, 3), in the cap's plane on its rim, zero within it."""
-        normals = Mesh(samples, self.triangles[~self.caps.faces]).vertex_normals.copy()
-        rim = self.caps.rim
-        normals[rim, 2] = 0
-        normals[rim] /= np.maximum(np.linalg.norm(normals[rim], axis=1, keepdims=True), 1e-9)
-        normals[self.caps.inner] = 0
+        """Give unit normals (P, 3), on a rim within the plane of its cap."""
+        normals = Mesh(samples, self.triangles).vertex_normals.copy()
+        normals[self.rim, 2] = 0
+        normals[self.rim] /= np.maximum(np.linalg.norm(normals[self.rim], axis=1, keepdims=True), 1e-9)
         return normals
-
-    def _weights(self, slope: FloatArray) -> FloatArray:
-        """Weights (P,) of the distances: by area, less where distances hardly change."""
-        steep = np.where(slope > 0, np.clip(slope / STEEP[1], 0.01, 1) ** 2, 0)
-        return self.mass * steep * ~self.caps.inner
 
     def _soften(self, value: FloatArray, weight: FloatArray) -> None:
         """Make the plate softer where it keeps the surface off the slices on the mean of a quad's samples."""
@@ -174,7 +134,7 @@ class SplineFit:
     def _shortest_edges(self) -> FloatArray:
         """Length (V,) of the shortest edge at each control point."""
         length = np.linalg.norm(self.points[self.edges[:, 0]] - self.points[self.edges[:, 1]], axis=1)
-        shortest = np.full(self.count, np.inf)
+        shortest = np.full(len(self.points), np.inf)
         np.minimum.at(shortest, self.edges.ravel(), np.repeat(length, 2))
         return shortest
 
@@ -182,27 +142,34 @@ class SplineFit:
         """Move control points towards their neighbours' mean along the surface."""
         way = self.neighbours @ self.points - self.points
         way -= np.einsum("vc,vc->v", way, along)[:, None] * along
-        way[(self.caps.rim | self.caps.inner)[: self.count], 2] = 0
+        way[self.rim[: len(self.points)], 2] = 0
         self.points = self.points + EVENING * way
 
 
-def fit_spline(spline: ControlMesh, distance: SampledDistance, volume: float | None) -> SplineFit:
+def fit_spline(wall: ControlMesh, distance: SampledDistance, curvature: Curvature) -> SplineFit:
     """Fit a spline to distances.
 
     Parameters
     ----------
-    spline : ControlMesh
-        Near the surface, in the plane's mm and height in mm; planar caps have creases around them.
+    wall : ControlMesh
+        Near the surface, in the plane's mm and height in mm; open where the scan cuts, with creases there.
     distance : SampledDistance
-    volume : float or None
-        mm^3 that the surface shall hold in the end; None leaves it where the distances have it.
+    curvature : callable
+        Gives the curvature (P,) in 1/mm that the surface has near points (P, 3).
     """
-    fit = SplineFit(spline, distance)
+    fit = SplineFit(wall, distance, curvature)
     for _ in range(ROUNDS):
         fit.step()
-    if volume is not None:
-        fit.hold_volume(volume)
     return fit
+
+
+def _on_boundary(faces: IntArray, count: int) -> BoolArray:
+    """Which of ``count`` vertices are on an edge of one triangle."""
+    edges, side = quad_edges(faces)
+    single = edges[np.bincount(side.ravel(), minlength=len(edges)) == 1]
+    found = np.zeros(count, np.bool_)
+    found[single] = True
+    return found
 
 
 def _scaled(matrix: csr_array, rows: FloatArray, columns: FloatArray) -> csr_array:
@@ -212,10 +179,10 @@ def _scaled(matrix: csr_array, rows: FloatArray, columns: FloatArray) -> csr_arr
     return csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
-def _neighbour_means(edges: IntArray, spline: ControlMesh, rim: BoolArray) -> csr_array:
+def _neighbour_means(edges: IntArray, wall: ControlMesh, rim: BoolArray) -> csr_array:
     """Matrix (V, V) of the mean of each control point's neighbours; on a rim, of those along it."""
-    count = len(spline.vertices)
-    key = np.sort(spline.creases, axis=1) @ [count, 1] if len(spline.creases) else np.zeros(0, np.int64)
+    count = len(wall.vertices)
+    key = np.sort(wall.creases, axis=1) @ [count, 1] if len(wall.creases) else np.zeros(0, np.int64)
     both = np.concatenate([edges, edges[:, ::-1]])
     crease = np.tile(np.isin(edges @ [count, 1], key), 2)
     both = both[~rim[both[:, 0]] | crease]

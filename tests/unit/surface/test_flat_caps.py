@@ -37,7 +37,7 @@ def test_a_rim_of_long_sides_stays_as_it_is():
     assert even_cap(box, 1.5, 0.3) is box
 
 
-@settings(max_examples=15)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6), st.floats(-3, 3))
 def test_whatever_a_plane_cuts_is_closed_and_does_not_pass_through_itself(seed, height):
     rng = np.random.default_rng(seed)

@@ -173,6 +173,44 @@ def test_an_end_is_as_high_as_the_areas_fall():
     assert areas[-1] == 0
 
 
+def test_a_lobe_ends_as_a_part_of_its_own_does():
+    """Beside a trunk that goes on: interpolated distances would close it at once, as the trunk is far."""
+    i, j = np.indices((60, 160)) - np.array([30.0, 30.0]).reshape(2, 1, 1)
+    trunk = np.hypot(i, j).astype(np.float32) - np.float32(25)
+    neck = np.maximum(np.abs(i) - 2, j - 90).astype(np.float32)  # a thin bridge to the lobe
+    lobe = (np.hypot(i, j - 100) - 12).astype(np.float32)
+    with_lobe = np.minimum(np.minimum(trunk, np.maximum(neck, -j - 1)), lobe).astype(np.float32)
+    fields = [LevelField(0.0, with_lobe, 0), LevelField(10.0, with_lobe, 1)]
+    for n in range(1, 10):
+        t = np.float32(n / 10)
+        fields.append(LevelField(10.0 + n, (1 - t) * with_lobe + t * trunk, None))
+    fields.append(LevelField(20.0, trunk, 2))
+
+    def reach(levels):
+        return max(level.z for level in levels if level.distance[30, 130] < 0) - 10
+
+    assert reach(fields) <= 2
+    rounded = round_ends(fields, np.ones(2), 10.0, (True, True), 1.0)
+    assert 7 <= reach(rounded) <= 9
+    assert all(np.array_equal(rounded[n].distance, fields[n].distance) for n in (0, 1, -1))
+    assert all(  # the trunk is as it was
+        np.array_equal(a.distance[:, :50] < 0, b.distance[:, :50] < 0)
+        for a, b in zip(rounded, fields, strict=True)
+    )
+
+
+def test_a_small_hole_on_the_first_slice_alone_is_no_needle():
+    """Nothing says how it tapers, so it is round: not as long as the distance between slices."""
+    away = np.hypot(*(np.indices((41, 41)) - 20.0)).astype(np.float32)
+    plain = away - np.float32(15)
+    with_hole = np.maximum(plain, np.float32(1.5) - away)
+    mixed = [((1 - t / 8) * with_hole + t / 8 * plain).astype(np.float32) for t in range(1, 8)]
+    fields = [LevelField(0.0, with_hole, 0), *(LevelField(n + 1.0, p, None) for n, p in enumerate(mixed))]
+    fields.append(LevelField(8.0, plain, 1))
+    levels = round_ends(fields, np.ones(2), 8.0, (True, True), 1.0)
+    assert max(level.z for level in levels if level.distance[20, 20] > 0) <= 3
+
+
 def test_what_the_scan_cuts_and_what_goes_on_is_not_rounded():
     fields = cone_of_discs(np.full(4, 8.0))
     levels = round_ends(fields, np.ones(2), 1.0, (True, True), 0.25)
