@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
+from scipy.sparse import csr_array
 
 from cccd.geometry.arrays import FloatArray, SingleArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.surface.stack import SliceStack
-from cccd.surface.target import TargetField
+from cccd.surface.target import TargetField, smoothing_weights
 
 __all__ = ["SampledDistance"]
 
@@ -50,12 +51,13 @@ class SampledDistance:
 
     @classmethod
     def of(cls, stack: SliceStack) -> SampledDistance:
-        """Sample what the slices tell."""
+        """Sample what the slices tell, smoothed by as much as pixels and slices have steps."""
         target = stack.target
         outlines = target if isinstance(target, TargetField) else target.outlines
         z, spacing = outlines.z, outlines.spacing
         if target is outlines:
-            values = _in_space(np.stack(outlines.planes), z, FAR_PIXELS * stack.pixel)
+            planes = _in_space(np.stack(outlines.planes), z, FAR_PIXELS * stack.pixel)
+            values = _smoothed(planes, z, outlines.knot, stack.pixel)
         else:
             shape = outlines.planes[0].shape
             pixels = np.indices(shape).reshape(2, -1).T * spacing
@@ -113,3 +115,17 @@ def _in_space(planes: SingleArray, z: FloatArray, far: float) -> SingleArray:
     rise = np.abs(np.diff(planes, axis=0)) / np.diff(z).astype(np.float32)[:, None, None]
     slope = np.minimum(np.concatenate([rise[:1], rise]), np.concatenate([rise, rise[-1:]]))
     return np.clip(planes / np.sqrt(1 + slope**2), -far, far).astype(np.float32)
+
+
+def _smoothed(planes: SingleArray, z: FloatArray, knot: float, pixel: float) -> SingleArray:
+    """Planes (L, I, J) smoothed at their nodes as `TargetField` smooths them at any point."""
+    taps = np.arange(-int(2 * knot), int(2 * knot) + 1)
+    across = smoothing_weights(taps / knot)
+    for axis in (1, 2):
+        planes = ndimage.correlate1d(planes, (across / across.sum()).astype(np.float32), axis, mode="nearest")
+    if len(z) == 1:
+        return planes
+    thickness = np.minimum(np.gradient(z), knot * pixel)
+    along = smoothing_weights((z[:, None] - z) / (knot * pixel)) * thickness
+    along = csr_array((along / along.sum(axis=1, keepdims=True)).astype(np.float32))
+    return np.asarray(along @ planes.reshape(len(z), -1), np.float32).reshape(planes.shape)

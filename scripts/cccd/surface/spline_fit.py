@@ -25,9 +25,9 @@ Curvature = Callable[[FloatArray], FloatArray]
 #: A limit surface is sampled at so many subdivisions: 4 points for each quad, of which a coarse one has four.
 SAMPLED = 1
 #: Waves of 2 pi times so many pixels are halved by the plate: pixels' steps are shorter.
-STIFF_PIXELS = 0.8
+STIFF_PIXELS = 1.0
 #: ... or times this share of the radius of curvature: a plate that is stiffer pulls thin branches together.
-STIFF_SHARE = 0.25
+STIFF_SHARE = 0.3
 #: It softens where the surface stays off the slices by this, in pixels, on the mean of a quad's samples, and
 #: never below that of so many pixels.
 DETAIL_PIXELS, SOFTEST_PIXELS = 0.05, 0.2
