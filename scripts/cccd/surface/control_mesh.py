@@ -17,7 +17,7 @@ from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
 from cccd.surface.flat_caps import fill_rim
 from cccd.tolerances import TINY
 
-__all__ = ["control_mesh", "join_in_pairs", "open_edges", "split_to_quads", "with_caps"]
+__all__ = ["control_mesh", "join_in_pairs", "on_caps", "open_edges", "split_to_quads", "with_caps"]
 
 #: Weight of even edges beside that of near ones when edges collapse: needles make needles of quads.
 EVENNESS = 1e-3
@@ -50,8 +50,8 @@ def control_mesh(
     Mesh
         The triangles that it was made of, the caps' included.
     """
-    few = collapse_edges(fine, most, EVENNESS, weights, _on_caps(fine, ends).astype(np.int64))
-    flat = _on_caps(few, ends)
+    few = collapse_edges(fine, most, EVENNESS, weights, on_caps(fine, ends).astype(np.int64))
+    flat = on_caps(few, ends)
     return _split(Mesh(few.vertices, few.faces[~flat]).compact()), few
 
 
@@ -121,7 +121,7 @@ def _cap(wall: ControlMesh, end: float, upwards: bool, count: int) -> tuple[Floa
     return points[new], number[quads]
 
 
-def _on_caps(mesh: Mesh, ends: tuple[float, float]) -> BoolArray:
+def on_caps(mesh: Mesh, ends: tuple[float, float]) -> BoolArray:
     """Which triangles (F,) lie on one of two planes across z."""
     at = np.isin(mesh.vertices[:, 2], [end for end in ends if np.isfinite(end)])
     return np.asarray(np.all(at[mesh.faces], axis=1), np.bool_)

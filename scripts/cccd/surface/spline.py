@@ -10,14 +10,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cccd.containers import Frame
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.geometry.decimation import collapse_edges, weigh_more
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.surface.booleans import between_planes
 from cccd.surface.checks import check_surface
-from cccd.surface.control_mesh import control_mesh, with_caps
+from cccd.surface.control_mesh import control_mesh, on_caps, with_caps
 from cccd.surface.sampled import SampledDistance
 from cccd.surface.spline_fit import Curvature, SplineFit, fit_spline
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
@@ -122,7 +122,7 @@ def loft_spline(stack: SliceStack, smallest_voxels: float) -> SplineSolid:
     bent, area = _curvature(calm)
     density = np.maximum(DENSITY * bent / distance.pixel, AROUND * bent**2)
     most = max(FEWEST, round(float(density @ area)))
-    fine = collapse_edges(rough, SPARE * most, parts=_flat_parts(rough, distance.ends))
+    fine = collapse_edges(rough, SPARE * most, parts=on_caps(rough, distance.ends).astype(np.int64))
     tree = cKDTree(rough.vertices)
     volume = None if stack.of_probability or stack.of_some_slices else stack.volume
     spline = _fit_and_refine(fine, most, distance, volume, lambda points: bent[tree.query(points)[1]])
@@ -150,11 +150,6 @@ def _cut(mesh: Mesh, distance: SampledDistance) -> Mesh:
     for end in distance.ends:
         cut.vertices[np.abs(cut.vertices[:, 2] - end) < 1e-9, 2] = end
     return cut
-
-
-def _flat_parts(mesh: Mesh, ends: tuple[float, float]) -> IntArray:
-    at = np.isin(mesh.vertices[:, 2], [end for end in ends if np.isfinite(end)])
-    return np.asarray(np.all(at[mesh.faces], axis=1), np.int64)
 
 
 def _without_small(mesh: Mesh, least: float) -> tuple[Mesh, list[float]]:

@@ -16,6 +16,7 @@ from scipy.sparse.linalg import cg
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh, Sampler, quad_edges
+from cccd.surface.control_mesh import open_edges
 from cccd.surface.sampled import SampledDistance
 
 __all__ = ["Curvature", "SplineFit", "fit_spline"]
@@ -72,7 +73,8 @@ class SplineFit:
         sampler = Sampler.of(wall, SAMPLED)
         self.sampling, self.triangles = sampler.matrix, sampler.triangles
         samples = self.sampling @ self.points
-        self.rim = _on_boundary(self.triangles, len(samples))
+        self.rim = np.zeros(len(samples), np.bool_)
+        self.rim[open_edges(self.triangles)] = True
         self.edges, _ = quad_edges(wall.quads)
         self.neighbours = _neighbour_means(self.edges, wall, self.rim[: len(self.points)])
         laplacian, self.mass = _cotangent(samples, self.triangles)
@@ -161,15 +163,6 @@ def fit_spline(wall: ControlMesh, distance: SampledDistance, curvature: Curvatur
     for _ in range(ROUNDS):
         fit.step()
     return fit
-
-
-def _on_boundary(faces: IntArray, count: int) -> BoolArray:
-    """Which of ``count`` vertices are on an edge of one triangle."""
-    edges, side = quad_edges(faces)
-    single = edges[np.bincount(side.ravel(), minlength=len(edges)) == 1]
-    found = np.zeros(count, np.bool_)
-    found[single] = True
-    return found
 
 
 def _scaled(matrix: csr_array, rows: FloatArray, columns: FloatArray) -> csr_array:
