@@ -1,11 +1,13 @@
-"""Smooth B-spline surfaces of organs from stacks of slices: the whole pipeline on one page.
+"""Smooth spline surfaces of organs from stacks of slices: the whole workflow on one page.
 
 snakemake --cores 2                              the default cohort: training, surfaces, tables, report
 snakemake --cores 2 --config cohort=sheet.tsv    your own structures
-snakemake --cores 2 surfaces                     surfaces alone: no measures, comparisons or report
+snakemake --cores 2 surfaces                     surfaces only, without measures, comparisons or report
 snakemake --cores 2 results/CASE/ORGAN/surface.ply
 snakemake --cores 2 segmenters                   segmentation networks, trained on the sheet's rows of role train
 snakemake --cores 2 phantoms                     scans and true surfaces, as files for a benchmark
+
+The console shows a line for each finished job; --verbose shows all of Snakemake's own log.
 """
 
 from snakemake.utils import min_version
@@ -39,9 +41,9 @@ include: "workflow/rules/phantoms.smk"
 rule surfaces:
     """Every surface in every format that is asked for, and nothing else."""
     input:
-        for_structures("surface.ply"),
-        for_formats(),
-        for_case_formats(),
+        plan.files("surface.ply"),
+        plan.format_files(),
+        plan.case_format_files(),
     localrule: True
 
 
@@ -51,9 +53,9 @@ rule all:
     input:
         "results/report.html",
         rules.surfaces.input,
-        for_structures("region.png", REGIONS),
-        for_pages(),
-        for_cases(),
+        plan.region_pictures(),
+        plan.structure_pages(),
+        plan.scenes(),
     localrule: True
 
 
@@ -61,6 +63,7 @@ onstart:
     check_before_jobs()
     switch_timers_off()
     answer_sigterm_beside()
+    shorten_console()
 
 
 onsuccess:

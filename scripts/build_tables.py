@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from cccd.comparisons.summary import build_tables, read_cohort, write_notes
 from cccd.job import job
+from cccd.report.summary import build_tables, read_cohort, write_notes
 from cccd.store import write_json, write_table
 
 with job(snakemake.log[0], "tables", snakemake.input, snakemake.output):

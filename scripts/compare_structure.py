@@ -4,7 +4,7 @@ from operator import attrgetter
 
 from cccd.job import job
 from cccd.lookup import find
-from cccd.settings.root import Settings
+from cccd.settings.root import whole_settings
 from cccd.store import write_figures, write_table
 
 case, organ = snakemake.wildcards.case, snakemake.wildcards.organ
@@ -12,7 +12,7 @@ with job(snakemake.log[0], f"{case}/{organ}", snakemake.input, snakemake.output)
     arguments = {
         name: find(read)(*snakemake.input.get(name)) for name, read in snakemake.params.readers.items()
     }
-    settings = Settings(**snakemake.params.settings)
+    settings = whole_settings()(**snakemake.params.settings)
     arguments |= {name: attrgetter(section)(settings) for name, section in snakemake.params.sections.items()}
     arguments |= snakemake.params.seed
     rows = find(snakemake.params.run)(**arguments).assign(case=case, organ=organ)

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from cccd.job import job
-from cccd.settings.surface import SolidSettings
 from cccd.solids.build import build_solids, write_organs
 from cccd.solids.scene import name_organs
 from cccd.store import atomic_path, write_json
@@ -11,16 +10,14 @@ from cccd.surface.export import check_format, read_surface
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     check_format(snakemake.output.scene)
-    settings = snakemake.params.settings
-    solid = SolidSettings(**settings["solid"])
     surfaces = {
         Path(mesh).parent.name: read_surface(path, mesh)
         for path, mesh in zip(snakemake.input.surfaces, snakemake.input.meshes, strict=True)
     }
     meshes = {name: surface.mesh for name, surface in surfaces.items()}
     colours = {organ.organ: organ.rgb for organ in name_organs(meshes, snakemake.params.labels)}
-    tolerance = settings["step_tolerance_mm"]
-    organs = {name: build_solids(surface, tolerance, solid) for name, surface in surfaces.items()}
+    tolerance = snakemake.params.tolerance_mm
+    organs = {name: build_solids(surface, tolerance) for name, surface in surfaces.items()}
     with atomic_path(Path(snakemake.output.scene)) as temporary:
         report = write_organs(temporary, organs, colours, snakemake.wildcards.scene_format)
     write_json(snakemake.output.report, report)

@@ -1,7 +1,7 @@
 """Write the surface's bodies as solids for CAD or as tetrahedra, and what they are worth."""
 
 from cccd.job import job
-from cccd.settings.surface import SolidSettings, TetrahedraSettings
+from cccd.settings.surface import TetrahedraSettings
 from cccd.store import write_json
 from cccd.surface.export import Scan, read_surface, write_surface
 
@@ -11,7 +11,6 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
     scan = Scan(
         snakemake.wildcards.organ,
         tolerance_mm=settings["step_tolerance_mm"],
-        solid=SolidSettings(**settings["solid"]),
         tetrahedra=TetrahedraSettings(**settings["tetrahedra"]),
     )
     report = write_surface(snakemake.output.solid, surface, scan)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from cccd.geometry.ply import read_ply
 from cccd.job import job
-from cccd.settings.surface import SolidSettings, TetrahedraSettings
+from cccd.settings.surface import TetrahedraSettings
 from cccd.store import atomic_path, read_surface_frame, write_json
 from cccd.tetrahedra.build import fill_and_measure
 from cccd.tetrahedra.formats import inp, msh, vtu
@@ -18,7 +18,6 @@ with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.
         TetrahedraSettings(**settings["tetrahedra"]),
         frames,
         settings["step_tolerance_mm"],
-        SolidSettings(**settings["solid"]),
     )
     for writer, name in ((msh, "msh"), (vtu, "vtu"), (inp, "inp")):
         with atomic_path(Path(snakemake.output[name])) as temporary:

@@ -2,7 +2,7 @@
 
 from cccd.job import job
 from cccd.settings.surface import LoftSettings
-from cccd.store import read_annotation, read_curves, read_probability, read_splines, write_control_nets
+from cccd.store import read_annotation, read_curves, read_probability, read_splines, write_control_meshes
 from cccd.surface import loft_surface
 from cccd.surface.export import write_surface
 
@@ -12,7 +12,5 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
     settings = LoftSettings(**snakemake.params.settings)
     known = snakemake.input.structure
     surface = loft_surface(curves, settings, splines, read_probability(known), read_annotation(known))
-    write_control_nets(
-        snakemake.output.surface, surface.bodies, surface.patches, surface.frame, surface.report
-    )
+    write_control_meshes(snakemake.output.surface, surface.bodies, surface.frame, surface.report)
     write_surface(snakemake.output.mesh, surface)

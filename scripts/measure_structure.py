@@ -1,6 +1,5 @@
 """Everything measured on one structure, and what the page's viewer shows of it."""
 
-from cccd.comparisons.view import make_view
 from cccd.contours import doubtful_slices, missing_parts
 from cccd.curves import measure_curves
 from cccd.job import job
@@ -16,6 +15,7 @@ from cccd.store import (
 )
 from cccd.surface.export import read_surface
 from cccd.surface.measure import measure_surface, volume_warnings
+from cccd.view import make_view
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     structure = read_structure(snakemake.input.structure)

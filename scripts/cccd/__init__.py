@@ -1,25 +1,37 @@
-"""Smooth, watertight B-spline surfaces of organs from stacks of slices.
+"""Smooth, watertight spline surfaces of organs from stacks of CT and MR slices.
 
 >>> import cccd
->>> surface = cccd.reconstruct(cccd.read("liver.nii.gz"))  # doctest: +SKIP
+>>> structure = cccd.read("labels.nii.gz", 5)  # doctest: +SKIP
+>>> surface = cccd.reconstruct(structure)  # doctest: +SKIP
 >>> surface.write("liver.stl")  # doctest: +SKIP
 
-What is public stands in ``__all__``, and is loaded when it is first asked for. The library behind it never
-sees ``snakemake``: arrays and small dataclasses go in and come out. Imports run one way: geometry -> volumes
--> boundary -> chaincode and tracing -> junctions -> curves -> surface -> comparisons -> report, with
-``errors``, ``tolerances``, ``settings``, ``containers``, ``metrics`` and ``store`` underneath.
+Read
+    `labels` lists what a file holds; `read` loads one structure of it as a `Structure`.
+Reconstruct
+    `reconstruct` makes a `Surface` of one structure, `reconstruct_labels` one of each label of a map, with
+    shared walls.
+Use
+    `Surface.mesh` is the triangle mesh in mm (RAS), `Surface.bodies` the closed splines (`ControlMesh`),
+    `Surface.write` writes a file by its suffix.
+Step by step
+    `order` turns boundary pixels into `Curves`, `fit_contours` fits splines to them (`FittedCurves`).
+
+`help(cccd.reconstruct)` and the others have units, shapes, errors and examples. `Settings` holds every
+setting; docs/configuration.md explains them. Wrong input raises `InputError`, whose message is one line. The
+command `cccd --help` does the same from a shell.
 """
 
+# Public names load when they are first asked for. The library never sees `snakemake`, and its imports run one
+# way (CONTRIBUTING.md). `cccd_paper` and `cccd_training` add to it what they have (`cccd.additions`).
 # pyright: reportUnsupportedDunderAll=false
 
-__version__ = "0.2.0"
+__version__ = "1.0.0"
 
 __all__ = [
     "ControlMesh",
     "Curves",
     "FittedCurves",
     "InputError",
-    "Patch",
     "Settings",
     "Structure",
     "Surface",

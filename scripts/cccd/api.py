@@ -23,7 +23,6 @@ from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.geometry.bsplines import Patch
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.subdivision import ControlMesh
 from cccd.project import SHIPPED_WEIGHTS
@@ -51,7 +50,6 @@ __all__ = [
     "Curves",
     "FittedCurves",
     "InputError",
-    "Patch",
     "Settings",
     "Structure",
     "Surface",
@@ -79,15 +77,19 @@ class Surface:
     Attributes
     ----------
     lofted : cccd.surface.Surface
-        What the library's other functions take.
+        The surface in the form that the library's other functions use.
     name : str
-        Of the organ.
+        Name of the organ.
     series : Path or None
         Folder of the DICOM series that it came from; RTSTRUCT refers to it.
     warnings : tuple of str
-        What was noticed on the way.
+        One line for each problem, for example ends that the scan cuts, or dropped fragments.
     drawn : Structure or None
-        What it was made of, where only some slices were drawn: a label map keeps those as they are.
+        The input, if only some of its slices were annotated: a label map keeps those unchanged.
+
+    See Also
+    --------
+    cccd.reconstruct, cccd.reconstruct_labels
     """
 
     lofted: LoftedSurface
@@ -102,23 +104,17 @@ class Surface:
         return self.lofted.mesh.to_trimesh()
 
     @property
-    def patches(self) -> list[Patch]:
-        """The tubes' control nets before blending; with ``surface.method: spline`` there is none."""
-        return self.lofted.patches
-
-    @property
     def bodies(self) -> list[ControlMesh]:
-        """Closed Catmull-Clark splines of which the mesh is a tessellation, a cavity's turned inside out.
+        """The closed Catmull-Clark splines from which the mesh is made; those of cavities face inwards.
 
-        There is none but with ``surface.method: spline``.
+        The list is empty for an organ that shares its walls with others.
 
         Examples
         --------
         >>> import numpy as np
-        >>> from cccd import Settings, reconstruct
+        >>> from cccd import reconstruct
         >>> at = np.indices((16, 16, 16)) - 7.5
-        >>> spline = Settings(surface={"method": "spline"})
-        >>> (ball,) = reconstruct(np.linalg.norm(at, axis=0) <= 6, settings=spline).bodies
+        >>> (ball,) = reconstruct(np.linalg.norm(at, axis=0) <= 6).bodies
         >>> ball.sign, bool(abs(ball.tessellate(3).volume / (4 / 3 * np.pi * 6**3) - 1) < 0.05)
         (1, True)
         """
@@ -167,29 +163,28 @@ class Surface:
             Ends with ``.ply``, ``.stl``, ``.obj``, ``.vtp``, ``.gii``, ``.glb``, ``.3mf``, ``.usd``,
             ``.usda``, ``.usdc`` (the spline itself), ``.step``, ``.iges``, ``.brep`` (closed solids),
             ``.msh``, ``.vtu``, ``.inp`` (tetrahedra), ``.nii.gz`` (a label map on the scan's grid), ``.dcm``
-            (contours, RTSTRUCT), ``.seg.dcm`` (SEG) or ``.stl.dcm`` (encapsulated STL). All or nothing is
-            written.
+            (contours, RTSTRUCT), ``.seg.dcm`` (SEG) or ``.stl.dcm`` (encapsulated STL). If
+            something fails, no file is left.
         contour_spacing_mm : float, optional
-            Distance of the RTSTRUCT's planes; that of the scan's slices by default.
+            Distance of the RTSTRUCT's planes. Default: that of the scan's slices.
         keep_patient : bool
-            The RTSTRUCT says who the patient is, as the scan's DICOM files do.
+            Whether the RTSTRUCT names the patient, as the scan's DICOM files do.
         settings : Settings, optional
-            The configuration; of its section ``surface`` solids read ``step_tolerance_mm`` and ``solid``,
-            tetrahedra ``tetrahedra`` as well.
+            Section ``surface``: solids use ``step_tolerance_mm`` and ``solid``, tetrahedra also
+            ``tetrahedra``.
 
         Returns
         -------
         Path
-            Where it was written.
+            The file.
 
         Raises
         ------
         InputError
-            An unknown suffix, a format whose extra is not installed, or a folder that nothing can be
-            written to.
+            The suffix is unknown, the extra of the format is not installed, or the folder is not writable.
         """
         if Path(path).is_dir():
-            raise InputError(str(path), "that is a folder", "give a file's name in it")
+            raise InputError(str(path), "that is a folder", "give the name of a file in it")
         surface = (settings or _DEFAULTS).surface
         scan = Scan(
             self.name,
@@ -198,7 +193,6 @@ class Surface:
             keep_patient,
             self.drawn,
             surface.step_tolerance_mm,
-            surface.solid,
             surface.tetrahedra,
         )
         write_surface(path, self.lofted, scan)
@@ -207,7 +201,7 @@ class Surface:
 
 @needing("cccd.labels", "dicom")
 def labels(path: str | Path) -> dict[str, str]:
-    """List what the labels of a mask may be.
+    """List the labels of a mask.
 
     Parameters
     ----------
@@ -217,12 +211,12 @@ def labels(path: str | Path) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        What `read` takes as ``label``, and its name where the file holds one.
+        Values for `read`'s ``label``, each with its name if the file has one.
 
     Raises
     ------
     InputError
-        Not there, not readable, or an image.
+        The file is missing, not readable, or an image.
     """
     path = Path(path).absolute()
     existing(path, path.name)
@@ -250,32 +244,37 @@ def read(
         folder with a mask per organ (TotalSegmentator). With ``threshold`` an image, or the folder of a DICOM
         series.
     label : str, int or several int
-        Value(s) of a label map, or the name of an organ, segment or ROI; by default the only one. Several
-        labels of a map are then one organ, with a Python warning.
+        Value(s) of a label map, or the name of an organ, segment or ROI. By default all labels, which become
+        one organ; if there are several, with a Python warning.
     image : path, optional
-        The scan, where it lies elsewhere.
+        The scan, if it is in another file or folder.
     boundary : bool
-        The file holds boundary maps that still need ordering.
+        Whether the file contains boundary maps that need ordering.
     annotated : {"auto", "nonempty", "every slice"}
-        Which slices of the mask were drawn: those that are not empty, or all. ``auto`` goes by the gaps: what
-        lies between drawn slices is filled where at least two empty ones lie between any two of them.
+        Which slices of the mask are annotated: those that are not empty, or all. ``auto`` decides by the
+        gaps: slices are filled if at least two empty ones lie between any two annotated ones.
     threshold : bool or (float or None, float or None)
-        Take from an image without a mask the largest piece whose grey values lie from ``low`` to ``high``,
-        None standing for no bound; True takes the range of ``import.region``, by default found by Otsu's
-        method. It knows no organs: the structure is called ``threshold``.
+        For an image without a mask: take the largest piece with grey values from ``low`` to ``high`` (None is
+        no bound). True uses the range of ``import.region``, by default from Otsu's method. A threshold does
+        not find organs: the structure is called ``threshold``.
     settings : Settings, optional
-        Section ``import`` says how it is read.
+        Section ``import`` is used.
 
     Returns
     -------
     Structure
-        What `reconstruct` takes.
+        The organ, cropped, with its grid in mm (RAS).
 
     Raises
     ------
     InputError
-        Not there, not readable, empty, without such a label, or an image without a mask: one line with a
-        hint.
+        The file is missing, not readable or empty, has no such label, or is an image without a mask. The
+        message is one line with a hint.
+
+    See Also
+    --------
+    labels : what a file contains.
+    reconstruct : the surface of the result.
     """
     settings = settings or _DEFAULTS
     path = Path(path).absolute()
@@ -285,8 +284,8 @@ def read(
     wanted = "boundary" if boundary else "image" if threshold is not False else _column_of(path)
     if threshold is not False:
         if chosen or image is not None or boundary:
-            problem = "a threshold stands beside a label, an image or boundary maps"
-            raise InputError(path.name, problem, "give it the image alone; it knows no organs")
+            problem = "a threshold together with a label, an image or boundary maps"
+            raise InputError(path.name, problem, "give only the image; a threshold does not find organs")
         settings = _with_window(settings, threshold)
     elif not boundary:
         refuse_image(path, chosen)
@@ -312,7 +311,7 @@ def _chosen(label: str | int | Iterable[int]) -> str:
         return str(label)
     if isinstance(label, Iterable):
         return ",".join(str(value) for value in label)
-    raise InputError("label", f"{label!r} is no label", "give its value, its name, or several values")
+    raise InputError("label", f"{label!r} is not a label", "give its value, its name, or several values")
 
 
 def _told(structure: Structure, level: int) -> Structure:
@@ -335,7 +334,7 @@ def _with_window(settings: Settings, threshold: bool | tuple[float | None, float
         return settings
     if not _is_range(threshold):
         hint = "give (low, high), the lower one first, None for no bound (--threshold LOW:HIGH)"
-        raise InputError("threshold", f"{threshold!r} is no range", hint)
+        raise InputError("threshold", f"{threshold!r} is not a range", hint)
     low, high = threshold
     region = settings.import_.region.model_copy(update={"window": (low, high)})
     reading = settings.import_.model_copy(update={"region": region})
@@ -394,24 +393,29 @@ def reconstruct(
     Parameters
     ----------
     organ : (a, b, c) array, Structure or Curves
-        A mask, or probabilities between 0 and 1; or what `read` or `order` returned.
+        A mask, probabilities between 0 and 1, or a result of `read` or `order`.
     affine : (4, 4) float, optional
-        Of a mask: ``world_mm = affine @ (a, b, c, 1)``, RAS; voxels of a millimetre by default.
+        Grid of an array: ``world_mm = affine @ (a, b, c, 1)``, RAS. Default: voxels of one millimetre.
     annotated : {"auto", "nonempty", "every slice"}
-        Which slices of a mask in an array were drawn, see `read`.
+        Which slices of an array are annotated, see `read`.
     settings : Settings, optional
-        The configuration, section by section.
+        Default: `Settings` without arguments.
     progress : callable, optional
-        Gets the name of each step as it begins: ``contours``, ``splines``, ``surface``.
+        Called with the name of each step as it begins: ``contours``, ``splines``, ``surface``.
 
     Returns
     -------
     Surface
+        A closed surface in mm (RAS).
 
     Raises
     ------
     InputError
-        An empty mask, too few slices, an unusable affine.
+        The mask is empty, has too few slices, or the affine is not usable.
+
+    See Also
+    --------
+    reconstruct_labels : all labels of a map, with shared walls.
 
     Examples
     --------
@@ -463,7 +467,7 @@ def reconstruct_labels(
     settings: Settings | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[list[Surface], list[str]]:
-    """Make smooth closed surfaces of every label of a map, with one wall between two that touch.
+    """Make smooth closed surfaces of all labels of a map; neighbours share their walls.
 
     Parameters
     ----------
@@ -472,13 +476,13 @@ def reconstruct_labels(
     table : path, optional
         Names of the labels: ``label,name`` below a header, FreeSurfer's colour table, a ``dataset.json``.
     image : path, optional
-        The scan, where it lies elsewhere.
+        The scan, if it is in another file or folder.
     annotated : {"auto", "nonempty", "every slice"}
-        Which slices of each label were drawn, see `read`.
+        Which slices of each label are annotated, see `read`.
     settings : Settings, optional
-        The configuration; ``surface.shared_walls: false`` smooths each organ alone, as drawn contours are.
+        ``surface.shared_walls: false`` smooths each organ alone. Drawn contours are always smoothed alone.
     progress : callable, optional
-        Gets the name of each organ as its surface begins.
+        Called with the name of each organ as its surface begins.
 
     Returns
     -------
@@ -490,7 +494,11 @@ def reconstruct_labels(
     Raises
     ------
     InputError
-        Not readable, or no label at all.
+        The file is not readable or has no label.
+
+    See Also
+    --------
+    reconstruct : one organ.
     """
     settings = settings or _DEFAULTS
     tell = progress or (lambda step: None)
@@ -502,9 +510,7 @@ def reconstruct_labels(
     for number, label in enumerate(list_map(source, None if table is None else Path(table)), 1):
         tell(label.organ)
         if label.left_out:
-            failures.append(
-                f"label {label.label}: {label.left_out}: too little for a surface; it is left out"
-            )
+            failures.append(f"label {label.label}: {label.left_out}: too small for a surface; it is left out")
             continue
         try:
             structure = read(path, label.label, image=image, annotated=annotated, settings=settings)
@@ -524,7 +530,7 @@ def reconstruct_labels(
             )
             for number, surface in surfaces.items()
         }
-        walls = share_walls(organs, settings.surface.walls)
+        walls = share_walls(organs)
         for number, surface in list(surfaces.items()):
             if number in walls.warnings:
                 failures += walls.warnings[number]
@@ -552,7 +558,7 @@ def check_references(paths: Sequence[Path], structure: Structure) -> None:
 
         reference_slices(series)
     elif "seg.dcm" in formats:
-        problem = "a SEG lies on a DICOM series, and there is none"
+        problem = "a SEG needs its DICOM series, and there is none"
         raise InputError(str(formats["seg.dcm"]), problem, "name the series' folder as image")
 
 
@@ -573,10 +579,10 @@ def fit_contours(
     Parameters
     ----------
     contours : Curves or sequence of (n, 2) float arrays
-        What `order` returned; or the contours of one slice in pixels (i, j), outlines counter-clockwise and
+        A result of `order`, or the contours of one slice in pixels (i, j): outlines counter-clockwise,
         holes clockwise, the first point not repeated.
     affine : (4, 4) float, optional
-        Of a sequence: index to world mm; pixels of a millimetre by default.
+        For a sequence: index to world mm. Default: pixels of one millimetre.
     settings : Settings, optional
         Section ``curves``: the tolerance, or a number of control points.
 
@@ -610,7 +616,7 @@ def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
                 "give three finite points (n, 2) or more",
             )
     if not rings:
-        raise InputError("contours", "there is none", "give one array (n, 2) at least")
+        raise InputError("contours", "there is none", "give at least one array (n, 2)")
     points, offsets = concatenate_ragged(rings)
     hole = RaggedPolygons(points, offsets).signed_areas < 0
     shape = tuple(int(size) + 2 for size in np.ceil(points.max(axis=0)))
@@ -633,25 +639,25 @@ def order(
     Parameters
     ----------
     boundary_map : (a, b) or (a, b, c) array
-        One map or a stack of them: everything but 0 is a boundary pixel.
+        One map or a stack of maps: every value but 0 is a boundary pixel.
     affine : (4, 4) float, optional
-        Index to world mm (RAS); slices run along the thickest spacing. Voxels of a millimetre by default.
+        Index to world mm (RAS); slices are stacked along the largest spacing. Default: voxels of one mm.
     image : array, optional
         The grey slices, of the same shape.
     weights : path
-        A trained network; the shipped one by default.
+        A trained network. Default: the shipped one.
     settings : Settings, optional
         Section ``gnn.inference``.
 
     Returns
     -------
     Curves
-        Points (i, j) by curve; what `fit_contours` and `reconstruct` take.
+        Points (i, j) of each closed curve, for `fit_contours` and `reconstruct`.
 
     Raises
     ------
     InputError
-        No map encloses anything.
+        No map encloses a region.
     """
     settings = settings or _DEFAULTS
     maps = np.asarray(boundary_map) != 0
@@ -660,7 +666,9 @@ def order(
         maps, grey = maps[..., None], None if grey is None else grey[..., None]
     if maps.ndim != 3 or (grey is not None and grey.shape != maps.shape):
         raise InputError(
-            "boundary map", f"an array of shape {maps.shape}", "give (a, b) or (a, b, c), image alike"
+            "boundary map",
+            f"an array of shape {maps.shape}",
+            "give (a, b) or (a, b, c), and an image of the same shape",
         )
     grid = check_affine(np.eye(4) if affine is None else affine, "affine")
     a, b, c = maps.shape

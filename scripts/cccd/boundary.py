@@ -25,6 +25,13 @@ KERNEL = 5
 #: Slices that are filtered together: enough to vectorise, few enough to stay small in memory.
 BLOCK = 32
 
+# Canny's lower threshold, as a share of the upper one: Canny (1986) recommends two or three to one.
+_HYSTERESIS = 0.4
+
+# The grey window reaches so many of the organ's own grey ranges beyond them on either side: bone and air
+# beside an organ would outshine its border.
+_GREY_RANGES = 3.0
+
 
 def extract_boundaries(structure: Structure, settings: BoundarySettings) -> Boundaries:
     """Find the boundary pixels of every slice.
@@ -111,7 +118,7 @@ def edge_map(image: np.ndarray, region: np.ndarray | None, settings: BoundarySet
     if region is not None and region.any():
         # a window round the organ's own grey values: bone and air beside it would outshine its border
         low, high = np.percentile(image[region], (1, 99))
-        beyond = settings.grey_ranges * (high - low)
+        beyond = _GREY_RANGES * (high - low)
         image = np.clip(image, low - beyond, high + beyond)
     ridge = np.zeros(image.shape, np.float32)
     sample = []
@@ -124,7 +131,7 @@ def edge_map(image: np.ndarray, region: np.ndarray | None, settings: BoundarySet
     if gradients.size == 0:
         return np.zeros(image.shape, bool)
     upper = np.quantile(gradients, settings.edge_quantile)
-    candidates = ridge > settings.hysteresis * upper
+    candidates = ridge > _HYSTERESIS * upper
     in_plane = np.zeros((3, 3, 3), bool)
     in_plane[1] = True
     labels, count = ndimage.label(candidates, structure=in_plane)

@@ -63,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parsed.further = given[cut + 1 :]
     try:
         if parsed.further and parsed.command != "run":
-            raise InputError("--", "only cccd run hands arguments on to Snakemake", "leave them out")
+            raise InputError("--", "only cccd run passes arguments to Snakemake", "leave them out")
         with warnings.catch_warnings():  # of Python; commands say it themselves, in one line
             warnings.filterwarnings("ignore", f".*{TAKEN_TOGETHER}")
             return parsed.run(parsed)
@@ -108,7 +108,7 @@ def _parser() -> argparse.ArgumentParser:
 
     parser = argparse.ArgumentParser(
         prog="cccd",
-        description="Smooth, watertight B-spline surfaces of organs from stacks of slices.",
+        description="Smooth, watertight spline surfaces of organs from stacks of CT and MR slices.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -120,7 +120,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(commands)
     _add_export(commands)
     _add_report(commands)
-    doctor = commands.add_parser("doctor", help="what is installed and works here")
+    doctor = commands.add_parser("doctor", help="report what is installed and works")
     doctor.add_argument("--json", action="store_true", help="print JSON")
     doctor.set_defaults(run=_doctor)
     return parser
@@ -138,21 +138,21 @@ def _add_input(command: argparse.ArgumentParser) -> None:
         default="",
         help="value(s) of the label map, 5 or 10,11, or an organ's, segment's, ROI's name",
     )
-    command.add_argument("--image", type=Path, help="the scan, where it lies elsewhere")
+    command.add_argument("--image", type=Path, help="the scan, if it is in another file or folder")
     command.add_argument(
         "--threshold", nargs="?", const="", metavar="LOW:HIGH",
         help="the input is an image without a mask: take the largest piece with grey values in a range (150: "
-        "or -1000:-400); without one Otsu's method chooses. It knows no organs",
+        "or -1000:-400); without one Otsu's method chooses. A threshold does not find organs",
     )  # fmt: skip
     command.add_argument(
-        "--boundary", action="store_true", help="the input holds boundary maps, to be ordered by the network"
+        "--boundary", action="store_true", help="the input contains boundary maps, which the network orders"
     )
     command.add_argument(
         "--annotated",
         default="auto",
         metavar="RULE",
-        help="which slices of the mask were drawn, the others being filled: auto (default; by the gaps "
-        "between them), nonempty, or 'every slice'",
+        help="which slices of the mask are annotated; the others are filled: auto (default; decides by "
+        "the gaps), nonempty, or 'every slice'",
     )
     command.add_argument("--json", action="store_true", help="print JSON")
 
@@ -161,24 +161,23 @@ def _add_surface(commands: Any) -> None:
     surface = commands.add_parser(
         "surface",
         help="make a surface of one organ, or of every label",
-        description="Make a smooth closed surface, in this process. Prints its volume, its size and what was "
-        "noticed.",
+        description="Make a smooth closed surface. Prints its volume, its size and warnings.",
     )
     _add_input(surface)
     surface.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
-        help="where to, any number of times; the suffix chooses the format: .ply .stl .obj .vtp .gii .glb "
+        help="output file, repeatable; the suffix chooses the format: .ply .stl .obj .vtp .gii .glb "
         ".3mf .usd .step .msh .inp (tetrahedra) .nii.gz (label map) .dcm (RTSTRUCT); default: the input's "
-        "name with .ply (_threshold.ply), here",
+        "name with .ply (_threshold.ply), in this folder",
     )  # fmt: skip
     surface.add_argument(
         "--all-labels",
         action="store_true",
-        help="a surface of every label, smoothed together: a wall between two is the same in both",
+        help="a surface of every label; neighbours share their walls",
     )
     surface.add_argument(
         "--configfile", type=Path, metavar="YAML",
-        help="keys of the configuration that shall be others, as in 'surface: {tetrahedra: {mesher: gmsh}}'",
+        help="your own settings, for example 'surface: {tetrahedra: {mesher: gmsh}}'",
     )  # fmt: skip
     surface.set_defaults(run=_surface)
 
@@ -187,8 +186,8 @@ def _add_segment(commands: Any) -> None:
     segment = commands.add_parser(
         "segment",
         help="find an organ in a scan without a mask, and make its surface",
-        description="Find an organ by a trained network, in this process: labels on the scan's own grid, and "
-        "a surface of all.",
+        description="Find an organ with a trained network: labels on the scan's own grid, and "
+        "one surface of all labels.",
     )
     segment.add_argument("input", type=Path, help="scan (NIfTI, NRRD, MHA) or the folder of a DICOM series")
     segment.add_argument(
@@ -198,15 +197,18 @@ def _add_segment(commands: Any) -> None:
     segment.add_argument("--organ", help="what to look for; default: what the weights were trained to find")
     segment.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
-        help="the surface, any number of times, as of cccd surface; default: the scan's name with .ply, here",
+        help="the surface, repeatable, as in cccd surface; default: scan's name with .ply, in this folder",
     )  # fmt: skip
     segment.add_argument(
-        "--labels", type=Path, metavar="FILE", help="default: the scan's name with _labels.nii.gz, here"
+        "--labels",
+        type=Path,
+        metavar="FILE",
+        help="default: the scan's name with _labels.nii.gz, in this folder",
     )
     segment.add_argument(
         "--device",
         choices=["auto", "cpu", "cuda"],
-        help="where the network runs; default: a GPU where there is one",
+        help="where the network runs; default: a GPU if there is one",
     )
     segment.add_argument("--json", action="store_true", help="print JSON")
     segment.set_defaults(run=_segment)
@@ -215,12 +217,12 @@ def _add_segment(commands: Any) -> None:
 def _add_check(commands: Any) -> None:
     check = commands.add_parser(
         "check",
-        help="say what an input holds, and draw it, before anything runs",
-        description="Read the input and say how it was understood: grid, axes, spacing, labels, cut ends.",
+        help="report what an input contains, and draw it",
+        description="Read the input and report how it was understood: grid, axes, spacing, labels, cut ends.",
     )
     _add_input(check)
     check.add_argument(
-        "-o", "--output", type=Path, metavar="PNG", help="the picture; default: NAME_check.png, here"
+        "-o", "--output", type=Path, metavar="PNG", help="the picture; default: NAME_check.png in this folder"
     )
     check.set_defaults(run=_check)
 
@@ -229,8 +231,8 @@ def _add_run(commands: Any) -> None:
     run = commands.add_parser(
         "run",
         help="run the whole workflow on a cohort",
-        description="Run the workflow on a cohort sheet or on the masks of a BIDS data set. What follows -- "
-        "goes to Snakemake: -- --dry-run, -- --config seed=7, -- results/anna/liver/surface.ply",
+        description="Run the workflow on a cohort sheet or on the masks of a BIDS data set. Arguments after "
+        "-- go to Snakemake: -- --dry-run, -- --config seed=7, -- results/anna/liver/surface.ply",
     )
     run.add_argument("input", type=Path, help="cohort sheet (.tsv), or the folder of a BIDS data set")
     run.add_argument("output", type=Path, nargs="?", help="BIDS: folder of the results")
@@ -239,14 +241,14 @@ def _add_run(commands: Any) -> None:
     run.add_argument(
         "--cores", type=int, default=os.cpu_count() or 1, help="jobs at once; default: all cores"
     )
-    run.add_argument("--directory", type=Path, help="folder in which results/ goes; default: here")
+    run.add_argument("--directory", type=Path, help="folder for results/; default: this folder")
     run.add_argument("--profile", help="slurm, generic, or the folder of a Snakemake profile")
     run.set_defaults(run=_run)
 
 
 def _add_export(commands: Any) -> None:
     export = commands.add_parser(
-        "export", help="write a finished structure of the workflow in further formats"
+        "export", help="write a finished structure of the workflow in another format"
     )
     export.add_argument("input", type=Path, help="folder of a finished structure: results/CASE/ORGAN")
     export.add_argument("-o", "--output", type=Path, action="append", required=True, metavar="FILE")
@@ -254,7 +256,7 @@ def _add_export(commands: Any) -> None:
 
 
 def _add_report(commands: Any) -> None:
-    report = commands.add_parser("report", help="build the report anew of what is finished")
+    report = commands.add_parser("report", help="build the report again, of all finished structures")
     report.add_argument("input", type=Path, nargs="?", default=Path("results"), help="folder of the results")
     report.add_argument(
         "-o", "--output", type=Path, metavar="HTML", help="default: report.html in that folder"
@@ -272,7 +274,7 @@ def _surface(given: argparse.Namespace) -> int:
     if by_threshold and given.all_labels:
         raise InputError("--threshold", "an image without a mask has no labels", "leave --all-labels out")
     if given.label and given.all_labels:
-        raise InputError("--all-labels", "it makes every label", "leave --label out")
+        raise InputError("--all-labels", "it already takes every label", "leave --label out")
     settings = _settings_of(given)
     _check_outputs(outputs, [given.input, given.image], settings.surface.tetrahedra.mesher)
     made, failed = [], 0
@@ -302,7 +304,7 @@ def _threshold_of(given: argparse.Namespace) -> bool | tuple[float | None, float
         low, high = (float(end) if end else None for end in given.threshold.split(":"))
     except ValueError:
         hint = "give LOW:HIGH, as 150: or -1000:-400"
-        raise InputError("--threshold", f"{given.threshold!r} is no range", hint) from None
+        raise InputError("--threshold", f"{given.threshold!r} is not a range", hint) from None
     return low, high
 
 
@@ -335,7 +337,7 @@ def _check_files(outputs: Sequence[Path], sources: Sequence[Path | None]) -> Non
         if absolute.count(path.absolute()) > 1:
             raise InputError(str(path), "named twice as output", "name it once")
         if path.is_dir():
-            raise InputError(str(path), "that is a folder", "give a file's name in it")
+            raise InputError(str(path), "that is a folder", "give the name of a file in it")
         if any(source is not None and _is_read(path, source) for source in sources):
             raise InputError(str(path), "that is the input", "give another name")
         _check_writable(path)
@@ -491,9 +493,9 @@ def _segment(given: argparse.Namespace) -> int:
     segmenter, known = find_segmenter(given.segmenter)
     organ = given.organ or known
     if not organ:
-        raise InputError("--organ", "it is not said what to look for", "name an organ, such as liver")
+        raise InputError("--organ", "no organ is named", "name one with --organ, such as liver")
     if known and organ not in known.split():
-        hint = "leave --organ out, or name other weights"
+        hint = "leave --organ out, or use other weights"
         raise InputError("--organ", f"the segmenter was trained to find {known}, not {organ}", hint)
     found = segment(read_image(existing(given.input, "scan"), "files", fill_gaps=False), segmenter, organ)
     write_labels(labels, found)
@@ -594,9 +596,9 @@ def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict
     along = f"axis {frame.slice_axis} ({axes[frame.slice_axis]})"
     shape, spacing = " x ".join(map(str, frame.shape)), " x ".join(f"{size:.4g}" for size in frame.spacing)
     ways = {
-        "contours": "drawn contours, taken as they are",
+        "contours": "drawn contours, used as they are",
         "boundary": "boundary maps, ordered by the network",
-        "probability": "probabilities, traced where they are one half",
+        "probability": "probabilities, traced at 0.5",
     }
     traced = "a region of grey values, traced" if "region" in structure.provenance else "a mask, traced"
     way = next((text for name, text in ways.items() if getattr(structure, name) is not None), traced)
@@ -684,14 +686,14 @@ def _export(given: argparse.Namespace) -> int:
 def _report(given: argparse.Namespace) -> int:
     from cccd.project import PROJECT
     from cccd.report.page import build_report_of_finished
-    from cccd.settings.root import Settings
+    from cccd.settings.root import whole_settings
 
     output = given.output or given.input / "report.html"
     _check_writable(output)
     if not any(given.input.glob("*/*/metrics.json")):
         raise InputError(str(given.input), "no structure is finished there", "give the folder of the results")
     templates = PROJECT / "workflow" / "report"
-    build_report_of_finished(given.input, Settings().as_config(), output, templates)
+    build_report_of_finished(given.input, whole_settings()().as_config(), output, templates)
     print(output)
     return 0
 

@@ -69,7 +69,9 @@ def _read_records(path: Path) -> list[tuple[int, list[str]]]:
         ) from None
     for row, record in records:
         if any(character in field for field in record for character in "\n\r\0"):
-            raise InputError(f"{location} row {row}", "a field holds a line break or NUL", "check its quotes")
+            raise InputError(
+                f"{location} row {row}", "a field contains a line break or NUL", "check its quotes"
+            )
     return [(row, record) for row, record in records if any(record)]
 
 
@@ -83,7 +85,7 @@ def _check_header(location: str, header: list[str]) -> None:
         if name not in columns:
             raise InputError(location, f"unknown column {name!r}", nearest(name, columns))
         if header.count(name) > 1:
-            raise InputError(location, f"column {name!r} stands there twice", "keep one")
+            raise InputError(location, f"column {name!r} is there twice", "keep one")
     for name in ("case", "organ"):
         if name not in header:
             raise InputError(
@@ -110,7 +112,7 @@ def _check_row(row: dict[str, str]) -> None:
     if starred and (row["source"] != "files" or not row["mask"] or row["boundary"]):
         raise InputError(row["location"], "organ * has no label map", "name it in mask, and no boundary")
     if starred and row["label"]:
-        raise InputError(row["location"], "organ * stands beside a label", "empty one of them")
+        raise InputError(row["location"], "organ * together with a label", "empty one of them")
     if row["labels"] and not starred:
         raise InputError(
             row["location"], "a table of labels without organ *", "set organ to * or empty labels"
@@ -130,7 +132,7 @@ def _check_row(row: dict[str, str]) -> None:
             if row[name]:
                 raise InputError(
                     row["location"],
-                    f"{name} is given, but source {row['source']} brings its own",
+                    f"{name} is given, but source {row['source']} has its own",
                     f"empty {name} or set source to files",
                 )
 
@@ -190,10 +192,10 @@ def _check_name(row: Mapping[str, str], seen: dict[str, tuple[str, str]]) -> Non
     for name in (case, structure):
         first, where = seen.setdefault(name.lower(), (name, location))
         if first != name:
-            problem = f"{name} and {first} of {where} are one folder where capitals do not count"
+            problem = f"{name} and {first} of {where} differ only in capitals; many disks mix them up"
             raise InputError(location, problem, "rename one of them")
     if where != location:
-        raise InputError(location, f"{structure} stands in {where} already", "rename or delete one of them")
+        raise InputError(location, f"{structure} is already in {where}", "rename or delete one of them")
 
 
 def brings_maps(row: Mapping[str, str]) -> bool:
@@ -241,10 +243,10 @@ def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], 
     """Fill in what the layout of a named cohort's download implies: mask and label.
 
     Returns the row and the implied label values, of which a scan need not hold all. The sheet goes first.
-    LiTS17: ``segmentation-N.nii`` beside ``volume-N.nii``, 1 liver, 2 tumour
-    (which is part of the liver). UPENN-GBM: ``images_segm/ID_segm.nii.gz`` beside ``images_structural/ID/``,
+    LiTS17: ``segmentation-N.nii`` next to ``volume-N.nii``, 1 liver, 2 tumour
+    (which is part of the liver). UPENN-GBM: ``images_segm/ID_segm.nii.gz`` next to ``images_structural/ID/``,
     labels 1, 2, 4; the brain is what skull stripping left. Medical Segmentation Decathlon: ``labelsTr``
-    beside ``imagesTr``, the labels' names in ``dataset.json``.
+    next to ``imagesTr``, the labels' names in ``dataset.json``.
 
     Raises
     ------
@@ -256,7 +258,7 @@ def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], 
     if row["source"] == "lits17" and not row["mask"]:
         match = re.fullmatch(r"volume-(\d+)(\.nii(?:\.gz)?)", path.name)
         if not match:
-            raise InputError(row["location"], f"{path.name} is no LiTS17 volume", "give volume-N.nii")
+            raise InputError(row["location"], f"{path.name} is not a LiTS17 volume", "give volume-N.nii")
         row["mask"] = str(Path(row["image"]).with_name(f"segmentation-{match[1]}{match[2]}"))
     if row["source"] == "lits17" and not row["label"]:
         implied = {"liver": (1, 2), **dict.fromkeys(_TUMOUR, (2,))}
@@ -273,7 +275,7 @@ def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], 
             )
         if not match:
             raise InputError(
-                row["location"], f"{path.name} is no UPENN-GBM volume", "give UPENN-GBM-NNNNN_NN_T1.nii.gz"
+                row["location"], f"{path.name} is not a UPENN-GBM volume", "give UPENN-GBM-NNNNN_NN_T1.nii.gz"
             )
         top = Path(row["image"]).parent.parent.parent
         candidates = [
@@ -295,9 +297,7 @@ def _complete_decathlon(row: dict[str, str], folder: Path) -> tuple[dict[str, st
     image = Path(row["image"])
     if not row["mask"]:
         if image.parent.name != "imagesTr":
-            raise InputError(
-                row["location"], f"{image.name} does not lie in imagesTr", "give imagesTr/NAME.nii.gz"
-            )
+            raise InputError(row["location"], f"{image.name} is not in imagesTr", "give imagesTr/NAME.nii.gz")
         row["mask"] = str(image.parent.with_name("labelsTr") / image.name)
     listing = folder / image.parent.with_name("dataset.json")
     if row["label"] or not listing.is_file():

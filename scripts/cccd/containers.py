@@ -204,7 +204,7 @@ class Structure:
         return np.ascontiguousarray(np.moveaxis(array, self.frame.slice_axis, 0))
 
     def required_stack(self, name: str) -> np.ndarray:
-        """`stack` for what cannot go on without it.
+        """`stack`, where it is required.
 
         Raises
         ------

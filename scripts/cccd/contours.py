@@ -91,8 +91,8 @@ def missing_parts(report: Mapping[str, Any]) -> list[str]:
     >>> lost = {"parts": 2, "part_voxels": 3, "component_pixels": 5, "spur_pixels": 4, "voxels": 60}
     >>> for line in missing_parts({"method": "traced mask", "left_out": lost}):
     ...     print(line)
-    without an outline on any slice, so not in the surface: 2 parts of 3 voxels in all
-    one voxel wide, so in no outline: 6 of 60 voxels in pieces and spurs of slices
+    not in the surface, because no slice has an outline of them: 2 parts of 3 voxels in all
+    dropped, because they are only one voxel wide: 6 of 60 voxels in pieces and spurs of slices
     """
     lost = report.get("left_out", {})
     lines: list[str] = []
@@ -100,11 +100,11 @@ def missing_parts(report: Mapping[str, Any]) -> list[str]:
         count = (
             f"{lost['parts']} part{'s' if lost['parts'] > 1 else ''} of {lost['part_voxels']} voxels in all"
         )
-        lines.append(f"without an outline on any slice, so not in the surface: {count}")
+        lines.append(f"not in the surface, because no slice has an outline of them: {count}")
     thin = sum(lost.get(name, 0) for name in ("component_pixels", "spur_pixels")) - lost.get("part_voxels", 0)
     if thin > _THIN_SHARE * lost.get("voxels", float("inf")):
         count = f"{thin} of {lost['voxels']} voxels"
-        lines.append(f"one voxel wide, so in no outline: {count} in pieces and spurs of slices")
+        lines.append(f"dropped, because they are only one voxel wide: {count} in pieces and spurs of slices")
     return lines
 
 
@@ -114,15 +114,15 @@ def doubtful_slices(report: Mapping[str, Any], most: int = 10) -> list[str]:
     Examples
     --------
     >>> doubtful_slices({"slices": 4 * [{}], "doubtful": [7, 3], "expected_wrong": 1.24})
-    ['slices to look at, the most doubtful first: 7, 3 (2 of 4; about 1.2 are wrong by the network)']
+    ['check these slices, the most doubtful first: 7, 3 (2 of 4; about 1.2 are expected to be wrong)']
     """
     doubtful = report.get("doubtful", [])
     if not doubtful:
         return []
     listed = ", ".join(map(str, doubtful[:most])) + (" and so on" if len(doubtful) > most else "")
-    wrong = f"about {report['expected_wrong']:.2g} are wrong by the network"
+    wrong = f"about {report['expected_wrong']:.2g} are expected to be wrong"
     count = f"{len(doubtful)} of {len(report['slices'])}"
-    return [f"slices to look at, the most doubtful first: {listed} ({count}; {wrong})"]
+    return [f"check these slices, the most doubtful first: {listed} ({count}; {wrong})"]
 
 
 def check_closed(curves: Curves, structure: Structure) -> Curves:
@@ -137,6 +137,6 @@ def check_closed(curves: Curves, structure: Structure) -> Curves:
         raise InputError(
             f"{structure.case}/{structure.organ}",
             "no slice has a closed boundary",
-            "look at the input's slices, or lower the smallest area that counts",
+            "check the input's slices, or lower the smallest area that counts",
         )
     return curves

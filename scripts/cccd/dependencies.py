@@ -1,4 +1,4 @@
-"""Which files of a package a script needs: the transitive closure of its imports, read as text."""
+"""Which files of some packages a script needs: the transitive closure of its imports, read as text."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ __all__ = ["imported_files"]
 
 
 @functools.cache
-def _direct_imports(path: Path, library: Path) -> frozenset[Path]:
-    """Files of the package ``library`` that ``path`` imports itself, its packages' ``__init__`` included."""
-    package = path.relative_to(library.parent).parts[:-1] if path.is_relative_to(library) else ()
+def _direct_imports(path: Path, libraries: tuple[Path, ...]) -> frozenset[Path]:
+    """Files of the packages ``libraries`` that ``path`` imports itself, their ``__init__`` included."""
+    inside = (path.relative_to(library.parent) for library in libraries if path.is_relative_to(library))
+    package = next((place.parts[:-1] for place in inside), ())
     names = set()
     for node in _statements(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
         if isinstance(node, ast.Import):
@@ -22,7 +23,7 @@ def _direct_imports(path: Path, library: Path) -> frozenset[Path]:
             parents = package[: len(package) - node.level + 1] if node.level else ()
             base = ".".join((*parents, *filter(None, [node.module])))
             names.update([base, *(f"{base}.{alias.name}" for alias in node.names)])
-    return frozenset().union(*(_module_files(name, library) for name in names if name))
+    return frozenset().union(*(_module_files(name, libraries) for name in names if name))
 
 
 def _statements(block: ast.AST) -> Iterator[ast.AST]:
@@ -35,19 +36,18 @@ def _statements(block: ast.AST) -> Iterator[ast.AST]:
 
 
 @functools.cache
-def _module_files(name: str, library: Path) -> frozenset[Path]:
-    """Files of the package ``library`` of a dotted name: the module's, its packages' ``__init__``."""
+def _module_files(name: str, libraries: tuple[Path, ...]) -> frozenset[Path]:
+    """Files of a dotted name in the packages ``libraries``: the module's, its packages' ``__init__``."""
     parts = name.split(".")
-    if parts[0] != library.name:
-        return frozenset()  # somebody else's
-    stems = [library.parent.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
+    roots = [library.parent for library in libraries if library.name == parts[0]]  # else somebody else's
+    stems = [root.joinpath(*parts[:end]) for root in roots for end in range(1, len(parts) + 1)]
     return frozenset(
         file for stem in stems for file in (stem.with_suffix(".py"), stem / "__init__.py") if file.is_file()
     )
 
 
-def imported_files(script: Path, library: Path, modules: Iterable[str] = ()) -> list[Path]:
-    """All files of a package that running ``script`` can import, sorted, without ``script`` itself.
+def imported_files(script: Path, libraries: Iterable[Path], modules: Iterable[str] = ()) -> list[Path]:
+    """All files of some packages that running ``script`` can import, sorted, without ``script`` itself.
 
     Imports inside functions count too. Snakemake does not see an edit in an imported module; declared
     as inputs, these files make their stage run again.
@@ -55,15 +55,16 @@ def imported_files(script: Path, library: Path, modules: Iterable[str] = ()) -> 
     Parameters
     ----------
     script : path
-        A Python file, within the package or elsewhere.
-    library : path
-        The package's own folder.
+        A Python file, within the packages or elsewhere.
+    libraries : iterable of path
+        The packages' own folders.
     modules : iterable of str
-        Modules that the script imports by a name it is given, e.g. ``cccd.comparisons.k_sweep``.
+        Modules that the script imports by a name it is given, e.g. ``cccd_paper.comparisons.k_sweep``.
     """
+    folders = tuple(libraries)
     found: set[Path] = set()
-    pending = {script}.union(*(_module_files(module, library) for module in modules))
+    pending = {script}.union(*(_module_files(module, folders) for module in modules))
     while pending:
         found |= pending
-        pending = set().union(*(_direct_imports(path, library) for path in pending)) - found
+        pending = set().union(*(_direct_imports(path, folders) for path in pending)) - found
     return sorted(found - {script})

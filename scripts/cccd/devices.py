@@ -39,6 +39,6 @@ def chosen_device() -> torch.device:
         raise InputError(f"device {name!r}", "there is no such device", "choose one of auto, cpu, cuda")
     found = torch.cuda.is_available()
     if name == "cuda" and not found:
-        hint = "use auto or cpu, or install torch's build for CUDA; cccd doctor says what is there"
+        hint = "use auto or cpu, or install torch's build for CUDA; cccd doctor reports what is there"
         raise InputError("device cuda", "torch finds no GPU here", hint)
     return torch.device("cuda" if found and name != "cpu" else "cpu")

@@ -57,7 +57,7 @@ def object_in(path: Path) -> Path:
     objects = [file for file in files if dicom_modality(file) in ("SEG", "RTSTRUCT")]
     if len(objects) > 1:
         raise InputError(
-            path.name, f"it holds {len(objects)} SEG or RTSTRUCT objects", choices(f.name for f in objects)
+            path.name, f"it contains {len(objects)} SEG or RTSTRUCT objects", choices(f.name for f in objects)
         )
     return objects[0] if objects else path
 

@@ -67,8 +67,8 @@ def check_room(folder: Path, files: Iterable[str | Path]) -> None:
     there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     needed, free = least_bytes(files), shutil.disk_usage(there).free
     if needed > free:
-        problem = f"{_in_words(free)} free, and this run writes {_in_words(needed)} at least"
-        raise InputError(str(folder), problem, "free some, or write to another disk by --directory")
+        problem = f"{_in_words(free)} free, and this run writes at least {_in_words(needed)}"
+        raise InputError(str(folder), problem, "free some space, or write to another disk with --directory")
 
 
 def _in_words(size: int) -> str:

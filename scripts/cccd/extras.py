@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from cccd.errors import InputError
 
-__all__ = ["EXTRAS", "check_extra", "how_to_install", "missing_extra", "needing"]
+__all__ = ["EXTRAS", "MESHER_EXTRAS", "check_extra", "how_to_install", "missing_extra", "needing"]
 
 _VIEW = ("pyvista",)
 _REPORT = (*_VIEW, "matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification")
@@ -29,6 +29,9 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "usd": ("pxr",),
     "run": (*_REPORT, "snakemake", "jsonschema", "nilearn"),
 }
+
+#: The extra that each mesher of tetrahedra needs; gmsh is a program.
+MESHER_EXTRAS = {"ftetwild": "fe", "gmsh": "view", "gmsh-step": "cad"}
 
 
 def missing_extra(error: ModuleNotFoundError, location: str, extra: str = "") -> InputError:

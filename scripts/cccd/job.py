@@ -60,7 +60,7 @@ def job(
         if in_batch:
             _leave_placeholders(log, made)
         else:
-            print(f"{name}: left out, for a structure that it is made of failed", file=sys.stderr)
+            print(f"{name}: skipped, because a structure that it needs failed", file=sys.stderr)
         sys.exit(0 if in_batch else 1)
     log.parent.mkdir(parents=True, exist_ok=True)
     failed = log.with_name(f"{log.name}.failed")
@@ -69,7 +69,7 @@ def job(
         with contextlib.suppress(OSError):
             failed.write_text(" ".join(line.split()) + "\n", encoding="utf-8")
 
-    tell(f"{name}: died without a word (killed, out of memory, or a crash over a damaged file); see {log}")
+    tell(f"{name}: ended without a message (killed, out of memory, or a crash on a damaged file); see {log}")
     logging.basicConfig(
         filename=log, filemode="w", level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s"
     )
@@ -85,7 +85,7 @@ def job(
         elif isinstance(error, MemoryError):
             line = f"{name}: out of memory; run fewer jobs at once or give the job more"
         elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
-            line = f"{name}: no space left on the disk ({error.filename}); free some and run again"
+            line = f"{name}: no space left on the disk ({error.filename}); free some space and run again"
         else:
             line = f"{name}: {type(error).__name__}: {error}; see {log}"
         logger.error("%s\n%s", line, traceback.format_exc())

@@ -87,7 +87,7 @@ def _surveyed(label: MapLabel, part: Volume | None, number: int) -> SurveyedLabe
     if part is not None:
         volume = float(np.count_nonzero(part.data) * abs(np.linalg.det(part.affine[:3, :3])) / 1000)
     note = (
-        f"{label.left_out}: too little for a surface"
+        f"{label.left_out}: too small for a surface"
         if part is not None and label.left_out
         else label.left_out
     )

@@ -30,11 +30,8 @@ __all__ = [
 #: Names of networks in words.
 NAMES = {"ours": "our network", "paper": "the paper's network"}
 
-# Sizes that a start must have in common with the network; layers may be added.
-_SHARED = {
-    "ours": ("width", "link_width", "pixel_layers", "heads", "message_layers"),
-    "paper": ("width", "layers"),
-}
+# The sizes that can be set; of our network, layers may be added to a start.
+_SET = ("width", "layers", "message_layers")
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,7 @@ class _HeaderReader(pickle.Unpickler):
             return OrderedDict
         if module.split(".")[0] == "torch":
             return _nothing
-        raise pickle.UnpicklingError(f"{module}.{name} has no place in a model")
+        raise pickle.UnpicklingError(f"{module}.{name} is not allowed in a model")
 
     def persistent_load(self, pid: Any) -> None:
         return None
@@ -96,7 +93,7 @@ def read_segmenter_plan(path: str | Path) -> dict[str, Any]:
         content = _read_plain(path)
         if "segmenter" in content:
             return dict(content["segmenter"])
-        why = "it holds a junction network" if "sizes" in content else "it holds something else"
+        why = "it contains a junction network" if "sizes" in content else "it contains something else"
     except OSError as error:
         raise foreign_segmenter(path, error.strerror or type(error).__name__) from error
     except Exception as error:  # whatever a foreign file makes the readers raise
@@ -125,7 +122,7 @@ def check_model(path: str | Path, network: str) -> ModelHeader:
     header = read_header(path)
     if header.network != network:
         held, wanted = (NAMES.get(name, name) for name in (header.network, network))
-        problem = f"holds the weights of {held}, and gnn.network asks for {wanted}"
+        problem = f"contains the weights of {held}, but gnn.network asks for {wanted}"
         raise InputError(str(path), problem, f"set gnn.network to {header.network}, or name another file")
     return header
 
@@ -133,10 +130,11 @@ def check_model(path: str | Path, network: str) -> ModelHeader:
 def check_start(path: str | Path, settings: NetworkSettings) -> None:
     """Refuse a start whose weights do not fit the network that is to be trained, or would be lost."""
     header = check_model(path, settings.network)
-    section = "gnn" if settings.network == "ours" else "gnn.paper"
-    wanted = (settings if settings.network == "ours" else settings.paper).model_dump()
-    for key in _SHARED[settings.network]:
-        old, new = header.sizes.get(key), wanted[key]
-        if old != new and (key != "message_layers" or old is None or old > new):  # layers may be added
-            hint = f"set {section}.{key} to {old}, or gnn.start to null"
+    ours = settings.network == "ours"
+    section, wanted = ("gnn", settings.sizes) if ours else ("gnn.paper", settings.paper.sizes)
+    for key, new in wanted.items():
+        old = header.sizes.get(key)
+        if old != new and (key != "message_layers" or old is None or old > new):
+            hint = "set gnn.start to null"
+            hint = f"set {section}.{key} to {old}, or gnn.start to null" if key in _SET else hint
             raise InputError(str(path), f"its {key} is not {new}", hint)

@@ -87,21 +87,23 @@ def read_address(text: str, location: str) -> RemoteFile:
     parts = urllib.parse.urlsplit(text)
     queries = [key for key, _ in urllib.parse.parse_qsl(parts.query, keep_blank_values=True)]
     if parts.username or parts.password or any(map(_SECRET.search, queries)):
-        raise InputError(location, "an address carries credentials", "leave them to the environment")
+        raise InputError(location, "an address contains credentials", "put them into environment variables")
     if not parts.netloc or not parts.path.lower().endswith(_SUFFIXES):
         raise InputError(
             location,
-            "an address names no file of a volume",
+            "an address does not name the file of a volume",
             f"give one that ends with {', '.join(_SUFFIXES)}",
         )
     checksum = parts.fragment.removeprefix("sha256=").lower()
     if parts.fragment and not re.fullmatch("[0-9a-f]{64}", checksum):
         raise InputError(
-            location, "an address ends with no checksum", "write #sha256= and 64 digits, or nothing"
+            location, "an address ends with an invalid checksum", "write #sha256= and 64 digits, or nothing"
         )
     if parts.scheme.lower() == "http" and not checksum:
         raise InputError(
-            location, "http:// says not whose file it is", "take https://, or add #sha256= and its checksum"
+            location,
+            "http:// does not prove where a file comes from",
+            "use https://, or add #sha256= and its checksum",
         )
     return RemoteFile(urllib.parse.urlunsplit(parts._replace(fragment="")), checksum)
 
@@ -129,7 +131,7 @@ def fetch(remote: RemoteFile, path: Path) -> str:
             digest.update(chunk)
             length += len(chunk)
     if promised is not None and length != promised:
-        raise _failed(remote.address, f"{length} of {promised} bytes came")
+        raise _failed(remote.address, f"only {length} of {promised} bytes arrived")
     if remote.sha256 and digest.hexdigest() != remote.sha256:
         problem = f"its SHA-256 is {digest.hexdigest()}, and the sheet says {remote.sha256}"
         raise InputError(remote.address, problem, "correct the sheet, or ask who changed the file")

@@ -37,7 +37,6 @@ from cccd.containers import (
     View,
 )
 from cccd.errors import InputError
-from cccd.geometry.bsplines import Patch
 from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
@@ -62,7 +61,6 @@ __all__ = [
     "read_graph_facts",
     "read_graphs",
     "read_json",
-    "read_patches",
     "read_probability",
     "read_report",
     "read_splines",
@@ -72,7 +70,7 @@ __all__ = [
     "write_boundaries",
     "write_conforming",
     "write_contours",
-    "write_control_nets",
+    "write_control_meshes",
     "write_curves",
     "write_figures",
     "write_graphs",
@@ -123,7 +121,7 @@ def check_writable(path: str | Path) -> None:
     """
     folder = next(parent for parent in Path(path).absolute().parents if os.path.exists(parent))
     if not folder.is_dir():
-        raise InputError(str(path), f"{folder} is not a folder", "give a folder of your own")
+        raise InputError(str(path), f"{folder} is not a folder", "give a folder that you can write to")
     try:
         with tempfile.NamedTemporaryFile(prefix=".", dir=folder):
             pass
@@ -131,7 +129,7 @@ def check_writable(path: str | Path) -> None:
         if error.errno == errno.ENOSPC:
             raise
         raise InputError(
-            str(path), f"nothing can be written in {folder}", "give a folder of your own"
+            str(path), f"the folder {folder} is not writable", "give a folder that you can write to"
         ) from None
 
 
@@ -162,9 +160,17 @@ def _open(path: str | Path) -> Generator[h5py.File, None, None]:
             ) from None
 
 
-def _put(group: h5py.Group, name: str, array: npt.ArrayLike, dtype: npt.DTypeLike | None = None) -> None:
+def _put(
+    group: h5py.Group,
+    name: str,
+    array: npt.ArrayLike,
+    dtype: npt.DTypeLike | None = None,
+    chunks: tuple[int, ...] | None = None,
+) -> None:
     array = np.ascontiguousarray(array, dtype)
-    packed = {"compression": "gzip", "compression_opts": 4, "shuffle": True} if array.size > 1024 else {}
+    packed: dict[str, Any] = {}
+    if array.size > 1024:
+        packed = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "chunks": chunks}
     group.create_dataset(name, data=array, track_times=False, **packed)
 
 
@@ -439,12 +445,6 @@ def read_curves(path: str | Path) -> Curves:
         return _get_curves(file["ordered"], _get_frame(file))
 
 
-def read_chain_codes(path: str | Path) -> npt.NDArray[np.uint8]:
-    """Read the Freeman codes (P,) of ``curves.h5``; the offsets are the curves' own."""
-    with _open(path) as file:
-        return _get(file, "chain_codes/codes")
-
-
 def read_corners(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
     """Read the corner points (K, 2) of ``curves.h5`` and their offsets (C + 1,)."""
     with _open(path) as file:
@@ -642,14 +642,10 @@ def read_view(path: str | Path) -> View:
 # surface.h5 -----------------------------------------------------------------------------------------
 
 
-def write_control_nets(
-    path: str | Path,
-    bodies: Sequence[ControlMesh],
-    patches: Sequence[Patch],
-    frame: Frame,
-    report: Mapping[str, Any],
+def write_control_meshes(
+    path: str | Path, bodies: Sequence[ControlMesh], frame: Frame, report: Mapping[str, Any]
 ) -> None:
-    """Write ``surface.h5``: closed splines in mm RAS, or where there is none the tubes' control nets.
+    """Write ``surface.h5``: closed splines in mm RAS.
 
     Parameters
     ----------
@@ -657,8 +653,6 @@ def write_control_nets(
         Where.
     bodies : sequence of ControlMesh
         A cavity's turned inside out.
-    patches : sequence of Patch
-        Of a surface that was made of tubes.
     frame : Frame
         The grid of the source volume.
     report : mapping
@@ -667,30 +661,17 @@ def write_control_nets(
     with _create(path) as file:
         _put_frame(file, frame)
         _put_json(file, "report", report)
-        if bodies:
-            _put_bodies(file.create_group("bodies"), bodies)
-            return
-        root = file.create_group("patches")
-        for number, patch in enumerate(patches):
-            group = root.create_group(str(number))
-            _put(group, "control_points", patch.control_points, np.float64)
-            _put(group, "weights", patch.weights, np.float64)
-            _put(group, "knots_u", patch.knots_u, np.float64)
-            _put(group, "knots_v", patch.knots_v, np.float64)
-            for name in ("degree_u", "degree_v", "closed_u", "closed_v", "sign"):
-                group.attrs[name] = getattr(patch, name)
+        _put_bodies(file.create_group("bodies"), bodies)
 
 
 def read_bodies(path: str | Path) -> list[ControlMesh]:
-    """Read the closed splines of ``surface.h5``; there is none where the surface was made of tubes."""
+    """Read the closed splines of ``surface.h5``."""
     with _open(path) as file:
-        return [] if "patches" in file else [_get_body(group) for group in _numbered(file, "bodies")]
-
-
-def read_patches(path: str | Path) -> list[Patch]:
-    """Read the tubes' control nets of ``surface.h5``; there is none where it holds closed splines."""
-    with _open(path) as file:
-        return [] if "bodies" in file else [_get_patch(group) for group in _numbered(file, "patches")]
+        if "bodies" not in file:
+            raise InputError(
+                str(path), "it contains no closed splines: an older version wrote it", "loft it again"
+            )
+        return [_get_body(group) for group in _numbered(file, "bodies")]
 
 
 def bodies_bytes(bodies: Sequence[ControlMesh]) -> int:
@@ -707,7 +688,8 @@ def _put_bodies(root: h5py.Group, bodies: Sequence[ControlMesh]) -> None:
         group = root.create_group(str(number))
         group.attrs["sign"] = body.sign
         _put(group, "vertices", body.vertices, np.float64)
-        _put(group, "quads", body.quads, np.int32)
+        # first corners of all quads, then second ones: a fifth less than quad by quad
+        _put(group, "quads", body.quads, np.int32, chunks=(len(body.quads), 1))
         _put(group, "creases", body.creases, np.int32)
         _put(group, "crease_sharpness", body.sharpness, np.float32)
 
@@ -715,20 +697,6 @@ def _put_bodies(root: h5py.Group, bodies: Sequence[ControlMesh]) -> None:
 def _get_body(group: h5py.Group) -> ControlMesh:
     quads, creases = (_get(group, name).astype(np.int64) for name in ("quads", "creases"))
     return ControlMesh(_get(group, "vertices"), quads, creases, _get(group, "crease_sharpness").astype(float))
-
-
-def _get_patch(group: h5py.Group) -> Patch:
-    return Patch(
-        _get(group, "control_points"),
-        _get(group, "weights"),
-        _get(group, "knots_u"),
-        _get(group, "knots_v"),
-        int(group.attrs["degree_u"]),
-        int(group.attrs["degree_v"]),
-        bool(group.attrs["closed_u"]),
-        bool(group.attrs["closed_v"]),
-        int(group.attrs["sign"]),
-    )
 
 
 def read_surface_frame(path: str | Path) -> Frame:

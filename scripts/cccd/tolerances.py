@@ -33,7 +33,10 @@ SAME_GRID_VOXELS = 0.05
 SAME_SPACING = 0.05
 
 #: Coordinates of stored control points are rounded by at most this share of a pixel: zero bits pack well.
-CONTROL_POINT_PIXELS = 0.002
+CONTROL_POINT_PIXELS = 0.008
+
+#: Smoothed distances enclose this share of a part of few voxels.
+SHRUNK_PART = 0.5
 
 #: Vertices of a phantom's true surface lie this near to its zero set.
 PROJECTION_MM = 1e-4

@@ -47,7 +47,7 @@ def trace_stack(mask: np.ndarray, origin: Sequence[int] | np.ndarray, frame: Fra
     Notes
     -----
     Border following (Suzuki and Abe 1985) visits a pixel twice where the organ is one pixel wide. The
-    walk is split there into loops that touch in that pixel only; what was walked to and fro (spurs,
+    walk is split there into loops that touch in that pixel only; what was walked back and forth (spurs,
     lines, single pixels) encloses nothing and is dropped. The signed area is kept exactly.
     """
     chains: list[np.ndarray] = []

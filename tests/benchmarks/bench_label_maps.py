@@ -23,7 +23,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.metrics import surface_distances
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.curves import CurveSettings
-from cccd.settings.surface import LoftSettings, WallSettings
+from cccd.settings.surface import LoftSettings
 from cccd.solids.shared_walls import Organ, share_walls
 from cccd.surface.measure import mask_surface
 
@@ -113,7 +113,7 @@ def main() -> None:
         }
         lofted = time.perf_counter()
         organs = {label: Organ(parts[label].organ, parts[label], alone[label].mesh) for label in parts}
-        ours = share_walls(organs, WallSettings()).surface
+        ours = share_walls(organs).surface
         print(f"{run}: lofting {lofted - start:.2f} s, shared walls {time.perf_counter() - lofted:.2f} s")
     apart = [
         surface_distances(alone[label].mesh, mesh, np.random.default_rng(0), 20_000)["assd"]

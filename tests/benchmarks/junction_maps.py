@@ -4,12 +4,13 @@
                                              [--final] [--table FILE]
 
 Every map is of one organ without holes, whose outline is `SHORTEST_PX` long at least. Single maps are of
-random organs (`cccd.junctions.random_masks`); stacks are of random bodies, `SLICES` slices in order, all
-damaged in the same way. Edge maps (``canny``) come with their grey slices; those of a stack have the same
-tissues around the organ, and so the same reasons to fail. Maps are ordered in up to four ways (`WAYS`).
-``doubtful`` is the share that the uncertainty tells to look at, ``caught`` the share of the wrong ones that
-are among these; ``ms`` is processor time per map, from pixels to scored curves. What is tried is tried on the
-development maps; the final ones have a seed of their own, for figures that are written down in the end.
+random organs (`cccd_training.junctions.random_masks`); stacks are of random bodies, `SLICES` slices in
+order, all damaged in the same way. Edge maps (``canny``) come with their grey slices; those of a stack have
+the same tissues around the organ, and so the same reasons to fail. Maps are ordered in up to four ways
+(`WAYS`). ``doubtful`` is the share that the uncertainty tells to look at, ``caught`` the share of the wrong
+ones that are among these; ``ms`` is processor time per map, from pixels to scored curves. What is tried is
+tried on the development maps; the final ones have a seed of their own, for figures that are written down in
+the end.
 """
 
 import argparse
@@ -32,13 +33,14 @@ from scipy import ndimage  # noqa: E402
 from cccd.geometry.arrays import ByteArray  # noqa: E402
 from cccd.geometry.opencv import border_pixels  # noqa: E402
 from cccd.junctions.checkpoint import load_model  # noqa: E402
-from cccd.junctions.inference import DEFAULTS, Predictor, read_slices  # noqa: E402
+from cccd.junctions.inference import SLICES_PER_BATCH, Predictor, read_slices  # noqa: E402
 from cccd.junctions.observation import observe  # noqa: E402
-from cccd.junctions.scoring import SliceScore, score_labels  # noqa: E402
+from cccd.junctions.ordering import DEFAULTS  # noqa: E402
 from cccd.junctions.stacks import ReadSlice, label_slices  # noqa: E402
-from cccd.junctions.synthetic_images import canny_map, draw_image  # noqa: E402
-from cccd.junctions.synthetic_maps import SyntheticMap, draw_map  # noqa: E402
 from cccd.volumes.corruptions import KINDS, corrupt  # noqa: E402
+from cccd_training.junctions.scoring import SliceScore, score_labels  # noqa: E402
+from cccd_training.junctions.synthetic_images import canny_map, draw_image  # noqa: E402
+from cccd_training.junctions.synthetic_maps import SyntheticMap, draw_map  # noqa: E402
 
 MODEL = ROOT / "workflow" / "models" / "junctions.pt"
 
@@ -142,9 +144,9 @@ WAYS = {
 def read_maps(maps: Sequence[SyntheticMap], model: Predictor) -> list[ReadSlice]:
     """What the network says of maps, batch by batch."""
     read: list[ReadSlice] = []
-    for begin in range(0, len(maps), DEFAULTS.slices_per_batch):
-        batch = maps[begin : begin + DEFAULTS.slices_per_batch]
-        read += read_slices([observe(m.pixels, m.image, DEFAULTS) for m in batch], model, DEFAULTS)
+    for begin in range(0, len(maps), SLICES_PER_BATCH):
+        batch = maps[begin : begin + SLICES_PER_BATCH]
+        read += read_slices([observe(m.pixels, m.image) for m in batch], model)
     return read
 
 
@@ -152,12 +154,11 @@ def scored(
     maps: Sequence[SyntheticMap], read: Sequence[ReadSlice], parts: int | None, together: bool
 ) -> list[Scored]:
     """Order maps and score them; ``together`` as the slices of a stack, else as strangers."""
-    settings = DEFAULTS.model_copy(update={"parts": parts})
     numbers = np.arange(len(maps)) * (1 if together else 1000)
     scores: list[Scored] = []
-    for one, drawn, found in zip(read, maps, label_slices(read, numbers, settings), strict=True):
-        score = score_labels(one.graph, found.inside, drawn.contours, settings)
-        scores.append((score, found.uncertainty >= settings.doubtful_from))
+    for one, drawn, found in zip(read, maps, label_slices(read, numbers, parts), strict=True):
+        score = score_labels(one.graph, found.inside, drawn.contours, parts)
+        scores.append((score, found.uncertainty >= DEFAULTS.doubtful_from))
     return scores
 
 

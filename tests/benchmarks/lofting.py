@@ -24,11 +24,11 @@ import pandas as pd  # noqa: E402
 from run import machine, measure  # noqa: E402
 
 import cccd  # noqa: E402
-from cccd.comparisons.thick_slices import every_nth_slice  # noqa: E402
-from cccd.comparisons.volume_meshes import distance_isosurface, windowed_sinc  # noqa: E402
 from cccd.containers import Structure  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
 from cccd.volumes import load_structure  # noqa: E402
+from cccd_paper.comparisons.thick_slices import every_nth_slice  # noqa: E402
+from cccd_paper.comparisons.volume_meshes import distance_isosurface, windowed_sinc  # noqa: E402
 
 #: Phantoms and their voxel sizes in mm: 390 x 512 pixels and 61 slices, about; and 600 slices.
 PHANTOMS = {"lungs": (0.7, 0.7, 5.0), "kidney": (1.0, 1.0, 0.2)}

@@ -21,8 +21,8 @@ sys.path[:0] = [str(ROOT / "scripts"), str(Path(__file__).parent)]
 import pandas as pd  # noqa: E402
 from training_graphs import trained_scores  # noqa: E402
 
-from cccd.junctions.tasks import OurTask  # noqa: E402
 from cccd.settings.junctions import NetworkSettings  # noqa: E402
+from cccd_training.junctions.tasks import OurTask  # noqa: E402
 
 MAPS, WIDTHS = (1000, 4000, 16000), (16, 32, 64)
 #: Maps that score, and frozen ones that are trained on in every epoch and that choose among the last epochs.
@@ -44,7 +44,6 @@ def settings_of(width: int, maps: int) -> NetworkSettings:
             "epochs": epochs,
             "patience": epochs,
             "width": width,
-            "link_width": width * plain.link_width // plain.width,
         }
     )
 

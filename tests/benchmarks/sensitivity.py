@@ -1,9 +1,8 @@
-"""How much results depend on the numbers that were tuned: every expert key at half, once and twice its value.
+"""How much results depend on a number that a user may set: at half, once and twice its value.
 
-    python tests/benchmarks/sensitivity.py [--only curves.fitting surface ...] [--table FILE] [--fresh]
+    python tests/benchmarks/sensitivity.py [--only curves surface ...] [--table FILE] [--fresh]
 
-Keys of the curves and the surface are tried on coarse phantoms, whose true surface is known; the junction
-network's keys that act without training, on synthetic boundary maps of every kind. One key at a time, all
+Keys of the curves and the surface are tried on phantoms, whose true surface is known. One key at a time, all
 others at their defaults. A value that its range does not allow becomes the nearest that it does (halfway to a
 bound that it must not reach). Rows are written as they come, and a run goes on where the last one stopped,
 unless the defaults' own figures have changed since. `python -m cccd.settings` then takes the table into
@@ -30,34 +29,35 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from scipy.spatial import cKDTree  # noqa: E402
 
-from cccd.containers import Curves, Frame, Structure  # noqa: E402
+from cccd.containers import Curves, Structure  # noqa: E402
 from cccd.curves import fit_splines, sample_splines  # noqa: E402
 from cccd.curves.measures import area_dice, distances  # noqa: E402
 from cccd.errors import InputError  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.metrics import surface_distances  # noqa: E402
 from cccd.settings.emit import Key, keys  # noqa: E402
-from cccd.settings.imports import PhantomSettings  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
 from cccd.settings.validation import validate_config  # noqa: E402
 from cccd.surface import loft_surface  # noqa: E402
 from cccd.tracing import trace_mask  # noqa: E402
 from cccd.volumes.phantoms import make_phantom  # noqa: E402
 
-#: Phantoms and their voxel sizes in mm: large and small, branching, with a hole, with a cavity.
-PHANTOMS = {
-    "liver": (2.5, 2.5, 6.0),
-    "kidney": (2.0, 2.0, 5.0),
-    "lungs": (4.0, 4.0, 8.0),
-    "torus": (1.5, 1.5, 3.0),
-    "shell": (2.0, 2.0, 3.0),
-}
+#: Phantoms and their voxel sizes in mm: large and small, branching, with a hole, with a cavity; and with
+#: slices that lie five and eight pixels apart, between which thin parts move by more than their width.
+PHANTOMS = (
+    ("liver", (2.5, 2.5, 6.0)),
+    ("kidney", (2.0, 2.0, 5.0)),
+    ("lungs", (4.0, 4.0, 8.0)),
+    ("torus", (1.5, 1.5, 3.0)),
+    ("shell", (2.0, 2.0, 3.0)),
+    ("kidney", (1.0, 1.0, 8.0)),
+    ("torus", (1.0, 1.0, 5.0)),
+    ("bronchi", (1.0, 1.0, 2.0)),
+    ("bronchi", (1.0, 1.0, 5.0)),
+    ("X", (1.0, 1.0, 8.0)),
+)
 #: Points that surfaces are compared at.
 SAMPLES = 20_000
-#: Boundary maps of each kind.
-MAPS = 10
-#: A budget of control points for the keys that act under one, as a share of the pixels.
-BUDGET = 0.1
 FACTORS = (0.5, 1, 2)
 
 Figures = dict[str, float]
@@ -70,10 +70,8 @@ Figures = dict[str, float]
 def phantoms() -> list[tuple[Structure, Curves]]:
     """Scans of the phantoms and the traced outlines of their masks."""
     made = [
-        make_phantom(
-            "case", organ, PhantomSettings(spacing_mm=spacing), seed=1, margin_voxels=3, location=organ
-        )
-        for organ, spacing in PHANTOMS.items()
+        make_phantom("case", organ, spacing, seed=1, margin_voxels=3, location=organ)
+        for organ, spacing in PHANTOMS
     ]
     return [(structure, trace_mask(structure)) for structure in made]
 
@@ -90,18 +88,16 @@ def normal_error_deg(mesh: Mesh, truth: Mesh) -> float:
 
 
 def curve_figures(settings: Settings) -> Figures:
-    """Closeness and number of control points of the splines, by tolerance and with a budget."""
-    budget = settings.curves.model_copy(update={"max_control_points": BUDGET})
+    """Closeness and number of control points of the splines."""
     rows = []
     for _, curves in phantoms():
-        splines, fewer = fit_splines(curves, settings.curves), fit_splines(curves, budget)
-        drawn, roughly = sample_splines(splines, 4), sample_splines(fewer, 4)
+        splines = fit_splines(curves, settings.curves)
+        drawn = sample_splines(splines, 4)
         rows.append(
             {
                 "curve_dice": float(area_dice(curves, drawn).mean()),
                 "curve_distance_px": float(distances(curves.points, curves.offsets, drawn).mean()),
                 "curve_control_points": len(splines.control_points),
-                "budget_distance_px": float(distances(curves.points, curves.offsets, roughly).mean()),
             }
         )
     return means(rows)
@@ -125,27 +121,6 @@ def surface_figures(settings: Settings) -> Figures:
     return means(rows)
 
 
-def junction_figures(settings: Settings) -> Figures:
-    """Share of synthetic boundary maps that the shipped network and its decoder order as they should be."""
-    from cccd.junctions.checkpoint import load_model
-    from cccd.junctions.decoding import closed_chains
-    from cccd.junctions.inference import predict_masks
-    from cccd.junctions.scoring import score_slice
-    from cccd.junctions.synthetic_maps import draw_map
-    from cccd.volumes.corruptions import KINDS
-
-    rng, inference = np.random.default_rng(settings.seed), settings.gnn.inference
-    samples = [draw_map(rng, kind, 1.0) for kind in KINDS for _ in range(MAPS)]
-    model = load_model(ROOT / "workflow" / "models" / "junctions.pt")
-    masks, origin = predict_masks(
-        [sample.pixels for sample in samples], model, [sample.image for sample in samples], inference
-    )
-    frame, first = Frame(np.eye(4), 2, (1, 1, 1)), np.zeros(1, np.int64)
-    chains = [list(closed_chains(mask[None], origin, first, frame, inference)) for mask in masks]
-    scores = [score_slice(chain, sample.contours) for chain, sample in zip(chains, samples, strict=True)]
-    return {"correct_maps": float(np.mean([score.correct for score in scores]))}
-
-
 def means(rows: list[Figures]) -> Figures:
     """Geometric means over the phantoms, so that each counts alike."""
     return {name: float(np.exp(np.mean([np.log(row[name]) for row in rows]))) for name in rows[0]}
@@ -158,17 +133,13 @@ def means(rows: list[Figures]) -> Figures:
 class Chain:
     """Figures that depend on some keys."""
 
-    prefix: str
+    keys: tuple[str, ...]
     figures: tuple[Callable[[Settings], Figures], ...]
 
 
-#: Keys of what is made of the finished surface.
-AFTER_THE_SURFACE = ("surface.solid.", "surface.tetrahedra.")
-CHAINS = (
-    Chain("curves.", (curve_figures, surface_figures)),
-    Chain("surface.", (surface_figures,)),
-    Chain("gnn.inference.", (junction_figures,)),
-)
+#: Phantoms have no specks and no slice is missing: `surface.smallest_part_voxels` and `surface.bridge_slices`
+#: change nothing of them, and are not tried.
+CHAINS = (Chain(("curves.tolerance_px",), (curve_figures, surface_figures)),)
 
 
 def measure(chain: Chain, settings: Settings) -> Figures:
@@ -180,28 +151,8 @@ def measure(chain: Chain, settings: Settings) -> Figures:
         return {}
 
 
-def expert_numbers(chain: Chain) -> list[Key]:
-    """The chain's expert keys that hold a number, or a list of them."""
-    return [
-        key
-        for key in keys()
-        if key.expert
-        and key.dotted.startswith(chain.prefix)
-        and not key.dotted.startswith(AFTER_THE_SURFACE)
-        and all(part.get("type") in ("number", "integer") for part in _parts(key))
-    ]
-
-
-def _parts(key: Key) -> list[dict[str, Any]]:
-    """Schemas of the key's numbers: one, or a list's."""
-    return key.schema.get("prefixItems", [key.schema])
-
-
-def scaled(key: Key, factor: float) -> float | list[float]:
-    """The key's value times a factor, brought into its range; of a list, every number."""
-    if isinstance(key.default, list):
-        pairs = zip(key.default, _parts(key), strict=True)
-        return [_in_range(factor * value, value, schema) for value, schema in pairs]
+def scaled(key: Key, factor: float) -> float:
+    """The key's value times a factor, brought into its range."""
     return _in_range(factor * key.default, key.default, key.schema)
 
 
@@ -214,7 +165,7 @@ def _in_range(value: float, default: float, schema: dict[str, Any]) -> float:
     return round(value) if schema["type"] == "integer" else float(value)
 
 
-def with_value(key: Key, value: float | list[float]) -> Settings:
+def with_value(key: Key, value: float) -> Settings:
     """Defaults of every key but one."""
     config: Any = value
     for name in reversed(key.path):
@@ -273,7 +224,8 @@ def main() -> None:
     before = pd.read_csv(arguments.table, dtype={"value": str}) if arguments.table.is_file() else empty
     rows: list[dict[str, Any]] = []
     for chain in CHAINS:
-        chosen = [key for key in expert_numbers(chain) if key.dotted.startswith(tuple(arguments.only))]
+        named = [name for name in chain.keys if name.startswith(tuple(arguments.only))]
+        chosen = [key for key in keys() if key.dotted in named]
         for row in rows_of(chain, chosen, empty if arguments.fresh else before) if chosen else ():
             rows.append(row)
             write(rows, before, arguments.table)

@@ -35,12 +35,12 @@ from scipy import ndimage  # noqa: E402
 from scipy.spatial import cKDTree  # noqa: E402
 
 import cccd  # noqa: E402
-from cccd.comparisons import interpolate_contours  # noqa: E402
 from cccd.containers import Structure  # noqa: E402
 from cccd.geometry.distance import to_mask  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
 from cccd.volumes import load_structure  # noqa: E402
 from cccd.volumes.annotation import fill_mask  # noqa: E402
+from cccd_paper.comparisons import interpolate_contours  # noqa: E402
 
 DATA = ROOT.parent / "shared" / "data"
 #: Masks of real scans, by their names in the table.

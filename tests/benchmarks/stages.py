@@ -12,7 +12,6 @@ from scipy.interpolate import splprep
 from torch_geometric.data import Batch
 
 from cccd.boundary import extract_boundaries
-from cccd.comparisons.volume_meshes import flying_edges, windowed_sinc
 from cccd.containers import Boundaries, Curves
 from cccd.contours import trace_contours
 from cccd.curves import describe_curves
@@ -20,14 +19,15 @@ from cccd.geometry.arrays import concatenate_ragged
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.contours import order_contours
-from cccd.junctions.data import label_map
-from cccd.junctions.loss import total_loss
-from cccd.junctions.synthetic_maps import draw_map
-from cccd.settings.junctions import LossSettings, NetworkSettings
 from cccd.settings.root import Settings
-from cccd.surface import loft_surface, measure_surface
+from cccd.surface import loft_surface
+from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
 from cccd.volumes.corruptions import corrupt
+from cccd_paper.comparisons.volume_meshes import flying_edges, windowed_sinc
+from cccd_training.junctions.data import label_map
+from cccd_training.junctions.loss import total_loss
+from cccd_training.junctions.synthetic_maps import draw_map
 
 __all__ = ["STAGES"]
 
@@ -58,14 +58,14 @@ def junctions(slices: int, settings: Settings) -> Methods:
 def network(slices: int, settings: Settings) -> Methods:
     """The junction network on damaged maps, on the GPU beside the CPU where there is one."""
     maps = [draw_map(np.random.default_rng([settings.seed, n]), "mixed") for n in range(slices)]
-    data = [label_map(drawn, False, NetworkSettings()) for drawn in maps]
+    data = [label_map(drawn, False) for drawn in maps]
     methods = {}
     for device in ("CPU", "CUDA") if torch.cuda.is_available() else ("CPU",):
         model, there = load_model(MODEL).to(device.lower()), Batch.from_data_list(data).to(device.lower())
 
         def step(model=model, there=there) -> None:
             model.zero_grad()
-            total_loss(model.train()(there), there, LossSettings()).backward()
+            total_loss(model.train()(there), there).backward()
 
         methods[f"prediction, {device}"] = partial(model.predict, data)
         methods[f"step of training, {device}"] = step

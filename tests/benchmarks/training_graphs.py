@@ -22,10 +22,10 @@ sys.path[:0] = [str(ROOT / "scripts")]
 
 import pandas as pd  # noqa: E402
 
-from cccd.junctions.frozen_graphs import generate_graphs  # noqa: E402
-from cccd.junctions.loop import train_model  # noqa: E402
 from cccd.settings.junctions import NetworkSettings  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
+from cccd_training.junctions.frozen_graphs import generate_graphs  # noqa: E402
+from cccd_training.junctions.loop import train_model  # noqa: E402
 
 __all__ = ["trained_scores"]
 
@@ -42,7 +42,7 @@ def trained_scores(settings: NetworkSettings) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         graphs, history = folder / "graphs.h5", folder / "history.csv"
-        generate_graphs(settings.graphs, settings.kind_weights, seed, graphs)
+        generate_graphs(settings.graphs, seed, graphs)
         train_model(graphs, settings, seed, folder / "checkpoints", folder / "model.pt", history, 1)
         rows = pd.read_csv(history).dropna(subset=["test_correct"])
     return rows[[name for name in rows if name.startswith("test_")]].iloc[0].to_dict()
@@ -53,15 +53,15 @@ def score(network: str, count: int) -> dict[str, float | int | str]:
     plain = NetworkSettings()
     epochs = round(EPOCHS * max(COUNTS) / count)
     graphs = plain.graphs.model_copy(update={"training": count, "validation": VALIDATION})
-    plan = {"epochs": epochs, "patience": epochs}
     settings = plain.model_copy(
         update={
             "network": network,
             "graphs": graphs,
             "fresh_maps": 0,
             "batch_size": BATCH,
-            "paper": plain.paper.model_copy(update=plan),
-            **plan,
+            "paper": plain.paper.model_copy(update={"epochs": epochs}),
+            "epochs": epochs,
+            "patience": epochs,
         }
     )
     return {"network": network, "training_graphs": count, "epochs": epochs, **trained_scores(settings)}

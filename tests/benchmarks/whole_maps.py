@@ -34,7 +34,6 @@ from cccd.containers import Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.geometry.raster import voxelise  # noqa: E402
 from cccd.metrics import surface_distances  # noqa: E402
-from cccd.settings.surface import WallSettings  # noqa: E402
 from cccd.solids.shared_walls import Organ, SharedWalls, share_walls  # noqa: E402
 from cccd.surface.measure import mask_surface  # noqa: E402
 
@@ -150,7 +149,7 @@ def main() -> None:
         began = time.process_time()
         organs = organs_of(path)
         lofted = time.process_time()
-        walls = share_walls(organs, WallSettings())
+        walls = share_walls(organs)
         print(f"CPU seconds: lofting {lofted - began:.0f}, shared walls {time.process_time() - lofted:.1f}")
         report(organs, walls)
 

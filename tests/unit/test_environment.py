@@ -71,7 +71,7 @@ def imported():
                 modules.update(alias.name.split(".")[0] for alias in node.names)
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 modules.add(node.module.split(".")[0])
-    modules -= {"cccd", *sys.stdlib_module_names}
+    modules -= {"cccd", "cccd_paper", "cccd_training", *sys.stdlib_module_names}
     return {DISTRIBUTIONS.get(name, name) for name in modules}
 
 
@@ -105,6 +105,34 @@ def test_every_extra_says_which_modules_it_brings():
 def test_one_version():
     import cccd
 
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    assert project["version"] == cccd.__version__ == citation["version"]
+    newest = re.search(r"^## \[(\d.*)\] - (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert project["project"]["dynamic"] == ["version"]
+    assert project["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "cccd.__version__"}
+    assert cccd.__version__ == citation["version"] == newest[1]
+    assert str(citation["date-released"]) == newest[2]
+
+
+def test_the_conda_recipe_asks_for_what_the_wheel_asks_for():
+    import cccd
+
+    text = (ROOT / "recipe" / "meta.yaml").read_text()
+    assert f'version = "{cccd.__version__}"' in text
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    run = re.search(r"  run:\n(.*?)\n\n", text, re.DOTALL)[1].replace("py-opencv", DISTRIBUTIONS["cv2"])
+    asked = {line.strip(" -").replace(" ", "") for line in run.splitlines()}
+    assert asked - {"python>={{python_min}}"} == set(project["dependencies"])
+
+
+def test_linters_have_one_version_each():
+    texts = {
+        name: (ROOT / name).read_text()
+        for name in ("noxfile.py", ".pre-commit-config.yaml", ".github/workflows/lint.yml")
+    }
+    for linter, version in re.findall(
+        r"\b(ruff|snakefmt|codespell|pyright)==([\d.]+)", (ROOT / ".ci" / "run").read_text()
+    ):
+        for name, text in texts.items():
+            named = re.findall(rf"{linter}(?:-pre-commit)?(?:==|\n    rev: v)([\d.]+)", text)
+            assert set(named) <= {version}, (name, linter)

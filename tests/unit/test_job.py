@@ -62,7 +62,7 @@ def test_success_clears_an_earlier_failure(tmp_path):
 def test_a_job_that_is_killed_leaves_its_line(tmp_path):
     log = tmp_path / "job.log"
     assert run_job("import os; os.kill(os.getpid(), 9)", log).returncode == -9
-    assert log.with_name("job.log.failed").read_text().startswith("case/organ: died without a word")
+    assert log.with_name("job.log.failed").read_text().startswith("case/organ: ended without a message")
 
 
 def test_disk_full_in_a_library_call_is_named(tmp_path):
@@ -94,7 +94,7 @@ def test_a_batch_goes_on_without_the_structure_that_failed(tmp_path, monkeypatch
     # outside a batch, a table of the whole cohort ends with an error
     run = run_job("raise AssertionError", later, files)
     assert run.returncode == 1
-    assert "left out" in run.stderr
+    assert "skipped, because" in run.stderr
     # what a better attempt has written since stays
     second.write_bytes(b"curves")
     monkeypatch.chdir(tmp_path)

@@ -1,75 +1,86 @@
-"""Imports run one way: a module imports from its own package and from the layers before it."""
+"""Imports run one way: between the three packages, and in each from the layers before a module's own."""
 
 import ast
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-LIBRARY = ROOT / "scripts" / "cccd"
+SCRIPTS = ROOT / "scripts"
 
-#: Packages and single modules of the library, by layer; those of one layer do not know each other.
-LAYERS = (
-    ("errors", "tolerances", "lookup", "dependencies", "project"),
-    ("extras", "disk_space", "devices"),
-    ("settings", "geometry", "job", "remote", "sidecar_files"),
-    ("containers", "metrics", "cohort", "dicom_objects", "model_header"),
-    ("store",),
-    ("volumes", "torch_files"),
-    ("boundary", "tracing", "chaincode", "filling"),
-    ("contours",),
-    ("junctions", "curves", "segmentation"),
-    ("surface",),
-    ("solids",),
-    ("tetrahedra",),
-    ("reconstruction", "filling_training"),
-    ("api",),
-    ("pyvista_accessor", "label_survey"),
-    ("comparisons",),
-    ("report",),
-    ("bids", "doctor", "workflow_command"),
-    ("cli",),
-)
-LAYER = {name: number for number, layer in enumerate(LAYERS) for name in layer}
+#: What each package may import of the others: the product nothing. What they add to it, they register.
+PACKAGES = {"cccd": set(), "cccd_training": {"cccd"}, "cccd_paper": {"cccd", "cccd_training"}}
 
-#: What the report may read of the comparisons: what they are called, and the tables that they left.
-DESCRIPTIONS = {"registry", "summary", "measures", "numerals", "paper_k"}
+#: Packages and single modules of each, by layer; those of one layer do not know each other.
+LAYERS = {
+    "cccd": (
+        ("errors", "tolerances", "lookup", "dependencies", "project"),
+        ("additions",),
+        ("extras", "disk_space", "devices"),
+        ("settings", "geometry", "job", "remote", "sidecar_files"),
+        ("containers", "metrics", "cohort", "dicom_objects", "model_header"),
+        ("store",),
+        ("volumes", "torch_files"),
+        ("boundary", "tracing", "chaincode", "filling"),
+        ("contours",),
+        ("junctions", "curves", "segmentation"),
+        ("surface",),
+        ("solids", "view"),
+        ("tetrahedra",),
+        ("reconstruction",),
+        ("api",),
+        ("pyvista_accessor", "label_survey"),
+        ("report",),
+        ("bids", "console", "doctor", "plan", "workflow_command"),
+        ("cli",),
+    ),
+    "cccd_training": (("checkpoints", "filling"), ("junctions", "segmentation")),
+    "cccd_paper": (
+        ("contradictions", "settings", "registry", "phantom_files", "junctions", "segmentation"),
+        ("comparisons",),
+        ("figures", "measured"),
+        ("registration",),
+    ),
+}
 
-#: Where graphs are PyTorch Geometric's.
-GEOMETRIC = ("layers", "network", "graph_data", "data", "loss", "paper_network", "tasks")
+#: Jobs of the evidence and of the training; all others know the product alone.
+BESIDE = {
+    *("evaluate_gnn", "gather_phantoms", "generate_graphs", "train_gnn", "train_segmenter", "write_phantom"),
+}
 
-#: Where the segmentation networks are.
-SEGMENTING = (
-    *("slices", "polar_unet", "kiunet", "unet3plus", "hdenseunet", "networks"),
-    *("grids", "examples", "inference", "training", "model", "scores"),
-)
-
-#: The only modules that may import these.
+#: The only modules that may import these; a package's name stands for all that is in it.
 ONLY = {
-    "h5py": {"store"},
+    "h5py": {"cccd.store"},
     "monai": {
-        f"segmentation.{name}"
-        for name in ("networks", "grids", "examples", "inference", "training", "scores")
+        *(f"cccd.segmentation.{name}" for name in ("plain_unet", "grids", "inference")),
+        *(f"cccd_training.segmentation.{name}" for name in ("examples", "training", "scores")),
     },
     "torch": {
-        "torch_files",
-        "devices",
-        *(f"segmentation.{name}" for name in SEGMENTING),
-        "filling_training.training",
-        *(f"junctions.{name}" for name in (*GEOMETRIC, "energy", "checkpoint", "loop", "reranker_training")),
+        *("cccd.torch_files", "cccd.devices"),
+        *(f"cccd.segmentation.{name}" for name in ("networks", "plain_unet", "grids", "inference", "model")),
+        *(f"cccd.junctions.{name}" for name in ("layers", "network", "graph_data", "energy", "checkpoint")),
+        *("cccd_training", "cccd_paper.segmentation"),
+        *("cccd_paper.junctions.network", "cccd_paper.junctions.training"),
     },
-    "torch_geometric": {f"junctions.{name}" for name in GEOMETRIC},
+    "torch_geometric": {
+        *(f"cccd.junctions.{name}" for name in ("layers", "network", "graph_data")),
+        *(f"cccd_training.junctions.{name}" for name in ("data", "loss", "tasks")),
+        *("cccd_paper.junctions.network", "cccd_paper.junctions.training"),
+    },
     "snakemake": set(),
 }
 
 
 def name_of(path):
-    """Dotted name below ``cccd``; empty for the library's own ``__init__``."""
-    parts = path.relative_to(LIBRARY).with_suffix("").parts
+    """Dotted name of a module; of a package's ``__init__`` the package's."""
+    parts = path.relative_to(SCRIPTS).with_suffix("").parts
     return ".".join(part for part in parts if part != "__init__")
 
 
-MODULES = {name_of(path): path for path in sorted(LIBRARY.rglob("*.py"))}
+MODULES = {name_of(path): path for package in PACKAGES for path in sorted((SCRIPTS / package).rglob("*.py"))}
 
 
 def imported(path):
@@ -84,63 +95,100 @@ def imported(path):
     return found
 
 
-def own(path):
-    """What a file imports of the library, below ``cccd``."""
-    return {name.removeprefix("cccd.") for name in imported(path) if name.startswith("cccd.")}
+IMPORTED = {name: imported(path) for name, path in MODULES.items()}
 
 
-def test_every_module_has_its_layer():
-    there = {name.split(".")[0] for name in MODULES if name}
-    assert there == set(LAYER)
-    assert len(LAYER) == sum(map(len, LAYERS))
+def part_of(name):
+    """The package or single module right below one of the three packages."""
+    return name.split(".")[1]
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if name])
-def test_imports_come_from_earlier_layers(name):
-    here = name.split(".")[0]
-    others = {imported_name.split(".")[0] for imported_name in own(MODULES[name])} - {here, "__version__"}
-    assert {other for other in others if LAYER[other] >= LAYER[here]} == set()
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_knows_only_those_before_it(package):
+    known = {package, *PACKAGES[package]}
+    wrong = {
+        name: other
+        for name, others in IMPORTED.items()
+        for other in others
+        if name.split(".")[0] == package
+        and other.split(".")[0] in PACKAGES
+        and other.split(".")[0] not in known
+    }
+    assert wrong == {}
+
+
+def test_the_product_names_no_other_package_in_a_string():
+    for name, path in MODULES.items():
+        if name.split(".")[0] == "cccd":
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            nodes = filter(has_docstring, ast.walk(tree))
+            documented = {ast.get_docstring(node, clean=False) for node in nodes}
+            texts = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)} - documented
+            assert not {text for text in texts if str(text).startswith(("cccd_paper", "cccd_training"))}, name
+
+
+def has_docstring(node):
+    """Whether a node may have one."""
+    return isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef))
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_imports_come_from_earlier_layers(package):
+    layers = LAYERS[package]
+    layer = {name: number for number, names in enumerate(layers) for name in names}
+    inside = {name: others for name, others in IMPORTED.items() if name.startswith(f"{package}.")}
+    assert {part_of(name) for name in inside} == set(layer)
+    assert len(layer) == sum(map(len, layers))
+    wrong = {}
+    for name, others in inside.items():
+        known = {part_of(other) for other in others if other.startswith(f"{package}.")}
+        known -= {part_of(name), "__version__"}
+        if late := {other for other in known if layer[other] >= layer[part_of(name)]}:
+            wrong[name] = late
+    assert wrong == {}
 
 
 @pytest.mark.parametrize("package", ONLY)
 def test_few_modules_know_a_package(package):
-    users = {
-        name
-        for name, path in MODULES.items()
-        if any(part.split(".")[0] == package for part in imported(path))
-    }
-    assert users <= ONLY[package]
+    users = {name for name, others in IMPORTED.items() if any(o.split(".")[0] == package for o in others)}
+    allowed = ONLY[package]
+    assert {name for name in users if not any(f"{name}.".startswith(f"{one}.") for one in allowed)} == set()
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if name.split(".")[0] == "report"])
-def test_the_report_imports_no_algorithm(name):
-    read = own(MODULES[name]) - {"__version__"}
-    assert {part.split(".")[0] for part in read} <= {
-        "comparisons",
-        "containers",
-        "geometry",
-        "lookup",
-        "report",
-        "store",
-    }
-    experiments = {part.split(".")[1] for part in read if part.split(".")[0] == "comparisons"}
-    assert experiments <= DESCRIPTIONS
+def test_the_report_imports_no_algorithm():
+    allowed = {"additions", "containers", "geometry", "lookup", "report", "store", "__version__"}
+    for name, others in IMPORTED.items():
+        if name.startswith("cccd.report"):
+            read = {part_of(other) for other in others if other.startswith("cccd.")}
+            assert read <= allowed, name
 
 
-def test_what_the_report_reads_of_the_comparisons_knows_no_algorithm():
-    for name in DESCRIPTIONS:
-        read = own(MODULES[f"comparisons.{name}"])
-        assert {part.split(".")[0] for part in read} <= {"comparisons", "lookup", "store"}, name
-        beside = {part.split(".")[1] for part in read if part.startswith("comparisons.")}
-        assert beside <= {*DESCRIPTIONS, "published"}, name
+def test_a_job_calls_the_packages_alone():
+    for script in sorted(SCRIPTS.glob("*.py")):
+        known = {name.split(".")[0] for name in imported(script)}
+        assert known <= {*PACKAGES, "logging", "operator", "pathlib", "shutil"}, script.name
+        assert (known <= {"cccd", "logging", "operator", "pathlib", "shutil"}) == (
+            script.stem not in BESIDE
+        ), script.name
 
 
-@pytest.mark.parametrize("script", sorted((ROOT / "scripts").glob("*.py")), ids=lambda path: path.stem)
-def test_a_job_calls_the_library_alone(script):
-    assert {name.split(".")[0] for name in imported(script)} <= {
-        "cccd",
-        "logging",
-        "operator",
-        "pathlib",
-        "shutil",
-    }
+ALONE = """
+import numpy as np, cccd
+from cccd.additions import packages
+from cccd.report.registry import items
+from cccd.settings.validation import validate_config
+assert len(packages()) == 1
+ball = np.indices((20, 20, 20)).astype(float) - 10
+surface = cccd.reconstruct(np.hypot(np.hypot(*ball[:2]), ball[2]) <= 7, np.eye(4))
+assert 1300 < surface.mesh.volume < 1550
+surface.write("ball.stl")
+assert [item.key for item in items()] == ["structures"]
+assert not hasattr(validate_config({}), "comparisons")
+"""
+
+
+def test_the_product_makes_a_surface_of_a_mask_without_the_others(tmp_path):
+    shutil.copytree(SCRIPTS / "cccd", tmp_path / "cccd")  # with what Numba compiled
+    run = subprocess.run([sys.executable, "-c", ALONE], cwd=tmp_path, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert (tmp_path / "ball.stl").is_file()

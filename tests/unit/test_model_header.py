@@ -6,10 +6,11 @@ import torch
 from cccd.errors import InputError
 from cccd.junctions.checkpoint import load_model, save_model
 from cccd.junctions.network import JunctionNetwork
-from cccd.junctions.paper_network import PaperNetwork
 from cccd.model_header import check_model, check_start, read_header
 from cccd.settings.junctions import NetworkSettings
+from cccd_paper.junctions.network import PaperNetwork
 
+FITTING = {"width": 8, "message_layers": 2}
 MODELS = Path(__file__).parents[2] / "workflow" / "models"
 
 
@@ -17,7 +18,7 @@ MODELS = Path(__file__).parents[2] / "workflow" / "models"
 def files(tmp_path):
     """A file of each network."""
     networks = {
-        "ours": JunctionNetwork(width=8, link_width=8, heads=2, message_layers=2),
+        "ours": JunctionNetwork(**NetworkSettings(**FITTING).sizes),
         "paper": PaperNetwork(4, 2, 0.5),
     }
     for name, network in networks.items():
@@ -70,10 +71,16 @@ def test_reading_runs_no_code(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(("key", "other"), [("width", 16), ("message_layers", 1)])
 def test_a_start_that_would_lose_weights_is_refused(files, key, other):
-    fitting = {"width": 8, "link_width": 8, "heads": 2, "message_layers": 2}
-    check_start(files / "ours.pt", NetworkSettings(**fitting))
-    check_start(files / "ours.pt", NetworkSettings(**fitting | {"message_layers": 3}))
+    check_start(files / "ours.pt", NetworkSettings(**FITTING))
+    check_start(files / "ours.pt", NetworkSettings(**FITTING | {"message_layers": 3}))
     with pytest.raises(InputError, match=f"set gnn.{key}"):
-        check_start(files / "ours.pt", NetworkSettings(**fitting | {key: other}))
+        check_start(files / "ours.pt", NetworkSettings(**FITTING | {key: other}))
     with pytest.raises(InputError, match=r"gnn\.network"):
         check_start(files / "ours.pt", NetworkSettings(network="paper"))
+
+
+def test_a_start_of_widths_that_cannot_be_set_is_refused(tmp_path):
+    network = JunctionNetwork(width=8, link_width=8, message_layers=2)
+    save_model(tmp_path / "old.pt", "ours", network.sizes, network.state_dict(), 0)
+    with pytest.raises(InputError, match=r"its link_width is not 6.*set gnn\.start to null"):
+        check_start(tmp_path / "old.pt", NetworkSettings(**FITTING))

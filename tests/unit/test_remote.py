@@ -47,7 +47,7 @@ def test_a_whole_file(server, tmp_path):
 @pytest.mark.parametrize(
     ("name", "sha256", "words"),
     [
-        ("half.nii", "", f"{len(BYTES) // 2} of {len(BYTES)} bytes came"),
+        ("half.nii", "", f"only {len(BYTES) // 2} of {len(BYTES)} bytes arrived"),
         ("missing.nii", "", "the server answers 404"),
         ("m.nii", "0" * 64, f"its SHA-256 is {SHA256}"),
     ],
@@ -67,13 +67,13 @@ def test_nobody_there(tmp_path):
 @pytest.mark.parametrize(
     ("address", "words"),
     [
-        ("https://anna:word@host/m.nii", "carries credentials"),
-        ("https://host/m.nii?X-Amz-Signature=abc&X-Amz-Credential=x", "carries credentials"),
-        ("https://host/m.nii?access_token=abc", "carries credentials"),
-        ("https://host/folder/", "names no file of a volume"),
-        ("s3:///m.nii", "names no file of a volume"),
-        ("http://host/m.nii", "says not whose file"),
-        ("https://host/m.nii#sha256=12", "ends with no checksum"),
+        ("https://anna:word@host/m.nii", "contains credentials"),
+        ("https://host/m.nii?X-Amz-Signature=abc&X-Amz-Credential=x", "contains credentials"),
+        ("https://host/m.nii?access_token=abc", "contains credentials"),
+        ("https://host/folder/", "does not name the file of a volume"),
+        ("s3:///m.nii", "does not name the file of a volume"),
+        ("http://host/m.nii", "does not prove where a file"),
+        ("https://host/m.nii#sha256=12", "ends with an invalid checksum"),
     ],
 )
 def test_addresses_that_are_refused(address, words):

@@ -1,8 +1,10 @@
 import hashlib
 import os
 
+import h5py
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -21,8 +23,9 @@ from cccd.containers import (
 )
 from cccd.errors import InputError
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.geometry.bsplines import Patch
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.subdivision import ControlMesh
+from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 
 FRAME = Frame(np.array([[0, 2.0, 0, 5], [1.5, 0, 0, -3], [0, 0, 3.0, 7], [0, 0, 0, 1]]), 2, (30, 40, 20))
 
@@ -62,12 +65,13 @@ def test_curves_come_back(tmp_path, curves):
     store.write_curves(path, fitted)
     assert_same(curves, store.read_curves(path))
     assert_same(splines, store.read_splines(path))
-    np.testing.assert_array_equal(store.read_chain_codes(path), codes)
+    with h5py.File(path) as file:
+        np.testing.assert_array_equal(file["chain_codes/codes"], codes)
     assert store.read_report(path) == {"a": [1, None]}
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_structure_boundaries_and_patches_come_back(tmp_path):
+def test_structure_boundaries_and_control_meshes_come_back(tmp_path):
     rng = np.random.default_rng(0)
     structure = Structure(
         "c", "o", FRAME, np.array([1, 2, 3]),
@@ -91,12 +95,23 @@ def test_structure_boundaries_and_patches_come_back(tmp_path):
     store.write_boundaries(tmp_path / "b.h5", boundaries)
     assert_same(boundaries, store.read_boundaries(tmp_path / "b.h5"))
 
-    patch = Patch(
-        rng.normal(size=(5, 4, 3)), np.ones((5, 4)), np.arange(12.0), np.arange(8.0), 3, 3, True, False, -1
+    box = trimesh.creation.box()
+    points, quads, _ = split_to_quads(
+        np.array(box.vertices), *join_in_pairs(Mesh(np.array(box.vertices), np.array(box.faces, np.int64)))
     )
-    store.write_control_nets(tmp_path / "p.h5", [], [patch] * 11, FRAME, {})
-    assert len(store.read_patches(tmp_path / "p.h5")) == 11
-    assert_same(patch, store.read_patches(tmp_path / "p.h5")[10])
+    body = ControlMesh(points, quads, np.array([[0, 1]]), np.array([10.0]))
+    store.write_control_meshes(tmp_path / "p.h5", [body] * 11, FRAME, {})
+    back = store.read_bodies(tmp_path / "p.h5")
+    assert len(back) == 11
+    for name in ("vertices", "quads", "creases", "sharpness"):
+        np.testing.assert_array_equal(getattr(back[10], name), getattr(body, name))
+
+
+def test_nets_of_an_older_version_are_named_with_a_cure(tmp_path):
+    with h5py.File(tmp_path / "surface.h5", "w") as file:
+        file.create_group("patches")
+    with pytest.raises(InputError, match=r"surface\.h5.*older version.*loft it again"):
+        store.read_bodies(tmp_path / "surface.h5")
 
 
 def test_same_content_gives_the_same_bytes(tmp_path):
@@ -129,7 +144,7 @@ def test_files_are_readable_by_others(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "reader", [store.read_structure, store.read_boundaries, store.read_curves, store.read_patches]
+    "reader", [store.read_structure, store.read_boundaries, store.read_curves, store.read_bodies]
 )
 def test_a_truncated_file_is_named_with_a_hint(tmp_path, reader):
     path = tmp_path / "structure.h5"

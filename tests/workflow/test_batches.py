@@ -25,7 +25,6 @@ def ball(path, value=1):
     nibabel.save(nibabel.Nifti1Image(mask.astype(np.uint8), np.eye(4)), path)
 
 
-@pytest.mark.slow
 def test_a_batch_survives_its_worst_structure(fresh_project):
     folder = fresh_project.folder
     for name, text in {"submit": SUBMIT, "status": STATUS}.items():

@@ -60,11 +60,12 @@ WRITERS = {
     "contours.h5": "store.write_contours(path, store.read_contours(done / 'contours.h5'), {})",
     "curves.h5": (
         "curves = store.read_curves(done / 'curves.h5'); from cccd.containers import FittedCurves; "
-        "store.write_curves(path, FittedCurves(curves, store.read_chain_codes(done / 'curves.h5'), "
+        "from cccd.chaincode import chain_codes; "
+        "store.write_curves(path, FittedCurves(curves, chain_codes(curves.points, curves.offsets), "
         "*store.read_corners(done / 'curves.h5'), store.read_splines(done / 'curves.h5')))"
     ),
     "surface.h5": (
-        "store.write_control_nets(path, [], store.read_patches(done / 'surface.h5'), "
+        "store.write_control_meshes(path, store.read_bodies(done / 'surface.h5'), "
         "store.read_surface_frame(done / 'surface.h5'), {})"
     ),
     "metrics.json": "store.write_json(path, {'a': 1})",
@@ -229,7 +230,7 @@ def test_a_full_disk_in_a_run(fresh_project, small_disk):
         ("contours.h5", store.read_contours),
         ("curves.h5", store.read_curves),
         ("curves.h5", store.read_splines),
-        ("surface.h5", store.read_patches),
+        ("surface.h5", store.read_bodies),
     ],
 )
 def test_a_torn_file_of_an_older_run_is_named(name, read, tiny_run, tmp_path):

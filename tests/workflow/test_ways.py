@@ -128,7 +128,7 @@ def test_slices_that_nobody_drew_are_filled_on_the_scans_grid(fresh_project, she
     assert np.array_equal(values[:, :, drawn], mask[:, :, drawn])
     assert 2 * (values & ball()).sum() / (values.sum() + ball().sum()) > 0.93
     metrics = json.loads((fresh_project.folder / files[1]).read_text())
-    assert any("drawn on 4 of 9 slices, 2 to 3 apart" in warning for warning in metrics["warnings"])
+    assert any("annotated on 4 of 9 slices, 2 to 3 apart" in warning for warning in metrics["warnings"])
     assert metrics["surface"]["dice_3d"] > 0.95
 
 

@@ -28,7 +28,6 @@ def test_a_row_for_all_labels_leaves_organs_that_share_their_walls(fresh_project
     asked = {module: names for module, names in CASE_FORMATS.items() if find_spec(module)}
     sizes = {
         "step_tolerance_mm": 0.5,
-        "solid": {"first_patches": 12, "most_patches": 12},  # facets: quicker than splines along the rims
         "tetrahedra": {"edge_mm": 8.0, "tolerance_mm": 0.5},
     }
     formats = {"case_formats": [form for names in asked.values() for form in names]}

@@ -4,8 +4,8 @@
 rule build_scene:
     """All organs of a case in one scene with names and colours, one segmentation on the scan's grid, one list."""
     input:
-        meshes=lambda wildcards: of_whole_case(wildcards, "surface.ply"),
-        structure=lambda wildcards: of_whole_case(wildcards, "structure.h5")[0],
+        meshes=plan.whole_case("surface.ply"),
+        structure=lambda wildcards: plan.whole_case("structure.h5")(wildcards)[0],
     output:
         scene="results/{case}/scene.glb",
         segmentation="results/{case}/segmentation.seg.nrrd",
@@ -22,7 +22,7 @@ rule build_scene:
         runtime=minutes(15),
     params:
         library=library("build_scene"),
-        labels=lambda wildcards: LABELS.get(wildcards.case, {}),
+        labels=plan.case_labels,
     script:
         "../../scripts/build_scene.py"
 
@@ -32,7 +32,7 @@ rule build_case_page:
     input:
         template=near(ROOT / "workflow" / "report" / "case.html.j2"),
         scene="results/{case}/scene.json",
-        meshes=lambda wildcards: of_whole_case(wildcards, "surface.ply"),
+        meshes=plan.whole_case("surface.ply"),
     output:
         report(
             "results/{case}/scene.html",

@@ -1,13 +1,13 @@
-"""Comparisons: the methods the paper names, its segmentation networks aside, on the same structures, in the same run."""
+"""Comparisons: the methods that the paper names and today's, on the same structures, in the same run."""
 
 #: One rule per comparison of the registry: compare_corners, compare_reconstruction and so on.
-for comparison in COMPARISONS.values():
+for comparison in comparisons().values():
 
     rule:
         name:
             f"compare_{comparison.name}"
         input:
-            **comparison_inputs(comparison),
+            **plan.comparison_inputs(comparison),
         output:
             **(
                 {
@@ -31,11 +31,11 @@ for comparison in COMPARISONS.values():
             mem_mb=memory(*comparison.memory_mb),
             runtime=minutes(comparison.minutes),
         params:
-            library=library("compare_structure", *comparison.functions),
+            library=plan.comparison_library(comparison),
             run=comparison.run,
             figures=comparison.figures,
-            readers={name: INPUTS[name].read for name in comparison.inputs},
-            settings=comparison_settings(comparison),
+            readers={name: inputs()[name].read for name in comparison.inputs},
+            settings=plan.comparison_settings(comparison),
             sections=comparison.settings,
             seed={"seed": config["seed"]} if comparison.seeded else {},
         script:
@@ -51,12 +51,8 @@ rule measure_structure:
         curves="results/{case}/{organ}/curves.h5",
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",
-        solids=[
-            f"results/{{case}}/{{organ}}/solid_{name}.json"
-            for name in config["surface"]["formats"]
-            if name in REPORTED_FORMATS
-        ],
-        volume=case_reports,
+        solids=plan.solid_reports,
+        volume=plan.case_reports,
     output:
         metrics="results/{case}/{organ}/metrics.json",
         view="results/{case}/{organ}/view.h5",
@@ -65,7 +61,7 @@ rule measure_structure:
     benchmark:
         "benchmarks/{case}/{organ}/measure_structure.tsv"
     group:
-        after_filling
+        plan.group_after_filling
     conda:
         "../../envs/cccd.yaml"
     threads: 1

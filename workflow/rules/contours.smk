@@ -1,4 +1,4 @@
-"""Contours: structure.h5 -> ordered closed curves of every slice, by the way that the data decide (`way_of`)."""
+"""Contours: structure.h5 -> ordered closed curves of every slice, by the script that the data decide."""
 
 
 rule extract_boundaries:
@@ -13,7 +13,7 @@ rule extract_boundaries:
         "benchmarks/{case}/{organ}/extract_boundaries.tsv"
     priority: ON_THE_WAY
     group:
-        before_walls
+        plan.group_before_walls
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -30,7 +30,7 @@ rule extract_boundaries:
 rule make_contours:
     """Trace a mask, take drawn contours, or let the network order boundary pixels: ordered closed curves."""
     input:
-        unpack(contour_sources),
+        unpack(plan.contour_sources),
     output:
         "results/{case}/{organ}/contours.h5",
     log:
@@ -39,7 +39,7 @@ rule make_contours:
         "benchmarks/{case}/{organ}/make_contours.tsv"
     priority: ON_THE_WAY
     group:
-        before_walls
+        plan.group_before_walls
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -47,8 +47,8 @@ rule make_contours:
         mem_mb=memory(2500, 20),
         runtime=minutes(15),
     params:
-        way=way_of,
-        library=lambda wildcards: library(way_of(wildcards)),
-        settings=ordering_settings,
+        way=cohort.contour_script,
+        library=plan.contour_library,
+        settings=plan.contour_settings,
     script:
         "../../scripts/{params.way}.py"

@@ -13,7 +13,7 @@ rule fit_curves:
         "benchmarks/{case}/{organ}/fit_curves.tsv"
     priority: ON_THE_WAY
     group:
-        before_walls
+        plan.group_before_walls
     conda:
         "../../envs/cccd.yaml"
     threads: 1

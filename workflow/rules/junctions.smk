@@ -18,42 +18,19 @@ rule generate_graphs:
         runtime=minutes(20),
     params:
         library=library("generate_graphs"),
-        settings=pick("gnn", "graphs", "kind_weights"),
+        settings=config["gnn"]["graphs"],
         seed=config["seed"],
     script:
         "../../scripts/generate_graphs.py"
 
 
-#: What tells of the training; a model that is taken comes without.
-TRAINING_FILES = ["results/gnn/graphs.h5", "results/gnn/history.csv"] if TRAINED else []
-
-#: The paper's network where ours orders: it is trained beside, for the comparison.
-PAPER_MODEL = "results/gnn/paper.pt"
-
-#: What tells of the network's worth, where one is used.
-JUNCTION_FILES = (
-    ["results/tables/junctions.csv", "results/gnn/worst.png"] if NETWORKED else []
-)
-
-#: The models that are compared, by the names that the table gives them.
-if ORDERS == "paper":
-    COMPARED = {f"the paper's, {'trained here' if TRAINED else 'taken'}": MODEL}
-elif TRAINED:
-    COMPARED = {"trained here": MODEL, "the paper's, trained here": PAPER_MODEL}
-else:
-    COMPARED = {
-        **({"pretrained": MODEL} if PRETRAINED else {}),
-        "the paper's, shipped": SHIPPED_PAPER,
-    }
-COMPARED["shipped"] = SHIPPED
-
-if TRAINED:
+if plan.junctions.trained:
 
     rule train_gnn:
         """Train link prediction (eq. 11); a checkpoint each epoch, so that a killed run goes on from there."""
         input:
             graphs="results/gnn/graphs.h5",
-            start=START,
+            start=plan.junctions.start,
         output:
             model=MODEL,
             history="results/gnn/history.csv",
@@ -69,20 +46,21 @@ if TRAINED:
             mem_mb=memory(4000),
             runtime=minutes(60),
         params:
-            library=library("train_gnn"),
+            library=library("train_gnn", *plan.junctions.training_code),
             settings=leave(
                 "gnn",
                 "pretrained",
                 "start",
                 "test_maps",
-                *(["paper"] if ORDERS == "ours" else []),
+                "inference",
+                *(["paper"] if plan.junctions.network == "ours" else []),
             ),
             checkpoints="results/gnn/checkpoints",
             seed=config["seed"],
         script:
             "../../scripts/train_gnn.py"
 
-    if ORDERS == "ours":
+    if plan.junctions.network == "ours":
 
         rule train_paper_network:
             """Train the paper's network on the same graphs, to stand beside ours in the junction table."""
@@ -103,9 +81,9 @@ if TRAINED:
                 mem_mb=memory(2000),
                 runtime=minutes(20),
             params:
-                library=library("train_gnn"),
+                library=library("train_gnn", *plan.junctions.paper_training_code),
                 settings={
-                    **pick("gnn", "paper", "inference", "optimiser"),
+                    **pick("gnn", "paper"),
                     "network": "paper",
                 },
                 checkpoints="results/gnn/paper_checkpoints",
@@ -118,7 +96,7 @@ else:
     rule adopt_gnn:
         """Take a trained model: the one that the configuration names, otherwise the shipped one."""
         input:
-            model=READY,
+            model=plan.junctions.ready,
         output:
             model=MODEL,
         log:
@@ -132,7 +110,7 @@ else:
             mem_mb=memory(1000),
             runtime=minutes(5),
         params:
-            library=library("adopt_gnn"),
+            library=library("adopt_gnn", *plan.junctions.code),
         script:
             "../../scripts/adopt_gnn.py"
 
@@ -140,7 +118,7 @@ else:
 rule evaluate_gnn:
     """Score the GNN and every classical decoder on the same corrupted maps, in one run."""
     input:
-        models=list(COMPARED.values()),
+        models=list(plan.junctions.compared.values()),
     output:
         scores="results/tables/junctions.csv",
         worst="results/gnn/worst.png",
@@ -155,8 +133,8 @@ rule evaluate_gnn:
         mem_mb=memory(3000),
         runtime=minutes(30),
     params:
-        library=library("evaluate_gnn"),
-        names=list(COMPARED),
+        library=library("evaluate_gnn", *plan.junctions.paper_training_code),
+        names=list(plan.junctions.compared),
         settings=pick("gnn", "test_maps"),
         seed=config["seed"],
     script:

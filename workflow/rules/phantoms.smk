@@ -57,7 +57,7 @@ rule write_phantom:
     params:
         library=library("write_phantom"),
         distances=PHANTOM_DISTANCES_MM,
-        settings=config["import"]["phantom"],
+        spacing_mm=config["import"]["phantom"]["spacing_mm"],
         seed=config["seed"],
     script:
         "../../scripts/write_phantom.py"

@@ -1,15 +1,11 @@
 """Tables over the whole cohort, and the report."""
 
-#: What the tables and the notes, and what the plots are made by.
-SUMMARIES = [part for item in ITEMS for part in (item.tabulate, item.note) if part]
-PLOTS = [item.plots for item in ITEMS if item.plots]
-
 
 rule build_tables:
-    """One CSV per table of the paper, ours beside theirs, and the tables that go past it."""
+    """One CSV per table of the paper, with this run's figures and the paper's, and one per further table."""
     input:
-        metrics=for_structures("metrics.json"),
-        comparisons=all_comparison_rows,
+        metrics=plan.files("metrics.json"),
+        comparisons=plan.all_comparison_rows,
     output:
         tables=[
             report(
@@ -32,30 +28,17 @@ rule build_tables:
         mem_mb=memory(1500, 20),
         runtime=minutes(15),
     params:
-        library=library("build_tables", *SUMMARIES),
+        library=library("build_tables", *plan.table_code),
     script:
         "../../scripts/build_tables.py"
-
-
-#: What a page shows of a structure.
-SHOWN = [
-    "structure.h5",
-    "boundaries.h5",
-    "curves.h5",
-    "surface.h5",
-    "view.h5",
-    "picture.png",
-    "metrics.json",
-]
-TEMPLATES = sorted(near(path) for path in (ROOT / "workflow" / "report").glob("*.*"))
 
 
 rule build_structure_page:
     """A page of one structure, where the cohort is too large for one page."""
     input:
-        templates=TEMPLATES,
+        templates=plan.templates,
         files=[f"results/{{case}}/{{organ}}/{name}" for name in SHOWN],
-        comparisons=comparison_files,
+        comparisons=plan.comparison_files,
     output:
         report(
             "results/{case}/{organ}/report.html",
@@ -68,7 +51,7 @@ rule build_structure_page:
     benchmark:
         "benchmarks/{case}/{organ}/build_structure_page.tsv"
     group:
-        after_filling
+        plan.group_after_filling
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -76,7 +59,7 @@ rule build_structure_page:
         mem_mb=memory(1500, 20),
         runtime=minutes(15),
     params:
-        library=library("build_structure_page"),
+        library=library("build_structure_page", *registrations()),
         config=config,
     script:
         "../../scripts/build_structure_page.py"
@@ -85,14 +68,14 @@ rule build_structure_page:
 rule build_report:
     """The report: one self-contained page, or for a large cohort an index of the structures' pages."""
     input:
-        templates=TEMPLATES,
+        templates=plan.templates,
         tables=[f"results/tables/{name}.csv" for name in tables()],
         notes="results/tables/notes.json",
-        junctions=JUNCTION_FILES,
-        training=TRAINING_FILES,
-        files=[file for name in SHOWN for file in for_structures(name)],
-        comparisons=all_comparison_files,
-        cases=[f"results/{case}/scene.html" for case in SHARED],
+        junctions=plan.junctions.score_files,
+        training=plan.junctions.training_files,
+        files=plan.shown_files(),
+        comparisons=plan.all_comparison_files,
+        cases=[f"results/{case}/scene.html" for case in cohort.shared],
     output:
         report(
             "results/report.html",
@@ -111,10 +94,10 @@ rule build_report:
         mem_mb=memory(2500, 10),
         runtime=minutes(30),
     params:
-        library=library("build_report", *SUMMARIES, *PLOTS),
+        library=library("build_report", *plan.report_code),
         # The jobs' times. Not an input: where somebody deletes them, no job should run again to measure its own.
         benchmarks="benchmarks",
-        structures=RECONSTRUCTED,
+        structures=[tuple(name) for name in cohort.reconstructed],
         config=config,
     script:
         "../../scripts/build_report.py"

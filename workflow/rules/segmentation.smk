@@ -2,20 +2,20 @@
 
 
 wildcard_constraints:
-    network="|".join(SEGMENTERS),
+    network="|".join(networks()),
 
 
 rule segmenters:
     """Every segmentation network, trained on the sheet's rows of role train."""
     input:
-        expand("results/segmenters/{network}/model.pt", network=SEGMENTERS),
+        expand("results/segmenters/{network}/model.pt", network=networks()),
     localrule: True
 
 
 rule train_segmenter:
     """Train a segmentation network; a checkpoint each epoch, so that a killed run goes on from there."""
     input:
-        training_files,
+        cohort.training_files,
     output:
         model="results/segmenters/{network}/model.pt",
         history="results/segmenters/{network}/history.csv",
@@ -32,9 +32,11 @@ rule train_segmenter:
         mem_mb=memory(4000, 4),
         runtime=minutes(60),
     params:
-        library=library("train_segmenter"),
-        rows=[dict(ROW[key]) for key in TRAINING],
-        sheet_folder=near(SHEET.parent),
+        library=lambda wildcards: library(
+            "train_segmenter", networks()[wildcards.network].build
+        ),
+        rows=plan.training_rows,
+        sheet_folder=plan.sheet_folder,
         settings=config["segmentation"],
         reading=config["import"],
         checkpoints="results/segmenters/{network}/checkpoints",
@@ -46,8 +48,8 @@ rule train_segmenter:
 rule segment_structure:
     """Find the organ in a scan without a mask, by the configured segmenter, on the scan's own grid."""
     input:
-        scan=source_files,
-        model=SEGMENTER_FILE,
+        scan=cohort.source_files,
+        model=plan.segmenter.weights,
     output:
         labels="results/{case}/{organ}/segmentation.nii.gz",
         probabilities="results/{case}/{organ}/probabilities.nii.gz",
@@ -65,10 +67,10 @@ rule segment_structure:
         mem_mb=memory(2500, 40),
         runtime=minutes(30),
     params:
-        library=library("segment_structure"),
-        row=lambda wildcards: dict(row_of(wildcards)),
-        sheet_folder=near(SHEET.parent),
-        segmenter=SEGMENTER,
+        library=library("segment_structure", *plan.segmenter.code),
+        row=cohort.row,
+        sheet_folder=plan.sheet_folder,
+        segmenter=plan.segmenter.name,
         reading=config["import"],
         seed=config["seed"],
     script:

@@ -23,8 +23,8 @@ rule fetch_file:
         runtime=minutes(60),
     params:
         # no digest of the library: its edits change no byte of a download
-        address=lambda wildcards: remote_file(wildcards).address,
-        sha256=lambda wildcards: remote_file(wildcards).sha256,
+        address=lambda wildcards: cohort.remote_file(wildcards).address,
+        sha256=lambda wildcards: cohort.remote_file(wildcards).sha256,
     script:
         "../../scripts/fetch_file.py"
 
@@ -32,8 +32,8 @@ rule fetch_file:
 rule import_structure:
     """Read one structure from whatever the sheet names, crop it to the organ, keep where it came from."""
     input:
-        files=source_files,
-        segmentation=segmentation_files,
+        files=cohort.source_files,
+        segmentation=plan.segmentation_files,
     output:
         "results/{case}/{organ}/structure.h5",
     log:
@@ -51,9 +51,9 @@ rule import_structure:
         runtime=minutes(15),
     params:
         library=library("import_structure"),
-        row=sheet_row,
-        sheet_name=SHEET.name,
-        sheet_folder=near(SHEET.parent),
+        row=plan.sheet_row,
+        sheet_name=cohort.sheet.name,
+        sheet_folder=plan.sheet_folder,
         settings=config["import"],
         seed=config["seed"],
     script:

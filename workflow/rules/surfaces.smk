@@ -1,11 +1,7 @@
-"""Surfaces: curves -> lofted B-spline surface -> meshes for viewers and CAD, and a picture."""
+"""Surfaces: curves -> closed spline surface -> meshes for viewers and CAD, and a picture."""
 
 #: The writers of meshes, and those of solids and of tetrahedra, which report what they made.
-WRITERS = [
-    f"{module}.write"
-    for name, module in SURFACE_FORMATS.items()
-    if name not in REPORTED_FORMATS
-]
+WRITERS = [f"{module}.write" for module in MESH_FORMATS.values()]
 REPORTING_WRITERS = [f"{module}.write" for module in REPORTED_FORMATS.values()]
 
 
@@ -17,19 +13,13 @@ LOFTING = leave(
     "contour_spacing_mm",
     "keep_patient",
     "step_tolerance_mm",
-    "solid",
     "tetrahedra",
     "shared_walls",
-    "walls",
 )
 
 
 wildcard_constraints:
-    format="|".join(
-        re.escape(name)
-        for name in SURFACE_FORMATS
-        if name not in {"ply", *REPORTED_FORMATS}
-    ),
+    format="|".join(re.escape(name) for name in MESH_FORMATS if name != "ply"),
     solid_format="|".join(REPORTED_FORMATS),
     scene_format="|".join(SOLID_FORMATS),
 
@@ -81,8 +71,8 @@ use rule loft_surface as loft_apart with:
 rule share_walls:
     """Smooth the organs of a case together: each wall between two of them is one surface."""
     input:
-        structures=lambda wildcards: of_case(wildcards, "structure.h5"),
-        meshes=lambda wildcards: of_case(wildcards, "apart.ply"),
+        structures=plan.sharing_organs("structure.h5"),
+        meshes=plan.sharing_organs("apart.ply"),
     output:
         "results/{case}/walls.h5",
     log:
@@ -99,7 +89,6 @@ rule share_walls:
         runtime=minutes(60),
     params:
         library=library("share_walls"),
-        settings=config["surface"]["walls"],
     script:
         "../../scripts/share_walls.py"
 
@@ -138,7 +127,7 @@ rule export_surface:
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",
         structure="results/{case}/{organ}/structure.h5",
-        scan=source_files,
+        scan=cohort.source_files,
     output:
         "results/{case}/{organ}/surface.{format}",
     log:
@@ -184,7 +173,7 @@ rule export_solid:
         runtime=minutes(30),
     params:
         library=library("export_solid", *REPORTING_WRITERS),
-        settings=pick("surface", "step_tolerance_mm", "solid", "tetrahedra"),
+        settings=pick("surface", "step_tolerance_mm", "tetrahedra"),
     script:
         "../../scripts/export_solid.py"
 
@@ -194,8 +183,8 @@ rule fill_case:
     and CalculiX.
     """
     input:
-        surfaces=lambda wildcards: of_whole_case(wildcards, "surface.h5"),
-        meshes=lambda wildcards: of_whole_case(wildcards, "surface.ply"),
+        surfaces=plan.whole_case("surface.h5"),
+        meshes=plan.whole_case("surface.ply"),
     output:
         msh="results/{case}/volume.msh",
         vtu="results/{case}/volume.vtu",
@@ -213,7 +202,7 @@ rule fill_case:
         runtime=minutes(60),
     params:
         library=library("fill_case"),
-        settings=pick("surface", "step_tolerance_mm", "solid", "tetrahedra"),
+        settings=pick("surface", "step_tolerance_mm", "tetrahedra"),
     script:
         "../../scripts/fill_case.py"
 
@@ -221,8 +210,8 @@ rule fill_case:
 rule export_scene:
     """All organs of a case as solids in one file for CAD, by name and colour, and what they are worth."""
     input:
-        surfaces=lambda wildcards: of_whole_case(wildcards, "surface.h5"),
-        meshes=lambda wildcards: of_whole_case(wildcards, "surface.ply"),
+        surfaces=plan.whole_case("surface.h5"),
+        meshes=plan.whole_case("surface.ply"),
     output:
         scene="results/{case}/scene.{scene_format}",
         report="results/{case}/scene_{scene_format}.json",
@@ -238,8 +227,8 @@ rule export_scene:
         runtime=minutes(60),
     params:
         library=library("export_scene"),
-        labels=lambda wildcards: LABELS.get(wildcards.case, {}),
-        settings=pick("surface", "step_tolerance_mm", "solid"),
+        labels=plan.case_labels,
+        tolerance_mm=config["surface"]["step_tolerance_mm"],
     script:
         "../../scripts/export_scene.py"
 

@@ -12,7 +12,6 @@ from collections.abc import Callable
 import numpy as np
 
 from cccd.geometry.arrays import predecessors, successors
-from cccd.settings.curves import SharpCornerSettings
 from cccd.tolerances import ROUNDING, STILL
 
 __all__ = [
@@ -32,6 +31,13 @@ __all__ = [
 
 #: Which extremum of the k-cosine is a corner. The cosine is -1 on a straight line and +1 at a spike.
 CRITERIA = ("max", "min")
+
+# Sharp corners: arms so long in pixels, as shorter ones are straight on any digitised curve; their pixels lie
+# so near to a straight line, which its digitisation leaves by no more; and they turn by so much, as blunter
+# corners need no triple knot to stay within the tolerance.
+_ARM_PX = 6
+_STRAIGHT_PX = 0.5
+_TURN_DEG = 60.0
 
 
 class Ring:
@@ -237,21 +243,20 @@ def cheng_hsu(
 # Sharp corners of the shape itself --------------------------------------------------------------------
 
 
-def sharp_corners(points: np.ndarray, offsets: np.ndarray, settings: SharpCornerSettings) -> np.ndarray:
+def sharp_corners(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """Points (P,) bool where two straight arms meet at an angle: corners that a spline should keep.
 
-    Arms of ``arm_px`` links are straight within ``straight_px`` and turn by ``turn_deg`` at least. A round
-    outline passes only where its radius is below the arms' length.
+    A round outline passes only where its radius is below the arms' length.
     """
     ring = Ring(offsets)
-    backward, straight_behind = _arm(points, ring, -settings.arm_px, settings.straight_px)
-    forward, straight_ahead = _arm(points, ring, settings.arm_px, settings.straight_px)
+    backward, straight_behind = _arm(points, ring, -_ARM_PX, _STRAIGHT_PX)
+    forward, straight_ahead = _arm(points, ring, _ARM_PX, _STRAIGHT_PX)
     cosine = np.clip(-(forward * backward).sum(axis=1), -1, 1)
     turn = np.round(np.degrees(np.arccos(cosine)), 9)
-    reach = np.full(len(points), settings.arm_px)
-    fits = straight_behind & straight_ahead & (ring.size >= 4 * settings.arm_px)
+    reach = np.full(len(points), _ARM_PX)
+    fits = straight_behind & straight_ahead & (ring.size >= 4 * _ARM_PX)
     turn = np.where(fits, turn, 0)
-    return local_extrema(turn, reach, ring) & (turn >= settings.turn_deg)
+    return local_extrema(turn, reach, ring) & (turn >= _TURN_DEG)
 
 
 def _arm(points: np.ndarray, ring: Ring, links: int, straight_px: float) -> tuple[np.ndarray, np.ndarray]:
@@ -302,8 +307,9 @@ def _run_before(flag: np.ndarray, offsets: np.ndarray, reverse: bool = False) ->
     return run
 
 
-#: Detectors of section 2 by name, each with its published defaults: (points, offsets) -> (P,) bool.
-DETECTORS: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
+#: Detectors of section 2 by name, each with its published defaults:
+#: (points, offsets, **parameters) -> (P,) bool.
+DETECTORS: dict[str, Callable[..., np.ndarray]] = {
     "k-cosine": lambda points, offsets: k_cosine_corners(points, offsets, 7),
     "Rosenfeld-Johnston": rosenfeld_johnston,
     "Beus-Tiu": beus_tiu,

@@ -19,11 +19,11 @@ import shapely
 
 from cccd.containers import Curves, Splines
 from cccd.curves.corners import sharp_corners
-from cccd.curves.knots import FEWEST, fit_closed_spline, reference
+from cccd.curves.knots import FEWEST, FEWEST_SAMPLES, SPACING_PX, STAIRCASE_PX, fit_closed_spline, reference
 from cccd.geometry.arrays import concatenate_ragged, offsets_of, ranks_of, split_ragged, sum_per_part
 from cccd.geometry.closed_splines import DEGREE, evaluate, extend_knots
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.settings.curves import CurveSettings, ReferenceSettings, ToleranceSettings
+from cccd.settings.curves import CurveSettings
 from cccd.tolerances import (
     CHECKED_CLOSER,
     CHECKED_EVERY,
@@ -46,6 +46,26 @@ __all__ = [
 
 #: Makes splines of curves, and says how far (C,) in pixels each may lie from its curve.
 _Way = Callable[[Curves], tuple[Splines, np.ndarray]]
+
+# Tangential weight, share of the tolerance and multiple of the budget of each fit while splines cross:
+# nearest first; stiffer fits fold less easily, and more knots follow more closely.
+_ATTEMPTS = (
+    (0.03, 1.0, 1.0),
+    (0.3, 1.0, 1.0),
+    (1.0, 1.0, 1.0),
+    (1.0, 0.7, 1.25),
+    (1.0, 0.5, 1.5),
+    (1.0, 0.25, 2.0),
+    (1.0, 0.1, 4.0),
+)
+
+# The tolerance does not grow with pixels larger than this: organs are as curved on coarse pixels. Shorter
+# curves have one in proportion to their length, or a bronchus of six pixels would lose a tenth of its width.
+_COARSEST_MM = 1.5
+_FULL_LENGTH_PX = 120.0
+
+# Below this tolerance the filter narrows with its square: a small tolerance brings the pixels back.
+_PIXELS_TOLERANCE_PX = 0.15
 
 #: What holds when nobody says otherwise.
 _DEFAULTS = CurveSettings()
@@ -90,7 +110,7 @@ def fit_checked(
         then with more control points, to which a budget yields. What is still wrong gets its curve, smoothed,
         for a control polygon, and at last the curve itself.
     """
-    ways: list[_Way] = [partial(_fitted, settings, *attempt) for attempt in settings.fitting.attempts]
+    ways: list[_Way] = [partial(_fitted, settings, *attempt) for attempt in _ATTEMPTS]
     ways += [partial(_along_reference, settings), _along_curve]
     if first is not None:
         given = first, np.full(len(curves), np.inf)
@@ -108,10 +128,10 @@ def fit_checked(
     return CheckedSplines(splines, mended & ~wrong, wrong)
 
 
-def _shares(curves: Curves, rule: ToleranceSettings) -> np.ndarray:
+def _shares(curves: Curves) -> np.ndarray:
     """Shares (C,) of the tolerance and of the filter's width: less on coarse pixels and on short curves."""
     pixel = float(np.sqrt(curves.frame.pixel_spacing.prod()))
-    return min(1.0, rule.coarsest_mm / pixel) * np.minimum(1, curves.polygons.lengths / rule.full_length_px)
+    return min(1.0, _COARSEST_MM / pixel) * np.minimum(1, curves.polygons.lengths / _FULL_LENGTH_PX)
 
 
 def _budget(sizes: np.ndarray, most: float | None) -> np.ndarray:
@@ -122,30 +142,27 @@ def _budget(sizes: np.ndarray, most: float | None) -> np.ndarray:
     return np.clip(wanted, FEWEST, np.maximum(sizes // 2, FEWEST)).astype(np.int64)
 
 
-def _filter_px(tolerance_px: float, steps: ReferenceSettings) -> float:
+def _filter_px(tolerance_px: float) -> float:
     """Width of the filter for a tolerance, before what is small for its pixels gets its share."""
-    return steps.staircase_px * min(1.0, tolerance_px / steps.pixels_tolerance_px) ** 2
+    return STAIRCASE_PX * min(1.0, tolerance_px / _PIXELS_TOLERANCE_PX) ** 2
 
 
 def _fitted(
     settings: CurveSettings, sliding: float, share: float, multiple: float, curves: Curves
 ) -> tuple[Splines, np.ndarray]:
     """Fit splines, and say how far (C,) each may lie from its curve; nowhere where the fit failed."""
-    fitting = settings.fitting
     tolerance_px = share * settings.tolerance_px
     target = np.floor(multiple * _budget(np.diff(curves.offsets), settings.max_control_points))
-    sharp = split_ragged(sharp_corners(curves.points, curves.offsets, fitting.sharp), curves.offsets)
-    shares = _shares(curves, fitting.tolerance)
-    widest = _filter_px(tolerance_px, fitting.reference)
+    sharp = split_ragged(sharp_corners(curves.points, curves.offsets), curves.offsets)
+    shares = _shares(curves)
+    widest = _filter_px(tolerance_px)
     fits = []
     for polygon, corners, tolerance, width, count in zip(
         curves, sharp, shares * tolerance_px, shares * widest, target.astype(np.int64), strict=True
     ):
         if 0 < count < 2 * DEGREE * np.count_nonzero(corners):  # corners would take most of the budget
             corners = np.zeros_like(corners)
-        fits.append(
-            fit_closed_spline(polygon, corners, tolerance, 0.0 if count else width, count, sliding, fitting)
-        )
+        fits.append(fit_closed_spline(polygon, corners, tolerance, 0.0 if count else width, count, sliding))
     control, offsets = concatenate_ragged([fit[0] for fit in fits])
     splines = _splines(control, offsets, np.concatenate([np.zeros(0), *(fit[1] for fit in fits)]), curves)
     missed = np.array([fit[2] for fit in fits])
@@ -215,10 +232,9 @@ def uniform_knots(counts: np.ndarray) -> np.ndarray:
 
 def _along_reference(settings: CurveSettings, curves: Curves) -> tuple[Splines, np.ndarray]:
     """Take the curves without their steps for control polygons: the splines stay in these' convex hulls."""
-    steps = settings.fitting.reference
-    widths = _shares(curves, settings.fitting.tolerance) * _filter_px(settings.tolerance_px, steps)
+    widths = _shares(curves) * _filter_px(settings.tolerance_px)
     smooth = [
-        reference(polygon, np.zeros(len(polygon), bool), steps.spacing_px, width, steps.fewest_samples)[0]
+        reference(polygon, np.zeros(len(polygon), bool), SPACING_PX, width, FEWEST_SAMPLES)[0]
         for polygon, width in zip(curves, widths, strict=True)
     ]
     control, offsets = concatenate_ragged(smooth)

@@ -24,10 +24,9 @@ from cccd.geometry.closed_splines import (
     value_at,
     values_of_basis,
 )
-from cccd.settings.curves import KnotSettings, SplineFittingSettings
 from cccd.tolerances import LEAST_SPACING_PX, LEAST_SPAN_PX, RIDGE, STILL, TINY
 
-__all__ = ["FEWEST", "fit_closed_spline", "reference"]
+__all__ = ["FEWEST", "FEWEST_SAMPLES", "SPACING_PX", "STAIRCASE_PX", "fit_closed_spline", "reference"]
 
 #: Control points a closed cubic spline needs.
 FEWEST = 4
@@ -44,6 +43,62 @@ _NEAR = 4
 
 #: How many times finer than its samples a curve is filtered.
 _FINER = 3
+
+#: Width of the filter that takes the pixels' steps away, which are a pixel high: a wider one would take the
+#: organ's own shape.
+STAIRCASE_PX = 1.5
+
+#: Distance of the samples for a budget of control points: every pixel counts alike.
+SPACING_PX = 1.0
+
+# Distance of the samples where the filter has its full width: without the pixels' steps they may lie further
+# apart.
+_SMOOTH_SPACING_PX = 2.0
+
+# Samples per width of a narrower filter: what it leaves is no finer.
+_SAMPLES_PER_WIDTH = 1.5
+
+#: Samples of a curve at least: six for each control point of the smallest spline.
+FEWEST_SAMPLES = 24
+
+# Even knots to begin with, as a share of the samples: enough that few spans must be halved, few enough to be
+# quick. For a budget they are all the choice there is: the cheapest go until it is met.
+_FIRST_SHARE = 0.16
+_FIRST_SHARE_BUDGET = 0.3
+
+# Share of the knots that may go at once within a tolerance, as their prices hold while their neighbours stay;
+# and while every trial is fitted closely, as the last knots are worth more care.
+_REMOVAL_SHARE = 0.25
+_CLOSE_REMOVAL_SHARE = 0.1
+
+# Rounds of distance minimisation in a close fit: the first bring nearly all.
+_CLOSE_ROUNDS = 2
+
+# For a budget: share of the excess knots that go at once, as no tolerance can be missed on the way; fits are
+# close from so many times the wanted knots on, as earlier ones are thrown away; rounds of the last fit, which
+# ends earlier when one brings nothing.
+_BUDGET_REMOVAL_SHARE = 0.35
+_CLOSE_MULTIPLE = 1.3
+_LAST_ROUNDS = 6
+
+# Up to so many knots, it is tried to do with one less from richer fits: of few, one more or less is a large
+# share.
+_FEW = 16
+
+# Reweighting by the distance (Lawson), to bring the largest down: rounds, of which the first bring nearly
+# all; tried where the largest is at most so many tolerances, as it brings none further down; and the least
+# and largest weight, as no point may rule alone.
+_LEVELLING_ROUNDS = 3
+_LEVELLING_REACH = 1.4
+_LEVELLING_WEIGHTS = (0.05, 20.0)
+
+# Reweighting by the inverse distance for a budget, to bring the sum down, which is the area between and what
+# Dice counts: rounds, and the least distance taken, or points on the curve would rule.
+_FLATTENING_ROUNDS = 5
+_FLAT_PX = 0.08
+
+# Share of the tolerance that is kept at the samples: between them a little more may be needed.
+_SAMPLE_SHARE = 0.97
 
 
 class _Fit(NamedTuple):
@@ -62,7 +117,6 @@ class _Task(NamedTuple):
     points: np.ndarray  # (m, 2)
     period: float  # length of the closed polygon through them
     sliding: float  # weight of the tangential distance
-    settings: KnotSettings
 
 
 @jit
@@ -253,10 +307,9 @@ def _cheapest(task: _Task, fit: _Fit, kept: np.ndarray, most: int, limit: float)
 
 def _within(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _Fit:
     """Fewest knots whose spline keeps the tolerance: inserted where it does not, removed while it does."""
-    settings = task.settings
     fit, kept = _enriched(task, fit, kept, tolerance)
     rich, rich_kept = fit, kept
-    for rounds, share in ((0, settings.removal_share), (settings.close_rounds, settings.close_removal_share)):
+    for rounds, share in ((0, _REMOVAL_SHARE), (_CLOSE_ROUNDS, _CLOSE_REMOVAL_SHARE)):
         most = len(fit.breaks)
         while len(fit.breaks) > FEWEST:
             most = min(most, max(1, int(share * len(fit.breaks))), len(fit.breaks) - FEWEST)
@@ -269,11 +322,11 @@ def _within(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _Fit:
                     break
                 most = max(1, most // 3)
                 continue
-            if len(fit.breaks) > 1.5 * settings.few:
+            if len(fit.breaks) > 1.5 * _FEW:
                 rich, rich_kept = fit, kept
             fit, kept = trial, kept[~gone]
     fit = _one_by_one(task, fit, kept, tolerance)
-    while FEWEST < len(fit.breaks) <= settings.few:  # of few knots each counts: try again from more
+    while FEWEST < len(fit.breaks) <= _FEW:  # of few knots each counts: try again from more
         trial = _levelled(task, _with(task, rich, rich_kept, len(fit.breaks) - 1), tolerance)
         if len(trial.breaks) >= len(fit.breaks) or not trial.distance.max() <= tolerance:
             break
@@ -302,7 +355,7 @@ def _one_by_one(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _
         if not gone.any():
             break
         kept = kept[~gone]
-        current = _fit(task, current.breaks[~gone], current.parameters, task.settings.close_rounds)
+        current = _fit(task, current.breaks[~gone], current.parameters, _CLOSE_ROUNDS)
         level = _levelled(task, current, tolerance)
         if level.distance.max() > tolerance:
             break
@@ -312,12 +365,11 @@ def _one_by_one(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _
 
 def _levelled(task: _Task, fit: _Fit, tolerance: float) -> _Fit:
     """Bring the largest distance down by Lawson's reweighting where that may make it keep the tolerance."""
-    settings = task.settings
-    if not tolerance < fit.distance.max() <= settings.levelling_reach * tolerance:
+    if not tolerance < fit.distance.max() <= _LEVELLING_REACH * tolerance:
         return fit
     weights, current = np.ones(len(task.points)), fit
-    for _ in range(settings.levelling_rounds):
-        weights = np.clip(weights * current.distance / current.distance.mean(), *settings.levelling_weights)
+    for _ in range(_LEVELLING_ROUNDS):
+        weights = np.clip(weights * current.distance / current.distance.mean(), *_LEVELLING_WEIGHTS)
         current = _reweighted(task, current, weights)
         if current.distance.max() < fit.distance.max():
             fit = current
@@ -327,8 +379,8 @@ def _levelled(task: _Task, fit: _Fit, tolerance: float) -> _Fit:
 def _flattened(task: _Task, fit: _Fit) -> _Fit:
     """Bring the sum of distances down, which is the area between points and curve: what Dice counts."""
     current = fit
-    for _ in range(task.settings.flattening_rounds):
-        weights = 1 / np.maximum(current.distance, task.settings.flat_px)
+    for _ in range(_FLATTENING_ROUNDS):
+        weights = 1 / np.maximum(current.distance, _FLAT_PX)
         current = _reweighted(task, current, weights / weights.mean())
         if not current.distance.sum() < fit.distance.sum():
             break
@@ -338,16 +390,15 @@ def _flattened(task: _Task, fit: _Fit) -> _Fit:
 
 def _with(task: _Task, fit: _Fit, kept: np.ndarray, target: int) -> _Fit:
     """Best spline with ``target`` knots: the cheapest go until so many are left."""
-    settings = task.settings
     while len(fit.breaks) > target:
         excess = len(fit.breaks) - target
-        gone = _cheapest(task, fit, kept, max(1, int(settings.budget_removal_share * excess)), np.inf)
+        gone = _cheapest(task, fit, kept, max(1, int(_BUDGET_REMOVAL_SHARE * excess)), np.inf)
         if not gone.any():
             break
         kept = kept[~gone]
-        near = np.count_nonzero(~gone) <= settings.close_multiple * target
+        near = np.count_nonzero(~gone) <= _CLOSE_MULTIPLE * target
         fit = _fit(task, fit.breaks[~gone], fit.parameters, int(near))
-    return _fit(task, fit.breaks, fit.parameters, settings.last_rounds)
+    return _fit(task, fit.breaks, fit.parameters, _LAST_ROUNDS)
 
 
 def reference(
@@ -433,7 +484,6 @@ def fit_closed_spline(
     sigma: float,
     target: int,
     sliding: float,
-    settings: SplineFittingSettings,
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Fit a closed cubic spline to a closed polygon.
 
@@ -451,29 +501,28 @@ def fit_closed_spline(
     sliding : float
         Weight of the tangential distance in the closer fits: near 0 the fit is closest, at 1 it is plain
         least squares, which folds less easily.
-    settings : SplineFittingSettings
 
     Returns
     -------
     control points (n, 2), knots (n + 7,), largest distance in pixels from the reference to the curve
     """
-    sampling = settings.reference
     if target:
-        spacing = sampling.spacing_px
-    elif sigma >= sampling.staircase_px:
-        spacing = sampling.smooth_spacing_px
+        spacing = SPACING_PX
+    elif sigma >= STAIRCASE_PX:
+        spacing = _SMOOTH_SPACING_PX
     else:
-        spacing = max(sigma / sampling.samples_per_width, LEAST_SPACING_PX)
-    points, corner = reference(polygon, corners, spacing, sigma, sampling.fewest_samples)
+        spacing = max(sigma / _SAMPLES_PER_WIDTH, LEAST_SPACING_PX)
+    points, corner = reference(polygon, corners, spacing, sigma, FEWEST_SAMPLES)
+    points = np.ascontiguousarray(points)  # compiled code is compiled once for one layout
     link = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     parameters, period = np.cumsum(link) - link, float(link.sum())
-    task = _Task(points, period, sliding, settings.knots)
-    share = settings.knots.first_share_budget if target else settings.knots.first_share
+    task = _Task(points, period, sliding)
+    share = _FIRST_SHARE_BUDGET if target else _FIRST_SHARE
     number = max(int(share * len(points)), target, FEWEST)
     breaks, kept = _first_breaks(parameters, period, corner, number)
     fit = _fit(task, breaks, parameters, 0)
     if target:
         fit = _flattened(task, _with(task, fit, kept, max(target, FEWEST)))
     else:
-        fit = _within(task, fit, kept, settings.knots.sample_share * tolerance)
+        fit = _within(task, fit, kept, _SAMPLE_SHARE * tolerance)
     return fit.control, fit.knots, float(fit.distance.max())

@@ -3,7 +3,7 @@
 Interpolating the slices' distances gives a surface that runs straight from slice to slice, and on coarse
 pixels follows their steps. A small network, which has seen many random smooth, rough, plate-like and
 branching bodies cut into slices, predicts by how much the true signed distance differs from that
-(`cccd.filling_training` made the bodies and trained it). It works on a grid of about half the slice distance,
+(`cccd_training.filling` made the bodies and trained it). It works on a grid of about half the slice distance,
 whatever the scan's voxels are.
 """
 

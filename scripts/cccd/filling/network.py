@@ -44,7 +44,7 @@ class FillingNetwork:
 
     @classmethod
     def load(cls, path: Path) -> FillingNetwork:
-        """Read weights that `cccd.filling_training` wrote."""
+        """Read weights that `cccd_training.filling` wrote."""
         with np.load(path) as file:
             layers = sum(name.startswith("kernel") for name in file)
             return cls(

@@ -17,7 +17,7 @@ module             holds
 ``sections``       the loops in which a mesh meets parallel planes
 ``distance``       signed distances of masks, polygons and meshes
 ``grid``           `ScalarGrid`: values on a grid and their isosurface
-``bsplines``       knots, basis functions, `Patch`: points, derivatives, curvature
+``bsplines``       knots and basis functions of B-splines
 ``closed_splines`` closed cubic curves, compiled: basis, pieces, values and derivatives
 =================  =================================================================================
 """

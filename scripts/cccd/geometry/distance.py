@@ -10,6 +10,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from cccd.geometry._jit import jit
+from cccd.geometry._vtk import vtk
 from cccd.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
@@ -239,10 +240,11 @@ def _to_faces(points: FloatArray, vertices: FloatArray, faces: IntArray, tried: 
 
 def to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:
     """Signed distance (P,) of points (P, 3) to a closed mesh, positive outside."""
-    import pyvista  # VTK takes a second to load
-
-    measured = pyvista.PolyData(points).compute_implicit_distance(mesh.to_polydata())
-    return np.asarray(measured["implicit_distance"])
+    support, measured = vtk("util.numpy_support"), vtk("vtkCommonCore").vtkDoubleArray()
+    function = vtk("vtkFiltersCore").vtkImplicitPolyDataDistance()
+    function.SetInput(mesh.to_vtk())
+    function.FunctionValue(support.numpy_to_vtk(np.ascontiguousarray(points, float)), measured)
+    return np.array(support.vtk_to_numpy(measured), float)
 
 
 def grid_to_mesh(

@@ -239,23 +239,16 @@ class Mesh:
         rounds : int
             Degree of the filter's polynomial.
         """
-        data, support = vtk("vtkCommonDataModel"), vtk("util.numpy_support")
-        mesh, points, cells = data.vtkPolyData(), vtk("vtkCommonCore").vtkPoints(), data.vtkCellArray()
-        points.SetData(support.numpy_to_vtk(np.ascontiguousarray(self.vertices)))
-        corners = np.ascontiguousarray(self.faces, np.int64).ravel()
-        cells.SetData(3, support.numpy_to_vtkIdTypeArray(corners))
-        mesh.SetPoints(points)
-        mesh.SetPolys(cells)
         filter_ = vtk("vtkFiltersCore").vtkWindowedSincPolyDataFilter()
-        filter_.SetInputData(mesh)
+        filter_.SetInputData(self.to_vtk())
         filter_.SetNumberOfIterations(rounds)
         filter_.SetPassBand(band)
         filter_.NormalizeCoordinatesOn()
         filter_.FeatureEdgeSmoothingOff()
-        filter_.BoundarySmoothingOff()
+        filter_.BoundarySmoothingOn()  # an open edge as a line by itself
         filter_.NonManifoldSmoothingOff()
         filter_.Update()
-        moved = support.vtk_to_numpy(filter_.GetOutput().GetPoints().GetData())
+        moved = vtk("util.numpy_support").vtk_to_numpy(filter_.GetOutput().GetPoints().GetData())
         return Mesh(moved.astype(float), self.faces)
 
     def averages(self, values: FloatArray, rounds: Sequence[int]) -> list[FloatArray]:
@@ -284,8 +277,19 @@ class Mesh:
 
         return trimesh.Trimesh(self.vertices, self.faces, process=False)
 
+    def to_vtk(self) -> Any:
+        """Return the mesh as a ``vtkPolyData``; needs no PyVista."""
+        data, support = vtk("vtkCommonDataModel"), vtk("util.numpy_support")
+        mesh, points, cells = data.vtkPolyData(), vtk("vtkCommonCore").vtkPoints(), data.vtkCellArray()
+        points.SetData(support.numpy_to_vtk(np.ascontiguousarray(self.vertices)))
+        corners = np.ascontiguousarray(self.faces, np.int64).ravel()
+        cells.SetData(3, support.numpy_to_vtkIdTypeArray(corners))
+        mesh.SetPoints(points)
+        mesh.SetPolys(cells)
+        return mesh
+
     def to_polydata(self) -> pyvista.PolyData:
-        """Return the mesh as VTK's ``PolyData``."""
+        """Return the mesh as PyVista's ``PolyData``."""
         import pyvista  # VTK takes a second to load
 
         return cast(Any, pyvista.PolyData).from_regular_faces(self.vertices, self.faces)

@@ -30,6 +30,10 @@ def _no_creases() -> IntArray:
     return np.zeros((0, 2), np.int64)
 
 
+def _no_samplers() -> dict[int, Sampler]:
+    return {}
+
+
 def _no_sharpness() -> FloatArray:
     return np.zeros(0)
 
@@ -66,16 +70,25 @@ class ControlMesh:
     quads: IntArray
     creases: IntArray = field(default_factory=_no_creases)
     sharpness: FloatArray = field(default_factory=_no_sharpness)
+    _samplers: dict[int, Sampler] = field(default_factory=_no_samplers, repr=False)
 
     def moved(self, vertices: FloatArray) -> ControlMesh:
         """Return the same quads and creases with other control points (V, 3)."""
-        return ControlMesh(vertices, self.quads, self.creases, self.sharpness)
+        return ControlMesh(vertices, self.quads, self.creases, self.sharpness, self._samplers)
+
+    def sampler(self, times: int) -> Sampler:
+        """Return the matrix from control points to the limit surface's points after some subdivisions."""
+        if times not in self._samplers:
+            self._samplers[times] = Sampler.of(self, times)
+        return self._samplers[times]
 
     def transformed(self, affine: FloatArray) -> ControlMesh:
         """Apply an affine (4, 4); quads keep their outer side, also when it mirrors."""
         vertices = self.vertices @ affine[:3, :3].T + affine[:3, 3]
-        quads = self.quads if np.linalg.det(affine[:3, :3]) > 0 else self.quads[:, ::-1]
-        return ControlMesh(vertices, np.ascontiguousarray(quads), self.creases, self.sharpness)
+        if np.linalg.det(affine[:3, :3]) > 0:
+            return self.moved(vertices)
+        quads = np.ascontiguousarray(self.quads[:, ::-1])
+        return ControlMesh(vertices, quads, self.creases, self.sharpness)
 
     def rounded(self, tolerance: float) -> ControlMesh:
         """Round coordinates to a power of two, by at most ``tolerance``: bits that are zero pack well."""
@@ -95,7 +108,7 @@ class ControlMesh:
 
         The first vertices are the limits of the control points.
         """
-        sampler = Sampler.of(self, times)
+        sampler = self.sampler(times)
         return Mesh(sampler.matrix @ self.vertices, sampler.triangles)
 
     def pieces(self) -> list[ControlMesh]:

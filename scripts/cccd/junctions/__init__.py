@@ -2,7 +2,7 @@
 
 Delaunay links of the boundary pixels are classified by a graph network (eq. 11); a minimum cut then
 labels what lies inside, and the border of the inside is closed and simple whatever the network says.
-Only the network and its training import torch and PyTorch Geometric, on which both stand.
+Only the network imports torch and PyTorch Geometric; `cccd_training.junctions` trains it.
 
 ==================== ===============================================================================
 module               holds
@@ -20,18 +20,13 @@ module               holds
 ``cut``              the labelling of least energy, by minimum cut
 ``decoding``         labelled triangles to closed chains
 ``alternatives``     other labellings, described as a whole
-``reranking``        which of them is right; ``reranker_training``
+``reranking``        which of them is right
 ``labelling``        a slice's labels, from the cut or an alternative of it
 ``parts``            no more pieces than an organ has on a slice; ``stacks``: slices beside others
 ``uncertainty``      how likely a slice's curves are wrong
+``checkpoint``       ``model.pt``
 ``inference``        the forward path, batched over slices
 ``ordering``         a volume's boundary pixels to curves; ``contours``: a structure's
-``random_masks``     synthetic organs; ``synthetic_images``, ``synthetic_maps``, ``labels``: images, noisy
-                     boundary maps (`cccd.volumes.corruptions`) and labels of them
-``grid``             the paper's graph, the pixel grid, and its decoder; ``paper_network``: its network
-``frozen_graphs``    ``graphs.h5``: graphs drawn once
-``data``             labelled maps; ``tasks``, ``loss``, ``loop``, ``checkpoint``: the rest of the training
-``scoring``          when an ordered slice counts as correct
 ==================== ===============================================================================
 """
 

@@ -14,10 +14,9 @@ from scipy.sparse.csgraph import connected_components
 
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
-from cccd.junctions.decoding import border_loops
+from cccd.junctions.decoding import SMALLEST_LOOP_PX, border_loops
 from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd.junctions.energy import Energy, EnergyWeights, Logits, least_energies
-from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["FEATURES", "alternatives", "describe", "pieces"]
 
@@ -125,7 +124,6 @@ def describe(
     logits: Logits,
     energy: Energy[FloatArray],
     labels: BoolArray,
-    settings: InferenceSettings,
 ) -> FloatArray:
     """Describe labellings as a whole, beside the first of them.
 
@@ -137,8 +135,6 @@ def describe(
         Of these logits.
     labels : (K, T) bool array
         As from `alternatives`.
-    settings : InferenceSettings
-        Of these ``smallest_loop_px``.
 
     Returns
     -------
@@ -153,7 +149,7 @@ def describe(
     by_link, by_triangle = _link_terms(graph, logits, energy), _triangle_terms(graph, logits)
     along, less, more = (part @ by_link for part in (border, lost, gained))
     into, out = (part @ by_triangle for part in (joined, left))
-    shape = _shapes(graph, labels, border, settings)
+    shape = _shapes(graph, labels, border)
     costs = _costs(graph, energy, labels)
     changed = into[:, 0] + out[:, 0]
     thickness = changed / np.maximum(less[:, 0] + more[:, 0], 1)
@@ -200,17 +196,15 @@ def _triangle_terms(graph: DelaunayGraph, logits: Logits) -> FloatArray:
     )
 
 
-def _shapes(
-    graph: DelaunayGraph, labels: BoolArray, border: BoolArray, settings: InferenceSettings
-) -> FloatArray:
+def _shapes(graph: DelaunayGraph, labels: BoolArray, border: BoolArray) -> FloatArray:
     """Shape (K, 8) of what labellings enclose: `_SHAPE`."""
     fragment = graph.fragments
-    clear = graph.observed & (np.bincount(fragment)[fragment] >= settings.smallest_loop_px)
+    clear = graph.observed & (np.bincount(fragment)[fragment] >= SMALLEST_LOOP_PX)
     shapes = np.zeros((len(labels), len(_SHAPE)))
     for shape, inside, links in zip(shapes, labels, border, strict=True):
         loops = border_loops(graph, inside)
         sizes = np.array([len(loop) for loop in loops], np.int64)
-        shape[:-1] = _shape(np.concatenate(loops), sizes, settings.smallest_loop_px)
+        shape[:-1] = _shape(np.concatenate(loops), sizes, SMALLEST_LOOP_PX)
         on_border = np.zeros(len(clear), bool)
         on_border[graph.links[links]] = True
         shape[-1] = np.count_nonzero(on_border & clear) / max(np.count_nonzero(clear), 1)

@@ -34,7 +34,7 @@ _CLUSTER_PX = 3
 SHAPE_COLUMNS = FeatureSchema(
     Column("size", "log pixels / 4", "number of its pixels"),
     Column("dead_ends", "ends / 2", "its dead ends, 2 at most"),
-    Column("junction_contacts", "pixels / 2", "its pixels beside junctions, 2 at most"),
+    Column("junction_contacts", "pixels / 2", "its pixels next to junctions, 2 at most"),
     Column("spread_across", "log pixels", "spread across its main direction (RMS, and 0.2)"),
     Column("spread_along", "log pixels / 4", "spread along its main direction (RMS, and 0.2)"),
 )

@@ -11,9 +11,8 @@ from typing import Any
 from cccd.containers import Boundaries, Curves, Structure
 from cccd.contours import check_closed
 from cccd.errors import InputError
-from cccd.junctions.grid import LinkPredictor
-from cccd.junctions.inference import DEFAULTS, Predictor
-from cccd.junctions.ordering import order_boundaries
+from cccd.junctions.inference import LoopPredictor, Predictor
+from cccd.junctions.ordering import DEFAULTS, order_boundaries
 from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["order_contours"]
@@ -22,7 +21,7 @@ __all__ = ["order_contours"]
 def order_contours(
     structure: Structure,
     boundaries: Boundaries,
-    model: Predictor | LinkPredictor,
+    model: Predictor | LoopPredictor,
     settings: InferenceSettings = DEFAULTS,
 ) -> tuple[Curves, dict[str, Any]]:
     """Order the boundary pixels of every slice into closed simple curves.
@@ -33,7 +32,7 @@ def order_contours(
         Its image is read beside the pixels, where it has one.
     boundaries : Boundaries
         Its boundary pixels.
-    model : Predictor or LinkPredictor
+    model : Predictor or LoopPredictor
         From `cccd.junctions.checkpoint.load_model`.
     settings : InferenceSettings
 

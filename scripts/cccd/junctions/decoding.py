@@ -20,10 +20,10 @@ from cccd.geometry.arrays import (
     split_ragged,
 )
 from cccd.junctions.delaunay import DelaunayGraph, any_corner
-from cccd.settings.junctions import InferenceSettings
 from cccd.tracing import trace_stack
 
 __all__ = [
+    "SMALLEST_LOOP_PX",
     "Outline",
     "border_loops",
     "closed_chains",
@@ -31,6 +31,17 @@ __all__ = [
     "fill_loops",
     "find_outline",
 ]
+
+#: Smaller loops, and fragments of fewer pixels, are debris: the loop of eight pixels around one encloses
+#: four.
+SMALLEST_LOOP_PX = 6.0
+
+# So are loops smaller than this share of their slice's largest: specks beside an organ are seldom part of it.
+_SMALLEST_LOOP_SHARE = 0.005
+
+# Pixels that a map may have beyond an outline, which is then taken as it is: of 0, 1, 2 and 5 the best on
+# real slices and two synthetic test sets.
+_TIP_PX = 1
 
 
 # Outlines ---------------------------------------------------------------------------------------------
@@ -46,17 +57,17 @@ class Outline:
         Triangles that are enclosed an odd number of times.
     exact : bool
         Whether the map is just the outline of these. Fragments as small as debris are left out, and an
-        outline may end in a tip of ``tip_px`` pixels, which enclose nothing.
+        outline may end in a tip of a pixel, which encloses nothing.
     """
 
     enclosed: BoolArray
     exact: bool
 
 
-def find_outline(graph: DelaunayGraph, settings: InferenceSettings) -> Outline:
+def find_outline(graph: DelaunayGraph) -> Outline:
     """Find what a slice's boundary map encloses already, and whether nothing else is in it."""
     fragment = graph.fragments
-    debris = graph.observed & (np.bincount(fragment)[fragment] < settings.smallest_loop_px)
+    debris = graph.observed & (np.bincount(fragment)[fragment] < SMALLEST_LOOP_PX)
     enclosed = (graph.depths[:, 0] % 2 == 1) & ~any_corner(debris, graph.triangles)
     masks, origin = fill_inside(graph, enclosed)
     observed = np.zeros_like(masks[0])
@@ -64,7 +75,7 @@ def find_outline(graph: DelaunayGraph, settings: InferenceSettings) -> Outline:
     observed[i, j] = True
     around = outline(masks)[0]
     left = np.count_nonzero(observed & ~around)
-    return Outline(enclosed, bool(masks.any() and (around <= observed).all() and left <= settings.tip_px))
+    return Outline(enclosed, bool(masks.any() and (around <= observed).all() and left <= _TIP_PX))
 
 
 # Loops ------------------------------------------------------------------------------------------------
@@ -159,7 +170,7 @@ def fill_inside(graph: DelaunayGraph, *inside: BoolArray) -> tuple[BoolArray, In
 
 
 def closed_chains(
-    masks: BoolArray, origin: IntArray, numbers: AnyArray, frame: Frame, settings: InferenceSettings
+    masks: BoolArray, origin: IntArray, numbers: AnyArray, frame: Frame, parts: int | None = None
 ) -> Curves:
     """Strictly simple closed pixel chains around masks, without debris.
 
@@ -172,20 +183,20 @@ def closed_chains(
         Source slice k of each mask.
     frame : Frame
         Of the source volume.
-    settings : InferenceSettings
-        What counts as debris, and how many parts there may be; of more the largest stay, without holes.
+    parts : int, optional
+        How many there may be on a slice; of more the largest stay, without holes.
     """
     traced = trace_stack(masks, (0, *origin), frame)
     area = np.abs(traced.polygons.signed_areas)
     largest = np.zeros(len(masks))
     np.maximum.at(largest, traced.slice, area)
-    debris = np.maximum(settings.smallest_loop_px, settings.smallest_loop_share * largest)
+    debris = np.maximum(SMALLEST_LOOP_PX, _SMALLEST_LOOP_SHARE * largest)
     kept = area >= debris[traced.slice]
-    if settings.parts is not None:
+    if parts is not None:
         kept &= ~traced.hole
         among = np.where(kept, np.cumsum(kept), 0)  # larger ones first within a slice
         before = np.concatenate([[0], np.cumsum(kept)])[np.searchsorted(traced.slice, traced.slice)]
-        kept &= among - before <= settings.parts
+        kept &= among - before <= parts
     points, offsets = concatenate_ragged([loop for loop, keep in zip(traced, kept, strict=True) if keep])
     numbers = np.asarray(numbers, np.int32)[traced.slice[kept]]
     return Curves(points, offsets, numbers, traced.hole[kept], frame)

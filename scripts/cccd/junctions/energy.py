@@ -10,7 +10,8 @@ the border runs::
     pairwise[l] =  border_cost * length[l]  * softplus(-logit(l is true))
 
 Pairwise energies are not negative, so that the least energy is found exactly by a minimum cut
-(`cccd.junctions.cut`). The loss of the training (`cccd.junctions.loss`) compares energies of the same terms.
+(`cccd.junctions.cut`). The loss of the training (`cccd_training.junctions.loss`) compares energies of the
+same terms.
 """
 
 from __future__ import annotations
@@ -24,7 +25,6 @@ import numpy as np
 from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.junctions.cut import minimum_cuts
 from cccd.junctions.delaunay import DelaunayGraph
-from cccd.settings.junctions import InferenceSettings
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -46,6 +46,11 @@ _Numbers = TypeVar("_Numbers", FloatArray, "Tensor")
 #: Unary energy of triangles that are held outside, those at the ghost points among them: above all that the
 #: others can gain.
 HELD = 1e9
+
+# A triangle's logit counts by this power of its area, and a pixel of border costs so much per nat of doubt
+# about its link: the best compromise of ten settings on the frozen validation graphs.
+_AREA_POWER = 0.75
+_BORDER_COST = 1.0
 
 #: Logits that triangles (T,) are inside and that links (L,) are true.
 Logits = tuple[FloatArray, FloatArray]
@@ -99,19 +104,19 @@ def energy_of_logits(
     return Energy(-(weights.unary * inside_logit), weights.pairwise * softplus(-link_logit))
 
 
-def energy_weights(graph: DelaunayGraph, settings: InferenceSettings) -> EnergyWeights[FloatArray]:
+def energy_weights(graph: DelaunayGraph) -> EnergyWeights[FloatArray]:
     """Weights of a graph's terms."""
-    extent = np.where(graph.outer, 0, graph.areas**settings.area_power)
-    return EnergyWeights(extent, settings.border_cost * graph.link_lengths)
+    extent = np.where(graph.outer, 0, graph.areas**_AREA_POWER)
+    return EnergyWeights(extent, _BORDER_COST * graph.link_lengths)
 
 
 def _softplus(values: FloatArray) -> FloatArray:
     return cast(FloatArray, np.logaddexp(0, values))
 
 
-def inference_energy(graph: DelaunayGraph, logits: Logits, settings: InferenceSettings) -> Energy[FloatArray]:
+def inference_energy(graph: DelaunayGraph, logits: Logits) -> Energy[FloatArray]:
     """Energy that a network's logits, or the prior's, give a graph."""
-    return energy_of_logits(energy_weights(graph, settings), *logits, _softplus)
+    return energy_of_logits(energy_weights(graph), *logits, _softplus)
 
 
 def least_energy(graph: DelaunayGraph, energy: Energy[FloatArray]) -> BoolArray:

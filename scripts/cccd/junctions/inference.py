@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -12,16 +12,24 @@ from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, Real
 from cccd.junctions.decoding import border_loops, fill_loops, find_outline
 from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd.junctions.energy import Logits
-from cccd.junctions.grid import LinkPredictor, build_grid, find_chains
 from cccd.junctions.labelling import Labelled
 from cccd.junctions.observation import ObservedSlice, observe
 from cccd.junctions.stacks import ReadSlice, label_slices
-from cccd.settings.junctions import InferenceSettings
 
-__all__ = ["DEFAULTS", "PRIOR", "Prediction", "Predictor", "predict_masks", "predict_slices", "read_slices"]
+__all__ = [
+    "PRIOR",
+    "SLICES_PER_BATCH",
+    "LoopPredictor",
+    "Prediction",
+    "Predictor",
+    "predict_masks",
+    "predict_slices",
+    "read_slices",
+]
 
-#: What the shipped weights were trained and measured with.
-DEFAULTS = InferenceSettings()
+#: Slices that a network reads at once. Of 1 to 24 the fastest: they share overheads, and memory is not asked
+#: for again each time.
+SLICES_PER_BATCH = 4
 
 # The prior: triangles walled in by links up to this of `REGION_GAPS_PX` are inside; longer links cost more.
 _PRIOR_SCALE = 2
@@ -32,6 +40,15 @@ class Predictor(Protocol):
 
     def logits(self, slices: Sequence[ObservedSlice]) -> list[Logits]:
         """Logits of every slice: that its triangles (T,) are inside and that its links (L,) are true."""
+        ...
+
+
+@runtime_checkable
+class LoopPredictor(Protocol):
+    """What orders a map's pixels by itself: another package's network (`cccd.additions`)."""
+
+    def find_loops(self, maps: Sequence[AnyArray]) -> list[list[IntArray]]:
+        """Find closed loops (n, 2) of pixels in every map (N, 2)."""
         ...
 
 
@@ -57,25 +74,15 @@ class Prior:
 PRIOR = Prior()
 
 
-def read_slices(
-    slices: Sequence[ObservedSlice], predictor: Predictor, settings: InferenceSettings
-) -> list[ReadSlice]:
+def read_slices(slices: Sequence[ObservedSlice], predictor: Predictor) -> list[ReadSlice]:
     """Read slices as one batch; the predictor is asked of maps that are no outlines already."""
-    outlines = [find_outline(observed.graph, settings) for observed in slices]
+    outlines = [find_outline(observed.graph) for observed in slices]
     doubtful = [observed for observed, outline in zip(slices, outlines, strict=True) if not outline.exact]
     logits = iter(predictor.logits(doubtful) if doubtful else [])
     return [
         ReadSlice(observed.graph, outline, None if outline.exact else next(logits))
         for observed, outline in zip(slices, outlines, strict=True)
     ]
-
-
-def _chain_loops(maps: Sequence[AnyArray], predictor: LinkPredictor) -> list[list[IntArray]]:
-    """Follow each map's chains; the predictor is asked of maps that have junctions."""
-    grids = [build_grid(pixels) for pixels in maps]
-    doubtful = [grid for grid in grids if grid.has_junctions]
-    scores = iter(predictor.link_scores(doubtful) if doubtful else [])
-    return [find_chains(grid, next(scores) if grid.has_junctions else None) for grid in grids]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,10 +106,10 @@ class Prediction:
 
 def predict_slices(
     maps: Sequence[AnyArray],
-    predictor: Predictor | LinkPredictor | None,
+    predictor: Predictor | LoopPredictor | None,
     images: Sequence[RealArray | None],
     numbers: AnyArray,
-    settings: InferenceSettings = DEFAULTS,
+    parts: int | None = None,
 ) -> Prediction:
     """Fill what each slice's boundary map encloses.
 
@@ -110,18 +117,19 @@ def predict_slices(
     ----------
     maps : sequence of (N, 2) int arrays
         Boundary pixels of each slice; none may be empty.
-    predictor : Predictor, LinkPredictor or None
-        ``None``: the decoder alone, by its prior; it looks at no image. A `LinkPredictor`, the paper's
-        network, looks at none either, and its chains are followed as they are.
+    predictor : Predictor, LoopPredictor or None
+        ``None``: the decoder alone, by its prior; it looks at no image. A `LoopPredictor` looks at
+        none either, and its loops are taken as they are.
     images : sequence of (I, J) arrays or None
         Grey slice of each, in the pixels' coordinates.
     numbers : (S,) int array
         Ascending numbers of the slices; consecutive ones are neighbours (`cccd.junctions.stacks`).
-    settings : InferenceSettings
+    parts : int, optional
+        Pieces of the organ on a slice at most, none of which has a hole.
     """
-    if isinstance(predictor, LinkPredictor):
-        return Prediction(*_filled(_chain_loops(maps, predictor)), None)
-    read, labelled = _read_and_labelled(maps, predictor, images, numbers, settings)
+    if isinstance(predictor, LoopPredictor):
+        return Prediction(*_filled(predictor.find_loops(maps)), None)
+    read, labelled = _read_and_labelled(maps, predictor, images, numbers, parts)
     told = [one.uncertainty for one in labelled if one.uncertainty is not None]
     uncertainty = np.array(told) if predictor is not None and len(told) == len(labelled) else None
     return Prediction(*_filled(_border_loops(read, labelled)), uncertainty)
@@ -129,15 +137,14 @@ def predict_slices(
 
 def predict_masks(
     maps: Sequence[AnyArray],
-    predictor: Predictor | LinkPredictor | None,
+    predictor: Predictor | LoopPredictor | None,
     images: Sequence[RealArray | None],
-    settings: InferenceSettings = DEFAULTS,
 ) -> tuple[BoolArray, IntArray]:
     """Masks and their origin, as from `predict_slices`, of maps that are no neighbours."""
-    if isinstance(predictor, LinkPredictor):
-        return _filled(_chain_loops(maps, predictor))
+    if isinstance(predictor, LoopPredictor):
+        return _filled(predictor.find_loops(maps))
     apart = 2 * np.arange(len(maps))
-    return _filled(_border_loops(*_read_and_labelled(maps, predictor, images, apart, settings)))
+    return _filled(_border_loops(*_read_and_labelled(maps, predictor, images, apart)))
 
 
 def _read_and_labelled(
@@ -145,21 +152,19 @@ def _read_and_labelled(
     predictor: Predictor | None,
     images: Sequence[RealArray | None],
     numbers: AnyArray,
-    settings: InferenceSettings,
+    parts: int | None = None,
 ) -> tuple[list[ReadSlice], list[Labelled]]:
     """Read slices batch by batch, and label the triangles of each, its neighbours considered.
 
     What the prior says is taken as the cut has it: alternatives are told by a network's logits.
     """
-    if predictor is None:
-        settings = settings.model_copy(update={"rerank": False})
     shown = [None] * len(maps) if predictor is None else images
     read: list[ReadSlice] = []
-    for begin in range(0, len(maps), settings.slices_per_batch):
-        batch = slice(begin, begin + settings.slices_per_batch)
-        slices = [observe(*both, settings) for both in zip(maps[batch], shown[batch], strict=True)]
-        read += read_slices(slices, predictor or PRIOR, settings)
-    return read, label_slices(read, numbers, settings)
+    for begin in range(0, len(maps), SLICES_PER_BATCH):
+        batch = slice(begin, begin + SLICES_PER_BATCH)
+        slices = [observe(*both) for both in zip(maps[batch], shown[batch], strict=True)]
+        read += read_slices(slices, predictor or PRIOR)
+    return read, label_slices(read, numbers, parts, rerank=predictor is not None)
 
 
 def _border_loops(read: Sequence[ReadSlice], labelled: Sequence[Labelled]) -> list[list[IntArray]]:

@@ -13,7 +13,6 @@ from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray, RealArray, SingleArray
 from cccd.geometry.opencv import components, distance_to_zero, gaussian_blur, sobel
 from cccd.junctions.delaunay import HASHES, pixel_hash
-from cccd.settings.junctions import InferenceSettings
 from cccd.tolerances import CONTRAST
 
 __all__ = ["BLURS", "IntensitySlice", "image_edges", "normalised_intensity", "sample_channels"]
@@ -23,6 +22,21 @@ BLURS = ((1.0, 1.5), (2.5, 3.5))
 
 # Bins of grey values that are ranked.
 _BINS = 1024
+
+# Least slope of a further edge of the image, in medians of the slice's: between the two of 1, 1.5 and 2.5
+# under which the true labels did best.
+_EDGE_SLOPE = 1.25
+
+# Shorter edges are noise, whose ridges are short.
+_SHORTEST_EDGE_PX = 4
+
+# Further edges at most, and for each pixel of the map besides: a bound on the time that a textured slice
+# takes.
+_MOST_EDGES = 60
+_MOST_EDGES_PER_PIXEL = 0.75
+
+# An edge's slope counts half at this distance from the map, most gaps of which are narrower.
+_HALF_AWAY_PX = 8.0
 
 # Edges nearer than this to a pixel of the map touch it.
 _TOUCHING_PX = 1.9
@@ -94,7 +108,7 @@ def _nearest(channels: ByteArray, places: FloatArray) -> SingleArray:
     return samples
 
 
-def image_edges(intensity: IntensitySlice, pixels: AnyArray, settings: InferenceSettings) -> IntArray:
+def image_edges(intensity: IntensitySlice, pixels: AnyArray) -> IntArray:
     """Find places on edges of a grey slice that the boundary map lacks.
 
     An edge detector with one threshold leaves out what is weak beside the strongest edges of the slice.
@@ -106,7 +120,6 @@ def image_edges(intensity: IntensitySlice, pixels: AnyArray, settings: Inference
     intensity : IntensitySlice
     pixels : (N, 2) int array
         The boundary map (i, j).
-    settings : InferenceSettings
 
     Returns
     -------
@@ -115,9 +128,9 @@ def image_edges(intensity: IntensitySlice, pixels: AnyArray, settings: Inference
     """
     shape = intensity.blurred.shape
     slope, thin = (part[0] for part in gradient_ridges(intensity.blurred[None], 0.0))
-    ridge = (thin & (slope > settings.edge_slope * np.median(slope))).astype(np.uint8)
+    ridge = (thin & (slope > _EDGE_SLOPE * np.median(slope))).astype(np.uint8)
     labels, areas = components(ridge, connectivity=8)
-    long = areas >= settings.shortest_edge_px
+    long = areas >= _SHORTEST_EDGE_PX
     long[0] = False
     empty = np.ones(shape, np.uint8)
     local = pixels - intensity.origin
@@ -125,10 +138,9 @@ def image_edges(intensity: IntensitySlice, pixels: AnyArray, settings: Inference
     away = distance_to_zero(empty)
     kept = _apart(np.where(long[labels] & (away > _TOUCHING_PX), slope, 0))
     places = np.argwhere(kept)
-    most = int(settings.most_edges + settings.most_edges_per_pixel * len(pixels))
+    most = int(_MOST_EDGES + _MOST_EDGES_PER_PIXEL * len(pixels))
     if len(places) > most:
-        half = settings.edge_half_away_px
-        worth = slope[kept] * half / (half + away[kept])
+        worth = slope[kept] * _HALF_AWAY_PX / (_HALF_AWAY_PX + away[kept])
         places = places[np.sort(np.argsort(-worth, kind="stable")[:most])]
     return places + intensity.origin
 

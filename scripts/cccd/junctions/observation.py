@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from cccd.geometry.arrays import AnyArray, RealArray
 from cccd.junctions.delaunay import DelaunayGraph, build_graph
 from cccd.junctions.intensity import IntensitySlice, image_edges, normalised_intensity
-from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["ObservedSlice", "observe"]
 
@@ -20,7 +19,7 @@ class ObservedSlice:
     intensity: IntensitySlice | None = None
 
 
-def observe(pixels: AnyArray, image: RealArray | None, settings: InferenceSettings) -> ObservedSlice:
+def observe(pixels: AnyArray, image: RealArray | None) -> ObservedSlice:
     """Triangulate a boundary map's pixels (N, 2), and further edges of its grey slice (I, J) if it has one.
 
     The pixels index the image.
@@ -28,4 +27,4 @@ def observe(pixels: AnyArray, image: RealArray | None, settings: InferenceSettin
     if image is None:
         return ObservedSlice(build_graph(pixels))
     intensity = normalised_intensity(image, pixels)
-    return ObservedSlice(build_graph(pixels, image_edges(intensity, pixels, settings)), intensity)
+    return ObservedSlice(build_graph(pixels, image_edges(intensity, pixels)), intensity)

@@ -12,16 +12,18 @@ from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels
 from cccd.containers import Boundaries, Curves
 from cccd.geometry.arrays import FloatArray, IntArray, RealArray, owners_of, sum_per_part
 from cccd.junctions.decoding import closed_chains
-from cccd.junctions.grid import LinkPredictor
-from cccd.junctions.inference import DEFAULTS, Predictor, predict_slices
+from cccd.junctions.inference import LoopPredictor, Predictor, predict_slices
 from cccd.settings.junctions import InferenceSettings
 
-__all__ = ["count_changes", "order_boundaries"]
+__all__ = ["DEFAULTS", "count_changes", "order_boundaries"]
+
+#: What holds where nobody decides.
+DEFAULTS = InferenceSettings()
 
 
 def order_boundaries(
     boundaries: Boundaries,
-    model: Predictor | LinkPredictor | None,
+    model: Predictor | LoopPredictor | None,
     image: RealArray | None = None,
     image_origin: Sequence[int] | IntArray = (0, 0, 0),
     settings: InferenceSettings = DEFAULTS,
@@ -31,7 +33,7 @@ def order_boundaries(
     Parameters
     ----------
     boundaries : Boundaries
-    model : Predictor, LinkPredictor or None
+    model : Predictor, LoopPredictor or None
         From `cccd.junctions.checkpoint.load_model`; ``None`` lets the decoder decide by walls and gaps alone.
     image : (S, I, J) array, optional
         Grey slices, used where given.
@@ -57,19 +59,21 @@ def order_boundaries(
     maps = [pixels - corner for pixels in boundaries if len(pixels)]
     count = 0 if image is None else len(image)
     images = [image[k - first] if image is not None and 0 <= k - first < count else None for k in numbers]
-    found = predict_slices(maps, model, images, numbers, settings)
-    curves = closed_chains(found.masks, found.origin + corner, numbers, boundaries.frame, settings)
+    found = predict_slices(maps, model, images, numbers, settings.parts)
+    curves = closed_chains(found.masks, found.origin + corner, numbers, boundaries.frame, settings.parts)
     report = _report(boundaries, curves)
     if found.uncertainty is None:
         return curves, report
     own = found.uncertainty[np.searchsorted(numbers, curves.slice)]
-    return replace(curves, uncertainty=own), report | _doubts(numbers, found.uncertainty, settings)
+    return replace(curves, uncertainty=own), report | _doubts(
+        numbers, found.uncertainty, settings.doubtful_from
+    )
 
 
-def _doubts(numbers: IntArray, uncertainty: FloatArray, settings: InferenceSettings) -> dict[str, Any]:
+def _doubts(numbers: IntArray, uncertainty: FloatArray, doubtful_from: float) -> dict[str, Any]:
     """Say which slices should be looked at, the most doubtful first, and how many are probably wrong."""
     order = np.argsort(-uncertainty, kind="stable")
-    doubtful = order[uncertainty[order] >= settings.doubtful_from]
+    doubtful = order[uncertainty[order] >= doubtful_from]
     return {
         "doubtful": [int(k) for k in numbers[doubtful]],
         "expected_wrong": round(float(uncertainty.sum()), 3),

@@ -14,9 +14,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.junctions.decoding import SMALLEST_LOOP_PX
 from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import HELD, Energy, least_energy
-from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["limit_parts"]
 
@@ -40,9 +40,9 @@ def limit_parts(
     graph: DelaunayGraph,
     energy: Energy[FloatArray],
     inside: BoolArray,
-    settings: InferenceSettings,
+    parts: int | None,
 ) -> BoolArray:
-    """Leave out, or join, all holes of a labelling and all pieces but ``settings.parts``, if that is given.
+    """Leave out, or join, all holes of a labelling and all pieces but ``parts``, if that is given.
 
     Parameters
     ----------
@@ -50,19 +50,19 @@ def limit_parts(
     energy : Energy
         Of which ``inside`` is the least.
     inside : (T,) bool array
-    settings : InferenceSettings
+    parts : int or None
 
     Returns
     -------
     (T,) bool array
     """
-    if settings.parts is None:
+    if parts is None:
         return inside
-    inside = _without_debris(graph, inside, settings.smallest_loop_px)
+    inside = _without_debris(graph, inside, SMALLEST_LOOP_PX)
     current = _Labelling(inside, _cost(graph, energy, inside), energy)
     for _ in range(_MOST_CHANGES):
         region = _regions(graph, current.inside)
-        excess = _excess(graph, current.inside, region, settings.parts)
+        excess = _excess(graph, current.inside, region, parts)
         choices = [one for number in excess for one in _changes(graph, energy, current, region == number)]
         best = min(choices, key=lambda one: one.cost, default=current)
         if best is current:

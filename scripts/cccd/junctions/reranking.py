@@ -2,7 +2,7 @@
 
 As in re-ranking the best parses of a sentence (Collins and Koo 2005) or diverse segmentations of an image
 (Yadollahpour, Batra and Shakhnarovich 2013): the energy proposes, and what no sum over triangles and links
-can say decides. `cccd.junctions.reranker_training` trained it.
+can say decides. `cccd_training.junctions.reranker` trained it.
 """
 
 from __future__ import annotations

@@ -19,9 +19,21 @@ from cccd.junctions.decoding import Outline, border_loops, fill_loops
 from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import Logits
 from cccd.junctions.labelling import Labelled, label_slice
-from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["ReadSlice", "label_slices"]
+
+
+# Logits that a triangle gains from neighbouring slices per standard deviation from their outline: of 0.5, 1
+# and 2 as good as any, on stacks of the development seed. Beyond so many deviations it gains no more, or a
+# slice's own map could not say otherwise.
+_NEIGHBOUR_NATS = 1.0
+_NEIGHBOUR_REACH = 3.0
+
+# Standard deviation of that outline in pixels where both neighbouring slices agree; 1 and 2.5 did as well.
+_NEIGHBOUR_SPREAD_PX = 1.5
+
+# All slices are decided again beside their neighbours so often; a third time changes next to nothing.
+_SWEEPS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +46,7 @@ class ReadSlice:
 
 
 def label_slices(
-    slices: Sequence[ReadSlice], numbers: AnyArray, settings: InferenceSettings
+    slices: Sequence[ReadSlice], numbers: AnyArray, parts: int | None = None, rerank: bool = True
 ) -> list[Labelled]:
     """Label the triangles of every slice; slices of consecutive numbers are neighbours.
 
@@ -44,11 +56,12 @@ def label_slices(
         All in the same coordinates.
     numbers : (S,) int array
         Ascending.
-    settings : InferenceSettings
+    parts, rerank
+        As `cccd.junctions.labelling.label_slice` takes them.
     """
-    labelled = [_label(one, None, settings) for one in slices]
+    labelled = [_label(one, None, parts, rerank) for one in slices]
     changed = np.ones(len(slices), bool)
-    for _ in range(settings.neighbour_sweeps if settings.neighbour_nats else 0):
+    for _ in range(_SWEEPS):
         shapes = _Shapes(slices, [one.inside for one in labelled], np.asarray(numbers, np.int64))
         # what its neighbours say is new where one of them has changed
         stale = [
@@ -56,7 +69,7 @@ def label_slices(
         ]
         if not stale:
             break
-        again = {n: _label(slices[n], shapes.evidence(n, settings), settings) for n in stale}
+        again = {n: _label(slices[n], shapes.evidence(n), parts, rerank) for n in stale}
         changed = np.array(
             [n in again and bool((again[n].inside != labelled[n].inside).any()) for n in range(len(slices))]
         )
@@ -64,11 +77,11 @@ def label_slices(
     return labelled
 
 
-def _label(one: ReadSlice, evidence: FloatArray | None, settings: InferenceSettings) -> Labelled:
+def _label(one: ReadSlice, evidence: FloatArray | None, parts: int | None, rerank: bool) -> Labelled:
     """Label a slice whose triangles gain some evidence (T,)."""
     if one.logits is None:
         return Labelled(one.outline.enclosed, 0.0)
-    return label_slice(one.graph, one.logits, settings, one.outline, evidence)
+    return label_slice(one.graph, one.logits, parts, one.outline, evidence, rerank)
 
 
 class _Shapes:
@@ -103,7 +116,7 @@ class _Shapes:
             distance_to_zero(mask) - distance_to_zero(1 - mask) + np.where(mask, -0.5, 0.5).astype(np.float32)
         )
 
-    def evidence(self, n: int, settings: InferenceSettings) -> FloatArray:
+    def evidence(self, n: int) -> FloatArray:
         """Nats (T,) for inside that the neighbours of a slice give its triangles."""
         known = self.known(n)
         first = self.distance(known[0])
@@ -111,9 +124,9 @@ class _Shapes:
         around = self._next_to(n, -1) is not None and self._next_to(n, 1) is not None
         expected = (first + other) / 2 if around else first
         apart = np.abs(first - other) * (0.5 if around else 1.0)
-        spread = np.hypot(settings.neighbour_spread_px * (1.0 if around else 2.0), apart)
-        score = np.clip(expected / spread, -settings.neighbour_reach, settings.neighbour_reach)
-        return settings.neighbour_nats * _over_triangles(self.slices[n].graph, score, self.origin)
+        spread = np.hypot(_NEIGHBOUR_SPREAD_PX * (1.0 if around else 2.0), apart)
+        score = np.clip(expected / spread, -_NEIGHBOUR_REACH, _NEIGHBOUR_REACH)
+        return _NEIGHBOUR_NATS * _over_triangles(self.slices[n].graph, score, self.origin)
 
 
 def _over_triangles(graph: DelaunayGraph, values: AnyArray, origin: IntArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 Little speaks for a slice where the cut itself scores low as a whole, or where labellings that are likely too
 enclose something else; and a small organ is wrong the sooner. A logistic curve, fitted to maps that the
-ranking has not seen (`cccd.junctions.reranker_training`), makes a probability of this.
+ranking has not seen (`cccd_training.junctions.reranker`), makes a probability of this.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def doubt_facts(scores: RealArray, cut_score: float, apart_px: RealArray, size: 
 
 
 def chance_of_error(facts: FloatArray, weights: RealArray) -> FloatArray:
-    """Estimate how probable it is that curves are wrong (`cccd.junctions.scoring`).
+    """Estimate how probable it is that curves are wrong (`cccd_training.junctions.scoring`).
 
     Parameters
     ----------

@@ -19,14 +19,13 @@ import jinja2
 import yaml
 from markupsafe import Markup
 
-from cccd.comparisons.measures import HEADLINES
-from cccd.comparisons.numerals import number
-from cccd.comparisons.registry import COMPARISONS, ITEMS, SECTIONS, Item
-from cccd.comparisons.summary import Cohort, build_tables, read_cohort, write_notes
+from cccd.lookup import find
 from cccd.report import plots
 from cccd.report.facts import benchmark_table, duration, provenance
 from cccd.report.html_tables import Table, table, words
-from cccd.report.items import draw
+from cccd.report.measures import HEADLINES
+from cccd.report.numerals import number
+from cccd.report.registry import Item, comparisons, items, sections
 from cccd.report.render import VIEWS, VTK_PACKAGE
 from cccd.report.results import Results
 from cccd.report.scene import build_scene, colour_stops
@@ -38,6 +37,7 @@ from cccd.report.structure_view import (
     source_table,
     view_structure,
 )
+from cccd.report.summary import Cohort, build_tables, read_cohort, write_notes
 from cccd.store import atomic_path
 
 __all__ = ["build_report", "build_report_of_finished", "build_structure_page"]
@@ -151,7 +151,7 @@ def build_report_of_finished(
     if structures is None:
         structures = [(folder.parent.name, folder.name) for folder in measured]
     wanted = [results / case / organ for case, organ in structures]
-    tables = [folder / "comparisons" / f"{name}.csv" for name in COMPARISONS for folder in wanted]
+    tables = [folder / "comparisons" / f"{name}.csv" for name in comparisons() for folder in wanted]
     metrics = [measured[folder] for folder in wanted if folder in measured]
     cohort = read_cohort([str(table) for table in tables if table.is_file()], metrics)
     build_report(results, structures, failures, config, output, benchmarks, template_dir, cohort)
@@ -215,8 +215,8 @@ def build_structure_page(
     view = view_structure(found, case, organ, _CARD_WIDTH)
     files = found.files(case, organ)
     view.scene = build_scene(files)
-    rows = {name: files.rows(name) for name in sorted(COMPARISONS)}
-    comparisons = [
+    rows = {name: files.rows(name) for name in sorted(comparisons())}
+    compared = [
         (words(name)[0], table(name, frame)) for name, frame in rows.items() if frame is not None
     ]  # fmt: skip
     _write(
@@ -227,7 +227,7 @@ def build_structure_page(
             "title": f"{case} / {organ}",
             "structure": view,
             "back": _relative(index, output.parent) if index is not None else None,
-            "comparisons": comparisons,
+            "comparisons": compared,
             **_shared(config),
         },
     )
@@ -323,20 +323,22 @@ def _cohort_plots(views: Sequence[StructureView]) -> list[Markup]:
 
 
 def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:
-    """Collect every section of items: its anchor, title, introduction and items."""
-    return [
-        (key, title, text, [_item_view(item, results) for item in ITEMS if item.section == key])
-        for key, (title, text) in SECTIONS.items()
+    """Collect every section of items: anchor, title, introduction and items; none without comparisons."""
+    found = [
+        (key, title, text, [_item_view(item, results) for item in items() if item.section == key])
+        for key, (title, text) in sections().items()
     ]
+    compared = any(view.table or view.note for *_, views in found for view in views)
+    return found if compared else []
 
 
 def _item_view(item: Item, results: Results) -> ItemView:
     shown = results.table(item.table) if item.table is not None else None
-    drawn = draw(item, results)
+    drawn = _draw(item, results)
     note = results.notes.get(item.key)
     missing = None
     if item.table is not None and shown is None:
-        missing = f"tables/{item.table}.csv is not there: this run did not make it."
+        missing = f"This run did not make tables/{item.table}.csv."
     elif shown is None and not drawn and note is None:
         missing = "This run made no comparison for it."
     picture = results.picture(item.picture) if item.picture is not None else None
@@ -348,6 +350,12 @@ def _item_view(item: Item, results: Results) -> ItemView:
         missing,
         encode_picture(picture, _WIDE_PX) if picture is not None else None,
     )
+
+
+def _draw(item: Item, results: Results) -> list[tuple[Markup, str]]:
+    """Draw what there is for one item: pairs of SVG and caption."""
+    drawn = find(item.plots)(results, item) if item.plots else []
+    return [(Markup(svg), caption) for svg, caption in drawn if svg is not None]
 
 
 def _width(svg: str) -> float:

@@ -9,9 +9,9 @@ from typing import Any, TypeVar
 import pandas as pd
 
 from cccd import store
-from cccd.comparisons.registry import Comparison, Item
 from cccd.containers import SliceFigure
 from cccd.report.net import ControlNet
+from cccd.report.registry import Comparison, Item
 
 __all__ = ["Results", "StructureFiles"]
 
@@ -60,7 +60,7 @@ class StructureFiles:
     def net(self) -> ControlNet | None:
         """Read the surface's control points and the lines between them."""
         file = self.folder / "surface.h5"
-        return ControlNet.of(store.read_bodies(file), store.read_patches(file)) if file.is_file() else None
+        return ControlNet.of(store.read_bodies(file)) if file.is_file() else None
 
     def view(self):
         """Read the small meshes and what colours them."""

@@ -13,10 +13,10 @@ from typing import Any
 
 import pandas as pd
 
-from cccd.comparisons.measures import HEADLINES, Headline, Measure
-from cccd.comparisons.numerals import number, typeset
 from cccd.containers import Frame
 from cccd.report.html_tables import Table, table
+from cccd.report.measures import HEADLINES, Headline, Measure
+from cccd.report.numerals import number, typeset
 from cccd.report.render import picture_renderer
 from cccd.report.results import Results
 from cccd.report.scene import Scene

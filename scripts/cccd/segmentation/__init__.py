@@ -1,1 +1,1 @@
-"""Segmentation networks: those of the paper's Table 3, their training, and masks from scans."""
+"""Masks from scans: segmentation networks, and segmenters that are installed beside."""

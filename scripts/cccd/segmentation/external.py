@@ -106,7 +106,7 @@ def run_external(name: str, image: Volume, organ: str) -> AnyArray:
             inside, affine = _run_nnunet(Path(folder), image, organ, name.partition(":")[2])
     moved = on_grid(Volume(inside.astype(np.uint8), affine, name), image.affine, image.shape, fill=0)
     if moved is None:
-        raise InputError(image.location, f"{name}'s mask lies on another grid", "report this")
+        raise InputError(image.location, f"{name}'s mask has another grid", "report this")
     return (moved.data > 0).astype(np.uint8)
 
 
@@ -152,7 +152,7 @@ def _call(command: Sequence[str], image: Volume, organ: str, made: Sequence[Path
         said = next((line for line in reversed(run.stderr.splitlines()) if line.strip()), "no word")
         name = Path(command[0]).name
         raise InputError(
-            image.location, f"{name} gave no {organ} ({said.strip()})", "run it by hand to see more"
+            image.location, f"{name} found no {organ} ({said.strip()})", "run it by hand to see more"
         )
 
 
@@ -186,7 +186,7 @@ def _labels_of_dataset(listing: Path, organ: str) -> list[int]:
     except (ValueError, KeyError, AttributeError, TypeError) as error:
         raise InputError(str(listing), f"no list of labels ({type(error).__name__})", "restore it") from None
     if channels > 1:
-        raise InputError(str(listing), f"it wants {channels} images of each patient", "use a model of one")
+        raise InputError(str(listing), f"it needs {channels} images of each patient", "use a model of one")
     known = [name for name in labels if name != "background"]
     if organ.lower() not in known:
         raise InputError(str(listing), f"it has no label {organ!r}", choices(known))

@@ -41,21 +41,3 @@ class BoundarySettings(Section):
         ge=0,
         le=1,
     )
-    hysteresis: float = setting(
-        0.4,
-        "Canny's lower threshold, as a share of the upper one",
-        why="Canny (1986) recommends two or three to one.",
-        unit="share",
-        expert=True,
-        ge=0,
-        le=1,
-    )
-    grey_ranges: float = setting(
-        3.0,
-        "the grey window reaches so many of the organ's own grey ranges beyond them on either side",
-        why="Bone and air beside an organ would outshine its border.",
-        unit="grey ranges",
-        expert=True,
-        ge=0,
-        le=1000,
-    )

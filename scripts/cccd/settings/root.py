@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Literal
 
+from pydantic import create_model
+
+from cccd.additions import added
 from cccd.settings.boundaries import BoundarySettings
-from cccd.settings.comparisons import ComparisonSettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings
 from cccd.settings.junctions import NetworkSettings
@@ -14,11 +17,20 @@ from cccd.settings.section import Section, setting
 from cccd.settings.segmentation import SegmentationSettings
 from cccd.settings.surface import LoftSettings
 
-__all__ = ["Settings"]
+__all__ = ["Settings", "whole_settings"]
 
 
 class Settings(Section):
-    """Every key of the configuration, section by section."""
+    """All settings, section by section; what is not given has its default.
+
+    The sections are ``import_`` (``import`` in YAML), ``segmentation``, ``boundaries``, ``gnn``, ``curves``,
+    ``surface`` and ``report``. docs/configuration.md has every key with its unit, range and reason.
+
+    Examples
+    --------
+    >>> Settings(surface={"smallest_part_voxels": 20}).surface.smallest_part_voxels
+    20.0
+    """
 
     cohort: str = setting(
         "config/cohort.tsv",
@@ -71,7 +83,10 @@ class Settings(Section):
     surface: LoftSettings = setting(
         LoftSettings(), "from curves to a closed surface", why="What all the rest is for."
     )
-    comparisons: ComparisonSettings = setting(
-        ComparisonSettings(), "the other methods, on the same structures", why="The paper's tables."
-    )
     report: ReportSettings = setting(ReportSettings(), "the report", why="Pages must open in a browser.")
+
+
+@functools.cache
+def whole_settings() -> type[Settings]:
+    """Join the sections that other packages add (`cccd.additions`) to the configuration's model."""
+    return create_model("Settings", __base__=Settings, **added("settings"))

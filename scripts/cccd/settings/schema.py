@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from typing import Any, cast
 
-from cccd.settings.root import Settings
+from cccd.settings.root import whole_settings
 
 __all__ = ["raw_schema"]
 
@@ -13,7 +13,7 @@ __all__ = ["raw_schema"]
 @functools.cache
 def raw_schema() -> dict[str, Any]:
     """JSON schema (draft 2020-12) of the whole configuration as pydantic gives it, references written out."""
-    schema = Settings.model_json_schema()
+    schema = whole_settings().model_json_schema()
     return cast(dict[str, Any], _written_out(schema, schema.pop("$defs")))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from inspect import Parameter, Signature
 from types import NoneType
 from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin
 
@@ -16,7 +17,7 @@ _T = TypeVar("_T")
 _WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
 
 
-def setting(default: _T, what: str, *, why: str, unit: str = "", expert: bool = False, **limits: Any) -> _T:
+def setting(default: _T, what: str, *, why: str, unit: str = "", **limits: Any) -> _T:
     """Declare one key of the configuration.
 
     Parameters
@@ -29,8 +30,6 @@ def setting(default: _T, what: str, *, why: str, unit: str = "", expert: bool = 
         Why it has this default, in a sentence: it stands on the configuration page of the docs.
     unit : str
         Unit of a number; a count or a share is named as such.
-    expert : bool
-        Was tuned by those who wrote the code. Left out of ``config.yaml``, listed apart in the docs.
     **limits
         ``gt``, ``ge``, ``lt``, ``le``, ``min_length``, ``max_length``, as in `pydantic.Field`.
 
@@ -46,7 +45,7 @@ def setting(default: _T, what: str, *, why: str, unit: str = "", expert: bool = 
     >>> Scissors(length_mm=90).length_mm
     90.0
     """
-    extra: dict[str, Any] = {"why": why, "unit": unit, "expert": expert}
+    extra: dict[str, Any] = {"why": why, "unit": unit}
     return cast(_T, Field(cast(Any, default), description=what, json_schema_extra=extra, **limits))
 
 
@@ -65,6 +64,12 @@ class Section(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """Leave the defaults of all keys out of the signature: `help` would open with pages of them."""
+        super().__pydantic_init_subclass__(**kwargs)
+        cls.__signature__ = Signature([Parameter("keys", Parameter.VAR_KEYWORD)])
 
     @model_validator(mode="before")
     @classmethod

@@ -10,20 +10,9 @@ from cccd.settings.section import Section, setting
 
 __all__ = [
     "INSTALLED_SEGMENTERS",
-    "SEGMENTERS",
-    "AugmentationSettings",
     "SegmentationSettings",
     "is_installed_segmenter",
 ]
-
-#: The networks by name, and as tables name them.
-SEGMENTERS = {
-    "polar_unet": "Polar U-Net",
-    "kiunet_3d": "KiU-Net 3D",
-    "h_denseunet": "H-DenseUNet",
-    "unet_3plus": "UNet 3+",
-    "nnunet": "nnU-Net (plain)",
-}
 
 #: Segmenters that are called by their own commands, where they are installed.
 INSTALLED_SEGMENTERS = ("totalsegmentator", "nnunetv2:FOLDER")
@@ -40,47 +29,6 @@ def is_installed_segmenter(name: str) -> bool:
 
 _Patch = Annotated[int, Field(ge=32, le=512)]
 _Spacing = Annotated[float, Field(ge=0.1, le=20)]
-
-
-class AugmentationSettings(Section):
-    """How training volumes are varied."""
-
-    rotation_deg: float = setting(
-        12.0,
-        "largest rotation about each axis",
-        why="Patients lie so much askew; not swept.",
-        unit="degrees",
-        expert=True,
-        ge=0,
-        le=180,
-    )
-    scaling: float = setting(
-        0.15,
-        "largest change of size along each axis",
-        why="Of the order of the difference between adults; not swept.",
-        unit="share",
-        expert=True,
-        ge=0,
-        lt=1,
-    )
-    intensity: float = setting(
-        0.15,
-        "largest change of contrast, and of brightness in standard deviations",
-        why="Scanners differ by as much; not swept.",
-        unit="share",
-        expert=True,
-        ge=0,
-        lt=1,
-    )
-    noise: float = setting(
-        0.1,
-        "standard deviation of added noise, in standard deviations of the image",
-        why="Not swept.",
-        unit="ratio",
-        expert=True,
-        ge=0,
-        le=10,
-    )
 
 
 class SegmentationSettings(Section):
@@ -140,7 +88,7 @@ class SegmentationSettings(Section):
     width: int | None = setting(
         None,
         "channels of the first level (H-DenseUNet: growth rate); null: as shipped",
-        why="Published widths need a GPU: docs/segmentation.md has both.",
+        why="Published widths need a GPU; docs/segmentation.md counts both and measures the shipped ones.",
         unit="count",
         ge=2,
         le=512,
@@ -150,8 +98,4 @@ class SegmentationSettings(Section):
         "numbers that a training computes with",
         why="bfloat16 takes .6 to .9 of the time on CPUs that multiply it, but there torch 2.13 reads memory "
         "that nobody wrote where a volume is 2 voxels wide: other weights in every run, or none at all.",
-        expert=True,
-    )
-    augmentation: AugmentationSettings = setting(
-        AugmentationSettings(), "how training volumes are varied", why="Few patients look like many."
     )

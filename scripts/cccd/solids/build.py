@@ -18,7 +18,6 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd.settings.surface import SolidSettings
 from cccd.solids.bodies import nest_pieces, split_bodies
 from cccd.solids.kernel import Part, check_solid, make_solid, require_kernel, write_parts
 from cccd.solids.patches import patches_within
@@ -35,6 +34,17 @@ SAMPLED = 1.25
 
 #: A piece begins with at least so many patches: three on each of twenty triangles.
 LEAST_PATCHES = 60
+
+#: A solid begins with so many, shared out by area; more come where they do not follow it. Where fewer would
+#: do the file is small already.
+FIRST_PATCHES = 300
+
+#: What needs more is made of planar facets: a patch takes four kilobytes in STEP, more than facets would.
+MOST_PATCHES = 10_000
+
+#: A faceted solid has at most so many: each takes about a kilobyte in STEP, and CAD programs slow down
+#: beyond.
+MOST_FACETS = 40_000
 
 
 @dataclass(frozen=True)
@@ -56,7 +66,12 @@ class Solids:
     warnings: list[str]
 
 
-def build_solids(surface: Surface | Mesh, tolerance: float, settings: SolidSettings) -> Solids:
+def build_solids(
+    surface: Surface | Mesh,
+    tolerance: float,
+    most_patches: int = MOST_PATCHES,
+    most_facets: int = MOST_FACETS,
+) -> Solids:
     """Turn a surface into bodies: of its own patches, or of shells that follow its closed mesh.
 
     Parameters
@@ -65,17 +80,20 @@ def build_solids(surface: Surface | Mesh, tolerance: float, settings: SolidSetti
         In mm. A mesh, or a surface without control meshes, is followed.
     tolerance : float
         99 % of the surface shall lie within so many mm of the mesh.
-    settings : SolidSettings
-        Section ``surface.solid`` of the configuration.
+    most_patches, most_facets : int
+        Of a mesh that is followed.
     """
     if isinstance(surface, Surface) and surface.bodies:
         return _of_splines(surface.bodies, tolerance)
     mesh = surface.mesh if isinstance(surface, Surface) else surface
     if not mesh.is_closed_manifold:
-        raise InputError("surface", "the mesh is not closed: it bounds no solid", "export another format")
+        raise InputError("surface", "the mesh is not closed: it encloses no solid", "export another format")
     area = mesh.area
     bodies = [
-        [_follow(piece, piece.area / area, tolerance, settings) for piece in (body.outer, *body.cavities)]
+        [
+            _follow(piece, piece.area / area, tolerance, most_patches, most_facets)
+            for piece in (body.outer, *body.cavities)
+        ]
         for body in split_bodies(mesh)
     ]
     report = _report(bodies, mesh, tolerance)
@@ -107,12 +125,12 @@ def _together(parts: Sequence[Mesh]) -> Mesh:
     return Mesh(vertices, np.concatenate([part.faces + n for part, n in zip(parts, offsets, strict=False)]))
 
 
-def _follow(mesh: Mesh, share: float, tolerance: float, settings: SolidSettings) -> Shell:
+def _follow(mesh: Mesh, share: float, tolerance: float, most_patches: int, most_facets: int) -> Shell:
     """Make a piece's shell of patches, or of facets where those fold; ``share`` is its part of the area."""
-    first = max(LEAST_PATCHES, round(settings.first_patches * share))
-    most = max(LEAST_PATCHES, round(settings.most_patches * share))
+    first = max(LEAST_PATCHES, round(min(FIRST_PATCHES, most_patches) * share))
+    most = max(LEAST_PATCHES, round(most_patches * share))
     smooth = patches_within(mesh, tolerance, first, most)
-    return smooth or facets_within(mesh, tolerance, max(4, round(settings.most_facets * share)))
+    return smooth or facets_within(mesh, tolerance, max(4, round(most_facets * share)))
 
 
 def _report(bodies: Sequence[Sequence[Shell]], mesh: Mesh, tolerance: float) -> dict[str, Any]:
@@ -139,13 +157,12 @@ def _warnings(report: dict[str, Any]) -> list[str]:
     if report["p99_mm"] > SAMPLED * report["tolerance_mm"]:
         found.append(
             f"99 % of the solid lie within {report['p99_mm']:.2g} mm of the mesh, not "
-            f"{report['tolerance_mm']:g}: "
-            "allow more faces (surface.solid.most_patches, most_facets) or raise surface.step_tolerance_mm"
+            f"{report['tolerance_mm']:g}: raise surface.step_tolerance_mm"
         )
     if abs(report["volume_ratio"] - 1) > SOLID_VOLUME:
-        found.append(f"the solid holds {report['volume_ratio']:.2%} of the mesh's volume")
+        found.append(f"the solid has {report['volume_ratio']:.2%} of the mesh's volume")
     if report["self_intersections"]:
-        found.append(f"the solid passes through itself in {report['self_intersections']} places")
+        found.append(f"the solid intersects itself in {report['self_intersections']} places")
     return found
 
 
@@ -207,5 +224,5 @@ def _checked_part(
     }
     warnings = list(solids.warnings)
     if not found["valid"] or found["free_edges"]:
-        warnings.append("OpenCASCADE does not find the solid valid: look at it before it is cut or meshed")
+        warnings.append("OpenCASCADE does not find the solid valid: check it before you cut or mesh it")
     return Part(name, shapes, colour), {**solids.report, **found, "warnings": warnings}

@@ -28,9 +28,8 @@ from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.mesh import Mesh, given_back
 from cccd.geometry.ply import read_ply
 from cccd.geometry.surface_nets import surface_nets, well_composed
-from cccd.settings.surface import WallSettings
+from cccd.solids.seams import seam_weights
 from cccd.store import read_structure
-from cccd.surface.blending import seam_weights
 from cccd.volumes.annotation import with_undrawn_filled
 
 __all__ = ["Organ", "SharedWalls", "read_organs", "share_walls", "surface_of"]
@@ -47,6 +46,34 @@ MOST_STEP = 0.3
 SAME_PLANE = 1e-3
 #: Organs with a voxel of both within so many voxels of some voxel are smoothed together.
 GROUP_VOXELS = 1
+#: Cells of the grid on which organs meet, in pixels of at most so many mm: a shell of one pixel has a node in
+#: it. At 0.75 ribs and vessels lose a tenth of their accuracy.
+CELL_PIXELS = 0.6
+#: Cells are then about half as long as the edges of the meshes that organs have alone.
+COARSEST_MM = 1.9
+#: Width in voxels of the kernel that smooths the border of all labels where organs touch: the first for
+#: voxels up to the first edge in mm, the second from the second edge on. At 0.6 half of the organs of a fine
+#: CT lie farther from their voxels than alone, at 0.5 voxels of 3 mm show their steps; at 0.7 gaps of one
+#: voxel close.
+BORDER_VOXELS = (0.5, 0.6)
+BORDER_MM = (1.0, 2.0)
+#: That border takes over so far from walls, in the longest edge of the voxel: the rounded edges that organs
+#: have alone.
+REACH_VOXELS = 3.0
+#: Weight of a thin plate's energy against distance in the smoothing of the walls: the grid leaves ripples of
+#: a few edges; stiffer, and the organs' own details go.
+STIFFNESS = 5.0
+#: The same along the lines where three walls meet: to which organ a node beside one goes is nearly a draw; as
+#: stiff as walls, lines have teeth.
+LINE_STIFFNESS = 150.0
+#: What that smoothing takes along the normals is given back, but along these lines, as its average over so
+#: far (standard deviation), so often, each time what the last left, as in surfaces alone: ribs and vessels
+#: are not drawn in.
+REGAIN_PIXELS = 1.6
+REGAIN_ROUNDS = 2
+#: Walls move by at most this to give every organ the volume of its voxels, as surfaces that are smoothed
+#: alone.
+MOST_OFFSET_PIXELS = 0.25
 #: Times that vertices of triangles that pass through each other go halfway back.
 UNFOLDING_ROUNDS = 10
 
@@ -124,15 +151,13 @@ def surface_of(surface: ConformingSurface, name: str) -> Mesh:
     return mesh
 
 
-def share_walls(organs: Mapping[int, Organ], settings: WallSettings) -> SharedWalls:
+def share_walls(organs: Mapping[int, Organ]) -> SharedWalls:
     """Smooth organs of one scan together.
 
     Parameters
     ----------
     organs : mapping of int to Organ
         By label, from 1; all on one grid of voxels, and with masks.
-    settings : WallSettings
-        Section ``surface.walls`` of the configuration.
 
     Raises
     ------
@@ -141,7 +166,7 @@ def share_walls(organs: Mapping[int, Organ], settings: WallSettings) -> SharedWa
     """
     frame = _common_frame(list(organs.values()))
     groups = _touching_groups(organs)
-    parts = [_share_walls({label: organs[label] for label in group}, frame, settings) for group in groups]
+    parts = [_share_walls({label: organs[label] for label in group}, frame) for group in groups]
     offsets = offsets_of([len(part.surface.vertices) for part in parts])
     surface = ConformingSurface(
         np.concatenate([part.surface.vertices for part in parts]),
@@ -157,7 +182,7 @@ def share_walls(organs: Mapping[int, Organ], settings: WallSettings) -> SharedWa
     )
 
 
-def _share_walls(organs: Mapping[int, Organ], frame: Frame, settings: WallSettings) -> SharedWalls:
+def _share_walls(organs: Mapping[int, Organ], frame: Frame) -> SharedWalls:
     """Share the walls of organs that touch; one that touches none keeps the surface that it has alone."""
     labels = sorted(organs)
     if len(labels) == 1:
@@ -167,15 +192,15 @@ def _share_walls(organs: Mapping[int, Organ], frame: Frame, settings: WallSettin
     to_mm = _world_to_mm(frame)
     meshes = [organs[label].mesh.transformed(to_mm) for label in labels]
     voxels = _Voxels.of([organs[label].structure for label in labels], frame)
-    cell = settings.cell_pixels * _edge(frame, settings)
+    cell = CELL_PIXELS * _edge(frame)
     fields = _Fields.of(meshes, voxels, cell)
-    fields = fields.with_outside(voxels, settings)
+    fields = fields.with_outside(voxels)
     regions, pinched = well_composed(fields.owners(voxels), fields.distance)
     net = surface_nets(regions, fields.cut)
     in_mm = replace(net, vertices=fields.low + cell * fields.on_walls(net))
     pixel = float(np.sqrt(frame.pixel_spacing.prod()))
-    smooth = _smoothed(in_mm, voxels.ends, cell, pixel, settings)
-    most = settings.most_offset_pixels * _edge(frame, settings)
+    smooth = _smoothed(in_mm, voxels.ends, cell, pixel)
+    most = MOST_OFFSET_PIXELS * _edge(frame)
     smooth = _with_volumes(replace(in_mm, vertices=smooth), voxels, cell, most)
     smooth, passing = _unfolded(replace(in_mm, vertices=smooth), fields.low + cell * net.vertices)
     axis, begin, end = voxels.ends
@@ -226,9 +251,9 @@ def _mm_to_world(frame: Frame) -> FloatArray:
     return frame.affine @ np.diag([*(1 / frame.spacing), 1.0])
 
 
-def _edge(frame: Frame, settings: WallSettings) -> float:
+def _edge(frame: Frame) -> float:
     """Pixel's edge in mm that sizes are measured by."""
-    return min(float(np.sqrt(frame.pixel_spacing.prod())), settings.coarsest_mm)
+    return min(float(np.sqrt(frame.pixel_spacing.prod())), COARSEST_MM)
 
 
 # the labels' voxels -----------------------------------------------------------------------------------
@@ -278,14 +303,14 @@ class _Voxels:
         index = np.clip(first[:, None] + corners, 0, limit)
         return self.labels[tuple(np.moveaxis(index, 2, 0))], weights
 
-    def smooth_border(self, settings: WallSettings) -> tuple[SingleArray, IntArray]:
+    def smooth_border(self) -> tuple[SingleArray, IntArray]:
         """Signed distance in mm to the border of all labels, its steps smoothed, and the first voxel (3,).
 
         The kernel's second moment vanishes: curved borders do not shrink. What the scan cuts goes on beyond
         its last slices.
         """
         edge = np.cbrt(self.spacing.prod())
-        width = float(np.interp(edge, settings.border_mm, settings.border_voxels))
+        width = float(np.interp(edge, BORDER_MM, BORDER_VOXELS))
         margin = int(np.ceil(4 * width)) + 1
         inside = np.pad(self.labels > 0, margin)
         axis, low, high = self.ends
@@ -371,16 +396,16 @@ class _Fields:
             walls[block] += np.abs(distance) < near
         return cls(low, cell, first, size, offsets, values, least, walls > 1, least)
 
-    def with_outside(self, voxels: _Voxels, settings: WallSettings) -> _Fields:
+    def with_outside(self, voxels: _Voxels) -> _Fields:
         """Let the border of all labels together take over near walls, up to where the scan ends."""
         outer = self.least.copy()
         seams = np.argwhere(self.meeting)
         axis, start, stop = voxels.ends
-        reach = settings.reach_voxels * float(voxels.spacing.max()) / self.cell
+        reach = REACH_VOXELS * float(voxels.spacing.max()) / self.cell
         weight = seam_weights(seams.astype(float), self.shape, reach)
         nodes = np.argwhere(weight)
         at = tuple(nodes.T)
-        border, origin = voxels.smooth_border(settings)
+        border, origin = voxels.smooth_border()
         where = ((self.low + self.cell * nodes) / voxels.spacing - origin).T
         band = BAND_CELLS * self.cell
         target = ndimage.map_coordinates(border, where, order=1, mode="nearest")
@@ -507,24 +532,23 @@ def _smoothed(
     ends: tuple[int, float, float],
     cell: float,
     pixel: float,
-    settings: WallSettings,
 ) -> FloatArray:
     """Vertices (V, 3) without the grid's ripples; those where the scan ends stay on its planes.
 
     What that takes along the normals, thin organs above all, is averaged within walls over some pixels and
-    given back, as in `cccd.surface.fairing.fair`.
+    given back.
     """
     level, on_lines = _level(surface, ends, cell), surface.on_junctions
-    stiffness = np.where(on_lines, settings.line_stiffness, settings.stiffness)
+    stiffness = np.where(on_lines, LINE_STIFFNESS, STIFFNESS)
     smooth = faired(surface, np.where(level, FULL_TRUST, 1.0), stiffness)
     held = level | on_lines
-    averagings = averaging_rounds(settings.regain_pixels * pixel, cell)
+    averagings = averaging_rounds(REGAIN_PIXELS * pixel, cell)
 
     def average(lost: FloatArray) -> FloatArray:
         return np.where(held, 0.0, surface.averages(np.where(held, 0.0, lost), [averagings])[0])
 
     rough = Mesh(surface.vertices, surface.triangles)
-    smooth = given_back(rough, Mesh(smooth, surface.triangles), average, settings.regain_rounds).vertices
+    smooth = given_back(rough, Mesh(smooth, surface.triangles), average, REGAIN_ROUNDS).vertices
     smooth[level, ends[0]] = surface.vertices[level, ends[0]]
     return smooth
 
@@ -582,5 +606,5 @@ def _warnings(surface: ConformingSurface, organs: Mapping[int, Organ]) -> dict[i
     there = set(surface.labels)
     for label, organ in organs.items():
         if label not in there:
-            said[label] = [f"{organ.name} is too thin for the grid of the shared walls, and left out"]
+            said[label] = [f"{organ.name} is too thin for the grid of the shared walls, and is left out"]
     return said

@@ -1,11 +1,10 @@
-"""Surfaces: contours matched between slices into tubes, lofted, joined, closed.
+"""Surfaces: from the ordered curves of a stack of slices to one closed spline.
 
-`loft` reads as the whole pipeline, one module per step: `stack` (levels between slices), `matching` (tubes),
-`patches` (control nets), `solid` (one closed mesh).
+`loft` reads as the whole pipeline, one module per step: `outlines` (splines of the curves), `stack` (signed
+distances on slices and between them), `spline` (control mesh, fit, refinement), `checks` (what must hold).
 """
 
 from cccd.surface.loft import loft_surface
-from cccd.surface.measure import measure_surface
 from cccd.surface.surface import Surface
 
-__all__ = ["Surface", "loft_surface", "measure_surface"]
+__all__ = ["Surface", "loft_surface"]

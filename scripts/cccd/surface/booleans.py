@@ -1,62 +1,16 @@
-"""Solids from tubes: union of what is solid, minus cavities, plus what floats inside them.
-
-The booleans are manifold3d's.
-"""
+"""A closed mesh cut by planes; the booleans are manifold3d's."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol, cast
+from typing import Any, cast
 
 import manifold3d
 import numpy as np
-from manifold3d import Manifold, OpType
+from manifold3d import Manifold
 
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["Nesting", "between_planes", "unite"]
-
-
-class Nested(Protocol):
-    """What is known of where a tube lies."""
-
-    @property
-    def depth(self) -> int:
-        """How many tubes it lies in."""
-        ...
-
-    @property
-    def hole(self) -> bool:
-        """Whether it bounds a hole."""
-        ...
-
-
-class Nesting(NamedTuple):
-    """The place of a tube of which nothing else is known."""
-
-    depth: int
-    hole: bool
-
-
-def unite(meshes: Sequence[Mesh], tubes: Sequence[Nested]) -> Mesh:
-    """Unite the closed meshes of some tubes in the order in which their rings nest.
-
-    Outlines (depth 0) are joined, their holes (depth 1) taken away, islands in holes (depth 2) added,
-    and so on. Where holes take everything away the first tube is left. The mesh is closed.
-    """
-    bodies = [_manifold(mesh) for mesh in meshes]
-    whole = Manifold()
-    for depth in sorted({tube.depth for tube in tubes}):
-        for hole in (False, True):
-            layer = [
-                body
-                for body, tube in zip(bodies, tubes, strict=True)
-                if tube.depth == depth and tube.hole == hole
-            ]
-            if layer:
-                joined = Manifold.batch_boolean(layer, OpType.Add)
-                whole = whole - joined if hole else whole + joined
-    return _triangles(bodies[0] if whole.is_empty() else whole)
+__all__ = ["between_planes"]
 
 
 def between_planes(mesh: Mesh, low: float, high: float) -> Mesh:

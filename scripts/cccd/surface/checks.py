@@ -19,6 +19,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.surface.fields import LevelField, sampled
 from cccd.surface.stack import SliceStack
+from cccd.tolerances import SHRUNK_PART
 
 __all__ = ["Violation", "check_surface"]
 
@@ -42,13 +43,10 @@ class Violation:
         What, in a few words, with its size.
     places : (P, 3) float64
         Where, the worst first, in the plane's mm and height in mm; none where it is of the whole surface.
-    nearer : bool
-        Whether the surface would have to be nearer to the slices there.
     """
 
     problem: str
     places: FloatArray = field(default_factory=_nowhere)
-    nearer: bool = False
 
     def line(self, to_world: FloatArray) -> str:
         """One line for people, the place in mm RAS by an affine (4, 4)."""
@@ -78,7 +76,7 @@ def check_surface(mesh: Mesh, stack: SliceStack) -> list[Violation]:
     pairs = mesh.self_intersections()
     if len(pairs):
         places = mesh.vertices[mesh.faces[pairs[:, 0]]].mean(axis=1)
-        text = f"the surface passes through itself in {_counted(len(pairs), 'place')}, the first"
+        text = f"the surface intersects itself in {_counted(len(pairs), 'place')}, the first"
         found.append(Violation(text, places))
     slices = [level for run in stack.runs for level in run.fields_of_slices]
     found += _off_slices(mesh, slices, stack)
@@ -111,8 +109,10 @@ def _off_slices(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> 
     if not wrong.any():
         return []
     count = len(np.unique(place[wrong, 2]))
-    text = f"the surface lies up to {far.max():.2g} mm off the outline of {_counted(count, 'slice')}, most"
-    return [Violation(text, place[wrong][np.argsort(-far[wrong], kind="stable")], True)]
+    text = (
+        f"the surface is up to {far.max():.2g} mm away from the outline of {_counted(count, 'slice')}, most"
+    )
+    return [Violation(text, place[wrong][np.argsort(-far[wrong], kind="stable")])]
 
 
 def _counted(count: int, what: str) -> str:
@@ -177,13 +177,12 @@ def _off_between(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) ->
         off[here] = np.maximum(outside, depth)
     far = np.flatnonzero(off > diagonal)
     if len(far):  # what is followed between the slices moves further aside
-        distance, room = stack.target(mesh.vertices[far], stack.pixel)
-        far = far[(np.abs(distance) > stack.pixel) | (room <= 0)]
+        far = far[np.abs(stack.target(mesh.vertices[far])) > stack.pixel]
     if len(far) == 0:
         return []
     far = far[np.argsort(-off[far], kind="stable")]
-    text = f"the surface lies {off[far[0]]:.2g} mm from the voxels of the slices beside,"
-    return [Violation(text, mesh.vertices[far], True)]
+    text = f"the surface is {off[far[0]]:.2g} mm away from the voxels of the neighbouring slices"
+    return [Violation(text, mesh.vertices[far])]
 
 
 def _of_other_volume(mesh: Mesh, stack: SliceStack) -> list[Violation]:
@@ -192,7 +191,7 @@ def _of_other_volume(mesh: Mesh, stack: SliceStack) -> list[Violation]:
     if stack.of_probability or stack.of_some_slices or abs(share - 1) <= VOLUME:
         return []
     return [
-        Violation(f"the surface holds {share:.1%} of its slices' volume: in places it is as thin as a voxel")
+        Violation(f"the surface has {share:.1%} of its slices' volume: some parts are as thin as a voxel")
     ]
 
 
@@ -201,13 +200,12 @@ def _of_other_topology(mesh: Mesh, slices: Sequence[LevelField], stack: SliceSta
     volumes = [piece.volume for piece in mesh.pieces()]
     least = stack.smallest
     # what touches at a corner, or across a missing slice, may be one part or two
-    touching, apart = (ndimage.generate_binary_structure(3, rank) for rank in (3, 1))
-    runs = [np.stack([level.distance < 0 for level in run.fields_of_slices]) for run in stack.runs]
-    bodies = sum(_large(inside, touching, least, stack) for inside in runs)
-    separate = _large(_with_missing(slices, stack.step), apart, least, stack)
+    bodies = sum(volume >= least for volume in stack.part_volumes)
+    separate = _separate(_with_missing(slices, stack.step), least, stack)
     found = sum(volume >= least for volume in volumes)
+    at_most = sum(volume >= SHRUNK_PART * least for volume in volumes)
     problems: list[Violation] = []
-    if not bodies <= found <= separate:
+    if at_most < bodies or found > separate:
         implied = f"{bodies}" if bodies == separate else f"{bodies} to {separate}"
         problems.append(Violation(f"the surface has {_counted(found, 'part')}, the slices imply {implied}"))
     return problems
@@ -223,8 +221,8 @@ def _with_missing(slices: Sequence[LevelField], step: float) -> BoolArray:
     return np.stack(layers)
 
 
-def _large(inside: BoolArray, joined: BoolArray, least: float, stack: SliceStack) -> int:
-    """Count the parts (S, I, J) of at least so many mm^3, by which voxels count as joined."""
-    parts, _ = ndimage.label(inside, joined)
+def _separate(inside: BoolArray, least: float, stack: SliceStack) -> int:
+    """Count the parts (S, I, J) of at least so many mm^3; what touches at an edge or a corner is apart."""
+    parts, _ = ndimage.label(inside)
     size = np.bincount(parts.ravel())[1:] * float(stack.voxel.prod())
     return int(np.count_nonzero(size >= least))

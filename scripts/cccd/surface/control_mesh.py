@@ -8,6 +8,7 @@ whatever the pairs are, and only what was a corner before the split can have oth
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import coo_array, diags_array
 
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
@@ -17,12 +18,25 @@ from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
 from cccd.surface.flat_caps import fill_rim
 from cccd.tolerances import TINY
 
-__all__ = ["control_mesh", "join_in_pairs", "on_caps", "open_edges", "split_to_quads", "with_caps"]
+__all__ = [
+    "SAME_HEIGHT",
+    "control_mesh",
+    "fewer_triangles",
+    "join_in_pairs",
+    "on_caps",
+    "open_edges",
+    "split_to_quads",
+    "with_caps",
+]
 
+#: mm: points so near to where the scan ends lie there.
+SAME_HEIGHT = 1e-6
 #: Weight of even edges beside that of near ones when edges collapse: needles make needles of quads.
 EVENNESS = 1e-3
 #: A pair is a quad where its triangles' normals agree (1 - cosine), and no corner is straight (cosine).
 MOST_BENT, MOST_ALIGNED = 0.6, 0.97
+#: Rounds in which the points of a cap go to their neighbours' means.
+RELAXING_ROUNDS = 5
 #: Rounds in which triangles without a partner look for one by changing one pair; few are left after these.
 PAIRING_ROUNDS = 5
 
@@ -50,9 +64,24 @@ def control_mesh(
     Mesh
         The triangles that it was made of, the caps' included.
     """
-    few = collapse_edges(fine, most, EVENNESS, weights, on_caps(fine, ends).astype(np.int64))
+    few = fewer_triangles(fine, most, ends, EVENNESS, weights)
     flat = on_caps(few, ends)
     return _split(Mesh(few.vertices, few.faces[~flat]).compact()), few
+
+
+def fewer_triangles(
+    mesh: Mesh,
+    most: int,
+    ends: tuple[float, float],
+    evenness: float = 1e-4,
+    weights: FloatArray | None = None,
+) -> Mesh:
+    """Collapse edges as `collapse_edges` does; what lies at the heights ``ends`` stays there exactly."""
+    few = collapse_edges(mesh, most, evenness, weights, on_caps(mesh, ends).astype(np.int64))
+    vertices = few.vertices.copy()
+    for end in ends:
+        vertices[np.abs(vertices[:, 2] - end) < SAME_HEIGHT, 2] = end
+    return Mesh(vertices, few.faces)
 
 
 def _split(triangles: Mesh) -> ControlMesh:
@@ -99,11 +128,13 @@ def _cap(wall: ControlMesh, end: float, upwards: bool, count: int) -> tuple[Floa
     sides = np.stack([wall.quads, np.roll(wall.quads, -1, axis=1)], axis=2).reshape(-1, 2)
     on_rim = np.isin(np.sort(sides, axis=1) @ [own, 1], wall.creases @ [own, 1])
     on_rim &= wall.vertices[sides[:, 0], 2] == end
-    after = np.full(own, -1)
-    after[sides[on_rim, 1]] = sides[on_rim, 0]
-    corners = np.unique(wall.creases[wall.vertices[wall.creases[:, 0], 2] == end, 0])
-    middles = after[corners]
-    rim = np.column_stack([np.arange(len(corners)), np.searchsorted(corners, after[middles])])
+    # each middle has one side before and one behind it; where a rim touches itself, a corner has more
+    ends_at, starts_at = np.full((2, own), -1)
+    ends_at[sides[on_rim, 1]], starts_at[sides[on_rim, 0]] = sides[on_rim, 0], sides[on_rim, 1]
+    middles = np.unique(wall.creases[wall.vertices[wall.creases[:, 0], 2] == end, 1])
+    # against the wall's quads: from the corner behind a middle to the one before it
+    corners, rim = np.unique(np.column_stack([starts_at[middles], ends_at[middles]]), return_inverse=True)
+    rim = rim.reshape(-1, 2)
     plane = wall.vertices[corners, :2]
     added, triangles = fill_rim(plane if upwards else plane * [1, -1], rim)
     inner = np.concatenate([plane, added if upwards else added * [1, -1]])
@@ -117,14 +148,28 @@ def _cap(wall: ControlMesh, end: float, upwards: bool, count: int) -> tuple[Floa
     known = keys[at] == edges @ [len(inner), 1]
     number[len(inner) + np.flatnonzero(known)] = middles[at[known]]
     new = number < 0
+    points[~new] = wall.vertices[number[~new]]
+    points = _relaxed(points, quads, new)
     number[new] = count + np.arange(int(new.sum()))
     return points[new], number[quads]
 
 
-def on_caps(mesh: Mesh, ends: tuple[float, float]) -> BoolArray:
-    """Which triangles (F,) lie on one of two planes across z."""
-    at = np.isin(mesh.vertices[:, 2], [end for end in ends if np.isfinite(end)])
-    return np.asarray(np.all(at[mesh.faces], axis=1), np.bool_)
+def _relaxed(points: FloatArray, quads: IntArray, moving: BoolArray) -> FloatArray:
+    """Move points (P, 3) to their neighbours' means: where a rim's middle bulges, its cap gives way."""
+    edges, _ = quad_edges(quads)
+    both = np.concatenate([edges, edges[:, ::-1]])
+    links = coo_array((np.ones(len(both)), tuple(both.T)), shape=(len(points), len(points))).tocsr()
+    mean = diags_array(np.where(moving, 1 / np.maximum(links.sum(axis=1), 1), 0.0)) @ links
+    for _ in range(RELAXING_ROUNDS):
+        points = np.where(moving[:, None], mean @ points, points)
+    return points
+
+
+def on_caps(mesh: Mesh, ends: tuple[float, float], within: float = 0.0) -> BoolArray:
+    """Which triangles (F,) lie on one of two planes across z, all corners within so many mm of it."""
+    height = mesh.vertices[mesh.faces, 2]
+    flat = [np.all(np.abs(height - end) <= within, axis=1) for end in ends]
+    return np.asarray(np.any(flat, axis=0), np.bool_)
 
 
 def join_in_pairs(mesh: Mesh) -> tuple[IntArray, IntArray]:

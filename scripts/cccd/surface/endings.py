@@ -1,16 +1,16 @@
-"""Parts and lobes that end between two slices: a rounded end in the distances.
+"""Parts that end between two slices: a rounded end in the distances.
 
 Interpolated distances close such a part at once, on a level that depends on how far away its neighbours are.
 Near its pole the section of any smooth body falls linearly with height, as a paraboloid's does; so how fast
-the square of its width falls from slice to slice says how far the part goes. A lobe ends in the same way
-where its part goes on elsewhere: it is deep, and all of the next slice is far from it.
+the square of its width falls from slice to slice says how far the part goes.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -18,6 +18,7 @@ from scipy import ndimage
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.surface.fields import LevelField
+from cccd.surface.undrawn import GuideLine
 
 __all__ = ["round_ends"]
 
@@ -27,31 +28,26 @@ LOWEST, HIGHEST = 0.2, 0.9
 #: An end is at most so many times as high as the part is deep: its largest distance inside. The first holds
 #: where only one slice shows the part, so that nothing says how it tapers.
 ROUND, SLENDER = 1.5, 4.0
-#: A lobe is so many pixels deep, and so many times as far from the next slice.
-LOBE_PIXELS, LOBE_FAR = 2.0, 2.0
 #: Levels beyond the last slice reach this many times as far as the highest end.
 BEYOND = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class _Ends:
-    """What ends on one slice, towards the next: parts of which none lies there, and lobes of others.
+    """What ends on one slice, towards the next: parts of which none lies there.
 
     Attributes
     ----------
     own : (I, J) float32
         Signed distance in mm to what ends.
-    share : (I, J) float32
-        1 where a part ends, less towards where a lobe joins what goes on, 0 elsewhere.
-    lobe : (I, J) bool
-        Pixels nearest to a lobe: what is interpolated there may reach further than its end.
+    nearest : (I, J) bool
+        Pixels that are nearer to what ends than to what goes on.
     depth, height : (I, J) float32
         Of the nearest of them: its largest distance inside, and how far it goes on, both in mm.
     """
 
     own: SingleArray
-    share: SingleArray
-    lobe: BoolArray
+    nearest: BoolArray
     depth: SingleArray
     height: SingleArray
 
@@ -59,40 +55,51 @@ class _Ends:
     def of(
         cls,
         plane: SingleArray,
+        drawn: SingleArray,
         before: SingleArray | None,
-        after: SingleArray | None,
+        between: Sequence[SingleArray],
         spacing: FloatArray,
         step: float,
+        rise: Callable[[BoolArray], float | None] | None,
     ) -> _Ends | None:
-        """Find the parts of a plane of which none lies on the next, and lobes; None without any."""
+        """Find the parts of a plane that do not reach the next; None without any.
+
+        ``drawn`` and ``before`` are the slice and the one before as they were drawn, which tells the heights;
+        ``between`` are the levels up to the next slice, itself the last; none beyond the last slice. ``rise``
+        gives the height of a part's end in mm, or None, where planes across were drawn.
+        """
+        after = between[-1] if between else None
         parts, count = _parts(plane < 0)
         goes_on = np.zeros(count + 1, np.bool_)
         goes_on[0] = True
         if after is not None:
             goes_on[np.unique(parts[after < 0])] = True
+            if not goes_on.all():
+                goes_on[_reaching(parts, between)] = True
         goes_on[np.unique(np.concatenate([parts[[0, -1]].ravel(), parts[:, [0, -1]].ravel()]))] = True
         ended = ~goes_on[parts]
-        lobes = np.zeros_like(ended) if after is None else _lobes(plane, after, ended, spacing)
-        if not ended.any() and not lobes.any():
+        if not ended.any():
             return None
-        away, nearest = _away(ended | lobes, spacing)
-        own = np.where(ended | lobes, plane, np.maximum(away, np.abs(plane))).astype(np.float32)
-        stays = (parts > 0) & ~ended & ~lobes
+        away, nearest = _away(ended, spacing)
+        own = np.where(ended, plane, np.maximum(away, np.abs(plane))).astype(np.float32)
+        stays = (parts > 0) & ~ended
         if after is not None:
             stays |= after < 0
         other = ndimage.distance_transform_edt(~stays, sampling=spacing) if stays.any() else np.inf
-        share = np.ones(plane.shape)
-        if after is not None:
-            share = np.where(lobes, np.clip(after / np.maximum(-plane, 1e-6) - 1, 0, 1), share)
-        share = np.where(own < other, share[nearest], 0)
-        endings, number = _parts(ended | lobes)
-        depth = -np.asarray(ndimage.minimum(plane, endings, np.arange(number + 1)), np.float64)
-        height = _heights(endings, number, before, depth, step)
+        endings, number = _parts(ended)
+        depth, known = (
+            -np.asarray(ndimage.minimum(values, endings, np.arange(number + 1)), np.float64)
+            for values in (plane, drawn)
+        )
+        height = _heights(endings, number, before, known, step)
+        if rise is not None:
+            for n in range(1, number + 1):
+                if (seen := rise(endings == n)) is not None:
+                    height[n] = seen
         which = endings[nearest]
         return cls(
             own,
-            share.astype(np.float32),
-            lobes[nearest],
+            own < other,
             depth[which].astype(np.float32),
             height[which].astype(np.float32),
         )
@@ -105,20 +112,14 @@ class _Ends:
         """
         within = np.minimum(self.own, 0)
         end = self.own + within**2 / (2 * self.depth) + self.depth / 2 * rise / self.height
-        end = np.where(self.lobe, np.minimum(end, level), end)
-        return np.where(self.share > 0, level + self.share * (end - level), level).astype(np.float32)
+        return np.where(self.nearest, end, level).astype(np.float32)
 
 
-def _lobes(plane: SingleArray, after: SingleArray, ended: BoolArray, spacing: FloatArray) -> BoolArray:
-    """Pixels (I, J) of lobes that end though their part goes on: deep, and far from all of the next slice."""
-    parts, count = _parts((plane < 0) & (after > -plane) & ~ended)
-    if count == 0:
-        return np.zeros(plane.shape, np.bool_)
-    deepest = np.array(ndimage.minimum_position(plane, parts, np.arange(1, count + 1)))
-    depth, far = -plane[tuple(deepest.T)], after[tuple(deepest.T)]
-    is_lobe = np.zeros(count + 1, np.bool_)
-    is_lobe[1:] = (depth >= LOBE_PIXELS * np.sqrt(spacing.prod())) & (far >= LOBE_FAR * depth)
-    return is_lobe[parts]
+def _reaching(parts: IntArray, between: Sequence[SingleArray]) -> IntArray:
+    """Which parts (I, J) of a plane are joined to the last of the levels above it."""
+    inside = np.stack([parts > 0, *(level < 0 for level in between)])
+    joined, _ = _parts(inside)
+    return np.unique(parts[np.isin(joined[0], joined[-1][joined[-1] > 0])])
 
 
 def _parts(inside: BoolArray) -> tuple[IntArray, int]:
@@ -154,7 +155,13 @@ def _heights(
 
 
 def round_ends(
-    fields: Sequence[LevelField], spacing: FloatArray, step: float, cut: tuple[bool, bool], pixel: float
+    fields: Sequence[LevelField],
+    drawn: SingleArray,
+    spacing: FloatArray,
+    step: float,
+    cut: tuple[bool, bool],
+    pixel: float,
+    guides: Sequence[GuideLine] = (),
 ) -> list[LevelField]:
     """Round the ends of parts, and of cavities, between the slices and beyond the first and the last.
 
@@ -162,6 +169,8 @@ def round_ends(
     ----------
     fields : sequence of LevelField
         Of slices, and interpolated between them, ascending.
+    drawn : (S, I, J) float32
+        The distances of the slices before anything was filled in: those may reach less far.
     spacing : (2,) float64
         mm per pixel.
     step : float
@@ -170,6 +179,8 @@ def round_ends(
         Whether the scan cuts the organ at the first and at the last slice: there it does not end.
     pixel : float
         mm; levels that are added beyond the ends lie about as far apart.
+    guides : sequence of GuideLine, optional
+        Planes across the slices, which show how far parts go on beyond the first and the last slice.
 
     Returns
     -------
@@ -183,15 +194,18 @@ def round_ends(
         sign = np.float32(1 if of_parts else -1)  # a cavity ends as a part does, inside out
         order = slices[::way]
         for k, n in enumerate(order):
-            before, after = (
-                sign * fields[order[m]].distance if 0 <= m < len(order) else None for m in (k - 1, k + 1)
-            )
-            if after is None and (cut[way > 0] or not of_parts):
+            last = k + 1 == len(order)
+            if last and (cut[way > 0] or not of_parts):
                 continue
-            ends = _Ends.of(sign * fields[n].distance, before, after, spacing, step)
+            own = sign * drawn[::way][k]
+            before = sign * drawn[::way][k - 1] if k else None
+            gap = range(0) if last else range(n + way, order[k + 1] + way, way)
+            between = [sign * fields[m].distance for m in gap]
+            rise = partial(_rise, guides, fields[n].z, way) if last and guides else None
+            ends = _Ends.of(sign * fields[n].distance, own, before, between, spacing, step, rise)
             if ends is None:
                 continue
-            if after is None:
+            if last:
                 beyond[way] = _levels_beyond(fields[n].z, way, ends, step, pixel)
                 continue
             for m in range(n + way, order[k + 1], way):
@@ -200,8 +214,14 @@ def round_ends(
     return [*beyond[-1][::-1], *inner, *beyond[1]]
 
 
+def _rise(guides: Sequence[GuideLine], z: float, way: int, part: BoolArray) -> float | None:
+    """How far in mm a part (I, J) goes on by what planes across show, if one meets it."""
+    seen = [guide.rise(part, z, way) for guide in guides]
+    return max((rise for rise in seen if rise is not None), default=None)
+
+
 def _levels_beyond(z: float, way: int, ends: _Ends, step: float, pixel: float) -> list[LevelField]:
     """Levels beyond the last slice, until everything has ended."""
-    reach = BEYOND * HIGHEST * step
+    reach = BEYOND * max(HIGHEST * step, float(ends.height.max()))
     rises = np.linspace(0, reach, max(3, int(np.ceil(reach / pixel))) + 1)[1:]
     return [LevelField(z + way * float(rise), ends.on(ends.own, float(rise)), None) for rise in rises]

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cccd.errors import InputError
-from cccd.extras import check_extra
+from cccd.extras import MESHER_EXTRAS, check_extra
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply
 from cccd.geometry.subdivision import ControlMesh
@@ -25,7 +25,6 @@ from cccd.store import (
     atomic_path,
     check_writable,
     read_bodies,
-    read_patches,
     read_report,
     read_surface_frame,
 )
@@ -47,8 +46,6 @@ _NEEDS = dict.fromkeys(SOLID_FORMATS, "cad") | {
     "usda": "usd",
     "usdc": "usd",
 }
-#: The extra of each mesher of tetrahedra; gmsh is a program.
-_MESHERS = {"ftetwild": "fe", "gmsh": "view", "gmsh-step": "cad"}
 
 
 def format_of(path: str | Path) -> str:
@@ -75,7 +72,7 @@ def format_of(path: str | Path) -> str:
 def check_format(path: str | Path, mesher: str = "ftetwild") -> None:
     """Raise `InputError` for an unknown suffix, or a format whose extra is not installed."""
     form = format_of(path)
-    needed = _MESHERS[mesher] if form in TETRAHEDRA_FORMATS else _NEEDS.get(form)
+    needed = MESHER_EXTRAS[mesher] if form in TETRAHEDRA_FORMATS else _NEEDS.get(form)
     if needed:
         check_extra(needed, str(path))
 
@@ -121,13 +118,8 @@ def read_surface(path: str | Path, mesh_path: str | Path) -> Surface:
     Organs that share their walls have another mesh than their control meshes': it has no ``bodies``.
     """
     mesh, bodies = read_ply(mesh_path), read_bodies(path)
-    return Surface(
-        read_patches(path),
-        mesh,
-        read_surface_frame(path),
-        read_report(path),
-        bodies if _is_of(mesh, bodies) else [],
-    )
+    bodies = bodies if _is_of(mesh, bodies) else []
+    return Surface(bodies, mesh, read_surface_frame(path), read_report(path))
 
 
 def _is_of(mesh: Mesh, bodies: Sequence[ControlMesh]) -> bool:

@@ -1,4 +1,4 @@
-"""Planar caps of a mesh across z: moved on along it, and filled with even triangles."""
+"""A closed rim in the plane, filled with triangles that grow away from it: what is flat needs few."""
 
 from __future__ import annotations
 
@@ -11,89 +11,21 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, cKDTree
 
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.geometry.mesh import Mesh
-from cccd.surface.tessellation import SAME_POINT_MM
 
-__all__ = ["even_cap", "fill_rim", "run_on"]
+__all__ = ["fill_rim"]
 
 #: Points within a cap keep so many edges away from its rim: no side of the rim then lies in a triangle.
 _FROM_RIM = 0.75
+#: Edges grow by this share of their distance from the rim.
+_GROWTH = 0.6
+#: The shortest edges, in medians: a rim's tiny sides do not fill the cap.
+_SHORTEST = 0.25
 #: Share by which a cap's area may change.
 _SAME_AREA = 1e-6
 
 
-def run_on(mesh: Mesh, cap: float, end: float) -> Mesh:
-    """Lengthen a closed mesh straight along z from its planar cap at one height in mm to another.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> box = trimesh.creation.box()
-    >>> box = Mesh(box.vertices, box.faces)
-    >>> float(run_on(box, 0.5, 2.5).volume), float(run_on(box, -0.5, -1.5).volume)
-    (3.0, 2.0)
-    """
-    count = len(mesh.vertices)
-    flat = (np.abs(mesh.vertices[:, 2] - cap) <= SAME_POINT_MM)[mesh.faces].all(axis=1)
-    on_cap = np.unique(mesh.faces[flat])
-    raised = mesh.vertices[on_cap]
-    raised[:, 2] = end
-    above = np.zeros(count, np.int64)
-    above[on_cap] = count + np.arange(len(on_cap))
-    low = _rim(mesh.faces[flat], count)
-    high = above[low]
-    walls = [np.column_stack([low, high[:, 1]]), np.column_stack([low[:, 0], high[:, ::-1]])]
-    faces = np.concatenate([mesh.faces[~flat], above[mesh.faces[flat]], *walls])
-    return Mesh(np.concatenate([mesh.vertices, raised]), faces)
-
-
-def even_cap(mesh: Mesh, height: float, edge: float) -> Mesh:
-    """Give a planar cap even triangles in place of those that span it from rim to rim.
-
-    It stays as it is where the Delaunay triangles of its points do not keep to its rim.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Closed.
-    height : float
-        Of the cap in mm: faces are its if all their vertices have this z.
-    edge : float
-        Edge length in mm that the triangles aim at.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> tin = trimesh.creation.cylinder(10, 4, sections=60)
-    >>> tin = Mesh(tin.vertices, tin.faces)
-    >>> even = even_cap(tin, 2.0, 1.0)
-    >>> even.is_closed_manifold, abs(even.volume - tin.volume) < 1e-6, len(even.faces) > 2 * len(tin.faces)
-    (True, True, True)
-    """
-    flat = (mesh.vertices[:, 2] == height)[mesh.faces].all(axis=1)
-    if not flat.any():
-        return mesh
-    faces = mesh.faces[flat]
-    area = _areas(mesh.vertices[:, :2], faces).sum()
-    upwards = bool(area > 0)
-    rim = _rim(faces if upwards else faces[:, ::-1], len(mesh.vertices))
-    on_rim = np.unique(rim)
-    corners = np.searchsorted(on_rim, rim)
-    points = mesh.vertices[on_rim, :2]
-    middles = points[corners].mean(axis=1)
-    added = _lattice(np.concatenate([points, middles]), edge)
-    points = np.concatenate([points, added])
-    triangles = _inside(points, corners)
-    if not np.isclose(_areas(points, triangles).sum(), abs(area), rtol=_SAME_AREA):
-        return mesh
-    number = np.concatenate([on_rim, len(mesh.vertices) + np.arange(len(added))])
-    cap = number[triangles if upwards else triangles[:, ::-1]]
-    vertices = np.concatenate([mesh.vertices, np.column_stack([added, np.full(len(added), height)])])
-    return Mesh(vertices, np.concatenate([mesh.faces[~flat], cap])).compact()
-
-
 def fill_rim(points: FloatArray, rim: IntArray) -> tuple[FloatArray, IntArray]:
-    """Triangles left of a closed rim in the plane, about as large as its sides are long.
+    """Triangles left of a closed rim in the plane, beside it about as large as its sides are long.
 
     Parameters
     ----------
@@ -109,8 +41,8 @@ def fill_rim(points: FloatArray, rim: IntArray) -> tuple[FloatArray, IntArray]:
         Of the points and the added ones, counter-clockwise.
     """
     corners = points[rim]
-    edge = float(np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)))
-    added = _lattice(np.concatenate([points, corners.mean(axis=1)]), edge)
+    length = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
+    added = _lattices(np.concatenate([*corners.swapaxes(0, 1), corners.mean(axis=1)]), np.tile(length, 3))
     triangles = _inside(np.concatenate([points, added]), rim)
     x, y = corners[..., 0], corners[..., 1]
     area = float((x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0]).sum()) / 2
@@ -125,30 +57,44 @@ def fill_rim(points: FloatArray, rim: IntArray) -> tuple[FloatArray, IntArray]:
 
 
 def _loops(rim: IntArray) -> list[IntArray]:
-    """Split sides (R, 2) into closed chains of points."""
-    after = np.zeros(len(rim), np.int64)
-    after[rim[:, 0]] = rim[:, 1]
-    links = coo_array((np.ones(len(rim), bool), tuple(rim.T)), shape=(len(rim), len(rim)))
-    count, part = connected_components(links, directed=False)
+    """Split sides (R, 2) into closed chains of points, which may meet."""
+    after: dict[int, list[int]] = {}
+    for start, end in rim.tolist():
+        after.setdefault(start, []).append(end)
     loops: list[IntArray] = []
-    for n in range(count):
-        start = int(np.argmax(part == n))
-        chain = [start]
-        while after[chain[-1]] != start:
-            chain.append(int(after[chain[-1]]))
-        loops.append(np.array(chain))
+    for start in after:
+        while after[start]:
+            chain = [start]
+            while (point := after[chain[-1]].pop()) != start:
+                chain.append(point)
+            loops.append(np.array(chain))
     return loops
 
 
+def _lattices(rim: FloatArray, length: FloatArray) -> FloatArray:
+    """Points (P, 2) around points (R, 2) of a rim with sides so long (R,), none of them near to it."""
+    tree = cKDTree(rim)
+    median, extent = np.median(length), float(np.ptp(rim, axis=0).max())
+    step = max(float(length.min()), _SHORTEST * float(median))
+    kept: list[FloatArray] = []
+    least = 0.0
+    while step <= extent:
+        places = _lattice(rim, step)
+        away, nearest = tree.query(places)
+        edge = length[nearest] + _GROWTH * np.asarray(away)
+        kept.append(places[(away >= _FROM_RIM * length[nearest]) & (edge >= least) & (edge < 2 * step)])
+        step, least = 2 * step, 2 * step
+    return np.concatenate(kept)
+
+
 def _lattice(rim: FloatArray, edge: float) -> FloatArray:
-    """Corners (P, 2) of equilateral triangles around points (R, 2) of a rim, none of them near to it."""
-    low, step = rim.min(axis=0), np.array([edge, edge * np.sqrt(3) / 2])
+    """Corners (P, 2) of equilateral triangles over the box of points (R, 2)."""
+    # beside the rim's corner: no point lies in line with a side of the rim
+    low, step = rim.min(axis=0) - edge / np.array([np.pi, np.e]), np.array([edge, edge * np.sqrt(3) / 2])
     count = np.ceil((rim.max(axis=0) - low) / step).astype(np.int64)
     places = np.indices((int(count[0]), int(count[1]))).reshape(2, -1).T.astype(np.float64)
     places[:, 0] += places[:, 1] % 2 / 2
-    places = low + places * step
-    away = np.asarray(cKDTree(rim).query(places)[0])
-    return places[away >= _FROM_RIM * edge]
+    return low + places * step
 
 
 def _inside(points: FloatArray, rim: IntArray) -> IntArray:
@@ -170,12 +116,6 @@ def _inside(points: FloatArray, rim: IntArray) -> IntArray:
     )
     part = connected_components(links, directed=False)[1]
     return triangles[np.isin(part, part[owner[np.isin(keys, wanted)]])]
-
-
-def _rim(faces: IntArray, count: int) -> IntArray:
-    """Directed sides (R, 2) of triangles of ``count`` vertices that have no other triangle beside them."""
-    sides = _sides(faces)
-    return sides[~np.isin(_keys(sides, count), _keys(sides[:, ::-1], count))]
 
 
 def _sides(faces: IntArray) -> IntArray:

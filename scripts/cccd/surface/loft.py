@@ -1,14 +1,11 @@
-"""Ordered curves -> levels -> tubes -> tensor-product B-spline patches, eq. (10) -> closed mesh."""
+"""Ordered curves -> distances on and between slices -> control mesh -> fit -> checks."""
 
 from __future__ import annotations
 
 from cccd.containers import Annotation, Curves, ProbabilityStack, Splines
 from cccd.errors import InputError
 from cccd.settings.surface import LoftSettings
-from cccd.surface.matching import match_contours
 from cccd.surface.outlines import lofted_outlines
-from cccd.surface.patches import fit_patches
-from cccd.surface.solid import join_patches
 from cccd.surface.spline import loft_spline
 from cccd.surface.stack import interpolate_slices
 from cccd.surface.surface import Surface
@@ -51,9 +48,4 @@ def loft_surface(
         raise InputError("curves", "there is not one closed curve", "check the mask or the boundary maps")
     outlines = lofted_outlines(curves, splines, settings)
     stack = interpolate_slices(outlines, settings, probability, annotation)
-    if settings.method == "spline":
-        return loft_spline(stack, settings.matching.smallest_part_voxels).to_world(curves.frame)
-    tubes = match_contours(stack, settings.matching)
-    patches = fit_patches(tubes, stack, settings)
-    solid = join_patches(patches, stack, settings)
-    return solid.to_world(curves.frame)
+    return loft_spline(stack, settings.smallest_part_voxels).to_world(curves.frame)

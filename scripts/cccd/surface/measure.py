@@ -13,9 +13,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.metrics import dice, normal_angles, surface_distances
 from cccd.store import bodies_bytes
-from cccd.surface.booleans import Nesting, unite
 from cccd.surface.surface import Surface
-from cccd.surface.tessellation import tessellate
 from cccd.tolerances import VOLUME_BIAS
 
 __all__ = [
@@ -26,7 +24,6 @@ __all__ = [
     "measure_agreement",
     "measure_mesh",
     "measure_surface",
-    "patches_mesh",
     "volume_warnings",
     "voxel_dice",
 ]
@@ -45,7 +42,7 @@ def mask_surface(structure: Structure) -> Mesh:
 
 
 #: What of the lofting's report is no figure, or measured anew.
-_UNMEASURED = ("warnings", "vertices", "depths")
+_UNMEASURED = ("warnings", "vertices")
 
 
 class Reference(NamedTuple):
@@ -137,42 +134,27 @@ def volume_warnings(figures: Mapping[str, Any]) -> list[str]:
     bias = float(figures.get("volume_bias", 0.0))
     if abs(bias) <= VOLUME_BIAS:
         return []
-    return [f"the surface holds {abs(bias):.0%} {'less' if bias < 0 else 'more'} than the organ: look at it"]
+    return [
+        f"the surface's volume is {abs(bias):.0%} {'below' if bias < 0 else 'above'} the organ's: check it"
+    ]
 
 
 def measure_surface(surface: Surface, structure: Structure) -> dict[str, Any]:
-    """Everything for ``metrics.json``: the mesh's figures, what the lofting reported, the bytes kept.
-
-    Of a surface that was made of tubes their patches are measured alone as well: its mesh is blended.
-    """
+    """Everything for ``metrics.json``: the mesh's figures, what the lofting reported, the bytes kept."""
     reported = {key: value for key, value in surface.report.items() if key not in _UNMEASURED}
     reference = Reference.of(structure) if _is_known(structure) else None
-    alone: dict[str, float] = {}
-    if surface.patches and reference is not None:
-        alone = measure_agreement(patches_mesh(surface), structure, reference)
     kept = control_bytes(surface)
     return {
         **measure_mesh(surface.mesh, structure, reference),
         **reported,
         "control_bytes": kept,
         "compactness": reported["marching_cubes_bytes"] / max(kept, 1),
-        **{f"patches_{key}": value for key, value in alone.items()},
     }
 
 
 def control_bytes(surface: Surface) -> int:
-    """Bytes of what a surface is read off: its splines as stored, or the control points of its tubes."""
-    return bodies_bytes(surface.bodies) if surface.bodies else surface.report["control_bytes"]
-
-
-def patches_mesh(surface: Surface) -> Mesh:
-    """Join a surface's tessellated tubes by booleans as they nest, in mm RAS: nothing is blended."""
-    edge = float(surface.frame.pixel_spacing.mean())
-    places = [
-        Nesting(depth, patch.sign < 0)
-        for depth, patch in zip(surface.report["depths"], surface.patches, strict=True)
-    ]
-    return unite([tessellate(patch, edge) for patch in surface.patches], places)
+    """Bytes of what a surface is read off: its splines as stored; none where its walls are shared."""
+    return bodies_bytes(surface.bodies)
 
 
 def _normals(mesh: Mesh, structure: Structure) -> dict[str, float]:

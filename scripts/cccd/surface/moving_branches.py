@@ -17,7 +17,6 @@ from scipy.ndimage import find_objects, label
 from scipy.optimize import linear_sum_assignment
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from cccd.settings.surface import BranchSettings
 from cccd.surface.fields import LevelField, distance_to_part, sampled
 
 __all__ = ["Sections", "Way", "follow_branches", "move_branches"]
@@ -31,6 +30,12 @@ _MADE_UP = (0.3, 0.7)
 _LENGTHS = np.array([1.0, 0.85, 1.15, 0.7, 1.3])
 #: What is moved is known so many pixels around the sections.
 _MARGIN = 6
+#: Branches are followed so far aside, in distances between slices: at 72 degrees to the axis. What lies
+#: nearer to the slices' plane shows on one slice as a whole.
+STEEPEST = 3.0
+#: They move all the way where distances that are interpolated as they lie keep less than the first share of
+#: their area half way, not at all where they keep the second: what a disc keeps that moves by 1.6, 1.0 radii.
+KEPT = (0.6, 0.85)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +147,7 @@ class Way:
     share: float
 
 
-def move_branches(
-    fields: Sequence[LevelField], spacing: FloatArray, settings: BranchSettings
-) -> list[LevelField]:
+def move_branches(fields: Sequence[LevelField], spacing: FloatArray) -> list[LevelField]:
     """Let thin branches, and thin cavities, run on between the slices.
 
     Parameters
@@ -153,8 +156,6 @@ def move_branches(
         Of slices, and interpolated between them.
     spacing : (2,) float64
         mm per pixel.
-    settings : BranchSettings
-        Section ``surface.interpolation.branches`` of the configuration.
 
     Returns
     -------
@@ -163,11 +164,11 @@ def move_branches(
     """
     moved = list(fields)
     slices = [n for n, field in enumerate(fields) if field.source_slice is not None]
-    if settings.steepest == 0 or len(slices) == len(fields):
+    if len(slices) == len(fields):
         return moved
     for sign in (1, -1):
         sections = [Sections.of(np.float32(sign) * fields[n].distance, spacing, fields[n].z) for n in slices]
-        ways = follow_branches(sections, spacing, settings, into_larger=sign > 0)
+        ways = follow_branches(sections, spacing, into_larger=sign > 0)
         slopes = _slopes(sections, ways)
         for gap, (low, high) in enumerate(itertools.pairwise(slices)):
             for way in ways[gap]:
@@ -184,7 +185,7 @@ def move_branches(
 
 
 def follow_branches(
-    sections: Sequence[Sections], spacing: FloatArray, settings: BranchSettings, into_larger: bool = True
+    sections: Sequence[Sections], spacing: FloatArray, into_larger: bool = True
 ) -> list[list[Way]]:
     """Follow sections from each slice to the next.
 
@@ -194,7 +195,6 @@ def follow_branches(
         Slice by slice.
     spacing : (2,) float64
         mm per pixel.
-    settings : BranchSettings
     into_larger : bool
         Whether a section that neither slice beside it overlaps may lead, as its ellipse tells, into a part
         that is no branch itself. Others do so if the next slice tells their direction.
@@ -205,7 +205,7 @@ def follow_branches(
         Gap by gap, those that are moved.
     """
     gaps = [_Gap.between(low, high) for low, high in itertools.pairwise(sections)]
-    pairs = [gap.pairs(spacing, settings) for gap in gaps]
+    pairs = [gap.pairs(spacing) for gap in gaps]
     ways: list[list[Way]] = []
     for n, gap in enumerate(gaps):
         found = [way for way in pairs[n] if way.share > 0]
@@ -220,15 +220,13 @@ def follow_branches(
                 alone = free & gaps[beyond].free(not up)
             followed = [way.high if up else way.low for way in pairs[n]]
             for part in np.setdiff1d(np.flatnonzero(free), followed).tolist():
-                shifts = _shifts(gap, part, up, known, bool(alone[part]) and into_larger, settings)
+                shifts = _shifts(gap, part, up, known, bool(alone[part]) and into_larger)
                 found += gap.leading_into_larger(part, up, shifts, spacing)
         ways.append(found)
     return ways
 
 
-def _shifts(
-    gap: _Gap, part: int, up: bool, known: Mapping[int, FloatArray], alone: bool, settings: BranchSettings
-) -> FloatArray:
+def _shifts(gap: _Gap, part: int, up: bool, known: Mapping[int, FloatArray], alone: bool) -> FloatArray:
     """Ways (W, 2) in mm, upwards, that a part without a follower may have come: as it runs on, or leans."""
     side = gap.above if up else gap.below
     if side.half_widths[part] > gap.height:
@@ -237,7 +235,7 @@ def _shifts(
         return known[part][None] * gap.height
     lean = side.leans[part]
     steep = float(np.linalg.norm(lean))
-    if not alone or steep * gap.height < side.half_widths[part] or steep > settings.steepest:
+    if not alone or steep * gap.height < side.half_widths[part] or steep > STEEPEST:
         return np.zeros((0, 2))
     return np.array([lean, -lean]) * gap.height
 
@@ -268,16 +266,14 @@ class _Gap:
         side = self.above if up else self.below
         return side.within & (np.bincount(self.touching[:, int(up)], minlength=len(side.centres)) == 0)
 
-    def pairs(self, spacing: FloatArray, settings: BranchSettings) -> list[Way]:
+    def pairs(self, spacing: FloatArray) -> list[Way]:
         """Sections that run on in each other, and in nothing else."""
         pixel = float(np.sqrt(spacing.prod()))
         single = [np.bincount(side, minlength=1)[side] == 1 for side in self.touching.T]
-        candidates = np.concatenate(
-            [self.touching[single[0] & single[1]], self._nearest_free(pixel, settings)]
-        )
-        return [self._way(a, b, pixel, spacing, settings) for a, b in candidates.tolist()]
+        candidates = np.concatenate([self.touching[single[0] & single[1]], self._nearest_free(pixel)])
+        return [self._way(a, b, pixel, spacing) for a, b in candidates.tolist()]
 
-    def _nearest_free(self, pixel: float, settings: BranchSettings) -> IntArray:
+    def _nearest_free(self, pixel: float) -> IntArray:
         """Pairs (P, 2) of parts that overlap nothing and lie where the ellipses of both tell."""
         low, high = np.flatnonzero(self.free(False)), np.flatnonzero(self.free(True))
         a, b = low[:, None], high[None]
@@ -286,7 +282,7 @@ class _Gap:
         off = self.below.misses(a, way, self.height), self.above.misses(b, way, self.height)
         widths = self.below.half_widths[a], self.above.half_widths[b]
         follows = (
-            (length <= settings.steepest * self.height)
+            (length <= STEEPEST * self.height)
             & (np.maximum(*off) <= _OFF_COURSE * length + _OFF_PIXELS * pixel)
             & (np.maximum(*widths) <= _WIDER * np.minimum(*widths) + pixel)
         )
@@ -294,7 +290,7 @@ class _Gap:
         chosen = follows[rows, columns]
         return np.column_stack([low[rows[chosen]], high[columns[chosen]]])
 
-    def _way(self, a: int, b: int, pixel: float, spacing: FloatArray, settings: BranchSettings) -> Way:
+    def _way(self, a: int, b: int, pixel: float, spacing: FloatArray) -> Way:
         """Whether, and how far, two sections are moved onto each other."""
         start, lean = self.below.centres[a], self.below.leans[a]
         shift, onto = self.above.centres[b] - start, self.above.leans[b]
@@ -314,7 +310,7 @@ class _Gap:
         shared = _overlap(lower < 0, upper < 0)
         matched = _overlap(window.moved(lower, start, start + shift, way.turn) < 0, upper < 0)
         made_up = float(np.interp((matched - shared) / max(1 - shared, 1e-9), _MADE_UP, (0.0, 1.0)))
-        lost = 1 - float(np.interp(kept, settings.kept, (0.0, 1.0)))
+        lost = 1 - float(np.interp(kept, KEPT, (0.0, 1.0)))
         return replace(way, share=made_up * lost)
 
     def leading_into_larger(

@@ -17,7 +17,6 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import AnyArray, FloatArray, IntArray, SingleArray
-from cccd.settings.surface import SheetSettings
 from cccd.surface.fields import LevelField, sampled
 
 __all__ = ["MiddleLine", "Ways", "find_middle_line", "follow", "move_sheets"]
@@ -36,6 +35,14 @@ _AVERAGED, _NEIGHBOURS = 0.4, 24
 _ALIKE = (0.25, 0.2)
 #: A pixel goes the way of so many of the nearest lines' pixels.
 _CLOSEST = 6
+#: Sheets are followed so far aside, in distances between slices: fissures of lungs lie at 45 to 65 degrees to
+#: the axis.
+STEEPEST = 2.2
+#: They move all the way where distances that are interpolated as they lie keep less than the first share of
+#: their width, not at all where they keep the second: what overlaps itself is interpolated better as it lies.
+KEPT = (0.2, 0.5)
+#: They are found over so much of two distances between slices along them; vessels at lungs' roots are not.
+LEAST_LENGTH = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +92,7 @@ class Ways:
         return Ways(self.middles[chosen], self.shifts[chosen], self.half_widths[chosen], self.lost[chosen])
 
 
-def move_sheets(
-    fields: Sequence[LevelField], spacing: FloatArray, settings: SheetSettings
-) -> list[LevelField]:
+def move_sheets(fields: Sequence[LevelField], spacing: FloatArray) -> list[LevelField]:
     """Let thin parts move between the slices.
 
     Parameters
@@ -96,8 +101,6 @@ def move_sheets(
         Of slices, and interpolated between them.
     spacing : (2,) float64
         mm per pixel.
-    settings : SheetSettings
-        Section ``surface.interpolation.sheets`` of the configuration.
 
     Returns
     -------
@@ -106,14 +109,14 @@ def move_sheets(
     """
     moved = list(fields)
     slices = [n for n, field in enumerate(fields) if field.source_slice is not None]
-    if settings.steepest == 0 or len(slices) == len(fields):
+    if len(slices) == len(fields):
         return moved
     widest = max(fields[high].z - fields[low].z for low, high in itertools.pairwise(slices))
     sheets = [_Sheets.on(fields[n], spacing, widest) for n in slices]
     for (low, high), (below, above) in zip(
         itertools.pairwise(slices), itertools.pairwise(sheets), strict=True
     ):
-        around = _around(_ways_between(below, above, spacing, settings), below.distance.shape, spacing)
+        around = _around(_ways_between(below, above, spacing), below.distance.shape, spacing)
         for n in range(low + 1, high) if len(around.pixels) else ():
             share = (fields[n].z - below.z) / (above.z - below.z)
             moved[n] = replace(fields[n], distance=around.moved(fields[n], below, above, share))
@@ -218,10 +221,10 @@ class _Sheets:
         return cls(field.z, field.distance, (lines[0], lines[1]))
 
 
-def _ways_between(low: _Sheets, high: _Sheets, spacing: FloatArray, settings: SheetSettings) -> Ways:
+def _ways_between(low: _Sheets, high: _Sheets, spacing: FloatArray) -> Ways:
     """Follow slits and plates from a slice to the next one above and back; leave what is alike."""
     gap, pixel = high.z - low.z, float(np.sqrt(spacing.prod()))
-    reach = settings.steepest * gap
+    reach = STEEPEST * gap
     found: list[Ways] = []
     for sign, *lines in zip((1, -1), low.lines, high.lines, strict=True):
         for way, (line, other) in zip((1, -1), (lines, lines[::-1]), strict=True):
@@ -232,9 +235,9 @@ def _ways_between(low: _Sheets, high: _Sheets, spacing: FloatArray, settings: Sh
             half_widths = np.minimum(line.half_widths[chosen], other.half_widths[onto])
             both = sampled(low.distance, middles / spacing) + sampled(high.distance, middles / spacing)
             kept = sign * both / (2 * half_widths)
-            lost = 1 - np.interp(kept, settings.kept, (0.0, 1.0))
+            lost = 1 - np.interp(kept, KEPT, (0.0, 1.0))
             found.append(Ways(middles, shifts, half_widths, lost))
-    return _averaged(_joined(found), gap, settings.least_length * 4 * gap / pixel)
+    return _averaged(_joined(found), gap, LEAST_LENGTH * 4 * gap / pixel)
 
 
 def _joined(parts: Sequence[Ways]) -> Ways:

@@ -34,8 +34,6 @@ class ProbabilityTarget:
         Slice, and pixel of the outlines' plane, of the first coefficient.
     voxel : (3,) float64
         Distance between slices, and a pixel's edges along i and j, in mm.
-    z_range : (float, float)
-        Heights in mm between which there are probabilities.
     slope : float
         Mean slope of the probabilities along the level, per mm.
     outlines : TargetField
@@ -45,7 +43,6 @@ class ProbabilityTarget:
     coefficients: SingleArray
     origin: IntArray
     voxel: FloatArray
-    z_range: tuple[float, float]
     slope: float
     outlines: TargetField
 
@@ -56,35 +53,25 @@ class ProbabilityTarget:
         frame: Frame,
         plane_origin: IntArray,
         outlines: TargetField,
-        run_on: float,
     ) -> ProbabilityTarget:
-        """Target of a stack whose outlines' plane begins at source pixel ``plane_origin`` (2,).
-
-        It runs on for ``run_on`` mm beyond its first and last slice.
-        """
+        """Target of a stack whose outlines' plane begins at source pixel ``plane_origin`` (2,)."""
         voxel = np.array([frame.slice_spacing, *frame.pixel_spacing])
         sides = ((0, 0), (BEYOND, BEYOND), (BEYOND, BEYOND))
         level = np.pad(np.float32(0.5) - stack.values, sides, constant_values=np.float32(0.5))
         coefficients = np.asarray(ndimage.spline_filter(level, 3, np.float32, "nearest"))
         corner = np.array([0, BEYOND + plane_origin[0], BEYOND + plane_origin[1]])
         first = np.asarray(stack.origin, np.int64) - corner
-        low = (first[0] - 0.5) * voxel[0]
-        z_range = float(low) - run_on, float(low + len(level) * voxel[0]) + run_on
-        return cls(coefficients, first, voxel, z_range, _slope(level, voxel), outlines)
+        return cls(coefficients, first, voxel, _slope(level, voxel), outlines)
 
-    def __call__(self, points: FloatArray, within: float = np.inf) -> tuple[FloatArray, FloatArray]:
-        """Distances (P,) in mm at points (P, 3) in the plane's mm and height, and how far they are known.
-
-        The second array (P,) is the distance along z to where the probabilities end, zero beyond.
-        """
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Distances (P,) in mm at points (P, 3) in the plane's mm and height."""
         index = points[:, [2, 0, 1]] / self.voxel - self.origin
         level = ndimage.map_coordinates(self.coefficients, index.T, order=3, mode="nearest", prefilter=False)
         near = level / self.slope
-        far, _ = self.outlines(points, -np.inf)
+        far = self.outlines(points)
         share = np.clip((np.abs(level) - CERTAIN[0]) / (CERTAIN[1] - CERTAIN[0]), 0, 1)
         certain = np.copysign(np.maximum(np.abs(far), np.abs(near)), level)
-        room = np.minimum(points[:, 2] - self.z_range[0], self.z_range[1] - points[:, 2])
-        return near + share * (certain - near), np.maximum(room, 0)
+        return near + share * (certain - near)
 
 
 def _slope(level: SingleArray, voxel: FloatArray) -> float:

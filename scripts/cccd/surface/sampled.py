@@ -61,7 +61,7 @@ class SampledDistance:
         else:
             shape = outlines.planes[0].shape
             pixels = np.indices(shape).reshape(2, -1).T * spacing
-            planes = [target(np.column_stack([pixels, np.full(len(pixels), h)]))[0].reshape(shape) for h in z]
+            planes = [target(np.column_stack([pixels, np.full(len(pixels), h)])).reshape(shape) for h in z]
             values = np.stack(planes).astype(np.float32)
         return cls(values, z, spacing, stack.cut_heights)
 
@@ -118,7 +118,7 @@ def _in_space(planes: SingleArray, z: FloatArray, far: float) -> SingleArray:
 
 
 def _smoothed(planes: SingleArray, z: FloatArray, knot: float, pixel: float) -> SingleArray:
-    """Planes (L, I, J) smoothed at their nodes as `TargetField` smooths them at any point."""
+    """Planes (L, I, J) smoothed by a kernel that takes the steps of pixels and slices off them."""
     taps = np.arange(-int(2 * knot), int(2 * knot) + 1)
     across = smoothing_weights(taps / knot)
     for axis in (1, 2):

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import cg
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.subdivision import ControlMesh, Sampler, quad_edges
+from cccd.geometry.subdivision import ControlMesh, quad_edges
 from cccd.surface.control_mesh import open_edges
 from cccd.surface.sampled import SampledDistance
 
@@ -42,6 +42,10 @@ MOST_STEP = 0.2
 DAMPING = 0.05
 #: ... and goes by this share towards its neighbours' mean along the surface: quads stay even.
 EVENING = 0.5
+#: Rounds in which what crosses moves half way back to where it began: the first control mesh does not cross.
+UNTANGLING_ROUNDS = 6
+#: ... at so many subdivisions, as the mesh that is written has.
+CHECKED = 2
 #: The surface is moved at most by so many pixels to hold the slices' volume.
 MOST_OFFSET = 0.5
 #: Cotangents are kept between these: needles would weigh too much.
@@ -70,7 +74,7 @@ class SplineFit:
     def __init__(self, wall: ControlMesh, distance: SampledDistance, curvature: Curvature) -> None:
         self.wall, self.distance = wall, distance
         self.points = wall.vertices.copy()
-        sampler = Sampler.of(wall, SAMPLED)
+        sampler = wall.sampler(SAMPLED)
         self.sampling, self.triangles = sampler.matrix, sampler.triangles
         samples = self.sampling @ self.points
         self.rim = np.zeros(len(samples), np.bool_)
@@ -117,6 +121,19 @@ class SplineFit:
         most = MOST_OFFSET * self.distance.pixel
         by = np.clip(missing / max(Mesh(samples, self.triangles).area, 1e-9), -most, most)
         self.points = self.points + by * self._normals(samples)[: len(self.points)]
+
+    def untangle(self) -> None:
+        """Move control points back towards where they began, where the surface passes through itself."""
+        sampler = self.wall.sampler(CHECKED)
+        near = np.zeros(len(self.points), np.bool_)
+        for _ in range(UNTANGLING_ROUNDS):
+            pairs = Mesh(sampler.matrix @ self.points, sampler.triangles).self_intersections()
+            if not len(pairs):
+                return
+            crossing = np.zeros(len(sampler.matrix.indptr) - 1)
+            crossing[sampler.triangles[pairs.ravel()]] = 1
+            near |= sampler.matrix.T @ crossing > 0
+            self.points = np.where(near[:, None], (self.points + self.wall.vertices) / 2, self.points)
 
     def _normals(self, samples: FloatArray) -> FloatArray:
         """Give unit normals (P, 3), on a rim within the plane of its cap."""

@@ -1,4 +1,4 @@
-"""The stack of slices as levels close enough to match: what the curves enclose, and how much it is."""
+"""The stack of slices as signed distances, on the slices and on levels between them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy import ndimage
 
 from cccd.containers import Annotation, Frame, ProbabilityStack
 from cccd.errors import InputError
@@ -19,16 +20,24 @@ from cccd.surface.moving_branches import move_branches
 from cccd.surface.moving_sheets import move_sheets
 from cccd.surface.outlines import Outlines
 from cccd.surface.probability import ProbabilityTarget
-from cccd.surface.rings import Ring, find_rings
 from cccd.surface.target import TargetField
-from cccd.surface.undrawn import GuideLine, guide_lines, guides_reach, shape_undrawn
+from cccd.surface.undrawn import guide_lines, guides_reach, shape_undrawn
 
 __all__ = ["Run", "SliceStack", "interpolate_slices"]
 
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
 CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
-#: What the scan cuts runs on for so many edges of the mesh, and is cut by a plane when all is smooth.
-RUN_ON_EDGES = 6
+#: What the scan cuts runs on for so many pixels, as far as distances are smoothed; a plane cuts it then.
+RUN_ON_PIXELS = 3.0
+#: Levels between slices lie at most so many pixels apart, and half of that where their filling is learned: it
+#: tells more than what lies on the slices.
+LEVEL_PIXELS = 1.5
+#: Slice distances, in pixels, between which the learned filling has no share in the levels, all, all, none.
+#: Below them pixels tell as much as slices do; above, contours are known finely enough to be interpolated.
+LEARNED_RATIOS = (1.2, 1.5, 2.5, 3.5)
+#: Pixels between the knots of the spline that takes the steps of pixels off, without and with the learned
+#: filling, which leaves fewer. Wider and thin branches shrink.
+KNOT_PIXELS = (1.2, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +48,6 @@ class Run:
     ----------
     fields : sequence of LevelField
         Signed distances, of the slices and of levels between them.
-    rings : sequence of lists of Ring
-        Every level's closed contours.
     spacing : (2,) float64
         mm per pixel along i and j.
     step : float
@@ -49,35 +56,18 @@ class Run:
         Half the distance between the scan's slices in mm: how far what it cuts reaches beyond its last slice.
     scan_range : (float, float)
         Heights in mm of the volume's first and last slice: an organ that reaches them was cut by the scan.
-    of_some_slices : bool
-        Whether only some slices were drawn.
-    guides : sequence of GuideLine
-        Planes across the slices on which the organ was drawn as well.
     """
 
     fields: Sequence[LevelField]
-    rings: Sequence[Sequence[Ring]]
     spacing: FloatArray
     step: float
     half_step: float
     scan_range: tuple[float, float]
-    of_some_slices: bool = False
-    guides: Sequence[GuideLine] = ()
-
-    @property
-    def pixel(self) -> float:
-        """Edge length of a pixel in mm (the geometric mean of its two)."""
-        return float(np.sqrt(self.spacing.prod()))
 
     @property
     def fields_of_slices(self) -> list[LevelField]:
         """The fields of the slices themselves."""
         return [field for field in self.fields if field.source_slice is not None]
-
-    def field_inside(self, ring: Ring) -> SingleArray:
-        """Signed distances in mm on a ring's level, negative inside what the ring bounds."""
-        distance = self.fields[ring.level].distance
-        return -distance if ring.hole else distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,16 +88,10 @@ class SliceStack:
         Faces between voxels inside and outside, square to each of these.
     volume : float
         What the slices enclose in mm^3.
-    thickness : float
-        Six times volume by surface in mm: the diameter of a ball, three times the thickness of a plate.
-    filled : float
-        Share of the learned filling, or of probabilities, in what lies between the slices.
     of_probability : bool
         Whether the target is the level of probabilities.
     of_some_slices : bool
         Whether only some slices were drawn: ``volume`` then is an estimate.
-    run_on : float
-        How far in mm what the scan cuts runs on beyond its cut in ``target``.
     smallest : float
         Parts of fewer mm^3 may be left out.
     warnings : tuple of str
@@ -120,11 +104,8 @@ class SliceStack:
     voxel: FloatArray
     voxel_faces: IntArray
     volume: float
-    thickness: float
-    filled: float
     of_probability: bool = False
     of_some_slices: bool = False
-    run_on: float = 0.0
     smallest: float = 0.0
     warnings: tuple[str, ...] = ()
 
@@ -154,21 +135,21 @@ class SliceStack:
         scale[:2, 3] = self.origin
         return frame.stack_affine @ scale
 
-    @property
-    def voxels_through(self) -> float:
-        """Six times volume by surface, both counted in voxels."""
-        return 6 * self.volume / float(self.voxel.prod() * self.voxel_faces.sum())
+    @cached_property
+    def part_volumes(self) -> list[float]:
+        """Volumes in mm^3 of the slices' parts, run by run; voxels that touch at a corner are of one part."""
+        touching = ndimage.generate_binary_structure(3, 3)
+        volumes: list[float] = []
+        for run in self.runs:
+            inside = np.stack([level.distance < 0 for level in run.fields_of_slices])
+            parts, _ = ndimage.label(inside, touching)
+            volumes += (np.bincount(parts.ravel())[1:] * float(self.voxel.prod())).tolist()
+        return volumes
 
     @property
     def marching_cubes_bytes(self) -> int:
         """Size of marching cubes' mesh of the slices in binary PLY."""
         return int(self.voxel_faces.sum()) * (VERTEX_BYTES + 2 * TRIANGLE_BYTES)
-
-    @property
-    def cubic_marching_cubes_bytes(self) -> float:
-        """The same of slices that are interpolated until they lie no further apart than pixels do."""
-        faces = float(self.voxel_faces[0] + self.voxel_faces[1:].sum() * max(1.0, self.step / self.pixel))
-        return faces * (VERTEX_BYTES + 2 * TRIANGLE_BYTES)
 
 
 def interpolate_slices(
@@ -177,14 +158,15 @@ def interpolate_slices(
     probability: ProbabilityStack | None = None,
     annotation: Annotation | None = None,
 ) -> SliceStack:
-    """Turn outlines into signed distances, interpolate levels between slices, find every level's rings.
+    """Turn outlines into signed distances, and interpolate levels between slices.
 
     Parameters
     ----------
     outlines : Outlines
         Closed polygons, outer ones and holes.
     settings : LoftSettings
-        Of these ``bridge_slices``, which may be missing before a run of levels ends, and ``interpolation``.
+        Of these ``bridge_slices``, which may be missing before a run of levels ends, and
+        ``smallest_part_voxels``.
     probability : ProbabilityStack, optional
         What the outlines are the level of. It then is the target, where slices are near enough to each other.
     annotation : Annotation, optional
@@ -201,7 +183,6 @@ def interpolate_slices(
     pixel = float(np.sqrt(spacing.prod()))
     slices, distance, origin = distance_fields(outlines, guides_reach(annotation))
     gaps = np.diff(slices)
-    level_spacing = settings.interpolation.level_pixels * pixel
     every = int(np.median(gaps)) if len(gaps) else 1
     step = every * frame.slice_spacing
     scan_range = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
@@ -209,9 +190,9 @@ def interpolate_slices(
     breaks = (
         np.flatnonzero(gaps > every * settings.bridge_slices) + 1 if annotation is None else np.array([], int)
     )
-    ratios = settings.interpolation.learned_ratios
-    share = float(np.interp(step / pixel, ratios, (0.0, 1.0, 1.0, 0.0)))
-    certain = 0.0 if probability is None else float(np.interp(step / pixel, ratios[2:], (1.0, 0.0)))
+    share = float(np.interp(step / pixel, LEARNED_RATIOS, (0.0, 1.0, 1.0, 0.0)))
+    certain = 0.0 if probability is None else float(np.interp(step / pixel, LEARNED_RATIOS[2:], (1.0, 0.0)))
+    level_spacing = (1 - share / 2) * LEVEL_PIXELS * pixel
     guides = guide_lines(annotation, distance.shape[1:], frame, origin)
     runs: list[Run] = []
     warnings: list[str] = []
@@ -219,53 +200,34 @@ def interpolate_slices(
         here = slice(part[0], part[-1] + 1)
         fields = list(interpolated_fields(slices[here], distance[here], frame.slice_spacing, level_spacing))
         if annotation is None and share < 1:
-            fields = move_sheets(fields, spacing, settings.interpolation.sheets)
+            fields = move_sheets(fields, spacing)
         if share > 0 and np.all(np.diff(slices[here]) == every):
             fields = _filled(fields, distance[here], outlines, step, scan_range, share)
-        if settings.method == "spline":
-            cut = tuple(
-                abs(field.z - end) < half_step
-                for field, end in zip(fields[:: len(fields) - 1 or 1], scan_range, strict=False)
-            )
-            fields = round_ends(fields, spacing, step, (cut[0], cut[-1]), level_spacing)
+        cut = abs(fields[0].z - scan_range[0]) < half_step, abs(fields[-1].z - scan_range[1]) < half_step
         if annotation is None:
-            fields = move_branches(fields, spacing, settings.interpolation.branches)
-        else:
-            fields, warnings = shape_undrawn(fields, guides, frame)
-        rings = [
-            find_rings(plane, level, spacing, outlines.of_pixels) if settings.method == "tubes" else []
-            for level, plane in enumerate(fields)
-        ]
-        of_some = annotation is not None
-        runs.append(Run(fields, rings, spacing, step, half_step, scan_range, of_some, guides))
+            fields = move_branches(fields, spacing)
+        rounded = round_ends(fields, distance[here], spacing, step, cut, level_spacing, guides)
+        if annotation is None:
+            fields = rounded
+        else:  # between its slices parts end half way
+            below = [level for level in rounded if level.z < fields[0].z]
+            above = [level for level in rounded if level.z > fields[-1].z]
+            fields, warnings = shape_undrawn([*below, *fields, *above], guides, frame)
+        runs.append(Run(fields, spacing, step, half_step, scan_range))
     if not np.any(distance < 0):
         raise InputError(
             "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"
         )
     voxel, voxel_faces = np.array([step, *spacing]), _voxel_faces(distance < 0)
     volume = _volume(slices, _areas(outlines, slices), frame.slice_spacing, step, breaks)
-    thickness = 6 * volume / float(voxel_faces @ (voxel.prod() / voxel))
     widest = settings.bridge_slices * step + pixel
-    smallest = settings.matching.smallest_part_voxels * float(voxel.prod())
-    run_on = RUN_ON_EDGES * settings.mesh_edge(pixel)
-    target = TargetField.of(
-        _levels(runs, run_on, level_spacing), spacing, widest, settings.interpolation.knot_pixels
-    )
-    if probability is not None and certain > 0:
-        known = ProbabilityTarget.of(probability, frame, origin, target, run_on)
-        return SliceStack(
-            runs,
-            known,
-            origin,
-            voxel,
-            voxel_faces,
-            volume,
-            thickness,
-            certain,
-            True,
-            run_on=run_on,
-            smallest=smallest,
-        )
+    smallest = settings.smallest_part_voxels * float(voxel.prod())
+    run_on = RUN_ON_PIXELS * pixel
+    knot = float(np.interp(share, (0, 1), KNOT_PIXELS))
+    target: TargetField | ProbabilityTarget
+    target = TargetField.of(_levels(runs, run_on, level_spacing), spacing, widest, knot)
+    if certain > 0 and probability is not None:
+        target = ProbabilityTarget.of(probability, frame, origin, target)
     return SliceStack(
         runs,
         target,
@@ -273,10 +235,8 @@ def interpolate_slices(
         voxel,
         voxel_faces,
         volume,
-        thickness,
-        share,
+        of_probability=certain > 0,
         of_some_slices=annotation is not None,
-        run_on=run_on,
         smallest=smallest,
         warnings=tuple(warnings),
     )

@@ -7,7 +7,6 @@ from typing import Any
 
 from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.geometry.bsplines import Patch
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 
@@ -18,34 +17,26 @@ def _nothing() -> dict[str, Any]:
     return {}
 
 
-def _no_bodies() -> list[ControlMesh]:
-    return []
-
-
 @dataclass
 class Surface:
     """The surface of one structure.
 
     Attributes
     ----------
-    patches : list of Patch
-        Control nets in mm RAS.
+    bodies : list of ControlMesh
+        Closed Catmull-Clark splines in mm RAS, a cavity's turned inside out.
     mesh : Mesh
-        Their closed mesh in mm RAS, blended where tubes meet.
+        Their tessellation in mm RAS.
     frame : Frame
         The grid of the source volume.
     report : dict
-        Plain JSON: tubes, branches, caps, cut ends, control points, bytes, warnings.
-    bodies : list of ControlMesh
-        Closed Catmull-Clark splines in mm RAS of which ``mesh`` is the tessellation, a cavity's turned
-        inside out; none where the surface was made of tubes.
+        Plain JSON: bodies, cavities, cut ends, control points, bytes, warnings.
     """
 
-    patches: list[Patch]
+    bodies: list[ControlMesh]
     mesh: Mesh
     frame: Frame
     report: dict[str, Any] = field(default_factory=_nothing)
-    bodies: list[ControlMesh] = field(default_factory=_no_bodies)
 
     @property
     def vertices(self) -> FloatArray:

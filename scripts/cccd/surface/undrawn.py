@@ -1,6 +1,6 @@
 """What lies between slices of which only some were drawn.
 
-The slices' distances alone let a part that moves aside from slice to slice wither between them, and end where
+The slices' distances alone let a part that moves aside from slice to slice shrink between them, and end where
 the next slice has nothing below it. So parts that follow each other are moved onto each other on the way.
 Where planes across the slices were drawn as well, levels are stretched until they meet the planes' outlines.
 """
@@ -20,7 +20,6 @@ from cccd.containers import Annotation, Frame, Guide
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
 from cccd.surface.fields import LevelField, distance_to_part, interpolated_planes
-from cccd.surface.rings import Ring
 
 __all__ = ["GuideLine", "guide_lines", "guides_reach", "shape_undrawn"]
 
@@ -110,10 +109,12 @@ def _warnings(gaps: Sequence[_Gap]) -> list[str]:
     notes: list[str] = []
     if moved:
         notes.append(
-            f"{moved} times a part lies beside that on the next drawn slice: the two are joined aslant"
+            f"{moved} parts do not overlap with the next annotated slice: joined by leaning branches"
         )
     if ending:
-        notes.append(f"{ending} parts have nothing near them on the next drawn slice: they end on the way")
+        notes.append(
+            f"{ending} parts have no counterpart on the next annotated slice: they end half way to it"
+        )
     return notes
 
 
@@ -351,18 +352,14 @@ class GuideLine:
         share = np.float32(at - low)
         return (1 - share) * self.lines[low] + share * self.lines[min(low + 1, len(self.lines) - 1)]
 
-    def rise(self, ring: Ring, way: int) -> float | None:
-        """How far in mm a ring goes on beyond its slice, up or down; None where the plane misses it."""
-        row, along = self.row - int(ring.bbox_min[self.axis]), 1 - self.axis
-        if not 0 <= row < ring.mask.shape[self.axis]:
-            return None
-        met = np.flatnonzero(np.moveaxis(ring.mask, self.axis, 0)[row]) + int(ring.bbox_min[along])
-        start = round(ring.z / self.step) - self.first
+    def rise(self, part: BoolArray, z: float, way: int) -> float | None:
+        """How far in mm a part (I, J) goes on, up (1) or down (-1); None where the plane misses it."""
+        met = np.flatnonzero(np.moveaxis(part, self.axis, 0)[self.row])
+        start = round(z / self.step) - self.first
         if len(met) == 0 or not 0 <= start < len(self.lines):
             return None
-        beyond = self.lines[start + 1 :, met] if way else self.lines[:start, met][::-1]
-        same = (beyond < 0) != ring.hole
-        slices = np.logical_and.accumulate(same, axis=0).sum(axis=0).max()
+        beyond = self.lines[start + 1 :, met] if way > 0 else self.lines[:start, met][::-1]
+        slices = np.logical_and.accumulate(beyond < 0, axis=0).sum(axis=0).max(initial=0)
         return (float(slices) + 0.5) * self.step
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from cccd.containers import Frame
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import LoftSettings, SolidSettings, TetrahedraSettings
+from cccd.settings.surface import LoftSettings, TetrahedraSettings
 from cccd.surface.formats import Scan
 from cccd.surface.surface import Surface
 from cccd.tetrahedra.filling import TetrahedralMesh, fill_organs, sizes_in_mm
@@ -24,7 +24,6 @@ def fill_and_measure(
     settings: TetrahedraSettings,
     frames: Mapping[str, Frame],
     step_tolerance_mm: float = _DEFAULT.step_tolerance_mm,
-    solid: SolidSettings = _DEFAULT.solid,
 ) -> tuple[TetrahedralMesh, dict[str, Any]]:
     """Fill organs as `fill_organs` does, and report it.
 
@@ -36,7 +35,7 @@ def fill_and_measure(
         `measure_tetrahedra` finds, ``warnings``.
     """
     began = time.perf_counter()
-    filled = fill_organs(organs, settings, frames, step_tolerance_mm, solid)
+    filled = fill_organs(organs, settings, frames, step_tolerance_mm)
     seconds = time.perf_counter() - began
     edge, tolerance = sizes_in_mm(organs, settings)
     report: dict[str, Any] = {"mesher": settings.mesher, "edge_mm": edge, "tolerance_mm": tolerance}
@@ -48,4 +47,4 @@ def fill_and_measure(
 def fill_surface(surface: Surface, scan: Scan) -> tuple[TetrahedralMesh, dict[str, Any]]:
     """Fill one organ's surface as a format's writer is given it."""
     organs, frames = {scan.organ: surface.mesh}, {scan.organ: surface.frame}
-    return fill_and_measure(organs, scan.tetrahedra, frames, scan.tolerance_mm, scan.solid)
+    return fill_and_measure(organs, scan.tetrahedra, frames, scan.tolerance_mm)

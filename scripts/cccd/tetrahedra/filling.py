@@ -19,7 +19,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import LoftSettings, SolidSettings, TetrahedraSettings
+from cccd.settings.surface import LoftSettings, TetrahedraSettings
 from cccd.tetrahedra.chords import balance_chords
 from cccd.tetrahedra.gmsh_program import fill_solids, fill_surfaces
 from cccd.tetrahedra.shapes import FACES, signed_volumes
@@ -32,6 +32,9 @@ _DEFAULT = LoftSettings()
 EDGE_SHARE = 1 / 20
 #: ... and faces lie at most this share away from the surface: half a millimetre for a brain.
 TOLERANCE_SHARE = 1 / 500
+
+#: Rounds of improvement by fTetWild at most: what is not good by then is held by the surface.
+ROUNDS = 40
 
 #: Faces on the side of the scan's box face its way by at least this cosine.
 ALONG = 0.9
@@ -104,7 +107,6 @@ def fill_organs(
     settings: TetrahedraSettings,
     frames: Mapping[str, Frame] | None = None,
     step_tolerance_mm: float = _DEFAULT.step_tolerance_mm,
-    solid: SolidSettings = _DEFAULT.solid,
 ) -> TetrahedralMesh:
     """Fill closed surfaces with tetrahedra.
 
@@ -121,8 +123,6 @@ def fill_organs(
         Each organ's scan: where it ends the organ has faces ``cut``.
     step_tolerance_mm : float
         Of the solids that the mesher ``gmsh-step`` takes.
-    solid : SolidSettings
-        Section ``surface.solid`` of the configuration, likewise.
 
     Raises
     ------
@@ -143,13 +143,13 @@ def fill_organs(
     """
     for name, mesh in organs.items():
         if not mesh.is_closed_manifold:
-            raise InputError(name, "the mesh is not closed: it bounds no volume", "export another format")
+            raise InputError(name, "the mesh is not closed: it encloses no volume", "export another format")
     sizes = sizes_in_mm(organs, settings)
     _refuse_too_many(organs, *sizes, settings.most)
     if settings.mesher == "gmsh":
-        vertices, tetrahedra = fill_surfaces(organs, *sizes, settings)
+        vertices, tetrahedra = fill_surfaces(organs, *sizes)
     elif settings.mesher == "gmsh-step":
-        vertices, tetrahedra = fill_solids(organs, *sizes, settings, step_tolerance_mm, solid)
+        vertices, tetrahedra = fill_solids(organs, *sizes, step_tolerance_mm)
     else:
         vertices, tetrahedra = _fill_box(organs, settings)
     turned = signed_volumes(vertices, tetrahedra) < 0
@@ -184,7 +184,7 @@ def _refuse_too_many(organs: Mapping[str, Mesh], edge: float, tolerance: float, 
         raise InputError(
             f"config key surface.tetrahedra.{key}",
             f"{size:.2g} mm asks for about {inside + at_surface:.1g} tetrahedra",
-            "raise it, or surface.tetrahedra.most with time and memory for them",
+            "raise it, or raise surface.tetrahedra.most if you have time and memory",
         )
 
 
@@ -236,7 +236,7 @@ def _fill_box(organs: Mapping[str, Mesh], settings: TetrahedraSettings) -> tuple
         edge_length_abs=edge,
         epsilon=tolerance / diagonal,
         stop_energy=settings.energy,
-        num_opt_iter=settings.rounds,
+        num_opt_iter=ROUNDS,
         num_threads=1,  # the workflow counts on it
         disable_filtering=True,
     )

@@ -22,7 +22,6 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.collisions import passing_pairs
 from cccd.geometry.distance import nearest_faces, to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import SolidSettings, TetrahedraSettings
 from cccd.solids.bodies import split_bodies
 from cccd.solids.build import build_solids, write_organs
 from cccd.surface.formats import COLOUR
@@ -35,6 +34,19 @@ TRIED = 100
 
 #: Points nearer to a surface, in mm, lie on it.
 ON_SURFACE_MM = 1e-6
+
+# Faces of the surface that meet at more than this angle keep the edge between them: lids where the scan cuts
+# an organ meet its wall at more, triangles of smooth walls at less.
+_SHARP_DEG = 40.0
+
+# Edges are no shorter than this many times the tolerance: on a radius of the tolerance a chord is as long,
+# and shorter ones follow nothing that is asked for.
+_SHORTEST = 2.0
+
+# On splines, edges are as short as the tolerance asks on a radius of this times that of a ball of the organ's
+# volume by surface. By curvature Gmsh takes minutes on a thousand splines, so all edges have one size; folds
+# bend more than the ball. Of this size a brain has 41,000 tetrahedra, and its volume to 0.01 %.
+_BENDS = 0.25
 
 #: Gmsh's numbers of a triangle and a tetrahedron, and how many vertices they have.
 _CORNERS = {2: 3, 4: 4}
@@ -72,9 +84,7 @@ class _Walls(NamedTuple):
     owners: list[str]  # the organ of each body
 
 
-def fill_surfaces(
-    organs: Mapping[str, Mesh], edge: float, tolerance: float, settings: TetrahedraSettings
-) -> tuple[FloatArray, IntArray]:
+def fill_surfaces(organs: Mapping[str, Mesh], edge: float, tolerance: float) -> tuple[FloatArray, IntArray]:
     """Fill closed surfaces, whose walls may be shared, and which may lie in one another.
 
     Parameters
@@ -83,8 +93,6 @@ def fill_surfaces(
         Closed, in mm.
     edge, tolerance : float
         Largest edge, and distance of faces to the surface where it curves, in mm.
-    settings : TetrahedraSettings
-        Section ``surface.tetrahedra`` of the configuration: ``sharp_deg`` and ``shortest``.
 
     Returns
     -------
@@ -101,12 +109,12 @@ def fill_surfaces(
     _refuse_crossings(walls)
     pairs, tags = np.unique(walls.sides, axis=0, return_inverse=True)
     tags = tags.reshape(-1)
-    sizes = _sizes(organs, edge, tolerance, settings.shortest)
+    sizes = _sizes(organs, edge, tolerance)
     with tempfile.TemporaryDirectory() as folder:
         _write_triangles(Path(folder, "walls.msh"), walls.vertices, walls.faces, tags)
         script = [
             'Merge "walls.msh";',
-            f"ClassifySurfaces{{{float(np.radians(settings.sharp_deg))!r}, 1, 1, Pi}};",
+            f"ClassifySurfaces{{{float(np.radians(_SHARP_DEG))!r}, 1, 1, Pi}};",
         ]
         script += ["CreateGeometry;", *sizes]
         anew = _run(Path(folder), "walls", script, 2, organs)
@@ -124,9 +132,7 @@ def fill_solids(
     organs: Mapping[str, Mesh],
     edge: float,
     tolerance: float,
-    settings: TetrahedraSettings,
     step_tolerance: float,
-    solid: SolidSettings,
 ) -> tuple[FloatArray, IntArray]:
     """Fill organs that lie apart by way of a STEP file of their solids, on whose splines vertices lie.
 
@@ -134,12 +140,8 @@ def fill_solids(
     ----------
     organs, edge, tolerance
         As for `fill_surfaces`.
-    settings : TetrahedraSettings
-        Section ``surface.tetrahedra`` of the configuration: ``bends``.
     step_tolerance : float
         The solids' distance to the surfaces, in mm.
-    solid : SolidSettings
-        Section ``surface.solid`` of the configuration.
 
     Returns
     -------
@@ -162,8 +164,8 @@ def fill_solids(
             "they touch, and their solids share no faces",
             "set surface.tetrahedra.mesher to gmsh or ftetwild",
         )
-    solids = {name: build_solids(mesh, step_tolerance, solid) for name, mesh in organs.items()}
-    bends = min(settings.bends * 3 * mesh.volume / mesh.area for mesh in organs.values())
+    solids = {name: build_solids(mesh, step_tolerance) for name, mesh in organs.items()}
+    bends = min(_BENDS * 3 * mesh.volume / mesh.area for mesh in organs.values())
     edge = min(edge, (8 * bends * tolerance) ** 0.5)
     with tempfile.TemporaryDirectory() as folder:
         write_organs(Path(folder, "organs.step"), solids, dict.fromkeys(solids, COLOUR), "step")
@@ -227,9 +229,9 @@ def _refuse_crossings(walls: _Walls) -> None:
     who = f"{first} and {second}" if first != second else first
     raise InputError(
         who,
-        f"triangles of their surfaces pass through each other in {len(pairs)} places"
+        f"triangles of their surfaces intersect in {len(pairs)} places"
         if first != second
-        else f"its surface passes through itself in {len(pairs)} places",
+        else f"its surface intersects itself in {len(pairs)} places",
         "set surface.shared_walls: true, or surface.tetrahedra.mesher: ftetwild",
     )
 
@@ -246,7 +248,7 @@ class _Found(NamedTuple):
     tetrahedra: IntArray  # (N, 4)
 
 
-def _sizes(organs: Mapping[str, Mesh], edge: float, tolerance: float, shortest: float) -> list[str]:
+def _sizes(organs: Mapping[str, Mesh], edge: float, tolerance: float) -> list[str]:
     """Lines of a script that set the sizes of elements.
 
     Gmsh takes the number n of chords to a circle, whatever its radius r; one lies r (pi / n)^2 / 2 off. That
@@ -258,7 +260,7 @@ def _sizes(organs: Mapping[str, Mesh], edge: float, tolerance: float, shortest: 
     edge = min(edge, (8 * radius * tolerance) ** 0.5)
     return [
         f"Mesh.MeshSizeMax = {float(edge)!r};",
-        f"Mesh.MeshSizeMin = {float(shortest * tolerance)!r};",
+        f"Mesh.MeshSizeMin = {float(_SHORTEST * tolerance)!r};",
         f"Mesh.MeshSizeFromCurvature = {float(np.pi * edge / (4 * tolerance))!r};",
         "Mesh.MeshSizeExtendFromBoundary = 0;",  # else the short edges between pieces spread over them
         "Mesh.OptimizeNetgen = 1;",

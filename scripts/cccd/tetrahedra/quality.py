@@ -71,7 +71,7 @@ def warnings_of(report: Mapping[str, Any]) -> list[str]:
     for name, organ in report["organs"].items():
         if abs(organ["volume_ratio"] - 1) > SOLID_VOLUME:
             found.append(
-                f"the tetrahedra hold {organ['volume_ratio']:.2%} of the volume of {name}: "
+                f"the tetrahedra have {organ['volume_ratio']:.2%} of the volume of {name}: "
                 "lower surface.tetrahedra.tolerance_mm"
             )
         least = organ["least_dihedral_deg"]["min"]

@@ -95,8 +95,8 @@ def find_annotation(stack: BoolArray, origin: IntArray, rule: str, location: str
     if len(drawn.slices) < LEAST_SLICES:
         if rule == AUTO:
             return None
-        count = f"it is drawn on {len(drawn.slices)} slice{'s'[: len(drawn.slices) > 1]}"
-        raise InputError(location, count, f"draw {LEAST_SLICES} slices or more along the slice axis")
+        count = f"it is annotated on {len(drawn.slices)} slice{'s'[: len(drawn.slices) > 1]}"
+        raise InputError(location, count, f"annotate at least {LEAST_SLICES} slices along the slice axis")
     gaps = np.diff(drawn.slices)
     if gaps.max() == 1 or (rule == AUTO and not _is_sparse(stack[drawn.slices], gaps)):
         return None
@@ -160,10 +160,10 @@ def annotation_note(annotation: Annotation, frame: Frame, rule: str) -> str:
     gaps = np.diff(annotation.slices)
     apart = f"{gaps.min()}" if gaps.min() == gaps.max() else f"{gaps.min()} to {gaps.max()}"
     count = f"{len(annotation.slices)} of {annotation.slices[-1] - annotation.slices[0] + 1} slices"
-    text = f"drawn on {count}, {apart} apart"
+    text = f"annotated on {count}, {apart} apart"
     if annotation.guides:
         text += f", and on {_planes(annotation.guides, frame)} across them"
-    text += ": those between are filled"
+    text += ": the slices between are filled"
     return text + ("; if they are empty, set annotated: every slice" if rule == AUTO else "")
 
 

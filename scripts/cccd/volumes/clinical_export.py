@@ -15,7 +15,13 @@ import pydicom
 from pydicom.dataset import Dataset, FileMetaDataset
 from pydicom.errors import InvalidDicomError
 from pydicom.sequence import Sequence
-from pydicom.uid import UID, ExplicitVRLittleEndian, RTStructureSetStorage, generate_uid
+from pydicom.uid import (
+    UID,
+    ExplicitVRLittleEndian,
+    ImplicitVRLittleEndian,
+    RTStructureSetStorage,
+    generate_uid,
+)
 
 from cccd.containers import Frame
 from cccd.errors import InputError
@@ -175,9 +181,7 @@ def _complete_common_uids(slices: list[Dataset], location: str) -> None:
             if not known_uid(image.get(keyword)):
                 setattr(image, keyword, uid)
     if made_up:
-        logger.warning(
-            "%s: its images have no %s; references name made-up ones", location, ", ".join(made_up)
-        )
+        logger.warning("%s: its images have no %s; the references use new ones", location, ", ".join(made_up))
 
 
 def item_of(**attributes: object) -> Dataset:
@@ -226,6 +230,8 @@ def _structure_set(
     """
     source = slices[0] if slices else Dataset()
     dataset = identified_dataset(RTStructureSetStorage, "RTSTRUCT", source, _digest(loops, name, source))
+    # with explicit types a contour of more than 64 kB has none, and few programs read it
+    dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian
     dataset.OperatorsName = ""
     dataset.StructureSetLabel = name[:16]
     dataset.StructureSetDate = dataset.StructureSetTime = ""

@@ -77,7 +77,7 @@ def contour_frame(
     inside = whole.min() >= 0 and whole.max() < image.shape[axis]
     if not inside or np.abs(index - whole).max() > CONTOUR_PLANE:
         grid = image.location
-        note = f"{location}: its contours do not lie on the slices of {grid}, whose grey values are left out"
+        note = f"{location}: its contours do not lie on the slices of {grid}, whose grey values are not used"
         return _move_to_planes(image.affine, axis, image.shape, planes), None, [note]
     stride = int(np.abs(np.diff(whole)).min())
     keep = slice(int(whole.min() % stride), None, stride)
@@ -205,7 +205,7 @@ def assemble_contours(rois: list[list[FloatArray]], frame: Frame, location: str)
         doubled += sum(part.doubles for part in nested)
     empty = ks[-1] - ks[0] + 1 - len(set(ks))
     warnings = [f"{location}: {flat} contours without area left out"] if flat else []
-    warnings += [f"{location}: {doubled} contours drawn twice taken once"] if doubled else []
+    warnings += [f"{location}: {doubled} contours are there twice; one of each is used"] if doubled else []
     warnings += [f"{location}: no contour on {empty} slices between the first and the last"] if empty else []
     hole = np.array(holes, bool)
     polygons = _orient(rings, hole)

@@ -5,6 +5,7 @@ The mask stays beside them as ground truth: what finds the organ never sees it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,11 +13,20 @@ from scipy import ndimage
 
 from cccd.containers import Structure
 from cccd.geometry.arrays import FloatArray
-from cccd.settings.imports import DamageSettings, ScanSettings
-from cccd.volumes.corruptions import corrupt
+from cccd.volumes.corruptions import KINDS, corrupt
 from cccd.volumes.grid import Volume
 
-__all__ = ["bias_field", "coarser", "damage_maps", "rescan"]
+__all__ = ["BIAS", "EVERY", "NOISE", "bias_field", "coarser", "damage_maps", "rescan"]
+
+#: Voxels of the template that become one: 2 x 2 x 5 mm, a quick clinical scan, and seconds to order.
+EVERY = (2, 2, 5)
+
+#: BrainWeb's middle level of noise, 3 %, and its stronger field, 40 %: factors from 0.8 to 1.2.
+NOISE, BIAS = 0.03, 0.4
+
+#: How maps are damaged: as in the comparison of the decoders, by all that it has but for undamaged maps.
+DAMAGE = tuple(kind for kind in KINDS if kind not in ("clean", "everything"))
+SEVERITY = 1.0
 
 #: Values along each axis between which the bias field runs smoothly.
 _LATTICE = 3
@@ -26,7 +36,12 @@ _ROOM_PX = 16
 
 
 def rescan(
-    image: Volume, mask: Volume, settings: ScanSettings, rng: np.random.Generator
+    image: Volume,
+    mask: Volume,
+    rng: np.random.Generator,
+    every: tuple[int, int, int] = EVERY,
+    noise: float = NOISE,
+    bias: float = BIAS,
 ) -> tuple[Volume, Volume]:
     """Scan a clean volume again: larger voxels, a coil's bias field, the noise of magnitude images.
 
@@ -34,19 +49,24 @@ def rescan(
     ----------
     image, mask : Volume
         Clean grey values, 0 in the background, and the organ, on one grid.
-    settings : ScanSettings
-        The noise is Rician (Gudbjartsson and Patz, Magn. Reson. Med. 34:910, 1995): Gaussian in both channels
-        of the signal, of which the image is the magnitude.
     rng : Generator
+    every : (int, int, int)
+        Voxels that become one, along each axis.
+    noise : float
+        Its standard deviation, as a share of the brightest tissue. It is Rician (Gudbjartsson and Patz,
+        Magn. Reson. Med. 34:910, 1995): Gaussian in both channels of the signal, of which the image is the
+        magnitude.
+    bias : float
+        How far the field spreads one tissue's grey values, as a share of their mean.
 
     Returns
     -------
     image, mask : Volume
         The scan (float32), and the voxels of which the organ fills half or more.
     """
-    grey, share = (coarser(volume, settings.every) for volume in (image, mask))
-    signal = grey.data * bias_field(rng, grey.shape, settings.bias)
-    real, imaginary = rng.normal(0, settings.noise * float(grey.data.max()), (2, *grey.shape))
+    grey, share = (coarser(volume, every) for volume in (image, mask))
+    signal = grey.data * bias_field(rng, grey.shape, bias)
+    real, imaginary = rng.normal(0, noise * float(grey.data.max()), (2, *grey.shape))
     scanned = np.hypot(signal + real, imaginary).astype(np.float32)
     return replace(grey, data=scanned), replace(share, data=share.data >= 0.5)
 
@@ -83,15 +103,19 @@ def bias_field(rng: np.random.Generator, shape: tuple[int, int, int], spread: fl
     return 1 + spread * ((smooth - smooth.min()) / np.ptp(smooth) - 0.5)
 
 
-def damage_maps(structure: Structure, settings: DamageSettings, rng: np.random.Generator) -> Structure:
+def damage_maps(
+    structure: Structure, rng: np.random.Generator, kinds: Sequence[str] = DAMAGE, severity: float = SEVERITY
+) -> Structure:
     """Take a masked structure's boundary maps, each slice's damaged in one way, in place of its image.
 
     Parameters
     ----------
     structure : Structure
         With a mask, which stays as ground truth, and so does a true surface.
-    settings : DamageSettings
     rng : Generator
+    kinds : sequence of str
+        Of which each slice has one, drawn by chance.
+    severity : float
 
     Returns
     -------
@@ -107,14 +131,15 @@ def damage_maps(structure: Structure, settings: DamageSettings, rng: np.random.G
         origin=np.asarray(structure.origin) - [before for before, _ in room],
     )
     planes = roomy.required_stack("mask").astype(np.uint8)
-    kinds = {int(s): str(rng.choice(settings.kinds)) for s in np.flatnonzero(planes.any(axis=(1, 2)))}
+    chosen = {int(s): str(rng.choice(kinds)) for s in np.flatnonzero(planes.any(axis=(1, 2)))}
     maps = np.zeros(planes.shape, bool)
-    for s, kind in kinds.items():
-        maps[s] = corrupt(rng, planes[s], kind, settings.severity)
+    for s, kind in chosen.items():
+        maps[s] = corrupt(rng, planes[s], kind, severity)
     first = int(roomy.stack_origin[0])
-    damaged = {str(first + s): kind for s, kind in kinds.items()}
+    damaged = {str(first + s): kind for s, kind in chosen.items()}
+    how = {"severity": severity, "kinds": list(kinds)}
     return replace(
         roomy,
         boundary=np.moveaxis(maps, 0, axis),
-        provenance=structure.provenance | {"damage": settings.as_config(), "damaged": damaged},
+        provenance=structure.provenance | {"damage": how, "damaged": damaged},
     )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter, defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,12 +17,11 @@ from pydicom.errors import InvalidDicomError
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
-from cccd.settings.imports import LimitSettings
 from cccd.settings.messages import choices
 from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY, SAME_HEADER, SAME_POSITION_PX
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.volumes.labels import choose_labels
-from cccd.volumes.limits import check_count, check_size
+from cccd.volumes.limits import LIMITS, Limits, check_count, check_size
 from cccd.volumes.readers import guarded
 
 __all__ = [
@@ -35,7 +35,6 @@ __all__ = [
     "sop_uid",
 ]
 
-_LIMITS = LimitSettings()
 #: Modalities of what lies beside images, and has pixels or a position as they have.
 NO_IMAGES = ("SEG", "RTSTRUCT", "RTDOSE")
 #: Nothing that says whose scan it is: free text, such as a description, may.
@@ -191,7 +190,7 @@ def _modality_pixels(path: Path) -> SingleArray:
 
 
 def read_series(
-    folder: Path, fill_gaps: bool = False, modality: str | None = None, limits: LimitSettings = _LIMITS
+    folder: Path, fill_gaps: bool = False, modality: str | None = None, limits: Limits = LIMITS
 ) -> Volume:
     """Read the one image series in a folder (and the folders below).
 
@@ -203,7 +202,7 @@ def read_series(
         Interpolate missing and unevenly spaced slices; otherwise they are an error.
     modality : str, optional
         Look at series of this modality only, e.g. ``"CT"``.
-    limits : LimitSettings
+    limits : Limits
         What the series may ask for.
 
     Returns
@@ -320,9 +319,7 @@ def _read_multiframe(path: Path) -> Volume:
     return Volume(data, affine, path.name, frame_of_reference=frame)
 
 
-def read_seg(
-    path: Path, label: str, organ: str, series: Volume | None, limits: LimitSettings = _LIMITS
-) -> Volume:
+def read_seg(path: Path, label: str, organ: str, series: Volume | None, limits: Limits = LIMITS) -> Volume:
     """Read segments of a DICOM SEG as one mask.
 
     Parameters
@@ -336,7 +333,7 @@ def read_seg(
         The row's organ.
     series : Volume, optional
         The image series, to check that the segmentation refers to it.
-    limits : LimitSettings
+    limits : Limits
         What the object may ask for.
 
     Returns
@@ -420,7 +417,7 @@ def _referenced(seg: pydicom.Dataset) -> set[str]:
 
 
 def read_rtstruct(
-    path: Path, label: str, organ: str, limits: LimitSettings = _LIMITS
+    path: Path, label: str, organ: str, limits: Limits = LIMITS
 ) -> tuple[list[list[FloatArray]], str]:
     """Read the contours of regions of interest (ROIs).
 
@@ -430,7 +427,7 @@ def read_rtstruct(
         RTSTRUCT object.
     label, organ : str
         See `read_seg`; the labels here are ROI names or numbers.
-    limits : LimitSettings
+    limits : Limits
         What the object may ask for.
 
     Returns
@@ -465,7 +462,7 @@ def read_rtstruct(
         with guarded(location, f"ROI {names[number]!r} is damaged", "export the structure set again"):
             sequence = items[number].get("ContourSequence", []) if number in items else []
             check_count(len(sequence), limits, "contours", location)
-            points = sum(len(item.get("ContourData") or []) for item in sequence) // 3
+            points = sum(len(_coordinates(item)) for item in sequence) // 3
             check_count(points, limits, "contour_points", location)
             contours = [_contour(location, names[number], item) for item in sequence]
         if not contours:
@@ -473,6 +470,15 @@ def read_rtstruct(
             raise InputError(location, f"ROI {names[number]!r} has no contours", choices(filled.values()))
         rois.append([contour for contour in contours if len(contour)])
     return rois, frame
+
+
+def _coordinates(item: pydicom.Dataset) -> Sequence[str]:
+    """Coordinates of a contour, as text.
+
+    Above 64 kB they have no type in explicit syntax (PS3.5, 6.2.2).
+    """
+    data = item.get("ContourData") or []
+    return data.decode("ascii").split("\\") if isinstance(data, bytes) else data
 
 
 def _contour(location: str, roi: str, item: pydicom.Dataset) -> FloatArray:
@@ -484,7 +490,7 @@ def _contour(location: str, roi: str, item: pydicom.Dataset) -> FloatArray:
         raise InputError(
             location, f"ROI {roi!r} has an open contour ({kind})", "close its contours and export again"
         )
-    points = np.array([float(x) for x in item.get("ContourData") or []]).reshape(-1, 3)
+    points = np.array([float(x) for x in _coordinates(item)]).reshape(-1, 3)
     if not np.isfinite(points).all():
         raise InputError(location, f"ROI {roi!r} has coordinates that are not finite", "export it again")
     return points @ LPS_TO_RAS[:3, :3]

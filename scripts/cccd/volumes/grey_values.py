@@ -16,7 +16,7 @@ __all__ = [
 
 #: The hint where an image stands in a mask's place.
 HOW_TO_GIVE_AN_IMAGE = (
-    "give the organ's mask, and the image beside it (--image; column image of a sheet); of an image alone "
+    "give the organ's mask, and its image with --image (column image of a sheet); for an image alone "
     "cccd segment makes a mask, and --threshold LOW:HIGH takes a range of its grey values"
 )
 
@@ -79,9 +79,7 @@ def refuse_grey_values(data: AnyArray, location: str) -> None:
     if low < -1 or (high >= _LEAST_VALUES and _is_grey(data)):
         raise InputError(location, f"grey values, {low} to {high}, not labels", HOW_TO_GIVE_AN_IMAGE)
     if high > 0 and _is_noise(data > 0):
-        raise InputError(
-            location, "noise: its voxels lie together as by chance alone", "give the organ's mask"
-        )
+        raise InputError(location, "noise: its voxels are scattered at random", "give the organ's mask")
 
 
 def refuse_grey_probabilities(data: AnyArray, location: str) -> None:

@@ -12,7 +12,6 @@ from cccd.dicom_objects import dicom_modality
 from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray
-from cccd.settings.imports import LimitSettings
 from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE, PROBABILITY
 from cccd.volumes.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilities, refuse_grey_values
@@ -32,14 +31,11 @@ __all__ = [
 ]
 
 
-_LIMITS = LimitSettings()
-
-
 def _is_dicom(path: Path) -> bool:
     return not path.name.lower().endswith(SUFFIXES) and dicom_modality(path) is not None
 
 
-def read_image(path: Path, source: str, fill_gaps: bool, limits: LimitSettings = _LIMITS) -> Volume:
+def read_image(path: Path, source: str, fill_gaps: bool) -> Volume:
     """Read grey values.
 
     Parameters
@@ -50,8 +46,6 @@ def read_image(path: Path, source: str, fill_gaps: bool, limits: LimitSettings =
         The row's source.
     fill_gaps : bool
         Interpolate missing slices of a series, see `read_series`.
-    limits : LimitSettings
-        What the file may ask for.
 
     Returns
     -------
@@ -69,9 +63,9 @@ def read_image(path: Path, source: str, fill_gaps: bool, limits: LimitSettings =
 
         # RIDER keeps a patient's CT and PET together
         modality = "CT" if path.is_dir() and source == "rider_lung" else None
-        volume = read_series(path, fill_gaps, modality, limits)
+        volume = read_series(path, fill_gaps, modality)
     else:
-        volume = read_volume(path, limits)
+        volume = read_volume(path)
     bad = volume.data.size - int(np.isfinite(volume.data).sum())
     if bad:
         raise InputError(
@@ -80,7 +74,7 @@ def read_image(path: Path, source: str, fill_gaps: bool, limits: LimitSettings =
     return replace(volume, data=np.asarray(volume.data, np.float32))
 
 
-def read_boundary_maps(path: Path, limits: LimitSettings = _LIMITS) -> Volume:
+def read_boundary_maps(path: Path) -> Volume:
     """Read a stack of binary boundary maps.
 
     Returns
@@ -93,9 +87,11 @@ def read_boundary_maps(path: Path, limits: LimitSettings = _LIMITS) -> Volume:
     InputError
         Not readable, not binary, or empty.
     """
-    volume = read_volume(path, limits)
+    volume = read_volume(path)
     if not np.isfinite(volume.data).all():
-        raise InputError(volume.location, "it holds voxels that are not finite", "give binary boundary maps")
+        raise InputError(
+            volume.location, "it contains voxels that are not finite", "give binary boundary maps"
+        )
     values = np.unique(volume.data)
     if len(values) > 2:
         raise InputError(
@@ -114,7 +110,6 @@ def read_mask(
     row: Mapping[str, str],
     implied: tuple[int, ...],
     image: Volume | None,
-    limits: LimitSettings = _LIMITS,
 ) -> Volume:
     """Read an organ's mask.
 
@@ -129,8 +124,6 @@ def read_mask(
         Labels that the cohort's layout implies, of which some may be missing; empty where it implies none.
     image : Volume, optional
         The image, to which a SEG has to refer.
-    limits : LimitSettings
-        What the file may ask for.
 
     Returns
     -------
@@ -144,17 +137,17 @@ def read_mask(
     """
     label, organ = row["label"], row["organ"]
     if path.is_dir():
-        return _read_mask_folder(path, label or organ, limits)
+        return _read_mask_folder(path, label or organ)
     if _is_dicom(path):
         modality = dicom_modality(path)
         if modality != "SEG":
             raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
         from cccd.volumes.dicom import read_seg  # slow to import
 
-        return read_seg(path, label, organ, image, limits)
+        return read_seg(path, label, organ, image)
     if is_nnunet(path):
-        return _field_or_mask(read_classes(path, limits).of_organ(label, organ))
-    return organ_of_labels(read_volume(path, limits), label, organ, implied)
+        return _field_or_mask(read_classes(path).of_organ(label, organ))
+    return organ_of_labels(read_volume(path), label, organ, implied)
 
 
 def list_labels(path: Path) -> dict[str, str]:
@@ -222,15 +215,15 @@ def read_masks(folder: Path) -> Iterator[tuple[str, Volume]]:
         raise InputError(folder.name, what, "give a label volume, or a folder of masks")
 
 
-def _read_mask_folder(folder: Path, label: str, limits: LimitSettings) -> Volume:
+def _read_mask_folder(folder: Path, label: str) -> Volume:
     """Unite one-organ masks of a folder, named as TotalSegmentator names them: ``liver.nii.gz``."""
     files = _mask_files(folder)
     if not files:
         raise InputError(folder.name, "no masks in this folder", "give a label volume, or a folder of masks")
     names = [part.strip() for part in label.split(",")]
-    united = _read_named(folder, files, names[0], limits)
+    united = _read_named(folder, files, names[0])
     for name in names[1:]:
-        volume = _read_named(folder, files, name, limits)
+        volume = _read_named(folder, files, name)
         aligned = on_grid(volume, united.affine, united.shape, fill=False)
         if aligned is None:
             raise InputError(
@@ -241,11 +234,11 @@ def _read_mask_folder(folder: Path, label: str, limits: LimitSettings) -> Volume
     return united
 
 
-def _read_named(folder: Path, files: Mapping[str, Path], name: str, limits: LimitSettings) -> Volume:
+def _read_named(folder: Path, files: Mapping[str, Path], name: str) -> Volume:
     """Read one mask of a folder."""
     if name not in files:
         raise InputError(folder.name, f"no mask of {name!r} in this folder", nearest(name, files))
-    return organ_of_labels(read_volume(files[name], limits), "", name)
+    return organ_of_labels(read_volume(files[name]), "", name)
 
 
 def organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, ...] = ()) -> Volume:
@@ -309,7 +302,7 @@ def _field_or_mask(volume: Volume) -> Volume:
     """Leave probabilities as they are where they say more than the mask of those above one half."""
     if _is_graded(volume.data):
         return volume
-    note = f"{volume.location}: probabilities of a cut mask, cut at 0.5"
+    note = f"{volume.location}: probabilities as sharp as a mask are used as one (0.5 and above)"
     return replace(volume, data=volume.data >= 0.5, warnings=[*volume.warnings, note])
 
 
@@ -323,7 +316,7 @@ def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyAr
         return data, False
     if not np.isfinite(data).all():
         raise InputError(
-            location, "the mask holds voxels that are not finite", "replace NaN and infinity by 0"
+            location, "the mask contains voxels that are not finite", "replace NaN and infinity by 0"
         )
     whole = np.rint(data)
     if np.abs(data - whole).max(initial=0) <= LABEL_VALUE:
@@ -337,6 +330,8 @@ def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyAr
             f"give a label map, or probabilities from 0 to 1; of a grey image: {HOW_TO_GIVE_AN_IMAGE}",
         )
     if labelled:
-        raise InputError(location, "it holds one organ's probabilities, no labels", "leave the label out")
+        raise InputError(
+            location, "it contains probabilities of one organ, not labels", "leave the label out"
+        )
     refuse_grey_probabilities(data, location)
     return (data >= 0.5).astype(np.int32), True

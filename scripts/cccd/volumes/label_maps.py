@@ -133,7 +133,7 @@ def _named(
     """Name the labels of a map: ``found`` has the names in the file, ``why`` what is left out."""
     named = read_label_table(table) if table is not None else {}
     if not found:
-        raise InputError(path.name, "it holds no label", "give a label map, a SEG or a folder of masks")
+        raise InputError(path.name, "it contains no label", "give a label map, a SEG or a folder of masks")
     guessed = freesurfer_names(path, [int(label) for label in found if label.isdecimal()])
     labels: list[MapLabel] = []
     for label, name in found.items():
@@ -248,7 +248,7 @@ def read_label_table(path: Path) -> dict[str, MapLabel]:
     number = next((header[column] for column in _NUMBER if column in header), None)
     name = next((header[column] for column in _NAME if column in header), None)
     if number is None or name is None:
-        raise InputError(path.name, "its header names no label and name", hint)
+        raise InputError(path.name, "its header has no columns label and name", hint)
     colour = next((header[column] for column in ("color", "colour", "rgb") if column in header), "")
     code = next((header[column] for column in ("code", "terminology") if column in header), "")
     table: dict[str, MapLabel] = {}
@@ -257,7 +257,9 @@ def read_label_table(path: Path) -> dict[str, MapLabel]:
         if not label:
             continue
         if label in table:
-            raise InputError(f"{path.name} row {reader.line_num}", f"label {label} stands twice", "keep one")
+            raise InputError(
+                f"{path.name} row {reader.line_num}", f"label {label} is there twice", "keep one"
+            )
         parts = [str(row.get(column) or "").strip() for column in (name, colour, code)]
         table[label] = MapLabel(label, parts[0], colour=_colour(parts[1]), code=parts[2])
     return table
@@ -268,7 +270,7 @@ def _json_table(text: str, path: Path) -> dict[str, MapLabel]:
     try:
         pairs = json.loads(text)["labels"].items()
     except (AttributeError, KeyError, TypeError, ValueError):
-        raise InputError(path.name, "it holds no labels", "give nnU-Net's dataset.json") from None
+        raise InputError(path.name, "it contains no labels", "give nnU-Net's dataset.json") from None
     both = [(key, value) if str(key).isdecimal() else (value, key) for key, value in pairs]
     return {str(value): MapLabel(str(value), str(name)) for value, name in both if str(value).isdecimal()}
 
@@ -334,7 +336,7 @@ def expand_rows(
             key = (row["case"], label.organ)
             if key in seen:
                 raise InputError(
-                    row["location"], f"{'/'.join(key)} stands in {seen[key]} already", "rename one of them"
+                    row["location"], f"{'/'.join(key)} is already in {seen[key]}", "rename one of them"
                 )
             seen[key] = row["location"]
             expanded.append({**plain, "organ": label.organ, "label": label.label})

@@ -4,42 +4,69 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from cccd.errors import InputError
-from cccd.settings.imports import LimitSettings
 
-__all__ = ["check_count", "check_size"]
+__all__ = ["LIMITS", "Limits", "check_count", "check_size"]
 
 
-def check_count(count: int, limits: LimitSettings, name: str, location: str) -> None:
-    """Refuse more of something than the limit ``most_<name>`` allows.
+@dataclass(frozen=True)
+class Limits:
+    """What a file may ask for: a damaged or hostile header must not fill the memory.
+
+    Attributes
+    ----------
+    slices : int
+        Of a volume, or images of a series: several times a whole body at half a millimetre.
+    pixels : int
+        Of one slice, 10,000 squared: micrographs have fewer.
+    voxels : int
+        Of a volume: a packed file of some megabytes can promise a thousand times its size; these are 8 GB.
+    contours : int
+        Drawn ones of one region (RTSTRUCT): dozens on every slice of a whole body.
+    contour_points : int
+        Of all these contours together, some hundred points each: half a gigabyte.
+    """
+
+    slices: int = 20_000
+    pixels: int = 100_000_000
+    voxels: int = 4_000_000_000
+    contours: int = 100_000
+    contour_points: int = 20_000_000
+
+
+#: What every file is held against.
+LIMITS = Limits()
+
+
+def check_count(count: int, limits: Limits, name: str, location: str) -> None:
+    """Refuse more of something than its limit.
 
     Examples
     --------
-    >>> check_count(7, LimitSettings(most_slices=5), "slices", "a.nii")
+    >>> check_count(7, Limits(slices=5), "slices", "a.nii")
     Traceback (most recent call last):
     ...
-    cccd.errors.InputError: a.nii: it has 7 slices, and 5 are allowed; set import.limits.most_slices higher
+    cccd.errors.InputError: a.nii: it has 7 slices, and 5 are allowed; mend its header, or give a part of it
     """
-    most = getattr(limits, f"most_{name}")
+    most = getattr(limits, name)
     if count > most:
-        what = name.replace("_", " ")
         raise InputError(
             location,
-            f"it has {count} {what}, and {most} are allowed",
-            f"set import.limits.most_{name} higher",
+            f"it has {count} {name.replace('_', ' ')}, and {most} are allowed",
+            "mend its header, or give a part of it",
         )
 
 
-def check_size(shape: Sequence[int], limits: LimitSettings, location: str, slice_axis: int = -1) -> None:
+def check_size(shape: Sequence[int], limits: Limits, location: str, slice_axis: int = -1) -> None:
     """Refuse a volume with more slices, larger slices or more voxels than the limits allow.
 
     Parameters
     ----------
     shape : sequence of int
         Voxels along each axis, as a header says; axes of colours or times included.
-    limits : LimitSettings
-        Section ``import.limits`` of the configuration.
+    limits : Limits
     location : str
         What messages name.
     slice_axis : int

@@ -23,7 +23,7 @@ from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
 from cccd.volumes.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
 from cccd.volumes.contours import assemble_contours, contour_frame
-from cccd.volumes.degraded import damage_maps, rescan
+from cccd.volumes.degraded import BIAS, EVERY, NOISE, damage_maps, rescan
 from cccd.volumes.grey_values import image_without_mask
 from cccd.volumes.grid import (
     Volume,
@@ -43,6 +43,12 @@ __all__ = ["MIN_SLICES", "existing", "load_structure", "structure_of_array", "wi
 
 #: A surface needs this many slices with organ.
 MIN_SLICES = 3
+
+#: Background left around the organ: blurs and dilations near it stay inside the crop.
+MARGIN_VOXELS = 3
+
+# Longer than any organ: a header in micrometres asks for a mesh that fills every memory.
+_MOST_MM = 10_000
 
 #: An organ shorter than this is more often one whose header has metres.
 SMALL_MM = 1.0
@@ -128,7 +134,7 @@ def structure_of_array(
     affine : (4, 4) float
         Index to world mm (RAS).
     settings : ImportSettings
-        ``slice_axis`` and ``margin_voxels``.
+        ``slice_axis``.
     name : str
         Of the organ, and what messages name.
     annotated : {"auto", "every slice", "nonempty"}
@@ -161,14 +167,14 @@ def _make_phantom(row: Mapping[str, str], settings: ImportSettings, seed: int) -
     phantom = make_phantom(
         row["case"],
         row["organ"],
-        settings.phantom,
+        settings.phantom.spacing_mm,
         seed=seed,
-        margin_voxels=settings.margin_voxels,
+        margin_voxels=MARGIN_VOXELS,
         location=row["location"],
     )
     if row["source"] == "phantom":
         return phantom
-    return damage_maps(phantom, settings.damage, np.random.default_rng(seed))
+    return damage_maps(phantom, np.random.default_rng(seed))
 
 
 # one grid -------------------------------------------------------------------------------------------
@@ -184,17 +190,13 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings,
         return _Scan(_frame(mask, settings), image.data, mask.data, provenance=provenance)
     row, implied = complete_row(row, folder)
     paths = {name: existing(folder / row[name], name) for name in ("image", "mask", "boundary") if row[name]}
-    image = (
-        read_image(paths["image"], row["source"], settings.fill_gaps, settings.limits)
-        if "image" in paths
-        else None
-    )
+    image = read_image(paths["image"], row["source"], settings.fill_gaps) if "image" in paths else None
     if "mask" in paths:
         paths["mask"] = object_in(paths["mask"])
     if "mask" in paths and paths["mask"].is_file() and dicom_modality(paths["mask"]) == "RTSTRUCT":
         if "boundary" in paths:
             raise InputError(
-                row["location"], "an RTSTRUCT cannot stand beside boundary maps", "empty one of them"
+                row["location"], "an RTSTRUCT cannot be combined with boundary maps", "empty one of them"
             )
         scan = _scan_of_contours(paths["mask"], row, image, settings)
     else:
@@ -213,9 +215,15 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings,
 def _scan_brain(row: Mapping[str, str], settings: ImportSettings, seed: int) -> _Scan:
     """Scan the MNI brain anew, and find its region in this image alone; the mask is ground truth."""
     clean, brain, facts = read_mni152(row["organ"], row["location"])
-    image, mask = rescan(clean, brain, settings.scan, np.random.default_rng(seed))
+    image, mask = rescan(clean, brain, np.random.default_rng(seed))
     region, found = _find_organ(image, row["source"], settings)
-    provenance = {"source": row["source"], **facts, "scan": settings.scan.as_config(), "seed": seed, **found}
+    provenance = {
+        "source": row["source"],
+        **facts,
+        "scan": {"every": list(EVERY), "noise": NOISE, "bias": BIAS},
+        "seed": seed,
+        **found,
+    }
     frame = _frame(image, settings)
     return _Scan(frame, image.data, mask.data, region=region.data, provenance=provenance)
 
@@ -230,7 +238,7 @@ def _scan_of_contours(
     """Read drawn contours, and of the image the slices that they were drawn on."""
     from cccd.volumes.dicom import read_rtstruct  # slow to import
 
-    rois, reference = read_rtstruct(path, row["label"], row["organ"], settings.limits)
+    rois, reference = read_rtstruct(path, row["label"], row["organ"])
     drawn = [contour for roi in rois for contour in roi]
     if not drawn:
         raise InputError(path.name, "its ROI holds points only", "choose another ROI")
@@ -259,9 +267,8 @@ def _scan_of_voxels(
     settings: ImportSettings,
 ) -> _Scan:
     """Read mask and boundary maps, or find the organ in the image, and move all to one grid."""
-    limits = settings.limits
-    mask = read_mask(paths["mask"], row, implied, image, limits) if "mask" in paths else None
-    boundary = read_boundary_maps(paths["boundary"], limits) if "boundary" in paths else None
+    mask = read_mask(paths["mask"], row, implied, image) if "mask" in paths else None
+    boundary = read_boundary_maps(paths["boundary"]) if "boundary" in paths else None
     provenance: dict[str, Any] = {}
     drawn = mask if boundary is None else boundary
     if drawn is None:
@@ -300,7 +307,7 @@ def _find_organ(image: Volume, source: str, settings: ImportSettings) -> tuple[V
     found, bounds = find_region(image.data, image.location, settings.region, slice_axis=axis)
     window = [None if np.isinf(bound) else bound for bound in bounds]
     region = settings.region.as_config() | {"window": window}
-    note = f"{image.location}: no mask; the organ is a threshold's: grey values {_range(*bounds)}"
+    note = f"{image.location}: no mask; the organ is found by a threshold: grey values {_range(*bounds)}"
     return Volume(found, image.affine, image.location, warnings=[note]), {"region": region}
 
 
@@ -394,7 +401,9 @@ def _annotation(scan: _Scan, first: IntArray, last: IntArray, location: str) -> 
         return None
     if scan.probability is not None:
         if scan.annotated == NONEMPTY:
-            raise InputError(location, "annotated: nonempty beside probabilities", "give a mask of labels")
+            raise InputError(
+                location, "annotated: nonempty together with probabilities", "give a mask of labels"
+            )
         return None
     order = [frame.slice_axis, *frame.in_plane_axes]
     return find_annotation(
@@ -428,8 +437,8 @@ def _crop(scan: _Scan, row: Mapping[str, str], settings: ImportSettings) -> Stru
             f"give an organ of {MIN_SLICES} slices or more, or set import: slice_axis",
         )
     annotation = _annotation(scan, first, last, row["location"])
-    warnings = warnings + _size_notes(frame, first, last, settings.limits.most_mm, row["location"])
-    first, last = first - settings.margin_voxels, last + settings.margin_voxels
+    warnings = warnings + _size_notes(frame, first, last, row["location"])
+    first, last = first - MARGIN_VOXELS, last + MARGIN_VOXELS
     if annotation is not None:
         warnings = [*warnings, annotation_note(annotation, frame, scan.annotated)]
         widest = int(np.diff(annotation.slices).max())
@@ -473,16 +482,16 @@ def _cut_notes(frame: Frame, first: IntArray, last: IntArray) -> list[str]:
     return [f"the organ touches {' and '.join(faces)}: it may be cut there"] if faces else []
 
 
-def _size_notes(frame: Frame, first: IntArray, last: IntArray, most_mm: int, location: str) -> list[str]:
+def _size_notes(frame: Frame, first: IntArray, last: IntArray, location: str) -> list[str]:
     """Refuse an organ that is longer than a limit, and warn of one that one would not see."""
     voxel = np.linalg.norm(frame.affine[:3, :3], axis=0)
     longest = float(((last - first + 1) * voxel).max())
     size = " x ".join(f"{mm:.4g}" for mm in voxel)
-    if longest > most_mm:
+    if longest > _MOST_MM:
         raise InputError(
             location,
             f"the organ is {longest / 1000:.4g} m long, its voxels {size} mm",
-            "give millimetres in the header, or set import.limits.most_mm higher",
+            "give millimetres in the header",
         )
     if longest >= SMALL_MM:
         return []

@@ -18,15 +18,13 @@ import numpy as np
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
-from cccd.settings.imports import LimitSettings
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.volumes.labels import choose_labels
-from cccd.volumes.limits import check_size
+from cccd.volumes.limits import LIMITS, Limits, check_size
 from cccd.volumes.readers import dataset_names, guarded
 
 __all__ = ["Classes", "is_nnunet", "read_classes"]
 
-_LIMITS = LimitSettings()
 _HINT = "run nnUNetv2_predict --save_probabilities again, and keep both files"
 
 
@@ -102,14 +100,14 @@ def is_nnunet(path: Path) -> bool:
     return path.name.lower().endswith(".npz")
 
 
-def read_classes(path: Path, limits: LimitSettings = _LIMITS) -> Classes:
+def read_classes(path: Path, limits: Limits = LIMITS) -> Classes:
     """Read nnU-Net's probabilities.
 
     Parameters
     ----------
     path : path
         The ``.npz``. Its ``.pkl`` lies beside it, ``dataset.json`` beside or above it.
-    limits : LimitSettings
+    limits : Limits
         What the file may ask for.
 
     Raises
@@ -121,7 +119,7 @@ def read_classes(path: Path, limits: LimitSettings = _LIMITS) -> Classes:
     with guarded(location, "no probabilities of nnU-Net", _HINT), np.load(path, allow_pickle=False) as held:
         key = next((key for key in ("probabilities", "softmax") if key in held), None)
         if key is None:
-            raise InputError(location, f"it holds {', '.join(held) or 'nothing'}, no probabilities", _HINT)
+            raise InputError(location, f"it contains {', '.join(held) or 'nothing'}, no probabilities", _HINT)
         check_size(_promised_shape(held, key)[-3:], limits, location)
         channels = held[key]
     if channels.ndim != 4 or not np.issubdtype(channels.dtype, np.floating):
@@ -131,7 +129,7 @@ def read_classes(path: Path, limits: LimitSettings = _LIMITS) -> Classes:
         raise InputError(location, "its values are no probabilities between 0 and 1", _HINT)
     facts = _read_facts(path.with_suffix(".pkl"), location)
     dataset = _dataset(path)
-    with guarded(path.with_suffix(".pkl").name, "it lacks what places the probabilities", _HINT):
+    with guarded(path.with_suffix(".pkl").name, "it lacks the position of the probabilities", _HINT):
         affine, size = _grid(facts)
         whole = _uncropped(channels, facts, size, "regions_class_order" not in dataset)
     before = facts.get("shape_before_cropping")  # the second version's, its axes perhaps in another order
@@ -188,7 +186,7 @@ class _Facts(pickle.Unpickler):
 def _read_facts(path: Path, location: str) -> Mapping[str, Any]:
     """Read what nnU-Net knew of the scan."""
     if not path.is_file():
-        raise InputError(location, f"{path.name}, which says where it lies, is not beside it", _HINT)
+        raise InputError(location, f"{path.name}, which says where it lies, is not next to it", _HINT)
     with guarded(path.name, "not nnU-Net's properties of a scan", _HINT):
         facts = _Facts(io.BytesIO(path.read_bytes())).load()
         if not isinstance(facts, Mapping):

@@ -18,7 +18,6 @@ from scipy.spatial.transform import Rotation
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
-from cccd.settings.imports import PhantomSettings
 from cccd.settings.messages import nearest
 from cccd.volumes.implicit_solids import (
     ImplicitFunction,
@@ -39,6 +38,10 @@ __all__ = ["ORGANS", "make_phantom"]
 
 #: Pixels of a slice along i and j, and sub-slices that make up a thick slice.
 _MATRIX, _SUBSLICES = 512, 5
+
+#: Standard deviations of the scanner's in-plane point spread, as of a soft-tissue kernel, and of the noise,
+#: as of a clinical abdominal CT.
+BLUR_MM, NOISE_HU = 0.7, 12.0
 
 #: Attenuation in HU.
 _AIR, _LUNG, _FAT, _MUSCLE, _LIVER, _BLOOD, _BONE = -1000.0, -850.0, -95.0, 50.0, 105.0, 155.0, 380.0
@@ -424,11 +427,13 @@ def _noise(rng: np.random.Generator, shape: AnyArray, hu: float) -> AnyArray:
 def make_phantom(
     case: str,
     organ: str,
-    settings: PhantomSettings,
+    spacing_mm: tuple[float, float, float],
     *,
     seed: int,
     margin_voxels: int | tuple[int, int, int],
     location: str,
+    blur_mm: float = BLUR_MM,
+    noise_hu: float = NOISE_HU,
 ) -> Structure:
     """Make a phantom's scan, its mask and its true surface.
 
@@ -436,14 +441,16 @@ def make_phantom(
     ----------
     case, organ : str
         ``organ`` names one of `ORGANS`; every ``case`` is another individual.
-    settings : PhantomSettings
-        How it is scanned.
+    spacing_mm : three floats
+        Voxel size, the last between slices.
     seed : int
         With ``case`` and ``organ`` it determines everything random.
     margin_voxels : int, or three
         Voxels left around the organ, along each axis.
     location : str
         What an error names, e.g. ``"cohort.tsv row 3"``.
+    blur_mm, noise_hu : float
+        Standard deviations of the scanner's in-plane point spread, and of the noise.
 
     Returns
     -------
@@ -459,7 +466,7 @@ def make_phantom(
         raise InputError(location, f"there is no phantom of organ {organ!r}", nearest(organ, ORGANS))
     rng = _generator(seed, case, organ)
     anatomy = ORGANS[organ](rng)
-    spacing = np.asarray(settings.spacing_mm)
+    spacing = np.asarray(spacing_mm)
     step = spacing * (-1, -1, 1)
     margin = np.broadcast_to(margin_voxels, 3)
     slices = int(np.ceil((anatomy.bbox_max[2] - anatomy.bbox_min[2]) / spacing[2]) + 2 * margin[2])
@@ -475,8 +482,8 @@ def make_phantom(
     first = np.floor(index.min(axis=0)).astype(int) - margin
     last = np.ceil(index.max(axis=0)).astype(int) + margin
     image, mask = _scan(anatomy, frame, first, last + 1 - first)
-    image = ndimage.gaussian_filter(image, [*(settings.blur_mm / spacing[:2]), 0], mode="nearest")
-    image += _noise(rng, last + 1 - first, settings.noise_hu)
+    image = ndimage.gaussian_filter(image, [*(blur_mm / spacing[:2]), 0], mode="nearest")
+    image += _noise(rng, last + 1 - first, noise_hu)
     return Structure(
         case=case,
         organ=organ,
@@ -485,5 +492,11 @@ def make_phantom(
         image=np.round(image).astype(np.float32),
         mask=mask,
         truth=truth,
-        provenance={"source": "phantom", "seed": int(seed), **settings.as_config()},
+        provenance={
+            "source": "phantom",
+            "seed": int(seed),
+            "spacing_mm": list(spacing_mm),
+            "blur_mm": blur_mm,
+            "noise_hu": noise_hu,
+        },
     )

@@ -21,10 +21,9 @@ from nibabel.spatialimages import SpatialImage
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
-from cccd.settings.imports import LimitSettings
 from cccd.sidecar_files import VoxelHeader, read_voxel_header
 from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
-from cccd.volumes.limits import check_size
+from cccd.volumes.limits import LIMITS, Limits, check_size
 
 __all__ = ["SUFFIXES", "dataset_names", "guarded", "read_itk", "read_nifti", "read_volume", "without_suffix"]
 
@@ -40,17 +39,16 @@ def without_suffix(name: str) -> str | None:
     return None if suffix is None else name[: -len(suffix)]
 
 
-_LIMITS = LimitSettings()
 #: What people give in place of a volume, by its suffix, and what to give instead.
 _OTHERWISE = {
     **dict.fromkeys(
         (".stl", ".obj", ".ply", ".vtp", ".glb", ".3mf", ".step", ".iges", ".surf.gii"),
-        ("a surface already, not a volume", "give the mask that it was made of"),
+        ("a surface, not a volume", "give the mask from which it was made"),
     ),
     **dict.fromkeys(
         (".tsv", ".csv"), ("a table, not a volume", "cccd run and cccd check take a cohort sheet (.tsv)")
     ),
-    ".pkl": ("what nnU-Net knew of a scan, not a volume", "give the .npz beside it"),
+    ".pkl": ("nnU-Net's properties of a scan, not a volume", "give the .npz next to it"),
 }
 #: Deflate packs at most this many bytes into one.
 _DEFLATE_RATIO = 1032
@@ -86,7 +84,7 @@ def guarded(location: str, problem: str, hint: str) -> Iterator[None]:
         raise InputError(location, f"{problem} ({reason})", hint) from None
 
 
-def read_volume(path: Path, limits: LimitSettings = _LIMITS) -> Volume:
+def read_volume(path: Path, limits: Limits = LIMITS) -> Volume:
     """Read a volume from one file, by its name: nibabel for NIfTI, Analyze and MGH, SimpleITK for all else.
 
     Raises
@@ -120,14 +118,16 @@ def _spatial(data: AnyArray, location: str) -> AnyArray:
     if np.iscomplexobj(data):
         raise InputError(location, "its voxels are complex numbers", "give the magnitude")
     if not data.size:
-        raise InputError(location, "it holds no voxels", "export the scan again")
+        raise InputError(location, "it contains no voxels", "export the scan again")
     return data
 
 
 def _check_promise(count: int, ratio: int, path: Path) -> None:
     """Refuse a header that promises more than its file can hold: its reader would fill the memory."""
     if count > ratio * path.stat().st_size:
-        raise InputError(path.name, "its header promises more voxels than it holds", "copy the file again")
+        raise InputError(
+            path.name, "its header promises more voxels than the file contains", "copy the file again"
+        )
 
 
 def _check_fields(header: VoxelHeader, path: Path) -> None:
@@ -158,7 +158,7 @@ def _voxel_file(path: Path) -> Path | None:
     return path.parent / name
 
 
-def read_nifti(path: Path, limits: LimitSettings = _LIMITS) -> Volume:
+def read_nifti(path: Path, limits: Limits = LIMITS) -> Volume:
     """Read NIfTI-1/2, Analyze or MGH with nibabel, scaled as its header says.
 
     The affine is the sform where it is set, otherwise the qform.
@@ -193,7 +193,7 @@ def _is_oriented(image: AnalyzeImage) -> bool:
     return any(int(header[code]) for code in ("sform_code", "qform_code") if code in header)
 
 
-def read_itk(path: Path, limits: LimitSettings = _LIMITS) -> Volume:
+def read_itk(path: Path, limits: Limits = LIMITS) -> Volume:
     """Read NRRD, MHA/MHD or another format of SimpleITK.
 
     Raises

@@ -280,7 +280,7 @@ def voxels_of(structure: Structure) -> AnyArray:
         if found is not None:
             return found
     if structure.contours is None:
-        raise ValueError("the structure brings nothing to draw")
+        raise ValueError("the structure contains nothing to draw")
     contours, origin = structure.contours, structure.stack_origin
     image = structure.stack("image")
     if image is not None:

@@ -28,7 +28,7 @@ from cccd.volumes.readers import guarded
 __all__ = ["write_seg"]
 
 #: Said of headers that highdicom makes no SEG of, such as those of two studies.
-_UNUSABLE = ("no SEG can lie on its images", "export the series again, or take RTSTRUCT")
+_UNUSABLE = ("its images cannot carry a SEG", "export the series again, or use RTSTRUCT")
 
 
 def write_seg(
@@ -56,7 +56,7 @@ def write_seg(
     """
     if reference is None:
         raise InputError(
-            str(path), "a SEG lies on a DICOM series, and there is none", "name the series' folder as image"
+            str(path), "a SEG needs its DICOM series, and there is none", "name the series' folder as image"
         )
     location = Path(reference).name
     with guarded(location, *_UNUSABLE):
@@ -82,9 +82,7 @@ def _grid(slices: list[Dataset], location: str) -> tuple[list[Dataset], FloatArr
     even = positions[0] + np.arange(len(slices))[:, None] * step
     away = np.linalg.norm(positions - even, axis=1).max()
     if len(slices) < 2 or away > CONTOUR_PLANE * np.linalg.norm(step):
-        raise InputError(
-            location, "its slices are not evenly spaced", "resample the series, or take RTSTRUCT"
-        )
+        raise InputError(location, "its slices are not evenly spaced", "resample the series, or use RTSTRUCT")
     rows, columns = (float(size) for size in slices[0].PixelSpacing)
     affine = np.eye(4)
     affine[:3, 0], affine[:3, 1], affine[:3, 2], affine[:3, 3] = (

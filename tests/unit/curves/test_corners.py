@@ -5,7 +5,6 @@ from cccd.containers import Curves
 from cccd.curves import corners
 from cccd.curves.corners import DETECTORS, k_cosine, k_cosine_corners, sharp_corners
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.settings.curves import SharpCornerSettings
 from cccd.tracing import trace_stack
 
 
@@ -119,13 +118,13 @@ def test_cheng_hsu_and_weighted_curvature_of_a_right_angle():
 
 def test_sharp_corners_are_corners_of_the_shape_not_of_the_grid(frame):
     points, vertices = rectangle(30, 50)
-    found = sharp_corners(points, np.array([0, len(points)]), SharpCornerSettings())
+    found = sharp_corners(points, np.array([0, len(points)]))
     assert np.flatnonzero(found).tolist() == vertices
     for radius in (9, 15, 40, 80):
         curves = circle(radius + 0.3, frame)
-        assert not sharp_corners(curves.points, curves.offsets, SharpCornerSettings()).any()
+        assert not sharp_corners(curves.points, curves.offsets).any()
     tiny, _ = rectangle(3, 4)
     together = concatenate_ragged([tiny, points])
     curves = Curves(*together, np.array([0, 1]), np.zeros(2, bool), frame)
-    found = np.flatnonzero(sharp_corners(curves.points, curves.offsets, SharpCornerSettings()))
+    found = np.flatnonzero(sharp_corners(curves.points, curves.offsets))
     assert (found - len(tiny)).tolist() == vertices

@@ -5,11 +5,11 @@ from cccd.containers import Curves
 from cccd.curves import corner_splines, describe_curves, fit_splines, measure_curves, sample_splines, sweep_k
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import area_dice, bytes_per_slice, distances
-from cccd.curves.repeatability import repeatability
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.metrics import dice
 from cccd.settings.curves import CurveSettings
 from cccd.tracing import trace_stack
+from cccd_paper.comparisons.repeatability import repeatability
 
 SETTINGS = CurveSettings()
 

@@ -8,8 +8,8 @@ import torch
 
 from cccd.filling import FillingNetwork, fill_between_slices, shipped_network
 from cccd.filling.network import WEIGHTS, WEIGHTS_SHA256
-from cccd.filling_training.bodies import sliced_body
-from cccd.filling_training.training import FillingModel, interpolated, save_weights, train
+from cccd_training.filling.bodies import sliced_body
+from cccd_training.filling.training import FillingModel, interpolated, save_weights, train
 
 #: Far from the seeds that the shipped weights were trained on.
 UNSEEN = range(900_000, 900_012)

@@ -1,3 +1,5 @@
+import sys
+
 import numpy as np
 import pytest
 from solids import box, sphere
@@ -40,6 +42,12 @@ def test_distance_is_positive_outside_and_negative_inside():
     ball = sphere(20.0, subdivisions=5)
     np.testing.assert_allclose(to_mesh(points, ball), offsets, atol=0.05)
     np.testing.assert_allclose(unsigned_to_mesh(points, ball), np.abs(offsets), atol=0.05)
+
+
+def test_distances_need_no_pyvista(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyvista", None)  # as where only `pip install .` was typed
+    distance = unsigned_to_mesh(np.array([[0.0, 0.0, 7.0], [0.0, 0.0, 1.0]]), box((4.0, 6.0, 5.0)))
+    np.testing.assert_allclose(distance, [4.5, 1.5], atol=1e-6)
 
 
 def test_distance_on_a_grid_is_that_of_the_box_within_the_band():

@@ -46,9 +46,8 @@ def test_a_regular_mesh_is_scipys_bicubic_periodic_spline(times):
     across = periodic(grid)(u)  # (U, along, 3)
     wanted = periodic(across.transpose(1, 0, 2))(v).reshape(-1, 3)
     assert len(found) == len(wanted)
-    away = np.linalg.norm(found[:, None] - wanted[None], axis=2)
-    assert away.min(axis=1).max() < 1e-12
-    assert away.min(axis=0).max() < 1e-12
+    assert cKDTree(wanted).query(found)[0].max() < 1e-12
+    assert cKDTree(found).query(wanted)[0].max() < 1e-12
 
 
 def plain_subdivided(vertices, quads, sharpness):
@@ -99,7 +98,7 @@ def test_steps_and_limits_are_those_of_plain_loops(sharpness):
     mesh = ControlMesh(CORNERS * (1, 2, 3), SIDES, sharp, np.full(len(sharp), sharpness))
     vertices, quads = mesh.vertices, mesh.quads
     by_edge = {tuple(edge): sharpness for edge in sharp.tolist()}
-    for times in range(1, 6):
+    for times in range(1, 5):
         vertices, quads, by_edge = plain_subdivided(vertices, quads, by_edge)
         ours = mesh.subdivided(times).vertices
         assert len(ours) == len(vertices)
@@ -107,7 +106,7 @@ def test_steps_and_limits_are_those_of_plain_loops(sharpness):
         assert away.max() < 1e-9
         assert len(np.unique(nearest)) == len(vertices)
     limit = mesh.tessellate(1).vertices  # those of the control points come first, in plain loops as well
-    assert limit[: len(CORNERS)] == pytest.approx(vertices[: len(CORNERS)], abs=0.01)
+    assert limit[: len(CORNERS)] == pytest.approx(vertices[: len(CORNERS)], abs=0.02)
 
 
 def test_a_cube_with_sharp_edges_is_the_cube():

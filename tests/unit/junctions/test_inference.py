@@ -17,10 +17,10 @@ from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.decoding import closed_chains, fill_inside
 from cccd.junctions.delaunay import build_graph
-from cccd.junctions.inference import DEFAULTS, predict_masks
+from cccd.junctions.inference import predict_masks
 from cccd.junctions.labelling import label_slice
-from cccd.junctions.scoring import score_slice
-from cccd.junctions.synthetic_maps import draw_map
+from cccd_training.junctions.scoring import score_slice
+from cccd_training.junctions.synthetic_maps import draw_map
 
 FRAME = Frame(np.eye(4), 2, (200, 200, 50))
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(__file__).parents[3] / "scripts")}
@@ -52,7 +52,7 @@ def test_any_labelling_gives_closed_strictly_simple_pixel_chains(seed, share):
     graph = build_graph(np.unique(rng.integers(0, 25, (60, 2)), axis=0))
     inside = (rng.random(len(graph.triangles)) < share) & ~graph.outer
     masks, origin = fill_inside(graph, inside)
-    curves = closed_chains(masks, origin, np.zeros(1, int), FRAME, DEFAULTS)
+    curves = closed_chains(masks, origin, np.zeros(1, int), FRAME)
     assert curves.polygons.is_simple.all()
     assert on_pixel_chain(curves.points, curves.offsets).all()
     assert ((curves.polygons.signed_areas < 0) == curves.hole).all()
@@ -85,9 +85,9 @@ def test_an_outline_is_taken_as_it_is_whatever_the_logits_say(mask, tip):
     graph = build_graph(raster_order(np.vstack([*chains, extra])))
     rng = np.random.default_rng(0)
     logits = rng.normal(0, 9, len(graph.triangles)), rng.normal(0, 9, len(graph.links))
-    inside = label_slice(graph, logits, DEFAULTS).inside
+    inside = label_slice(graph, logits).inside
     masks, origin = fill_inside(graph, inside)
-    curves = closed_chains(masks, origin, np.zeros(1, int), FRAME, DEFAULTS)
+    curves = closed_chains(masks, origin, np.zeros(1, int), FRAME)
     assert {tuple(p) for p in curves.points.astype(int)} == {tuple(p) for p in np.vstack(chains)}
 
 
@@ -101,7 +101,7 @@ def test_a_spur_or_a_chord_makes_it_no_outline():
         left = graph.points[graph.triangles][..., 1].max(axis=1) <= 45
         wanted = left & (graph.depths[:, 0] == 1)
         logits = np.where(wanted, 9.0, -9.0), np.full(len(graph.links), 9.0)
-        assert (label_slice(graph, logits, DEFAULTS).inside == wanted).all()
+        assert (label_slice(graph, logits).inside == wanted).all()
 
 
 def test_closed_curves_are_kept_where_the_cut_finds_nothing():
@@ -109,9 +109,9 @@ def test_closed_curves_are_kept_where_the_cut_finds_nothing():
     spur = chain[0] + np.column_stack([-np.arange(1, 9), np.zeros(8, int)])
     graph = build_graph(raster_order(np.vstack([chain, spur])))
     logits = np.full(len(graph.triangles), -9.0), np.zeros(len(graph.links))
-    inside = label_slice(graph, logits, DEFAULTS).inside
+    inside = label_slice(graph, logits).inside
     masks, origin = fill_inside(graph, inside)
-    curves = closed_chains(masks, origin, np.zeros(1, int), FRAME, DEFAULTS)
+    curves = closed_chains(masks, origin, np.zeros(1, int), FRAME)
     assert score_slice(list(curves), [chain]).correct
 
 

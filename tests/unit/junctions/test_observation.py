@@ -4,7 +4,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd.geometry.opencv import border_pixels
-from cccd.junctions.inference import DEFAULTS
 from cccd.junctions.intensity import image_edges, normalised_intensity
 from cccd.junctions.observation import observe
 
@@ -23,7 +22,7 @@ def test_edges_fill_what_a_map_leaves_open():
     chain = border_pixels(mask)[0]
     left, right = chain[:, 1] < 40, chain[:, 1] > 68
     pixels, missing = chain[left | right], chain[(chain[:, 1] > 42) & (chain[:, 1] < 66)]
-    edges = image_edges(normalised_intensity(image, pixels), pixels, DEFAULTS)
+    edges = image_edges(normalised_intensity(image, pixels), pixels)
     apart = np.linalg.norm(missing[:, None] - edges, axis=2).min(axis=1)
     assert apart.max() <= 3
 
@@ -31,7 +30,7 @@ def test_edges_fill_what_a_map_leaves_open():
 def test_without_an_image_the_graph_is_the_map_alone():
     mask, _ = scene()
     chain = border_pixels(mask)[0]
-    seen = observe(chain, None, DEFAULTS)
+    seen = observe(chain, None)
     assert seen.intensity is None
     assert np.array_equal(seen.graph.observed, ~seen.graph.ghost)
 
@@ -42,7 +41,7 @@ def test_no_edge_touches_another_or_the_map(seed):
     rng = np.random.default_rng(seed)
     image = cv2.GaussianBlur(rng.normal(0, 1, (50, 60)), (0, 0), 2)
     pixels = np.unique(rng.integers(5, 45, (80, 2)), axis=0)
-    graph = observe(pixels, image, DEFAULTS).graph
+    graph = observe(pixels, image).graph
     edges = graph.points[~graph.observed & ~graph.ghost]
     assert len(edges)
     apart = np.abs(edges[:, None] - np.vstack([edges, pixels])).max(axis=2)
@@ -53,6 +52,6 @@ def test_no_edge_touches_another_or_the_map(seed):
 def test_a_map_may_reach_beyond_its_image_and_an_image_may_be_blank():
     chain = border_pixels(scene()[0])[0]
     _, image = scene()
-    edges = image_edges(normalised_intensity(image[:, :50], chain), chain, DEFAULTS)
+    edges = image_edges(normalised_intensity(image[:, :50], chain), chain)
     assert edges[:, 1].max() < 50
-    assert len(image_edges(normalised_intensity(np.ones((90, 90)), chain), chain, DEFAULTS)) == 0
+    assert len(image_edges(normalised_intensity(np.ones((90, 90)), chain), chain)) == 0

@@ -7,20 +7,21 @@ from cccd.junctions import order_boundaries
 from cccd.junctions.decoding import closed_chains, fill_inside
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.energy import Energy, least_energy
-from cccd.junctions.inference import DEFAULTS
 from cccd.junctions.labelling import label_slice
-from cccd.junctions.labels import inside_shares
 from cccd.junctions.parts import limit_parts
-from cccd.junctions.scoring import score_slice
-
-#: The cut alone, whose pieces are limited.
-CUT = DEFAULTS.model_copy(update={"rerank": False})
-ONE, TWO = (CUT.model_copy(update={"parts": parts}) for parts in (1, 2))
+from cccd.settings.junctions import InferenceSettings
+from cccd_training.junctions.labels import inside_shares
+from cccd_training.junctions.scoring import score_slice
 
 
-def curves_of(graph, inside, settings):
+def curves_of(graph, inside, parts=None):
     masks, origin = fill_inside(graph, inside)
-    return closed_chains(masks, origin, np.zeros(1, int), FRAME, settings)
+    return closed_chains(masks, origin, np.zeros(1, int), FRAME, parts)
+
+
+def cut_curves(graph, logits, parts=None):
+    """Curves of the cut alone, whose pieces are limited."""
+    return curves_of(graph, label_slice(graph, logits, parts, rerank=False).inside, parts)
 
 
 def dumbbell(neck=5):
@@ -45,11 +46,11 @@ def test_two_pieces_are_joined_where_that_costs_less_than_leaving_one_out():
     mask, chain, seen = dumbbell()
     graph = build_graph(raster_order(seen))
     logits = logits_of(graph, mask, (40, 69))
-    assert len(curves_of(graph, label_slice(graph, logits, CUT).inside, CUT)) == 2
-    joined = curves_of(graph, label_slice(graph, logits, ONE).inside, ONE)
+    assert len(cut_curves(graph, logits)) == 2
+    joined = cut_curves(graph, logits, 1)
     assert len(joined) == 1
     assert score_slice(list(joined), [chain]).dice > 0.9
-    assert len(curves_of(graph, label_slice(graph, logits, TWO).inside, TWO)) == 2
+    assert len(cut_curves(graph, logits, 2)) == 2
 
 
 def test_a_piece_that_is_hardly_there_is_left_out_rather_than_joined():
@@ -58,7 +59,7 @@ def test_a_piece_that_is_hardly_there_is_left_out_rather_than_joined():
     within, link = logits_of(graph, mask, (40, 69), doubt=-9.0)
     right = graph.points[graph.triangles].mean(axis=1)[:, 1] > 69
     within[right & (within > 0)] = 0.02
-    (curve,) = curves_of(graph, label_slice(graph, (within, link), ONE).inside, ONE)
+    (curve,) = cut_curves(graph, (within, link), 1)
     assert curve[:, 1].max() < 45
 
 
@@ -68,22 +69,21 @@ def test_a_hole_is_filled_where_a_part_is_wanted_and_stays_where_none_is():
     graph = build_graph(raster_order(np.vstack([*chains, spur])))
     inside = inside_shares(graph, chains) > 0.5
     logits = np.where(inside, 4.0, -4.0), np.zeros(len(graph.links))
-    assert len(curves_of(graph, label_slice(graph, logits, CUT).inside, CUT)) == 2
-    (curve,) = curves_of(graph, label_slice(graph, logits, ONE).inside, ONE)
+    assert len(cut_curves(graph, logits)) == 2
+    (curve,) = cut_curves(graph, logits, 1)
     assert score_slice([curve], chains[:1]).correct
 
 
 @pytest.mark.parametrize("parts", [1, 2])
 def test_whatever_the_energy_there_are_no_more_curves_than_parts(parts):
-    settings = {1: ONE, 2: TWO}[parts]
     rng = np.random.default_rng(parts)
     for _ in range(4):
         graph = build_graph(np.unique(rng.integers(0, 30, (70, 2)), axis=0))
         energy = Energy(rng.normal(0, 3, len(graph.triangles)), rng.exponential(0.5, len(graph.links)))
         least = least_energy(graph, energy)
-        limited = limit_parts(graph, energy, least, settings)
+        limited = limit_parts(graph, energy, least, parts)
         assert not (limited & graph.outer).any()
-        curves = curves_of(graph, limited, settings)
+        curves = curves_of(graph, limited, parts)
         assert len(curves) <= parts
         assert not curves.hole.any()
         # what was the least before costs no more than what has fewer pieces
@@ -98,4 +98,5 @@ def test_an_outline_of_several_parts_is_held_to_fewer_as_well():
     mask, _, _ = dumbbell()
     mask[:, 40:70] = 0
     maps = boundaries([raster_order(np.vstack(border_pixels(mask)))])
-    assert [len(order_boundaries(maps, None, settings=one)[0]) for one in (DEFAULTS, ONE)] == [2, 1]
+    found = [order_boundaries(maps, None, settings=InferenceSettings(parts=parts))[0] for parts in (None, 1)]
+    assert [len(curves) for curves in found] == [2, 1]

@@ -3,29 +3,28 @@ import hashlib
 import numpy as np
 import pytest
 import torch
-from test_inference import FRAME, SHIPPED, raster_order
+from test_inference import SHIPPED, raster_order
 from test_parts import curves_of, dumbbell, logits_of
 
 from cccd.geometry.opencv import border_pixels
 from cccd.junctions.alternatives import FEATURES, SMALLEST_PX, alternatives, describe, pieces
 from cccd.junctions.checkpoint import load_model
-from cccd.junctions.decoding import closed_chains
 from cccd.junctions.delaunay import build_graph
 from cccd.junctions.energy import energy_weights, inference_energy, least_energy
-from cccd.junctions.inference import DEFAULTS, predict_masks
+from cccd.junctions.inference import SLICES_PER_BATCH, read_slices
 from cccd.junctions.labelling import label_slice
-from cccd.junctions.reranker_training import Example, draw_examples, train_reranker
+from cccd.junctions.observation import observe
 from cccd.junctions.reranking import WEIGHTS, WEIGHTS_SHA256, Reranker, shipped_reranker
-from cccd.junctions.scoring import score_slice
-from cccd.junctions.synthetic_maps import draw_map
-
-ONE = DEFAULTS.model_copy(update={"parts": 1})
+from cccd.junctions.stacks import label_slices
+from cccd_training.junctions.reranker import Example, draw_examples, train_reranker
+from cccd_training.junctions.scoring import score_labels
+from cccd_training.junctions.synthetic_maps import draw_map
 
 
 def all_labels(graph, logits):
-    energy = inference_energy(graph, logits, DEFAULTS)
+    energy = inference_energy(graph, logits)
     cut = least_energy(graph, energy)
-    return energy, alternatives(graph, energy, energy_weights(graph, DEFAULTS), cut)
+    return energy, alternatives(graph, energy, energy_weights(graph), cut)
 
 
 def features_of(mask, inside_of_graph):
@@ -33,7 +32,7 @@ def features_of(mask, inside_of_graph):
     graph = build_graph(raster_order(np.vstack(border_pixels(mask))))
     logits = np.zeros(len(graph.triangles)), np.full(len(graph.links), 5.0)
     labels = inside_of_graph(graph)[None]
-    found = describe(graph, logits, inference_energy(graph, logits, DEFAULTS), labels, DEFAULTS)
+    found = describe(graph, logits, inference_energy(graph, logits), labels)
     return dict(zip(FEATURES, found[0], strict=True))
 
 
@@ -42,7 +41,7 @@ def test_a_doubtful_neck_is_an_alternative_and_makes_one_piece_of_two():
     graph = build_graph(raster_order(seen))
     logits = logits_of(graph, mask, (40, 69))
     energy, labels = all_labels(graph, logits)
-    parts, holes = pieces(describe(graph, logits, energy, labels, DEFAULTS))
+    parts, holes = pieces(describe(graph, logits, energy, labels))
     assert parts[0] == 2
     assert 1 in parts[1:]
     assert (holes == 0).all()
@@ -74,8 +73,8 @@ def test_a_ring_is_one_part_with_a_hole_of_its_area_and_turns_once_along_either_
     found = features_of(ring, lambda graph: graph.depths[:, 0] == 1)
     assert np.sinh(found["parts"]) == pytest.approx(1)
     assert np.sinh(found["holes"]) == pytest.approx(1)
-    assert np.sinh(found["area"]) == pytest.approx(np.pi * (39.5**2 - 20.5**2), rel=0.03)
-    assert np.sinh(found["turn"]) == pytest.approx(4 * np.pi, rel=0.1)
+    assert np.sinh(found["area"]) == pytest.approx(np.pi * (39.5**2 - 20.5**2), rel=0.003)
+    assert np.sinh(found["turn"]) == pytest.approx(4 * np.pi)
     assert found["seen"] == pytest.approx(np.arcsinh(1))
 
 
@@ -94,7 +93,7 @@ def test_the_cut_itself_changes_nothing():
     graph = build_graph(raster_order(seen))
     logits = logits_of(graph, mask, (40, 69))
     energy, labels = all_labels(graph, logits)
-    found = describe(graph, logits, energy, labels, DEFAULTS)
+    found = describe(graph, logits, energy, labels)
     about = ("lost", "gained", "joined", "left", "cost")
     changes = [n for n, name in enumerate(FEATURES) if name.split()[0] in about]
     assert (found[0, changes] == 0).all()
@@ -106,7 +105,7 @@ def test_parts_that_a_row_allows_are_kept_to():
     graph = build_graph(raster_order(seen))
     for doubt in (-0.2, -0.5, -1.0):
         logits = logits_of(graph, mask, (40, 69), doubt=doubt)
-        assert len(curves_of(graph, label_slice(graph, logits, ONE).inside, ONE)) == 1
+        assert len(curves_of(graph, label_slice(graph, logits, 1).inside, 1)) == 1
 
 
 def test_shipped_weights_are_those_that_are_named():
@@ -117,17 +116,18 @@ def test_more_maps_are_right_with_it_than_without():
     model = load_model(SHIPPED)
     rng = np.random.default_rng(77)
     maps = [draw_map(rng, kind, 2.0) for kind in ("pinch", "gaps", "double", "thick") for _ in range(25)]
+    slices = [observe(drawn.pixels, drawn.image) for drawn in maps]
+    read = [
+        one
+        for n in range(0, len(slices), SLICES_PER_BATCH)
+        for one in read_slices(slices[n : n + SLICES_PER_BATCH], model)
+    ]
     right = {}
     for rerank in (False, True):
-        settings = DEFAULTS.model_copy(update={"rerank": rerank})
-        masks, origin = predict_masks(
-            [drawn.pixels for drawn in maps], model, [drawn.image for drawn in maps], settings
-        )
+        labelled = label_slices(read, 2 * np.arange(len(read)), rerank=rerank)
         right[rerank] = sum(
-            score_slice(
-                list(closed_chains(mask[None], origin, np.zeros(1, int), FRAME, settings)), drawn.contours
-            ).correct
-            for mask, drawn in zip(masks, maps, strict=True)
+            score_labels(one.graph, found.inside, drawn.contours).correct
+            for one, found, drawn in zip(read, labelled, maps, strict=True)
         )
     assert right[True] > right[False]
 

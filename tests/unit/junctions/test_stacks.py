@@ -4,7 +4,6 @@ import pytest
 from cccd.geometry.opencv import border_pixels
 from cccd.junctions.decoding import fill_inside, find_outline
 from cccd.junctions.delaunay import build_graph
-from cccd.junctions.inference import DEFAULTS
 from cccd.junctions.stacks import ReadSlice, label_slices
 from cccd.metrics import dice
 
@@ -23,18 +22,18 @@ def doubled(radius, true, nats=0.3):
     graph = build_graph(np.unique(np.vstack([*chains, line]), axis=0))
     centre = np.hypot(*(graph.points[graph.triangles].mean(axis=1) - 45).T)
     within = np.where(centre < radius - 0.5, 4.0, np.where(centre < radius + 4.5, nats, -4.0))
-    read = ReadSlice(graph, find_outline(graph, DEFAULTS), (within, np.zeros(len(graph.links))))
+    read = ReadSlice(graph, find_outline(graph), (within, np.zeros(len(graph.links))))
     return read, disc(radius if true == "inner" else radius + 5)
 
 
 def clear(radius):
     graph = build_graph(border_pixels(disc(radius))[0])
-    return ReadSlice(graph, find_outline(graph, DEFAULTS), None), disc(radius)
+    return ReadSlice(graph, find_outline(graph), None), disc(radius)
 
 
-def agreement(stack, numbers, settings=DEFAULTS):
+def agreement(stack, numbers):
     found = []
-    slices = label_slices([read for read, _ in stack], np.array(numbers), settings)
+    slices = label_slices([read for read, _ in stack], np.array(numbers))
     for (read, truth), labelled in zip(stack, slices, strict=True):
         masks, origin = fill_inside(read.graph, labelled.inside)
         drawn = np.zeros(SHAPE, bool)
@@ -59,9 +58,8 @@ def test_what_both_neighbours_are_far_apart_on_says_little():
 @pytest.mark.parametrize("numbers", [[0, 2, 4], [0, 1, 3]])
 def test_only_slices_next_to_each_other_are_neighbours(numbers):
     stack = [clear(26), doubled(25, "inner"), clear(24)]
-    alone = DEFAULTS.model_copy(update={"neighbour_nats": 0.0})
     if numbers == [0, 2, 4]:
-        assert agreement(stack, numbers) == agreement(stack, numbers, alone)
+        assert agreement(stack, numbers) == [agreement([one], [0])[0] for one in stack]
     else:  # one neighbour says something, too
         assert agreement(stack, numbers)[1] > 0.99
 
@@ -71,7 +69,7 @@ def test_a_part_that_stands_on_both_sides_is_there_in_between():
     line = np.column_stack([np.arange(4, 12), np.full(8, 45)])
     graph = build_graph(np.vstack([border_pixels(truth)[0][8:], line]))  # open, and with what is none of it
     logits = np.full(len(graph.triangles), -0.8), np.full(len(graph.links), -1.0)
-    doubted = ReadSlice(graph, find_outline(graph, DEFAULTS), logits)
+    doubted = ReadSlice(graph, find_outline(graph), logits)
     stack = [(read, truth), (doubted, truth), (read, truth)]
     assert agreement(stack, [0, 10, 20])[1] == 0
     assert agreement(stack, [0, 1, 2])[1] > 0.95

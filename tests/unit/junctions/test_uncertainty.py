@@ -14,13 +14,14 @@ from cccd.junctions.alternatives import FEATURES
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.decoding import closed_chains
 from cccd.junctions.delaunay import build_graph
-from cccd.junctions.inference import DEFAULTS, predict_slices
+from cccd.junctions.inference import predict_slices
 from cccd.junctions.labelling import label_slice
-from cccd.junctions.reranker_training import Example, fit_doubt
 from cccd.junctions.reranking import shipped_reranker
-from cccd.junctions.scoring import score_slice
-from cccd.junctions.synthetic_maps import draw_map
 from cccd.junctions.uncertainty import chance_of_error, doubt_facts
+from cccd.settings.junctions import InferenceSettings
+from cccd_training.junctions.reranker import Example, fit_doubt
+from cccd_training.junctions.scoring import score_slice
+from cccd_training.junctions.synthetic_maps import draw_map
 
 
 def two_circles(gap, doubt):
@@ -34,7 +35,7 @@ def two_circles(gap, doubt):
 
 
 def chance(gap, doubt):
-    return label_slice(*two_circles(gap, doubt), DEFAULTS).uncertainty
+    return label_slice(*two_circles(gap, doubt)).uncertainty
 
 
 def test_a_ring_that_hangs_on_a_few_nats_is_more_doubtful_than_one_of_which_the_network_is_sure():
@@ -87,7 +88,7 @@ def test_wrong_maps_are_more_doubtful_than_right_ones():
         [drawn.image for drawn in maps],
         2 * np.arange(len(maps)),
     )
-    curves = closed_chains(found.masks, found.origin, np.arange(len(maps)), FRAME, DEFAULTS)
+    curves = closed_chains(found.masks, found.origin, np.arange(len(maps)), FRAME)
     of_map = [[*compress(curves, curves.slice == n)] for n in range(len(maps))]
     right = np.array(
         [score_slice(chains, drawn.contours).correct for chains, drawn in zip(of_map, maps, strict=True)]
@@ -97,8 +98,7 @@ def test_wrong_maps_are_more_doubtful_than_right_ones():
 
 
 def test_without_alternatives_nothing_is_said_of_errors():
-    settings = DEFAULTS.model_copy(update={"rerank": False})
-    assert label_slice(*two_circles(6, 0.3), settings).uncertainty is None
+    assert label_slice(*two_circles(6, 0.3), rerank=False).uncertainty is None
 
 
 class _Network:
@@ -127,7 +127,7 @@ def test_doubtful_slices_are_listed_and_their_uncertainty_is_stored(tmp_path):
     (warning,) = doubtful_slices(report)
     assert "10 (1 of 3;" in warning
     chance = dict(zip(curves.slice.tolist(), curves.uncertainty.tolist(), strict=True))
-    assert chance[10] > DEFAULTS.doubtful_from > chance[0] >= chance[20]
+    assert chance[10] > InferenceSettings().doubtful_from > chance[0] >= chance[20]
     splines = Splines(
         curves.points, curves.offsets, np.arange(5.0), np.zeros(len(curves) + 1, np.int64),
         curves.slice, curves.hole, 3, FRAME,

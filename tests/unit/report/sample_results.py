@@ -10,11 +10,10 @@ import trimesh
 
 from cccd.boundary import extract_boundaries
 from cccd.chaincode import chain_codes
-from cccd.comparisons.view import make_view
 from cccd.containers import FittedCurves, Frame, Splines, Structure
-from cccd.geometry.bsplines import Patch
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply, write_ply
+from cccd.geometry.subdivision import ControlMesh
 from cccd.report.render import render_surface
 from cccd.settings.boundaries import BoundarySettings
 from cccd.store import (
@@ -22,13 +21,15 @@ from cccd.store import (
     read_curves,
     read_structure,
     write_boundaries,
-    write_control_nets,
+    write_control_meshes,
     write_curves,
     write_json,
     write_structure,
     write_view,
 )
+from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd.tracing import trace_mask
+from cccd.view import make_view
 
 RADII = np.array([24.0, 30.0, 21.0])
 SPACING = np.array([1.0, 1.0, 2.0])
@@ -107,14 +108,11 @@ def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...]
     vertices = centre + mesh.vertices * radius(np.asarray(mesh.vertices))[:, None]
     write_ply(folder / "surface.ply", Mesh(np.array(vertices), np.array(mesh.faces)), "a test")
     write_sample_view(folder, 8000)
-    u = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    v = np.linspace(0, np.pi, 14)
-    sphere = np.stack(
-        [np.outer(np.cos(u), np.sin(v)), np.outer(np.sin(u), np.sin(v)), np.outer(np.ones(24), np.cos(v))], -1
+    net, faces = vertices, np.array(mesh.faces, np.int64)
+    points, quads, _ = split_to_quads(net, *join_in_pairs(Mesh(net, faces)))
+    write_control_meshes(
+        folder / "surface.h5", [ControlMesh(points, quads)], structure.frame, {"warnings": []}
     )
-    net = centre + 1.03 * sphere * radius(sphere.reshape(-1, 3)).reshape(24, 14, 1)
-    patch = Patch(net, np.ones((24, 14)), np.arange(31.0), np.arange(18.0), 3, 3, True, False, 1)
-    write_control_nets(folder / "surface.h5", [], [patch], structure.frame, {"warnings": []})
     write_json(
         folder / "metrics.json", make_metrics(case, organ, np.random.default_rng(len(case + organ)), warnings)
     )

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -10,12 +11,12 @@ import pandas as pd
 import pytest
 from sample_results import make_metrics, write_run
 
-from cccd.comparisons.numerals import number
-from cccd.comparisons.registry import ITEMS
 from cccd.report import svg
 from cccd.report.facts import benchmark_table
 from cccd.report.html_tables import table
+from cccd.report.numerals import number
 from cccd.report.page import build_report, build_structure_page
+from cccd.report.registry import items
 from cccd.store import write_json
 
 TEMPLATES = Path(__file__).parents[3] / "workflow" / "report"
@@ -88,19 +89,19 @@ def test_page_is_well_formed_and_refers_to_nothing_outside(text):
 def test_every_item_of_the_registry_is_there(text):
     page = Reader(text)
     anchors = {attributes.get("id") for attributes in page.all("article")}
-    assert {item.key for item in ITEMS if item.section != "summary"} <= anchors
-    assert [item.name for item in ITEMS if item.name.startswith("Table")] == [
+    assert {item.key for item in items() if item.section != "summary"} <= anchors
+    assert [item.name for item in items() if item.name.startswith("Table")] == [
         "Table 1", "Table 2", "Table 3", "Table 3", "Table 4", "Table 5",
     ]  # fmt: skip
-    assert {item.name for item in ITEMS if item.name.startswith("Figure")} == {
+    assert {item.name for item in items() if item.name.startswith("Figure")} == {
         f"Figure {n}" for n in range(5, 18)
     }
 
 
 def test_what_is_absent_is_said_in_one_line(text):
     page = Reader(text)
-    assert "tables/table2_fuse.csv is not there: this run did not make it." in page.texts
-    assert "tables/surfaces.csv is not there: this run did not make it." in page.texts
+    assert "This run did not make tables/table2_fuse.csv." in page.texts
+    assert "This run did not make tables/surfaces.csv." in page.texts
 
 
 def test_failures_warnings_and_numbers_are_on_the_first_screen(text, results):
@@ -122,7 +123,16 @@ def test_provenance_names_config_checksum_and_time(text):
 def test_nothing_at_all_still_makes_a_page(tmp_path):
     text = build(tmp_path / "results", [("a", "b")])
     assert Reader(text).stack == []
-    assert "gnn/history.csv is not there" in text
+
+
+def test_without_comparisons_no_word_of_the_paper(tmp_path, results):
+    shutil.copytree(
+        results, tmp_path / "results", ignore=shutil.ignore_patterns("tables", "comparisons", "gnn")
+    )
+    text = build(tmp_path / "results", STRUCTURES)
+    shown = re.sub(r"<(style|script).*?</\1>", "", text, flags=re.DOTALL)
+    assert "3D Dice" in shown
+    assert not re.search(r"\bpaper\b|Table \d|Figure \d|Training", shown)
 
 
 @pytest.mark.parametrize("name", ["structure.h5", "boundaries.h5", "curves.h5", "surface.h5", "surface.ply",

@@ -57,7 +57,7 @@ def test_quantise_is_within_half_a_step(where):
 def test_packing_a_sorted_mesh_takes_few_bytes_per_triangle():
     import trimesh
 
-    from cccd.comparisons.view import Mesh, sort_spatially
+    from cccd.view import Mesh, sort_spatially
 
     sphere = trimesh.creation.icosphere(subdivisions=6)
     mesh, _ = sort_spatially(Mesh(np.asarray(sphere.vertices), np.asarray(sphere.faces)))

@@ -40,8 +40,8 @@ def test_meshes_and_net_share_the_world(folder):
         for name, grid in (("surface", "mm"), ("cubes", "mm"), ("net", "net_mm"))
     }
     centres = {name: (points.min(axis=0) + points.max(axis=0)) / 2 for name, points in world.items()}
-    np.testing.assert_allclose(centres["cubes"], centres["surface"], atol=1.5)
-    np.testing.assert_allclose(centres["net"], centres["surface"], atol=1.5)
+    np.testing.assert_allclose(centres["cubes"], centres["surface"], atol=0.5)
+    np.testing.assert_allclose(centres["net"], centres["surface"], atol=0.01)
     pixels = np.asarray(meta["pixels"]["origin"]) + meta["pixels"]["step"] * arrays["curve_points"]
     k = np.repeat(arrays["curve_slice"].ravel(), np.diff(arrays["curve_offsets"].ravel()))
     curve = np.column_stack([pixels, k, np.ones(len(k))]) @ np.array(meta["stack_affine"]).T

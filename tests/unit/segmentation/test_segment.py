@@ -16,12 +16,12 @@ from cccd.errors import InputError
 from cccd.project import PROJECT
 from cccd.segmentation.external import run_external
 from cccd.segmentation.model import load_segmenter
+from cccd.segmentation.networks import networks
 from cccd.segmentation.segment import find_segmenter
-from cccd.segmentation.sources import read_labelled_scan
 from cccd.settings.imports import ImportSettings, PhantomSettings
-from cccd.settings.segmentation import SEGMENTERS
 from cccd.volumes.grid import Volume
 from cccd.volumes.nifti_export import write_nifti
+from cccd_training.segmentation.scans import read_labelled_scan
 
 ROW = dict.fromkeys(("case", "organ", "source", "image", "mask", "label", "boundary", "role"), "")
 ROW |= {"case": "p1", "organ": "spleen", "source": "files", "role": "train", "location": "sheet.tsv row 2"}
@@ -38,10 +38,10 @@ def test_shipped_weights_are_found_by_name_and_strangers_are_not():
 @pytest.mark.parametrize(
     ("folder", "networks", "least", "source"),
     [
-        ("hippocampus", SEGMENTERS, 0.84, "files"),
-        ("phantom_liver", SEGMENTERS, 0.95, "phantom"),
-        ("phantom_lungs", SEGMENTERS, 0.95, "phantom"),
-        ("phantom_kidney", SEGMENTERS, 0.95, "phantom"),
+        ("hippocampus", networks(), 0.84, "files"),
+        ("phantom_liver", networks(), 0.95, "phantom"),
+        ("phantom_lungs", networks(), 0.95, "phantom"),
+        ("phantom_kidney", networks(), 0.95, "phantom"),
     ],
 )
 def test_shipped_weights_are_small_and_their_scores_are_those_asked_for(folder, networks, least, source):
@@ -123,7 +123,7 @@ def test_the_decathlon_s_folders_imply_mask_and_label(tmp_path):
     completed, labels = complete_row(row, tmp_path)
     assert completed["mask"] == "labelsTr/a.nii.gz"
     assert labels == (1, 2)
-    with pytest.raises(InputError, match="does not lie in imagesTr"):
+    with pytest.raises(InputError, match="is not in imagesTr"):
         complete_row(row | {"image": "a.nii.gz"}, tmp_path)
 
 

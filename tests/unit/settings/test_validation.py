@@ -9,16 +9,20 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from cccd.errors import InputError
+from cccd.settings.emit import keys
 from cccd.settings.messages import nearest
-from cccd.settings.root import Settings
+from cccd.settings.removed import what_became_of
+from cccd.settings.root import whole_settings
 from cccd.settings.validation import validate_config
 
 ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_default_configuration_is_the_models():
-    assert validate_config(yaml.safe_load((ROOT / "config" / "config.yaml").read_text())) == Settings()
-    assert validate_config({}) == Settings()
+    assert (
+        validate_config(yaml.safe_load((ROOT / "config" / "config.yaml").read_text())) == whole_settings()()
+    )
+    assert validate_config({}) == whole_settings()()
 
 
 @pytest.mark.parametrize(
@@ -62,15 +66,8 @@ def test_bad_value_names_key_value_and_hint(curves, expected):
         ({"import": {"region": {"window": ["low", None]}}}, ["import.region.window", "'otsu' or a list"]),
         ({"import": {"resample": 1}}, ["config key import.resample", "true or false"]),
         ({"surface": {"formats": ["stl", "stl"]}}, ["config key surface.formats", "stl", "twice"]),
-        (
-            {"surface": {"detail": {"coarse_mm": [3.0, 2.0]}}},
-            ["config key surface.detail.coarse_mm", "2 stands after 3", "larger"],
-        ),
         ({"surface": {"formats": ["stp"]}}, ["config key surface.formats.0", "did you mean 'step'?"]),
-        (
-            {"comparisons": {"active_contour": {"figure_15": {"a": [1, 99]}}}},
-            ["figure_15.a.1", "99", "at most 10"],
-        ),
+        ({"comparisons": {"thick_slices": {"spacings_mm": [5, 99]}}}, ["spacings_mm.1", "99", "at most 50"]),
         ({"gnn": {"graphs": {"training": "-1"}}}, ["config key gnn.graphs.training", "'-1'"]),
         ({"gnn": {"pretrained": 3}}, ["config key gnn.pretrained", "text or null"]),
     ],
@@ -82,15 +79,48 @@ def test_bad_value_deep_inside_is_named_too(config, expected):
         assert part in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("config", "line"),
+    [
+        (
+            {"surface": {"edge_voxels": 2}},
+            "surface.edge_voxels: it is no setting any more; the spline surface decides that by itself: "
+            "delete the key",
+        ),
+        (
+            {"surface": {"matching": {"smallest_part_voxels": 3}}},
+            "surface.matching: it is no setting any more; its smallest_part_voxels is "
+            "surface.smallest_part_voxels now; delete the others",
+        ),
+        (
+            {"curves": {"fitting": {"knots": {"few": 9}}}},
+            "curves.fitting: it is no setting any more; its value is fixed in the code now: delete the key",
+        ),
+        (
+            {"gnn": {"width": 16, "link_width": 12}},
+            "gnn.link_width: it is no setting any more; it follows from gnn.width now: delete the key",
+        ),
+    ],
+)
+def test_a_key_of_an_older_version_is_told_what_became_of_it(config, line):
+    with pytest.raises(InputError) as caught:
+        validate_config(config)
+    assert str(caught.value) == f"config key {line}"
+
+
+def test_no_key_that_is_there_is_told_to_be_gone():
+    assert [key.dotted for key in keys() if what_became_of(key.dotted)] == []
+
+
 def as_text(value):
     """What Snakemake's command line makes of nested values: lists and mappings of text."""
     return yaml.load(yaml.safe_dump(value), Loader=yaml.BaseLoader)
 
 
 def test_text_from_the_command_line_is_read_as_what_it_stands_for():
-    plain = Settings().as_config()
-    assert as_text(plain)["surface"]["tolerance_voxels"] == "0.06"
-    assert validate_config(as_text(plain)) == Settings()
+    plain = whole_settings()().as_config()
+    assert as_text(plain)["surface"]["step_tolerance_mm"] == "0.2"
+    assert validate_config(as_text(plain)) == whole_settings()()
 
 
 @hypothesis_settings(max_examples=30, deadline=None)
@@ -123,7 +153,7 @@ def test_text_stays_text_where_text_is_wanted():
 
 def test_settings_cannot_be_changed():
     with pytest.raises(ValidationError, match="frozen"):
-        Settings().curves.k = 9
+        whole_settings()().curves.k = 9
 
 
 def test_near_name_is_found_whatever_the_case():
@@ -143,7 +173,7 @@ GOOD = {"k": 5, "method": "corners", "max_control_points": None, "sweep": [1]}
         st.sampled_from(["seed", "curves", "surface", "x"]),
         values
         | st.just(GOOD)
-        | st.dictionaries(st.sampled_from(["k", "sweep", "formats", "edge_voxels"]), values, max_size=2),
+        | st.dictionaries(st.sampled_from(["k", "sweep", "formats", "corner_k"]), values, max_size=2),
         max_size=3,
     )
 )

@@ -9,7 +9,6 @@ import sys
 import pytest
 from closed_shapes import sphere, together
 
-from cccd.settings.surface import SolidSettings
 from cccd.solids.build import build_solids, write_solids
 
 CHECK = """
@@ -45,14 +44,11 @@ FREECAD = shutil.which("freecadcmd")
 def step(request, tmp_path_factory):
     """A file of a ball with a cavity, and the volume of its mesh."""
     mesh = together(sphere(10.0, subdivisions=3), sphere(6.0, subdivisions=3).reversed())
-    settings = {
-        "splines": SolidSettings(),
-        "facets": SolidSettings(most_patches=12, first_patches=12, most_facets=800),
-    }
-    solids = build_solids(mesh, 0.2 if request.param == "splines" else 0.01, settings[request.param])
+    smooth = request.param == "splines"
+    solids = build_solids(mesh, 0.2) if smooth else build_solids(mesh, 0.01, most_patches=12, most_facets=800)
     path = tmp_path_factory.mktemp("step") / "organ.step"
     report = write_solids(path, "organ", solids, "step")
-    assert report["smooth_shells"] == (2 if request.param == "splines" else 0)
+    assert report["smooth_shells"] == (2 if smooth else 0)
     return path, mesh.volume
 
 

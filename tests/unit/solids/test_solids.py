@@ -6,7 +6,6 @@ from closed_shapes import box, nested, ring, sphere
 
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import SolidSettings
 from cccd.solids.build import build_solids, write_solids
 
 pytest.importorskip("OCP", reason="cadquery-ocp-novtk is not installed")
@@ -15,15 +14,10 @@ from OCP import BRep, BRepTools, IFSelect, IGESControl, STEPControl, TopAbs, Top
 
 from cccd.solids.kernel import Part, check_solid, count_shapes, make_solid, write_parts
 
-SETTINGS = SolidSettings()
-FEW = SolidSettings(most_facets=200, most_patches=60)
-
 
 def shapes_of(mesh):
     """OpenCASCADE's solids of a mesh."""
-    return [
-        make_solid([shell.build() for shell in body]) for body in build_solids(mesh, 0.2, SETTINGS).bodies
-    ]
+    return [make_solid([shell.build() for shell in body]) for body in build_solids(mesh, 0.2).bodies]
 
 
 def read(path):
@@ -41,7 +35,7 @@ def read(path):
 @pytest.fixture(scope="module")
 def bodies():
     mesh = nested()
-    return mesh, build_solids(mesh, 0.2, SETTINGS)
+    return mesh, build_solids(mesh, 0.2)
 
 
 @pytest.mark.parametrize("form", ["step", "iges", "brep"])
@@ -79,7 +73,9 @@ def test_step_says_unit_names_and_colours(tmp_path):
 
 
 def test_a_tolerance_out_of_reach_is_said_and_the_solid_holds(tmp_path):
-    report = write_solids(tmp_path / "a.step", "a", build_solids(sphere(), 1e-4, FEW), "step")
+    report = write_solids(
+        tmp_path / "a.step", "a", build_solids(sphere(), 1e-4, most_patches=60, most_facets=200), "step"
+    )
     assert report["valid"]
     assert report["faces"] <= 200
     assert any("step_tolerance_mm" in line for line in report["warnings"])
@@ -88,10 +84,10 @@ def test_a_tolerance_out_of_reach_is_said_and_the_solid_holds(tmp_path):
 def test_an_open_mesh_is_refused():
     ball = sphere()
     with pytest.raises(InputError, match="not closed"):
-        build_solids(Mesh(ball.vertices, ball.faces[1:]), 0.2, SETTINGS)
+        build_solids(Mesh(ball.vertices, ball.faces[1:]), 0.2)
 
 
 def test_solids_are_the_same_in_every_run(tmp_path):
-    first, second = (build_solids(ring(), 0.1, SETTINGS) for _ in range(2))
+    first, second = (build_solids(ring(), 0.1) for _ in range(2))
     assert np.array_equal(first.bodies[0][0].mesh.vertices, second.bodies[0][0].mesh.vertices)
     assert first.report == second.report

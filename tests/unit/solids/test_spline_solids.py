@@ -24,7 +24,7 @@ FRAME = Frame(np.eye(4), 2, (8, 8, 8))
 
 def surface_of(*bodies):
     meshes = [body.tessellate(2) for body in bodies]
-    return Surface([], meshes[0], FRAME, {}, list(bodies))
+    return Surface(list(bodies), meshes[0], FRAME)
 
 
 def inside_out(mesh):

@@ -17,7 +17,7 @@ from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS, TetrahedraSettings
-from cccd.store import write_control_nets
+from cccd.store import write_control_meshes
 from cccd.surface import loft_surface
 from cccd.surface.export import Scan, read_surface, write_surface
 from cccd.surface.surface import Surface
@@ -30,14 +30,13 @@ def surface():
 
 def test_ply_reads_back_exactly(surface, tmp_path):
     write_surface(tmp_path / "surface.ply", surface)
-    write_control_nets(
-        tmp_path / "surface.h5", surface.bodies, surface.patches, surface.frame, surface.report
-    )
+    write_control_meshes(tmp_path / "surface.h5", surface.bodies, surface.frame, surface.report)
     back = read_surface(tmp_path / "surface.h5", tmp_path / "surface.ply")
     assert np.array_equal(back.vertices, surface.vertices)
     assert np.array_equal(back.faces, surface.faces)
     assert back.report == surface.report
-    assert np.array_equal(back.patches[0].control_points, surface.patches[0].control_points)
+    assert np.array_equal(back.bodies[0].vertices, surface.bodies[0].vertices)
+    assert np.array_equal(back.bodies[0].quads, surface.bodies[0].quads)
 
 
 @pytest.mark.parametrize("suffix", ["ply", "stl"])
@@ -69,21 +68,11 @@ def test_vtp_says_its_frame(surface, tmp_path):
     assert list(mesh.field_data["Space"]) == ["RAS"]
 
 
-def test_vtp_has_curvature_and_tube_coordinates_at_its_vertices(surface, tmp_path):
+def test_vtp_has_curvature_and_the_body_at_its_vertices(surface, tmp_path):
     pyvista = pytest.importorskip("pyvista")
     write_surface(tmp_path / "surface.vtp", surface)
     values = pyvista.read(tmp_path / "surface.vtp").point_data
-    assert set(np.unique(values["tube"])) == set(range(len(surface.patches)))
-    for n in np.linspace(0, len(surface.vertices) - 1, 40).astype(int):
-        patch = surface.patches[values["tube"][n]]
-        (a, b), (c, d) = (
-            (knots[degree], knots[-degree - 1])
-            for knots, degree in ((patch.knots_u, patch.degree_u), (patch.knots_v, patch.degree_v))
-        )
-        u = a + (b - a) * values["around"][n : n + 1]
-        v = c + (d - c) * values["along"][n : n + 1]
-        away = np.linalg.norm(patch.evaluate(u, v) - surface.vertices[n])
-        assert away == pytest.approx(values["distance_to_tube"][n], abs=1e-6)
+    assert set(np.unique(values["body"])) == set(range(len(surface.bodies)))
     assert np.median(values["curvature"]) > 0
 
 
@@ -176,7 +165,7 @@ def spline_surface():
     bodies = [body.rounded(1e-3) for body in bodies]
     whole = trimesh.util.concatenate([body.tessellate(2).to_trimesh() for body in bodies])
     mesh = Mesh(np.array(whole.vertices), np.array(whole.faces, np.int64))
-    return Surface([], mesh, Frame(np.eye(4), 2, (8, 8, 8)), {}, bodies)
+    return Surface(bodies, mesh, Frame(np.eye(4), 2, (8, 8, 8)))
 
 
 @pytest.mark.parametrize("suffix", ["usd", "usda", "usdc"])
@@ -225,7 +214,7 @@ def test_a_mesh_of_shared_walls_has_no_control_meshes(tmp_path):
     smoothed = replace(surface, mesh=surface.mesh.low_passed(0.1, 5))
     for name, written in (("own", surface), ("walls", smoothed)):
         write_surface(tmp_path / f"{name}.ply", written)
-    write_control_nets(tmp_path / "surface.h5", surface.bodies, [], surface.frame, surface.report)
+    write_control_meshes(tmp_path / "surface.h5", surface.bodies, surface.frame, surface.report)
     assert len(read_surface(tmp_path / "surface.h5", tmp_path / "own.ply").bodies) == 3
     assert read_surface(tmp_path / "surface.h5", tmp_path / "walls.ply").bodies == []
 

@@ -3,11 +3,9 @@ import pytest
 from shapes import ball, curves_of
 
 from cccd.containers import Curves, Frame
-from cccd.geometry.polygons import signed_area
 from cccd.settings.surface import LoftSettings
 from cccd.surface.fields import distance_fields, interpolated_fields
 from cccd.surface.outlines import Outlines, lofted_outlines, through_pixel_centres
-from cccd.surface.rings import find_rings, overlap
 
 
 def border(curves):
@@ -40,15 +38,13 @@ def test_distances_to_drawn_outlines_are_exact_near_them():
     assert np.array_equal(distance[0] < 0, true < 0)
 
 
-def test_the_zero_contour_of_pixels_encloses_the_pixels():
-    mask = ball()
+def test_distances_of_pixels_are_negative_at_the_centres_of_the_pixels():
+    mask = ball(radius=20) & ~ball(radius=8)
     curves = curves_of(mask)
     assert through_pixel_centres(curves)
-    slices, distance, _ = distance_fields(polygons(curves))
-    field = next(iter(interpolated_fields(slices[10:11], distance[10:11], 1.0, 1.0)))
-    (ring,) = find_rings(field, 0, np.ones(2), of_pixels=True)
-    assert ring.area == mask[:, :, slices[10]].sum()
-    assert signed_area(ring.points) == pytest.approx(ring.area, rel=0.02)
+    slices, distance, origin = distance_fields(polygons(curves))
+    i, j = np.nonzero(distance[30 - slices[0]] < 0)
+    assert np.array_equal(np.column_stack([i, j]) + origin, np.argwhere(mask[:, :, 30]))
 
 
 def test_levels_between_slices_stay_between_them():
@@ -62,14 +58,3 @@ def test_levels_between_slices_stay_between_them():
         for field in fields[4 * low : 4 * low + 5]:
             assert np.all(field.distance >= pair.min(axis=0) - 1e-4)
             assert np.all(field.distance <= pair.max(axis=0) + 1e-4)
-
-
-def test_holes_are_find_rings_their_own():
-    mask = ball(radius=20) & ~ball(radius=8)
-    slices, distance, _ = distance_fields(polygons(curves_of(mask)))
-    middle = int(np.flatnonzero(slices == 30)[0])
-    field = next(iter(interpolated_fields(slices[[middle]], distance[[middle]], 1.0, 1.0)))
-    outer, hole = find_rings(field, 0, np.ones(2), of_pixels=True)
-    assert (outer.hole, outer.depth, hole.hole, hole.depth) == (False, 0, True, 1)
-    assert outer.area - hole.area == mask[:, :, 30].sum()
-    assert overlap(outer, hole) == np.count_nonzero(hole.mask)

@@ -1,40 +1,47 @@
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd.geometry.grid import ScalarGrid
-from cccd.geometry.mesh import Mesh
 from cccd.surface.booleans import between_planes
-from cccd.surface.flat_caps import even_cap, run_on
+from cccd.surface.flat_caps import fill_rim
 
 
-def edges_of(mesh, height):
-    """Lengths of the sides of the triangles that lie at a height."""
-    corners = mesh.vertices[mesh.faces[(mesh.vertices[:, 2] == height)[mesh.faces].all(axis=1)]]
-    return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+def rim_of(*polygons):
+    """Points and sides of closed polygons, outlines counter-clockwise and holes clockwise."""
+    starts = np.cumsum([0, *map(len, polygons)])
+    number = [np.arange(len(part)) + start for part, start in zip(polygons, starts, strict=False)]
+    return np.concatenate(polygons), np.concatenate([np.column_stack([n, np.roll(n, -1)]) for n in number])
 
 
-@pytest.mark.parametrize("height", [2.0, -2.0])
-def test_a_ring_keeps_its_hole_and_gets_short_edges(height):
-    ring = trimesh.creation.annulus(6, 10, 4, sections=100)
-    ring = Mesh(ring.vertices, ring.faces)
-    even = even_cap(ring, height, 0.7)
-    assert even.is_closed_manifold
-    assert (even.genus, even.volume) == (1, pytest.approx(ring.volume, rel=1e-9))
-    assert edges_of(ring, height).max() > 3
-    assert edges_of(even, height).max() < 1.6
-    assert np.array_equal(
-        np.sort(edges_of(even, -height), axis=None), np.sort(edges_of(ring, -height), axis=None)
-    )
+def circle(radius, count, way=1):
+    angle = way * 2 * np.pi * np.arange(count) / count
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def test_a_rim_of_long_sides_stays_as_it_is():
-    box = trimesh.creation.box((4, 4, 4))
-    box = Mesh(box.vertices, box.faces)
-    assert even_cap(box, 2.0, 0.3) is box
-    assert even_cap(box, 1.5, 0.3) is box
+@given(st.integers(12, 60), st.floats(0.2, 0.7))
+def test_a_rim_with_a_hole_is_filled_between_both_by_triangles_of_its_sides_size(count, share):
+    points, rim = rim_of(circle(10, count), circle(10 * share, count, -1))
+    added, triangles = fill_rim(points, rim)
+    corners = np.concatenate([points, added])[triangles]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert np.all(doubled > 0)
+    area = count / 2 * np.sin(2 * np.pi / count) * 100 * (1 - share**2)
+    assert doubled.sum() / 2 == pytest.approx(area, rel=1e-6)
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    once, times = np.unique(sides, axis=0, return_counts=True)
+    beside = dict(zip(map(tuple, once.tolist()), times.tolist(), strict=True))
+    assert all(beside[tuple(sorted(side))] == 1 for side in rim.tolist())
+    assert np.all(times <= 2)
+
+
+def test_a_rim_of_long_sides_is_spanned():
+    points, rim = rim_of(np.array([(0.0, 0), (30, 0), (30, 1), (0, 1)]))
+    added, triangles = fill_rim(points, rim)
+    corners = np.concatenate([points, added])[triangles]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert doubled.sum() / 2 == pytest.approx(30)
 
 
 @settings(max_examples=15, deadline=None)
@@ -50,17 +57,5 @@ def test_whatever_a_plane_cuts_is_closed_and_does_not_pass_through_itself(seed, 
     below, above = between_planes(whole, -np.inf, height), between_planes(whole, height, np.inf)
     assert below.volume + above.volume == pytest.approx(whole.volume, rel=1e-9)
     for part in (below, above):
-        even = even_cap(part, height, 0.75)
-        assert len(even.faces) == 0 or even.is_closed_manifold
-        assert len(even.self_intersections()) == 0
-        assert even.volume == pytest.approx(part.volume, rel=1e-9)
-
-
-def test_a_run_on_tube_is_longer_by_its_section():
-    tin = trimesh.creation.cylinder(3, 2, sections=40)
-    tin = Mesh(tin.vertices, tin.faces)
-    section = tin.volume / 2
-    longer = run_on(run_on(tin, 1.0, 2.5), -1.0, -1.25)
-    assert longer.is_closed_manifold
-    assert longer.volume == pytest.approx(tin.volume + 1.75 * section)
-    assert np.ptp(longer.vertices[:, 2]) == pytest.approx(3.75)
+        assert len(part.faces) == 0 or part.is_closed_manifold
+        assert len(part.self_intersections()) == 0

@@ -11,7 +11,8 @@ from cccd.containers import Curves, Frame
 from cccd.errors import InputError
 from cccd.geometry.raster import voxelise
 from cccd.metrics import dice
-from cccd.surface import loft_surface, measure_surface
+from cccd.surface import loft_surface
+from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
 
 
@@ -40,14 +41,20 @@ def test_small_rough_organs_keep_their_volume():
     assert np.mean(kept) == pytest.approx(1, abs=0.0025)
 
 
-def test_a_ball_keeps_its_volume_and_its_surface():
-    mask = ball()
-    surface = loft_surface(curves_of(mask), SETTINGS)
+@pytest.fixture(scope="module")
+def whole_ball():
+    structure = structure_of(ball())
+    return structure, loft_surface(trace_mask(structure), SETTINGS)
+
+
+def test_a_ball_keeps_its_volume_and_its_surface(whole_ball):
+    structure, surface = whole_ball
     assert_sound(surface)
-    assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.01)
-    radius = np.linalg.norm(surface.vertices - 30, axis=1)
-    assert np.abs(radius - 20).mean() < 0.35
-    assert agreement(surface, mask) > 0.98
+    assert surface.mesh.volume == pytest.approx(structure.mask.sum(), rel=0.001)
+    away = np.abs(np.linalg.norm(surface.vertices - 30, axis=1) - 20)
+    assert away.mean() < 0.05
+    assert away.max() < 0.5  # as far as the pixels themselves
+    assert agreement(surface, structure.mask) > 0.998
 
 
 def test_anisotropic_oblique_scans_come_out_in_world_mm():
@@ -62,7 +69,7 @@ def test_anisotropic_oblique_scans_come_out_in_world_mm():
     assert_sound(surface)
     centre = affine[:3, :3] @ (30, 30, 10) + affine[:3, 3]
     radius = np.linalg.norm(surface.vertices - centre, axis=1)
-    assert np.abs(radius - 20).mean() < 0.6
+    assert np.abs(radius - 20).mean() < 0.06  # a fourteenth of a pixel
 
 
 def test_mirrored_affines_still_point_outwards():
@@ -83,13 +90,15 @@ def test_what_the_scan_cuts_ends_half_a_slice_beyond_it_however_thick_slices_are
 def test_the_rim_where_the_scan_cuts_an_organ_is_sharp_and_smooth():
     disc = np.sum((grid(60, 60, 12)[:2] - 30) ** 2, axis=0) < 20.3**2
     mesh = loft_surface(curves_of(disc), SETTINGS).mesh
-    level = np.abs(mesh.face_normals[:, 2]) / np.linalg.norm(mesh.face_normals, axis=1)
-    assert np.all((level > 0.9999) | (level < 0.1))
+    level = np.abs(mesh.unit_normals[:, 2])
+    assert mesh.face_areas[(level < 0.9999) & (level > 0.1)].sum() < 1e-3 * mesh.area
     on_cap = np.isin(mesh.vertices[:, 2], (-0.5, 11.5))
     walls = mesh.faces[level < 0.1]
     rim = np.intersect1d(walls[on_cap[walls]], mesh.faces[level > 0.9999])
     radius = np.linalg.norm(mesh.vertices[rim, :2] - 30, axis=1)
-    assert np.abs(radius - np.sqrt(disc[..., 0].sum() / np.pi)).max() < 0.3
+    away = np.abs(radius - np.sqrt(disc[..., 0].sum() / np.pi))
+    assert away.mean() < 0.1
+    assert away.max() < 0.5  # as far as the disc's own pixels
 
 
 def test_drawn_outlines_are_not_moved_outwards():
@@ -115,22 +124,12 @@ def test_drawn_outlines_are_not_moved_outwards():
     assert surface.report["cut_ends"] == 2
 
 
-def test_a_fork_is_one_solid_of_two_tubes():
-    mask = fork()
-    surface = loft_surface(curves_of(mask), SETTINGS)
-    assert_sound(surface)
-    assert surface.report["tubes"] == 2
-    assert surface.report["joined_ends"] == 1
-    assert surface.report["bodies"] == 1
-    assert agreement(surface, mask) > 0.95
-
-
 def test_a_cavity_is_subtracted():
     mask = ball(radius=22) & ~ball(radius=11)
     surface = loft_surface(curves_of(mask), SETTINGS)
     assert_sound(surface)
-    assert [patch.sign for patch in surface.patches] == [1, -1]
-    assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.02)
+    assert [body.sign for body in surface.bodies] == [1, -1]
+    assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.001)
 
 
 def test_a_tunnel_through_all_slices_stays_open():
@@ -149,13 +148,12 @@ def test_a_shelf_that_appears_at_once_leaves_no_ripples():
     mask |= (x >= 28) & (x < 100) & (np.abs(y - 30) <= 5) & (z >= 20)
     mask &= (z >= 3) & (z < 37)
     structure = structure_of(mask)
-    settings = SETTINGS.model_copy(update={"tolerance_voxels": 0.1, "compactness": 12.0})
-    surface = loft_surface(trace_mask(structure), settings)
+    surface = loft_surface(trace_mask(structure), SETTINGS)
     assert_sound(surface)
     away = np.linalg.norm(surface.vertices[:, :2] - (28, 30), axis=1) - 20
     far_wall = (np.abs(surface.vertices[:, 2] - 20) < 12) & (surface.vertices[:, 0] < 24)
-    assert np.abs(away[far_wall]).max() < 0.6
-    assert measure_surface(surface, structure)["hausdorff_mm"] < 4
+    assert np.abs(away[far_wall]).max() < 0.5  # as far as the pixels themselves
+    assert measure_surface(surface, structure)["hausdorff_mm"] < np.sqrt(3)  # a voxel's diagonal
 
 
 def test_what_only_the_cut_slice_shows_is_kept():
@@ -165,7 +163,7 @@ def test_what_only_the_cut_slice_shows_is_kept():
     surface = loft_surface(curves_of(mask, (1.0, 1.0, 3.0)), SETTINGS)
     assert_sound(surface)
     inside = voxelise(surface.mesh, surface.frame.affine, mask.shape)
-    assert dice(mask[:, :, 0], inside[:, :, 0]) > 0.93
+    assert dice(mask[:, :, 0], inside[:, :, 0]) > 0.99
     assert surface.vertices[:, 2].min() == pytest.approx(-1.5)
 
 
@@ -191,7 +189,7 @@ def test_one_slice_is_a_lens():
     mask[:, :, :30] = mask[:, :, 31:] = False
     surface = loft_surface(curves_of(mask), SETTINGS)
     assert_sound(surface)
-    assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.15)
+    assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.001)
 
 
 def test_a_single_triangle_is_enough():
@@ -212,11 +210,14 @@ def test_what_is_lost_is_told_by_its_volume():
     mask = ball((60, 60, 40), (30, 30, 20), 14)
     mask[4:6, 4:6, 5] = mask[50:52, 50:52, 30] = True
     warnings = loft_surface(curves_of(mask, (0.5, 0.5, 2)), SETTINGS).report["warnings"]
-    assert warnings == ["2 parts (4 mm³, fewer than 6 voxels each) are not in the surface"]
+    assert warnings == [
+        "dropped 2 fragments smaller than 6 voxels (4 mm³ in total); "
+        "lower surface.smallest_part_voxels to keep them"
+    ]
     shell = np.abs(np.linalg.norm(np.stack(grid(24, 24, 24), -1) - 11.5, axis=-1) - 7) < 0.3  # full of holes
     surface = loft_surface(curves_of(shell), SETTINGS)
     assert surface.mesh.volume < 0.5 * shell.sum()
-    assert "of its slices' volume" in surface.report["warnings"][-1]
+    assert "of its slices' volume" in " ".join(surface.report["warnings"])
 
 
 def test_no_curves_is_an_input_error():
@@ -235,31 +236,52 @@ def test_curves_between_the_pixels_are_an_input_error():
 
 
 def test_same_curves_give_the_same_bytes():
-    curves = curves_of(fork())
+    curves = curves_of(fork()[::2, ::2, ::2])
     first, second = loft_surface(curves, SETTINGS), loft_surface(curves, SETTINGS)
     assert first.vertices.tobytes() == second.vertices.tobytes()
     assert first.faces.tobytes() == second.faces.tobytes()
 
 
-def test_compactness_is_kept():
-    mask = ball((80, 80, 80), (40, 40, 40), 30)
+def test_small_parts_are_left_out_with_a_warning(whole_ball):
+    mask = ball()
+    mask[2:4, 2:4, 30] = True
     surface = loft_surface(curves_of(mask), SETTINGS)
-    assert surface.report["compactness"] >= SETTINGS.compactness
-    assert agreement(surface, mask) > 0.985
+    assert surface.report["bodies"] == 1
+    assert any("smaller than 6 voxels" in warning for warning in surface.report["warnings"])
+    assert whole_ball[1].report["warnings"] == []
 
 
-def test_measures_of_a_ball():
-    structure = structure_of(ball())
-    surface = loft_surface(trace_mask(structure), SETTINGS)
+def test_caps_end_where_the_last_slices_point():
+    """To a fifth of the distance between them."""
+    spacing = (2.0, 2.0, 5.0)
+    mask = ball((40, 40, 24), (20, 20, 12.1), 30, spacing)
+    surface = loft_surface(curves_of(mask, spacing), SETTINGS)
+    assert surface.vertices[:, 2].min() == pytest.approx(5 * 12.1 - 30, abs=1.0)
+    assert surface.vertices[:, 2].max() == pytest.approx(5 * 12.1 + 30, abs=1.0)
+
+
+def test_an_open_vessel_runs_through_the_cut_end():
+    x, y, z = grid(50, 50, 16)
+    mask = (np.hypot(x - 25, y - 25) <= 20) & (z < 16)
+    mask &= ~((np.hypot(x - 25, y - 36) <= 4) & (z > 0))
+    mask &= ~((np.abs(x - 25) <= 3) & (y > 34) & (z == 0))  # in the first slice it reaches the outside
+    surface = loft_surface(curves_of(mask), SETTINGS)
+    assert surface.mesh.is_closed_manifold
+    inside = voxelise(surface.mesh, surface.frame.affine, mask.shape)
+    assert not inside[25, 36].any()
+
+
+def test_measures_of_a_ball(whole_ball):
+    structure, surface = whole_ball
     figures = measure_surface(surface, structure)
-    assert figures["assd_mm"] < 0.4
+    assert figures["assd_mm"] < 0.15
     assert figures["closed_manifold"]
     assert figures["self_intersections"] == 0
-    # Both principal curvatures of a ball are 1 / R.
-    assert figures["curvature_per_area_mm"] == pytest.approx(2 / 20, rel=0.3)
+    # both principal curvatures of a ball are 1 / R; what is left of the pixels adds a fifth
+    assert 2 / 20 < figures["curvature_per_area_mm"] < 1.25 * 2 / 20
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     hnp.arrays(
         float,

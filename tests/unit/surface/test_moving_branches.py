@@ -7,15 +7,12 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from shapes import curves_of
 
-from cccd.settings.surface import BranchSettings, LoftSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.surface.fields import LevelField
 from cccd.surface.moving_branches import Sections, follow_branches, move_branches
 
 PIXEL, GAP = np.ones(2), 5.0
-STILL = LoftSettings(
-    interpolation=LoftSettings().interpolation.model_copy(update={"branches": BranchSettings(steepest=0)})
-)
 
 
 def line(angle, length=60.0, middle=(40.0, 40.0, 45.0)):
@@ -72,8 +69,7 @@ def test_a_vessel_that_runs_aslant_is_one_tube_of_its_radius(radius, angle, spac
     assert mesh.is_closed_manifold
     wall = np.ptp(points[:, 2]) / 2 - GAP > np.abs(mesh.vertices[:, 2] - 45)  # its ends lie between slices
     error = np.abs(cKDTree(points).query(mesh.vertices[wall])[0] - radius)
-    assert error.mean() < 0.25 * spacing[0]
-    assert loft_surface(curves, STILL).mesh.count_bodies() > 2
+    assert error.mean() < spacing[0] / 6
 
 
 def test_a_thin_coil_is_one_tube_though_its_sections_turn_from_slice_to_slice():
@@ -84,8 +80,7 @@ def test_a_thin_coil_is_one_tube_though_its_sections_turn_from_slice_to_slice():
     curves = curves_of(away(points, (0.75, 0.75, 5)) < 1.6, (0.75, 0.75, 5))
     mesh = loft_surface(curves, LoftSettings()).mesh
     assert mesh.count_bodies() == 1
-    assert np.mean(np.abs(cKDTree(points).query(mesh.vertices)[0] - 1.6)) < 0.4
-    assert loft_surface(curves, STILL).mesh.count_bodies() > 8
+    assert np.mean(np.abs(cKDTree(points).query(mesh.vertices)[0] - 1.6)) < 0.2
 
 
 def test_a_thin_tunnel_that_runs_aslant_through_a_block_is_open_from_end_to_end():
@@ -95,7 +90,6 @@ def test_a_thin_tunnel_that_runs_aslant_through_a_block_is_open_from_end_to_end(
     inside &= away(line(50, length=120), spacing, size=inside.shape * spacing + 0.1) > 1.6
     surface = loft_surface(curves_of(inside, spacing), LoftSettings())
     assert surface.mesh.genus == 1
-    assert loft_surface(curves_of(inside, spacing), STILL).mesh.genus != 1
 
 
 def test_a_branch_that_leaves_its_trunk_aslant_hangs_on_it():
@@ -106,7 +100,6 @@ def test_a_branch_that_leaves_its_trunk_aslant_hangs_on_it():
     inside = (away(trunk, spacing) < 7) | (away(branch, spacing) < 1.7)
     curves = curves_of(inside, spacing)
     assert loft_surface(curves, LoftSettings()).mesh.count_bodies() == 1
-    assert loft_surface(curves, STILL).mesh.count_bodies() > 1
 
 
 @given(st.floats(0, 2.5), st.floats(0, np.pi), st.floats(3.5, 5.0))
@@ -132,23 +125,18 @@ def test_slices_stay_and_so_does_what_overlaps_itself_stands_upright_or_lies_whe
         (section((8, 20), lean=(2, 0)), section((32, 20), lean=(2, 0))),  # too far
     ):
         fields = stack(below, above)
-        assert move_branches(fields, PIXEL, BranchSettings()) == fields
+        assert move_branches(fields, PIXEL) == fields
     fields = stack(section((12, 20), lean=(2, 0)), section((22, 20), lean=(2, 0)))
-    moved = move_branches(fields, PIXEL, BranchSettings())
+    moved = move_branches(fields, PIXEL)
     assert moved[0] is fields[0]
     assert moved[-1] is fields[-1]
     assert fields[2].distance[17, 20] > 0 > moved[2].distance[17, 20]
-    assert move_branches(fields, PIXEL, BranchSettings(steepest=0)) == fields
 
 
 def test_ways_are_the_same_upside_down_and_mirrored():
     slices = [section((10 + 7 * n, 12 + 2 * n), lean=(1.4, 0.4)) for n in range(3)]
-    up = follow_branches(
-        [Sections.of(s, PIXEL, GAP * n) for n, s in enumerate(slices)], PIXEL, BranchSettings()
-    )
-    down = follow_branches(
-        [Sections.of(s, PIXEL, GAP * n) for n, s in enumerate(slices[::-1])], PIXEL, BranchSettings()
-    )
+    up = follow_branches([Sections.of(s, PIXEL, GAP * n) for n, s in enumerate(slices)], PIXEL)
+    down = follow_branches([Sections.of(s, PIXEL, GAP * n) for n, s in enumerate(slices[::-1])], PIXEL)
     assert [len(ways) for ways in up] == [len(ways) for ways in down] == [1, 1]
     for one, other in zip(up, down[::-1], strict=True):
         np.testing.assert_allclose(one[0].shift, -other[0].shift)

@@ -3,7 +3,7 @@ import pytest
 from shapes import curves_of
 
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import LoftSettings, SheetSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.surface.fields import LevelField
 from cccd.surface.moving_sheets import find_middle_line, follow, move_sheets
@@ -32,12 +32,11 @@ def stack(below, above, parts=4):
 def test_a_sheet_that_moves_by_more_than_its_width_is_where_it_should_be_between_the_slices(sign, tilt):
     fields = stack(sign * slit(19.0, tilt=tilt), sign * slit(25.5, tilt=tilt))
     inner = (slice(8, -8), slice(8, -8))
-    moved = move_sheets(fields, PIXEL, SheetSettings())
+    moved = move_sheets(fields, PIXEL)
     for n in (1, 2, 3):
         true = sign * slit(19.0 + 6.5 * n / 4, tilt=tilt)[inner]
         near = np.abs(true) < 1.5
-        assert np.abs(moved[n].distance[inner] - true)[near].max() < 0.3
-        assert np.abs(fields[n].distance[inner] - true)[near].max() > 1
+        assert np.abs(moved[n].distance[inner] - true)[near].max() < 0.02
 
 
 def test_slices_stay_and_so_does_what_overlaps_itself_or_only_grows():
@@ -47,26 +46,25 @@ def test_slices_stay_and_so_does_what_overlaps_itself_or_only_grows():
         (slit(9.0), slit(30.0)),
     ):
         fields = stack(below, above)
-        for before, after in zip(fields, move_sheets(fields, PIXEL, SheetSettings()), strict=True):
+        for before, after in zip(fields, move_sheets(fields, PIXEL), strict=True):
             np.testing.assert_array_equal(after.distance, before.distance)
     fields = stack(slit(19.0), slit(25.0))
-    moved = move_sheets(fields, PIXEL, SheetSettings())
+    moved = move_sheets(fields, PIXEL)
     assert moved[0] is fields[0]
     assert moved[-1] is fields[-1]
-    assert move_sheets(fields, PIXEL, SheetSettings(steepest=0)) == fields
     wall = [np.float32(np.indices(SHAPE)[0] * 0.75 - middle) for middle in (19.0, 25.0)]
     fields = stack(*wall)
-    assert move_sheets(fields, PIXEL, SheetSettings(least_length=0)) == fields
+    assert move_sheets(fields, PIXEL) == fields
 
 
 def test_ways_up_and_down_are_each_other_s_reverse():
     low, high = (find_middle_line(slit(middle, tilt=0.3), PIXEL, GAP) for middle in (19.0, 24.0))
-    np.testing.assert_allclose(low.half_widths, 2, atol=0.4)
+    np.testing.assert_allclose(low.half_widths, 2, atol=0.3)
     square = 5 * np.cos(0.3) * np.array([np.cos(0.3), np.sin(0.3)])
     for line, other, way in ((low, high, square), (high, low, -square)):
         chosen, onto = follow(line, other, 8.0, 0.75)
         assert len(chosen) > 0.7 * len(line.points)
-        np.testing.assert_allclose((other.points[onto] - line.points[chosen]).mean(axis=0), way, atol=0.4)
+        np.testing.assert_allclose((other.points[onto] - line.points[chosen]).mean(axis=0), way, atol=0.3)
 
 
 def cut_block():
@@ -83,7 +81,4 @@ def euler(mesh: Mesh) -> int:
 
 def test_a_block_that_an_oblique_slit_cuts_is_two_balls_without_handles():
     curves = curves_of(cut_block(), spacing=(1.0, 1.0, 5.0))
-    sheets = SheetSettings(steepest=0)
-    still = LoftSettings(interpolation=LoftSettings().interpolation.model_copy(update={"sheets": sheets}))
     assert euler(loft_surface(curves, LoftSettings()).mesh) == 4
-    assert euler(loft_surface(curves, still).mesh) < 4

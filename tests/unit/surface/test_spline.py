@@ -18,12 +18,11 @@ from cccd.surface.control_mesh import control_mesh, join_in_pairs, split_to_quad
 from cccd.surface.endings import round_ends
 from cccd.surface.fields import LevelField
 
-SPLINE = LoftSettings(method="spline")
 NOWHERE = (-np.inf, np.inf)
 
 
 def lofted(mask, spacing=(1.0, 1.0, 1.0)):
-    return loft_surface(curves_of(mask, spacing), SPLINE)
+    return loft_surface(curves_of(mask, spacing), LoftSettings())
 
 
 def assert_sound(surface):
@@ -37,10 +36,10 @@ def test_a_ball_is_round_and_smooth_from_few_control_points():
     surface = lofted(ball())
     assert_sound(surface)
     (body,) = surface.bodies
-    assert len(body.vertices) < 500
+    assert len(body.vertices) < 250
     radius = np.linalg.norm(surface.vertices - 30, axis=1)
-    assert np.abs(radius - (3 / (4 * np.pi) * ball().sum()) ** (1 / 3)).mean() < 0.08
-    assert surface.mesh.volume == pytest.approx(ball().sum(), rel=0.002)
+    assert np.abs(radius - (3 / (4 * np.pi) * ball().sum()) ** (1 / 3)).mean() < 0.05
+    assert surface.mesh.volume == pytest.approx(ball().sum(), rel=0.001)
 
 
 def test_thick_slices_of_a_ball():
@@ -48,8 +47,8 @@ def test_thick_slices_of_a_ball():
     surface = lofted(mask, (1.0, 1.0, 5.0))
     assert_sound(surface)
     radius = np.linalg.norm(surface.vertices - 30, axis=1)
-    assert np.abs(radius - 20).mean() < 0.3
-    assert np.abs(radius - 20).max() < 1.5
+    assert np.abs(radius - 20).mean() < 0.15
+    assert np.abs(radius - 20).max() < 0.75  # a pixel's diagonal, though slices are 5 mm apart
 
 
 def test_a_cylinder_that_the_scan_cuts_has_flat_caps_with_a_sharp_rim():
@@ -68,12 +67,25 @@ def test_a_cylinder_that_the_scan_cuts_has_flat_caps_with_a_sharp_rim():
     assert np.abs(np.hypot(*(surface.vertices[np.abs(z - 14.5) < 10, :2] - 25).T) - 15.2).max() < 0.5
 
 
+@pytest.mark.parametrize("depth", [1, 3])
+def test_a_low_block_that_the_scan_cuts_on_both_sides_keeps_its_walls(depth):
+    """Triangles of its walls reach from one cap to the other."""
+    x, y, _ = grid(70, 70, depth)
+    mask = (np.hypot(x - 35, y - 35) <= 30 + 2 * np.sin(12 * np.arctan2(y - 35, x - 35))) & (
+        np.hypot(x - 40, y - 30) > 9
+    )
+    surface = lofted(mask)
+    assert_sound(surface)
+    assert surface.mesh.genus == 1
+    assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.001)
+
+
 def test_a_cavity_is_a_body_turned_inside_out():
     surface = lofted(ball() & ~ball(radius=8.0))
     assert_sound(surface)
     volumes = sorted(body.tessellate(2).volume for body in surface.bodies)
     assert len(volumes) == 2
-    assert volumes[0] == pytest.approx(-ball(radius=8.0).sum(), rel=0.05)
+    assert volumes[0] == pytest.approx(-ball(radius=8.0).sum(), rel=0.02)
 
 
 def test_branches_are_one_body():
@@ -81,16 +93,16 @@ def test_branches_are_one_body():
     assert_sound(surface)
     assert len(surface.bodies) == 1
     assert surface.mesh.genus == 0
-    assert surface.mesh.volume == pytest.approx(fork().sum(), rel=0.01)
+    assert surface.mesh.volume == pytest.approx(fork().sum(), rel=0.001)
 
 
 def test_world_coordinates_follow_the_spacing():
     mask = ball((60, 60, 20), (30, 30, 10), 20, (0.8, 0.8, 3.0))
     surface = lofted(mask, (0.8, 0.8, 3.0))
-    assert np.abs(np.linalg.norm(surface.vertices - (24, 24, 30), axis=1) - 20).mean() < 0.3
+    assert np.abs(np.linalg.norm(surface.vertices - (24, 24, 30), axis=1) - 20).mean() < 0.06
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.6, 2.5), st.sampled_from([1.0, 2.5, 5.0]))
 def test_random_blobs_are_closed_and_do_not_pass_through_themselves(seed, width, depth):
     noise = gaussian_filter(np.random.default_rng(seed).normal(size=(30, 30, 16)), width)
@@ -100,7 +112,7 @@ def test_random_blobs_are_closed_and_do_not_pass_through_themselves(seed, width,
         return
     surface = lofted(mask, (1.0, 1.0, depth))
     assert surface.mesh.is_closed_manifold
-    crossing = "passes through itself" in " ".join(surface.report["warnings"])
+    crossing = "intersects itself" in " ".join(surface.report["warnings"])
     assert crossing == (len(surface.mesh.self_intersections()) > 0)  # mended, or said
 
 
@@ -147,6 +159,11 @@ def test_every_triangle_is_in_one_polygon_and_every_polygon_becomes_quads(seed):
     assert Mesh(points, halves).is_closed_manifold
 
 
+def rounded_ends(fields, *rest):
+    drawn = np.stack([level.distance for level in fields if level.source_slice is not None])
+    return round_ends(fields, drawn, *rest)
+
+
 def cone_of_discs(radii, between=4):
     """Fields of discs on slices 1 mm apart, interpolated linearly between them."""
     away = np.hypot(*(np.indices((41, 41)) - 20.0)).astype(np.float32)
@@ -164,39 +181,13 @@ def cone_of_discs(radii, between=4):
 def test_an_end_is_as_high_as_the_areas_fall():
     """A paraboloid's sections fall by the same area from slice to slice."""
     radii = np.sqrt(200.0 - 60.0 * np.arange(4))  # 20 are left at the last one: a third of what falls
-    levels = round_ends(cone_of_discs(radii), np.ones(2), 1.0, (True, False), 0.25)
+    levels = rounded_ends(cone_of_discs(radii), np.ones(2), 1.0, (True, False), 0.25)
     beyond = [level for level in levels if level.z > 3]
     left = [level.z - 3 for level in beyond if (level.distance < 0).any()]
     assert 0.2 <= max(left) <= 0.55
     areas = [np.count_nonzero(level.distance < 0) for level in beyond]
     assert all(a >= b for a, b in itertools.pairwise(areas))
     assert areas[-1] == 0
-
-
-def test_a_lobe_ends_as_a_part_of_its_own_does():
-    """Beside a trunk that goes on: interpolated distances would close it at once, as the trunk is far."""
-    i, j = np.indices((60, 160)) - np.array([30.0, 30.0]).reshape(2, 1, 1)
-    trunk = np.hypot(i, j).astype(np.float32) - np.float32(25)
-    neck = np.maximum(np.abs(i) - 2, j - 90).astype(np.float32)  # a thin bridge to the lobe
-    lobe = (np.hypot(i, j - 100) - 12).astype(np.float32)
-    with_lobe = np.minimum(np.minimum(trunk, np.maximum(neck, -j - 1)), lobe).astype(np.float32)
-    fields = [LevelField(0.0, with_lobe, 0), LevelField(10.0, with_lobe, 1)]
-    for n in range(1, 10):
-        t = np.float32(n / 10)
-        fields.append(LevelField(10.0 + n, (1 - t) * with_lobe + t * trunk, None))
-    fields.append(LevelField(20.0, trunk, 2))
-
-    def reach(levels):
-        return max(level.z for level in levels if level.distance[30, 130] < 0) - 10
-
-    assert reach(fields) <= 2
-    rounded = round_ends(fields, np.ones(2), 10.0, (True, True), 1.0)
-    assert 7 <= reach(rounded) <= 9
-    assert all(np.array_equal(rounded[n].distance, fields[n].distance) for n in (0, 1, -1))
-    assert all(  # the trunk is as it was
-        np.array_equal(a.distance[:, :50] < 0, b.distance[:, :50] < 0)
-        for a, b in zip(rounded, fields, strict=True)
-    )
 
 
 def test_a_small_hole_on_the_first_slice_alone_is_no_needle():
@@ -207,12 +198,23 @@ def test_a_small_hole_on_the_first_slice_alone_is_no_needle():
     mixed = [((1 - t / 8) * with_hole + t / 8 * plain).astype(np.float32) for t in range(1, 8)]
     fields = [LevelField(0.0, with_hole, 0), *(LevelField(n + 1.0, p, None) for n, p in enumerate(mixed))]
     fields.append(LevelField(8.0, plain, 1))
-    levels = round_ends(fields, np.ones(2), 8.0, (True, True), 1.0)
+    levels = rounded_ends(fields, np.ones(2), 8.0, (True, True), 1.0)
     assert max(level.z for level in levels if level.distance[20, 20] > 0) <= 3
+
+
+def test_a_branch_that_is_led_past_the_next_section_has_no_end():
+    """Its sections do not overlap, but the levels between them join them."""
+    away = [np.hypot(*(np.indices((41, 61)) - np.reshape((20.0, x), (2, 1, 1)))) for x in range(12, 49, 4)]
+    fields = [
+        LevelField(float(n), (plane - 3).astype(np.float32), {0: 0, 9: 1}.get(n))
+        for n, plane in enumerate(away)
+    ]
+    levels = rounded_ends(fields, np.ones(2), 9.0, (True, True), 1.0)
+    assert all(np.array_equal(a.distance, b.distance) for a, b in zip(levels, fields, strict=True))
 
 
 def test_what_the_scan_cuts_and_what_goes_on_is_not_rounded():
     fields = cone_of_discs(np.full(4, 8.0))
-    levels = round_ends(fields, np.ones(2), 1.0, (True, True), 0.25)
+    levels = rounded_ends(fields, np.ones(2), 1.0, (True, True), 0.25)
     assert len(levels) == len(fields)
     assert all(np.array_equal(a.distance, b.distance) for a, b in zip(levels, fields, strict=True))

@@ -15,7 +15,7 @@ from solids import mesh_of, sphere
 from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import SolidSettings, TetrahedraSettings
+from cccd.settings.surface import TetrahedraSettings
 from cccd.tetrahedra import gmsh_program
 from cccd.tetrahedra.build import fill_and_measure
 from cccd.tetrahedra.chords import balance_chords
@@ -221,8 +221,7 @@ def test_gmsh_fills_the_solids_of_step():
     pytest.importorskip("OCP", reason="cadquery-ocp-novtk is not installed")
     balls = {"large": sphere(9.0, subdivisions=3), "small": sphere(6.0, (20.0, 0, 0), subdivisions=3)}
     settings = TetrahedraSettings(mesher="gmsh-step", edge_mm=8, tolerance_mm=1)
-    solid = SolidSettings(first_patches=60, most_patches=120)
-    filled, report = fill_and_measure(balls, settings, {}, 0.5, solid)
+    filled, report = fill_and_measure(balls, settings, {}, 0.5)
     assert filled.group_names == ("wall_large", "wall_small")
     for name, organ in report["organs"].items():
         assert organ["volume_ratio"] == pytest.approx(1, abs=0.05)
@@ -235,7 +234,7 @@ def test_gmsh_fills_the_solids_of_step():
 @needs_gmsh
 def test_gmsh_is_not_asked_for_what_it_cannot_do():
     crossing = {"liver": sphere(8.0, subdivisions=2), "spleen": sphere(8.0, (9.3, 0.1, 0.2), subdivisions=2)}
-    with pytest.raises(InputError, match=r"liver and spleen: .* pass through each other .*shared_walls"):
+    with pytest.raises(InputError, match=r"liver and spleen: .* intersect .*shared_walls"):
         fill_organs(crossing, SETTINGS.model_copy(update={"mesher": "gmsh"}))
     with pytest.raises(InputError, match=r"left and right: they touch|left and tumour: they touch"):
         fill_organs(one_wall(), SETTINGS.model_copy(update={"mesher": "gmsh-step"}))

@@ -189,9 +189,9 @@ def properties_of_a_scan(folder):
 VOLUMES = {
     percent: ("mask.nii", ["0 to ", "are neither labels nor probabilities", "from 0 to 1"]),
     in_micrometres: ("mask.nii", ["voxels 1500 x 1200 x 4000 mm", "give millimetres in the header"]),
-    a_surface: ("mask.stl", ["a surface already", "give the mask that it was made of"]),
+    a_surface: ("mask.stl", ["a surface, not a volume", "give the mask from which it was made"]),
     a_table: ("mask.tsv", ["a table, not a volume", "cohort sheet"]),
-    properties_of_a_scan: ("mask.pkl", ["give the .npz beside it"]),
+    properties_of_a_scan: ("mask.pkl", ["give the .npz next to it"]),
     nothing_there: ("mask.nii", ["there is no mask.nii", "did you mean 'msak.nii'?"]),
     no_folder: ("mask.nii", ["nor its folder"]),
     truncated_gz: ("mask.nii.gz", ["damaged or truncated"]),
@@ -236,7 +236,7 @@ def test_absent_label_lists_those_present(tmp_path):
 
 def test_a_label_of_probabilities_is_refused(tmp_path):
     write_nifti(tmp_path / "mask.nii", MASK * np.float32(0.75), affine_of())
-    refused(tmp_path, "no labels; leave the label out", columns={"mask": "mask.nii", "label": "1"})
+    refused(tmp_path, "not labels; leave the label out", columns={"mask": "mask.nii", "label": "1"})
 
 
 def test_an_organ_in_metres_is_warned_of(tmp_path):

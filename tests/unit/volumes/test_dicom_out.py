@@ -200,7 +200,7 @@ def test_a_seg_on_slices_of_two_kinds_is_refused_in_one_line(tmp_path, keyword):
     write_series(tmp_path / "dicom", grey(organ()), AFFINE)
     uids = iter(range(1, 100))
     edit_headers(tmp_path / "dicom", lambda dataset: setattr(dataset, keyword, f"1.2.{next(uids)}"))
-    with pytest.raises(InputError, match=r"dicom: no SEG can lie on its images .*; export the series again"):
+    with pytest.raises(InputError, match=r"dicom: its images cannot carry a SEG .*; export the series again"):
         write_kind("SEG", tmp_path / "out.dcm", tmp_path / "dicom")
 
 
@@ -291,7 +291,7 @@ def test_a_seg_has_the_voxels_inside_on_every_slice_of_its_series(tmp_path, turn
 
 
 def test_a_seg_without_a_series_is_refused_in_one_line(tmp_path):
-    with pytest.raises(InputError, match="lies on a DICOM series"):
+    with pytest.raises(InputError, match="needs its DICOM series"):
         write_seg(tmp_path / "seg.dcm", ball(), name="liver", reference=None)
 
 

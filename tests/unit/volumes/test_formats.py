@@ -274,11 +274,11 @@ def test_mask_on_the_faces_of_the_array(tmp_path):
     mask = np.ones((6, 7, 5), np.uint8)
     write_nifti(tmp_path / "mask.nii", mask, affine_of())
     write_nifti(tmp_path / "image.nii", grey(mask.astype(bool)), affine_of())
-    structure = load_structure(row(image="image.nii", mask="mask.nii"), tmp_path, settings(margin_voxels=2))
-    assert structure.origin.tolist() == [-2, -2, -2]
-    assert structure.mask.shape == (10, 11, 9)
+    structure = load_structure(row(image="image.nii", mask="mask.nii"), tmp_path, settings())
+    assert structure.origin.tolist() == [-3, -3, -3]
+    assert structure.mask.shape == (12, 13, 11)
     assert structure.mask.sum() == mask.size
-    assert not structure.mask[[0, 1, -1, -2]].any()
+    assert not structure.mask[[0, 1, 2, -1, -2, -3]].any()
     assert any("cut" in note for note in structure.warnings)
 
 

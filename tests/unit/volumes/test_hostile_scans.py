@@ -24,6 +24,9 @@ from cccd.geometry.mesh import Mesh
 from cccd.report.case_page import build_case_page
 from cccd.volumes import load_structure
 from cccd.volumes.clinical_export import write_rtstruct
+from cccd.volumes.dicom import read_rtstruct, read_seg, read_series
+from cccd.volumes.limits import Limits
+from cccd.volumes.readers import read_volume
 
 MASK = organ()  # 44 x 38 x 14 voxels
 MARK = "Zaphod"
@@ -130,8 +133,13 @@ def asks(folder, kind):
 def test_what_a_file_may_ask_for(tmp_path, kind, limit, most):
     columns = asks(tmp_path, kind)
     load_structure(row(**columns), tmp_path, settings())
-    limits = {f"most_{limit}": most - 1}
-    with pytest.raises(InputError, match=f"are allowed; set import.limits.most_{limit} higher") as caught:
-        load_structure(row(**columns), tmp_path, settings(limits=limits))
+    path, limits = tmp_path / (columns["image"] or columns["mask"]), Limits(**{limit: most - 1})
+    read = {
+        "series": lambda: read_series(path, limits=limits),
+        "seg": lambda: read_seg(path, "", "organ", None, limits),
+        "rtstruct": lambda: read_rtstruct(path, "", "organ", limits),
+    }.get(kind, lambda: read_volume(path, limits))
+    with pytest.raises(InputError, match="are allowed; mend its header, or give a part") as caught:
+        read()
     assert "\n" not in str(caught.value)
     assert f"and {most - 1} are allowed" in str(caught.value)

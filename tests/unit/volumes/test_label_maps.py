@@ -97,7 +97,7 @@ def test_a_table_of_any_kind_goes_first(nifti, name):
 
 @pytest.mark.parametrize(
     ("text", "problem"),
-    [("a,b\n1,2\n", "no label and name"), ("label,name\n5,x\n5,y\n", "stands twice"), ("", "is empty")],
+    [("a,b\n1,2\n", "no columns label"), ("label,name\n5,x\n5,y\n", "is there twice"), ("", "is empty")],
 )
 def test_a_table_that_is_none_says_so_in_one_line(tmp_path, text, problem):
     path = tmp_path / "names.csv"
@@ -142,7 +142,7 @@ def test_two_labels_of_one_name_are_told_apart(nifti):
     [
         (["anna\t*\tgone.nii.gz\t"], "there is no gone.nii.gz"),
         (["anna\t*\tmap.nii.gz\tgone.csv"], "table of labels cannot be read"),
-        (["anna\tlabel_5\tmap.nii.gz\t", "anna\t*\tmap.nii.gz\t"], "stands in sheet.tsv row 2 already"),
+        (["anna\tlabel_5\tmap.nii.gz\t", "anna\t*\tmap.nii.gz\t"], "is already in sheet.tsv row 2"),
         (["anna\tliver\tmap.nii.gz\tnames.csv"], "without organ"),
         (["anna\t*\t\t"], "no label map"),
     ],

@@ -5,16 +5,16 @@ import pytest
 from scans import row, settings
 
 from cccd.geometry.ply import read_ply
-from cccd.settings.imports import PHANTOM_ORGANS, PhantomSettings
+from cccd.settings.imports import PHANTOM_ORGANS
 from cccd.volumes import load_structure
-from cccd.volumes.phantom_files import describe_scan, scan_phantom, write_scan, write_truth
 from cccd.volumes.phantoms import ORGANS
+from cccd_paper.phantom_files import describe_scan, scan_phantom, write_scan, write_truth
 
-SCANNER = PhantomSettings(spacing_mm=(1.5, 1.5, 5.0))
+PIXEL_MM = (1.5, 1.5)
 
 
 def write(folder, distance):
-    structure = scan_phantom("torus", distance, SCANNER, seed=1)
+    structure = scan_phantom("torus", distance, PIXEL_MM, seed=1)
     folder.mkdir()
     write_scan(folder / "image.nii.gz", folder / "mask.nii.gz", structure)
     write_truth(folder / "truth.ply", structure)
@@ -45,7 +45,7 @@ def test_files_hold_the_scan_where_it_lies_and_are_the_same_every_time(tmp_path)
 
 def test_the_truth_is_the_same_at_every_slice_distance_and_the_table_says_what_it_is():
     thin, thick = (
-        describe_scan(scan_phantom("torus", distance, SCANNER, seed=1)).iloc[0] for distance in (2, 8)
+        describe_scan(scan_phantom("torus", distance, PIXEL_MM, seed=1)).iloc[0] for distance in (2, 8)
     )
     same = ("organ", "volume_ml", "area_cm2", "bodies", "genus", "triangles", "pixel_i_mm")
     assert [thin[key] for key in same] == [thick[key] for key in same]

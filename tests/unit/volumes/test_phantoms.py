@@ -21,9 +21,9 @@ from cccd.volumes.implicit_solids import (
     torus,
     union,
 )
-from cccd.volumes.phantoms import ORGANS
+from cccd.volumes.phantoms import ORGANS, make_phantom
 
-COARSE = {"spacing_mm": [2.0, 2.0, 6.0], "blur_mm": 0.7, "noise_hu": 12.0}
+COARSE = (2.0, 2.0, 6.0)
 
 
 @functools.cache
@@ -31,9 +31,9 @@ def cached(organ):
     return phantom(organ)
 
 
-def phantom(organ, case="a", seed=1, **scanner):
+def phantom(organ, case="a", seed=1, spacing_mm=COARSE):
     return load_structure(
-        row(source="phantom", case=case, organ=organ), ".", settings(phantom={**COARSE, **scanner}), seed
+        row(source="phantom", case=case, organ=organ), ".", settings(phantom={"spacing_mm": spacing_mm}), seed
     )
 
 
@@ -59,8 +59,8 @@ def test_mask_image_and_truth_agree(organ):
 
 def test_grey_values_are_hounsfield():
     liver, lungs = cached("liver"), cached("lungs")
-    assert np.median(liver.image[liver.mask]) == pytest.approx(105, abs=15)
-    assert np.median(lungs.image[lungs.mask]) == pytest.approx(-850, abs=25)
+    assert np.median(liver.image[liver.mask]) == pytest.approx(105, abs=2)
+    assert np.median(lungs.image[lungs.mask]) == pytest.approx(-850, abs=5)
     assert liver.image.min() >= -1100
     assert liver.image.max() <= 600
 
@@ -101,9 +101,11 @@ def test_seed_and_case_decide():
 
 
 def test_noise_and_spacing_are_as_asked():
-    quiet = phantom("sphere", noise_hu=0.0, blur_mm=0.0)
-    loud = phantom("sphere", noise_hu=40.0, blur_mm=0.0)
-    assert (loud.image - quiet.image).std() == pytest.approx(40, rel=0.05)
+    quiet, loud = (
+        make_phantom("a", "sphere", COARSE, seed=1, margin_voxels=3, location="x", blur_mm=0, noise_hu=noise)
+        for noise in (0, 40)
+    )
+    assert (loud.image - quiet.image).std() == pytest.approx(40, rel=1e-3)
     np.testing.assert_allclose(quiet.frame.spacing, (2, 2, 6))
     # partial volume: between fat and organ there are values in between
     edge = (quiet.image > -60) & (quiet.image < 30)
@@ -160,7 +162,7 @@ def test_mesh_lies_on_the_zero_set():
     assert mesh.volume == pytest.approx(4 / 3 * np.pi * 15**3, rel=0.01)
 
 
-@pytest.mark.parametrize("case", ["a", "b", "c"])
+@pytest.mark.parametrize("case", ["b", "c"])
 def test_bronchi_are_one_tree_that_grows_thinner_and_branches_downwards(case):
     airways = phantom("bronchi", case, spacing_mm=[1.0, 1.0, 2.0])
     assert airways.truth.genus == 0

@@ -63,7 +63,7 @@ def test_lungs_in_a_chest():
 
 
 def test_a_row_with_an_image_alone_says_that_it_is_a_threshold_and_has_no_labels(folder):
-    assert any("no mask; the organ is a threshold's" in note for note in load(folder).warnings)
+    assert any("no mask; the organ is found by a threshold" in note for note in load(folder).warnings)
     with pytest.raises(InputError, match=r"row 2: image.nii: .* has no label 'liver'; give"):
         load_structure(row(image="image.nii", label="liver"), folder, settings())
 

@@ -47,7 +47,7 @@ def average_distance(first, second):
 
 
 def test_four_formats_one_surface(tmp_path):
-    scanner = {"spacing_mm": [1.0, 1.0, 4.0], "blur_mm": 0.7, "noise_hu": 12.0}
+    scanner = {"spacing_mm": [1.0, 1.0, 4.0]}
     kidney = load_structure(row(source="phantom", organ="kidney"), ".", settings(phantom=scanner))
     affine = kidney.frame.affine.copy()
     affine[:3, 3] += affine[:3, :3] @ kidney.origin

@@ -56,7 +56,7 @@ def test_lits17(tmp_path):
         assert set(structure.provenance["files"]) == {"volume-3.nii", "segmentation-3.nii"}
     with pytest.raises(InputError, match="LiTS17 has no organ 'spleen'"):
         load_structure(row(source="lits17", organ="spleen", image="volume-3.nii"), tmp_path, settings())
-    with pytest.raises(InputError, match="is no LiTS17 volume"):
+    with pytest.raises(InputError, match="is not a LiTS17 volume"):
         load_structure(row(source="lits17", organ="liver", image="ct.nii"), tmp_path, settings())
 
 

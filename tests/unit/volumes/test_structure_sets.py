@@ -1,6 +1,7 @@
 """Drawn contours that other programs get wrong: holes, any order of points, other planes, contact."""
 
 import numpy as np
+import pydicom
 import pytest
 from scans import dicom_affine, grey, organ, row, settings, write_series, write_structure_set
 
@@ -67,6 +68,18 @@ def test_the_order_of_points_and_of_contours_does_not_matter(tmp_path):
     plain, other = curves_of(tmp_path, drawn), curves_of(tmp_path, mixed)
     assert areas(plain) == areas(other)
     assert np.array_equal(plain.frame.affine, other.frame.affine)
+
+
+@pytest.mark.filterwarnings("ignore:The value for the data element:UserWarning")
+def test_contours_of_more_than_64_kb_are_read(tmp_path):
+    """In explicit syntax they have no type (PS3.5, 6.2.2); pydicom leaves them as bytes."""
+    turns = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
+    circle = 10 + 8 * np.column_stack([np.cos(turns), np.sin(turns)])
+    curves = curves_of(tmp_path, stacked(circle))
+    assert (
+        len(pydicom.dcmread(tmp_path / "rt.dcm").ROIContourSequence[0].ContourSequence[0].ContourData) > 2**16
+    )
+    assert areas(curves) == [pytest.approx([64 * np.pi], rel=1e-5)] * 4
 
 
 def test_contours_between_the_slices_stay_where_they_were_drawn(tmp_path):

@@ -6,8 +6,6 @@ import nibabel
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.slurm
-
 STRUCTURES = ("sphere", "two_spheres")
 BOUNDARIES = [f"results/tiny/{organ}/boundaries.h5" for organ in STRUCTURES]
 

@@ -14,5 +14,5 @@ __all__ = ["write"]
 
 def write(path: Path, surface: Surface, scan: Scan) -> dict[str, Any]:
     """Write the surface's bodies as solids."""
-    solids = build_solids(surface, scan.tolerance_mm, scan.solid)
+    solids = build_solids(surface, scan.tolerance_mm)
     return write_solids(path, scan.organ, solids, "brep")

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cccd.containers import Structure
-from cccd.settings.surface import LoftSettings, SolidSettings, TetrahedraSettings
+from cccd.settings.surface import LoftSettings, TetrahedraSettings
 
 __all__ = ["COLOUR", "NOTE", "Scan"]
 
@@ -43,10 +43,8 @@ class Scan:
         What was drawn, where only some slices were: a label map keeps those as they are.
     tolerance_mm : float
         99 % of a solid's surface shall lie so near to the mesh.
-    solid : SolidSettings
-        Section ``surface.solid`` of the configuration.
     tetrahedra : TetrahedraSettings
-        Section ``surface.tetrahedra``.
+        Section ``surface.tetrahedra`` of the configuration.
     """
 
     organ: str = "surface"
@@ -55,5 +53,4 @@ class Scan:
     keep_patient: bool = False
     drawn: Structure | None = None
     tolerance_mm: float = _DEFAULT.step_tolerance_mm
-    solid: SolidSettings = _DEFAULT.solid
     tetrahedra: TetrahedraSettings = _DEFAULT.tetrahedra

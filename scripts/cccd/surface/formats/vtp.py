@@ -1,7 +1,4 @@
-"""VTK's polygonal data: at its vertices curvature (1/mm) and the number of the body.
-
-Of a surface of tubes it is the tube's number, coordinates on it and the distance to it (mm).
-"""
+"""VTK's polygonal data: at its vertices curvature (1/mm) and, where no wall is shared, the body's number."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from cccd.geometry.curvature import mean_curvature
-from cccd.surface.coordinates import body_numbers, tube_coordinates
+from cccd.surface.coordinates import body_numbers
 from cccd.surface.formats import Scan
 from cccd.surface.surface import Surface
 
@@ -24,11 +21,6 @@ def write(path: Path, surface: Surface, scan: Scan) -> None:
     mesh.point_data["curvature"] = mean_curvature(surface.mesh, surface.vertices)
     if surface.bodies:
         mesh.point_data["body"] = body_numbers(surface.vertices, surface.bodies)
-    else:
-        coordinates = tube_coordinates(surface.vertices, surface)
-        mesh.point_data["tube"] = coordinates.tube
-        mesh.point_data["around"], mesh.point_data["along"] = coordinates.around, coordinates.along
-        mesh.point_data["distance_to_tube"] = coordinates.distance
     mesh.field_data["SpaceUnit"] = ["mm"]
     mesh.field_data["Space"] = ["RAS"]
     # to a string first: on a full disk VTK leaves an empty file and says nothing

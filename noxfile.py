@@ -1,0 +1,56 @@
+"""Tasks: `nox --list` names them, `nox -s lint` runs one. `.ci/run` does all of it from a bare clone."""
+
+import nox
+
+nox.options.default_venv_backend = "venv"
+nox.options.reuse_existing_virtualenvs = True
+nox.options.sessions = ["lint", "types", "tests"]
+
+#: The versions of `.ci/run` and `.pre-commit-config.yaml`; a test compares them.
+LINTERS = ("ruff==0.17.5", "snakefmt==2.1.0", "codespell==2.4.1")
+PYRIGHT = "pyright==1.1.414"
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """Style, formatting and spelling."""
+    session.install(*LINTERS)
+    session.run("ruff", "check", ".")
+    session.run("ruff", "format", "--check", ".")
+    session.run("snakefmt", "--check", "Snakefile", "workflow")
+    session.run("codespell")
+
+
+@nox.session
+def types(session: nox.Session) -> None:
+    """Types, with everything installed that is imported."""
+    session.install("-r", "envs/checks.txt", PYRIGHT)
+    session.run("pyright")
+
+
+@nox.session
+def tests(session: nox.Session) -> None:
+    """All tests: `nox -s tests -- tests/unit` runs some."""
+    session.install("-r", "envs/checks.txt")
+    session.run("pytest", *session.posargs)
+
+
+@nox.session
+def docs(session: nox.Session) -> None:
+    """Build the documentation site into the folder ``site``."""
+    session.install("-r", "envs/docs.txt")
+    session.run("mkdocs", "build", "--strict", *session.posargs)
+
+
+@nox.session
+def wheel(session: nox.Session) -> None:
+    """Build the wheel and the source archive into the folder ``dist``."""
+    session.install("build==1.6.1")
+    session.run("python", "-m", "build", *session.posargs)
+
+
+@nox.session
+def settings(session: nox.Session) -> None:
+    """Write the files that are generated from the settings."""
+    session.install("-r", "envs/requirements.txt")
+    session.run("python", "-m", "cccd.settings", env={"PYTHONPATH": "scripts"})

@@ -1,0 +1,109 @@
+"""What a person sees while a workflow runs: a line for each job that has finished, with the time left.
+
+Snakemake's own log prints the files, reasons and resources of every job: 1,650 lines for the default cohort.
+All of it stays in its log file.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from collections.abc import Callable
+from typing import TextIO
+
+__all__ = ["JobLines", "duration", "is_of_jobs", "shorten"]
+
+#: Events of Snakemake's log that `JobLines` replaces (`snakemake_interface_logger_plugins.common.LogEvent`).
+REPLACED = {
+    "job_info",
+    "group_info",
+    "job_started",
+    "job_finished",
+    "job_error",
+    "group_error",
+    "shellcmd",
+    "progress",
+    "resources_info",
+}
+#: ... and how other lines begin: of its choice of jobs, of the call of a job that has said why it failed.
+BESIDES = ("Select jobs to execute", "RuleException")
+#: Share of the jobs after which the time left is worth saying.
+FORESEEN = 0.1
+
+
+def is_of_jobs(record: logging.LogRecord) -> bool:
+    """Whether a record of Snakemake's log is of what happens to jobs."""
+    return str(getattr(record, "event", "")) in REPLACED or str(record.msg).startswith(BESIDES)
+
+
+def shorten(logger: logging.Logger) -> None:
+    """Let the handlers of a console leave out what `JobLines` says in their place."""
+    for handler in logger.handlers:
+        if isinstance(handler, logging.StreamHandler) and not isinstance(handler, logging.FileHandler):
+            handler.addFilter(lambda record: not is_of_jobs(record))
+    logger.addHandler(JobLines())
+
+
+def duration(seconds: float) -> str:
+    """Say how long, in the largest unit that fits.
+
+    Examples
+    --------
+    >>> duration(7.4), duration(100), duration(7000)
+    ('7 s', '2 min', '1 h 57 min')
+    """
+    if seconds < 60:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+class JobLines(logging.Handler):
+    """Handler of Snakemake's log that writes a line for each job that has finished or failed.
+
+    Parameters
+    ----------
+    stream : text stream
+    clock : callable
+        Gives seconds.
+    """
+
+    def __init__(self, stream: TextIO = sys.stderr, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
+        self.stream, self.clock, self.begin = stream, clock, clock()
+        self.running: dict[int, tuple[str, float]] = {}
+        self.finished: list[int] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Follow one record."""
+        facts = vars(record)
+        event = str(facts.get("event", ""))
+        if event == "job_info":
+            # a job of the whole run has no wildcards
+            names = [facts["rule_name"], "/".join(map(str, facts["wildcards"].values()))]
+            self.running[facts["jobid"]] = " ".join(filter(None, names)), self.clock()
+        elif event == "job_error" and facts["jobid"] in self.running:
+            name, _ = self.running.pop(facts["jobid"])
+            logs = ", ".join(map(str, facts.get("log") or []))
+            self._write(f"failed: {name}" + (f" (see {logs})" if logs else ""))
+        elif event == "job_finished":
+            self.finished.append(facts["job_id"])
+        elif event == "progress":
+            self._progress(facts["done"], facts["total"])
+
+    def _progress(self, done: int, total: int) -> None:
+        """Write the jobs that have finished since the last time, with the time that the others take."""
+        now = self.clock()
+        left = ""
+        if FORESEEN * total <= done < total:
+            left = f"; about {duration((now - self.begin) / done * (total - done))} left"
+        for job in self.finished:
+            name, begun = self.running.pop(job, ("", now))
+            if name:
+                self._write(f"[{done:>{len(str(total))}}/{total}] {name}: {duration(now - begun)}{left}")
+        self.finished.clear()
+
+    def _write(self, line: str) -> None:
+        self.stream.write(line + "\n")
+        self.stream.flush()

@@ -1,0 +1,250 @@
+"""The structures of a run: rows of the cohort sheet, their files, and the scripts that lead to contours."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NamedTuple, Protocol
+
+from cccd.cohort import brings_maps, complete_row, read_cohort
+from cccd.dicom_objects import holds_contours
+from cccd.errors import InputError
+from cccd.remote import RemoteFile, is_remote, read_address
+from cccd.settings.messages import nearest
+from cccd.sidecar_files import voxel_files
+
+__all__ = ["ContourScript", "OfCase", "OfDownload", "OfStructure", "PlannedCohort", "StructureName", "near"]
+
+#: The scripts that lead to a structure's contours.
+ContourScript = Literal["order_contours", "take_contours", "trace_contours"]
+
+#: Where the labels that maps hold are remembered, from the folder of the run.
+_LABELS = Path(".snakemake") / "labels"
+
+
+class OfCase(Protocol):
+    """Wildcards of a file of a whole case."""
+
+    @property
+    def case(self) -> str:
+        """The sheet's column ``case``."""
+        ...
+
+
+class OfStructure(OfCase, Protocol):
+    """Wildcards of a structure's file."""
+
+    @property
+    def organ(self) -> str:
+        """The sheet's column ``organ``."""
+        ...
+
+
+class OfDownload(Protocol):
+    """Wildcards of a file that is fetched."""
+
+    @property
+    def key(self) -> str:
+        """Name of its folder."""
+        ...
+
+    @property
+    def file(self) -> str:
+        """Its own name."""
+        ...
+
+
+class StructureName(NamedTuple):
+    """The two columns of the sheet that name a structure."""
+
+    case: str
+    organ: str
+
+
+def near(path: str | Path) -> str:
+    """Name a path relative to here when it is below, so that a moved project reruns nothing."""
+    path = Path(path).resolve()
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+
+
+@functools.cache
+def _is_drawn(mask: Path) -> bool:
+    """Whether a mask is drawn contours; its first bytes are read once per plan."""
+    return holds_contours(mask)
+
+
+@dataclass(frozen=True)
+class PlannedCohort:
+    """The rows of a cohort sheet, ready to plan with.
+
+    Attributes
+    ----------
+    sheet : path
+        The cohort sheet.
+    rows : dict
+        By name, as `cccd.cohort.read_cohort` returns them, with a row for each label in the place of organ
+        ``*`` and local paths in the place of addresses.
+    masks_are_ordered : bool
+        Whether the junction network traces masks too (``curves: ordering: gnn``).
+    remote : dict
+        What the sheet names by an address, by where it goes.
+    labels : dict
+        Names, colours and codes of the labels of whole maps, by case and organ.
+    shared : dict
+        Organs that share their walls, by case.
+    notes : tuple of str
+        What is worth a line about labels that are left out or renamed.
+    """
+
+    sheet: Path
+    rows: dict[StructureName, dict[str, str]]
+    masks_are_ordered: bool
+    remote: dict[str, RemoteFile]
+    labels: dict[str, dict[str, dict[str, str]]]
+    shared: dict[str, list[str]]
+    notes: tuple[str, ...]
+
+    @classmethod
+    def read(
+        cls, sheet: Path, shared_walls: bool | Literal["auto"], masks_are_ordered: bool
+    ) -> PlannedCohort:
+        """Read a sheet; scans are opened only to list the labels of whole maps.
+
+        Raises
+        ------
+        InputError
+            Names the row, what is wrong with it, and a hint.
+        """
+        remote: dict[str, RemoteFile] = {}
+        rows = [_with_local_paths(row, sheet.parent, remote) for row in read_cohort(sheet)]
+        labels: dict[str, dict[str, dict[str, str]]] = {}
+        shared: dict[str, list[str]] = {}
+        notes: list[str] = []
+        if shared_walls is True or any(row["organ"] == "*" for row in rows):
+            from cccd.volumes.label_maps import expand_rows, shared_groups  # reads scans: slow to import
+
+            rows, labels, notes = expand_rows(rows, sheet.parent, _LABELS)
+            shared = shared_groups(rows, labels, shared_walls)
+        named = {StructureName(row["case"], row["organ"]): row for row in rows}
+        return cls(sheet, named, masks_are_ordered, remote, labels, shared, tuple(notes))
+
+    @property
+    def reconstructed(self) -> list[StructureName]:
+        """The structures that are reconstructed, measured and reported on: all but those of role train."""
+        return [name for name, row in self.rows.items() if row["role"] != "train"]
+
+    @property
+    def training(self) -> list[StructureName]:
+        """The structures that train segmentation networks."""
+        return [name for name, row in self.rows.items() if row["role"] == "train"]
+
+    @property
+    def needs_network(self) -> bool:
+        """Whether contours of any structure that is reconstructed are ordered by the junction network."""
+        return any(self.is_ordered(self.rows[name]) for name in self.reconstructed)
+
+    def row(self, wildcards: OfStructure) -> dict[str, str]:
+        """Return the row of a structure.
+
+        Raises
+        ------
+        InputError
+            ``results/CASE/ORGAN/...`` was asked for, and the sheet has no such structure.
+        """
+        name = StructureName(wildcards.case, wildcards.organ)
+        if name not in self.rows:
+            known = nearest("/".join(name), ["/".join(one) for one in self.rows])
+            raise InputError(self.sheet.name, f"no structure {'/'.join(name)}", known)
+        return self.rows[name]
+
+    def of_case(self, case: str) -> list[StructureName]:
+        """Return every structure of a case that is reconstructed.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        names = [name for name in self.reconstructed if name.case == case]
+        if not names:
+            known = nearest(case, [name.case for name in self.reconstructed])
+            raise InputError(self.sheet.name, f"no case {case}", known)
+        return names
+
+    def is_ordered(self, row: dict[str, str]) -> bool:
+        """Whether the boundary pixels of a row's structure are ordered by the junction network.
+
+        Boundary maps are; masks, those that a threshold finds included, where that is asked for.
+        """
+        return brings_maps(row) or (self.masks_are_ordered and not self._is_drawn(row))
+
+    def contour_script(self, wildcards: OfStructure) -> ContourScript:
+        """Choose the script that leads to a structure's contours, before any job, by what the data are."""
+        row = self.row(wildcards)
+        if self.is_ordered(row):
+            return "order_contours"
+        return "take_contours" if self._is_drawn(row) else "trace_contours"
+
+    def _is_drawn(self, row: dict[str, str]) -> bool:
+        return bool(row["mask"]) and _is_drawn(self.sheet.parent / row["mask"])
+
+    def source_files(self, wildcards: OfStructure) -> list[str]:
+        """Return a row's own files, the voxels beside their headers, and what its cohort's layout implies.
+
+        They are inputs, so that a changed scan is imported again. Left out is what the job itself reports, a
+        missing file or a name against the layout, and what is dated in the future (a clock ran ahead
+        somewhere), than which every output would be older, an error to Snakemake.
+        """
+        row = self.row(wildcards)
+        with contextlib.suppress(InputError):
+            row, _ = complete_row(row, self.sheet.parent)
+        named = [self.sheet.parent / row[column] for column in ("image", "mask", "boundary") if row[column]]
+        paths = named + [voxels for path in named for voxels in voxel_files(path)]
+        there = {near(path) for path in paths if path.exists() and path.stat().st_mtime <= time.time()}
+        return sorted(there | ({near(path) for path in named} & self.remote.keys()))
+
+    def remote_file(self, wildcards: OfDownload) -> RemoteFile:
+        """Return what a download's path is fetched from.
+
+        Raises
+        ------
+        InputError
+            The sheet does not name it any more.
+        """
+        path = f"downloads/{wildcards.key}/{wildcards.file}"
+        if path not in self.remote:
+            raise InputError(self.sheet.name, f"no address of {path}", "ask for a structure's files instead")
+        return self.remote[path]
+
+    def training_files(self, wildcards: object = None) -> list[str]:
+        """Return scans and masks of the rows that train.
+
+        Raises
+        ------
+        InputError
+            The sheet has no such rows.
+        """
+        if not self.training:
+            problem = "no row of role train to train a segmenter on"
+            raise InputError(self.sheet.name, problem, "add rows with an image, a mask and role train")
+        return sorted({file for name in self.training for file in self.source_files(name)})
+
+
+def _with_local_paths(row: dict[str, str], folder: Path, remote: dict[str, RemoteFile]) -> dict[str, str]:
+    """Put local paths in the place of a row's addresses, and add these to ``remote``."""
+    row = dict(row)
+    for column in ("image", "mask", "boundary"):
+        if not is_remote(row[column]):
+            continue
+        if row["source"] != "files" or row["organ"] == "*":
+            what = "organ *" if row["organ"] == "*" else f"source {row['source']}"
+            problem = f"{what} cannot be combined with an address"
+            raise InputError(row["location"], problem, "download the files and name their folder")
+        file = read_address(row[column], row["location"])
+        remote[str(file.local)] = file
+        row[column] = os.path.relpath(file.local, folder)
+    return row

@@ -1,0 +1,223 @@
+"""The networks of a run: which junction network orders boundary pixels, and what makes masks of images."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from cccd.additions import added
+from cccd.errors import InputError
+from cccd.model_header import check_model, check_start, read_segmenter_plan
+from cccd.plan.cohort import PlannedCohort, near
+from cccd.segmentation.networks import networks
+from cccd.settings.messages import nearest
+from cccd.settings.root import Settings
+from cccd.settings.segmentation import INSTALLED_SEGMENTERS, is_installed_segmenter
+
+__all__ = ["MODEL", "PAPER_MODEL", "JunctionPlan", "SegmenterPlan", "find_file"]
+
+#: The junction network in use, and the paper's where it is trained beside ours for the comparison.
+MODEL = "results/gnn/model.pt"
+PAPER_MODEL = "results/gnn/paper.pt"
+
+#: Kinds of additions that a training needs of a network (`cccd.additions`).
+_TRAINING = ("junction network", "junction training")
+
+
+def find_file(name: str, root: Path) -> Path:
+    """Find a file that the configuration names.
+
+    The name is absolute, or relative to here, to where the command was typed, or to the project. Of a file
+    that is nowhere, return the path in the project.
+    """
+    folders = [Path.cwd(), Path(os.environ.get("PWD", ".")), root]
+    found = [folder / name for folder in folders if (folder / name).is_file()]
+    return found[0] if found else root / name
+
+
+@dataclass(frozen=True)
+class JunctionPlan:
+    """The junction network of a run.
+
+    Attributes
+    ----------
+    network : str
+        ``ours`` or ``paper``.
+    trained : bool
+        Whether this run trains it; otherwise ``ready`` is taken.
+    named : bool
+        Whether the configuration names a ready model.
+    used : bool
+        Whether this run trains a network, names one, or needs one. Only then networks are compared.
+    ready : str
+        The model that is taken where none is trained.
+    start : tuple of str
+        The model, if any, from whose weights training starts.
+    shipped, shipped_paper : str
+        The models that come with the project: ours, the paper's.
+    """
+
+    network: str
+    trained: bool
+    named: bool
+    used: bool
+    ready: str
+    start: tuple[str, ...]
+    shipped: str
+    shipped_paper: str
+
+    @classmethod
+    def choose(cls, settings: Settings, cohort: PlannedCohort, root: Path) -> JunctionPlan:
+        """Choose the network.
+
+        What a job would refuse is refused here: one that starts loses its outputs, and with them a model that
+        was trained before.
+
+        Raises
+        ------
+        InputError
+            A configuration that asks for two ways, or a model that is not there or does not fit.
+        """
+        gnn = settings.gnn
+        trained = _is_trained(settings, cohort.sheet, root)
+        models = root / "workflow" / "models"
+        shipped, shipped_paper = near(models / "junctions.pt"), near(models / "paper.pt")
+        start = _model_files("start", gnn.start, root)
+        named = _model_files("pretrained", gnn.pretrained, root)
+        ready = named[0] if named else {"ours": shipped, "paper": shipped_paper}[gnn.network]
+        for path in start:
+            check_start(path, gnn)
+        if not trained:
+            check_model(ready, gnn.network)
+        used = trained or bool(named) or cohort.needs_network
+        return cls(gnn.network, trained, bool(named), used, ready, start, shipped, shipped_paper)
+
+    @property
+    def compared(self) -> dict[str, str]:
+        """The models that are compared, by the names that the table gives them."""
+        if self.network == "paper":
+            models = {f"the paper's, {'trained here' if self.trained else 'taken'}": MODEL}
+        elif self.trained:
+            models = {"trained here": MODEL, "the paper's, trained here": PAPER_MODEL}
+        else:
+            models = {"pretrained": MODEL} if self.named else {}
+            models["the paper's, shipped"] = self.shipped_paper
+        return models | {"shipped": self.shipped}
+
+    @property
+    def training_files(self) -> list[str]:
+        """What the report reads of the training; there is none for a model that is taken."""
+        return ["results/gnn/graphs.h5", "results/gnn/history.csv"] if self.trained else []
+
+    @property
+    def score_files(self) -> list[str]:
+        """What the report reads of the network's scores, where one is used."""
+        return ["results/tables/junctions.csv", "results/gnn/worst.png"] if self.used else []
+
+    @property
+    def code(self) -> list[str]:
+        """Paths of the code that another package adds for this network (`cccd.additions`); of ours none."""
+        return _added_code(self.network, "junction network")
+
+    @property
+    def training_code(self) -> list[str]:
+        """The same, with what trains it."""
+        return _added_code(self.network, *_TRAINING)
+
+    @property
+    def paper_training_code(self) -> list[str]:
+        """The same of the paper's network, whichever orders."""
+        return _added_code("paper", *_TRAINING)
+
+
+def _is_trained(settings: Settings, sheet: Path, root: Path) -> bool:
+    """Whether the network is trained in this run."""
+    named = settings.gnn.pretrained
+    if settings.train is True and named:
+        raise InputError(
+            "config keys train and gnn.pretrained",
+            f"{named} is named, and a model is to be trained",
+            "set train: false, or gnn.pretrained to null",
+        )
+    default = sheet.resolve() == (root / "config" / "cohort.tsv").resolve()
+    trained = default and not named if settings.train == "auto" else settings.train
+    if settings.gnn.start and not trained:
+        raise InputError("config key gnn.start", "nothing is trained in this run", "set train: true")
+    return trained
+
+
+def _model_files(key: str, name: str | None, root: Path) -> tuple[str, ...]:
+    """Find the model that a key of section ``gnn`` names, if any; one that is not there is refused."""
+    if not name:
+        return ()
+    path = find_file(name, root)
+    if not path.is_file():
+        hint = "name a model.pt, from here or from the project's folder"
+        raise InputError(f"config key gnn.{key}", f"there is no file {name}", hint)
+    return (near(path),)
+
+
+def _added_code(network: str, *kinds: str) -> list[str]:
+    return [added(kind)[network] for kind in kinds if network in added(kind)]
+
+
+@dataclass(frozen=True)
+class SegmenterPlan:
+    """What makes the masks of rows that have an image alone.
+
+    Attributes
+    ----------
+    name : str or None
+        As the configuration names it; None where nothing does.
+    weights : tuple of str
+        Its file; empty for one that is installed beside.
+    labels : str
+        Label values of its masks, as the sheet's column ``label`` has them.
+    code : tuple of str
+        Path of its network's class; empty for one that is installed beside.
+    """
+
+    name: str | None
+    weights: tuple[str, ...] = ()
+    labels: str = ""
+    code: tuple[str, ...] = ()
+
+    @classmethod
+    def choose(cls, settings: Settings, cohort: PlannedCohort, root: Path) -> SegmenterPlan:
+        """Choose the segmenter; a network's name means the weights that the sheet's rows of role train give.
+
+        Raises
+        ------
+        InputError
+            Nothing is there to train the network on, or no such network and file.
+        """
+        name, known = settings.segmenter, networks()
+        if name is None:
+            return cls(None)
+        if is_installed_segmenter(name):
+            return cls(name, labels="1")
+        if name in known:
+            if not cohort.training:
+                problem = f"{name} is to be trained, and {cohort.sheet.name} has no row of role train"
+                hint = "add such rows, or name a file of workflow/models/segmenters"
+                raise InputError("config key segmenter", problem, hint)
+            weights = f"results/segmenters/{name}/model.pt"
+            return cls(name, (weights,), _joined(settings.segmentation.labels or [1]), (known[name].build,))
+        path = find_file(name, root)
+        if not path.is_file():
+            problem = f"there is neither a network nor a file {name}"
+            raise InputError("config key segmenter", problem, nearest(name, [*known, *INSTALLED_SEGMENTERS]))
+        says = read_segmenter_plan(near(path))
+        code = (known[says["network"]].build,) if says["network"] in known else ()
+        return cls(name, (near(path),), _joined(says["labels"]), code)
+
+    @property
+    def is_installed(self) -> bool:
+        """Whether it is a program that is installed beside."""
+        return self.name is not None and is_installed_segmenter(self.name)
+
+
+def _joined(labels: Iterable[int]) -> str:
+    return ",".join(map(str, labels))

@@ -1,0 +1,50 @@
+"""The last lines of a run: where its results are, or what failed and what is finished all the same."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from cccd.plan.plan import Plan
+
+__all__ = ["failures", "report_failed_run", "report_good_run"]
+
+_REPORT = Path("results") / "report.html"
+
+
+def failures() -> list[str]:
+    """Return the one-line errors that failed jobs of this run left beside their logs, sorted."""
+    files = Path("logs").rglob("*.failed")
+    return sorted({line for file in files for line in file.read_text(encoding="utf-8").splitlines()})
+
+
+def report_good_run(plan: Plan) -> None:
+    """Print where the results are."""
+    for file in (_REPORT, *map(Path, plan.files("surface.ply"))):
+        if file.exists():
+            print(file.resolve())
+
+
+def report_failed_run(plan: Plan) -> None:
+    """Print every failure in one line, and write a report of the structures that are finished."""
+    lines = failures()
+    if lines:
+        print(f"\n{len(lines)} failed:", *lines, sep="\n  ", file=sys.stderr)
+    if any(Path(file).exists() for file in plan.files("metrics.json")):
+        from cccd.report.page import build_report_of_finished  # slow to import, and most runs need none
+
+        build_report_of_finished(
+            _REPORT.parent,
+            plan.config,
+            _REPORT,
+            plan.root / "workflow" / "report",
+            structures=plan.cohort.reconstructed,
+            failures=lines,
+            benchmarks=Path("benchmarks"),
+        )
+        print(f"\nReport of the finished structures: {_REPORT.resolve()}", file=sys.stderr)
+    hint = (
+        "Fix the input and run the same command again: finished files are kept "
+        "(add --keep-going to finish the other structures first)."
+    )
+    print(f"\n{hint}", file=sys.stderr)

@@ -1,0 +1,359 @@
+"""One run of the workflow, planned: what its rules ask for by name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from cccd.additions import packages, registrations
+from cccd.cohort import brings_maps
+from cccd.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
+from cccd.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find_file
+from cccd.plan.resources import digest
+from cccd.project import shipped_weights
+from cccd.report.registry import Comparison, comparisons, inputs, items
+from cccd.segmentation.networks import networks
+from cccd.settings.root import Settings
+from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS
+from cccd.settings.validation import validate_config
+
+__all__ = ["Plan"]
+
+#: What a structure's page and the report read of it.
+SHOWN = (
+    "structure.h5",
+    "boundaries.h5",
+    "curves.h5",
+    "surface.h5",
+    "view.h5",
+    "picture.png",
+    "metrics.json",
+)
+
+#: Files of a case whose organs share their walls.
+SCENE = ("scene.glb", "segmentation.seg.nrrd", "scene.json", "scene.html")
+
+#: Formats whose writers report what they made, each with its module; and all others that follow the PLY.
+REPORTED_FORMATS = SOLID_FORMATS | TETRAHEDRA_FORMATS
+MESH_FORMATS = {name: module for name, module in SURFACE_FORMATS.items() if name not in REPORTED_FORMATS}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What the rules know of a run.
+
+    Attributes
+    ----------
+    config : dict
+        The configuration with every key, as plain values: what rules hand to jobs.
+    settings : Settings
+        The same, typed.
+    root : path
+        The folder of the Snakefile.
+    cohort : PlannedCohort
+        The structures.
+    junctions : JunctionPlan
+        The network that orders boundary pixels.
+    segmenter : SegmenterPlan
+        What makes masks of images.
+    """
+
+    config: dict[str, Any]
+    settings: Settings
+    root: Path
+    cohort: PlannedCohort
+    junctions: JunctionPlan
+    segmenter: SegmenterPlan
+
+    @classmethod
+    def make(cls, config: Mapping[str, Any], root: Path) -> Plan:
+        """Plan a run.
+
+        Parameters
+        ----------
+        config : mapping
+            What Snakemake read and merged.
+        root : path
+            The folder of the Snakefile.
+
+        Raises
+        ------
+        InputError
+            Anything wrong with the configuration, the sheet or the models.
+        """
+        settings = validate_config(config)
+        sheet = find_file(settings.cohort, root)
+        cohort = PlannedCohort.read(sheet, settings.surface.shared_walls, settings.curves.ordering == "gnn")
+        junctions = JunctionPlan.choose(settings, cohort, root)
+        segmenter = SegmenterPlan.choose(settings, cohort, root)
+        return cls(settings.as_config(), settings, root, cohort, junctions, segmenter)
+
+    # Settings and code of a job: it runs again when they change, and only then.
+
+    def pick(self, section: str, *keys: str) -> dict[str, Any]:
+        """Return just these keys of a section of the configuration."""
+        return {key: self.config[section][key] for key in keys if key in self.config[section]}
+
+    def leave(self, section: str, *keys: str) -> dict[str, Any]:
+        """Return a section of the configuration without these keys."""
+        return self.pick(section, *(key for key in self.config[section] if key not in keys))
+
+    def library(self, script: str, *functions: str) -> str:
+        """Digest the code that ``scripts/<script>.py`` runs, and that of the functions that it is given."""
+        return digest(self.root / "scripts" / f"{script}.py", packages(), functions)
+
+    # Structures and cases.
+
+    def files(self, name: str) -> list[str]:
+        """Return the file ``name`` of every structure that is reconstructed."""
+        return _files(self.cohort.reconstructed, name)
+
+    def whole_case(self, name: str) -> Callable[[OfCase], list[str]]:
+        """Make an input function: the file ``name`` of every organ of a case that is reconstructed."""
+
+        def whole_case(wildcards: OfCase) -> list[str]:
+            return _files(self.cohort.of_case(wildcards.case), name)
+
+        return whole_case
+
+    def sharing_organs(self, name: str) -> Callable[[OfCase], list[str]]:
+        """Make an input function: the file ``name`` of every organ of a case that shares its walls."""
+
+        def sharing_organs(wildcards: OfCase) -> list[str]:
+            organs = self.cohort.shared.get(wildcards.case, [])
+            return _files([StructureName(wildcards.case, organ) for organ in organs], name)
+
+        return sharing_organs
+
+    def case_labels(self, wildcards: OfCase) -> dict[str, dict[str, str]]:
+        """Names, colours and codes of a case's labels, where it is a whole map."""
+        return self.cohort.labels.get(wildcards.case, {})
+
+    @property
+    def sheet_folder(self) -> str:
+        """The folder that the sheet's paths are relative to."""
+        return near(self.cohort.sheet.parent)
+
+    def group_before_walls(self, wildcards: OfCase) -> str:
+        """Name the group of jobs before organs of a case meet.
+
+        Snakemake wants no group that begins again later.
+        """
+        return "apart" if wildcards.case in self.cohort.shared else "structure"
+
+    def group_after_filling(self, wildcards: OfCase) -> str:
+        """Name the group of jobs that read what is reported of the tetrahedra of a whole case."""
+        return "measured" if self._fills_cases else "structure"
+
+    @property
+    def _fills_cases(self) -> bool:
+        return not TETRAHEDRA_FORMATS.keys().isdisjoint(self.settings.surface.case_formats)
+
+    # Import and segmentation.
+
+    def is_segmented(self, row: Mapping[str, str]) -> bool:
+        """Whether a row's mask is made here: it has an image alone, and a segmenter is named."""
+        return self.segmenter.name is not None and row["source"] == "files" and _has_image_alone(row)
+
+    def sheet_row(self, wildcards: OfStructure) -> dict[str, str]:
+        """Return a structure's row, with the mask that a segmenter makes for it.
+
+        Its location in the sheet is left out: moving a row reruns nothing.
+        """
+        row = self.cohort.row(wildcards)
+        if self.is_segmented(row):
+            mask, _ = self.segmentation_files(wildcards)
+            made = os.path.relpath(mask, self.cohort.sheet.parent)
+            row = row | {"mask": made, "label": self.segmenter.labels}
+        return {key: value for key, value in sorted(row.items()) if key != "location"}
+
+    def segmentation_files(self, wildcards: OfStructure) -> list[str]:
+        """Return the mask that a segmenter makes of a row's image, and its report; none for other rows."""
+        if not self.is_segmented(self.cohort.row(wildcards)):
+            return []
+        return [f"{_folder(wildcards)}/{name}" for name in ("segmentation.nii.gz", "segmentation.json")]
+
+    def region_pictures(self) -> list[str]:
+        """Return pictures of the regions that are found in images: what was taken is worth a look."""
+        found = [name for name in self.cohort.reconstructed if self._is_region_found(self.cohort.rows[name])]
+        return _files(found, "region.png")
+
+    def _is_region_found(self, row: Mapping[str, str]) -> bool:
+        in_file = row["source"] == "files" and not (row["mask"] or row["boundary"])
+        return row["source"] == "mni152_scan" or (in_file and self.segmenter.name is None)
+
+    @property
+    def training_rows(self) -> list[dict[str, str]]:
+        """The rows that train segmentation networks."""
+        return [dict(self.cohort.rows[name]) for name in self.cohort.training]
+
+    # Contours.
+
+    def contour_sources(self, wildcards: OfStructure) -> dict[str, str]:
+        """Return what a structure's contours are made of: the network only where it orders them."""
+        folder = _folder(wildcards)
+        files = {"structure": f"{folder}/structure.h5"}
+        if self.cohort.contour_script(wildcards) == "order_contours":
+            files |= {"boundaries": f"{folder}/boundaries.h5", "model": MODEL}
+        return files
+
+    def contour_settings(self, wildcards: OfStructure) -> dict[str, Any]:
+        """Return settings of the network's decoder, and the row's parts, for pixels that it orders."""
+        if self.cohort.contour_script(wildcards) != "order_contours":
+            return {}
+        parts = self.cohort.row(wildcards)["parts"]
+        return self.config["gnn"]["inference"] | ({"parts": int(parts)} if parts else {})
+
+    def contour_library(self, wildcards: OfStructure) -> str:
+        """Digest the code that leads to a structure's contours, with the network that orders them."""
+        script = self.cohort.contour_script(wildcards)
+        return self.library(script, *(self.junctions.code if script == "order_contours" else []))
+
+    # Surfaces, and files of whole cases.
+
+    def format_files(self) -> list[str]:
+        """Return the surfaces' further files that the configuration asks for; PLY is always written."""
+        names = [name for name in self.settings.surface.formats if name != "ply"]
+        return [file for name in names for file in self.files(f"surface.{name}")]
+
+    def case_format_files(self) -> list[str]:
+        """Return the files of whole cases that the configuration asks for."""
+        names = self.settings.surface.case_formats
+        files = [f"{'scene' if name in SOLID_FORMATS else 'volume'}.{name}" for name in names]
+        cases = dict.fromkeys(name.case for name in self.cohort.reconstructed)
+        return [f"results/{case}/{file}" for case in cases for file in files]
+
+    def scenes(self) -> list[str]:
+        """Return the scenes of cases whose organs share their walls."""
+        return [f"results/{case}/{name}" for case in self.cohort.shared for name in SCENE]
+
+    @property
+    def solid_reports(self) -> list[str]:
+        """What is reported of each structure's solids and tetrahedra, as patterns."""
+        names = [name for name in self.settings.surface.formats if name in REPORTED_FORMATS]
+        return [f"results/{{case}}/{{organ}}/solid_{name}.json" for name in names]
+
+    def case_reports(self, wildcards: OfCase) -> list[str]:
+        """Return what is reported of the tetrahedra of a structure's case, where they are asked for."""
+        return [f"results/{wildcards.case}/volume.json"] if self._fills_cases else []
+
+    # Comparisons.
+
+    def comparison_inputs(self, comparison: Comparison) -> dict[str, Any]:
+        """Return the files of each input of a comparison; without a network an optional one has none."""
+        return {name: self._input_files(name) for name in comparison.inputs}
+
+    def _input_files(self, name: str) -> list[str] | Callable[[OfStructure], list[str]]:
+        """Patterns of the files of an input of comparisons."""
+        asked = inputs()[name]
+        if asked.shipped:
+            return _shipped_segmenters
+        if asked.optional and not self.junctions.used:
+            return []
+        folder = "results" if asked.shared else "results/{case}/{organ}"
+        return [f"{folder}/{file}" for file in asked.files]
+
+    def comparison_library(self, comparison: Comparison) -> str:
+        """Digest a comparison's code, with the classes of the networks that it is given."""
+        given = [inputs()[name] for name in comparison.inputs]
+        shipped = any(one.shipped for one in given)
+        classes = [network.build for network in networks().values()] if shipped else []
+        if any("gnn/model.pt" in one.files for one in given):
+            classes += self.junctions.code
+        return self.library("compare_structure", *comparison.functions, *classes)
+
+    def comparison_settings(self, comparison: Comparison) -> dict[str, Any]:
+        """Return the sections of the configuration that a comparison names, in their places, and no other."""
+        settings: dict[str, Any] = {}
+        for section in comparison.settings.values():
+            *parents, name = section.split(".")
+            here, there = settings, self.config
+            for parent in parents:
+                here, there = here.setdefault(parent, {}), there[parent]
+            here[name] = _without(there[name], section, comparison.unused)
+        return settings
+
+    def comparison_files(self, wildcards: OfStructure) -> list[str]:
+        """Return what a structure's comparisons leave: what the data are decides which of them are made.
+
+        One of role measure is in none, nor one whose mask a segmenter made, which is no ground truth.
+        """
+        row = self.cohort.row(wildcards)
+        if row["role"] == "measure" or self.is_segmented(row):
+            return []
+        maps = brings_maps(row)
+        made = {
+            "outlines": not maps,
+            "traced masks": self.junctions.used and self.cohort.contour_script(wildcards) == "trace_contours",
+            "maps": maps,
+            "phantoms": row["source"] == "phantom" and bool(shipped_weights(wildcards.organ)),
+        }
+        return [
+            f"{_folder(wildcards)}/comparisons/{name}.{suffix}"
+            for name, comparison in comparisons().items()
+            if made[comparison.of]
+            for suffix in ["csv"] + ["h5"] * (comparison.figures is not None)
+        ]
+
+    def all_comparison_files(self, wildcards: object = None) -> list[str]:
+        """Return what the comparisons of all structures leave."""
+        return [file for name in self.cohort.reconstructed for file in self.comparison_files(name)]
+
+    def all_comparison_rows(self, wildcards: object = None) -> list[str]:
+        """Return the tables of all structures' comparisons."""
+        return [file for file in self.all_comparison_files() if file.endswith(".csv")]
+
+    # The report.
+
+    def shown_files(self) -> list[str]:
+        """Return what the report reads of all structures."""
+        return [file for name in SHOWN for file in self.files(name)]
+
+    def structure_pages(self) -> list[str]:
+        """Return the structures' own pages, to which the report of a large cohort links."""
+        large = len(self.cohort.reconstructed) > self.settings.report.pages_above
+        return self.files("report.html") if large else []
+
+    @property
+    def templates(self) -> list[str]:
+        """Files that pages are made from."""
+        return sorted(near(path) for path in (self.root / "workflow" / "report").glob("*.*"))
+
+    @property
+    def table_code(self) -> list[str]:
+        """Functions that the tables and their notes are made by."""
+        made = [part for item in items() for part in (item.tabulate, item.note) if part]
+        return [*made, *registrations()]
+
+    @property
+    def report_code(self) -> list[str]:
+        """Functions that the report is made by: those of the tables and the plots."""
+        return [*self.table_code, *(item.plots for item in items() if item.plots)]
+
+
+def _files(names: Iterable[StructureName], file: str) -> list[str]:
+    return [f"{_folder(name)}/{file}" for name in names]
+
+
+def _folder(wildcards: OfStructure) -> str:
+    return f"results/{wildcards.case}/{wildcards.organ}"
+
+
+def _has_image_alone(row: Mapping[str, str]) -> bool:
+    return bool(row["image"]) and not (row["mask"] or row["boundary"])
+
+
+def _shipped_segmenters(wildcards: OfStructure) -> list[str]:
+    """Weights of the segmentation networks that come with the project for a structure's organ."""
+    return [near(path) for path in shipped_weights(wildcards.organ)]
+
+
+def _without(value: Any, section: str, unused: Iterable[str]) -> Any:
+    """Leave out the keys of a section, dotted, that change nothing."""
+    if not isinstance(value, dict):
+        return value
+    keys = cast("dict[str, Any]", value)
+    return {key: part for key, part in keys.items() if f"{section}.{key}" not in unused}

@@ -1,0 +1,117 @@
+"""What all structures of a run left, as one cohort: its tables and its notes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cccd.additions import added
+from cccd.lookup import find
+from cccd.report.measures import MEASURES
+from cccd.report.registry import Item, comparisons, items
+from cccd.store import read_json, read_table
+
+__all__ = [
+    "Cohort",
+    "build_tables",
+    "read_cohort",
+    "structure_names",
+    "structures",
+    "write_notes",
+]
+
+
+class Cohort:
+    """The rows that the comparisons left for every structure, and everything measured on each.
+
+    Parameters
+    ----------
+    rows : mapping of str to DataFrame
+        By comparison, the structures one below the other; what is not there has no rows.
+    metrics : sequence of dict
+        Each structure's ``metrics.json``.
+    """
+
+    def __init__(self, rows: Mapping[str, pd.DataFrame], metrics: Sequence[Mapping[str, Any]] = ()):
+        self._rows = dict(rows)
+        self.metrics = list(metrics)
+
+    def rows(self, name: str) -> pd.DataFrame:
+        """Rows of a comparison; a frame without rows when no structure has any."""
+        if name in self._rows:
+            return self._rows[name]
+        return pd.DataFrame(columns=["case", "organ", *comparisons()[name].columns])
+
+    def has(self, item: Item) -> bool:
+        """Whether every comparison that an item stands on left rows; those of traced masks may lack."""
+        needed = [comparison.name for comparison in item.rows if comparison.of != "traced masks"]
+        return all(len(self.rows(name)) > 0 for name in needed)
+
+
+def read_cohort(tables: Iterable[str | Path], metrics: Iterable[str | Path]) -> Cohort:
+    """Read what jobs left: ``comparisons/<name>.csv`` and ``metrics.json`` of any number of structures."""
+    found: dict[str, list[pd.DataFrame]] = {}
+    for file in map(Path, tables):
+        part = read_table(file)
+        if part is not None:  # else the comparison cannot be made on this structure
+            found.setdefault(file.stem, []).append(part)
+    rows = {name: pd.concat(parts, ignore_index=True) for name, parts in found.items()}
+    return Cohort(rows, [read_json(file) for file in metrics])
+
+
+def build_tables(cohort: Cohort) -> dict[str, pd.DataFrame]:
+    """Make every table that is not another rule's, by its stem; without rows it has columns alone."""
+    return {item.table: _tabulate(item, cohort) for item in items() if item.table and item.tabulated}
+
+
+def _tabulate(item: Item, cohort: Cohort) -> pd.DataFrame:
+    made = pd.DataFrame()
+    if cohort.has(item):
+        made = find(item.tabulate)(cohort) if item.tabulate else cohort.rows(item.rows[0].name)
+    return pd.DataFrame(columns=list(item.columns)) if made.empty else made
+
+
+def write_notes(cohort: Cohort) -> dict[str, str]:
+    """Say how our numbers compare with the paper's, item by item, and where the paper contradicts itself.
+
+    Returns
+    -------
+    dict of str to str
+        By the items' keys; ``training`` is the paper's section 4.
+    """
+    notes = {
+        item.key: find(item.note)(cohort)
+        for item in items()
+        if item.note is not None and cohort.has(item)
+    }  # fmt: skip
+    notes = {key: sentence for key, sentence in notes.items() if sentence}
+    for key, remark in added("report remark").items():
+        notes[key] = f"{notes.get(key, '')} {remark}".strip()
+    return notes
+
+
+def structure_names(frame: pd.DataFrame) -> pd.Series:
+    """Name each row's structure ``case / organ``; the organ alone where it says enough."""
+    if not {"case", "organ"}.issubset(frame.columns):
+        return pd.Series("all", index=frame.index)
+    unique = frame.drop_duplicates(["case", "organ"])
+    if unique["organ"].is_unique:
+        return frame["organ"].astype(str)
+    return frame["case"].astype(str) + " / " + frame["organ"].astype(str)
+
+
+# Tables out of metrics.json -----------------------------------------------------------------------------
+
+
+def structures(cohort: Cohort) -> pd.DataFrame:
+    """One row per structure; what it cannot have stays empty."""
+    rows = [
+        {"case": metrics["case"], "organ": metrics["organ"]}
+        | {measure.name: measure.look_up(metrics) for measure in MEASURES}
+        | {"warnings": len(metrics["warnings"])}
+        for metrics in cohort.metrics
+    ]
+    return pd.DataFrame(rows, columns=["case", "organ", *(measure.name for measure in MEASURES), "warnings"])

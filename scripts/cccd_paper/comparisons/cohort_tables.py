@@ -1,0 +1,116 @@
+"""Tables over the cohort out of ``metrics.json``, and the rows that a figure shows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from cccd.report.summary import Cohort
+from cccd_paper.comparisons.paper_k import AS_SMOOTH_SLACK, DISTANCES, FIGURE_11
+
+__all__ = [
+    "as_smooth",
+    "baseline_rows",
+    "compactness",
+    "figure_11_rows",
+    "has_truth",
+    "ordering",
+    "shapes",
+]
+
+
+def has_truth(rows: pd.DataFrame) -> pd.Series:
+    """Say of each row of a table of surfaces whether its structure has a true surface."""
+    return rows.get("genus_true", pd.Series(np.nan, index=rows.index)).notna()
+
+
+def baseline_rows(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows of a table of surfaces that ours is held against, tuned or not.
+
+    Ours without its own splines is no baseline, nor is marching cubes where the mask is the reference:
+    there distances are measured to it.
+    """
+    reference = (rows["method"] == "marching cubes") & ~has_truth(rows)
+    return rows[~rows["method"].isin(["CCCD", DISTANCES]) & ~reference]
+
+
+def as_smooth(rows: pd.DataFrame, keys: list[str]) -> pd.Series:
+    """Say of each row whether it bends at most as ours does, and a little, in its group by ``keys``."""
+    ours = rows[rows["method"] == "CCCD"].set_index(keys)["curvature_per_area_mm"]
+    limit = AS_SMOOTH_SLACK * ours.loc[pd.MultiIndex.from_frame(rows[keys])].to_numpy()
+    return rows["curvature_per_area_mm"] <= limit
+
+
+def figure_11_rows(corners: pd.DataFrame) -> pd.DataFrame:
+    """Rows of the series that Figure 11 shows, ``method`` naming the series: what is drawn and spoken of.
+
+    The fused detectors on the mask with the parameters of Table 2 and, where they are others, of Figure 9,
+    their corners along a short tour; and CCCD for four k.
+    """
+    fused = corners[
+        (corners["order"] == "tour")
+        & (corners["image"] == "mask")
+        & corners["parameters"].isin(["paper, Table 2", "paper, Figure 9"])
+    ]
+    alike = fused.groupby("detector")["values"].transform("nunique") == 1
+    fused = fused[~alike | (fused["parameters"] == "paper, Table 2")]
+    named = fused["method"] + ", " + fused["parameters"].str.removeprefix("paper, ").where(~alike, "defaults")
+    fused = fused.assign(method=named)
+    own = corners[(corners["detector"] == "cccd") & corners["parameters"].isin(FIGURE_11)]
+    return pd.concat([fused, own.assign(method="CCCD, " + own["parameters"])])
+
+
+def shapes(cohort: Cohort) -> pd.DataFrame:
+    """Bodies, genus and volume of every surface that has a truth, beside the true ones."""
+    columns = ["genus", "genus_true", "volume_ml", "volume_bias", "assd_mm"]
+    parts = ["bodies", "cavities"]
+    return pd.DataFrame(
+        [
+            {
+                "case": metrics["case"],
+                "organ": metrics["organ"],
+                "slices": metrics["curves"]["slices"],
+                **{name: metrics["surface"][name] for name in parts if name in metrics["surface"]},
+                **{name: metrics["surface"].get(name) for name in columns},
+            }
+            for metrics in cohort.metrics
+            if "genus_true" in metrics["surface"]
+        ]
+    )
+
+
+def compactness(cohort: Cohort) -> pd.DataFrame:
+    """Bytes per slice of every way to keep a structure's contours; the paper: 19.2 KB to 1.03 KB."""
+    return pd.DataFrame(
+        [
+            {
+                "case": metrics["case"],
+                "organ": metrics["organ"],
+                **metrics["curves"].get("bytes_per_slice", {}),
+            }
+            for metrics in cohort.metrics
+        ]
+    )
+
+
+def ordering(cohort: Cohort) -> pd.DataFrame:
+    """Say how each structure came by its contours, and where the ordering of its boundary pixels got stuck.
+
+    Of a traced mask it is the network's ordering beside the tracing, where the run uses a network.
+    """
+    compared = cohort.rows("ordering").rename(
+        columns={
+            "dice": "GNN against exact tracing, Dice",
+            "dice_decided": "the same, slices decided by the GNN",
+        }
+    )
+    beside = compared.set_index(["case", "organ"]).to_dict("index")
+    rows = []
+    for metrics in cohort.metrics:
+        key = metrics["case"], metrics["organ"]
+        counted = metrics.get("ordering", {})
+        row = {name: value for name, value in counted.items() if isinstance(value, (int, float, str))}
+        row |= beside.get(key, {})
+        if row:
+            rows.append({"case": key[0], "organ": key[1], **row})
+    return pd.DataFrame(rows)

@@ -1,0 +1,169 @@
+"""The sweep over k on one structure, Figures 10, 12, 13 and 14, and section 2's detectors beside it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
+from cccd.curves import corner_splines, sample_splines
+from cccd.curves.corners import CRITERIA, DETECTORS, k_cosine_corners
+from cccd.curves.measures import measure_corners
+from cccd.geometry.arrays import split_ragged
+from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.raster import rasterise
+from cccd.metrics import dice
+from cccd_paper.comparisons.paper_k import OUTLINES
+from cccd_paper.comparisons.parameters import (
+    BEST_OF_GRID,
+    CHAIN_BEST,
+    CHAIN_GRID,
+    LARGEST_SHARE,
+    PUBLISHED,
+    grid_points,
+)
+from cccd_paper.comparisons.repeatability import CHANGES, Detector, repeatability
+from cccd_paper.comparisons.samples import choose_slices, middle_curve
+from cccd_paper.settings import SliceChoice
+
+__all__ = ["OWN", "compare_k", "outline_figures", "search_chain"]
+
+#: Detector, criterion, k, name and values of the parameters.
+_Row = tuple[str, str, float, str, str]
+
+#: What stands for the criterion of detectors that have one of their own.
+OWN = "its own"
+
+
+def compare_k(
+    structure: Structure, curves: Curves, ks: Sequence[int], settings: SliceChoice, seed: int
+) -> pd.DataFrame:
+    """Measure the paper's own splines for each k and criterion, and section 2's detectors beside them.
+
+    Parameters
+    ----------
+    structure : Structure
+        Its mask is the truth; without one the filled curves are.
+    curves : Curves
+    ks : sequence of int
+    settings : SliceChoice
+        The slices on which corners are looked for again.
+    seed : int
+        Of the noise.
+
+    Returns
+    -------
+    DataFrame
+        One row per detector, for the k-cosine per criterion and k, for the others per set of ``parameters``
+        (the publication's, and the best of a grid on training phantoms): ``detector``, ``criterion``, ``k``,
+        ``parameters`` and their ``values``, what `cccd.curves.measures.measure_corners` says, ``ms`` of
+        processor time for the corners of all curves, and how often corners are found again under
+        ``rotation``, ``scale`` and ``noise``, 0 to 1 (`cccd_paper.comparisons.repeatability.repeatability`,
+        means over their amounts).
+    """
+    detectors = dict(_detectors(ks))
+    truth, origin = structure.stack("mask"), structure.stack_origin
+    rows = []
+    for (name, criterion, k, parameters, values), detect in detectors.items():
+        begin = time.process_time()
+        corner = detect(curves.points, curves.offsets)
+        ms = 1e3 * (time.process_time() - begin)
+        row = {
+            "detector": name, "criterion": criterion, "k": k, "parameters": parameters, "values": values,
+        }  # fmt: skip
+        rows.append(row | measure_corners(curves, corner, truth, origin) | {"ms": ms})
+    samples = choose_slices(structure, curves, settings.n_slices)
+    again = _found_again([sample.curve for sample in samples], curves.frame, detectors, seed)
+    return pd.concat([pd.DataFrame(rows), again], axis=1)
+
+
+def _detectors(ks: Sequence[int]) -> Iterator[tuple[_Row, Detector]]:
+    """Every row's detector, criterion, k, name and values of its parameters; and what finds its corners."""
+    for criterion in CRITERIA:
+        for k in ks:
+            detect = partial(k_cosine_corners, k=k, criterion=criterion)
+            yield ("k-cosine", criterion, float(k), f"k = {k}", f"k {k}"), detect
+    for name, best in CHAIN_BEST.items():
+        values = ", ".join(f"{key} {value}" for key, value in best.items())
+        yield (name, OWN, np.nan, PUBLISHED, "defaults"), DETECTORS[name]
+        yield (name, OWN, np.nan, BEST_OF_GRID, values), partial(DETECTORS[name], **best)
+
+
+def search_chain(outlines: Sequence[np.ndarray], frame: Frame) -> pd.DataFrame:
+    """Score every point of the grids of the detectors on the chain code on training outlines.
+
+    Parameters
+    ----------
+    outlines : sequence of (n, 2) arrays
+        Pixel chains of structures that nothing is reported on.
+    frame : Frame
+
+    Returns
+    -------
+    DataFrame
+        ``detector``, ``parameters`` (dict), ``DSC`` of the splines through its corners, mean ``share`` of
+        the pixels that are corners, and ``eligible``: few enough; within each detector the best eligible
+        first.
+    """
+    curves = _one_a_slice(outlines, frame)
+    rows = []
+    for detector in CHAIN_GRID:
+        for parameters in grid_points(detector, CHAIN_GRID):
+            corner = DETECTORS[detector](curves.points, curves.offsets, **parameters)
+            measured = measure_corners(curves, corner)
+            share = float(np.mean([part.mean() for part in split_ragged(corner, curves.offsets)]))
+            rows.append((detector, parameters, measured["DSC"], share, share <= LARGEST_SHARE))
+    scores = pd.DataFrame(rows, columns=["detector", "parameters", "DSC", "share", "eligible"])
+    columns = ["detector", "eligible", "DSC", "share"]
+    return scores.sort_values(columns, ascending=[True, False, False, True]).reset_index(drop=True)
+
+
+def _one_a_slice(outlines: Sequence[np.ndarray], frame: Frame) -> Curves:
+    lines = RaggedPolygons.of(outlines)
+    count = len(outlines)
+    return Curves(lines.points, lines.offsets, np.arange(count), np.zeros(count, bool), frame)
+
+
+def _found_again(
+    outlines: Sequence[np.ndarray], frame: Frame, detectors: Mapping[tuple, Detector], seed: int
+) -> pd.DataFrame:
+    """Repeatability of every detector, a row each, by what changed the outlines."""
+    curves = _one_a_slice(outlines, frame)
+    named = {str(number): detect for number, detect in enumerate(detectors.values())}
+    table = repeatability(curves, np.random.default_rng(seed), named)
+    means = table.groupby(["detector", "change"])["repeatability"].mean().unstack("change")
+    return means.loc[list(named), list(CHANGES)].reset_index(drop=True)
+
+
+def outline_figures(
+    structure: Structure, curves: Curves, ks: Sequence[int], settings: SliceChoice, seed: int
+) -> dict[str, SliceFigure]:
+    """Outline the middle slice for the k of Figures 10, 12 and 14; nothing where there is no outer curve.
+
+    Parameters as in `compare_k`.
+    """
+    curve = middle_curve(curves)
+    if curve is None:
+        return {}
+    return {figure: SliceFigure([_outline(curve, k) for k in ks]) for figure, ks in OUTLINES.items()}
+
+
+def _outline(curve: Curves, k: int) -> Panel:
+    """Boundary, corners and the paper's spline: corners at maxima of curvature as control points (eq. 9)."""
+    splines = corner_splines(curve, k_cosine_corners(curve.points, curve.offsets, k))
+    line = sample_splines(splines)
+    drawn = line.points
+    low = np.floor(np.minimum(curve.points.min(axis=0), drawn.min(axis=0))).astype(int) - 2
+    shape = np.ceil(np.maximum(curve.points.max(axis=0), drawn.max(axis=0))).astype(int) + 3 - low
+    score = dice(rasterise([curve.points], low, shape), rasterise([drawn], low, shape))
+    control = splines.control_points
+    return Panel(
+        f"k = {k}",
+        {"boundary": curve.points, "spline": drawn, "corners": control},
+        detail=f"{len(control)} points, Dice {100 * score:.2f} %"
+        + ("" if line.polygons.is_simple.all() else ", crosses itself"),
+    )

@@ -1,0 +1,122 @@
+"""The paper's own surface, eq. (10): one tensor-product B-spline through every slice's largest outline."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from cccd.containers import Curves
+from cccd.curves.corners import k_cosine_corners
+from cccd.curves.fitting import corner_splines, sample_splines
+from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.bsplines import DEGREE, closed_knots, open_knots
+from cccd.geometry.mesh import Mesh
+from cccd.surface.flat_caps import fill_rim
+
+__all__ = ["tensor_product_loft"]
+
+#: Support of the k-cosine: the middle of the paper's sweep.
+CORNER_K = 7
+#: Control points around each slice: as many as a long outline has corners.
+AROUND = 64
+#: Samples of the surface for each control point, around and along.
+SAMPLES = 4
+
+
+def tensor_product_loft(curves: Curves) -> Mesh:
+    """Loft one closed tube, eq. (10), from the corner splines of Definitions 3 and 4.
+
+    Its control points are points of the splines, evenly along each; each slice's begin where the last
+    slice's did. It knows neither branches, holes nor further parts; planes close its ends.
+
+    Parameters
+    ----------
+    curves : Curves
+        Ordered curves of at least two slices.
+
+    Returns
+    -------
+    Mesh
+        Closed, in world mm (RAS), outwards.
+
+    Raises
+    ------
+    ValueError
+        With fewer than two slices.
+    """
+    chosen = _largest(curves)
+    outlines = curves.polygons.take(chosen)
+    tube = Curves(outlines.points, outlines.offsets, curves.slice[chosen], curves.hole[chosen], curves.frame)
+    if len(tube) < 2:
+        raise ValueError("a surface of eq. (10) needs two slices")
+    corners = k_cosine_corners(tube.points, tube.offsets, CORNER_K)
+    drawn = sample_splines(corner_splines(tube, corners))
+    net = np.stack(_aligned([_even(polygon) for polygon in np.split(drawn.points, drawn.offsets[1:-1])]))
+    slices = tube.slice.astype(float)
+    sheet = _along(_around(net), slices)
+    points = tube.frame.to_world(sheet[..., :2].reshape(-1, 2), sheet[..., 2].ravel())
+    return _closed(points.reshape(sheet.shape), sheet[[0, -1], :, :2])
+
+
+def _largest(curves: Curves) -> IntArray:
+    """Find the largest outline (S,) of each slice that has one."""
+    area = np.where(curves.hole, 0.0, np.abs(curves.polygons.signed_areas))
+    order = np.lexsort((-area, curves.slice))
+    _, first = np.unique(curves.slice[order], return_index=True)
+    return order[first][area[order[first]] > 0]
+
+
+def _even(polygon: FloatArray) -> FloatArray:
+    """Points (`AROUND`, 2) evenly along a closed polygon, counter-clockwise."""
+    closed = np.vstack([polygon, polygon[:1]])
+    x, y = closed.T
+    if np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) < 0:
+        closed = closed[::-1]
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
+    at = np.arange(AROUND) * (length[-1] / AROUND)
+    return np.column_stack([np.interp(at, length, values) for values in closed.T])
+
+
+def _aligned(sections: list[FloatArray]) -> list[FloatArray]:
+    """Turn each section so that its points lie nearest to those of the section before."""
+    turned = sections[:1]
+    for section in sections[1:]:
+        turns = np.stack([np.roll(section, -n, axis=0) for n in range(AROUND)])
+        turned.append(turns[np.sum((turns - turned[-1]) ** 2, axis=(1, 2)).argmin()])
+    return turned
+
+
+def _around(net: FloatArray) -> FloatArray:
+    """Points (S, `SAMPLES` * `AROUND`, 2) of closed cubic splines with control points (S, `AROUND`, 2)."""
+    control = np.concatenate([net, net[:, :DEGREE]], axis=1).transpose(1, 0, 2)
+    at = np.arange(SAMPLES * AROUND) / (SAMPLES * AROUND)
+    return BSpline(closed_knots(AROUND), control, DEGREE)(at).transpose(1, 0, 2)
+
+
+def _along(sections: FloatArray, slices: FloatArray) -> FloatArray:
+    """Points (R, P, 3), in pixels and slices, of open splines with control points (S, P, 2) on ``slices``."""
+    degree = min(DEGREE, len(slices) - 1)
+    heights = np.broadcast_to(slices[:, None, None], (*sections.shape[:2], 1))
+    control = np.concatenate([sections, heights], axis=2)
+    at = np.linspace(0, 1, SAMPLES * len(slices))
+    return np.asarray(BSpline(open_knots(len(slices), 1.0, degree), control, degree)(at))
+
+
+def _closed(sheet: FloatArray, ends: FloatArray) -> Mesh:
+    """Mesh a tube (R, P, 3) in mm, and close it where its first and last row are (2, P, 2) in the plane."""
+    rows, around = sheet.shape[:2]
+    number = np.arange(rows * around).reshape(rows, around)
+    a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
+    c, d = np.roll(number[1:], -1, axis=1), number[1:]
+    faces = [np.stack([a, b, c], axis=-1).reshape(-1, 3), np.stack([a, c, d], axis=-1).reshape(-1, 3)]
+    vertices, count = [sheet.reshape(-1, 3)], rows * around
+    rim = np.column_stack([np.arange(around), np.roll(np.arange(around), -1)])
+    for row, plane, upwards in ((0, ends[0], False), (-1, ends[1], True)):
+        added, triangles = fill_rim(plane, rim)
+        # the cap's own points, in the plane spanned by its rim
+        frame = np.linalg.lstsq(np.column_stack([plane, np.ones(around)]), sheet[row], rcond=None)[0]
+        vertices.append(np.column_stack([added, np.ones(len(added))]) @ frame)
+        own = np.concatenate([number[row], count + np.arange(len(added))])[triangles]
+        faces.append(own if upwards else own[:, ::-1])
+        count += len(added)
+    return Mesh(np.concatenate(vertices), np.concatenate(faces)).outwards()

@@ -1,0 +1,1 @@
+"""The paper's own network for boundary pixels: its graph, its training, and the chains that it leaves."""

@@ -1,0 +1,106 @@
+"""How the paper's network is trained: the pixel grids of the frozen graphs, and labels of their links."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils.data import Dataset
+from torch_geometric.data import Data
+from torch_geometric.loader import DataLoader
+
+from cccd.containers import Frame
+from cccd.geometry.arrays import AnyArray, IntArray
+from cccd.junctions.decoding import closed_chains, fill_loops
+from cccd.junctions.delaunay import build_graph
+from cccd.settings.junctions import NetworkSettings
+from cccd_paper.junctions.grid import GridGraph, build_grid, find_chains
+from cccd_paper.junctions.network import PaperNetwork, grid_data
+from cccd_training.junctions.labels import inside_shares, link_labels
+from cccd_training.junctions.scoring import SliceScore, score_slice
+from cccd_training.junctions.synthetic_maps import RandomStream, SyntheticMap
+from cccd_training.junctions.tasks import Plan, link_and_curve_scores, make_loader
+
+__all__ = ["PaperTask", "grid_labels"]
+
+# Neither is in the paper: graphs per step, 20 steps an epoch, and the peak of one cycle of AdamW, as for our
+# network.
+_BATCH_SIZE = 10
+_LEARNING_RATE = 0.01
+
+_FLAT = Frame(np.eye(4), 2, (1, 1, 1))
+
+
+def grid_labels(grid: GridGraph, contours: Sequence[AnyArray]) -> IntArray:
+    """Label every candidate (C,) of a pixel grid: +1 on the best border, -1 elsewhere (section 4.2).
+
+    The best border is the Delaunay graph's (`link_labels`), as far as it runs between 8-neighbours.
+    """
+    graph = build_graph(grid.pixels[grid.observed])
+    true = graph.links[link_labels(graph, inside_shares(graph, contours))].astype(np.int64)
+    keys = [np.minimum(*ends.T) * len(graph.points) + np.maximum(*ends.T) for ends in (grid.candidates, true)]
+    return np.where(np.isin(*keys), 1, -1)
+
+
+class _Grids(Dataset[Data]):
+    """Labelled grids, in an order drawn from the seed and the epoch."""
+
+    def __init__(self, grids: Sequence[Data], order: IntArray):
+        self.grids, self.order = grids, order
+
+    def __len__(self) -> int:
+        return len(self.order)
+
+    def __getitem__(self, index: int) -> Data:
+        return self.grids[int(self.order[index])]
+
+
+class PaperTask:
+    """The paper's network: links of the pixel grid, labels +1 and -1, the frozen graphs alone."""
+
+    def __init__(self, frozen: Sequence[SyntheticMap], settings: NetworkSettings, seed: int):
+        self.settings, self.seed = settings, seed
+        self.grids = [self._labelled(drawn) for drawn in frozen]
+
+    @staticmethod
+    def _labelled(drawn: SyntheticMap) -> Data:
+        grid = build_grid(drawn.pixels)
+        data = grid_data(grid)
+        data.edge_label = torch.as_tensor(grid_labels(grid, drawn.contours), dtype=torch.float32)
+        return data
+
+    @property
+    def plan(self) -> Plan:
+        """All epochs that section ``gnn.paper`` of the configuration says."""
+        epochs = self.settings.paper.epochs
+        return Plan(epochs, epochs, _LEARNING_RATE)
+
+    def network(self) -> PaperNetwork:
+        """Build the network."""
+        paper = self.settings.paper
+        return PaperNetwork(paper.width, paper.layers, paper.dropout)
+
+    def loader(self, epoch: int, threads: int) -> DataLoader[Data]:
+        """Batches of the frozen graphs."""
+        order = np.random.default_rng([self.seed, RandomStream.MAP_ORDER, epoch]).permutation(len(self.grids))
+        return make_loader(_Grids(self.grids, order), len(order), _BATCH_SIZE, 1)
+
+    def loss(self, model: PaperNetwork, batch: Data) -> Tensor:
+        """Mean squared error to labels +1 and -1: the quadratic cost of Scarselli et al. (2009)."""
+        return (model(batch) - batch.edge_label).square().mean()
+
+    def score(self, model: PaperNetwork, maps: Sequence[SyntheticMap]) -> dict[str, float]:
+        """Score links, and the chains that are left."""
+        grids = [build_grid(drawn.pixels) for drawn in maps]
+        values = model.link_scores(grids)
+        labels = [grid_labels(grid, drawn.contours) > 0 for grid, drawn in zip(grids, maps, strict=True)]
+        scores: list[SliceScore] = []
+        for grid, value, drawn in zip(grids, values, maps, strict=True):
+            loops = find_chains(grid, value if grid.has_junctions else None)
+            origin = grid.pixels.min(axis=0) - 1
+            masks = fill_loops([loops], origin, grid.pixels.max(axis=0) + 2 - origin)
+            curves = closed_chains(masks, origin, np.zeros(1, np.int64), _FLAT)
+            scores.append(score_slice(list(curves), drawn.contours))
+        return link_and_curve_scores([value > 0 for value in values], labels, scores)

@@ -1,0 +1,97 @@
+"""What the measured page keeps of a run: small CSV files, committed beside it."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+from pathlib import Path
+
+import pandas as pd
+
+__all__ = ["BENCHMARKS", "TABLES", "keep_tables"]
+
+_SURFACE = (
+    "case", "organ", "method", "chosen", "setting", "dice_3d", "assd_mm", "hd95_mm", "volume_bias",
+    "curvature_per_area_mm", "closed_manifold", "self_intersections", "genus", "genus_true",
+    "normals_median_deg", "bytes", "seconds",
+)  # fmt: skip
+
+#: The run's tables and the columns that the page needs.
+TABLES: dict[str, tuple[str, ...]] = {
+    "structures": (
+        "case", "organ", "slices", "dice_3d", "assd_mm", "hd95_mm", "volume_bias", "closed_manifold",
+        "self_intersections", "genus", "genus_true", "normals_median_deg", "normals_p90_deg",
+        "control_points", "control_bytes", "compactness",
+    ),
+    "surfaces": _SURFACE,
+    "thick_slices": (*_SURFACE, "slice_distance_mm", "every_nth"),
+    "table2_fuse": (
+        "organ", "image", "method", "parameters", "order", "dice_percent", "control_points",
+    ),
+    "k_sweep": (
+        "case", "organ", "detector", "criterion", "parameters", "values", "share", "too_few", "DSC",
+        "rotation", "scale", "noise",
+    ),
+    "table5_times": ("organ", "method", "parameters", "corner_ms", "curve_ms"),
+    "stage_times": ("case", "organ", "method", "total_ms", "surface_ms", "closed_share", "dice_3d"),
+    "corner_surfaces": (
+        "case", "organ", "k", "slices", "share", "dice_2d", "dice_3d", "assd_mm", "stack_bytes", "seconds",
+    ),
+    "junctions": ("decoder", "kind", "maps", "correct", "dice"),
+    "map_surfaces": (
+        "case", "organ", "method", "slices", "decided", "dice_3d", "assd_mm", "hd95_mm",
+    ),
+    "segmenters": ("case", "organ", "method", "given", "dice_percent", "assd_mm"),
+    "compactness": ("case", "organ", "spline", "chain_code", "png", "raw"),
+}  # fmt: skip
+
+#: Tables beside the run's, which scripts in ``tests/benchmarks`` write.
+BENCHMARKS = ("benchmarks", "out_of_distribution", "orex")
+
+#: Of these tables the page shows some rows alone.
+_ROWS = {
+    "junctions": "kind == 'all ten'",
+    "table2_fuse": "image in ['mask', 'chain code']",
+    "k_sweep": "criterion != 'min'",
+}
+
+
+def keep_tables(results: Path, folder: Path) -> None:
+    """Copy what the page shows of a run's ``results/tables`` into a folder, in four digits.
+
+    Parameters
+    ----------
+    results : path
+        ``results/`` of a finished run; ``benchmarks/`` stands beside it.
+    folder : path
+        Gets a CSV file per table, and ``run.csv``: what ran, where, and how long.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, columns in TABLES.items():
+        table = pd.read_csv(results / "tables" / f"{name}.csv")
+        table = table.query(_ROWS[name]) if name in _ROWS else table
+        kept = [column for column in columns if column in table]
+        table[kept].to_csv(folder / f"{name}.csv", index=False, float_format="%.4g")
+    _run_facts(results.parent).to_csv(folder / "run.csv", index=False, float_format="%.4g")
+
+
+def _run_facts(run: Path) -> pd.DataFrame:
+    """Processor seconds of a run's jobs, rule by rule, and the machine and version that they ran on."""
+    jobs = []
+    for file in sorted((run / "benchmarks").rglob("*.tsv")):
+        spent = pd.read_csv(file, sep="\t")
+        place = file.relative_to(run / "benchmarks").parent.as_posix()
+        seconds = pd.to_numeric(spent["cpu_time"], errors="coerce").sum()
+        jobs.append({"fact": "cpu_s", "place": place, "rule": file.stem, "value": round(float(seconds), 1)})
+    commit = subprocess.run(
+        ["git", "-C", str(run), "rev-parse", "--short", "HEAD"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    model = [line for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line]
+    facts = {
+        "commit": commit.stdout.strip() or "unknown",
+        "machine": model[0].partition(":")[2].strip() if model else platform.machine(),
+        "python": platform.python_version(),
+    }
+    named = [{"fact": name, "place": "", "rule": "", "value": value} for name, value in facts.items()]
+    return pd.DataFrame([*named, *jobs])

@@ -1,0 +1,120 @@
+"""Structures without a mask: boundary maps that are ordered, and networks that find an organ."""
+
+from __future__ import annotations
+
+from cccd_paper.comparisons.map_surfaces import CLASSICAL, NETWORK, THRESHOLD
+from cccd_paper.measured.text import Tables, markdown_table, place, written
+
+__all__ = ["boundary_maps", "image_alone", "segmentation_networks", "unseen_damage", "unseen_verdict"]
+
+#: Rows of the decoders' tables.
+SHIPPED, TRUE_LABELS = "GNN, shipped", "decoder + true labels"
+
+
+def boundary_maps(tables: Tables) -> str:
+    """Show junction repair, and surfaces of structures that came without their mask."""
+    junctions = tables["junctions"].sort_values("correct", ascending=False, kind="stable")
+    decoders = [
+        {"decoder": row["decoder"], "correct": written(row["correct"]), "Dice": written(row["dice"], ".3f")}
+        for _, row in junctions.iterrows()
+    ]
+    rows = [
+        {
+            "structure": place(row),
+            "method": row["method"],
+            "3D Dice": written(row["dice_3d"], ".3f"),
+            "ASSD, mm": written(row["assd_mm"]),
+            "HD95, mm": written(row["hd95_mm"]),
+        }
+        for _, row in tables["map_surfaces"].iterrows()
+    ]
+    return "\n\n".join([
+        "## Boundary maps without a mask",
+        f"Junction repair on {junctions['maps'].iloc[0]:.0f} damaged maps of ten kinds. **In "
+        "distribution**: the generator of this damage also made the network's training maps (others of "
+        "them).",
+        markdown_table(decoders),
+        "Surfaces of structures whose mask no method saw; it is the reference (for the kidney, its true "
+        "surface). `scan/brain` is an image with noise and a bias field, skull-stripped, which makes a "
+        "threshold's task easy; the edges are Canny's. `damaged/kidney` is damaged by the training's own "
+        "generator: **in distribution**. The network also reads the image and the neighbouring slices; the "
+        "classical decoder reads each map alone.",
+        markdown_table(rows),
+        image_alone(tables),
+    ])  # fmt: skip
+
+
+def image_alone(tables: Tables) -> str:
+    """Say who is nearer on the structure that comes from an image: the network or a threshold."""
+    rows = tables["map_surfaces"]
+    sentences = []
+    for (case, organ), group in rows.groupby(["case", "organ"], sort=False):
+        assd, hd95 = (group.set_index("method")[name].to_dict() for name in ("assd_mm", "hd95_mm"))
+        if THRESHOLD not in assd:
+            continue
+        verb = "loses to" if assd[NETWORK] > assd[THRESHOLD] else "is nearer than"
+        sentences.append(
+            f"On {case}/{organ}, the one structure that comes from an image alone, the network {verb} a "
+            f"threshold: ASSD {assd[NETWORK]:.2f} against {assd[THRESHOLD]:.2f} mm, HD95 {hd95[NETWORK]:.1f} "
+            f"against {hd95[THRESHOLD]:.1f} mm; {CLASSICAL} has {assd[CLASSICAL]:.2f} mm."
+        )
+    return " ".join(sentences)
+
+
+def unseen_damage(tables: Tables) -> str:
+    """Set the shipped network beside classical decoders on damage that its training never saw."""
+    rows = tables["out_of_distribution"]
+    correct = rows.set_index(["decoder", "kind"])["correct"].to_dict()
+    kinds = list(dict.fromkeys(rows["kind"]))
+    maps = rows.groupby("kind")["maps"].first()
+    shown = [
+        {
+            "correct of maps": name,
+            **{f"{kind} ({maps[kind]})": written(correct[name, kind]) for kind in kinds},
+        }
+        for name in dict.fromkeys(rows["decoder"])
+    ]
+    return "\n\n".join([
+        "### Out of distribution",
+        "Outlines of organs, damaged by a generator that training never saw, and edges of real MR slices "
+        "with their labels (`python tests/benchmarks/out_of_distribution.py`; not of the run above). "
+        "“Seeded” decoders are given a point inside the organ, which the network is not.",
+        markdown_table(shown),
+        unseen_verdict(tables),
+    ])  # fmt: skip
+
+
+def unseen_verdict(tables: Tables) -> str:
+    """Set the shipped network against the best of the others over all kinds of unseen damage."""
+    rows = tables["out_of_distribution"]
+    damaged = rows[~rows["kind"].str.startswith("edges")]
+    share = damaged.groupby("decoder", sort=False)["correct"].mean()
+    network = share[SHIPPED]
+    others = share.drop([SHIPPED, TRUE_LABELS]).sort_values(ascending=False)
+    verb = "more than" if network > others.iloc[0] else "fewer than"
+    return (
+        f"Over the {damaged['kind'].nunique()} kinds of unseen damage the shipped network gets "
+        f"{network:.2f} of the maps right, {verb} {others.index[0]} ({others.iloc[0]:.2f})."
+    )
+
+
+def segmentation_networks(tables: Tables) -> str:
+    """Show what the networks of Table 3 find in the phantoms' images."""
+    rows = tables["segmenters"]
+    grey = rows[rows["given"] == "the image"]
+    shown = [
+        {
+            "structure": place(row),
+            "found in the image by": row["method"],
+            "Dice %": written(row["dice_percent"]),
+            "ASSD, mm": written(row["assd_mm"]),
+        }
+        for _, row in grey.iterrows()
+    ]
+    return "\n\n".join([
+        "## Segmentation networks",
+        "The networks of the paper's Table 3, trained narrow on phantoms of the generator that made these "
+        "scans, against the phantom's mask: **in distribution**, and no statement about real scans. "
+        "“Proposed CCCD” finds the organ by a threshold and the edges around it.",
+        markdown_table(shown),
+    ])  # fmt: skip

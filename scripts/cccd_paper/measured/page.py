@@ -1,0 +1,133 @@
+"""The page: its introduction, its sections in order, and where the program falls short."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from cccd_paper.measured.kept import BENCHMARKS, TABLES
+from cccd_paper.measured.maps import (
+    boundary_maps,
+    image_alone,
+    segmentation_networks,
+    unseen_damage,
+    unseen_verdict,
+)
+from cccd_paper.measured.planar import (
+    chain_corners,
+    chain_margin,
+    compactness,
+    corner_surfaces,
+    figure_9,
+    pixel_corners,
+    planar_times,
+    slabs,
+)
+from cccd_paper.measured.surfaces import (
+    cost,
+    full_resolution,
+    full_resolution_shortfall,
+    handles,
+    solids_verdict,
+    thick_slices,
+    unseen_solids,
+)
+from cccd_paper.measured.text import Tables, markdown_table, written
+
+__all__ = ["write_page"]
+
+
+def write_page(docs: Path) -> str:
+    """Write the page from the tables in ``docs``.
+
+    Parameters
+    ----------
+    docs : path
+        ``measured/`` has what `keep_tables` left of a run; the other tables are `BENCHMARKS`.
+    """
+    tables = {name: pd.read_csv(docs / "measured" / f"{name}.csv") for name in [*TABLES, "run"]}
+    tables |= {name: pd.read_csv(docs / f"{name}.csv") for name in BENCHMARKS}
+    parts = [
+        _introduction(tables),
+        full_resolution(tables),
+        thick_slices(tables),
+        pixel_corners(tables),
+        chain_corners(tables),
+        corner_surfaces(tables),
+        planar_times(tables),
+        boundary_maps(tables),
+        unseen_damage(tables),
+        segmentation_networks(tables),
+        unseen_solids(tables),
+        _time_and_memory(tables["benchmarks"]),
+        _falls_short(tables),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _introduction(tables: Tables) -> str:
+    run = tables["run"].set_index("fact")["value"]
+    jobs = tables["run"][tables["run"]["fact"] == "cpu_s"]
+    seconds = pd.to_numeric(jobs["value"]).sum()
+    return (
+        "# Measured\n\n`docs/write_measured.py` writes this page from the tables of one default run "
+        f"(`snakemake --cores 2`, program at commit {run['commit']}, {run['machine']}, Python "
+        f"{run['python']}); no figure is typed, and a test holds the page to `docs/measured/*.csv`. The "
+        f"run's {len(jobs)} jobs took {seconds:.0f} s of processor time, training of both networks "
+        "included. Every method of these tables, and more of them, is in the run's report.\n\n**What is "
+        "measured against what.** The phantoms are digitised from surfaces that are known: their "
+        "distances, volumes, normals and genus are to the *true surface*. The MNI brain (nilearn's, 1 mm, "
+        "skull-stripped) has no true surface: its distances are to the isosurface of *its own mask*, "
+        "which has the voxels' steps. That flatters whatever keeps the steps: marching cubes has an ASSD "
+        "of zero there by construction, and a method that rounds the steps off is further away the "
+        "smoother it is. The phantoms show what that is worth."
+    )
+
+
+def _time_and_memory(benchmarks: pd.DataFrame) -> str:
+    most = benchmarks["slices"].max()
+    rows = benchmarks[benchmarks["slices"] == most]
+    shown = [
+        {
+            "benchmark": row["benchmark"],
+            "method": row["method"],
+            "CPU s": written(row["seconds"], ".3g"),
+            "MB": written(row["peak_mb"], ".3g"),
+            "growth": written(row["slope"]),
+        }
+        for _, row in rows.iterrows()
+    ]
+    return "\n\n".join([
+        "## Time and memory",
+        f"Processor time and peak memory of {most} slices, one thread ({benchmarks['machine'].iloc[0]}, "
+        "other work beside it), by `python tests/benchmarks/run.py` ([all of it](benchmarks.csv)); not of "
+        "the run above. Growth is the slope of log time over log slices.",
+        markdown_table(shown),
+        "![Time and memory by number of slices](benchmarks.png)",
+    ])  # fmt: skip
+
+
+def _falls_short(tables: Tables) -> str:
+    both = figure_9(tables)
+    ahead = int((both["dice_percent_fuse"] > both["dice_percent"]).sum())
+    items = [
+        "**The paper's claim.** At Figure 9's parameters FUSE2's corners describe the slices better than "
+        f"CCCD's at k = 3 on {ahead} of {len(both)} organs ([corners](#corners-on-pixels)). "
+        f"{chain_margin(tables)}",
+        f"**From an image alone.** {image_alone(tables)}",
+        *full_resolution_shortfall(tables),
+        *handles(tables),
+        *slabs(tables),
+        f"**Few planes far apart.** {solids_verdict(tables['orex'])} "
+        "([solids](#solids-that-nothing-was-tuned-on)).",
+        cost(tables),
+        f"**Unseen damage.** {unseen_verdict(tables)} The run's own tables of damaged maps are in "
+        f"distribution ([both](#boundary-maps-without-a-mask)).",
+        compactness(tables),
+        "**No data of the paper.** Its three data sets could not be had: [the paper and us](paper.md).",
+        "**Between the slices.** Branches and fissures that move far between thick slices: "
+        "[filling](filling.md#next-to-other-methods), [the surface](splines.md#how-well); few drawn slices: "
+        "[sparse annotation](sparse_annotation.md).",
+    ]
+    return "\n\n".join(["## Where it falls short", "\n".join(f"- {item}" for item in items)])

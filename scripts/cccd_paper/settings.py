@@ -1,0 +1,147 @@
+"""Settings of the comparisons: on which slices, with which parameters, the other methods run."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from cccd.settings.section import Section, setting
+from cccd.settings.validators import without_repeats
+
+__all__ = [
+    "ActiveContourSettings",
+    "ComparisonSettings",
+    "CornerSurfaceSettings",
+    "IsosurfaceSettings",
+    "SliceChoice",
+    "StageTimeSettings",
+    "ThickSliceSettings",
+]
+
+_Method = Literal[
+    "marching cubes",
+    "flying edges + windowed sinc",
+    "surface nets",
+    "signed distance + isosurface",
+    "signed distance + isosurface + windowed sinc",
+    "signed distance + Gaussian + windowed sinc",
+    "anti-aliased binary + windowed sinc",
+    "morphological interpolation + windowed sinc",
+    "CCCD, distances alone + windowed sinc",
+    "paper's loft, eq. (10)",
+    "ball pivoting",
+    "Poisson",
+    "alpha shape",
+]
+
+
+class SliceChoice(Section):
+    """On which slices of a structure a comparison runs."""
+
+    n_slices: int = setting(
+        5,
+        "slices of each structure, spread evenly over those long enough",
+        why="Keeps the comparisons to minutes.",
+        unit="count",
+        ge=1,
+        le=1000,
+    )
+
+
+class ActiveContourSettings(SliceChoice):
+    """A B-spline snake from a circular seed (Figure 15)."""
+
+    n_slices: int = setting(
+        2,
+        "slices of each structure, spread evenly over those long enough",
+        why="Each takes a run per seed.",
+        unit="count",
+        ge=1,
+        le=1000,
+    )
+
+
+class CornerSurfaceSettings(Section):
+    """Surfaces from the corner splines of each k."""
+
+    most_slices: int = setting(
+        12,
+        "of an organ with more slices, a slab of so many adjacent ones is taken",
+        why="A surface for each k takes seconds each; paper_offline.yaml takes them all.",
+        unit="count",
+        ge=3,
+        le=100000,
+    )
+
+
+class StageTimeSettings(Section):
+    """From the image to the surface by every method of Table 5."""
+
+    most_slices: int = setting(
+        6,
+        "of an organ with more slices, a slab of so many adjacent ones is taken",
+        why="Bad curves make bad surfaces, which take longest.",
+        unit="count",
+        ge=3,
+        le=100000,
+    )
+
+
+class IsosurfaceSettings(Section):
+    """Surfaces by other methods, measured alike."""
+
+    methods: Annotated[tuple[_Method, ...], AfterValidator(without_repeats)] = setting(
+        (
+            "marching cubes",
+            "flying edges + windowed sinc",
+            "surface nets",
+            "signed distance + isosurface",
+            "signed distance + isosurface + windowed sinc",
+            "signed distance + Gaussian + windowed sinc",
+            "anti-aliased binary + windowed sinc",
+            "morphological interpolation + windowed sinc",
+            "CCCD, distances alone + windowed sinc",
+            "paper's loft, eq. (10)",
+            "ball pivoting",
+            "Poisson",
+            "alpha shape",
+        ),
+        "methods to run beside ours",
+        why="All that there are. Those with windowed sinc are shown at their best settings of a grid.",
+    )
+
+
+class ThickSliceSettings(Section):
+    """Every n-th slice kept, reconstructed, compared with the full resolution."""
+
+    spacings_mm: tuple[Annotated[float, Field(gt=0, le=50)], ...] = setting(
+        (5.0, 8.0),
+        "slice distances to thin to; the nearest multiple of the scan's own is taken",
+        why="What clinical scans have; every n-th slice is kept, and n is at least 2.",
+        unit="mm",
+    )
+
+
+class ComparisonSettings(Section):
+    """The comparisons (section ``comparisons``)."""
+
+    corners: SliceChoice = setting(SliceChoice(), "corner detectors on pixels", why="Tables 1 and 2.")
+    reconstruction: SliceChoice = setting(
+        SliceChoice(), "curves from unordered points", why="Tables 4 and 5."
+    )
+    active_contour: ActiveContourSettings = setting(
+        ActiveContourSettings(), "a B-spline snake", why="Figure 15."
+    )
+    corner_surfaces: CornerSurfaceSettings = setting(
+        CornerSurfaceSettings(), "surfaces from the corners of each k", why="The paper's chain to its end."
+    )
+    stage_times: StageTimeSettings = setting(
+        StageTimeSettings(), "every method from the image to the surface", why="Table 5, whole."
+    )
+    isosurfaces: IsosurfaceSettings = setting(
+        IsosurfaceSettings(), "surfaces by other methods", why="What surfaces are made with today."
+    )
+    thick_slices: ThickSliceSettings = setting(
+        ThickSliceSettings(), "slices left out and interpolated", why="What thick slices cost."
+    )

@@ -1,0 +1,1 @@
+"""How weights are made: data drawn or read, losses, loops. `cccd` needs none of it."""

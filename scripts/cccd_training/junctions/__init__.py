@@ -1,0 +1,15 @@
+"""Training of the networks that order boundary pixels, and of what chooses among alternatives of the cut.
+
+==================== ===============================================================================
+module               holds
+==================== ===============================================================================
+``random_masks``     synthetic organs; ``synthetic_images``, ``synthetic_maps``, ``labels``: images, noisy
+                     boundary maps (`cccd.volumes.corruptions`) and labels of them
+``frozen_graphs``    ``graphs.h5``: graphs drawn once
+``data``             labelled maps
+``tasks``            a network, its batches, its loss and its scores; ``loss``: ours
+``loop``             epochs, validation and what comes out; ``start``: where it begins
+``scoring``          when an ordered slice counts as correct
+``reranker``         training of `cccd.junctions.reranking`, once, by hand
+==================== ===============================================================================
+"""

@@ -1,0 +1,237 @@
+"""Training of a segmentation network: epochs, checkpoints, the held-out patients' scores."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+import numpy as np
+import pandas as pd
+import torch
+from monai.losses.dice import DiceCELoss
+from torch import Tensor, nn
+from tqdm import tqdm
+
+from cccd.devices import chosen_device
+from cccd.metrics import dice
+from cccd.segmentation.inference import device_of, labels_of, predict, probabilities
+from cccd.segmentation.model import load_segmenter
+from cccd.segmentation.networks import build, networks, parameters
+from cccd.segmentation.plan import Plan
+from cccd.settings.segmentation import SegmentationSettings
+from cccd_training.checkpoints import Checkpoints
+from cccd_training.segmentation.examples import (
+    Example,
+    LabelledScan,
+    batches,
+    make_plan,
+    prepare,
+    split_patients,
+)
+from cccd_training.segmentation.scores import volume_scores
+
+__all__ = ["Trained", "score_held_out", "train_segmenter"]
+
+logger = logging.getLogger(__name__)
+
+#: Weight of each further output's loss beside the final one's (deep supervision).
+_FURTHER = 0.5
+#: Held-out scans scored after every epoch, for the learning curve; `score_held_out` scores all.
+_WATCHED = 2
+#: Share of the steps in which the learning rate rises.
+_RISING = 0.1
+_WEIGHT_DECAY = 1e-2
+_GRADIENT_NORM = 12.0  # nnU-Net's
+
+
+class Supervised(Protocol):
+    """What every network (`cccd.segmentation.networks`) has for its training."""
+
+    def outputs(self, volume: Tensor, labels: Tensor) -> list[tuple[Tensor, Tensor]]:
+        """Return pairs of logits and labels, the final ones first."""
+        ...
+
+
+class Trained:
+    """A trained network, its plan, and the table of its epochs."""
+
+    def __init__(self, model: nn.Module, plan: Plan, history: pd.DataFrame) -> None:
+        self.model, self.plan, self.history = model, plan, history
+
+
+def train_segmenter(
+    scans: Sequence[LabelledScan],
+    network: str,
+    settings: SegmentationSettings,
+    seed: int,
+    checkpoint_dir: str | Path,
+    organ: str = "",
+    threads: int = 1,
+) -> Trained:
+    """Train one network; a killed run goes on after its last whole epoch to the same weights.
+
+    Parameters
+    ----------
+    scans : sequence of LabelledScan
+        Split by patients: ``settings.test_share`` of them score the network and train nothing.
+    network : str
+        Its name in `cccd.segmentation.networks.networks`.
+    settings : SegmentationSettings
+    seed : int
+        Weights, split, order and variation of the scans are drawn from it.
+    checkpoint_dir : path
+        One checkpoint per epoch; the last two are kept.
+    organ : str
+        What the labels are, kept with the weights.
+    threads : int
+
+    Returns
+    -------
+    Trained
+        With the last epoch's weights: no epoch is chosen by the held-out patients.
+
+    Raises
+    ------
+    InputError
+        Fewer than two patients, no such network, scans of several modalities.
+    """
+    torch.set_num_threads(threads)
+    started = time.perf_counter()
+    kind = networks()[network]
+    chosen, held = split_patients(scans, settings.test_share, seed)
+    sizes = {} if settings.width == kind.published_width else dict(kind.sizes)
+    plan = make_plan(chosen, network, settings.width or kind.width, sizes, settings, organ, seed)
+    torch.manual_seed(seed)
+    model = build(network, plan.classes, plan.width, plan.sizes).to(chosen_device())
+    logger.info("%s of %d weights, %d scans, %d held out", network, parameters(model), len(chosen), len(held))
+    training, test = ([prepare(scan, plan) for scan in some] for some in (chosen, held[:_WATCHED]))
+    optimiser = torch.optim.AdamW(model.parameters(), lr=settings.learning_rate, weight_decay=_WEIGHT_DECAY)
+    steps = settings.epochs * -(-len(training) // settings.batch_size)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser,
+        settings.learning_rate,
+        total_steps=steps + 1,
+        pct_start=max(_RISING, 2 / (steps + 1)),
+        cycle_momentum=False,
+    )
+    history: list[dict[str, Any]] = []
+    checkpoints = Checkpoints(Path(checkpoint_dir), _fingerprint(plan, settings, training))
+    state = checkpoints.newest()
+    if state is not None:
+        model.load_state_dict(state["model"])
+        optimiser.load_state_dict(state["optimiser"])
+        schedule.load_state_dict(state["schedule"])
+        history = state["history"]
+    for epoch in range(len(history), settings.epochs):
+        begun = time.perf_counter()
+        torch.manual_seed(seed + 1 + epoch)  # the same randomness whether the run was resumed or not
+        loss = _run_epoch(model, optimiser, schedule, training, plan, settings, epoch)
+        scores = score(model, test, plan)
+        seconds = round(time.perf_counter() - begun, 1)
+        row = {"epoch": epoch, "loss": loss, **_named(scores, plan), "seconds": seconds}
+        logger.info("%s", row)
+        history = [*history, row]
+        checkpoints.save(
+            epoch,
+            {
+                "model": model.state_dict(),
+                "optimiser": optimiser.state_dict(),
+                "schedule": schedule.state_dict(),
+                "history": history,
+            },
+        )
+    logger.info("%.0f s in this process", time.perf_counter() - started)
+    return Trained(model.eval(), plan, pd.DataFrame(history))
+
+
+def _fingerprint(plan: Plan, settings: SegmentationSettings, examples: Sequence[Example]) -> str:
+    """Digest what a checkpoint must have in common with a run to be resumed by it."""
+    digest = hashlib.sha256(json.dumps([plan.as_plain(), settings.as_config()], sort_keys=True).encode())
+    for example in examples:
+        digest.update(example.image.numpy().tobytes() + example.labels.numpy().tobytes())
+    return digest.hexdigest()
+
+
+def _run_epoch(
+    model: nn.Module,
+    optimiser: torch.optim.Optimizer,
+    schedule: torch.optim.lr_scheduler.LRScheduler,
+    examples: Sequence[Example],
+    plan: Plan,
+    settings: SegmentationSettings,
+    epoch: int,
+) -> float:
+    """One pass over the training examples; returns the mean loss of the final output."""
+    model.train()
+    dice_ce = DiceCELoss(to_onehot_y=True, softmax=True, include_background=False, batch=True)
+    device = device_of(model)
+    total = []
+    for images, labels in tqdm(
+        batches(examples, plan, settings, epoch, plan.seed), desc=f"epoch {epoch}", mininterval=5
+    ):
+        with torch.autocast(device.type, torch.bfloat16, enabled=settings.precision == "bfloat16"):
+            outputs = cast(Supervised, model).outputs(images.to(device), labels.to(device))
+        losses = [dice_ce(logits.float(), truth) for logits, truth in outputs]
+        weights = [1.0] + [_FURTHER] * (len(losses) - 1)
+        loss = (torch.stack(losses) * torch.tensor(weights, device=device)).sum() / sum(weights)
+        optimiser.zero_grad(set_to_none=True)
+        torch.autograd.backward(loss)
+        norm = nn.utils.clip_grad_norm_(model.parameters(), _GRADIENT_NORM)
+        if bool(torch.isfinite(norm)):  # one step that is not would leave no weight that is
+            optimiser.step()
+        else:
+            logger.warning("epoch %d: a step whose gradient is not finite was left out", epoch)
+        schedule.step()
+        total.append(float(losses[0].detach()))
+    return float(np.mean(total))
+
+
+def score(model: nn.Module, examples: Sequence[Example], plan: Plan) -> np.ndarray:
+    """Dice (examples, labels) on the working grid."""
+    model.eval()
+    labels = range(1, plan.classes)
+    found = [predict(model, example.image, plan).argmax(0).numpy() for example in examples]
+    truth = [example.labels[0].numpy() for example in examples]
+    return np.array([[dice(a == n, b == n) for n in labels] for a, b in zip(found, truth, strict=True)])
+
+
+def score_held_out(
+    path: str | Path, scans: Sequence[LabelledScan], settings: SegmentationSettings, seed: int
+) -> pd.DataFrame:
+    """Score the shipped file on the held-out patients, on the scans' own grids.
+
+    Parameters
+    ----------
+    path : path
+        Of `cccd.segmentation.model.save_segmenter`.
+    scans, settings, seed
+        As for `train_segmenter`, which make the same split.
+
+    Returns
+    -------
+    DataFrame
+        One row per patient and label: ``patient``, ``label``, ``dice``, ``assd_mm``, ``hd95_mm`` and
+        ``seconds``.
+    """
+    model, plan = load_segmenter(path)
+    rows: list[dict[str, Any]] = []
+    for scan in split_patients(scans, settings.test_share, seed)[1]:
+        begun = time.perf_counter()
+        found = labels_of(probabilities(model, scan.image, plan), plan)
+        seconds = time.perf_counter() - begun
+        spacing = np.linalg.norm(scan.image.affine[:3, :3], axis=0)
+        for number, label in enumerate(plan.labels, start=1):
+            measured = volume_scores(found == label, scan.labels == number, spacing)
+            rows.append({"patient": scan.patient, "label": label, **measured, "seconds": seconds})
+    return pd.DataFrame(rows)
+
+
+def _named(scores: np.ndarray, plan: Plan) -> dict[str, float]:
+    """Mean Dice over the held-out patients, of each label and of all."""
+    each = {f"dice_{value}": float(mean) for value, mean in zip(plan.labels, scores.mean(0), strict=True)}
+    return {"dice": float(scores.mean()), **each} if len(plan.labels) > 1 else {"dice": float(scores.mean())}

@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+
+from cccd.containers import Frame, Structure
+from cccd.settings.surface import LoftSettings
+from cccd.surface import loft_surface
+from cccd.tracing import trace_mask
+from cccd_paper.comparisons.isosurfaces import compare_isosurfaces
+from cccd_paper.comparisons.point_meshes import ball_pivoting, has_open3d, poisson
+from cccd_paper.comparisons.tensor_product_loft import tensor_product_loft
+from cccd_paper.comparisons.volume_meshes import (
+    antialiased_isosurface,
+    distance_isosurface,
+    flying_edges,
+    marching_cubes,
+    windowed_sinc,
+)
+from cccd_paper.settings import IsosurfaceSettings
+
+METHODS = [
+    "marching cubes",
+    "flying edges + windowed sinc",
+    "surface nets",
+    "signed distance + isosurface",
+    "signed distance + isosurface + windowed sinc",
+    "paper's loft, eq. (10)",
+]
+
+#: Those that only Open3D makes.
+OF_POINTS = ["ball pivoting", "Poisson", "alpha shape"]
+
+
+@pytest.fixture(scope="module")
+def structure():
+    """An ellipsoid on a sagittal, mirrored scan: slices along the first axis."""
+    index = np.stack(np.meshgrid(*map(np.arange, (18, 40, 40)), indexing="ij"), axis=-1)
+    spacing = np.array([2.0, 1.0, 1.0])
+    mask = np.sum((((index - (9, 20, 20)) * spacing) / (14, 15, 12)) ** 2, axis=-1) <= 1
+    affine = np.diag([-2.0, 1.0, 1.0, 1.0])
+    affine[:3, 3] = (50, -20, 7)
+    return Structure("case", "organ", Frame(affine, 0, mask.shape), np.zeros(3, int), mask=mask)
+
+
+@pytest.mark.parametrize("make", [marching_cubes, flying_edges, distance_isosurface, antialiased_isosurface])
+def test_isosurfaces_lie_where_the_voxels_do(structure, make):
+    mesh = make(structure)
+    assert mesh.is_closed_manifold
+    assert mesh.volume == pytest.approx(2.0 * structure.mask.sum(), rel=0.03)
+    centre = structure.frame.affine[:3, :3] @ (9, 20, 20) + structure.frame.affine[:3, 3]
+    assert mesh.vertices.mean(axis=0) == pytest.approx(centre, abs=0.05)
+
+
+def test_sinc_smooths(structure):
+    rough = marching_cubes(structure)
+    assert windowed_sinc(rough).curvature_per_area < 0.8 * rough.curvature_per_area
+
+
+@pytest.mark.skipif(not has_open3d(), reason="Open3D is not installed")
+@pytest.mark.parametrize("make", [ball_pivoting, poisson])
+def test_point_methods_come_near_the_ellipsoid(structure, make):
+    mesh = make(trace_mask(structure))
+    centre = structure.frame.affine[:3, :3] @ (9, 20, 20) + structure.frame.affine[:3, 3]
+    size = np.linalg.norm((mesh.vertices - centre) / (14, 15, 12), axis=1)
+    assert np.median(np.abs(size - 1)) < 0.12
+    assert mesh.volume > 0
+
+
+def test_one_row_per_method(structure):
+    curves = trace_mask(structure)
+    surface = loft_surface(curves, LoftSettings())
+    table = compare_isosurfaces(
+        structure, curves, surface, IsosurfaceSettings(methods=[*METHODS, *OF_POINTS])
+    )
+    expected = ["CCCD", *METHODS, *(OF_POINTS if has_open3d() else [])]
+    assert table["method"].drop_duplicates().tolist() == expected
+    tuned = table["method"].str.endswith("windowed sinc")
+    assert table.loc[tuned, "chosen"].notna().all()
+    assert table.loc[~tuned, "chosen"].isna().all()
+    assert table["dice_3d"].between(0, 1).all()
+    ours = table.iloc[0]
+    assert ours["closed_manifold"]
+    assert ours["self_intersections"] == 0
+    assert ours["mesh_bytes"] == 12 * len(surface.mesh.vertices) + 13 * len(surface.mesh.faces)
+
+
+def test_the_papers_loft_of_a_round_stack_is_near_it(structure):
+    mesh = tensor_product_loft(trace_mask(structure))
+    assert mesh.is_closed_manifold
+    centre = structure.frame.affine[:3, :3] @ (9, 20, 20) + structure.frame.affine[:3, 3]
+    assert mesh.vertices.mean(axis=0) == pytest.approx(centre, abs=0.05)
+    assert 0.5 < mesh.volume / (2.0 * structure.mask.sum()) < 1  # its control points are on the outlines

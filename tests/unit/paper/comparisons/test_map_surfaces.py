@@ -1,0 +1,106 @@
+"""What became of a boundary map: its links sorted, and its surface beside the classical decoder's."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cccd.boundary import extract_boundaries
+from cccd.containers import Boundaries, Curves, Frame, Structure
+from cccd.curves import fit_splines
+from cccd.junctions.ordering import count_changes
+from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.curves import CurveSettings
+from cccd.settings.surface import LoftSettings
+from cccd.surface import loft_surface
+from cccd.tracing import trace_mask
+from cccd_paper.comparisons.map_surfaces import (
+    CLASSICAL,
+    NETWORK,
+    THRESHOLD,
+    compare_map_surfaces,
+    decoded_curves,
+    map_figures,
+    map_links,
+)
+
+FRAME = Frame(np.eye(4), 2, (60, 60, 60))
+
+
+def square():
+    """A ring of 20 pixels around a square of 6 x 6, as a curve on slice 7."""
+    side = [(2, j) for j in range(2, 7)] + [(i, 7) for i in range(2, 7)]
+    chain = np.array([*side, *[(9 - i, 9 - j) for i, j in side]], float)
+    return Curves(chain, np.array([0, 20]), np.array([7], np.int32), np.zeros(1, bool), FRAME)
+
+
+def test_links_are_kept_dropped_or_bridged():
+    """Two pixels of the ring, one beside a corner, are not in the map, and a spur of three sticks out."""
+    curve = square()
+    chain = curve.points.astype(int)
+    spur = np.array([(3, 8), (3, 9), (3, 10)])
+    pixels = np.concatenate([np.delete(chain, [13, 14], axis=0), spur])
+    links = map_links(pixels, curve)
+    assert len(links["kept"]) == 17
+    assert len(links["bridged"]) == 3  # along the two pixels
+    # the spur's own, those of its first pixel to the ring, and those that cut across three whole corners
+    assert len(links["dropped"]) == 2 + 3 + 3
+    bridged = np.unique(links["bridged"].reshape(-1, 2), axis=0)
+    assert {tuple(p) for p in chain[[13, 14]].tolist()} <= {tuple(p) for p in bridged.astype(int).tolist()}
+
+
+def ball():
+    """A region whose image shows it, with spurs in its boundary map; the mask is the truth."""
+    offset = np.indices((60, 60, 12)) - np.array([30, 30, 5.5]).reshape(3, 1, 1, 1)
+    mask = (offset**2 * np.array([1, 1, 9]).reshape(3, 1, 1, 1)).sum(0) < 18**2
+    frame = Frame(np.diag([1.0, 1.0, 3.0, 1.0]), 2, mask.shape)
+    return Structure("a", "b", frame, np.zeros(3, int), mask=mask)
+
+
+def spurred(structure):
+    boundaries = extract_boundaries(structure, BoundarySettings())
+    maps = np.zeros_like(structure.mask)
+    for k, pixels in zip(boundaries.slice, boundaries, strict=True):
+        maps[pixels[:, 0], pixels[:, 1], k] = True
+        maps[pixels[:, 0].max() : pixels[:, 0].max() + 5, 30, k] = True
+    return replace(structure, boundary=maps, region=structure.mask)
+
+
+def test_surfaces_are_scored_beside_the_classical_decoder_s():
+    structure = spurred(ball())
+    whole = extract_boundaries(structure, BoundarySettings())
+    contours = trace_mask(structure)
+    lofting = LoftSettings()
+    surface = loft_surface(contours, lofting, fit_splines(contours))
+    asked = (structure, whole, contours, surface, CurveSettings(), lofting)
+    table = compare_map_surfaces(*asked).set_index("method")
+    assert list(table.index) == [NETWORK, CLASSICAL, THRESHOLD]
+    slices = len(contours)
+    assert table.loc[NETWORK, ["slices", "decided", "without_curve", "bridged"]].tolist() == [
+        slices,
+        slices,
+        0,
+        0,
+    ]
+    assert table.loc[NETWORK, "dropped"] == count_changes(whole, contours)["dropped"] == 4 * slices
+    np.testing.assert_allclose(
+        table.loc[NETWORK, "assd_mm"], table.loc[THRESHOLD, "assd_mm"]
+    )  # the same curves
+    assert table["dice_3d"].min() > 0.97
+    (figure,) = map_figures(*asked).values()
+    assert len(figure.panels) == 2 * figure.columns == 8
+    assert set(figure.panels[0].layers) == {"kept", "dropped", "bridged"}
+    assert ", 0 bridged\nDice 1.000" in figure.panels[0].detail
+
+
+def test_a_slice_that_no_chain_closes_has_no_curve_and_keeps_no_link():
+    line = np.array([[3, 3], [3, 4]], np.int32)
+    frame = Frame(np.eye(4), 2, (8, 8, 1))
+    alone = Boundaries(line, np.array([0, 2]), np.zeros(1, np.int32), frame)
+    curves = decoded_curves(alone)
+    assert len(curves) == 0
+    assert {name: len(links) for name, links in map_links(line, curves).items()} == {
+        "dropped": 1,
+        "kept": 0,
+        "bridged": 0,
+    }
+    assert not curves.rasterise((0, 0, 0), (1, 8, 8)).any()

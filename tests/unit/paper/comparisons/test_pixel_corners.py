@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+
+from cccd_paper.comparisons.baselines.contours import CONTOURS
+from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
+from cccd_paper.comparisons.baselines.decoders import DECODERS
+from cccd_paper.comparisons.baselines.reconstructions import RECONSTRUCTIONS
+from cccd_paper.comparisons.baselines.surfaces import SURFACES
+from cccd_paper.comparisons.parameters import (
+    BEST,
+    GRID,
+    PAPER_FIGURE_9,
+    PAPER_TABLE_2,
+    grid_points,
+    parameter_sets,
+)
+from cccd_paper.comparisons.pixel_corners import susan
+
+CORNERS = {(15, 20), (15, 49), (44, 20), (44, 49)}
+
+
+@pytest.fixture
+def rectangle():
+    image = np.zeros((60, 70), np.uint8)
+    image[15:45, 20:50] = 200
+    return image
+
+
+@pytest.mark.parametrize(
+    ("detector", "parameters"),
+    [
+        ("harris", {"block": 2, "aperture": 3, "k": 0.04, "threshold": 0.1, "radius": 2}),
+        ("shi_tomasi", {"max_corners": 400, "quality": 0.1, "distance": 5}),
+        ("fast", {"threshold": 10, "suppress": False}),
+        ("susan", {}),
+    ],
+)
+def test_a_rectangle_has_four_corners(rectangle, detector, parameters):
+    found = CORNER_DETECTORS[detector].run(rectangle, **parameters)
+    away = np.abs(found[:, None] - np.array(sorted(CORNERS))).max(2)
+    assert (away.min(0) <= 1).all(), "each corner is found"
+    assert (away.min(1) <= 3).all(), "nothing else is"
+
+
+@pytest.mark.parametrize("detector", sorted(CORNER_DETECTORS))
+def test_nothing_is_found_where_nothing_is(detector):
+    flat = np.full((40, 50), 90, np.uint8)
+    for parameters in parameter_sets(detector, "mask").values():
+        assert CORNER_DETECTORS[detector].run(flat, **parameters).shape == (0, 2)
+
+
+def test_susan_finds_the_exact_pixels_of_an_ideal_corner(rectangle):
+    assert {tuple(corner) for corner in susan(rectangle)} == CORNERS
+
+
+def test_susan_looks_at_differences_only(rectangle):
+    np.testing.assert_array_equal(susan(rectangle), susan(255 - rectangle[:, :]))
+
+
+def test_susan_takes_no_straight_edge():
+    image = np.zeros((40, 40), np.uint8)
+    image[:, 20:] = 255
+    assert len(susan(image)) == 0
+
+
+def test_susan_turns_with_the_image(rectangle):
+    turned = {(59 - j, i) for i, j in susan(np.rot90(rectangle, -1)).tolist()}
+    assert turned == CORNERS
+
+
+@pytest.mark.parametrize("detector", sorted(CORNER_DETECTORS))
+def test_the_best_parameters_are_of_the_grid(detector):
+    for image in ("mask", "grey"):
+        assert BEST[image][detector] in list(grid_points(detector))
+
+
+def test_the_registry_is_complete():
+    assert set(CORNER_DETECTORS) == set(GRID) == {"harris", "shi_tomasi", "fast", "susan"}
+    assert set(PAPER_FIGURE_9) == set(PAPER_TABLE_2) == {"harris", "shi_tomasi", "fast"}
+    assert set(RECONSTRUCTIONS) == {
+        "connect2d", "crawl", "nn_crust", "crust", "peel", "gathan", "sigdt", "hnn_crust", "tour",
+    }  # fmt: skip
+    assert set(CONTOURS) == {"corners", "grey"}
+    for family in (CORNER_DETECTORS, RECONSTRUCTIONS, CONTOURS, SURFACES, DECODERS):
+        assert all(callable(method.run) and method.title and method.note for method in family.values())
+        assert len({method.title for method in family.values()}) == len(family)
+    methods = [*CORNER_DETECTORS.values(), *RECONSTRUCTIONS.values(), *CONTOURS.values()]
+    assert len({method.title for method in methods}) == len(methods)

@@ -1,0 +1,41 @@
+"""Every method from the image to the surface."""
+
+import numpy as np
+import pytest
+
+from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.surface import LoftSettings
+from cccd.surface.outlines import through_pixel_centres
+from cccd.tracing import trace_mask
+from cccd.volumes.phantoms import make_phantom
+from cccd_paper.comparisons.paper_k import CCCD
+from cccd_paper.comparisons.stage_times import WAYS, _ordered_pixels, time_stages
+from cccd_paper.settings import StageTimeSettings
+
+
+@pytest.fixture(scope="module")
+def table():
+    liver = make_phantom("case", "liver", (3, 3, 6), seed=1, margin_voxels=3, location="liver")
+    settings = StageTimeSettings(most_slices=4)
+    return time_stages(liver, trace_mask(liver), settings, BoundarySettings(), LoftSettings())
+
+
+def test_every_method_goes_as_far_as_its_curves_allow(table):
+    assert set(table["method"]) == {way.title for way in WAYS} | {CCCD}
+    assert (table["slices"] == 4).all()
+    assert (table["spline_ms"].isna() == (table["closed_share"] == 0)).all()
+    assert (table["surface_ms"].notna() == (table["closed_share"] > 0.25)).all()
+
+
+def test_the_total_is_the_sum_of_the_stages(table):
+    stages = table[["corner_ms", "curve_ms", "spline_ms", "surface_ms"]]
+    np.testing.assert_allclose(table["total_ms"], stages.sum(axis=1, skipna=False))
+    assert (stages.fillna(0) >= 0).all(axis=None)
+
+
+def test_no_method_is_given_the_half_pixel_to_the_border(table):
+    """Every outline runs through pixel centres, half a pixel inside the mask, ours too."""
+    liver = make_phantom("case", "liver", (3, 3, 6), seed=1, margin_voxels=3, location="liver")
+    own = _ordered_pixels(liver, BoundarySettings(), ())
+    assert not through_pixel_centres(own.curves)
+    assert table["dice_3d"].max() < 0.99

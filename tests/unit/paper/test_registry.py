@@ -1,0 +1,107 @@
+"""The registry names what exists, once, and is light enough to be read at every start of the workflow."""
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+from typing import get_args
+
+from cccd.additions import packages
+from cccd.dependencies import imported_files
+from cccd.lookup import find
+from cccd.report.registry import comparisons, inputs, items, sections, tables
+from cccd.settings.root import whole_settings
+from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
+from cccd_paper.settings import IsosurfaceSettings
+
+SCRIPTS = Path(__file__).parents[3] / "scripts"
+
+
+def closure(comparison) -> set[str]:
+    """Library files whose edit runs a comparison again."""
+    modules = [function.rpartition(".")[0] for function in comparison.functions]
+    files = imported_files(SCRIPTS / "compare_structure.py", packages(), modules)
+    return {path.relative_to(SCRIPTS).as_posix() for path in files}
+
+
+def test_keys_and_tables_are_unique():
+    keys = [item.key for item in items()]
+    assert len(set(keys)) == len(keys)
+    stems = [item.table for item in items() if item.table is not None]
+    assert len(set(stems)) == len(stems)
+    assert set(tables()) <= set(stems)
+    assert {item.section for item in items()} - {"summary"} == set(sections())
+
+
+def test_every_function_of_an_item_is_there():
+    named = [(item.key, function) for item in items() for function in (item.tabulate, item.note, item.plots)]
+    assert [(key, name) for key, name in named if name is not None and not is_callable(name)] == []
+
+
+def is_callable(function: str) -> bool:
+    """Whether a function of this dotted name can be imported."""
+    try:
+        return callable(find(function))
+    except (ImportError, AttributeError):
+        return False
+
+
+def test_every_function_and_section_of_a_comparison_is_there():
+    wrong = []
+    for name, comparison in comparisons().items():
+        wrong += [(name, function) for function in comparison.functions if not is_callable(function)]
+        wrong += [(name, one) for one in set(comparison.inputs) - set(inputs())]
+        wrong += [(name, section) for section in comparison.settings.values() if not has_section(section)]
+    assert wrong == []
+
+
+def has_section(dotted: str) -> bool:
+    """Whether the settings have a section of this name."""
+    settings = whole_settings()()
+    for part in dotted.split("."):
+        settings = getattr(settings, part, None)
+    return settings is not None
+
+
+def test_the_functions_of_a_comparison_accept_what_its_job_passes():
+    wrong = []
+    for comparison in comparisons().values():
+        passed = [*comparison.inputs, *comparison.settings, *(["seed"] if comparison.seeded else [])]
+        for function in filter(None, (comparison.run, comparison.figures)):
+            try:
+                inspect.signature(find(function)).bind(**dict.fromkeys(passed))
+            except TypeError as error:
+                wrong.append(f"{function}: {error}")
+    assert wrong == []
+
+
+def test_reading_the_registry_loads_nothing_heavy():
+    probe = "import sys; from cccd.report.registry import items; items(); print(*sys.modules)"
+    run = subprocess.run(
+        [sys.executable, "-c", probe], cwd=SCRIPTS, capture_output=True, text=True, check=True
+    )
+    assert "cccd_paper.registry" in run.stdout.split()
+    assert {"numpy", "pandas", "scipy", "torch"}.isdisjoint(run.stdout.split())
+
+
+def test_a_change_of_one_comparison_runs_no_other():
+    own = {
+        "corners": "cccd_paper/comparisons/corner_comparison.py",
+        "k_sweep": "cccd_paper/comparisons/k_sweep.py",
+        "active_contour": "cccd_paper/comparisons/active_contour_comparison.py",
+        "reconstruction": "cccd_paper/comparisons/reconstruction_comparison.py",
+        "stage_times": "cccd_paper/comparisons/stage_times.py",
+        "isosurfaces": "cccd_paper/comparisons/isosurfaces.py",
+        "thick_slices": "cccd_paper/comparisons/thick_slices.py",
+    }
+    for name, module in own.items():
+        holders = {other for other, comparison in comparisons().items() if module in closure(comparison)}
+        assert holders == {name}
+    for comparison in comparisons().values():  # a caption is no reason to compare again
+        assert {"cccd_paper/registry.py", "cccd/report/summary.py"}.isdisjoint(closure(comparison))
+
+
+def test_the_configuration_knows_every_surface():
+    field = IsosurfaceSettings.model_fields["methods"]
+    names = get_args(get_args(field.annotation)[0])
+    assert set(names) == {*SURFACES, *FAMILIES}

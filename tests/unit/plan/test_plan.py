@@ -1,0 +1,264 @@
+"""What the rules ask of a plan: files, settings, code, groups; and how quickly it is made."""
+
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cccd.additions import added
+from cccd.errors import InputError
+from cccd.extras import EXTRAS
+from cccd.plan.checks import PlannedJob, check_jobs, extra_of
+from cccd.plan.networks import MODEL
+from cccd.plan.outcome import failures, report_failed_run, report_good_run
+from cccd.plan.resources import digest, memory, minutes
+from cccd.report.registry import Comparison, comparisons
+
+PLANS = runpy.run_path(str(Path(__file__).parent / "plans.py"))
+plan_of, named, ROOT = PLANS["plan_of"], PLANS["named"], PLANS["ROOT"]
+
+MASK = {"case": "a", "organ": "ball", "mask": "mask.nii.gz"}
+MAPS = {"case": "b", "organ": "ball", "boundary": "maps.nii.gz"}
+IMAGE = {"case": "c", "organ": "ball", "image": "scan.nii.gz"}
+LIVER = {"case": "p", "organ": "liver", "source": "phantom"}
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    """The folder of the run."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PWD", str(tmp_path))
+
+
+def test_what_orders_pixels_waits_for_the_network_and_nothing_else_does():
+    plan = plan_of(MASK, MAPS | {"parts": "2"})
+    assert plan.contour_sources(named("a/ball")) == {"structure": "results/a/ball/structure.h5"}
+    assert plan.contour_sources(named("b/ball")) == {
+        "structure": "results/b/ball/structure.h5",
+        "boundaries": "results/b/ball/boundaries.h5",
+        "model": MODEL,
+    }
+    assert plan.contour_settings(named("a/ball")) == {}
+    decoder = plan.config["gnn"]["inference"]
+    assert plan.contour_settings(named("b/ball")) == decoder | {"parts": 2}
+
+
+def test_formats_are_asked_for_besides_the_ply():
+    formats = {"formats": ["ply", "stl", "step", "msh"], "case_formats": ["step", "vtu"]}
+    plan = plan_of(MASK, MAPS, surface=formats)
+    assert plan.format_files() == [
+        f"results/{case}/ball/surface.{form}" for form in ("stl", "step", "msh") for case in "ab"
+    ]
+    assert plan.case_format_files() == [
+        f"results/{case}/{file}" for case in "ab" for file in ("scene.step", "volume.vtu")
+    ]
+    assert plan.solid_reports == [f"results/{{case}}/{{organ}}/solid_{form}.json" for form in ("step", "msh")]
+
+
+@pytest.mark.parametrize(("formats", "fills"), [([], False), (["step"], False), (["msh"], True)])
+def test_measures_wait_for_tetrahedra_of_the_case_where_they_are_asked_for(formats, fills):
+    plan = plan_of(MASK, surface={"case_formats": formats})
+    assert plan.case_reports(named("a/ball")) == (["results/a/volume.json"] if fills else [])
+    assert plan.group_after_filling(named("a/ball")) == ("measured" if fills else "structure")
+
+
+def test_organs_that_share_walls_meet_before_their_surfaces():
+    halves = [{"case": "a", "organ": organ, "mask": "map.nii.gz", "label": organ} for organ in "12"]
+    plan = plan_of(*halves, LIVER, surface={"shared_walls": True})
+    assert plan.group_before_walls(named("a/1")) == "apart"
+    assert plan.group_before_walls(named("p/liver")) == "structure"
+    assert plan.sharing_organs("apart.ply")(named("a/1")) == [
+        f"results/a/{organ}/apart.ply" for organ in "12"
+    ]
+    assert plan.sharing_organs("apart.ply")(named("p/liver")) == []
+    assert plan.whole_case("surface.ply")(named("p/liver")) == ["results/p/liver/surface.ply"]
+    assert "results/a/scene.html" in plan.scenes()
+    assert not any("/p/" in file for file in plan.scenes())
+
+
+def test_a_region_that_a_threshold_finds_gets_a_picture():
+    rows = (MASK, MAPS, IMAGE, {"case": "s", "organ": "brain", "source": "mni152_scan"})
+    assert plan_of(*rows).region_pictures() == ["results/c/ball/region.png", "results/s/brain/region.png"]
+    segmented = plan_of(*rows, segmenter="totalsegmentator")
+    assert segmented.region_pictures() == ["results/s/brain/region.png"]
+
+
+def test_an_image_alone_gets_the_segmenter_s_mask():
+    plain, segmented = plan_of(IMAGE), plan_of(IMAGE, MASK, segmenter="totalsegmentator")
+    made = ["results/c/ball/segmentation.nii.gz", "results/c/ball/segmentation.json"]
+    assert plain.segmentation_files(named("c/ball")) == []
+    assert segmented.segmentation_files(named("c/ball")) == made
+    assert segmented.segmentation_files(named("a/ball")) == []
+    row = segmented.sheet_row(named("c/ball"))
+    assert (row["mask"], row["label"]) == (made[0], "1")
+    assert segmented.comparison_files(named("c/ball")) == []  # no ground truth
+
+
+def test_a_row_that_moves_in_the_sheet_stays_the_same():
+    first, second = plan_of(MASK, MAPS), plan_of(MAPS, MASK)
+    assert first.sheet_row(named("a/ball")) == second.sheet_row(named("a/ball"))
+    assert first.cohort.row(named("a/ball")) != second.cohort.row(named("a/ball"))
+
+
+def test_pages_of_their_own_are_made_above_a_number_of_structures():
+    assert plan_of(MASK, MAPS, report={"pages_above": 2}).structure_pages() == []
+    pages = plan_of(MASK, MAPS, report={"pages_above": 1}).structure_pages()
+    assert pages == ["results/a/ball/report.html", "results/b/ball/report.html"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "name", "kinds"),
+    [
+        ([MASK], "a/ball", {"outlines"}),
+        ([MASK, MAPS], "a/ball", {"outlines", "traced masks"}),
+        ([MAPS], "b/ball", {"maps"}),
+        ([LIVER], "p/liver", {"outlines", "phantoms"}),
+        ([MASK | {"role": "measure"}], "a/ball", set()),
+    ],
+)
+def test_the_data_decide_what_is_compared(rows, name, kinds):
+    plan = plan_of(*rows)
+    made = {Path(file).stem for file in plan.comparison_files(named(name))}
+    assert made == {one.name for one in comparisons().values() if one.of in kinds}
+    tables = set(plan.all_comparison_rows())
+    assert {file for file in plan.comparison_files(named(name)) if file.endswith(".csv")} <= tables
+
+
+def test_a_comparison_gets_the_settings_that_it_names_and_no_other():
+    sections = {"curves": "curves", "inference": "gnn.inference", "seed": "seed"}
+    comparison = Comparison("c", "m.run", (), sections, unused=("curves.ordering",))
+    plan = plan_of(MASK, curves={"k": 9})
+    settings = plan.comparison_settings(comparison)
+    assert set(settings) == {"curves", "gnn", "seed"}
+    assert settings["curves"] == plan.leave("curves", "ordering")
+    assert settings["curves"]["k"] == 9
+    assert settings["gnn"] == plan.pick("gnn", "inference")
+
+
+def test_a_comparison_does_without_the_network_in_a_run_that_uses_none():
+    optional = {name for name, one in added("report input").items() if one.optional}
+    assert optional
+    comparison = Comparison("c", "m.run", (*optional,))
+    assert set(map(tuple, plan_of(MASK).comparison_inputs(comparison).values())) == {()}
+    assert all(plan_of(MAPS).comparison_inputs(comparison).values())
+
+
+def test_a_section_is_picked_by_its_keys():
+    plan = plan_of(MASK)
+    assert plan.pick("curves", "k", "no_such_key") == {"k": plan.config["curves"]["k"]}
+    assert plan.pick("curves", "k") | plan.leave("curves", "k") == plan.config["curves"]
+    assert "k" not in plan.leave("curves", "k")
+
+
+def test_only_an_edit_in_an_imported_module_changes_a_script_s_digest():
+    for name in ("library/__init__.py", "library/used.py", "library/given.py", "library/other.py"):
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(name).write_text("")
+    script = Path("job.py")
+    script.write_text("import library.used\n")
+    seen = []
+    for name in ("library/other.py", "library/given.py", "library/used.py"):
+        digest.cache_clear()  # once per plan
+        seen.append(digest(script, (Path("library").resolve(),), ("library.given.run",)))
+        Path(name).write_text("# edited\n")
+    digest.cache_clear()
+    seen.append(digest(script, (Path("library").resolve(),), ("library.given.run",)))
+    assert seen[0] == seen[1]
+    assert len(set(seen)) == 3
+
+
+def test_a_network_that_is_compared_is_part_of_the_comparison_s_code():
+    ours, paper = (plan_of(MAPS, gnn={"network": name}) for name in ("ours", "paper"))
+    given = {name for name, one in added("report input").items() if "gnn/model.pt" in one.files}
+    using = [one for one in comparisons().values() if given & set(one.inputs)]
+    others = [one for one in comparisons().values() if not given & set(one.inputs)]
+    assert using
+    assert all(ours.comparison_library(one) == paper.comparison_library(one) for one in others)
+    assert ours.contour_library(named("b/ball")) != paper.contour_library(named("b/ball"))
+
+
+def test_memory_grows_with_inputs_and_attempts():
+    Path("two_mb").write_bytes(b"\0" * 2**21)
+    asked = memory(1000, 50)
+    assert asked(None, [], 1) == 1000
+    assert asked(None, ["two_mb", "not_written_yet"], 1) == 1100
+    assert [asked(None, ["two_mb"], attempt) for attempt in (1, 2, 3)] == [1100, 1650, 2475]
+    assert [minutes(20)(None, attempt) for attempt in (1, 2, 3)] == [20, 40, 60]
+
+
+@pytest.mark.parametrize(
+    ("rule", "wildcards", "extra"),
+    [
+        ("import_structure", {"case": "a", "organ": "ball"}, None),
+        ("make_contours", {"case": "a", "organ": "ball"}, None),
+        ("make_contours", {"case": "b", "organ": "ball"}, "gnn"),
+        ("export_solid", {"case": "a", "organ": "ball", "solid_format": "step"}, "cad"),
+        ("export_solid", {"case": "a", "organ": "ball", "solid_format": "msh"}, "fe"),
+        ("fill_case", {"case": "a"}, "fe"),
+        ("segment_structure", {"case": "c", "organ": "ball"}, None),
+        ("build_report", {}, "report"),
+    ],
+)
+def test_a_job_needs_an_extra_by_what_it_works_on(rule, wildcards, extra):
+    plan = plan_of(MASK, MAPS, IMAGE, segmenter="totalsegmentator")
+    assert extra_of(PlannedJob(rule, wildcards, []), plan) == extra
+
+
+@pytest.mark.parametrize(
+    ("address", "extra"), [("s3://scans/m.nii.gz", "s3"), ("https://x.org/m.nii.gz", None)]
+)
+def test_only_a_bucket_needs_its_own_client(address, extra):
+    plan = plan_of(MASK | {"mask": address})
+    (path,) = plan.cohort.source_files(named("a/ball"))
+    assert extra_of(PlannedJob("fetch_file", {}, [path]), plan) == extra
+
+
+def test_another_mesher_needs_another_extra():
+    plan = plan_of(MASK, surface={"tetrahedra": {"mesher": "gmsh-step"}})
+    assert extra_of(PlannedJob("fill_case", {"case": "a"}, []), plan) == "cad"
+
+
+def test_a_missing_extra_is_named_with_the_job_before_it_starts(monkeypatch):
+    monkeypatch.setitem(EXTRAS, "cad", ("no_such_module",))
+    plan, wildcards = plan_of(MASK), {"case": "a", "organ": "ball", "solid_format": "step"}
+    jobs = [PlannedJob("export_solid", wildcards, ["results/a/ball/surface.step"])]
+    with pytest.raises(InputError, match=r"^export_solid a/ball/step: no_such_module is not installed; "):
+        check_jobs(jobs, plan, programs_are_here=True)
+    check_jobs(jobs, plan, programs_are_here=False)
+
+
+def test_the_end_of_a_run_names_every_failure_once_and_every_surface(capsys):
+    plan = plan_of(MASK, MAPS)
+    for name in ("logs/b/import.log.failed", "logs/a/import.log.failed", "logs/a/again.log.failed"):
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).write_text(f"{name[5]}/ball: the mask is empty\n")
+    assert failures() == ["a/ball: the mask is empty", "b/ball: the mask is empty"]
+    report_failed_run(plan)
+    said = capsys.readouterr().err
+    assert "2 failed:\n  a/ball: the mask is empty\n  b/ball: the mask is empty\n" in said
+    surface = Path("results/a/ball/surface.ply")
+    surface.parent.mkdir(parents=True)
+    surface.write_text("")
+    report_good_run(plan)
+    assert capsys.readouterr().out == f"{surface.resolve()}\n"
+
+
+PLANNING = """
+import sys
+from pathlib import Path
+import cccd.plan.checks, cccd.plan.outcome
+from cccd.plan.plan import Plan
+plan = Plan.make({}, Path(sys.argv[1]))
+plan.all_comparison_files(), plan.shown_files()
+print(*sorted({name.split(".")[0] for name in sys.modules}))
+"""
+
+
+def test_planning_imports_neither_arrays_nor_networks_nor_snakemake():
+    command = [sys.executable, "-c", PLANNING, ROOT]
+    run = subprocess.run(command, env={"PYTHONPATH": str(ROOT / "scripts")}, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    heavy = {"h5py", "matplotlib", "nibabel", "numpy", "pandas", "pyvista", "scipy", "snakemake", "torch"}
+    assert heavy.isdisjoint(run.stdout.split())
