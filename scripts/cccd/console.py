@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TextIO
 
 __all__ = ["JobLines", "duration", "is_of_jobs", "shorten"]
@@ -85,8 +85,9 @@ class JobLines(logging.Handler):
             self.running[facts["jobid"]] = " ".join(filter(None, names)), self.clock()
         elif event == "job_error" and facts["jobid"] in self.running:
             name, _ = self.running.pop(facts["jobid"])
-            logs = ", ".join(map(str, facts.get("log") or []))
-            self._write(f"failed: {name}" + (f" (see {logs})" if logs else ""))
+            self._failed(name, [*(facts.get("log") or []), *(facts.get("aux_logs") or [])])
+        elif event == "group_error":  # its jobs follow, each with a record of its own
+            self._failed(f"group of {len(facts['job_error_info'])} jobs", facts.get("aux_logs") or [])
         elif event == "job_finished":
             self.finished.append(facts["job_id"])
         elif event == "progress":
@@ -103,6 +104,9 @@ class JobLines(logging.Handler):
             if name:
                 self._write(f"[{done:>{len(str(total))}}/{total}] {name}: {duration(now - begun)}{left}")
         self.finished.clear()
+
+    def _failed(self, name: str, logs: Sequence[object]) -> None:
+        self._write(f"failed: {name}" + (f" (see {', '.join(map(str, logs))})" if logs else ""))
 
     def _write(self, line: str) -> None:
         self.stream.write(line + "\n")

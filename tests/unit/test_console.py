@@ -52,6 +52,14 @@ def test_a_failure_names_its_log(lines):
     assert lines(1, failure, failure) == ["failed: loft_surface a/b (see logs/a/b/loft_surface.log)"]
 
 
+def test_a_failure_on_a_cluster_names_the_schedulers_log(lines):
+    lines(0, job(1, case="a", organ="b"))
+    group = record("group_error", job_error_info=[{}, {}], aux_logs=["slurm/7.log"])
+    failure = record("job_error", jobid=1, log=["a.log"], aux_logs=["slurm/22.log"])
+    said = ["failed: group of 2 jobs (see slurm/7.log)", "failed: loft_surface a/b (see a.log, slurm/22.log)"]
+    assert lines(1, group, failure) == said
+
+
 def test_errors_and_the_table_of_jobs_stay():
     assert is_of_jobs(record("job_info"))
     assert is_of_jobs(record(message="Select jobs to execute..."))

@@ -214,7 +214,7 @@ def _fit_and_refine(
         there = np.zeros(len(coarse.faces), np.bool_)
         there[nearest_faces(mesh.vertices[np.unique(mesh.faces[amiss])], coarse)] = True
         if attempt >= REFINEMENTS:
-            there = np.isin(coarse.faces, coarse.faces[there]).any(axis=1)
+            there = np.asarray(np.isin(coarse.faces, coarse.faces[there]).any(axis=1), np.bool_)
         weigh_more(weights, fine, coarse, there)
         most = min(len(coarse.faces) + 3 * int(there.sum()), finest)
     assert best is not None
