@@ -67,6 +67,29 @@ def test_a_cylinder_that_the_scan_cuts_has_flat_caps_with_a_sharp_rim():
     assert np.abs(np.hypot(*(surface.vertices[np.abs(z - 14.5) < 10, :2] - 25).T) - 15.2).max() < 0.5
 
 
+def folded_area_of_caps(seed):
+    """Area in mm^2 of cap triangles that face inwards, of a disc with nine small holes that end."""
+    random = np.random.default_rng(seed)
+    x, y, z = grid(50, 50, 5)
+    mask = np.hypot(x - 25, y - 25) <= 20
+    for place in itertools.product((18, 25, 32), (18, 25, 32)):
+        at = place + random.uniform(-1, 1, 2)
+        mask &= (np.hypot(x - at[0], y - at[1]) > random.uniform(0.6, 2.0)) | (z >= random.integers(1, 4))
+    meshes = [body.tessellate(2) for body in lofted(mask, (1.0, 1.0, 3.0)).bodies]
+    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
+    folded = 0.0
+    for height, outwards in ((-1.5, -1), (13.5, 1)):
+        cap = corners[np.all(np.abs(corners[..., 2] - height) < 1e-6, axis=1)]
+        area = outwards * np.cross(cap[:, 1] - cap[:, 0], cap[:, 2] - cap[:, 0])[:, 2] / 2
+        folded -= area[area < 0].sum()
+    return folded
+
+
+def test_caps_with_small_holes_hardly_fold():
+    """Rims of holes of a few pixels bulge over edges of the cap beside them."""
+    assert sum(map(folded_area_of_caps, (4, 8, 10, 12))) < 4e-3
+
+
 @pytest.mark.parametrize("depth", [1, 3])
 def test_a_low_block_that_the_scan_cuts_on_both_sides_keeps_its_walls(depth):
     """Triangles of its walls reach from one cap to the other."""
