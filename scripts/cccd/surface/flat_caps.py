@@ -76,7 +76,7 @@ def _lattices(rim: FloatArray, length: FloatArray) -> FloatArray:
     tree = cKDTree(rim)
     median, extent = np.median(length), float(np.ptp(rim, axis=0).max())
     step = max(float(length.min()), _SHORTEST * float(median))
-    kept: list[FloatArray] = []
+    kept = [np.zeros((0, 2))]  # a rim may be too small for any
     least = 0.0
     while step <= extent:
         places = _lattice(rim, step)

@@ -59,3 +59,11 @@ def test_whatever_a_plane_cuts_is_closed_and_does_not_pass_through_itself(seed, 
     for part in (below, above):
         assert len(part.faces) == 0 or part.is_closed_manifold
         assert len(part.self_intersections()) == 0
+
+
+@pytest.mark.parametrize("turn", [0.3, 1.0])
+def test_a_rim_too_small_for_a_point_within_is_one_triangle(turn):
+    angle = turn + 2 * np.pi * np.arange(3) / 3
+    added, triangles = fill_rim(*rim_of(np.column_stack([np.cos(angle), np.sin(angle)])))
+    assert len(added) == 0
+    assert len(triangles) == 1
