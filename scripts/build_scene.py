@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from cccd.files.scene import describe_scene, name_organs, write_scene, write_segmentation
 from cccd.geometry.ply import read_ply
 from cccd.job import job
-from cccd.solids.scene import describe_scene, name_organs, write_scene, write_segmentation
 from cccd.store import atomic_path, read_structure_facts, write_json
 
 case = snakemake.wildcards.case

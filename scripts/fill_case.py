@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
+from cccd.files.tetrahedra import WRITERS
 from cccd.geometry.ply import read_ply
 from cccd.job import job
 from cccd.settings.surface import TetrahedraSettings
 from cccd.store import atomic_path, read_surface_frame, write_json
 from cccd.tetrahedra.build import fill_and_measure
-from cccd.tetrahedra.formats import inp, msh, vtu
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     organs = {Path(path).parent.name: read_ply(path) for path in snakemake.input.meshes}
@@ -19,7 +19,7 @@ with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.
         frames,
         settings["step_tolerance_mm"],
     )
-    for writer, name in ((msh, "msh"), (vtu, "vtu"), (inp, "inp")):
-        with atomic_path(Path(snakemake.output[name])) as temporary:
-            writer.write_tetrahedra(temporary, filled)
+    for form, write in WRITERS.items():
+        with atomic_path(Path(snakemake.output[form])) as temporary:
+            write(temporary, filled)
     write_json(snakemake.output.report, report)

@@ -1,10 +1,18 @@
 """Loft the curves of one structure into a closed spline surface."""
 
+from cccd.geometry.ply import write_ply
 from cccd.job import job
+from cccd.settings.formats import NOTE
 from cccd.settings.surface import LoftSettings
-from cccd.store import read_annotation, read_curves, read_probability, read_splines, write_control_meshes
+from cccd.store import (
+    atomic_path,
+    read_annotation,
+    read_curves,
+    read_probability,
+    read_splines,
+    write_control_meshes,
+)
 from cccd.surface import loft_surface
-from cccd.surface.export import write_surface
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     curves = read_curves(snakemake.input.curves)
@@ -13,4 +21,5 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
     known = snakemake.input.structure
     surface = loft_surface(curves, settings, splines, read_probability(known), read_annotation(known))
     write_control_meshes(snakemake.output.surface, surface.bodies, surface.frame, surface.report)
-    write_surface(snakemake.output.mesh, surface)
+    with atomic_path(snakemake.output.mesh) as path:
+        write_ply(path, surface.mesh, NOTE)

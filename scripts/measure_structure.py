@@ -13,8 +13,8 @@ from cccd.store import (
     write_json,
     write_view,
 )
-from cccd.surface.export import read_surface
 from cccd.surface.measure import measure_surface, volume_warnings
+from cccd.surface.surface import read_surface
 from cccd.view import make_view
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):

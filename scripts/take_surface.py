@@ -2,9 +2,9 @@
 
 from cccd.geometry.ply import write_ply
 from cccd.job import job
+from cccd.settings.formats import NOTE
 from cccd.solids.shared_walls import surface_of
 from cccd.store import atomic_path, read_conforming
-from cccd.surface.formats import NOTE
 
 case, organ = snakemake.wildcards.case, snakemake.wildcards.organ
 with job(snakemake.log[0], f"{case}/{organ}", snakemake.input, snakemake.output):

@@ -22,6 +22,8 @@ from cccd.curves import describe_curves
 from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import needing
+from cccd.files.options import ExportOptions
+from cccd.files.write import format_of, write_surface
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.subdivision import ControlMesh
@@ -30,7 +32,6 @@ from cccd.reconstruction import find_contours, fit_and_loft, order_maps
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls
-from cccd.surface.export import Scan, format_of, write_surface
 from cccd.surface.surface import Surface as LoftedSurface
 from cccd.volumes import load_structure, structure_of_array
 from cccd.volumes.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
@@ -186,7 +187,7 @@ class Surface:
         if Path(path).is_dir():
             raise InputError(str(path), "that is a folder", "give the name of a file in it")
         surface = (settings or _DEFAULTS).surface
-        scan = Scan(
+        options = ExportOptions(
             self.name,
             contour_spacing_mm,
             self.series,
@@ -195,7 +196,7 @@ class Surface:
             surface.step_tolerance_mm,
             surface.tetrahedra,
         )
-        write_surface(path, self.lofted, scan)
+        write_surface(path, self.lofted, options)
         return Path(path)
 
 
@@ -554,7 +555,7 @@ def check_references(paths: Sequence[Path], structure: Structure) -> None:
         return
     series = _series(structure)
     if series is not None:
-        from cccd.volumes.clinical_export import reference_slices  # slow to import
+        from cccd.files.rtstruct import reference_slices  # slow to import
 
         reference_slices(series)
     elif "seg.dcm" in formats:

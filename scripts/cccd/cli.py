@@ -318,8 +318,8 @@ def _settings_of(given: argparse.Namespace) -> Settings:
 
 def _check_outputs(outputs: Sequence[Path], sources: Sequence[Path | None], mesher: str = "ftetwild") -> None:
     """Refuse surfaces that could not be written before anything is computed."""
-    from cccd.settings.surface import TETRAHEDRA_FORMATS
-    from cccd.surface.export import check_format, format_of
+    from cccd.files.write import check_format, format_of
+    from cccd.settings.formats import TETRAHEDRA_FORMATS
 
     for path in outputs:
         check_format(path, mesher)
@@ -364,7 +364,7 @@ def _check_writable(path: Path) -> None:
 
 def _with_name(path: Path, organ: str) -> Path:
     """Put the name of an organ before a file's suffix."""
-    from cccd.surface.export import format_of
+    from cccd.files.write import format_of
 
     suffix = f".{format_of(path)}"
     return path.with_name(f"{path.name[: -len(suffix)]}_{organ}{suffix}")
@@ -664,8 +664,10 @@ def _sheet_of_bids(given: argparse.Namespace) -> tuple[Path, Path]:
 
 
 def _export(given: argparse.Namespace) -> int:
+    from cccd.files.options import ExportOptions
+    from cccd.files.write import write_surface
     from cccd.store import read_drawn
-    from cccd.surface.export import Scan, read_surface, write_surface
+    from cccd.surface.surface import read_surface
 
     folder = given.input if given.input.is_dir() else given.input.parent  # a file of it will do
     splines, mesh = folder / "surface.h5", folder / "surface.ply"
@@ -678,7 +680,7 @@ def _export(given: argparse.Namespace) -> int:
     surface, structure = read_surface(splines, mesh), folder / "structure.h5"
     drawn = read_drawn(structure) if structure.is_file() else None
     for path in given.output:
-        write_surface(path, surface, Scan(folder.resolve().name, drawn=drawn))
+        write_surface(path, surface, ExportOptions(folder.resolve().name, drawn=drawn))
         print(path)
     return 0
 

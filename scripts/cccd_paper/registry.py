@@ -38,7 +38,7 @@ INPUTS = {
     "boundaries": Input(("boundaries.h5",), "cccd.store.read_boundaries"),
     "contours": Input(("contours.h5",), "cccd.store.read_contours"),
     "curves": Input(("curves.h5",), "cccd.store.read_curves"),
-    "surface": Input(("surface.h5", "surface.ply"), "cccd.surface.export.read_surface"),
+    "surface": Input(("surface.h5", "surface.ply"), "cccd.surface.surface.read_surface"),
     "model": Input(("gnn/model.pt",), "cccd.junctions.checkpoint.load_model", shared=True),
     "orderers": Input(
         ("gnn/model.pt",),

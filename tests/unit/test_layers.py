@@ -30,6 +30,7 @@ LAYERS = {
         ("surface",),
         ("solids", "view"),
         ("tetrahedra",),
+        ("files",),
         ("reconstruction",),
         ("api",),
         ("pyvista_accessor", "label_survey"),

@@ -22,12 +22,12 @@ from cccd.plan.checks import PlannedJob, check_jobs
 from cccd.plan.cohort import near
 from cccd.plan.networks import MODEL, PAPER_MODEL
 from cccd.plan.outcome import report_failed_run, report_good_run
-from cccd.plan.plan import MESH_FORMATS, REPORTED_FORMATS, SHOWN, Plan
+from cccd.plan.plan import SHOWN, Plan
 from cccd.plan.resources import memory, minutes
 from cccd.report.registry import comparisons, inputs, tables
 from cccd.segmentation.networks import networks
+from cccd.settings.formats import CASE_FORMATS, FORMATS, SOLID_FORMATS
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
-from cccd.settings.surface import SOLID_FORMATS
 
 if workflow.remote_exec:
     # a job of a cluster: its structures fail one by one, and not all because of one

@@ -1,10 +1,5 @@
 """Surfaces: curves -> closed spline surface -> meshes for viewers and CAD, and a picture."""
 
-#: The writers of meshes, and those of solids and of tetrahedra, which report what they made.
-WRITERS = [f"{module}.write" for module in MESH_FORMATS.values()]
-REPORTING_WRITERS = [f"{module}.write" for module in REPORTED_FORMATS.values()]
-
-
 #: What of the section decides on each organ alone.
 LOFTING = leave(
     "surface",
@@ -19,8 +14,10 @@ LOFTING = leave(
 
 
 wildcard_constraints:
-    format="|".join(re.escape(name) for name in MESH_FORMATS if name != "ply"),
-    solid_format="|".join(REPORTED_FORMATS),
+    format="|".join(
+        re.escape(name) for name in FORMATS if name not in ("ply", *CASE_FORMATS)
+    ),
+    solid_format="|".join(CASE_FORMATS),
     scene_format="|".join(SOLID_FORMATS),
 
 
@@ -48,7 +45,7 @@ rule loft_surface:
         mem_mb=memory(2500, 40),
         runtime=minutes(20),
     params:
-        library=library("loft_surface", "cccd.surface.formats.ply.write"),
+        library=library("loft_surface"),
         settings=LOFTING,
     script:
         "../../scripts/loft_surface.py"
@@ -143,7 +140,7 @@ rule export_surface:
         mem_mb=memory(1500, 40),
         runtime=minutes(10),
     params:
-        library=library("export_surface", *WRITERS),
+        library=plan.writer("export_surface", "format"),
         settings=pick("surface", "contour_spacing_mm", "keep_patient"),
     script:
         "../../scripts/export_surface.py"
@@ -172,7 +169,7 @@ rule export_solid:
         mem_mb=memory(2500, 60),
         runtime=minutes(30),
     params:
-        library=library("export_solid", *REPORTING_WRITERS),
+        library=plan.writer("export_solid", "solid_format"),
         settings=pick("surface", "step_tolerance_mm", "tetrahedra"),
     script:
         "../../scripts/export_solid.py"

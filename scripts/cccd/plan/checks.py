@@ -10,7 +10,7 @@ from cccd.disk_space import check_room
 from cccd.extras import MESHER_EXTRAS, check_extra
 from cccd.plan.cohort import StructureName
 from cccd.plan.plan import Plan
-from cccd.settings.surface import TETRAHEDRA_FORMATS
+from cccd.settings.formats import TETRAHEDRA_FORMATS
 
 __all__ = ["PlannedJob", "check_jobs", "extra_of"]
 

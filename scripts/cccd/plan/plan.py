@@ -16,8 +16,8 @@ from cccd.plan.resources import digest
 from cccd.project import shipped_weights
 from cccd.report.registry import Comparison, comparisons, inputs, items
 from cccd.segmentation.networks import networks
+from cccd.settings.formats import CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.root import Settings
-from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.validation import validate_config
 
 __all__ = ["Plan"]
@@ -35,10 +35,6 @@ SHOWN = (
 
 #: Files of a case whose organs share their walls.
 SCENE = ("scene.glb", "segmentation.seg.nrrd", "scene.json", "scene.html")
-
-#: Formats whose writers report what they made, each with its module; and all others that follow the PLY.
-REPORTED_FORMATS = SOLID_FORMATS | TETRAHEDRA_FORMATS
-MESH_FORMATS = {name: module for name, module in SURFACE_FORMATS.items() if name not in REPORTED_FORMATS}
 
 
 @dataclass(frozen=True)
@@ -105,6 +101,14 @@ class Plan:
         """Digest the code that ``scripts/<script>.py`` runs, and that of the functions that it is given."""
         return digest(self.root / "scripts" / f"{script}.py", packages(), functions)
 
+    def writer(self, script: str, wildcard: str) -> Callable[[Any], str]:
+        """Make a function of a job's wildcards: the digest of ``script`` with the writer of its format."""
+
+        def writer(wildcards: Any) -> str:
+            return self.library(script, FORMATS[getattr(wildcards, wildcard)].function)
+
+        return writer
+
     # Structures and cases.
 
     def files(self, name: str) -> list[str]:
@@ -150,7 +154,7 @@ class Plan:
 
     @property
     def _fills_cases(self) -> bool:
-        return not TETRAHEDRA_FORMATS.keys().isdisjoint(self.settings.surface.case_formats)
+        return not set(TETRAHEDRA_FORMATS).isdisjoint(self.settings.surface.case_formats)
 
     # Import and segmentation.
 
@@ -233,7 +237,7 @@ class Plan:
     @property
     def solid_reports(self) -> list[str]:
         """What is reported of each structure's solids and tetrahedra, as patterns."""
-        names = [name for name in self.settings.surface.formats if name in REPORTED_FORMATS]
+        names = [name for name in self.settings.surface.formats if name in CASE_FORMATS]
         return [f"results/{{case}}/{{organ}}/solid_{name}.json" for name in names]
 
     def case_reports(self, wildcards: OfCase) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Any, cast
 
 import yaml
 
+from cccd.settings.formats import FORMATS
 from cccd.settings.root import whole_settings
 from cccd.settings.schema import raw_schema
 from cccd.settings.section import Section
@@ -196,6 +197,16 @@ FIGURES = {
 }
 
 
+_FORMATS_HEAD = """
+### Formats
+
+World coordinates are millimetres in RAS, and PLY and STL carry `SPACE=RAS`, which 3D Slicer reads. DICOM is
+in LPS, glTF in metres. `pip install '.[extra]'` installs an [extra](start.md#install).
+
+| format | what it holds | extra |
+|---|---|---|"""
+
+
 def documentation(sensitivity: list[dict[str, str]]) -> str:
     """Text of ``docs/configuration.md``; ``sensitivity`` are the rows of ``docs/sensitivity.csv``."""
     every = keys()
@@ -212,6 +223,9 @@ def documentation(sensitivity: list[dict[str, str]]) -> str:
         lines.append("|---|---|---|---|---|---|")
         own = [key for key in values if (key.path[0] if len(key.path) > 1 else "") == section]
         lines += [_row(_code(key.dotted), *_value_cells(key), _cell(key.what), _cell(key.why)) for key in own]
+        if section == "surface":
+            lines.append(_FORMATS_HEAD)
+            lines += [_row(_code(form.name), form.holds, form.extra) for form in FORMATS.values()]
     measured = [key for key in values if any(row["key"] == key.dotted for row in sensitivity)]
     if measured:
         lines.append(_SENSITIVITY_HEAD)

@@ -2,41 +2,22 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator
 
+from cccd.settings.formats import CASE_FORMATS, FORMATS
 from cccd.settings.section import Section, setting
 from cccd.settings.validators import without_repeats
 
-__all__ = [
-    "SOLID_FORMATS",
-    "SURFACE_FORMATS",
-    "TETRAHEDRA_FORMATS",
-    "LoftSettings",
-    "TetrahedraSettings",
-]
+__all__ = ["LoftSettings", "TetrahedraSettings"]
 
-
-def _writers(package: str) -> dict[str, str]:
-    """Names of the formats that a package has writers for, and their modules, without loading them."""
-    folder = Path(__file__).parents[1] / package / "formats"
-    found = sorted(path.stem for path in folder.glob("[a-z]*.py"))
-    names = {stem: "3mf" if stem == "threemf" else stem.replace("_", ".") for stem in found}
-    return {name: f"cccd.{package}.formats.{stem}" for stem, name in names.items()}
-
-
-#: Formats of solids, by OpenCASCADE, of tetrahedra, and all; each with the module that writes it.
-SOLID_FORMATS = _writers("solids")
-TETRAHEDRA_FORMATS = _writers("tetrahedra")
-SURFACE_FORMATS = dict(sorted((_writers("surface") | SOLID_FORMATS | TETRAHEDRA_FORMATS).items()))
 
 if TYPE_CHECKING:
     _Format = _CaseFormat = str
 else:
-    _Format = Literal[tuple(SURFACE_FORMATS)]
-    _CaseFormat = Literal[tuple(SOLID_FORMATS | TETRAHEDRA_FORMATS)]
+    _Format = Literal[tuple(FORMATS)]
+    _CaseFormat = Literal[CASE_FORMATS]
 
 
 class TetrahedraSettings(Section):
@@ -118,15 +99,11 @@ class LoftSettings(Section):
     formats: Annotated[tuple[_Format, ...], AfterValidator(without_repeats)] = setting(
         ("ply",),
         "the surface's files; docs/configuration.md lists the formats; ply always",
-        why="Every later step reads the PLY mesh. step, iges and brep hold closed solids and need the "
-        "extra cad; msh, vtu and inp hold tetrahedra and need the extra fe; 3mf is for printing and needs "
-        "the extra print; usd, usda and usdc hold the spline itself and need the extra usd; nii.gz is a "
-        "label map on the scan's grid, dcm an RTSTRUCT, seg.dcm a SEG on the row's DICOM series, stl.dcm an "
-        "encapsulated STL.",
+        why="Every later step reads the PLY mesh. The table below says what the others hold and need.",
     )
     case_formats: Annotated[tuple[_CaseFormat, ...], AfterValidator(without_repeats)] = setting(
         (),
-        f"files of all organs of a case, of {', '.join(SOLID_FORMATS | TETRAHEDRA_FORMATS)}",
+        f"files of all organs of a case, of {', '.join(CASE_FORMATS)}",
         why="step, iges and brep are one scene of solids, results/CASE/scene.step; msh, vtu and inp one mesh "
         "of tetrahedra in which organs share their walls, results/CASE/volume.msh.",
     )

@@ -18,12 +18,12 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
+from cccd.settings.formats import COLOUR
 from cccd.solids.bodies import nest_pieces, split_bodies
 from cccd.solids.kernel import Part, check_solid, make_solid, require_kernel, write_parts
 from cccd.solids.patches import patches_within
 from cccd.solids.shells import Shell, facets_within, measure_deviation
 from cccd.solids.spline_shell import SplineShell, spline_shell_of
-from cccd.surface.formats import COLOUR
 from cccd.surface.surface import Surface
 from cccd.tolerances import SOLID_VOLUME
 

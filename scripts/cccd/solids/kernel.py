@@ -19,8 +19,8 @@ from cccd.extras import needing
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.bsplines import DEGREE, open_knots
 from cccd.geometry.mesh import Mesh
+from cccd.settings.formats import COLOUR
 from cccd.solids.step_points import share_points
-from cccd.surface.formats import COLOUR
 
 __all__ = [
     "Bound",

@@ -1,16 +1,26 @@
-"""The surface of one structure, as the later stages know it."""
+"""The surface of one structure, as the later stages know it, and as its files give it back."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
 
 from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.ply import read_ply
 from cccd.geometry.subdivision import ControlMesh
+from cccd.store import read_bodies, read_report, read_surface_frame
 
-__all__ = ["Surface"]
+__all__ = ["Surface", "read_surface"]
+
+#: Vertices this near are the same; a PLY mesh keeps them exactly, older ones as single floats.
+_SAME_POINT_MM = 1e-3
 
 
 def _nothing() -> dict[str, Any]:
@@ -47,3 +57,19 @@ class Surface:
     def faces(self) -> IntArray:
         """The mesh's faces (F, 3), counter-clockwise from outside."""
         return self.mesh.faces
+
+
+def read_surface(path: str | Path, mesh_path: str | Path) -> Surface:
+    """Read back what the lofting wrote: ``surface.h5`` and the PLY mesh.
+
+    Organs that share their walls have another mesh than their control meshes': it has no ``bodies``.
+    """
+    mesh, bodies = read_ply(mesh_path), read_bodies(path)
+    bodies = bodies if _is_of(mesh, bodies) else []
+    return Surface(bodies, mesh, read_surface_frame(path), read_report(path))
+
+
+def _is_of(mesh: Mesh, bodies: Sequence[ControlMesh]) -> bool:
+    """Whether a mesh is a tessellation of control meshes: it has their limits among its vertices."""
+    limits = [body.tessellate(0).vertices for body in bodies]
+    return all(bool(np.all(cKDTree(mesh.vertices).query(part)[0] < _SAME_POINT_MM)) for part in limits)

@@ -9,12 +9,10 @@ from typing import Any
 from cccd.containers import Frame
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings, TetrahedraSettings
-from cccd.surface.formats import Scan
-from cccd.surface.surface import Surface
 from cccd.tetrahedra.filling import TetrahedralMesh, fill_organs, sizes_in_mm
 from cccd.tetrahedra.quality import measure_tetrahedra, warnings_of
 
-__all__ = ["fill_and_measure", "fill_surface"]
+__all__ = ["fill_and_measure"]
 
 _DEFAULT = LoftSettings()
 
@@ -42,9 +40,3 @@ def fill_and_measure(
     report["seconds"] = round(seconds, 1)
     report |= measure_tetrahedra(filled, organs)
     return filled, {**report, "warnings": warnings_of(report)}
-
-
-def fill_surface(surface: Surface, scan: Scan) -> tuple[TetrahedralMesh, dict[str, Any]]:
-    """Fill one organ's surface as a format's writer is given it."""
-    organs, frames = {scan.organ: surface.mesh}, {scan.organ: surface.frame}
-    return fill_and_measure(organs, scan.tetrahedra, frames, scan.tolerance_mm)

@@ -16,18 +16,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.collisions import passing_pairs
 from cccd.geometry.distance import nearest_faces, to_mesh
 from cccd.geometry.mesh import Mesh
+from cccd.settings.formats import COLOUR
 from cccd.solids.bodies import split_bodies
 from cccd.solids.build import build_solids, write_organs
-from cccd.surface.formats import COLOUR
-from cccd.tetrahedra.formats import rows
 
-__all__ = ["fill_solids", "fill_surfaces", "require_gmsh", "search_path"]
+__all__ = ["fill_solids", "fill_surfaces", "require_gmsh", "rows_as_text", "search_path"]
 
 #: Vertices of one organ that are tried for lying in another.
 TRIED = 100
@@ -313,7 +313,7 @@ def _write_triangles(path: Path, vertices: FloatArray, faces: IntArray, tags: In
         f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{len(vertices)}",
         *points,
         f"$EndNodes\n$Elements\n{len(faces)}",
-        rows(np.column_stack([*fixed, faces + 1]), "%d"),
+        rows_as_text(np.column_stack([*fixed, faces + 1]), "%d"),
         "$EndElements\n",
     ]
     path.write_text("\n".join(parts), encoding="ascii")
@@ -334,3 +334,10 @@ def _read(path: Path) -> _Found:
     tables = {kind: np.array(kept[kind], np.int64).reshape(-1, 5 + count) for kind, count in _CORNERS.items()}
     triangles, tetrahedra = tables.values()
     return _Found(nodes[:, 1:], place[triangles[:, 5:]], triangles[:, 4], place[tetrahedra[:, 5:]])
+
+
+def rows_as_text(numbers: npt.ArrayLike, form: str, separator: str = " ") -> str:
+    """Write a row of numbers per line."""
+    table = np.asarray(numbers)
+    line = separator.join([form] * table.shape[1])
+    return "\n".join(line % tuple(row) for row in table.tolist())

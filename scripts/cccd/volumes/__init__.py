@@ -1,4 +1,4 @@
-"""Readers and sources of scans: a row of the cohort sheet -> `cccd.containers.Structure`; and the way back.
+"""Readers and sources of scans: a row of the cohort sheet -> `cccd.containers.Structure`.
 
 ===================  ===============================================================================
 module               holds
@@ -16,8 +16,7 @@ module               holds
 ``phantom_files``    phantoms as a folder of files, for others
 ``grid``             `Volume`, and its move to another grid
 ``labels``           which labels, segments or regions are meant
-``nifti_export``     a surface as label map (NIfTI); ``clinical_export``: as contours (RTSTRUCT);
-                     ``seg_export``: as voxels on its series (SEG); ``model_export``: as encapsulated STL
+``nifti_export``     volumes as NIfTI
 ===================  ===============================================================================
 """
 

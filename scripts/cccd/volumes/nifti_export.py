@@ -1,4 +1,4 @@
-"""Volumes and surfaces as NIfTI, on the source volume's own grid.
+"""Volumes as NIfTI.
 
 That no half file is left is the caller's to see to (`cccd.store.atomic_path`).
 """
@@ -12,13 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from nibabel.nifti1 import Nifti1Image
 
-from cccd.containers import Frame, Structure
 from cccd.geometry.arrays import FloatArray
-from cccd.geometry.mesh import Mesh
-from cccd.geometry.raster import voxelise
-from cccd.volumes.annotation import fill_mask
 
-__all__ = ["write_label_map", "write_nifti"]
+__all__ = ["write_nifti"]
 
 
 def write_nifti(path: str | Path, values: npt.NDArray[np.integer], affine: FloatArray) -> None:
@@ -41,25 +37,3 @@ def write_nifti(path: str | Path, values: npt.NDArray[np.integer], affine: Float
     if Path(path).suffix == ".gz":
         content = gzip.compress(content, compresslevel=6, mtime=0)
     Path(path).write_bytes(content)
-
-
-def write_label_map(
-    path: str | Path, mesh: Mesh, frame: Frame, value: int = 1, drawn: Structure | None = None
-) -> None:
-    """Write the voxels inside a closed mesh as NIfTI label map on the source grid.
-
-    Parameters
-    ----------
-    path : path
-        Compressed when it ends with ``.gz``.
-    mesh : Mesh
-        Closed; mm RAS.
-    frame : Frame
-        The source volume's grid.
-    value : int
-        Label of the voxels inside, 1 to 255.
-    drawn : Structure, optional
-        A structure of which some slices were drawn: they stay as they are.
-    """
-    mask = voxelise(mesh, frame.affine, frame.shape) if drawn is None else fill_mask(drawn, mesh, whole=True)
-    write_nifti(path, mask.astype(np.uint8) * np.uint8(value), frame.affine)

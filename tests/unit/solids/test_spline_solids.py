@@ -12,11 +12,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "geometry"))
 from control_meshes import CORNERS, bumpy, cube, pill, polygon_area, torus, turned
 
 from cccd.containers import Frame
+from cccd.files.options import ExportOptions
+from cccd.files.write import write_surface
 from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.solids.quad_faces import QuadFaces, flattened
 from cccd.solids.spline_shell import SplineShell, spline_shell_of
 from cccd.surface.control_mesh import split_to_quads
-from cccd.surface.export import Scan, write_surface
 from cccd.surface.surface import Surface
 
 FRAME = Frame(np.eye(4), 2, (8, 8, 8))
@@ -92,7 +93,7 @@ def test_quads_are_halved_where_normals_jump():
 
 def solid(path, surface):
     pytest.importorskip("OCP", reason="cadquery-ocp-novtk is not installed")
-    return write_surface(path, surface, Scan("organ"))
+    return write_surface(path, surface, ExportOptions("organ"))
 
 
 def test_a_cube_is_six_planes(tmp_path):

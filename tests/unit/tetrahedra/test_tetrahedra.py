@@ -14,13 +14,13 @@ from solids import mesh_of, sphere
 
 from cccd.containers import Frame
 from cccd.errors import InputError
+from cccd.files.tetrahedra import WRITERS
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import TetrahedraSettings
 from cccd.tetrahedra import gmsh_program
 from cccd.tetrahedra.build import fill_and_measure
 from cccd.tetrahedra.chords import balance_chords
 from cccd.tetrahedra.filling import fill_organs
-from cccd.tetrahedra.formats import inp, msh, vtu
 from cccd.tetrahedra.quality import warnings_of
 from cccd.tetrahedra.shapes import FACES, dihedral_angles, radius_ratios, signed_volumes
 
@@ -268,7 +268,7 @@ def test_gmsh_reads_regions_and_boundaries(bar, tmp_path):
     if subprocess.run([sys.executable, "-c", "import gmsh"], capture_output=True).returncode:
         pytest.skip("gmsh does not run here (pip install gmsh, libglu1-mesa)")
     filled, report = bar
-    msh.write_tetrahedra(tmp_path / "bar.msh", filled)
+    WRITERS["msh"](tmp_path / "bar.msh", filled)
     done = subprocess.run(
         [sys.executable, "-c", GMSH, str(tmp_path / "bar.msh")], capture_output=True, text=True, check=True
     )
@@ -282,7 +282,7 @@ def test_gmsh_reads_regions_and_boundaries(bar, tmp_path):
 def test_vtk_reads_regions_and_boundaries(bar, tmp_path):
     pyvista = pytest.importorskip("pyvista")
     filled, report = bar
-    vtu.write_tetrahedra(tmp_path / "bar.vtu", filled)
+    WRITERS["vtu"](tmp_path / "bar.vtu", filled)
     grid = pyvista.read(tmp_path / "bar.vtu")
     assert list(grid.field_data["region_names"]) == ["left", "right", "tumour"]
     counts = np.bincount(grid.cell_data["region"])[1:].tolist()
@@ -312,7 +312,7 @@ U
 def test_calculix_presses_on_a_boundary(bar, tmp_path):
     """Without lateral strain, pressure on one end shortens the bar by p L / E."""
     filled, _ = bar
-    inp.write_tetrahedra(tmp_path / "bar.inp", filled)
+    WRITERS["inp"](tmp_path / "bar.inp", filled)
     modulus, pressure = 2.0, 0.01
     (tmp_path / "model.inp").write_text(MODEL.strip().format(modulus=modulus, pressure=pressure) + "\n")
     done = subprocess.run(["ccx", "model"], cwd=tmp_path, capture_output=True, text=True, timeout=120)

@@ -20,10 +20,10 @@ from scans import (
 
 from cccd import store
 from cccd.errors import InputError
+from cccd.files.rtstruct import write_rtstruct
 from cccd.geometry.mesh import Mesh
 from cccd.report.case_page import build_case_page
 from cccd.volumes import load_structure
-from cccd.volumes.clinical_export import write_rtstruct
 from cccd.volumes.dicom import read_rtstruct, read_seg, read_series
 from cccd.volumes.limits import Limits
 from cccd.volumes.readers import read_volume

@@ -7,7 +7,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from cccd.surface.formats import COLOUR, NOTE, Scan
+from cccd.files.options import ExportOptions
+from cccd.settings.formats import COLOUR, NOTE
 from cccd.surface.surface import Surface
 
 __all__ = ["TO_GLTF", "gltf_material", "write"]
@@ -16,12 +17,12 @@ __all__ = ["TO_GLTF", "gltf_material", "write"]
 TO_GLTF = np.array([[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1.0]])
 
 
-def write(path: Path, surface: Surface, scan: Scan) -> None:
+def write(path: Path, surface: Surface, options: ExportOptions) -> None:
     """Write the mesh in a scene of its own."""
     import trimesh
 
     mesh = cast(Any, surface.mesh.to_trimesh())
-    mesh.visual = gltf_material(scan.organ, COLOUR)
+    mesh.visual = gltf_material(options.organ, COLOUR)
     scene = cast(Any, trimesh.Scene())
     scene.add_geometry(mesh, node_name="surface", geom_name="surface", transform=TO_GLTF)
     scene.metadata["note"] = f"{NOTE}; the node's matrix turns mm RAS into metres, y up"

@@ -11,9 +11,9 @@ import pytest
 import trimesh
 
 from cccd.containers import Frame
+from cccd.files.scene import describe_scene, name_organs, write_scene, write_segmentation
+from cccd.files.write import write_surface
 from cccd.geometry.mesh import Mesh
-from cccd.solids.scene import describe_scene, name_organs, write_scene, write_segmentation
-from cccd.surface.export import write_surface
 from cccd.surface.surface import Surface
 
 #: An oblique, mirrored scan.

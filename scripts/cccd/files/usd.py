@@ -12,8 +12,9 @@ from typing import Any, cast
 
 import numpy as np
 
+from cccd.files.options import ExportOptions
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.surface.formats import COLOUR, NOTE, Scan
+from cccd.settings.formats import COLOUR, NOTE
 from cccd.surface.surface import Surface
 
 __all__ = ["write"]
@@ -22,7 +23,7 @@ __all__ = ["write"]
 GAMMA = 2.2
 
 
-def write(path: Path, surface: Surface, scan: Scan) -> None:
+def write(path: Path, surface: Surface, options: ExportOptions) -> None:
     """Write a mesh for each body and cavity; triangles where the surface has no control meshes."""
     from pxr import Gf, Sdf, Usd, UsdGeom  # pyright: ignore[reportMissingTypeStubs]  # of the extra usd
 
@@ -33,7 +34,7 @@ def write(path: Path, surface: Surface, scan: Scan) -> None:
     geom.SetStageUpAxis(stage, geom.Tokens.z)
     layer.comment = NOTE
     root = geom.Xform.Define(stage, "/surface")
-    root.GetPrim().SetDisplayName(scan.organ)
+    root.GetPrim().SetDisplayName(options.organ)
     stage.SetDefaultPrim(root.GetPrim())
     colour = gf.Vec3f(*(part**GAMMA for part in COLOUR))
     for part in _parts(surface):

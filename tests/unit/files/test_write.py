@@ -14,13 +14,16 @@ from shapes import SETTINGS, curves_of, fork
 
 from cccd.containers import Frame
 from cccd.errors import InputError
+from cccd.extras import EXTRAS
+from cccd.files.options import ExportOptions
+from cccd.files.write import write_surface
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh
-from cccd.settings.surface import SOLID_FORMATS, SURFACE_FORMATS, TETRAHEDRA_FORMATS, TetrahedraSettings
+from cccd.settings.formats import FORMATS
+from cccd.settings.surface import TetrahedraSettings
 from cccd.store import write_control_meshes
 from cccd.surface import loft_surface
-from cccd.surface.export import Scan, read_surface, write_surface
-from cccd.surface.surface import Surface
+from cccd.surface.surface import Surface, read_surface
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +98,7 @@ def test_obj_is_read_by_trimesh(surface, tmp_path):
 
 def test_gifti_is_read_by_nibabel_and_by_connectome_workbench(surface, tmp_path):
     path = tmp_path / "fork.surf.gii"
-    write_surface(path, surface, Scan("fork"))
+    write_surface(path, surface, ExportOptions("fork"))
     points, triangles = nibabel.load(path).agg_data(("pointset", "triangle"))
     np.testing.assert_allclose(points, surface.vertices, atol=1e-4)
     assert np.array_equal(triangles, surface.faces)
@@ -117,7 +120,7 @@ def test_gifti_is_read_by_nibabel_and_by_connectome_workbench(surface, tmp_path)
 def test_3mf_is_in_millimetres_with_a_colour_and_its_thinnest_wall(surface, tmp_path):
     pytest.importorskip("lib3mf")
     spoken = locale.setlocale(locale.LC_ALL)
-    write_surface(tmp_path / "fork.3mf", surface, Scan("fork"))
+    write_surface(tmp_path / "fork.3mf", surface, ExportOptions("fork"))
     assert locale.setlocale(locale.LC_ALL) == spoken
     with zipfile.ZipFile(tmp_path / "fork.3mf") as held:
         model = held.read("3D/3dmodel.model").decode()
@@ -130,7 +133,7 @@ def test_3mf_is_in_millimetres_with_a_colour_and_its_thinnest_wall(surface, tmp_
 def test_prusa_slicer_slices_a_3mf_without_repair(surface, tmp_path):
     pytest.importorskip("lib3mf")
     slicer = program("prusa-slicer", "prusa-slicer")
-    write_surface(tmp_path / "fork.3mf", surface, Scan("fork"))
+    write_surface(tmp_path / "fork.3mf", surface, ExportOptions("fork"))
     told = subprocess.run(
         [slicer, "--info", "fork.3mf"], cwd=tmp_path, capture_output=True, text=True, check=True
     )
@@ -174,7 +177,7 @@ def test_usd_has_the_control_meshes_exactly(tmp_path, suffix):
     usd, geom = (pytest.importorskip(f"pxr.{name}", reason=reason) for name in ("Usd", "UsdGeom"))
     surface = spline_surface()
     path = tmp_path / f"surface.{suffix}"
-    write_surface(path, surface, Scan("heart"))
+    write_surface(path, surface, ExportOptions("heart"))
     assert path.read_bytes().startswith(b"#usda" if suffix == "usda" else b"PXR-USDC")
     stage = usd.Stage.Open(str(path))
     assert geom.GetStageMetersPerUnit(stage) == 0.001
@@ -219,21 +222,15 @@ def test_a_mesh_of_shared_walls_has_no_control_meshes(tmp_path):
     assert read_surface(tmp_path / "surface.h5", tmp_path / "walls.ply").bodies == []
 
 
-@pytest.mark.parametrize("name", SURFACE_FORMATS)
+@pytest.mark.parametrize("name", FORMATS)
 def test_every_format_that_the_configuration_knows_is_written(surface, tmp_path, name):
-    if name in SOLID_FORMATS:
-        pytest.importorskip("OCP")
-    if name in TETRAHEDRA_FORMATS:
-        pytest.importorskip("pytetwild")
+    for module in EXTRAS.get(FORMATS[name].extra, ()):
+        pytest.importorskip(module)
     if name == "seg.dcm":
         pytest.skip("lies on a DICOM series: tests/unit/volumes/test_dicom_out.py")
-    if name == "3mf":
-        pytest.importorskip("lib3mf")
-    if name.startswith("usd"):
-        pytest.importorskip("pxr", reason="usd-core is not installed")
     path = tmp_path / f"surface.{name}"
     coarse = TetrahedraSettings(edge_mm=10, tolerance_mm=0.5)
-    write_surface(path, surface, Scan("fork", tetrahedra=coarse))
+    write_surface(path, surface, ExportOptions("fork", tetrahedra=coarse))
     assert path.stat().st_size > 1000
     assert list(tmp_path.iterdir()) == [path]
 

@@ -9,11 +9,13 @@ from scans import affine_of, dicom_affine, full, grey, inside, row, settings, wr
 
 from cccd.containers import Frame
 from cccd.errors import InputError
+from cccd.files import label_map
+from cccd.files.options import ExportOptions
+from cccd.files.rtstruct import write_rtstruct
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
+from cccd.surface.surface import Surface
 from cccd.volumes import load_structure
-from cccd.volumes.clinical_export import write_rtstruct
-from cccd.volumes.nifti_export import write_label_map
 
 
 def ball_mesh(centre, radius=15.0):
@@ -75,17 +77,17 @@ def test_cavity_and_mesh_beyond_the_grid():
     np.testing.assert_array_equal(mask[clear], ((distance < 15) & (distance > 7))[clear])
 
 
-@pytest.mark.parametrize("name", ["out.nii", "out.nii.gz"])
-def test_label_map_is_read_back(tmp_path, name):
+def test_label_map_is_read_back(tmp_path):
     frame = frame_around(CENTRE)
     mesh = ball_mesh(CENTRE)
-    write_label_map(tmp_path / name, mesh, frame, value=5)
+    name = "out.nii.gz"
+    label_map.write(tmp_path / name, Surface([], mesh, frame), ExportOptions())
     image = nib.load(tmp_path / name)
     np.testing.assert_allclose(image.affine, frame.affine, atol=1e-5)
-    structure = load_structure(row(mask=name, label="5"), tmp_path, settings())
+    structure = load_structure(row(mask=name, label="1"), tmp_path, settings())
     np.testing.assert_array_equal(full(structure), whole_grid(mesh, frame))
     first = (tmp_path / name).read_bytes()
-    write_label_map(tmp_path / name, mesh, frame, value=5)
+    label_map.write(tmp_path / name, Surface([], mesh, frame), ExportOptions())
     assert (tmp_path / name).read_bytes() == first
 
 

@@ -25,9 +25,11 @@ from pydicom.uid import (
 
 from cccd.containers import Frame
 from cccd.errors import InputError
+from cccd.files.options import ExportOptions
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
+from cccd.surface.surface import Surface
 from cccd.tolerances import CONTOUR_PLANE
 from cccd.volumes.dicom import NO_IMAGES, known_uid, sop_uid
 from cccd.volumes.grid import LPS_TO_RAS
@@ -38,10 +40,24 @@ __all__ = [
     "item_of",
     "reference_slices",
     "references_to",
+    "write",
     "write_rtstruct",
 ]
 
 logger = logging.getLogger(__name__)
+
+
+def write(path: Path, surface: Surface, options: ExportOptions) -> None:
+    """Write the mesh's sections with planes."""
+    write_rtstruct(
+        path,
+        surface.mesh,
+        surface.frame,
+        name=options.organ,
+        spacing_mm=options.contour_spacing_mm,
+        reference=options.series,
+        keep_patient=options.keep_patient,
+    )
 
 
 def _rounded(loop: FloatArray) -> FloatArray:

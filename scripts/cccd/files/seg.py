@@ -17,18 +17,27 @@ from pydicom.dataset import Dataset
 from pydicom.uid import generate_uid
 
 from cccd.errors import InputError
+from cccd.files.options import ExportOptions
+from cccd.files.rtstruct import copy_identity, reference_slices
 from cccd.geometry.arrays import ByteArray, FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
+from cccd.surface.surface import Surface
 from cccd.tolerances import CONTOUR_PLANE
-from cccd.volumes.clinical_export import copy_identity, reference_slices
 from cccd.volumes.grid import LPS_TO_RAS
 from cccd.volumes.readers import guarded
 
-__all__ = ["write_seg"]
+__all__ = ["write", "write_seg"]
 
 #: Said of headers that highdicom makes no SEG of, such as those of two studies.
 _UNUSABLE = ("its images cannot carry a SEG", "export the series again, or use RTSTRUCT")
+
+
+def write(path: Path, surface: Surface, options: ExportOptions) -> None:
+    """Write the voxels whose centres lie inside."""
+    write_seg(
+        path, surface.mesh, name=options.organ, reference=options.series, keep_patient=options.keep_patient
+    )
 
 
 def write_seg(

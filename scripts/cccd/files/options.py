@@ -1,9 +1,4 @@
-"""The files that a surface is written to: one module per format, named after it.
-
-``nii_gz`` is for .nii.gz, and ``threemf`` for .3mf, as which no module can be imported. Each has a function
-``write(path, surface, scan)``. The configuration, the rules and `write_surface` go by the modules that are
-here, so a format is added by adding its module.
-"""
+"""What some formats need besides the surface."""
 
 from __future__ import annotations
 
@@ -13,21 +8,14 @@ from pathlib import Path
 from cccd.containers import Structure
 from cccd.settings.surface import LoftSettings, TetrahedraSettings
 
-__all__ = ["COLOUR", "NOTE", "Scan"]
-
-#: Red, green and blue (sRGB, 0 to 1) of an organ that nothing gives a colour.
-COLOUR = (0.80, 0.47, 0.40)
-
-#: Written wherever a format has room for text; ``SPACE=RAS`` is what 3D Slicer looks for.
-NOTE = "CCCD surface; unit mm; SPACE=RAS"
-
+__all__ = ["ExportOptions"]
 
 _DEFAULT = LoftSettings()
 
 
 @dataclass(frozen=True)
-class Scan:
-    """What some formats need besides: those that lie on the scan, and solids.
+class ExportOptions:
+    """What some formats need besides: those that lie on the scan, solids, and tetrahedra.
 
     Attributes
     ----------

@@ -11,8 +11,9 @@ from typing import Any, cast
 
 import numpy as np
 
+from cccd.files.options import ExportOptions
 from cccd.geometry.thickness import wall_thickness
-from cccd.surface.formats import COLOUR, NOTE, Scan
+from cccd.settings.formats import COLOUR, NOTE
 from cccd.surface.surface import Surface
 
 __all__ = ["write"]
@@ -21,7 +22,7 @@ __all__ = ["write"]
 NAMESPACE = "https://cccd.example/3mf"
 
 
-def write(path: Path, surface: Surface, scan: Scan) -> None:
+def write(path: Path, surface: Surface, options: ExportOptions) -> None:
     """Write the mesh in mm RAS; metadata ``thinnest_wall_mm`` says how thick 99 % of it is at least."""
     import lib3mf as untyped  # pyright: ignore[reportMissingTypeStubs]  # of the extra print
 
@@ -29,19 +30,19 @@ def write(path: Path, surface: Surface, scan: Scan) -> None:
     model = lib3mf.get_wrapper().CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
     body = model.AddMeshObject()
-    body.SetName(scan.organ)
+    body.SetName(options.organ)
     body.SetGeometry(
         _array(lib3mf.Position, np.asarray(surface.vertices, np.float32)),
         _array(lib3mf.Triangle, np.asarray(surface.faces, np.uint32)),
     )
     materials = model.AddBaseMaterialGroup()
     red, green, blue = (round(255 * share) for share in COLOUR)
-    material = materials.AddMaterial(scan.organ, lib3mf.Color(red, green, blue, 255))
+    material = materials.AddMaterial(options.organ, lib3mf.Color(red, green, blue, 255))
     body.SetObjectLevelProperty(materials.GetResourceID(), material)
     identity = lib3mf.Transform(((1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0)))
     model.AddBuildItem(body, identity)
     facts = model.GetMetaDataGroup()
-    facts.AddMetaData("", "Title", scan.organ, "xs:string", True)
+    facts.AddMetaData("", "Title", options.organ, "xs:string", True)
     facts.AddMetaData("", "Description", NOTE, "xs:string", True)
     thinnest = f"{wall_thickness(surface.mesh, 0.01):.2f}"
     facts.AddMetaData(NAMESPACE, "thinnest_wall_mm", thinnest, "xs:string", True)

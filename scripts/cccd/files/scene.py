@@ -10,10 +10,10 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from cccd.containers import Frame
+from cccd.files.gltf import TO_GLTF, gltf_material
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
-from cccd.surface.formats import NOTE
-from cccd.surface.formats.glb import TO_GLTF, gltf_material
+from cccd.settings.formats import NOTE
 from cccd.volumes.grid import LPS_TO_RAS
 from cccd.volumes.label_maps import colour_of
 

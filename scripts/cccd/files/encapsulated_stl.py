@@ -12,21 +12,30 @@ from pydicom.dataset import Dataset
 from pydicom.sequence import Sequence
 from pydicom.uid import UID
 
-from cccd.geometry.mesh import Mesh
-from cccd.geometry.stl import binary_stl
-from cccd.volumes.clinical_export import (
+from cccd.files.options import ExportOptions
+from cccd.files.rtstruct import (
     copy_identity,
     identified_dataset,
     item_of,
     reference_slices,
     references_to,
 )
+from cccd.files.stl import binary_stl
+from cccd.geometry.mesh import Mesh
+from cccd.surface.surface import Surface
 from cccd.volumes.grid import LPS_TO_RAS
 
-__all__ = ["write_encapsulated_stl"]
+__all__ = ["write", "write_encapsulated_stl"]
 
 #: Encapsulated STL Storage (PS3.4, annex B.5).
 _SOP_CLASS = UID("1.2.840.10008.5.1.4.1.1.104.3")
+
+
+def write(path: Path, surface: Surface, options: ExportOptions) -> None:
+    """Write the mesh in mm LPS, with references to its scan."""
+    write_encapsulated_stl(
+        path, surface.mesh, name=options.organ, reference=options.series, keep_patient=options.keep_patient
+    )
 
 
 def write_encapsulated_stl(

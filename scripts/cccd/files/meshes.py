@@ -1,0 +1,81 @@
+"""Triangle meshes in the formats of viewers and printers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from nibabel.gifti.gifti import GiftiCoordSystem, GiftiDataArray, GiftiImage, GiftiMetaData
+
+from cccd.files.options import ExportOptions
+from cccd.files.stl import binary_stl
+from cccd.geometry.curvature import mean_curvature
+from cccd.geometry.ply import write_ply as write_mesh
+from cccd.settings.formats import NOTE
+from cccd.surface.coordinates import body_numbers
+from cccd.surface.surface import Surface
+
+__all__ = ["write_gii", "write_obj", "write_ply", "write_stl", "write_vtp"]
+
+#: NIfTI's code of the scanner's space.
+_SCANNER = 1
+
+
+def write_ply(path: Path, surface: Surface, options: ExportOptions) -> None:
+    """Write binary PLY in mm RAS, with float64 vertices: nothing of the mesh's soundness is rounded away."""
+    write_mesh(path, surface.mesh, NOTE)
+
+
+def write_stl(path: Path, surface: Surface, options: ExportOptions) -> None:
+    """Write binary STL in mm RAS."""
+    path.write_bytes(binary_stl(surface.mesh, NOTE))
+
+
+def write_obj(path: Path, surface: Surface, options: ExportOptions) -> None:
+    """Write Wavefront OBJ in mm RAS."""
+    mesh = cast(Any, surface.mesh.to_trimesh())
+    path.write_text(mesh.export(file_type="obj", header=NOTE, include_normals=False), encoding="utf-8")
+
+
+def write_vtp(path: Path, surface: Surface, options: ExportOptions) -> None:
+    """Write VTK's polygonal data in mm RAS; unit and frame are field data.
+
+    At its vertices are curvature (1/mm) and, where no wall is shared, the body's number.
+    """
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter  # VTK takes a second to load
+
+    mesh = surface.mesh.to_polydata()
+    mesh.point_data["curvature"] = mean_curvature(surface.mesh, surface.vertices)
+    if surface.bodies:
+        mesh.point_data["body"] = body_numbers(surface.vertices, surface.bodies)
+    mesh.field_data["SpaceUnit"] = ["mm"]
+    mesh.field_data["Space"] = ["RAS"]
+    # to a string first: on a full disk VTK leaves an empty file and says nothing
+    writer = cast(Any, vtkXMLPolyDataWriter())
+    writer.SetInputData(mesh)
+    writer.SetDataModeToBinary()
+    writer.WriteToOutputStringOn()
+    writer.Write()
+    path.write_text(writer.GetOutputString(), encoding="ascii")
+
+
+def write_gii(path: Path, surface: Surface, options: ExportOptions) -> None:
+    """Write GIfTI in mm RAS (scanner's space), as FreeSurfer and fMRIPrep keep surfaces.
+
+    Vertices are float32, as the format has them. Such files are usually called ``.surf.gii``.
+    """
+    points = GiftiDataArray(
+        np.asarray(surface.vertices, np.float32),
+        intent="NIFTI_INTENT_POINTSET",
+        datatype="NIFTI_TYPE_FLOAT32",
+        coordsys=GiftiCoordSystem(_SCANNER, _SCANNER, np.eye(4)),
+        # programs for cortices want to know which one it is
+        meta=GiftiMetaData({"AnatomicalStructurePrimary": "Other", "GeometricType": "Anatomical"}),
+    )
+    triangles = GiftiDataArray(
+        np.asarray(surface.faces, np.int32), intent="NIFTI_INTENT_TRIANGLE", datatype="NIFTI_TYPE_INT32"
+    )
+    about = GiftiMetaData({"Name": options.organ, "Description": NOTE})
+    image = cast(Any, GiftiImage(meta=about, darrays=[points, triangles]))
+    path.write_bytes(image.to_xml())

@@ -1,0 +1,18 @@
+"""Closed solids for CAD: STEP AP242, IGES 5.3, and OpenCASCADE's own format, without names and colours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from cccd.files.options import ExportOptions
+from cccd.solids.build import build_solids, write_solids
+from cccd.surface.surface import Surface
+
+__all__ = ["write"]
+
+
+def write(path: Path, surface: Surface, options: ExportOptions) -> dict[str, Any]:
+    """Write the surface's bodies as solids in mm RAS, a product for each; the suffix chooses the format."""
+    solids = build_solids(surface, options.tolerance_mm)
+    return write_solids(path, options.organ, solids, path.suffix[1:].lower())

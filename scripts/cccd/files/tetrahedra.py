@@ -1,0 +1,135 @@
+"""Tetrahedra for solvers: Gmsh's format 2.2 in text, VTK's unstructured grid, Abaqus' and CalculiX' input."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from cccd.files.options import ExportOptions
+from cccd.geometry.arrays import IntArray
+from cccd.surface.surface import Surface
+from cccd.tetrahedra.build import fill_and_measure
+from cccd.tetrahedra.filling import TetrahedralMesh
+from cccd.tetrahedra.gmsh_program import rows_as_text
+
+__all__ = ["WRITERS", "write"]
+
+#: Written wherever a format has room for text.
+_HEAD = "CCCD tetrahedra; unit mm; space RAS"
+
+#: Gmsh's numbers of a triangle and a tetrahedron.
+_TRIANGLE, _TETRAHEDRON = 2, 4
+
+
+def write(path: Path, surface: Surface, options: ExportOptions) -> dict[str, Any]:
+    """Fill the surface, and write the tetrahedra; the suffix chooses the format."""
+    organs, frames = {options.organ: surface.mesh}, {options.organ: surface.frame}
+    filled, report = fill_and_measure(organs, options.tetrahedra, frames, options.tolerance_mm)
+    form = path.suffix[1:].lower()
+    WRITERS[form](path, filled)
+    return {"format": form, **report}
+
+
+def _write_msh(path: Path, filled: TetrahedralMesh) -> None:
+    """Write Gmsh's format 2.2, which every reader knows: a physical group per organ and per boundary."""
+    groups = [(2, n, name) for n, name in enumerate(filled.group_names, 1)]
+    groups += [(3, n, name) for n, name in enumerate(filled.names, len(groups) + 1)]
+    numbers = np.arange(1, len(filled.vertices) + 1)
+    faces = _elements(1, _TRIANGLE, filled.groups + 1, filled.triangles + 1)
+    solids = _elements(
+        len(faces) + 1,
+        _TETRAHEDRON,
+        filled.regions + 1 + len(filled.group_names),
+        filled.tetrahedra + 1,
+    )
+    parts = [
+        f"$Comments\n{_HEAD}\n$EndComments",
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat",
+        f"$PhysicalNames\n{len(groups)}",
+        *(f'{dimension} {number} "{name}"' for dimension, number, name in groups),
+        f"$EndPhysicalNames\n$Nodes\n{len(numbers)}",
+        *(f"{n} {x:.9g} {y:.9g} {z:.9g}" for n, (x, y, z) in zip(numbers, filled.vertices, strict=True)),
+        f"$EndNodes\n$Elements\n{len(faces) + len(solids)}",
+        rows_as_text(faces, "%d"),
+        rows_as_text(solids, "%d"),
+        "$EndElements\n",
+    ]
+    path.write_text("\n".join(parts), encoding="ascii")
+
+
+def _elements(first: int, kind: int, tags: IntArray, corners: IntArray) -> IntArray:
+    """Rows of Gmsh's elements: number, kind, two tags (physical group, entity), vertices."""
+    count = len(corners)
+    fixed = [np.arange(first, first + count), np.full(count, kind), np.full(count, 2), tags, tags]
+    return np.column_stack([*fixed, corners])
+
+
+def _write_vtu(path: Path, filled: TetrahedralMesh) -> None:
+    """Write VTK's unstructured grid: cell data ``region`` (organ, from 1) and ``group`` (of faces, from 1).
+
+    Each is 0 on the cells of the other kind; field data name them.
+    """
+    import pyvista  # VTK takes a second to load
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+    cells = {pyvista.CellType.TETRA: filled.tetrahedra, pyvista.CellType.TRIANGLE: filled.triangles}
+    grid = cast(Any, pyvista.UnstructuredGrid(cells, filled.vertices))
+    faces = np.zeros(len(filled.triangles), np.int32)
+    solids = np.zeros(len(filled.tetrahedra), np.int32)
+    grid.cell_data["region"] = np.concatenate([filled.regions.astype(np.int32) + 1, faces])
+    grid.cell_data["group"] = np.concatenate([solids, filled.groups.astype(np.int32) + 1])
+    grid.field_data["region_names"] = list(filled.names)
+    grid.field_data["group_names"] = list(filled.group_names)
+    grid.field_data["SpaceUnit"] = ["mm"]
+    grid.field_data["Space"] = ["RAS"]
+    # to a string first: on a full disk VTK leaves an empty file and says nothing
+    writer = cast(Any, vtkXMLUnstructuredGridWriter())
+    writer.SetInputData(grid)
+    writer.SetDataModeToBinary()
+    writer.WriteToOutputStringOn()
+    writer.Write()
+    path.write_text(writer.GetOutputString(), encoding="ascii")
+
+
+def _write_inp(path: Path, filled: TetrahedralMesh) -> None:
+    """Write Abaqus' and CalculiX' format: the mesh and its sets, to be included in a model.
+
+    Of each organ an ``ELSET`` of linear tetrahedra; of each boundary an element surface, for pressures, and
+    a node set ``N_...``, for supports. Names are in capitals, as CalculiX reads them, without hyphens.
+    """
+    path.write_text("\n".join(_inp_lines(filled)) + "\n", encoding="ascii")
+
+
+def _inp_lines(filled: TetrahedralMesh) -> Iterator[str]:
+    numbers = np.arange(1, len(filled.tetrahedra) + 1)
+    yield f"** {_HEAD}"
+    yield "*NODE, NSET=NALL"
+    yield from (f"{n}, {x:.9g}, {y:.9g}, {z:.9g}" for n, (x, y, z) in enumerate(filled.vertices, 1))
+    names = [_plain(name) for name in filled.names]
+    for n, name in enumerate(names):
+        own = filled.regions == n
+        yield f"*ELEMENT, TYPE=C3D4, ELSET={name}"
+        yield rows_as_text(np.column_stack([numbers[own], filled.tetrahedra[own] + 1]), "%d", ", ")
+    yield "*ELSET, ELSET=EALL"
+    yield from (f"{name}," for name in names)
+    for n, name in enumerate(map(_plain, filled.group_names)):
+        own = filled.groups == n
+        yield f"*SURFACE, NAME={name}, TYPE=ELEMENT"
+        yield from (f"{element + 1}, S{side + 1}" for element, side in filled.sides[own].tolist())
+        yield f"*NSET, NSET=N_{name}"
+        yield from (f"{node + 1}," for node in np.unique(filled.triangles[own]).tolist())
+
+
+def _plain(name: str) -> str:
+    return name.upper().replace("-", "_")
+
+
+#: What writes tetrahedra, by format.
+WRITERS: dict[str, Callable[[Path, TetrahedralMesh], None]] = {
+    "inp": _write_inp,
+    "msh": _write_msh,
+    "vtu": _write_vtu,
+}

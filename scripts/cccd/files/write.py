@@ -1,0 +1,80 @@
+"""Surfaces to files: the suffix chooses the format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from cccd.errors import InputError
+from cccd.extras import MESHER_EXTRAS, check_extra
+from cccd.files.options import ExportOptions
+from cccd.lookup import find
+from cccd.settings.formats import FORMATS, TETRAHEDRA_FORMATS
+from cccd.store import atomic_path, check_writable
+from cccd.surface.surface import Surface
+
+__all__ = ["check_format", "format_of", "write_surface"]
+
+
+def format_of(path: str | Path) -> str:
+    """Name the format that a file's suffix chooses.
+
+    Raises
+    ------
+    InputError
+        Another suffix; those known are listed.
+
+    Examples
+    --------
+    >>> format_of("results/liver.nii.gz")
+    'nii.gz'
+    """
+    name = Path(path).name.lower()
+    known = [form for form in FORMATS if name.endswith(f".{form}")]
+    if not known:
+        names = ", ".join(f".{form}" for form in FORMATS)
+        raise InputError(str(path), f"unknown surface format {Path(path).suffix!r}", f"choose one of {names}")
+    return max(known, key=len)
+
+
+def check_format(path: str | Path, mesher: str = "ftetwild") -> None:
+    """Raise `InputError` for an unknown suffix, or a format whose extra is not installed."""
+    form = format_of(path)
+    needed = MESHER_EXTRAS[mesher] if form in TETRAHEDRA_FORMATS else FORMATS[form].extra
+    if needed:
+        check_extra(needed, str(path))
+
+
+def write_surface(path: str | Path, surface: Surface, options: ExportOptions | None = None) -> dict[str, Any]:
+    """Write a surface; the suffix chooses the format (`cccd.settings.formats.FORMATS`).
+
+    Parameters
+    ----------
+    path : path
+        Ends with the name of a format.
+    surface : Surface
+        In mm RAS.
+    options : ExportOptions, optional
+        For formats that lie on the scan, solids, and tetrahedra.
+
+    Returns
+    -------
+    dict
+        What a solid is worth, see `cccd.solids.build.write_solids`; empty for other formats.
+
+    Raises
+    ------
+    InputError
+        For another suffix, a format whose extra is not installed, or a folder that nothing can be written to.
+    """
+    options = options or ExportOptions()
+    check_format(path, options.tetrahedra.mesher)
+    check_writable(path)
+    write = find(FORMATS[format_of(path)].function)
+    with atomic_path(path) as temporary:
+        try:
+            return write(temporary, surface, options) or {}
+        except InputError as error:
+            if error.location != str(temporary):
+                raise
+            raise InputError(str(path), error.problem, error.hint) from None

@@ -1,0 +1,76 @@
+"""The table of formats that a surface is written in. Their writers are in `cccd.files`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+__all__ = ["CASE_FORMATS", "COLOUR", "FORMATS", "NOTE", "SOLID_FORMATS", "TETRAHEDRA_FORMATS", "Format"]
+
+#: Red, green and blue (sRGB, 0 to 1) of an organ that nothing gives a colour.
+COLOUR = (0.80, 0.47, 0.40)
+
+#: Written wherever a format has room for text; ``SPACE=RAS`` is what 3D Slicer looks for.
+NOTE = "CCCD surface; unit mm; SPACE=RAS"
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of files.
+
+    Attributes
+    ----------
+    name : str
+        The files' suffix without its dot, and the name in ``surface.formats``.
+    holds : str
+        What the file contains, for people.
+    writer : str
+        Function in `cccd.files`, called with path, surface and `cccd.files.options.ExportOptions`. Named, not
+        imported: the workflow reads this table each time it starts.
+    extra : str
+        The extra that writes it; tetrahedra need that of their mesher (`cccd.extras.MESHER_EXTRAS`).
+    made_of : {"mesh", "solids", "tetrahedra"}
+        Writers of solids and of tetrahedra return a report.
+    """
+
+    name: str
+    holds: str
+    writer: str
+    extra: str = ""
+    made_of: Literal["mesh", "solids", "tetrahedra"] = "mesh"
+
+    @property
+    def function(self) -> str:
+        """Dotted path of the writer."""
+        return f"cccd.files.{self.writer}"
+
+
+_ALL = (
+    Format("3mf", "mesh for printing: millimetres, colour, thinnest wall", "threemf.write", "print"),
+    Format("brep", "closed solids, in OpenCASCADE's own format", "solids.write", "cad", "solids"),
+    Format("dcm", "contours on the scan's slices (RTSTRUCT)", "rtstruct.write", "dicom"),
+    Format("gii", "mesh (GIfTI)", "meshes.write_gii"),
+    Format("glb", "mesh in metres, y up (binary glTF)", "gltf.write"),
+    Format("iges", "closed solids (IGES 5.3)", "solids.write", "cad", "solids"),
+    Format("inp", "tetrahedra (Abaqus, CalculiX)", "tetrahedra.write", "fe", "tetrahedra"),
+    Format("msh", "tetrahedra (Gmsh 2.2)", "tetrahedra.write", "fe", "tetrahedra"),
+    Format("nii.gz", "label map on the scan's grid", "label_map.write"),
+    Format("obj", "mesh", "meshes.write_obj"),
+    Format("ply", "mesh; every later step reads it", "meshes.write_ply"),
+    Format("seg.dcm", "voxels of the row's DICOM series (SEG)", "seg.write", "dicom"),
+    Format("step", "closed solids (STEP AP242)", "solids.write", "cad", "solids"),
+    Format("stl", "mesh", "meshes.write_stl"),
+    Format("stl.dcm", "mesh within DICOM (encapsulated STL)", "encapsulated_stl.write", "dicom"),
+    Format("usd", "the spline itself: control meshes and creases", "usd.write", "usd"),
+    Format("usda", "the same in text", "usd.write", "usd"),
+    Format("usdc", "the same in binary", "usd.write", "usd"),
+    Format("vtp", "mesh with curvature and the body's number at its vertices", "meshes.write_vtp", "view"),
+    Format("vtu", "tetrahedra (VTK)", "tetrahedra.write", "fe", "tetrahedra"),
+)
+
+#: Every format by its name.
+FORMATS = {form.name: form for form in _ALL}
+SOLID_FORMATS = tuple(form.name for form in _ALL if form.made_of == "solids")
+TETRAHEDRA_FORMATS = tuple(form.name for form in _ALL if form.made_of == "tetrahedra")
+#: Formats that hold all organs of a case.
+CASE_FORMATS = SOLID_FORMATS + TETRAHEDRA_FORMATS

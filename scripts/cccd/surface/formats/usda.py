@@ -1,5 +1,0 @@
-"""USD in text."""
-
-from cccd.surface.formats.usd import write
-
-__all__ = ["write"]
