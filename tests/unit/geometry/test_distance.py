@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from solids import box, sphere
 
-from cccd.geometry.distance import grid_to_mesh, nearest_faces, to_mask, to_mesh, to_polygons, unsigned_to_mesh
+from cccd.geometry.distance import (
+    grid_to_mesh,
+    nearest_faces,
+    to_mask,
+    to_mesh,
+    to_polygons,
+    unsigned_to_mesh,
+)
 from cccd.geometry.polygons import RaggedPolygons
 
 
