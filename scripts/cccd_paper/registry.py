@@ -92,7 +92,6 @@ ACTIVE_CONTOUR = Comparison(
     "active_contour",
     "cccd_paper.comparisons.active_contour_comparison.compare_active_contour",
     ("structure", "curves"),
-    settings={"settings": "comparisons.active_contour"},
     seeded=True,
     figures="cccd_paper.comparisons.active_contour_comparison.active_contour_figures",
     columns=("slice", "method", "setting", "radius", "offset", "angle", "corners", "dice", "ms"),

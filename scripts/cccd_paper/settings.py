@@ -10,7 +10,6 @@ from cccd.settings.section import Section, setting
 from cccd.settings.validators import without_repeats
 
 __all__ = [
-    "ActiveContourSettings",
     "ComparisonSettings",
     "CornerSurfaceSettings",
     "IsosurfaceSettings",
@@ -43,19 +42,6 @@ class SliceChoice(Section):
         5,
         "slices of each structure, spread evenly over those long enough",
         why="Keeps the comparisons to minutes.",
-        unit="count",
-        ge=1,
-        le=1000,
-    )
-
-
-class ActiveContourSettings(SliceChoice):
-    """A B-spline snake from a circular seed (Figure 15)."""
-
-    n_slices: int = setting(
-        2,
-        "slices of each structure, spread evenly over those long enough",
-        why="Each takes a run per seed.",
         unit="count",
         ge=1,
         le=1000,
@@ -129,9 +115,6 @@ class ComparisonSettings(Section):
     corners: SliceChoice = setting(SliceChoice(), "corner detectors on pixels", why="Tables 1 and 2.")
     reconstruction: SliceChoice = setting(
         SliceChoice(), "curves from unordered points", why="Tables 4 and 5."
-    )
-    active_contour: ActiveContourSettings = setting(
-        ActiveContourSettings(), "a B-spline snake", why="Figure 15."
     )
     corner_surfaces: CornerSurfaceSettings = setting(
         CornerSurfaceSettings(), "surfaces from the corners of each k", why="The paper's chain to its end."

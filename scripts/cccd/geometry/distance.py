@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
-
 import cv2
 import numpy as np
 from scipy import ndimage
@@ -188,8 +186,16 @@ def _take_over(
 
 def nearest_faces(points: FloatArray, mesh: Mesh) -> IntArray:
     """Faces (P,) of a mesh that are nearest to points (P, 3)."""
-    surface = cast(Any, mesh.to_polydata())
-    return np.asarray(surface.find_closest_cell(points), np.int64)
+    core, data = vtk("vtkCommonCore"), vtk("vtkCommonDataModel")
+    tree, cell = data.vtkStaticCellLocator(), data.vtkGenericCell()
+    tree.SetDataSet(mesh.to_vtk())
+    tree.BuildLocator()
+    face, part, squared = core.reference(0), core.reference(0), core.reference(0.0)
+    nearest = np.empty(len(points), np.int64)
+    for n, point in enumerate(points):
+        tree.FindClosestPoint(point, [0.0, 0.0, 0.0], cell, face, part, squared)
+        nearest[n] = face.get()
+    return nearest
 
 
 def unsigned_to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:

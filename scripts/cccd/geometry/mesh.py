@@ -283,7 +283,8 @@ class Mesh:
         mesh, points, cells = data.vtkPolyData(), vtk("vtkCommonCore").vtkPoints(), data.vtkCellArray()
         points.SetData(support.numpy_to_vtk(np.ascontiguousarray(self.vertices)))
         corners = np.ascontiguousarray(self.faces, np.int64).ravel()
-        cells.SetData(3, support.numpy_to_vtkIdTypeArray(corners))
+        # a copy: before VTK 9.6 the cells refer to the array's memory and do not keep it
+        cells.SetData(3, support.numpy_to_vtkIdTypeArray(corners, deep=1))
         mesh.SetPoints(points)
         mesh.SetPolys(cells)
         return mesh

@@ -147,6 +147,12 @@ class PlannedCohort:
         """Whether contours of any structure that is reconstructed are ordered by the junction network."""
         return any(self.is_ordered(self.rows[name]) for name in self.reconstructed)
 
+    def is_asked(self, answer: bool | Literal["auto"], root: Path) -> bool:
+        """Whether a setting asks for something; ``auto`` does for the default cohort of a project."""
+        if answer != "auto":
+            return answer
+        return self.sheet.resolve() == (root / "config" / "cohort.tsv").resolve()
+
     def row(self, wildcards: OfStructure) -> dict[str, str]:
         """Return the row of a structure.
 

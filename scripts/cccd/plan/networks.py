@@ -50,7 +50,10 @@ class JunctionPlan:
     named : bool
         Whether the configuration names a ready model.
     used : bool
-        Whether this run trains a network, names one, or needs one. Only then networks are compared.
+        Whether this run trains a network, names one, or needs one.
+    scored : bool
+        Whether networks are compared: the one that this run trains or names, or, if the run compares at all,
+        the one that it needs.
     ready : str
         The model that is taken where none is trained.
     start : tuple of str
@@ -63,6 +66,7 @@ class JunctionPlan:
     trained: bool
     named: bool
     used: bool
+    scored: bool
     ready: str
     start: tuple[str, ...]
     shipped: str
@@ -81,7 +85,7 @@ class JunctionPlan:
             A configuration that asks for two ways, or a model that is not there or does not fit.
         """
         gnn = settings.gnn
-        trained = _is_trained(settings, cohort.sheet, root)
+        trained = _is_trained(settings, cohort, root)
         models = root / "workflow" / "models"
         shipped, shipped_paper = near(models / "junctions.pt"), near(models / "paper.pt")
         start = _model_files("start", gnn.start, root)
@@ -92,7 +96,8 @@ class JunctionPlan:
         if not trained:
             check_model(ready, gnn.network)
         used = trained or bool(named) or cohort.needs_network
-        return cls(gnn.network, trained, bool(named), used, ready, start, shipped, shipped_paper)
+        scored = trained or bool(named) or (used and cohort.is_asked(settings.compare, root))
+        return cls(gnn.network, trained, bool(named), used, scored, ready, start, shipped, shipped_paper)
 
     @property
     def compared(self) -> dict[str, str]:
@@ -113,8 +118,8 @@ class JunctionPlan:
 
     @property
     def score_files(self) -> list[str]:
-        """What the report reads of the network's scores, where one is used."""
-        return ["results/tables/junctions.csv", "results/gnn/worst.png"] if self.used else []
+        """What the report reads of the network's scores."""
+        return ["results/tables/junctions.csv", "results/gnn/worst.png"] if self.scored else []
 
     @property
     def code(self) -> list[str]:
@@ -132,7 +137,7 @@ class JunctionPlan:
         return _added_code("paper", *_TRAINING)
 
 
-def _is_trained(settings: Settings, sheet: Path, root: Path) -> bool:
+def _is_trained(settings: Settings, cohort: PlannedCohort, root: Path) -> bool:
     """Whether the network is trained in this run."""
     named = settings.gnn.pretrained
     if settings.train is True and named:
@@ -141,8 +146,7 @@ def _is_trained(settings: Settings, sheet: Path, root: Path) -> bool:
             f"{named} is named, and a model is to be trained",
             "set train: false, or gnn.pretrained to null",
         )
-    default = sheet.resolve() == (root / "config" / "cohort.tsv").resolve()
-    trained = default and not named if settings.train == "auto" else settings.train
+    trained = cohort.is_asked(settings.train, root) and not named
     if settings.gnn.start and not trained:
         raise InputError("config key gnn.start", "nothing is trained in this run", "set train: true")
     return trained

@@ -283,10 +283,12 @@ class Plan:
     def comparison_files(self, wildcards: OfStructure) -> list[str]:
         """Return what a structure's comparisons leave: what the data are decides which of them are made.
 
-        One of role measure is in none, nor one whose mask a segmenter made, which is no ground truth.
+        One of role measure is in none, nor one whose mask a segmenter made, which is no ground truth. None
+        are made unless ``compare`` asks for them.
         """
         row = self.cohort.row(wildcards)
-        if row["role"] == "measure" or self.is_segmented(row):
+        asked = self.cohort.is_asked(self.settings.compare, self.root)
+        if not asked or row["role"] == "measure" or self.is_segmented(row):
             return []
         maps = brings_maps(row)
         made = {

@@ -323,13 +323,19 @@ def _cohort_plots(views: Sequence[StructureView]) -> list[Markup]:
 
 
 def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:
-    """Collect every section of items: anchor, title, introduction and items; none without comparisons."""
+    """Collect every section of items: anchor, title, introduction and items.
+
+    A run without comparisons has no items but the scores of a network that it trained or named.
+    """
+    views = [_item_view(item, results) for item in items()]
+    there = [view for view in views if view.table or view.note]
+    if not any(view.item.rows for view in there):
+        views = [view for view in there if view.item.network]
     found = [
-        (key, title, text, [_item_view(item, results) for item in items() if item.section == key])
+        (key, title, text, [view for view in views if view.item.section == key])
         for key, (title, text) in sections().items()
     ]
-    compared = any(view.table or view.note for *_, views in found for view in views)
-    return found if compared else []
+    return [section for section in found if section[3]]
 
 
 def _item_view(item: Item, results: Results) -> ItemView:

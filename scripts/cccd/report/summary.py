@@ -80,7 +80,8 @@ def write_notes(cohort: Cohort) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        By the items' keys; ``training`` is the paper's section 4.
+        By the items' keys; ``training`` is the paper's section 4. Of a run without comparisons only what
+        it made has any.
     """
     notes = {
         item.key: find(item.note)(cohort)
@@ -88,8 +89,9 @@ def write_notes(cohort: Cohort) -> dict[str, str]:
         if item.note is not None and cohort.has(item)
     }  # fmt: skip
     notes = {key: sentence for key, sentence in notes.items() if sentence}
-    for key, remark in added("report remark").items():
-        notes[key] = f"{notes.get(key, '')} {remark}".strip()
+    if any(len(cohort.rows(name)) for name in comparisons()):
+        for key, remark in added("report remark").items():
+            notes[key] = f"{notes.get(key, '')} {remark}".strip()
     return notes
 
 

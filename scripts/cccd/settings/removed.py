@@ -65,13 +65,12 @@ _REMOVED = {
     "boundaries.hysteresis": _FIXED,
     **{f"import.{name}": _FIXED for name in ("damage", "limits", "margin_voxels", "scan")},
     **{f"import.phantom.{name}": _FIXED for name in ("blur_mm", "noise_hu")},
+    "comparisons.active_contour": _FIXED,
+    **{f"comparisons.corners.{name}": _FIXED for name in ("min_contour_px", "on_boundary_px")},
     **{
-        f"comparisons.{section}.min_contour_px": _FIXED
-        for section in ("active_contour", "corners", "reconstruction")
+        f"comparisons.reconstruction.{name}": _FIXED
+        for name in ("every", "jitter_px", "min_contour_px", "repeats")
     },
-    **{f"comparisons.active_contour.{name}": _FIXED for name in ("figure_15", "offsets", "radii")},
-    "comparisons.corners.on_boundary_px": _FIXED,
-    **{f"comparisons.reconstruction.{name}": _FIXED for name in ("every", "jitter_px", "repeats")},
     "segmentation.augmentation": _FIXED,
     "gnn.link_width": "it follows from gnn.width now: delete the key",
     "gnn.paper.patience": "all of gnn.paper.epochs are trained now: delete the key",

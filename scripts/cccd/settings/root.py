@@ -50,6 +50,11 @@ class Settings(Section):
         "true: train the junction network; false: take a ready one; auto: train for the default cohort",
         why="Other cohorts take the shipped model, or the one that gnn.pretrained names.",
     )
+    compare: Literal["auto"] | bool = setting(
+        "auto",
+        "true: compare with other methods and the paper; false: do not; auto: compare the default cohort",
+        why="Comparisons take several times as long as the surfaces.",
+    )
     device: Literal["auto", "cpu", "cuda"] = setting(
         "auto",
         "where networks are trained and used",

@@ -15,7 +15,6 @@ from cccd_paper.comparisons.baselines.contours import CONTOURS
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd_paper.comparisons.parameters import PAPER_TABLE_2
 from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slice
-from cccd_paper.settings import SliceChoice
 
 __all__ = ["active_contour_figures", "compare_active_contour"]
 
@@ -24,11 +23,11 @@ __all__ = ["active_contour_figures", "compare_active_contour"]
 _FIGURE_15 = {"a": (1.6, 0.0), "b": (1.2, 0.0), "c": (1.6, 0.3), "d": (1.2, 0.3), "e": (0.5, 0.0)}
 _RADII = (0.4, 0.7, 1.0, 1.3, 1.6)
 _OFFSETS = (0.0, 0.25, 0.5)
+#: Slices of each structure, spread evenly: each takes a run per seed.
+_SLICES = 2
 
 
-def compare_active_contour(
-    structure: Structure, curves: Curves, settings: SliceChoice, seed: int
-) -> pd.DataFrame:
+def compare_active_contour(structure: Structure, curves: Curves, seed: int) -> pd.DataFrame:
     """Wrap each slice from seeds of many radii and positions.
 
     Parameters
@@ -36,7 +35,6 @@ def compare_active_contour(
     structure : Structure
     curves : Curves
         The ordered curves, taken as the truth.
-    settings : SliceChoice
     seed : int
         Of the direction in which seeds are moved off the organ's centroid, one for each slice.
 
@@ -49,7 +47,7 @@ def compare_active_contour(
     """
     rng = np.random.default_rng(seed)
     rows = []
-    for sample in choose_slices(structure, curves, settings.n_slices):
+    for sample in choose_slices(structure, curves, _SLICES):
         angle = float(rng.uniform(0, 2 * np.pi))
         seeds = [(name, *where) for name, where in _FIGURE_15.items()]
         seeds += [("grid", radius, offset) for radius in _RADII for offset in _OFFSETS]
@@ -80,15 +78,13 @@ def compare_active_contour(
     return pd.DataFrame(rows)
 
 
-def active_contour_figures(
-    structure: Structure, curves: Curves, settings: SliceChoice, seed: int
-) -> dict[str, SliceFigure]:
+def active_contour_figures(structure: Structure, curves: Curves, seed: int) -> dict[str, SliceFigure]:
     """Figure 15: the snake's seed, its targets, its end and the boundary, one column per setting.
 
     The upper row is the snake on corners, as in the paper, the lower row the snake on the grey image where
     there is one. Parameters as in `compare_active_contour`; nothing where there is no curve.
     """
-    sample = middle_slice(structure, curves, settings.n_slices)
+    sample = middle_slice(structure, curves, _SLICES)
     if sample is None:
         return {}
     angle = float(np.random.default_rng(seed).uniform(0, 2 * np.pi))

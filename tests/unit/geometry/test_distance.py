@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from solids import box, sphere
 
-from cccd.geometry.distance import grid_to_mesh, to_mask, to_mesh, to_polygons, unsigned_to_mesh
+from cccd.geometry.distance import (
+    grid_to_mesh,
+    nearest_faces,
+    to_mask,
+    to_mesh,
+    to_polygons,
+    unsigned_to_mesh,
+)
 from cccd.geometry.polygons import RaggedPolygons
 
 
@@ -48,6 +55,13 @@ def test_distances_need_no_pyvista(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyvista", None)  # as where only `pip install .` was typed
     distance = unsigned_to_mesh(np.array([[0.0, 0.0, 7.0], [0.0, 0.0, 1.0]]), box((4.0, 6.0, 5.0)))
     np.testing.assert_allclose(distance, [4.5, 1.5], atol=1e-6)
+
+
+def test_the_nearest_face_of_a_point_above_a_face_is_that_face(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    ball = sphere(20.0)
+    above = ball.vertices[ball.faces].mean(axis=1) + 0.1 * ball.unit_normals
+    assert np.array_equal(nearest_faces(above, ball), np.arange(len(ball.faces)))
 
 
 def test_distance_on_a_grid_is_that_of_the_box_within_the_band():

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from solids import box, sphere, torus
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
@@ -138,6 +139,16 @@ def test_simplified_keeps_size_and_volume():
     assert small.volume == pytest.approx(mesh.volume, rel=0.01)
     np.testing.assert_allclose(np.ptp(small.vertices, axis=0), 20, atol=1.0)
     assert mesh.simplified(len(mesh.faces)) is mesh
+
+
+def test_vtk_s_mesh_outlives_ours():
+    known = sphere(10)
+    apart = [sphere(10).to_vtk() for _ in range(20)]
+    over = [np.full(3 * len(known.faces), n) for n in range(100)]  # takes the memory that is free by now
+    assert len(over) == 100
+    for other in apart:
+        assert np.array_equal(vtk_to_numpy(other.GetPolys().GetConnectivityArray()), known.faces.ravel())
+        assert np.array_equal(vtk_to_numpy(other.GetPoints().GetData()), known.vertices)
 
 
 def test_trimesh_agrees_on_everything_it_measures():

@@ -13,6 +13,7 @@ from cccd.extras import EXTRAS
 from cccd.plan.checks import PlannedJob, check_jobs, extra_of
 from cccd.plan.networks import MODEL
 from cccd.plan.outcome import failures, report_failed_run, report_good_run
+from cccd.plan.plan import Plan
 from cccd.plan.resources import digest, memory, minutes
 from cccd.report.registry import Comparison, comparisons
 
@@ -86,14 +87,15 @@ def test_a_region_that_a_threshold_finds_gets_a_picture():
 
 
 def test_an_image_alone_gets_the_segmenter_s_mask():
-    plain, segmented = plan_of(IMAGE), plan_of(IMAGE, MASK, segmenter="totalsegmentator")
+    plain, segmented = plan_of(IMAGE), plan_of(IMAGE, MASK, segmenter="totalsegmentator", compare=True)
     made = ["results/c/ball/segmentation.nii.gz", "results/c/ball/segmentation.json"]
     assert plain.segmentation_files(named("c/ball")) == []
     assert segmented.segmentation_files(named("c/ball")) == made
     assert segmented.segmentation_files(named("a/ball")) == []
     row = segmented.sheet_row(named("c/ball"))
     assert (row["mask"], row["label"]) == (made[0], "1")
-    assert segmented.comparison_files(named("c/ball")) == []  # no ground truth
+    assert segmented.comparison_files(named("a/ball"))
+    assert not segmented.comparison_files(named("c/ball"))  # no ground truth
 
 
 def test_a_row_that_moves_in_the_sheet_stays_the_same():
@@ -119,11 +121,18 @@ def test_pages_of_their_own_are_made_above_a_number_of_structures():
     ],
 )
 def test_the_data_decide_what_is_compared(rows, name, kinds):
-    plan = plan_of(*rows)
+    plan = plan_of(*rows, compare=True)
     made = {Path(file).stem for file in plan.comparison_files(named(name))}
     assert made == {one.name for one in comparisons().values() if one.of in kinds}
     tables = set(plan.all_comparison_rows())
     assert {file for file in plan.comparison_files(named(name)) if file.endswith(".csv")} <= tables
+
+
+def test_the_default_cohort_is_compared_and_others_where_they_ask():
+    assert Plan.make({}, ROOT).all_comparison_files()
+    assert not Plan.make({"compare": False}, ROOT).all_comparison_files()
+    assert not plan_of(MASK, MAPS, LIVER).all_comparison_files()
+    assert plan_of(MASK, MAPS, LIVER, compare=True).all_comparison_files()
 
 
 def test_a_comparison_gets_the_settings_that_it_names_and_no_other():

@@ -37,10 +37,16 @@ def test_the_default_cohort_trains_and_others_take_the_shipped_model():
 
 def test_masks_alone_use_no_network_unless_one_is_named():
     assert not plan_of(MASK).junctions.used
-    assert plan_of(MASK).junctions.score_files == []
     for used in (plan_of(MASK, MAPS), plan_of(MASK, train=True), named_model("named.pt", MASK)):
         assert used.junctions.used
-        assert "results/tables/junctions.csv" in used.junctions.score_files
+
+
+def test_networks_are_scored_where_one_is_made_or_named_or_comparisons_are_asked_for():
+    for unscored in (plan_of(MASK, compare=True), plan_of(MAPS)):
+        assert unscored.junctions.score_files == []
+    compared = (plan_of(MAPS, compare=True), plan_of(MASK, train=True), named_model("named.pt", MASK))
+    for scored in compared:
+        assert "results/tables/junctions.csv" in scored.junctions.score_files
 
 
 def named_model(name, *rows, **config):

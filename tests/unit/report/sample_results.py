@@ -143,6 +143,7 @@ def make_metrics(case: str, organ: str, rng: np.random.Generator, warnings: tupl
             "control_bytes": int(rng.integers(10_000, 40_000)),
             "compactness": float(rng.uniform(100, 300)),
         },
+        "curves": {"slices": 24, "bytes_per_slice": {"pixels": 700.0, "chain_code": 90.0}},
         "warnings": list(warnings),
     }
 

@@ -17,7 +17,8 @@ from cccd.report.html_tables import table
 from cccd.report.numerals import number
 from cccd.report.page import build_report, build_structure_page
 from cccd.report.registry import items
-from cccd.store import write_json
+from cccd.report.summary import build_tables, read_cohort, write_notes
+from cccd.store import write_json, write_table
 
 TEMPLATES = Path(__file__).parents[3] / "workflow" / "report"
 CONFIG = {"seed": 152, "cohort": "cohort.tsv", "report": {"pages_above": 12, "viewer_triangles": 8000}}
@@ -125,14 +126,38 @@ def test_nothing_at_all_still_makes_a_page(tmp_path):
     assert Reader(text).stack == []
 
 
-def test_without_comparisons_no_word_of_the_paper(tmp_path, results):
+@pytest.fixture
+def plain(tmp_path, results):
+    """Results of a run that compared nothing, with the tables that it makes all the same."""
     shutil.copytree(
         results, tmp_path / "results", ignore=shutil.ignore_patterns("tables", "comparisons", "gnn")
     )
-    text = build(tmp_path / "results", STRUCTURES)
-    shown = re.sub(r"<(style|script).*?</\1>", "", text, flags=re.DOTALL)
-    assert "3D Dice" in shown
-    assert not re.search(r"\bpaper\b|Table \d|Figure \d|Training", shown)
+    cohort = read_cohort([], [str(path) for path in (tmp_path / "results").glob("*/*/metrics.json")])
+    (tmp_path / "results" / "tables").mkdir()
+    for name, frame in build_tables(cohort).items():
+        write_table(tmp_path / "results" / "tables" / f"{name}.csv", frame)
+    write_json(tmp_path / "results" / "tables" / "notes.json", write_notes(cohort))
+    return tmp_path / "results"
+
+
+def shown(text):
+    return re.sub(r"<(style|script).*?</\1>", "", text, flags=re.DOTALL)
+
+
+def test_without_comparisons_no_word_of_the_paper(plain):
+    text = shown(build(plain, STRUCTURES))
+    assert "3D Dice" in text
+    assert not re.search(r"\bpaper\b|Table \d|Figure \d|Training", text)
+
+
+def test_a_network_s_scores_stand_alone_where_nothing_else_is_compared(plain):
+    (junctions,) = [item for item in items() if item.table == "junctions"]
+    frame = pd.DataFrame(columns=list(junctions.columns)).astype(object)
+    frame.loc[0] = ["-" if column in ("decoder", "kind") else 1.0 for column in frame]
+    write_table(plain / "tables" / "junctions.csv", frame)
+    text = shown(build(plain, STRUCTURES))
+    assert junctions.title in text
+    assert not re.search(r"Table \d|Figure \d|made no comparison|did not make", text)
 
 
 @pytest.mark.parametrize("name", ["structure.h5", "boundaries.h5", "curves.h5", "surface.h5", "surface.ply",

@@ -31,14 +31,9 @@ from cccd_paper.comparisons.reconstruction_comparison import (
     reconstruction_figures,
 )
 from cccd_paper.comparisons.samples import choose_slices, to_bytes
-from cccd_paper.contradictions import CONTRADICTIONS
 from cccd_paper.settings import ComparisonSettings
 
-SETTINGS = ComparisonSettings(
-    corners={"n_slices": 2},
-    reconstruction={"n_slices": 2},
-    active_contour={"n_slices": 1},
-)
+SETTINGS = ComparisonSettings(corners={"n_slices": 2}, reconstruction={"n_slices": 2})
 
 
 def make_structure(with_image: bool) -> Structure:
@@ -71,7 +66,7 @@ def compare_all(structure, curves, orderers=()) -> list[pd.DataFrame]:
     tables = (
         compare_corners(structure, curves, SETTINGS.corners),
         compare_reconstruction(structure, curves, SETTINGS.reconstruction, 7, orderers),
-        compare_active_contour(structure, curves, SETTINGS.active_contour, 7),
+        compare_active_contour(structure, curves, 7),
     )
     return [as_read_back(table) for table in tables]
 
@@ -304,7 +299,7 @@ def test_figures_hold_every_panel(structure):
     fused = corner_figures(structure, curves, SETTINGS.corners)["figure9"]
     assert len(fused.panels) == 2 * fused.columns == 2 * len(CORNER_DETECTORS)
     assert fused.image.shape == tuple(np.diff(fused.window, axis=0)[0] + 1)
-    snakes = active_contour_figures(structure, curves, SETTINGS.active_contour, 7)["figure15"]
+    snakes = active_contour_figures(structure, curves, 7)["figure15"]
     assert len(snakes.panels) == 2 * snakes.columns == 2 * 5
 
 
@@ -316,7 +311,7 @@ def test_rows_and_tables_have_the_columns_that_the_registry_promises(rows, table
             assert set(item.columns) <= set(tables[item.table].columns), item.table
 
 
-def test_a_cohort_without_rows_has_empty_tables_and_no_notes_of_its_own():
+def test_a_cohort_without_rows_has_empty_tables_and_no_notes():
     empty = Cohort({})
     assert all(frame.empty for frame in build_tables(empty).values())
-    assert set(write_notes(empty)) == set(CONTRADICTIONS)
+    assert write_notes(empty) == {}
