@@ -38,7 +38,7 @@ def tests(session: nox.Session) -> None:
 
 @nox.session
 def lowest(session: nox.Session) -> None:
-    """A surface and some tests with the lowest versions that are declared."""
+    """Make a surface and run some tests with the lowest versions that are declared."""
     session.install(UV)
     session.run(".ci/lowest", external=True)
 
