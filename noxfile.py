@@ -9,6 +9,7 @@ nox.options.sessions = ["lint", "types", "tests"]
 #: The versions of `.ci/run` and `.pre-commit-config.yaml`; a test compares them.
 LINTERS = ("ruff==0.17.5", "snakefmt==2.1.0", "codespell==2.4.1")
 PYRIGHT = "pyright==1.1.414"
+UV = "uv==0.13.9"
 
 
 @nox.session
@@ -33,6 +34,13 @@ def tests(session: nox.Session) -> None:
     """All tests: `nox -s tests -- tests/unit` runs some."""
     session.install("-r", "envs/checks.txt")
     session.run("pytest", *session.posargs)
+
+
+@nox.session
+def lowest(session: nox.Session) -> None:
+    """Make a surface and run some tests with the lowest versions that are declared."""
+    session.install(UV)
+    session.run(".ci/lowest", external=True)
 
 
 @nox.session

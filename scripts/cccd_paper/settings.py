@@ -53,7 +53,7 @@ class CornerSurfaceSettings(Section):
 
     most_slices: int = setting(
         12,
-        "of an organ with more slices, a slab of so many adjacent ones is taken",
+        "organs with more slices are cut to a slab of this many adjacent ones",
         why="A surface for each k takes seconds each; paper_offline.yaml takes them all.",
         unit="count",
         ge=3,
@@ -66,7 +66,7 @@ class StageTimeSettings(Section):
 
     most_slices: int = setting(
         6,
-        "of an organ with more slices, a slab of so many adjacent ones is taken",
+        "organs with more slices are cut to a slab of this many adjacent ones",
         why="Bad curves make bad surfaces, which take longest.",
         unit="count",
         ge=3,
@@ -93,7 +93,7 @@ class IsosurfaceSettings(Section):
             "Poisson",
             "alpha shape",
         ),
-        "methods to run beside ours",
+        "methods to compare with ours",
         why="All that there are. Those with windowed sinc are shown at their best settings of a grid.",
     )
 

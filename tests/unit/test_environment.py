@@ -99,7 +99,7 @@ def test_every_extra_says_which_modules_it_brings():
     assert normalised([project["name"]]) == normalised(extras["all"])
     for extra, modules in EXTRAS.items():
         names = normalised(DISTRIBUTIONS.get(module, module) for module in modules)
-        assert names == brought(extra, extras) - PLUGINS
+        assert names == brought(extra, extras) - PLUGINS - normalised(project["dependencies"])
 
 
 def test_one_version():
@@ -128,10 +128,15 @@ def test_the_conda_recipe_asks_for_what_the_wheel_asks_for():
 def test_linters_have_one_version_each():
     texts = {
         name: (ROOT / name).read_text()
-        for name in ("noxfile.py", ".pre-commit-config.yaml", ".github/workflows/lint.yml")
+        for name in (
+            "noxfile.py",
+            ".pre-commit-config.yaml",
+            ".github/workflows/lint.yml",
+            ".github/workflows/tests.yml",
+        )
     }
     for linter, version in re.findall(
-        r"\b(ruff|snakefmt|codespell|pyright)==([\d.]+)", (ROOT / ".ci" / "run").read_text()
+        r"\b(ruff|snakefmt|codespell|pyright|uv)==([\d.]+)", (ROOT / ".ci" / "run").read_text()
     ):
         for name, text in texts.items():
             named = re.findall(rf"{linter}(?:-pre-commit)?(?:==|\n    rev: v)([\d.]+)", text)

@@ -38,7 +38,7 @@ class CurveSettings(Section):
     )
     max_control_points: float | None = setting(
         None,
-        "auto: at most so many per curve instead; below 1, as a share of its pixels",
+        "auto: most control points of a curve, instead of the tolerance; below 1, as a share of its pixels",
         why="null leaves the number to the tolerance.",
         unit="count or share",
         gt=0,

@@ -40,14 +40,14 @@ class RegionSettings(Section):
 
     window: Literal["otsu"] | tuple[float | None, float | None] = setting(
         "otsu",
-        "grey values [low, high], either of them null for no bound; otsu: above its threshold",
+        "grey values [low, high], null for no bound; otsu: above Otsu's threshold",
         why="Otsu's threshold needs no knowledge of the scanner; where the grey values have a meaning "
         "(HU), a window is better.",
         unit="grey value",
     )
     components: int = setting(
         1,
-        "at most so many of the largest pieces ...",
+        "the largest pieces that are taken, at most ...",
         why="Most organs are one piece; lungs and kidneys are two.",
         unit="count",
         ge=1,
@@ -55,7 +55,7 @@ class RegionSettings(Section):
     )
     smallest_share: float = setting(
         0.1,
-        "... of which none is smaller than this share of the largest",
+        "... and none smaller than this share of the largest",
         why="A tenth leaves both lungs and drops specks.",
         unit="share",
         ge=0,
@@ -93,12 +93,12 @@ class ImportSettings(Section):
     resample: bool = setting(
         False,
         "interpolate the image where its grid is not the mask's; otherwise an error",
-        why="Two grids are more often a mix-up of files than meant.",
+        why="Two grids are more often mixed-up files than intended.",
     )
     fill_gaps: bool = setting(
         False,
         "interpolate missing or uneven DICOM slices; otherwise an error",
-        why="A missing slice is more often a broken download than meant.",
+        why="A missing slice is more often a broken download than intended.",
     )
     contour_pixel_mm: float = setting(
         1.0,

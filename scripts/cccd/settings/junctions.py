@@ -52,15 +52,15 @@ class InferenceSettings(Section):
 
     parts: int | None = setting(
         None,
-        "pieces of an organ on a slice at most, none of which has a hole; null: as the map says",
-        why="Most organs are one piece; a row's `parts` says it of one organ.",
+        "most pieces of an organ on a slice, none with a hole; null: as the map says",
+        why="Most organs are one piece; a row's `parts` sets it for one organ.",
         unit="count",
         ge=1,
         le=100,
     )
     doubtful_from: float = setting(
         0.1,
-        "slices at least as probably wrong are listed to be looked at",
+        "slices that are wrong with at least this probability are listed for a look",
         why="One in eight of 600 development maps, which holds 21 of the 25 wrong ones.",
         unit="probability",
         ge=0,
@@ -106,7 +106,7 @@ class NetworkSettings(Section):
     network: Literal["ours", "paper"] = setting(
         "ours",
         "ours: Delaunay graph, triangles, minimum cut; paper: its grid, eq. (11), chains followed",
-        why="Ours repairs more maps; the paper's stands beside it in the junction table.",
+        why="Ours repairs more maps; the junction table shows both.",
     )
     paper: PaperSettings = setting(
         PaperSettings(), "the paper's network", why="What the paper leaves open is chosen here."
@@ -126,7 +126,7 @@ class NetworkSettings(Section):
     )
     fresh_maps: int = setting(
         400,
-        "maps drawn afresh in each epoch besides",
+        "further maps, new in each epoch",
         why="They cannot be learnt by heart; 1300 take 2.5 times as long, for 0.82 correct instead of 0.77.",
         unit="count",
         ge=0,
@@ -143,7 +143,7 @@ class NetworkSettings(Section):
     patience: int = setting(
         3,
         "epochs without a better validation before training stops",
-        why="No use to go on once nothing more is learnt.",
+        why="Further epochs would learn nothing more.",
         unit="count",
         ge=1,
         le=10000,

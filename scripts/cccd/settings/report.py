@@ -13,7 +13,7 @@ class ReportSettings(Section):
     pages_above: int = setting(
         12,
         "more structures than this: an index, and a page per structure",
-        why="A page of more would be slow to open.",
+        why="A single page of more would be slow to open.",
         unit="count",
         ge=0,
         le=50,

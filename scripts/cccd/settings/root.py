@@ -58,11 +58,11 @@ class Settings(Section):
     device: Literal["auto", "cpu", "cuda"] = setting(
         "auto",
         "where networks are trained and used",
-        why="auto: on a GPU where torch finds one. A change makes no result anew.",
+        why="auto: on a GPU if torch finds one. A change repeats no finished job.",
     )
     segmenter: str | None = setting(
         None,
-        "makes masks of images: a network (nnunet, ...), a file of weights, totalsegmentator; null: none",
+        "what makes masks: a network (nnunet, ...), a file of weights, totalsegmentator; null: nothing",
         why="Without one a threshold finds the organ (import.region). A network (nnunet, polar_unet, "
         "kiunet_3d, h_denseunet, unet_3plus) is trained on the sheet's rows of role train; nnunetv2:FOLDER "
         "calls nnU-Net's own command with a model that it trained.",

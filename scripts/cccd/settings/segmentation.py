@@ -36,7 +36,7 @@ class SegmentationSettings(Section):
 
     labels: tuple[Annotated[int, Field(ge=1, le=65535)], ...] = setting(
         (),
-        "label values that are told apart; none: one organ, of the labels that a row names",
+        "label values to distinguish; none: one organ, of the labels that a row names",
         why="The hippocampus has two parts.",
         unit="label",
     )
@@ -55,7 +55,8 @@ class SegmentationSettings(Section):
     flip_axes: tuple[Annotated[int, Field(ge=0, le=2)], ...] = setting(
         (),
         "axes (0 left-right, 1 back-front, 2 feet-head) along which scans are flipped",
-        why="Only where the mirror image is as likely, as of hippocampi; in use, both are averaged.",
+        why="Only for organs whose mirror image is as likely, such as hippocampi. Predictions of both are "
+        "averaged.",
         unit="axis",
     )
     test_share: float = setting(
@@ -75,7 +76,7 @@ class SegmentationSettings(Section):
         le=100000,
     )
     batch_size: int = setting(
-        2, "patches per step", why="What nnU-Net takes of large patches.", unit="count", ge=1, le=256
+        2, "patches per step", why="What nnU-Net uses for large patches.", unit="count", ge=1, le=256
     )
     learning_rate: float = setting(
         0.003,
@@ -96,6 +97,6 @@ class SegmentationSettings(Section):
     precision: Literal["float32", "bfloat16"] = setting(
         "float32",
         "numbers that a training computes with",
-        why="bfloat16 takes .6 to .9 of the time on CPUs that multiply it, but there torch 2.13 reads memory "
-        "that nobody wrote where a volume is 2 voxels wide: other weights in every run, or none at all.",
+        why="bfloat16 takes .6 to .9 of the time on CPUs that multiply it. But torch 2.13 then reads "
+        "uninitialised memory where a volume is 2 voxels wide: weights differ from run to run, or are lost.",
     )

@@ -25,9 +25,9 @@ class TetrahedraSettings(Section):
 
     mesher: Literal["ftetwild", "gmsh", "gmsh-step"] = setting(
         "ftetwild",
-        "ftetwild, or gmsh where that program is installed: of the surfaces, or of organs' STEP solids",
-        why="fTetWild (extra fe) also fills surfaces that cross. gmsh, a program of its own, wants walls "
-        "that are shared or apart. gmsh-step (extra cad) puts vertices on splines; its organs lie apart.",
+        "ftetwild; or the program Gmsh, if installed: gmsh meshes surfaces, gmsh-step the STEP solids",
+        why="ftetwild (extra fe) also fills surfaces that intersect. gmsh needs walls that are shared or "
+        "apart. gmsh-step (extra cad) puts vertices on the splines, and needs organs that lie apart.",
     )
     edge_mm: float | None = setting(
         None,
@@ -57,8 +57,8 @@ class TetrahedraSettings(Section):
     energy: float = setting(
         10.0,
         "ftetwild: tetrahedra are improved until the worst has this conformal energy; 3 is a regular one",
-        why="At 20 angles of four degrees stay, at 10 of twenty on smooth organs, for the same time; below, "
-        "the last rounds are spent on few tetrahedra.",
+        why="At 20 the smallest angles are four degrees, at 10 twenty on smooth organs, in the same time. "
+        "Below 10 the last rounds improve only a few tetrahedra.",
         unit="1",
         gt=3,
         le=1000,
@@ -83,7 +83,7 @@ class LoftSettings(Section):
     )
     smallest_part_voxels: float = setting(
         6.0,
-        "parts of less volume are left out",
+        "smaller parts are left out",
         why="Specks of a few voxels are noise of the mask.",
         unit="voxels",
         ge=0,
@@ -92,7 +92,7 @@ class LoftSettings(Section):
     bridge_slices: int = setting(
         3,
         "slices that may be missing in a row before an organ counts as two",
-        why="At wider gaps the surface ends and starts anew.",
+        why="At wider gaps the surface ends and begins again.",
         unit="slices",
         ge=1,
     )
@@ -103,7 +103,7 @@ class LoftSettings(Section):
     )
     case_formats: Annotated[tuple[_CaseFormat, ...], AfterValidator(without_repeats)] = setting(
         (),
-        f"files of all organs of a case, of {', '.join(CASE_FORMATS)}",
+        f"files of all organs of a case: {', '.join(CASE_FORMATS)}",
         why="step, iges and brep are one scene of solids, results/CASE/scene.step; msh, vtu and inp one mesh "
         "of tetrahedra in which organs share their walls, results/CASE/volume.msh.",
     )
@@ -116,12 +116,12 @@ class LoftSettings(Section):
     )
     keep_patient: bool = setting(
         False,
-        "the RTSTRUCT says who the patient is, as the scan's DICOM files do",
-        why="Archives file it by that; but results are passed on, and nothing else in them names anybody.",
+        "copy the patient's name and other data from the scan's DICOM files to those that are written",
+        why="Archives need them to file a result. But results are shared, and nothing else names anybody.",
     )
     step_tolerance_mm: float = setting(
         0.2,
-        "solids (step, iges, brep): 99 % of their surface lies so near to the mesh",
+        "solids (step, iges, brep): 99 % of their surface lies within this distance of the mesh",
         why="Below the voxels of most scans. Half of it takes about twice the faces; metrics.json says what "
         "was reached.",
         unit="mm",

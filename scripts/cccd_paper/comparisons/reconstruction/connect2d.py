@@ -41,7 +41,8 @@ def _boundary_complex(mesh: Triangulation, n_points: int) -> np.ndarray:
     order = np.argsort(mesh.length, kind="stable")
     rank = np.empty(len(order))
     rank[order] = np.arange(1, len(order) + 1)  # ranks as weights: equal lengths cannot tie
-    weights = coo_array((rank, tuple(mesh.edges.T)), shape=(n_points, n_points)).tocsr()
+    ends = tuple(mesh.edges.T.astype(np.int32))  # SciPy 1.15 spans no wider ones
+    weights = coo_array((rank, ends), shape=(n_points, n_points)).tocsr()
     chosen = np.zeros(len(mesh.edges), bool)
     chosen[order[minimum_spanning_tree(weights).data.astype(np.int64) - 1]] = True
     degree = np.bincount(mesh.edges[chosen].ravel(), minlength=n_points)
