@@ -66,7 +66,7 @@ def main() -> None:
             tables.append(score(structure))
             print(tables[-1][["method", "chosen", "setting", "assd_mm", "genus", "seconds"]].to_string())
             columns = [*TABLES["thick_slices"], "triangles"]
-            table = pd.concat(tables, ignore_index=True)[columns]
+            table = pd.concat(tables, ignore_index=True).reindex(columns=columns)
             table.to_csv(ROOT / "docs" / "programs.csv", index=False, float_format="%.4g")
 
 
