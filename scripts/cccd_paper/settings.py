@@ -28,6 +28,9 @@ _Method = Literal[
     "anti-aliased binary + windowed sinc",
     "morphological interpolation + windowed sinc",
     "CCCD, distances alone + windowed sinc",
+    "niimath",
+    "3D Slicer, flying edges",
+    "3D Slicer, surface nets",
     "paper's loft, eq. (10)",
     "ball pivoting",
     "Poisson",
@@ -88,13 +91,22 @@ class IsosurfaceSettings(Section):
             "anti-aliased binary + windowed sinc",
             "morphological interpolation + windowed sinc",
             "CCCD, distances alone + windowed sinc",
+            "niimath",
+            "3D Slicer, flying edges",
+            "3D Slicer, surface nets",
             "paper's loft, eq. (10)",
             "ball pivoting",
             "Poisson",
             "alpha shape",
         ),
+<<<<<<< HEAD
         "methods to compare with ours",
         why="All that there are. Those with windowed sinc are shown at their best settings of a grid.",
+=======
+        "methods to run beside ours",
+        why="All that there are, where what they need is installed. Those with windowed sinc, and programs, "
+        "are shown at their best settings of a grid.",
+>>>>>>> rivals
     )
 
 

@@ -23,7 +23,9 @@ def main() -> None:
     """Print the two searches' best five of each detector."""
     samples, frame = [], None
     for organ in ORGANS:
-        phantom = make_phantom("training", organ, PhantomSettings(), seed=SEED, margin_voxels=3, location="")
+        phantom = make_phantom(
+            "training", organ, PhantomSettings().spacing_mm, seed=SEED, margin_voxels=3, location=""
+        )
         samples += choose_slices(phantom, trace_mask(phantom), SLICES, 60.0)
         frame = phantom.frame
     for scores in (search_chain([sample.curve for sample in samples], frame), search(samples, 1.5)):

@@ -30,6 +30,7 @@ import pyvista as pv  # noqa: E402
 from cccd.containers import Curves, Frame, Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.geometry.polygons import RaggedPolygons  # noqa: E402
+from cccd.settings.curves import CurveSettings  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
 from cccd.surface import loft_surface  # noqa: E402
 from cccd.tracing import trace_mask  # noqa: E402
@@ -123,9 +124,10 @@ def score(name: str, folder: Path) -> pd.DataFrame:
     """Measure ours and every baseline on one solid."""
     structure, curves = as_structure(name, folder)
     drawn = loft_surface(curves, LoftSettings())
-    table = compare_isosurfaces(structure, curves, drawn, IsosurfaceSettings())
+    ways = CurveSettings(), LoftSettings()
+    table = compare_isosurfaces(structure, curves, drawn, IsosurfaceSettings(), *ways)
     traced = loft_surface(trace_mask(structure), LoftSettings())
-    own = compare_isosurfaces(structure, curves, traced, IsosurfaceSettings(methods=()))
+    own = compare_isosurfaces(structure, curves, traced, IsosurfaceSettings(methods=()), *ways)
     ours = [table.iloc[[0]].assign(setting="from the contours"), own.assign(setting="from the mask")]
     spacing = structure.frame.slice_spacing
     labels = {"solid": name, "slices": structure.frame.shape[2], "slice_distance_mm": spacing}

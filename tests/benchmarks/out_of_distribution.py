@@ -111,7 +111,7 @@ def organs():
     yield load_structure(brain, Path(), ImportSettings(), seed=SEED)
     for organ in ("liver", "kidney"):
         yield make_phantom(
-            "unseen", organ, PhantomSettings(), seed=SEED, margin_voxels=MARGIN_PX, location=organ
+            "unseen", organ, PhantomSettings().spacing_mm, seed=SEED, margin_voxels=MARGIN_PX, location=organ
         )
 
 
@@ -128,8 +128,8 @@ def slices(structure):
         yield mask, np.pad(images[k].astype(np.float32), MARGIN_PX, mode="edge")
 
 
-def main():
-    """Score the shipped network, the best classical decoders and the true labels; write the table."""
+def unseen_maps():
+    """Maps of every kind of unseen damage, and of the edges of MR slices, by the kind's name."""
     rng = np.random.default_rng(SEED)
     maps = {name: [] for name in (*DAMAGES, "edges of MR slices")}
     for structure in organs():
@@ -149,11 +149,16 @@ def main():
             for name, found in observed.items():
                 pixels = np.argwhere(found).astype(np.int32)
                 maps[name].append(SyntheticMap(pixels, contours, name, mask.shape, grey[name]))
+    return maps
+
+
+def main():
+    """Score the shipped network, the best classical decoders and the true labels; write the table."""
     shipped = load_model(ROOT / "workflow" / "models" / "junctions.pt")
     decoders = {"GNN, shipped": network_decoder(shipped), "decoder + true labels": by_true_labels}
     for name in ("skeleton prune + tour + prizes", "spanning tree, best cycle", "watershed (seeded)"):
         decoders[name] = classical_decoder(DECODERS[name].run)
-    table, _ = compare_decoders(decoders, maps)
+    table, _ = compare_decoders(decoders, unseen_maps())
     table = table[table["kind"] != "all ten"].drop(columns="ms")
     table.to_csv(ROOT / "docs" / "out_of_distribution.csv", index=False, float_format="%.4g")
     print(table.pivot(index="kind", columns="decoder", values="correct").to_string())

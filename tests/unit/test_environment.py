@@ -25,6 +25,8 @@ UNPINNED = {
     "pytetwild",
     "usd-core",
 }
+#: Imported in an environment of its own alone, whose VTK is another: nothing here needs it.
+ELSEWHERE = {"slicer_core"}
 #: Pinned and no part of the library: what runs it and what tests it.
 TOOLS = {"snakemake", "pytest", "pytest-cov", "pytest-xdist", "hypothesis"}
 #: Distributions whose module has another name.
@@ -71,7 +73,7 @@ def imported():
                 modules.update(alias.name.split(".")[0] for alias in node.names)
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 modules.add(node.module.split(".")[0])
-    modules -= {"cccd", "cccd_paper", "cccd_training", *sys.stdlib_module_names}
+    modules -= {"cccd", "cccd_paper", "cccd_training", *ELSEWHERE, *sys.stdlib_module_names}
     return {DISTRIBUTIONS.get(name, name) for name in modules}
 
 

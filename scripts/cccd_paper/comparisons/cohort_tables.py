@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 
 from cccd.report.summary import Cohort
-from cccd_paper.comparisons.paper_k import AS_SMOOTH_SLACK, DISTANCES, FIGURE_11
+from cccd_paper.comparisons.paper_k import AS_SMOOTH_SLACK, BEST, DISTANCES, FIGURE_11
 
 __all__ = [
     "as_smooth",
+    "at_best",
     "baseline_rows",
     "compactness",
     "figure_11_rows",
@@ -32,6 +33,13 @@ def baseline_rows(rows: pd.DataFrame) -> pd.DataFrame:
     """
     reference = (rows["method"] == "marching cubes") & ~has_truth(rows)
     return rows[~rows["method"].isin(["CCCD", DISTANCES]) & ~reference]
+
+
+def at_best(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows of a table of surfaces, one per method: of tuned ones those of the smallest ASSD."""
+    if "chosen" not in rows:
+        return rows
+    return rows[rows["chosen"].fillna(BEST).str.contains(BEST)]
 
 
 def as_smooth(rows: pd.DataFrame, keys: list[str]) -> pd.Series:

@@ -11,6 +11,9 @@ import pandas as pd
 
 from cccd.containers import Curves, Structure
 from cccd.geometry.mesh import Mesh
+from cccd.reconstruction import reconstruct_mask
+from cccd.settings.curves import CurveSettings
+from cccd.settings.surface import LoftSettings
 from cccd.surface import Surface
 from cccd.surface.measure import Reference, control_bytes, measure_mesh
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
@@ -21,7 +24,12 @@ __all__ = ["compare_isosurfaces"]
 
 
 def compare_isosurfaces(
-    structure: Structure, curves: Curves, surface: Surface, settings: IsosurfaceSettings
+    structure: Structure,
+    curves: Curves,
+    surface: Surface,
+    settings: IsosurfaceSettings,
+    fitting: CurveSettings,
+    lofting: LoftSettings,
 ) -> pd.DataFrame:
     """Measure every method on one structure.
 
@@ -32,39 +40,50 @@ def compare_isosurfaces(
     curves : Curves
         Whose points the point-based methods get.
     surface : Surface
-        Ours; it comes from the run and is not made again, so it has no seconds here.
+        Ours, as it came from the run.
     settings : IsosurfaceSettings
         Names the methods to run. One whose package is not installed has no row.
+    fitting, lofting
+        Sections ``curves`` and ``surface`` of the configuration: ours is made once more by them, to be timed
+        as the others are, from the mask on.
 
     Returns
     -------
     DataFrame
-        One row per method, and up to two for a tuned one (`cccd_paper.comparisons.tuning`): Dice, ASSD and
+        One row per method, and up to three for a tuned one (`cccd_paper.comparisons.tuning`): Dice, ASSD and
         95 % Hausdorff distance in mm, volume bias, bending per area, triangles, bytes (of the mesh; ours
         those of its control mesh as stored, beside ``mesh_bytes``), seconds, soundness.
     """
     if structure.mask is None:
-        return pd.DataFrame([_own_row(surface, partial(measure_mesh, structure=structure))])
+        return pd.DataFrame([_own_row(surface, partial(measure_mesh, structure=structure), None)])
     truth = Truth(Reference.of(structure))
 
     def measure(mesh: Mesh) -> dict[str, Any]:
         return measure_mesh(mesh, structure, reference=truth.reference, samples=SAMPLES)
 
-    rows = [_own_row(surface, measure)]
+    _, seconds = _timed(partial(reconstruct_mask, structure, fitting, lofting))
+    rows = [_own_row(surface, measure, seconds)]
     bends = rows[0]["curvature_per_area_mm"]
     for name in settings.methods:
         if name in SURFACES and SURFACES[name].available():
-            start = time.perf_counter()
-            mesh = SURFACES[name].run(structure, curves)
-            seconds = time.perf_counter() - start
+            mesh, seconds = _timed(partial(SURFACES[name].run, structure, curves))
             rows.append({"method": name, **measure(mesh), "seconds": seconds})
         elif name in FAMILIES and FAMILIES[name].available():
             rows += tuned_rows(FAMILIES[name], structure, structure, truth, bends)
     return pd.DataFrame(rows)
 
 
-def _own_row(surface: Surface, measure: Callable[[Mesh], dict[str, Any]]) -> dict[str, Any]:
+def _timed(make: Callable[[], Any]) -> tuple[Any, float]:
+    """Return what a function makes, and the seconds that it takes."""
+    start = time.perf_counter()
+    made = make()
+    return made, time.perf_counter() - start
+
+
+def _own_row(
+    surface: Surface, measure: Callable[[Mesh], dict[str, Any]], seconds: float | None
+) -> dict[str, Any]:
     """Measure our mesh in the bytes of the splines that it is read off."""
     figures = measure(surface.mesh)
     size = {"bytes": control_bytes(surface), "mesh_bytes": figures["bytes"]}
-    return {"method": "CCCD", "chosen": None, "setting": None, **figures, "seconds": None, **size}
+    return {"method": "CCCD", "chosen": None, "setting": None, **figures, "seconds": seconds, **size}

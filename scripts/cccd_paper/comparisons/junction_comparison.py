@@ -40,6 +40,7 @@ __all__ = [
     "by_true_labels",
     "classical_decoder",
     "compare_decoders",
+    "draw_test_maps",
     "draw_worst",
     "evaluate",
     "network_decoder",
@@ -105,6 +106,18 @@ def _single(rng: np.random.Generator, kind: str) -> SyntheticMap:
         sample = draw_map(rng, kind, 1.0)
         if len(sample.contours) == 1:
             return sample
+
+
+def draw_test_maps(seed: int, count: int) -> dict[str, list[SyntheticMap]]:
+    """Draw ``count`` maps of every kind, none of which a training with this seed has seen.
+
+    Their damage is the training's: these maps are in distribution.
+    """
+    maps: dict[str, list[SyntheticMap]] = {}
+    for number, kind in enumerate(ALL_KINDS):
+        rng = np.random.default_rng([seed, RandomStream.EVALUATION, number])
+        maps[kind] = [_single(rng, kind) for _ in range(count)]
+    return maps
 
 
 def compare_decoders(
@@ -255,10 +268,7 @@ def evaluate(
         CSV (see `compare_decoders`; of the last network and of the paper's also ``link_f1``,
         and per map ``isolated_corners``, ``dropped`` and ``bridged`` pixels) and PNG.
     """
-    maps = {}
-    for number, kind in enumerate(ALL_KINDS):
-        rng = np.random.default_rng([seed, RandomStream.EVALUATION, number])
-        maps[kind] = [_single(rng, kind) for _ in range(settings["test_maps"])]
+    maps = draw_test_maps(seed, settings["test_maps"])
     networks = {name: load_model(path) for name, path in models.items()}
     decoders = {f"GNN, {name}": network_decoder(network) for name, network in networks.items()}
     last = list(networks)[-1]

@@ -16,9 +16,9 @@ from cccd.report.numerals import number
 from cccd.report.summary import Cohort, structure_names
 from cccd_paper.comparisons import cohort_tables, paper_tables, published
 from cccd_paper.comparisons.baselines import Baseline
-from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES, Family
-from cccd_paper.comparisons.cohort_tables import as_smooth, baseline_rows, figure_11_rows, has_truth
-from cccd_paper.comparisons.paper_k import AS_SMOOTH, AUTOMATIC, CCCD, COARSE_K, DISTANCES
+from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES, Family, Program
+from cccd_paper.comparisons.cohort_tables import as_smooth, at_best, baseline_rows, figure_11_rows, has_truth
+from cccd_paper.comparisons.paper_k import AUTOMATIC, CCCD, COARSE_K, DISTANCES
 from cccd_paper.comparisons.reconstruction_comparison import DENSE, HARRIS
 
 __all__ = [
@@ -555,9 +555,7 @@ def figure_17(cohort: Cohort) -> str:
     surfaces = cohort.rows("isosurfaces")
     if "bending_per_area_mm2" not in surfaces:
         return ""
-    if "chosen" in surfaces:
-        surfaces = surfaces[surfaces["chosen"] != AS_SMOOTH]
-    medians = surfaces.groupby("method")["bending_per_area_mm2"].median()
+    medians = at_best(surfaces).groupby("method")["bending_per_area_mm2"].median()
     ours, cubes = medians.get("CCCD"), medians.get("marching cubes")
     if not ours or not cubes:
         return ""
@@ -676,7 +674,7 @@ def _places(rows: pd.DataFrame, keys: list[str]) -> pd.Series:
     return rows[keys].astype(str).agg("/".join, axis=1)
 
 
-def _absent(baselines: Iterable[Baseline | Family], rows: pd.DataFrame) -> list[str]:
+def _absent(baselines: Iterable[Baseline | Family | Program], rows: pd.DataFrame) -> list[str]:
     """Say which baselines have no row for want of a package."""
     methods = set(rows["method"])
     missing: dict[str, list[str]] = {}

@@ -9,6 +9,7 @@ __all__ = [
     "BEST",
     "CCCD",
     "COARSE_K",
+    "DEFAULTS",
     "DISTANCES",
     "FIGURE_11",
     "OUTLINES",
@@ -34,7 +35,7 @@ OUTLINES = {"figure10": (3, 5, 7, 20), "figure12": (COARSE_K,), "figure14": TABL
 FIGURE_11 = ("k = 3", "k = 5", "k = 7", "k = 20")
 
 #: For what a tuned baseline's setting was taken, as the column ``chosen`` says.
-BEST, AS_SMOOTH = "best ASSD", "as smooth as ours"
+BEST, AS_SMOOTH, DEFAULTS = "best ASSD", "as smooth as ours", "its defaults"
 #: What bends at most so many times as ours counts as as smooth.
 AS_SMOOTH_SLACK = 1.05
 #: The distances between our splines, learned filling included, without a surface's own splines: ours, and no

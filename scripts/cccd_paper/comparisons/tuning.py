@@ -12,9 +12,9 @@ from cccd.containers import Structure
 from cccd.geometry.distance import NearTriangles
 from cccd.geometry.mesh import Mesh
 from cccd.surface.measure import Reference, measure_mesh
-from cccd_paper.comparisons.baselines.surfaces import Family
-from cccd_paper.comparisons.paper_k import AS_SMOOTH, AS_SMOOTH_SLACK, BEST
-from cccd_paper.comparisons.sinc_grid import GRID, Smoothing, smoothed
+from cccd_paper.comparisons.baselines.surfaces import Family, Program
+from cccd_paper.comparisons.paper_k import AS_SMOOTH, AS_SMOOTH_SLACK, BEST, DEFAULTS
+from cccd_paper.comparisons.sinc_grid import Smoothing, smoothed
 from cccd_paper.comparisons.volume_meshes import windowed_sinc
 
 __all__ = ["SAMPLES", "Truth", "tuned_rows"]
@@ -76,13 +76,13 @@ class _Scorer:
 
 
 def tuned_rows(
-    family: Family, structure: Structure, measured: Structure, truth: Truth, ours_bends: float
+    family: Family | Program, structure: Structure, measured: Structure, truth: Truth, ours_bends: float
 ) -> Iterator[dict[str, Any]]:
     """Rows of one baseline at its best settings.
 
     Parameters
     ----------
-    family : Family
+    family : Family or Program
         The baseline.
     structure : Structure
         What it reconstructs.
@@ -97,16 +97,18 @@ def tuned_rows(
     ------
     dict
         The columns of `measure_mesh`, ``method``, ``chosen``, ``setting`` and ``seconds``: a row for the
-        setting of the smallest ASSD, and one for the smallest among those that bend at most 1.05 times as
-        ours does, where there are such; a single row where the two are the same.
+        setting of the smallest ASSD, one for the smallest among those that bend at most 1.05 times as ours
+        does, where there are such, and one for a program's own; those that are the same share a row.
     """
     candidates = sorted(_candidates(family, structure, truth), key=lambda one: (one.assd, one.bending))
     calm = next((one for one in candidates if one.bending <= AS_SMOOTH_SLACK * ours_bends), None)
-    if calm is candidates[0]:
-        chosen = [(f"{BEST}, {AS_SMOOTH}", candidates[0])]
-    else:
-        chosen = [(BEST, candidates[0]), *([(AS_SMOOTH, calm)] if calm is not None else [])]
-    for why, one in chosen:
+    own = str(family.default) if isinstance(family, Program) else None
+    default = next((one for one in candidates if one.name == own), None)
+    wanted = {BEST: candidates[0], AS_SMOOTH: calm, DEFAULTS: default}
+    for one in candidates:
+        why = ", ".join(name for name, chosen in wanted.items() if chosen is one)
+        if not why:
+            continue
         start = time.perf_counter()
         mesh = one.shape
         if one.smoothing is not None:
@@ -121,15 +123,14 @@ def tuned_rows(
         }
 
 
-def _candidates(family: Family, structure: Structure, truth: Truth) -> Iterator[_Candidate]:
+def _candidates(family: Family | Program, structure: Structure, truth: Truth) -> Iterator[_Candidate]:
     """Score every setting of a family; nothing but the isosurface is kept of each."""
-    for shape, make in family.shapes.items():
-        start = time.perf_counter()
-        mesh = make(structure)
-        seconds = time.perf_counter() - start
+    unsmoothed = "" if isinstance(family, Program) else "no smoothing"
+    for shape, mesh, seconds in family.meshes(structure):
         scorer = _Scorer(mesh, truth)
-        settings: list[Smoothing | None] = [*([None] if family.unsmoothed else []), *GRID]
-        moved = [*([mesh.vertices] if family.unsmoothed else []), *smoothed(mesh, GRID)]
-        for setting, vertices in zip(settings, moved, strict=True):
-            name = ", ".join(filter(None, (shape, "no smoothing" if setting is None else str(setting))))
+        tried = [setting for setting in family.smoothings if setting is not None]
+        moved = dict(zip(tried, smoothed(mesh, tried), strict=True)) if tried else {}
+        for setting in family.smoothings:
+            name = ", ".join(filter(None, (shape, unsmoothed if setting is None else str(setting))))
+            vertices = mesh.vertices if setting is None else moved[setting]
             yield _Candidate(*scorer.score(vertices), mesh, setting, name, seconds)

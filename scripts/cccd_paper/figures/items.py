@@ -15,8 +15,8 @@ from cccd.geometry.arrays import split_ragged
 from cccd.report.registry import Item
 from cccd.report.results import Results
 from cccd.report.summary import structure_names
-from cccd_paper.comparisons.cohort_tables import figure_11_rows
-from cccd_paper.comparisons.paper_k import AS_SMOOTH, CCCD, COARSE_K
+from cccd_paper.comparisons.cohort_tables import at_best, figure_11_rows
+from cccd_paper.comparisons.paper_k import CCCD, COARSE_K
 from cccd_paper.comparisons.reconstruction_comparison import DENSE
 from cccd_paper.figures import plots
 from cccd_paper.figures.diagrams import draw_steps
@@ -267,8 +267,7 @@ def thick_slices(results: Results, item: Item) -> Plots:
     rows = results.table("thick_slices")
     if rows is None:
         return []
-    if "chosen" in rows:
-        rows = rows[rows["chosen"] != AS_SMOOTH]
+    rows = at_best(rows)
     shown = {"assd_mm": "ASSD (mm)", "volume_bias": "Volume bias", "bending_per_area_mm2": "Bending / area"}
     drawn: Plots = [
         (

@@ -46,7 +46,7 @@ TABLES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 #: Tables beside the run's, which scripts in ``tests/benchmarks`` write.
-BENCHMARKS = ("benchmarks", "out_of_distribution", "orex")
+BENCHMARKS = ("benchmarks", "out_of_distribution", "equal_maps", "orex", "programs")
 
 #: Of these tables the page shows some rows alone.
 _ROWS = {

@@ -9,6 +9,7 @@ import pandas as pd
 from cccd_paper.measured.kept import BENCHMARKS, TABLES
 from cccd_paper.measured.maps import (
     boundary_maps,
+    equal_maps,
     image_alone,
     segmentation_networks,
     unseen_damage,
@@ -24,6 +25,7 @@ from cccd_paper.measured.planar import (
     planar_times,
     slabs,
 )
+from cccd_paper.measured.programs import programs, programs_verdict
 from cccd_paper.measured.surfaces import (
     cost,
     full_resolution,
@@ -52,12 +54,14 @@ def write_page(docs: Path) -> str:
         _introduction(tables),
         full_resolution(tables),
         thick_slices(tables),
+        programs(tables),
         pixel_corners(tables),
         chain_corners(tables),
         corner_surfaces(tables),
         planar_times(tables),
         boundary_maps(tables),
         unseen_damage(tables),
+        equal_maps(tables),
         segmentation_networks(tables),
         unseen_solids(tables),
         _time_and_memory(tables["benchmarks"]),

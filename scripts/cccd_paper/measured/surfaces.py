@@ -15,6 +15,8 @@ __all__ = [
     "full_resolution",
     "full_resolution_shortfall",
     "handles",
+    "method_table",
+    "reference_of",
     "solids_verdict",
     "thick_slices",
     "unseen_solids",
@@ -58,12 +60,12 @@ def full_resolution(tables: Tables) -> str:
         "### Next to other methods",
         "Baselines with windowed sinc stand at the setting of a grid with the smallest ASSD, and at the "
         f"smallest among those that bend at most {AS_SMOOTH_SLACK} times as ours does, where there are such. "
-        "Curvature is the mean of the surface's, per area: less is smoother. Ours comes from the run and has "
-        "its seconds in the table above.",
+        "Curvature is the mean of the surface's, per area: less is smoother. Seconds are the wall's from the "
+        "mask on; a dash: this run did not time it (the table above has the job's processor seconds).",
     ]
     surfaces = tables["surfaces"]
     for (case, organ), rows_of in surfaces.groupby(["case", "organ"], sort=False):
-        text += [f"**{case}/{organ}**, {_against(rows_of)}", _methods(rows_of), _nearer(rows_of)]
+        text += [f"**{case}/{organ}**, {reference_of(rows_of)}", method_table(rows_of), _nearer(rows_of)]
     return "\n\n".join(text)
 
 
@@ -95,13 +97,15 @@ def _soundness(structures: pd.DataFrame) -> str:
     )
 
 
-def _against(rows: pd.DataFrame) -> str:
+def reference_of(rows: pd.DataFrame) -> str:
+    """Say what the rows of one structure were measured against."""
     if rows["genus_true"].notna().any():
         return "against the true surface"
     return "against the isosurface of its own mask, which keeps the steps that others smooth away"
 
 
-def _methods(rows: pd.DataFrame) -> str:
+def method_table(rows: pd.DataFrame, meshes: bool = False) -> str:
+    """Write the rows of one structure, ours in bold; of ``meshes`` volume and triangles, not bytes."""
     known = rows["genus_true"].notna().any()
     return markdown_table([
         {
@@ -111,11 +115,18 @@ def _methods(rows: pd.DataFrame) -> str:
             "curvature, 1/mm": written(row["curvature_per_area_mm"], ".3f"),
             **({"normals off, median": written(row["normals_median_deg"], ".1f") + "°"} if known else {}),
             "genus" + (f" (true {rows['genus_true'].max():.0f})" if known else ""): _genus(row),
-            "kB": written(row["bytes"] / 1000, ",.0f"),
+            **(_volume_and_triangles(row) if meshes else {"kB": written(row["bytes"] / 1000, ",.0f")}),
             "s": written(row["seconds"], ".1f"),
         }
         for _, row in rows.iterrows()
     ])  # fmt: skip
+
+
+def _volume_and_triangles(row: pd.Series) -> dict[str, str]:
+    return {
+        "volume": written(100 * row["volume_bias"], "+z.2f") + " %",
+        "triangles": written(row["triangles"], ",.0f"),
+    }
 
 
 def _method(row: pd.Series) -> str:
@@ -200,7 +211,7 @@ def unseen_solids(tables: Tables) -> str:
         kept = named.assign(setting=named["setting"].mask(ours), seconds=np.nan)
         parts += [
             f"**{solid}**, {first['slices']:.0f} planes {first['slice_distance_mm']:.1f} mm apart",
-            _methods(kept),
+            method_table(kept),
         ]
     return "\n\n".join([*parts, solids_verdict(rows)])
 

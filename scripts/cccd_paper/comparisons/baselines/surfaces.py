@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 from cccd.containers import Curves, Structure
 from cccd.geometry.mesh import Mesh
-from cccd_paper.comparisons import point_meshes, volume_meshes
+from cccd_paper.comparisons import point_meshes, programs, volume_meshes
 from cccd_paper.comparisons.baselines import Baseline, always
 from cccd_paper.comparisons.lofted_distances import lofted_distances
 from cccd_paper.comparisons.paper_k import DISTANCES
+from cccd_paper.comparisons.sinc_grid import GRID, Smoothing
 from cccd_paper.comparisons.tensor_product_loft import tensor_product_loft
 
-__all__ = ["FAMILIES", "SURFACES", "Family"]
+__all__ = ["FAMILIES", "SURFACES", "Family", "Program"]
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,56 @@ class Family:
     unsmoothed: bool = False
     available: Callable[[], bool] = always
     package: str = ""
+
+    @property
+    def smoothings(self) -> list[Smoothing | None]:
+        """What is tried on each isosurface; None: nothing."""
+        return [*([None] if self.unsmoothed else []), *GRID]
+
+    def meshes(self, structure: Structure) -> Iterator[tuple[str, Mesh, float]]:
+        """Every isosurface, by its setting's name, with the seconds that it took."""
+        for name, make in self.shapes.items():
+            start = time.perf_counter()
+            mesh = make(structure)
+            yield name, mesh, time.perf_counter() - start
+
+
+@dataclass(frozen=True)
+class Program:
+    """A program that people use, at the settings that suit it best and at its own; it smooths by itself.
+
+    Attributes
+    ----------
+    title : str
+        Name in tables and figures.
+    run : callable
+        Accepts a structure and settings, and yields a mesh and its seconds for each.
+    settings : sequence
+        What is tried; each is written as the tables do by `str`.
+    default : object
+        That of ``settings`` which the program takes by itself.
+    available : callable
+        Whether the program is there.
+    package : str
+        What brings it.
+    """
+
+    title: str
+    run: Callable[[Structure, Sequence[Any]], Iterator[tuple[Mesh, float]]]
+    settings: Sequence[Any]
+    default: Any
+    available: Callable[[], bool]
+    package: str
+
+    @property
+    def smoothings(self) -> list[Smoothing | None]:
+        """None: what it made is left as it is."""
+        return [None]
+
+    def meshes(self, structure: Structure) -> Iterator[tuple[str, Mesh, float]]:
+        """Its mesh at every setting, by the setting's name, with the seconds that it took."""
+        for setting, (mesh, seconds) in zip(self.settings, self.run(structure, self.settings), strict=True):
+            yield str(setting), mesh, seconds
 
 
 def _marching_cubes(structure: Structure, curves: Curves) -> Mesh:
@@ -91,7 +144,7 @@ SURFACES = {
 }
 
 #: Those that are tuned, by the same names.
-FAMILIES = {
+FAMILIES: dict[str, Family | Program] = {
     family.title: family
     for family in (
         Family("flying edges + windowed sinc", {"": volume_meshes.flying_edges}),
@@ -109,5 +162,29 @@ FAMILIES = {
             package=volume_meshes.MORPHOLOGICAL,
         ),
         Family(DISTANCES, {"": lofted_distances}),
+        Program(
+            "niimath",
+            programs.by_niimath,
+            programs.NIIMATH_GRID,
+            programs.Niimath(),
+            programs.has_niimath,
+            programs.NIIMATH,
+        ),
+        Program(
+            "3D Slicer, flying edges",
+            programs.by_slicer,
+            programs.SLICER_EDGES,
+            programs.Slicer(),
+            programs.has_slicer,
+            programs.SLICER,
+        ),
+        Program(
+            "3D Slicer, surface nets",
+            programs.by_slicer,
+            programs.SLICER_NETS,
+            programs.Slicer(nets=True),
+            programs.has_slicer,
+            programs.SLICER,
+        ),
     )
 }

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame, Structure
+from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
@@ -69,7 +70,12 @@ def test_one_row_per_method(structure):
     curves = trace_mask(structure)
     surface = loft_surface(curves, LoftSettings())
     table = compare_isosurfaces(
-        structure, curves, surface, IsosurfaceSettings(methods=[*METHODS, *OF_POINTS])
+        structure,
+        curves,
+        surface,
+        IsosurfaceSettings(methods=[*METHODS, *OF_POINTS]),
+        CurveSettings(),
+        LoftSettings(),
     )
     expected = ["CCCD", *METHODS, *(OF_POINTS if has_open3d() else [])]
     assert table["method"].drop_duplicates().tolist() == expected
@@ -77,6 +83,7 @@ def test_one_row_per_method(structure):
     assert table.loc[tuned, "chosen"].notna().all()
     assert table.loc[~tuned, "chosen"].isna().all()
     assert table["dice_3d"].between(0, 1).all()
+    assert (table["seconds"] > 0).all()  # ours too
     ours = table.iloc[0]
     assert ours["closed_manifold"]
     assert ours["self_intersections"] == 0

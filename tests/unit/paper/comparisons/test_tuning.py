@@ -62,10 +62,9 @@ def test_a_baseline_stands_at_the_best_of_its_grid(structure, name):
     truth = Truth(Reference.of(structure))
     rows = pd.DataFrame(tuned_rows(FAMILIES[name], structure, structure, truth, ours_bends=0.2))
     best = rows[rows["chosen"].str.contains(BEST)].iloc[0]
-    for make in FAMILIES[name].shapes.values():
-        rough = make(structure)
-        for setting in GRID:
-            mesh = windowed_sinc(rough, setting.rounds, setting.pass_band)
+    for _, rough, _ in FAMILIES[name].meshes(structure):
+        for setting in FAMILIES[name].smoothings:
+            mesh = windowed_sinc(rough, setting.rounds, setting.pass_band) if setting else rough
             away = np.abs(np.linalg.norm(mesh.sample(4000, np.random.default_rng(1)), axis=1) - RADIUS).mean()
             assert best["assd_mm"] < 1.1 * away + 0.01
     calm = rows[rows["chosen"].str.contains(AS_SMOOTH)]

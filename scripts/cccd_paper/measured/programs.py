@@ -1,0 +1,85 @@
+"""Ours next to programs that people use, of whole structures and of thick slices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pandas as pd
+
+from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
+from cccd_paper.comparisons.cohort_tables import at_best, baseline_rows
+from cccd_paper.comparisons.notes import listed
+from cccd_paper.comparisons.paper_k import DEFAULTS
+from cccd_paper.measured.surfaces import method_table, reference_of
+from cccd_paper.measured.text import Tables
+
+__all__ = ["programs", "programs_verdict"]
+
+_PROGRAMS = [family.title for family in FAMILIES.values() if isinstance(family, Program)]
+_PLACE = ["case", "organ", "slice_distance_mm", "every_nth"]
+
+
+def programs(tables: Tables) -> str:
+    """Show ours, the nearest baseline, and programs at their defaults and at their best."""
+    rows = tables["programs"]
+    parts = [
+        "## Next to programs that people use",
+        "niimath (PyPI `niimath`: marching cubes, here with all parts kept, as it would keep the largest "
+        "alone) and 3D Slicer's own converters (PyPI `slicer-core`), run as they are on the same masks "
+        "(`python tests/benchmarks/programs.py`; not of the run above; [every row](programs.csv)). Each "
+        f"program has a row at its defaults and one at its best of a grid ({_grid_sizes()}); the baseline is "
+        "the nearest of all the others at their best. Seconds are the wall's from the mask on, in one thread, "
+        "on a machine that other jobs shared; a program's own, without its start where that is Python's.",
+    ]
+    for (case, organ, distance, nth), group in rows.groupby(_PLACE, sort=False):
+        kept = f", every {nth}th slice kept" if nth > 1 else ""
+        title = f"**{case}/{organ}**, slices {distance:g} mm apart{kept}, {reference_of(group)}"
+        parts += [title.replace("2th", "2nd"), method_table(pd.concat(_shown(group)), meshes=True)]
+    return "\n\n".join([*parts, programs_verdict(tables)])
+
+
+def _grid_sizes() -> str:
+    sizes = [f"{len(family.settings)} settings of {name}" for name, family in _families()]
+    return listed(sizes)
+
+
+def _families() -> Iterator[tuple[str, Program]]:
+    return ((name, family) for name, family in FAMILIES.items() if isinstance(family, Program))
+
+
+def _shown(group: pd.DataFrame) -> Iterator[pd.DataFrame]:
+    yield group[group["method"] == "CCCD"]
+    others = baseline_rows(group[~group["method"].isin(_PROGRAMS)])
+    yield others.nsmallest(1, "assd_mm")
+    for name in _PROGRAMS:
+        of_program = group[group["method"] == name]
+        yield of_program[of_program["chosen"].str.contains(DEFAULTS)]
+        best = at_best(of_program)
+        yield best[~best["chosen"].str.contains(DEFAULTS)]
+
+
+def programs_verdict(tables: Tables) -> str:
+    """Count where each program at its best is nearer than ours, and what its nearest has of our ASSD."""
+    rows = tables["programs"]
+    ours = rows[rows["method"] == "CCCD"].set_index(_PLACE)["assd_mm"]
+    sentences = []
+    for name in _PROGRAMS:
+        best = at_best(rows[rows["method"] == name]).set_index(_PLACE)["assd_mm"]
+        if best.empty:
+            continue
+        ratio = best / ours.loc[best.index]
+        sentences.append(
+            f"{name} at its best has {ratio.min():.2f} to {ratio.max():.2f} times our ASSD, and is nearer on "
+            f"{int((ratio < 1).sum())} of {len(ratio)}"
+        )
+    nearer = [
+        f"{case}/{organ} of {distance:g} mm slices"
+        for case, organ, distance, _ in ours.index[_beaten(rows, ours)]
+    ]
+    said = f" A program is nearer on {listed(nearer)}." if nearer else ""
+    return "; ".join(sentences) + f".{said}"
+
+
+def _beaten(rows: pd.DataFrame, ours: pd.Series) -> pd.Series:
+    best = rows[rows["method"].isin(_PROGRAMS)].groupby(_PLACE)["assd_mm"].min()
+    return best.reindex(ours.index) < ours

@@ -1,0 +1,74 @@
+"""Ours and the tuned baselines next to programs that people use: niimath, and 3D Slicer's own converters.
+
+    pip install niimath
+    python -m venv slicer && slicer/bin/pip install slicer-core
+    CCCD_SLICER_PYTHON=slicer/bin/python python tests/benchmarks/programs.py
+
+Both programs are optional: one that is not there has no row, and a line says so. Structures are those of the
+default cohort that have a mask, whole and, but for the letters, from every n-th slice. All methods get the
+same mask on the same grid and are measured against the same surface. Programs and baselines stand at the
+setting with the smallest ASSD of a grid and at the smallest among those as smooth as ours, programs at their
+defaults as well. Seconds are the wall's from the mask on, in one thread. The table goes to docs/programs.csv.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+os.environ.setdefault("VTK_SMP_MAX_THREADS", "1")
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "scripts"))
+
+import pandas as pd  # noqa: E402
+
+from cccd.cohort import read_cohort  # noqa: E402
+from cccd.reconstruction import reconstruct_mask  # noqa: E402
+from cccd.settings.curves import CurveSettings  # noqa: E402
+from cccd.settings.imports import ImportSettings  # noqa: E402
+from cccd.settings.root import Settings  # noqa: E402
+from cccd.settings.surface import LoftSettings  # noqa: E402
+from cccd.tracing import trace_mask  # noqa: E402
+from cccd.volumes import load_structure  # noqa: E402
+from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program  # noqa: E402
+from cccd_paper.comparisons.isosurfaces import compare_isosurfaces  # noqa: E402
+from cccd_paper.comparisons.thick_slices import thick_slice_experiment  # noqa: E402
+from cccd_paper.measured import TABLES  # noqa: E402
+from cccd_paper.settings import IsosurfaceSettings, ThickSliceSettings  # noqa: E402
+
+SOURCES, LETTERS = ("mni152", "phantom"), ("A", "H", "X")
+METHODS = ("marching cubes", "surface nets", "signed distance + isosurface", *FAMILIES)
+
+
+def score(structure) -> pd.DataFrame:
+    """Measure every method on one structure, whole and from every n-th slice."""
+    ways = CurveSettings(), LoftSettings()
+    surface = reconstruct_mask(structure, *ways)
+    settings = IsosurfaceSettings(methods=METHODS)
+    whole = compare_isosurfaces(structure, trace_mask(structure), surface, settings, *ways)
+    tables = [whole.assign(slice_distance_mm=structure.frame.slice_spacing, every_nth=1)]
+    if structure.organ not in LETTERS:
+        tables.append(thick_slice_experiment(structure, ThickSliceSettings(), *ways))
+    return pd.concat(tables).assign(case=structure.case, organ=structure.organ)
+
+
+def main() -> None:
+    """Score every structure and write ``docs/programs.csv``; rows are written as they come."""
+    for program in FAMILIES.values():
+        if isinstance(program, Program) and not program.available():
+            print(f"No row of {program.title}: {program.package} is not there", file=sys.stderr)
+    tables = []
+    for row in read_cohort(ROOT / "config" / "cohort.tsv"):
+        if row["source"] in SOURCES:
+            structure = load_structure(row, ROOT / "config", ImportSettings(), seed=Settings().seed)
+            tables.append(score(structure))
+            print(tables[-1][["method", "chosen", "setting", "assd_mm", "genus", "seconds"]].to_string())
+            columns = [*TABLES["thick_slices"], "triangles"]
+            table = pd.concat(tables, ignore_index=True).reindex(columns=columns)
+            table.to_csv(ROOT / "docs" / "programs.csv", index=False, float_format="%.4g")
+
+
+if __name__ == "__main__":
+    main()
