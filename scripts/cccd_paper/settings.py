@@ -99,14 +99,9 @@ class IsosurfaceSettings(Section):
             "Poisson",
             "alpha shape",
         ),
-<<<<<<< HEAD
-        "methods to compare with ours",
-        why="All that there are. Those with windowed sinc are shown at their best settings of a grid.",
-=======
         "methods to run beside ours",
         why="All that there are, where what they need is installed. Those with windowed sinc, and programs, "
         "are shown at their best settings of a grid.",
->>>>>>> rivals
     )
 
 
