@@ -126,8 +126,9 @@ def compare_segmenters(
     DataFrame
         Columns as in `COLUMNS`. Masks are compared in 3D on the scan's grid. ``bytes_per_slice`` is a bit per
         pixel of the scan's slices for a mask, and 8 bytes per control point, as the paper counts, for CCCD.
-        ``surface_assd_mm`` is the distance between the surface that a network's mask leads to and the true
-        one; ``probability_surface_assd_mm`` that of the best network's probabilities, at one half.
+        The network of the highest Dice alone has ``surface_assd_mm``, the distance between the surface that
+        its mask leads to and the true one, and ``probability_surface_assd_mm``, that of its probabilities at
+        one half.
     """
     if not segmenters.segmenters or structure.provenance.get("source") != "phantom":
         return pd.DataFrame(columns=list(COLUMNS))
@@ -141,7 +142,7 @@ def compare_segmenters(
     rows, _ = _cccd_rows(traced, truth, TRUE_MASK, frame, fitting)
     if orderers and (curves := _curves_of_image(scan, frame, orderers[0], edges)) is not None:
         rows += _cccd_rows(curves, truth, THE_IMAGE, frame, fitting)[0]
-    best, most = None, -1.0
+    best, most = None, -1.0  # row, probabilities, curves of the mask
     for model, plan in segmenters.segmenters:
         title = networks()[plan.network].title
         begun = time.process_time()
@@ -152,13 +153,12 @@ def compare_segmenters(
         row |= {"parameters": parameters(model), "seconds_per_slice": seconds}
         row["bytes_per_slice"] = np.ceil(_stack(mask, frame)[0].size / 8)
         described, fitted = _cccd_rows(_traced(mask, frame), truth, title, frame, fitting)
-        if structure.truth is not None:
-            row["surface_assd_mm"] = _surface_distance(fitted, structure.truth, lofting)
         rows += [row, *described]
         if row["dice_percent"] > most:
-            best, most = (row, chances), row["dice_percent"]
+            best, most = (row, chances, fitted), row["dice_percent"]
     if best is not None and structure.truth is not None:
-        row, chances = best
+        row, chances, fitted = best
+        row["surface_assd_mm"] = _surface_distance(fitted, structure.truth, lofting)
         stack = ProbabilityStack(_stack(chances, frame), np.zeros(3, int))
         fitted = describe_curves(level_curves(stack, frame), fitting)
         away = _surface_distance(fitted, structure.truth, lofting, stack)
