@@ -102,7 +102,7 @@ def _time_and_memory(benchmarks: pd.DataFrame) -> str:
         "## Time and memory",
         f"Processor time and peak memory of {most} slices, one thread ({benchmarks['machine'].iloc[0]}, "
         "with other work running), measured by `python tests/benchmarks/run.py` ([all "
-        "figures](benchmarks.csv)) and not in the run above. Growth is the slope of log time over log slices.",
+        "figures](benchmarks.csv)), not in the run above. Growth is the slope of log time over log slices.",
         markdown_table(shown),
         "![Time and memory by number of slices](benchmarks.png)",
     ])  # fmt: skip

@@ -128,7 +128,7 @@ def corner_surfaces(tables: Tables) -> str:
         "## From corners to the surface",
         f"The paper's chain to its end, in slabs of up to {rows['slices'].max():.0f} slices: corners are "
         "control points, and their splines are lofted. The reference is the slab's own mask, also for "
-        "phantoms. The surface also gets the number of pixels within each curve (4 bytes, which are counted).",
+        "phantoms. The surface also gets the number of pixels within each curve (4 bytes, and counted).",
         markdown_table(shown),
     ])  # fmt: skip
 
