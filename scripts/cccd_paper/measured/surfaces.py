@@ -189,7 +189,7 @@ def unseen_solids(tables: Tables) -> str:
         "Contours on a few planes that lie far apart: the solids of OReX (Sawdayee et al. 2023). Surfaces "
         "are compared with the solids that the contours were cut from (`python tests/benchmarks/orex.py`, "
         "not in the run above). Ours has two rows: from the contours, and from the mask that they fill. The "
-        "baselines get only the mask, and have the settings that suit these very solids. One unit is 100 mm.",
+        "baselines get only the mask, and have the settings that suit these solids. One unit is 100 mm.",
     ]
     for solid, group in rows.groupby("solid", sort=False):
         first = group.iloc[0]
