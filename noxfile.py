@@ -1,5 +1,7 @@
 """Tasks: `nox --list` names them, `nox -s lint` runs one. `.ci/run` does all of it from a bare clone."""
 
+from pathlib import Path
+
 import nox
 
 nox.options.default_venv_backend = "venv"
@@ -7,19 +9,27 @@ nox.options.reuse_existing_virtualenvs = True
 nox.options.sessions = ["lint", "types", "tests"]
 
 #: The versions of `.ci/run` and `.pre-commit-config.yaml`; a test compares them.
-LINTERS = ("ruff==0.17.5", "snakefmt==2.1.0", "codespell==2.4.1")
+LINTERS = ("ruff==0.17.5", "snakefmt==2.1.0", "codespell==2.4.1", "proselint==0.16.0")
 PYRIGHT = "pyright==1.1.414"
 UV = "uv==0.13.9"
 
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Style, formatting and spelling."""
+    """Style, formatting, spelling and prose."""
     session.install(*LINTERS)
     session.run("ruff", "check", ".")
     session.run("ruff", "format", "--check", ".")
     session.run("snakefmt", "--check", "Snakefile", "workflow")
     session.run("codespell")
+    pages = [
+        *Path().glob("*.md"),
+        *Path("docs").glob("*.md"),
+        "config/README.md",
+        "docs/gallery",
+        "docs/joss",
+    ]
+    session.run("proselint", "check", *map(str, pages))
 
 
 @nox.session

@@ -285,7 +285,7 @@ def read(
     wanted = "boundary" if boundary else "image" if threshold is not False else _column_of(path)
     if threshold is not False:
         if chosen or image is not None or boundary:
-            problem = "a threshold together with a label, an image or boundary maps"
+            problem = "a threshold cannot be combined with a label, an image or boundary maps"
             raise InputError(path.name, problem, "give only the image; a threshold does not find organs")
         settings = _with_window(settings, threshold)
     elif not boundary:

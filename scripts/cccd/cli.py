@@ -120,7 +120,11 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(commands)
     _add_export(commands)
     _add_report(commands)
-    doctor = commands.add_parser("doctor", help="report what is installed and works")
+    doctor = commands.add_parser(
+        "doctor",
+        help="report what is installed and works",
+        description="Report what is installed and works: extras, GPU, off-screen drawing, CAD.",
+    )
     doctor.add_argument("--json", action="store_true", help="print JSON")
     doctor.set_defaults(run=_doctor)
     return parser
@@ -136,13 +140,13 @@ def _add_input(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--label",
         default="",
-        help="value(s) of the label map, 5 or 10,11, or an organ's, segment's, ROI's name",
+        help="value(s) of the label map (5 or 10,11), or the name of an organ, segment or ROI",
     )
     command.add_argument("--image", type=Path, help="the scan, if it is in another file or folder")
     command.add_argument(
         "--threshold", nargs="?", const="", metavar="LOW:HIGH",
-        help="the input is an image without a mask: take the largest piece with grey values in a range (150: "
-        "or -1000:-400); without one Otsu's method chooses. A threshold does not find organs",
+        help="the input is an image without a mask: take the largest piece whose grey values lie in a range, "
+        "150: or -1000:-400. Without a range, Otsu's method chooses one. A threshold does not find organs",
     )  # fmt: skip
     command.add_argument(
         "--boundary", action="store_true", help="the input contains boundary maps, which the network orders"
@@ -151,8 +155,8 @@ def _add_input(command: argparse.ArgumentParser) -> None:
         "--annotated",
         default="auto",
         metavar="RULE",
-        help="which slices of the mask are annotated; the others are filled: auto (default; decides by "
-        "the gaps), nonempty, or 'every slice'",
+        help="which slices of the mask are annotated: auto (default; decides by the gaps), nonempty, or "
+        "'every slice'. The others are filled",
     )
     command.add_argument("--json", action="store_true", help="print JSON")
 
@@ -161,14 +165,15 @@ def _add_surface(commands: Any) -> None:
     surface = commands.add_parser(
         "surface",
         help="make a surface of one organ, or of every label",
-        description="Make a smooth closed surface. Prints its volume, its size and warnings.",
+        description="Make a smooth closed surface, and print its volume, its size and warnings.",
     )
     _add_input(surface)
     surface.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
-        help="output file, repeatable; the suffix chooses the format: .ply .stl .obj .vtp .gii .glb "
-        ".3mf .usd .step .msh .inp (tetrahedra) .nii.gz (label map) .dcm (RTSTRUCT); default: the input's "
-        "name with .ply (_threshold.ply), in this folder",
+        help="output file, repeatable. The suffix chooses the format: .ply .stl .obj .vtp .gii .glb .3mf "
+        "(mesh), .usd (spline), .step .iges .brep (solid), .msh .vtu .inp (tetrahedra), .nii.gz (label map), "
+        ".dcm .seg.dcm .stl.dcm (RTSTRUCT, SEG, encapsulated STL). Default: the input's name with .ply (with "
+        "--threshold: _threshold.ply), in this folder",
     )  # fmt: skip
     surface.add_argument(
         "--all-labels",
@@ -186,8 +191,8 @@ def _add_segment(commands: Any) -> None:
     segment = commands.add_parser(
         "segment",
         help="find an organ in a scan without a mask, and make its surface",
-        description="Find an organ with a trained network: labels on the scan's own grid, and "
-        "one surface of all labels.",
+        description="Find an organ with a trained network. Writes its labels on the scan's own grid, and one "
+        "surface of all labels.",
     )
     segment.add_argument("input", type=Path, help="scan (NIfTI, NRRD, MHA) or the folder of a DICOM series")
     segment.add_argument(
@@ -197,13 +202,13 @@ def _add_segment(commands: Any) -> None:
     segment.add_argument("--organ", help="what to look for; default: what the weights were trained to find")
     segment.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
-        help="the surface, repeatable, as in cccd surface; default: scan's name with .ply, in this folder",
+        help="the surface, repeatable, as in cccd surface; default: the scan's name with .ply",
     )  # fmt: skip
     segment.add_argument(
         "--labels",
         type=Path,
         metavar="FILE",
-        help="default: the scan's name with _labels.nii.gz, in this folder",
+        help="the label map; default: the scan's name with _labels.nii.gz, in this folder",
     )
     segment.add_argument(
         "--device",
@@ -218,7 +223,8 @@ def _add_check(commands: Any) -> None:
     check = commands.add_parser(
         "check",
         help="report what an input contains, and draw it",
-        description="Read the input and report how it was understood: grid, axes, spacing, labels, cut ends.",
+        description="Read the input, report how it was understood (grid, axes, spacing, labels, cut ends), "
+        "and draw it. A cohort sheet (.tsv) is read row by row.",
     )
     _add_input(check)
     check.add_argument(
@@ -237,7 +243,9 @@ def _add_run(commands: Any) -> None:
     run.add_argument("input", type=Path, help="cohort sheet (.tsv), or the folder of a BIDS data set")
     run.add_argument("output", type=Path, nargs="?", help="BIDS: folder of the results")
     run.add_argument("level", nargs="?", choices=["participant"], help="BIDS: the level of the analysis")
-    run.add_argument("--participant-label", nargs="+", default=[], metavar="LABEL", help="BIDS: these only")
+    run.add_argument(
+        "--participant-label", nargs="+", default=[], metavar="LABEL", help="BIDS: only these participants"
+    )
     run.add_argument(
         "--cores", type=int, default=os.cpu_count() or 1, help="jobs at once; default: all cores"
     )
@@ -248,18 +256,33 @@ def _add_run(commands: Any) -> None:
 
 def _add_export(commands: Any) -> None:
     export = commands.add_parser(
-        "export", help="write a finished structure of the workflow in another format"
+        "export",
+        help="write a finished structure of the workflow in another format",
+        description="Write a finished structure of the workflow in another format.",
     )
     export.add_argument("input", type=Path, help="folder of a finished structure: results/CASE/ORGAN")
-    export.add_argument("-o", "--output", type=Path, action="append", required=True, metavar="FILE")
+    export.add_argument(
+        "-o", "--output", type=Path, action="append", required=True, metavar="FILE",
+        help="output file, repeatable; the suffix chooses the format, as in cccd surface",
+    )  # fmt: skip
     export.set_defaults(run=_export)
 
 
 def _add_report(commands: Any) -> None:
-    report = commands.add_parser("report", help="build the report again, of all finished structures")
-    report.add_argument("input", type=Path, nargs="?", default=Path("results"), help="folder of the results")
+    report = commands.add_parser(
+        "report",
+        help="build the report of all finished structures again",
+        description="Build the report of all finished structures again.",
+    )
     report.add_argument(
-        "-o", "--output", type=Path, metavar="HTML", help="default: report.html in that folder"
+        "input",
+        type=Path,
+        nargs="?",
+        default=Path("results"),
+        help="folder of the results; default: results",
+    )
+    report.add_argument(
+        "-o", "--output", type=Path, metavar="HTML", help="the page; default: report.html in that folder"
     )
     report.set_defaults(run=_report)
 

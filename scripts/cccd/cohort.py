@@ -112,7 +112,7 @@ def _check_row(row: dict[str, str]) -> None:
     if starred and (row["source"] != "files" or not row["mask"] or row["boundary"]):
         raise InputError(row["location"], "organ * has no label map", "name it in mask, and no boundary")
     if starred and row["label"]:
-        raise InputError(row["location"], "organ * together with a label", "empty one of them")
+        raise InputError(row["location"], "organ * cannot be combined with a label", "empty one of them")
     if row["labels"] and not starred:
         raise InputError(
             row["location"], "a table of labels without organ *", "set organ to * or empty labels"

@@ -377,12 +377,12 @@ ITEMS = (
     Item(
         "segmenters",
         "Table 3, measured here",
-        "The paper quotes the networks' Dice from other data (93.02, 94.23 and 96.5 %) beside CCCD's on the "
-        "true boundary (98.49, 96.00 and 96.37 %). Here all stand on the same scans: the networks find the "
-        "organ in the grey image, CCCD describes the true mask, each network's, and what a threshold and the "
+        "The paper compares the networks' Dice on other data (93.02, 94.23 and 96.5 %) with CCCD's on the "
+        "true boundary (98.49, 96.00 and 96.37 %). Here all use the same scans. The networks find the organ "
+        "in the grey image. CCCD describes the true mask, each network's mask, and what a threshold and the "
         "junction network find in the image. The networks have 0.24 to 1.4 million parameters, fewer than "
-        "published, and are trained on phantoms of the generator that made these scans: their Dice says "
-        "nothing about real scans. The paper's figures are of CT livers and stand beside livers alone.",
+        "published, and are trained on phantoms of the generator that made these scans, so their Dice does "
+        "not hold for real scans. The paper's figures are of CT livers, and are shown only for livers.",
         name="Table 3",
         section="paper",
         rows=(SEGMENTERS,),
@@ -394,7 +394,7 @@ ITEMS = (
     Item(
         "figure14",
         "CCCD's outline for k = 3, 7 and 12",
-        "Outlines from 189, 217 and 133 boundary pixels, (a) to (c), beside H-DenseUNet's, 483 pixels, (d).",
+        "Outlines from 189, 217 and 133 boundary pixels, (a) to (c), and H-DenseUNet's, 483 pixels, (d).",
         name="Figure 14",
         section="paper",
         rows=(K_SWEEP,),
@@ -470,12 +470,12 @@ ITEMS = (
     Item(
         "stage_times",
         "Table 5, from the image to the surface",
-        "The paper times corners and curves apart, and a surface once (4.287 s). Here every method goes the "
-        "whole way on the same slices, whose longest curves are filled: corners of the mask's image (those "
-        "near the boundary, which it must know), one closed curve, spline, surface; CCCD from boundary "
-        "pixels that are found and ordered first (in its curve's time) to corners at k = 3. Slices without "
-        "one closed simple curve go no further. Every method's splines run through pixel centres and are "
-        "lofted as they are, half a pixel inside the mask. Processor time per slice.",
+        "The paper measures corners and curves separately, and a surface once (4.287 s). Here every method "
+        "goes the whole way on the same slices, whose longest curves are filled: corners of the mask's "
+        "image (those near the boundary, which it must know), one closed curve, spline, surface. CCCD first "
+        "finds and orders boundary pixels (counted as time of its curve), and takes corners at k = 3. Slices "
+        "without one closed simple curve are left out. The splines of every method go through pixel centres "
+        "and are lofted there, half a pixel inside the mask. Processor time per slice.",
         section="paper",
         rows=(STAGE_TIMES,),
         table="stage_times",
@@ -498,10 +498,10 @@ ITEMS = (
     Item(
         "corner_surfaces",
         "From corners to the surface",
-        "The chain that the paper prints, to its end, for the k of Table 3: the corners are the control "
-        "points, the surface is lofted from their splines; beside them the automatic splines. Lofting is "
-        "also given the number of pixels that each curve bounds (4 bytes, counted), and moves a spline "
-        "outwards until it encloses as many. The paper keeps 39.13 % of the boundary's pixels at k = 3 "
+        "The paper's chain to its end, for the k of Table 3: the corners are the control points, and the "
+        "surface is lofted from their splines. A row has the automatic splines. Lofting also gets the number "
+        "of pixels within each curve (4 bytes, counted), and moves a spline outwards until it encloses as "
+        "many. The paper keeps 39.13 % of the boundary's pixels at k = 3 "
         "(92.34 % less memory than an image of 19.2 KB) and 72.46 % fewer at k = 12, and counts 160 KB for "
         "200 slices against 64 MB.",
         section="paper",
@@ -515,8 +515,8 @@ ITEMS = (
         "shapes",
         "Shapes such as 'A', 'H' and 'X'",
         "Section 9 leaves them to future study: intersecting splines that replicate organs of complex shapes "
-        "such as these characters. Here every surface whose truth is known: its genus, counted on the closed "
-        "mesh, and its volume beside the true ones.",
+        "such as these characters. Here is every surface whose truth is known, with its genus, counted on "
+        "the closed mesh, and its volume, next to the true ones.",
         name="Section 9",
         section="paper",
         table="shapes",
@@ -529,28 +529,27 @@ ITEMS = (
         "Against the baselines' surfaces",
         "Every method on the same structures, measured alike. Baselines with windowed-sinc smoothing are "
         "tried with pass bands 0.1, 0.05 and 0.01 and 20 or 60 rounds (3D Slicer's default factor 0.5 is "
-        "pass band 0.01), and shown at their smallest ASSD, and at the smallest among settings that bend at "
-        "most 1.05 times as ours does, where there are such. “CCCD, distances alone” is the isosurface of "
-        "the distances that our surface is lofted from, the learned filling of slices 1.2 to 3.5 pixels "
-        "apart included, smoothed likewise. Programs (niimath, 3D Slicer's own converters) have a row at "
-        "their defaults, too, and none where they are not installed. Seconds are the wall's from the mask "
-        "on; ours is made once more to be timed. Genus counts handles, beside the true surface's where it is "
-        "known.",
+        "pass band 0.01). They are shown at their smallest ASSD, and at the smallest among settings that "
+        "bend at most 1.05 times as much as ours. “CCCD, distances alone” is the isosurface of the distances "
+        "that our surface is lofted from (with the learned filling of slices 1.2 to 3.5 pixels apart), "
+        "smoothed in the same way. Programs (niimath, 3D Slicer's own converters) also have a row at their "
+        "defaults, and none if they are not installed. Seconds are counted from the mask on; ours is made "
+        "once more to be timed. Genus counts handles, next to the true surface's if it is known.",
         rows=(ISOSURFACES,),
         table="surfaces",
         columns=("case", "organ", "method", "seconds"),
         note=_NOTES + "surfaces",
         plots=_PLOTS + "surfaces",
         captions=(
-            "Each dot is a structure. Bytes are those of the mesh; ours, of the control mesh that it is read "
-            "off, as stored.",
+            "Each dot is a structure. Bytes are those of the mesh; for ours, those of the stored control "
+            "mesh.",
         ),
     ),
     Item(
         "thick_slices",
         "Thick slices",
-        "Every n-th slice is kept, the surface is rebuilt from those and compared with the full resolution; "
-        "the baselines at the settings that suit them best, as above.",
+        "Every n-th slice is kept, and the surface of these is compared with the full resolution. Baselines "
+        "have the settings that suit them best, as above.",
         rows=(THICK_SLICES,),
         table="thick_slices",
         columns=("case", "organ", "slice_distance_mm", "method", "seconds"),
@@ -565,12 +564,12 @@ ITEMS = (
         "Junction repair",
         "Boundary maps with spurs, bridges, gaps and noise, ordered by our network, the paper's and the "
         "classical decoders. The paper prints its network's graph, features, convolution, dropout and "
-        "labels; depth, width, epochs, batch, optimiser, the loss and how two pixels give a link's value "
-        "are invented. Its chains bridge nothing: one that stays open is dropped whole. It is trained on "
-        "the run's few graphs again and again, 200 by default (gnn/paper_history.csv); ours sees maps drawn "
-        "afresh, thousands in a run and 391,000 for the shipped weights. The maps of this table are damaged "
-        "by the generator of our training's: all of it is in distribution. Dropped are pixels "
-        "of a map that lie on no curve, bridged those of the curves that are none of the map's.",
+        "labels. Its depth, width, epochs, batch, optimiser, loss, and how two pixels give a link's value "
+        "are invented here. Its chains bridge no gaps: one that stays open is dropped. It is trained on the "
+        "same graphs in every epoch, 200 by default (gnn/paper_history.csv). Ours sees new maps, thousands "
+        "in a run and 391,000 for the shipped weights. The generator of the training also damaged the maps "
+        "of this table, so all of it is in distribution. Dropped are pixels of a map that lie on no curve; "
+        "bridged are pixels of the curves that are not in the map.",
         table="junctions",
         columns=(
             "decoder",
@@ -599,11 +598,11 @@ ITEMS = (
         "map_surfaces",
         "Surfaces from boundary maps",
         "Structures that come without a mask: their boundary pixels are edges of an image or a damaged map, "
-        "and the network orders them. Beside the surface stands the one that a classical decoder of the "
-        "table above, the pruned skeleton with its tour, gives from the map's pixels alone (the network "
-        "reads the image, where there is one, and the neighbouring slices too), and of an image the surface "
-        "of the region that a threshold finds. They are measured against a mask that none has seen. The "
-        "damage of a phantom's maps is that of the network's training: such a row is in distribution.",
+        "and the network orders them. A second row is the surface by a classical decoder of the table above, "
+        "the pruned skeleton with its tour, from the map's pixels alone. (The network also reads the image, "
+        "if there is one, and the neighbouring slices.) For an image, a third row is the surface of the "
+        "region that a threshold finds. All are compared with a mask that none of them got. Maps of a "
+        "phantom have the damage of the network's training, so such a row is in distribution.",
         rows=(MAP_SURFACES,),
         table="map_surfaces",
         columns=("case", "organ", *MAP_SURFACES.columns),
@@ -617,10 +616,10 @@ ITEMS = (
     Item(
         "ordering",
         "Isolated corners, and what became of the pixels",
-        "Where a greedy chain code gets stuck on the boundary pixels (Figure 4), how many of these pixels "
-        "the ordered curves keep and drop, and how many they bridge gaps by. Of a mask that was traced: what "
-        "the network would have made of its pixels, on the slices that are no outlines already, which "
-        "alone it decides.",
+        "Where a greedy chain code gets stuck on the boundary pixels (Figure 4): how many of these pixels "
+        "the ordered curves keep and drop, and how many pixels bridge gaps. For a mask that was traced, the "
+        "row shows what the network would have made of its pixels, on the slices that are not outlines "
+        "already. The network decides only on those.",
         rows=(ORDERING,),
         table="ordering",
         columns=("case", "organ"),
@@ -642,11 +641,11 @@ ITEMS = (
     Item(
         "k_sweep",
         "Corners on the chain code: the whole sweep",
-        "Every structure: the k-cosine for every k and both criteria, and the five chain-code detectors "
-        "that section 2 names and the paper does not run, with their publications' parameters and with the "
-        "best of a grid on training phantoms. Splines through their corners, and the share of "
-        "corners found again within 3 pixels when the outlines of some slices are turned, scaled, or "
-        "disturbed and drawn anew; of dense corners some are found again by chance.",
+        "For every structure: the k-cosine for every k and both criteria, and the five chain-code detectors "
+        "that section 2 names but the paper does not run, with the parameters of their publications and with "
+        "the best of a grid on training phantoms. Shown are splines through their corners, and the share of "
+        "corners that are found again within 3 pixels if the outlines of some slices are turned, scaled, or "
+        "disturbed. Of dense corners, some are found again by chance.",
         rows=(K_SWEEP,),
         table="k_sweep",
         columns=("case", "organ", *K_SWEEP.columns),

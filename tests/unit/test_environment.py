@@ -138,7 +138,7 @@ def test_linters_have_one_version_each():
         )
     }
     for linter, version in re.findall(
-        r"\b(ruff|snakefmt|codespell|pyright|uv)==([\d.]+)", (ROOT / ".ci" / "run").read_text()
+        r"\b(ruff|snakefmt|codespell|proselint|pyright|uv)==([\d.]+)", (ROOT / ".ci" / "run").read_text()
     ):
         for name, text in texts.items():
             named = re.findall(rf"{linter}(?:-pre-commit)?(?:==|\n    rev: v)([\d.]+)", text)

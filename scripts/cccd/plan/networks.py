@@ -143,7 +143,7 @@ def _is_trained(settings: Settings, cohort: PlannedCohort, root: Path) -> bool:
     if settings.train is True and named:
         raise InputError(
             "config keys train and gnn.pretrained",
-            f"{named} is named, and a model is to be trained",
+            f"a model is to be trained, but {named} is named",
             "set train: false, or gnn.pretrained to null",
         )
     trained = cohort.is_asked(settings.train, root) and not named

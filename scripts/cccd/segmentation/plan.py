@@ -162,9 +162,9 @@ class Plan:
         if outside[worst] <= 1:
             return []
         return [
-            f"{image.location} has other grey values than the segmenter was trained on: scaled, their "
-            f"percentile {_PERCENTILES[worst]} is {found[worst]:.2f}, and there it was {low[worst]:.2f} to "
-            f"{high[worst]:.2f}"
+            f"{image.location} has other grey values than the segmenter was trained on: after scaling, "
+            f"percentile {_PERCENTILES[worst]} is {found[worst]:.2f}; in the training it was "
+            f"{low[worst]:.2f} to {high[worst]:.2f}"
         ]
 
 

@@ -45,7 +45,7 @@ def loft_surface(
         When there is no curve at all, or none goes around the centre of a pixel.
     """
     if len(curves) == 0:
-        raise InputError("curves", "there is not one closed curve", "check the mask or the boundary maps")
+        raise InputError("curves", "there is no closed curve", "check the mask or the boundary maps")
     outlines = lofted_outlines(curves, splines, settings)
     stack = interpolate_slices(outlines, settings, probability, annotation)
     return loft_spline(stack, settings.smallest_part_voxels).to_world(curves.frame)

@@ -170,7 +170,7 @@ def annotation_note(annotation: Annotation, frame: Frame, rule: str) -> str:
 def _planes(guides: Iterable[Guide], frame: Frame) -> str:
     """Count planes by the axis that they are square to."""
     axes = [frame.in_plane_axes[guide.axis] for guide in guides]
-    parts = [f"{axes.count(axis)} square to axis {axis}" for axis in sorted(set(axes))]
+    parts = [f"{axes.count(axis)} perpendicular to axis {axis}" for axis in sorted(set(axes))]
     return " and ".join(parts)
 
 

@@ -81,7 +81,7 @@ def contour_frame(
         return _move_to_planes(image.affine, axis, image.shape, planes), None, [note]
     stride = int(np.abs(np.diff(whole)).min())
     keep = slice(int(whole.min() % stride), None, stride)
-    notes = [f"{location}: contours on every {stride}. slice of the image only"] if stride > 1 else []
+    notes = [f"{location}: only one in {stride} slices of the image has contours"] if stride > 1 else []
     return _frame_of_slices(image, axis, keep), keep, notes
 
 

@@ -402,7 +402,7 @@ def _annotation(scan: _Scan, first: IntArray, last: IntArray, location: str) -> 
     if scan.probability is not None:
         if scan.annotated == NONEMPTY:
             raise InputError(
-                location, "annotated: nonempty together with probabilities", "give a mask of labels"
+                location, "annotated: nonempty cannot be combined with probabilities", "give a mask of labels"
             )
         return None
     order = [frame.slice_axis, *frame.in_plane_axes]

@@ -175,8 +175,8 @@ def _networks_on(organ: str, table: pd.DataFrame) -> str:
     alone = grey.get(f"{CCCD}, {FINEST}")
     return (
         f"On the same scans ({organ}): {told}. CCCD at {FINEST} on the true mask has "
-        f"{_percent(finest, quoted_finest)}, above {above} networks; it is "
-        f"told where the organ is, and on the networks' masks it changes their Dice by {min(lost):+.2f} to "
+        f"{_percent(finest, quoted_finest)}, above {above} networks. It is "
+        f"given the place of the organ. On the networks' masks it changes their Dice by {min(lost):+.2f} to "
         f"{max(lost):+.2f} points."
         + (f" The paper's order of two holds for {held} of {len(pairs)} pairs." if pairs else "")
         + (f" Where a threshold stands for a network, CCCD at {FINEST} has {alone:.1f} %." if alone else "")

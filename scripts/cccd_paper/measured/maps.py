@@ -38,14 +38,14 @@ def boundary_maps(tables: Tables) -> str:
     return "\n\n".join([
         "## Boundary maps without a mask",
         f"Junction repair on {junctions['maps'].iloc[0]:.0f} damaged maps of ten kinds. **In "
-        "distribution**: the generator of this damage also made the network's training maps (others of "
-        "them).",
+        "distribution**: the generator of this damage also made the training maps of the network, which are "
+        "other maps.",
         markdown_table(decoders),
-        "Surfaces of structures whose mask no method saw; it is the reference (for the kidney, its true "
-        "surface). `scan/brain` is an image with noise and a bias field, skull-stripped, which makes a "
-        "threshold's task easy; the edges are Canny's. `damaged/kidney` is damaged by the training's own "
-        "generator: **in distribution**. The network also reads the image and the neighbouring slices; the "
-        "classical decoder reads each map alone.",
+        "Surfaces of structures whose mask no method got; it is the reference (for the kidney, its true "
+        "surface). `scan/brain` is an image with noise and a bias field, with Canny's edges. It is "
+        "skull-stripped, which makes the task easy for a threshold. `damaged/kidney` is damaged by the "
+        "generator of the training: **in distribution**. The network also reads the image and the "
+        "neighbouring slices; the classical decoder reads each map alone.",
         markdown_table(rows),
         image_alone(tables),
     ])  # fmt: skip
@@ -59,17 +59,17 @@ def image_alone(tables: Tables) -> str:
         assd, hd95 = (group.set_index("method")[name].to_dict() for name in ("assd_mm", "hd95_mm"))
         if THRESHOLD not in assd:
             continue
-        verb = "loses to" if assd[NETWORK] > assd[THRESHOLD] else "is nearer than"
+        verb = "loses to" if assd[NETWORK] > assd[THRESHOLD] else "is closer than"
         sentences.append(
             f"On {case}/{organ}, the one structure that comes from an image alone, the network {verb} a "
             f"threshold: ASSD {assd[NETWORK]:.2f} against {assd[THRESHOLD]:.2f} mm, HD95 {hd95[NETWORK]:.1f} "
-            f"against {hd95[THRESHOLD]:.1f} mm; {CLASSICAL} has {assd[CLASSICAL]:.2f} mm."
+            f"against {hd95[THRESHOLD]:.1f} mm. The ASSD of {CLASSICAL} is {assd[CLASSICAL]:.2f} mm."
         )
     return " ".join(sentences)
 
 
 def unseen_damage(tables: Tables) -> str:
-    """Set the shipped network beside classical decoders on damage that its training never saw."""
+    """Compare the shipped network with classical decoders on damage that its training did not have."""
     rows = tables["out_of_distribution"]
     correct = rows.set_index(["decoder", "kind"])["correct"].to_dict()
     kinds = list(dict.fromkeys(rows["kind"]))
@@ -83,9 +83,9 @@ def unseen_damage(tables: Tables) -> str:
     ]
     return "\n\n".join([
         "### Out of distribution",
-        "Outlines of organs, damaged by a generator that training never saw, and edges of real MR slices "
-        "with their labels (`python tests/benchmarks/out_of_distribution.py`; not of the run above). "
-        "“Seeded” decoders are given a point inside the organ, which the network is not.",
+        "Outlines of organs that another generator damaged, one that the training did not use, and edges of "
+        "real MR slices with their labels (`python tests/benchmarks/out_of_distribution.py`, not in the run "
+        "above). “Seeded” decoders get a point inside the organ; the network does not.",
         markdown_table(shown),
         unseen_verdict(tables),
     ])  # fmt: skip
@@ -100,7 +100,7 @@ def unseen_verdict(tables: Tables) -> str:
     others = share.drop([SHIPPED, TRUE_LABELS]).sort_values(ascending=False)
     verb = "more than" if network > others.iloc[0] else "fewer than"
     return (
-        f"Over the {damaged['kind'].nunique()} kinds of unseen damage the shipped network gets "
+        f"Over the {damaged['kind'].nunique()} kinds of unseen damage, the shipped network gets "
         f"{network:.2f} of the maps right, {verb} {others.index[0]} ({others.iloc[0]:.2f})."
     )
 
@@ -158,8 +158,8 @@ def segmentation_networks(tables: Tables) -> str:
     ]
     return "\n\n".join([
         "## Segmentation networks",
-        "The networks of the paper's Table 3, trained narrow on phantoms of the generator that made these "
-        "scans, against the phantom's mask: **in distribution**, and no statement about real scans. "
-        "“Proposed CCCD” finds the organ by a threshold and the edges around it.",
+        "The networks of the paper's Table 3, narrower than published, compared with the phantom's mask. "
+        "They were trained on phantoms of the same generator: **in distribution**, so the numbers do not "
+        "hold for real scans. “Proposed CCCD” finds the organ by a threshold and the edges around it.",
         markdown_table(shown),
     ])  # fmt: skip

@@ -77,15 +77,15 @@ def _introduction(tables: Tables) -> str:
     return (
         "# Measured\n\n`docs/write_measured.py` writes this page from the tables of one default run "
         f"(`snakemake --cores 2`, program at commit {run['commit']}, {run['machine']}, Python "
-        f"{run['python']}); no figure is typed, and a test holds the page to `docs/measured/*.csv`. The "
-        f"run's {len(jobs)} jobs took {seconds:.0f} s of processor time, training of both networks "
-        "included. Every method of these tables, and more of them, is in the run's report.\n\n**What is "
-        "measured against what.** The phantoms are digitised from surfaces that are known: their "
-        "distances, volumes, normals and genus are to the *true surface*. The MNI brain (nilearn's, 1 mm, "
-        "skull-stripped) has no true surface: its distances are to the isosurface of *its own mask*, "
-        "which has the voxels' steps. That flatters whatever keeps the steps: marching cubes has an ASSD "
-        "of zero there by construction, and a method that rounds the steps off is further away the "
-        "smoother it is. The phantoms show what that is worth."
+        f"{run['python']}). No figure is typed by hand, and a test compares the page with "
+        f"`docs/measured/*.csv`. The run's {len(jobs)} jobs took {seconds:.0f} s of processor time, "
+        "including the training of both networks. The run's report has every method of these tables, and "
+        "more.\n\n**References.** The phantoms are digitised from known surfaces. Their distances, volumes, "
+        "normals and genus are compared with the *true surface*. The MNI brain (nilearn's, 1 mm, "
+        "skull-stripped) has no true surface. Its distances are measured to the isosurface of *its own "
+        "mask*, which has the voxels' steps. This favours methods that keep the steps: marching cubes has "
+        "an ASSD of zero there by construction, and the smoother a method is, the further away it is. Only "
+        "the phantoms show which surface is better."
     )
 
 
@@ -105,8 +105,8 @@ def _time_and_memory(benchmarks: pd.DataFrame) -> str:
     return "\n\n".join([
         "## Time and memory",
         f"Processor time and peak memory of {most} slices, one thread ({benchmarks['machine'].iloc[0]}, "
-        "other work beside it), by `python tests/benchmarks/run.py` ([all of it](benchmarks.csv)); not of "
-        "the run above. Growth is the slope of log time over log slices.",
+        "with other work running), measured by `python tests/benchmarks/run.py` ([all "
+        "figures](benchmarks.csv)), not in the run above. Growth is the slope of log time over log slices.",
         markdown_table(shown),
         "![Time and memory by number of slices](benchmarks.png)",
     ])  # fmt: skip
@@ -127,11 +127,11 @@ def _falls_short(tables: Tables) -> str:
         "([solids](#solids-that-nothing-was-tuned-on)).",
         cost(tables),
         f"**Unseen damage.** {unseen_verdict(tables)} The run's own tables of damaged maps are in "
-        f"distribution ([both](#boundary-maps-without-a-mask)).",
+        f"distribution ([both tables](#boundary-maps-without-a-mask)).",
         compactness(tables),
-        "**No data of the paper.** Its three data sets could not be had: [the paper and us](paper.md).",
-        "**Between the slices.** Branches and fissures that move far between thick slices: "
-        "[filling](filling.md#next-to-other-methods), [the surface](splines.md#how-well); few drawn slices: "
-        "[sparse annotation](sparse_annotation.md).",
+        "**No data of the paper.** Its three data sets could not be downloaded ([the paper](paper.md)).",
+        "**Between the slices.** Branches and fissures that move far between thick slices: see "
+        "[filling](filling.md#next-to-other-methods) and [the surface](splines.md#how-well). If only a few "
+        "slices are annotated: see [sparse annotation](sparse_annotation.md).",
     ]
     return "\n\n".join(["## Where it falls short", "\n".join(f"- {item}" for item in items)])

@@ -33,7 +33,7 @@ def figure_9(tables: Tables) -> pd.DataFrame:
 
 
 def pixel_corners(tables: Tables) -> str:
-    """Show the fused corner detectors beside CCCD, and who is ahead with the parameters of Figure 9."""
+    """Show the fused corner detectors next to CCCD, and who is ahead with the parameters of Figure 9."""
     rows = tables["table2_fuse"]
     own = (rows["method"] == CCCD) & rows["parameters"].isin(["k = 3", "k = 7", AUTOMATIC])
     sets = ["paper, Table 2", "paper, Figure 9", BEST_OF_GRID]
@@ -53,16 +53,16 @@ def pixel_corners(tables: Tables) -> str:
     fewer = int((ahead["control_points_fuse"] < ahead["control_points"]).sum())
     return "\n\n".join([
         "## Corners on pixels",
-        "Tables 1 and 2 of the paper: corners of the organ's mask, along a short tour, fused with a "
-        "spline, and CCCD's corners and splines on the chain code. The reference is the slice's own "
-        "pixels, a staircase; medians over slices. A detector that calls every other pixel a corner "
-        "follows the steps best. “Best of grid” was chosen on training phantoms.",
+        "Tables 1 and 2 of the paper: corners of the organ's mask, linked by a short tour and fused with a "
+        "spline, next to CCCD's corners and splines on the chain code. Numbers are medians over slices. The "
+        "reference is the slice's own pixels, a staircase, so a detector that takes every other pixel as a "
+        "corner is closest. “Best of grid” was chosen on training phantoms.",
         markdown_table(shown),
         "With the parameters that the paper prints for Figure 9, FUSE2 has a higher Dice than CCCD at k = "
-        f"3 on {len(ahead)} of {len(both)} organs, on {fewer} of them with fewer points. The paper's claim "
+        f"3 on {len(ahead)} of {len(both)} organs, and fewer points on {fewer} of them. The paper's claim "
         f"that CCCD misclassifies least {'does not hold' if len(ahead) else 'holds'} at these parameters. "
-        "The detectors are told which of their corners lie near the boundary; CCCD's lie on it, and in "
-        "its order.",
+        "The detectors are given which of their corners lie near the boundary. CCCD's lie on it, in its "
+        "order.",
     ])  # fmt: skip
 
 
@@ -89,14 +89,15 @@ def chain_corners(tables: Tables) -> str:
     above = int((others[BEST_OF_GRID] > finest).sum())
     return "\n\n".join([
         "## Corners on the chain code",
-        "The paper's k-cosine, maxima of curvature, and the five detectors that it names in section 2 and "
-        "does not run; medians of the structures, against their masks' pixels. A curve with fewer than "
-        "four corners gets four evenly spaced points. The grid was searched on training phantoms.",
+        "The paper's k-cosine (maxima of curvature), and five detectors that the paper names in section 2 "
+        "but does not run. Numbers are medians over structures, compared with the pixels of their masks. A "
+        "curve with fewer than four corners gets four evenly spaced points. The grid was searched on "
+        "training phantoms.",
         markdown_table(shown),
-        f"At their publications' parameters the others reach {100 * others[PUBLISHED].min():.1f} to "
-        f"{100 * others[PUBLISHED].max():.1f} % Dice, at the best of the grid "
+        f"With the parameters of their publications the others reach {100 * others[PUBLISHED].min():.1f} to "
+        f"{100 * others[PUBLISHED].max():.1f} % Dice, with the best of the grid "
         f"{100 * others[BEST_OF_GRID].min():.1f} "
-        f"to {100 * others[BEST_OF_GRID].max():.1f} %; {above} of {len(others)} are above the k-cosine at k "
+        f"to {100 * others[BEST_OF_GRID].max():.1f} %. {above} of {len(others)} are above the k-cosine at k "
         f"= 3 ({100 * finest:.1f} %).",
     ])  # fmt: skip
 
@@ -126,8 +127,8 @@ def corner_surfaces(tables: Tables) -> str:
     return "\n\n".join([
         "## From corners to the surface",
         f"The paper's chain to its end, in slabs of up to {rows['slices'].max():.0f} slices: corners are "
-        "control points, their splines are lofted. The reference is the slab's own mask, phantoms' too. "
-        "The surface is also given the number of pixels that each curve bounds (4 bytes, counted).",
+        "control points, and their splines are lofted. The reference is the slab's own mask, also for "
+        "phantoms. The surface also gets the number of pixels within each curve (4 bytes, and counted).",
         markdown_table(shown),
     ])  # fmt: skip
 
@@ -150,8 +151,8 @@ def planar_times(tables: Tables) -> str:
     if ordered is not None:
         others = medians.xs(DENSE, level="parameters")["curve_ms"].drop(CCCD)
         text = (
-            f"Ordering its pixels costs CCCD {ordered:.1f} ms a slice before its curve begins; on the same "
-            f"pixels {int((others < ordered).sum())} of {len(others)} reconstructions are quicker."
+            f"CCCD needs {ordered:.1f} ms a slice to order the pixels before it makes a curve. On the same "
+            f"pixels, {int((others < ordered).sum())} of {len(others)} reconstructions are faster."
         )
     stages = [
         {
@@ -166,13 +167,13 @@ def planar_times(tables: Tables) -> str:
     ]
     return "\n\n".join([
         "## Time of corners and curves",
-        "Processor time a slice, medians of the organs. “Harris corners” and “dense boundary” are the points "
-        "that are linked.",
+        "Processor time of a slice, medians over organs. The points that are linked are “Harris corners” or "
+        "the “dense boundary”.",
         markdown_table(shown),
         text,
-        "From the image to the surface, in slabs of a few slices. All splines run through pixel centres "
-        "and are lofted as they are, half a pixel inside the mask that is the reference: no method is "
-        "given that half pixel.",
+        "From the image to the surface, in slabs of a few slices. All splines go through pixel centres and "
+        "are lofted there, half a pixel inside the mask, which is the reference. No method gets that half "
+        "pixel.",
         markdown_table(stages),
     ])  # fmt: skip
 
@@ -206,7 +207,7 @@ def slabs(tables: Tables) -> list[str]:
 
 
 def compactness(tables: Tables) -> str:
-    """Set the bytes of a slice's splines beside those of its chain code."""
+    """Compare the bytes of a slice's splines with those of its chain code."""
     sizes = tables["compactness"][["spline", "chain_code"]].median()
     smaller = "fewer" if sizes["chain_code"] < sizes["spline"] else "more"
     return (

@@ -51,17 +51,17 @@ def full_resolution(tables: Tables) -> str:
     scan, damaged = ("scan/brain", "damaged/kidney")
     text = [
         "## Surfaces",
-        "Our surface of every structure. The spline is the surface, and what is measured is its "
-        "tessellation; bytes are those of the spline as stored. CPU seconds are the whole job's, reading "
-        f"and writing included. `{scan}` (edges of an image) and `{damaged}` (damaged maps) came without "
-        "their mask, which is their reference alone.",
+        "CCCD's surface of every structure. The surface is a spline; distances are measured on its "
+        "tessellation, and bytes are those of the stored spline. CPU seconds are those of the whole job, "
+        f"with reading and writing. `{scan}` (edges of an image) and `{damaged}` (damaged maps) were "
+        "reconstructed without their masks, which serve only as the reference.",
         markdown_table(rows),
         _soundness(structures),
         "### Next to other methods",
-        "Baselines with windowed sinc stand at the setting of a grid with the smallest ASSD, and at the "
-        f"smallest among those that bend at most {AS_SMOOTH_SLACK} times as ours does, where there are such. "
-        "Curvature is the mean of the surface's, per area: less is smoother. Seconds are the wall's from the "
-        "mask on; a dash: this run did not time it (the table above has the job's processor seconds).",
+        "Baselines with windowed sinc have up to two rows, from a grid of settings: the smallest ASSD, and "
+        f"the smallest ASSD among settings that bend at most {AS_SMOOTH_SLACK} times as much as ours. "
+        "Curvature is the mean over the surface; less is smoother. Seconds are counted from the mask on; a "
+        "dash: this run did not time it (the table above has the job's processor seconds).",
     ]
     surfaces = tables["surfaces"]
     for (case, organ), rows_of in surfaces.groupby(["case", "organ"], sort=False):
@@ -88,12 +88,12 @@ def _soundness(structures: pd.DataFrame) -> str:
     if wrong.empty:
         return f"{text}."
     parts = [
-        f"{place(row)} has {row['genus']:.0f} for {row['genus_true']:.0f}" for _, row in wrong.iterrows()
+        f"{place(row)} has {row['genus']:.0f}, and should have {row['genus_true']:.0f}"
+        for _, row in wrong.iterrows()
     ]
     return (
-        f"{text}: {listed(parts)}. Genus is decided between the slices. A fissure that shifts from slice to "
-        "slice by more than its own width is closed for part of the way between them, and every such bridge "
-        "is a handle."
+        f"{text}: {listed(parts)}. The genus is decided between the slices: a fissure that moves by more "
+        "than its width from slice to slice is closed for part of the gap, and every such bridge is a handle."
     )
 
 
@@ -147,28 +147,28 @@ def _nearer(rows: pd.DataFrame) -> str:
     nearer = rivals[rivals["assd_mm"] < ours["assd_mm"]].sort_values("assd_mm")
     smooth = rivals[as_smooth(rows, _STRUCTURE)[rivals.index]]
     if nearer.empty:
-        text = "No baseline is nearer than ours."
+        text = "No baseline is closer than ours."
     else:
         named = listed(list(dict.fromkeys(nearer["method"])))
         both = len(nearer.index.intersection(smooth.index))
         verb = "is" if len(nearer) == 1 else "are"
-        text = f"Nearer than ours {verb} {named}; {both} of these {len(nearer)} rows bend as little as ours."
+        text = f"Closer than ours {verb} {named}; {both} of these {len(nearer)} rows bend as little as ours."
     if smooth.empty:
         return f"{text} No baseline is as smooth as ours."
     best = smooth.sort_values("assd_mm").iloc[0]
     ratio = best["assd_mm"] / ours["assd_mm"]
-    return f"{text} Of those as smooth the nearest is {_method(best)}, with {ratio:.2f} times our ASSD."
+    return f"{text} Of those as smooth as ours, {_method(best)} is closest, with {ratio:.2f} times our ASSD."
 
 
 def thick_slices(tables: Tables) -> str:
-    """Show ours from every n-th slice beside the nearest baselines."""
+    """Show ours from every n-th slice next to the closest baselines."""
     rows = tables["thick_slices"]
     parts = [
         "## Thick slices",
-        "Every n-th slice is kept, the surface is rebuilt from these and measured at full resolution: the "
-        "brain against the isosurface of its whole mask, phantoms against the true surface. Seconds are "
-        "the wall's, from the mask on, on a machine that other jobs share. The nearest baseline, and the "
-        "nearest of those as smooth as ours:",
+        "Every n-th slice is kept, and the surface of these is compared at full resolution: the brain with "
+        "the isosurface of its whole mask, phantoms with the true surface. Seconds are those of the clock, "
+        "starting from the mask, on a machine with other jobs. Each row names the closest baseline, and the "
+        "closest of those as smooth as ours:",
     ]
     shown = []
     for keys, group in rows.groupby(["case", "organ", "slice_distance_mm"], sort=False):
@@ -178,8 +178,8 @@ def thick_slices(tables: Tables) -> str:
             "structure": f"{keys[0]}/{keys[1]}, {keys[2]:g} mm",
             "reference": "true surface" if pd.notna(ours["genus_true"]) else "its own mask",
             "ours: ASSD mm, curvature, genus, s": f"{_brief(ours)}, {_genus(ours)}, {ours['seconds']:.1f}",
-            "nearest baseline: ASSD mm, curvature": _named(rivals),
-            "nearest as smooth": _named(smooth) if len(smooth) else "none is as smooth",
+            "closest baseline: ASSD mm, curvature": _named(rivals),
+            "closest as smooth": _named(smooth) if len(smooth) else "none is as smooth",
         })  # fmt: skip
     return "\n\n".join([*parts, markdown_table(shown)])
 
@@ -198,11 +198,10 @@ def unseen_solids(tables: Tables) -> str:
     rows = tables["orex"]
     parts = [
         "## Solids that nothing was tuned on",
-        "The parallel-plane solids of OReX (Sawdayee et al. 2023), contours on a few planes far apart, "
-        "against the solids that they were cut from (`python tests/benchmarks/orex.py`; not of the run "
-        "above). Ours has a row from the contours, and one from the mask that they fill, which is all "
-        "that the baselines get; baselines stand at the settings that suit these very solids. A unit is "
-        "taken for 100 mm.",
+        "Contours on a few planes that lie far apart: the solids of OReX (Sawdayee et al. 2023). Surfaces "
+        "are compared with the solids that the contours were cut from (`python tests/benchmarks/orex.py`, "
+        "not in the run above). Ours has two rows: from the contours, and from the mask that they fill. The "
+        "baselines get only the mask, and have the settings that suit these solids. One unit is 100 mm.",
     ]
     for solid, group in rows.groupby("solid", sort=False):
         first = group.iloc[0]
@@ -229,9 +228,9 @@ def solids_verdict(rows: pd.DataFrame) -> str:
     nearer = int((distances < ours["assd_mm"]).sum())
     right = int((ours["genus"] == ours["genus_true"]).sum())
     return (
-        f"From the mask ours has a smaller ASSD than every baseline on {ahead['assd_mm']} of {solids} "
+        f"From the mask, ours has a smaller ASSD than every baseline on {ahead['assd_mm']} of {solids} "
         f"solids, a smaller HD95 on {ahead['hd95_mm']}, and the true genus on {right}. The isosurface of "
-        f"the distances that our spline is fitted to is nearer than the spline on {nearer}."
+        f"the distances to which our spline is fitted is closer than the spline on {nearer}."
     )
 
 
@@ -246,7 +245,7 @@ def full_resolution_shortfall(tables: Tables) -> list[str]:
             kept = " (it has the voxels' steps)" if rows["genus_true"].isna().all() else ""
             reference = "its mask's isosurface" if kept else "the true surface"
             found.append(
-                f"**Full resolution, {case}/{organ}.** {len(nearer)} rows of baselines are nearer to "
+                f"**Full resolution, {case}/{organ}.** {len(nearer)} rows of baselines are closer to "
                 f"{reference}{kept} than ours ({nearer['assd_mm'].min():.3f} to "
                 f"{nearer['assd_mm'].max():.3f} against {ours['assd_mm']:.3f} mm); {int(rougher.sum())} of "
                 f"these {len(nearer)} bend more than ours."
@@ -259,7 +258,7 @@ def handles(tables: Tables) -> list[str]:
     _, wrong = _of_known_genus(tables["structures"])
     return [
         f"**Handles.** {place(row)} has genus {row['genus']:.0f}, the true surface {row['genus_true']:.0f}: "
-        "fissures are closed for part of the way between slices."
+        "fissures are closed for part of the gap between slices."
         for _, row in wrong.iterrows()
     ]
 

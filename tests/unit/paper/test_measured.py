@@ -59,7 +59,7 @@ def test_who_is_ahead_at_figure_9_is_read_off_the_table(tables):
 
 
 @pytest.mark.parametrize(
-    ("assd", "verdict"), [(99.0, "the network loses to a"), (0.01, "the network is nearer than a")]
+    ("assd", "verdict"), [(99.0, "the network loses to a"), (0.01, "the network is closer than a")]
 )
 def test_the_network_against_a_threshold_is_read_off_the_table(tables, assd, verdict):
     change(tables, "map_surfaces", f"case == 'scan' and method == '{NETWORK}'", assd_mm=assd)
@@ -69,7 +69,7 @@ def test_the_network_against_a_threshold_is_read_off_the_table(tables, assd, ver
 def test_a_nearer_baseline_is_named_where_it_falls_short(tables):
     change(tables, "surfaces", "method == 'surface nets' and organ == 'liver'", assd_mm=0.001)
     short = page_of(tables).split("## Where it falls short")[1]
-    assert "**Full resolution, phantom/liver.** 1 rows of baselines are nearer to the true surface" in short
+    assert "**Full resolution, phantom/liver.** 1 rows of baselines are closer to the true surface" in short
 
 
 def test_a_wrong_genus_is_told_and_a_right_one_is_not(tables):

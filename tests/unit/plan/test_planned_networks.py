@@ -95,7 +95,7 @@ def test_only_another_package_s_network_brings_code():
     [
         (
             {"train": True, "gnn": {"pretrained": "mine.pt"}},
-            "config keys train and gnn.pretrained: mine.pt is named, and a model is to be trained; ",
+            "config keys train and gnn.pretrained: a model is to be trained, but mine.pt is named; ",
         ),
         ({"gnn": {"start": "mine.pt"}}, "config key gnn.start: nothing is trained in this run; "),
         ({"train": True, "gnn": {"start": "no.pt"}}, "config key gnn.start: there is no file no.pt; "),

@@ -223,7 +223,7 @@ def test_what_is_lost_is_told_by_its_volume():
 def test_no_curves_is_an_input_error():
     frame = Frame(np.eye(4), 2, (5, 5, 5))
     none = Curves(np.zeros((0, 2)), np.zeros(1, int), np.zeros(0, np.int32), np.zeros(0, bool), frame)
-    with pytest.raises(InputError, match="not one closed curve"):
+    with pytest.raises(InputError, match="there is no closed curve"):
         loft_surface(none, SETTINGS)
 
 

@@ -154,7 +154,7 @@ def test_as_little_as_two_voxels_across_gives_something_closed(shape):
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (12, 1, 12), (1, 1, 12)])
 def test_what_has_no_closed_curve_is_refused_in_one_line(shape):
-    with pytest.raises(InputError, match=r"^curves: there is not one closed curve; [^\n]*$"):
+    with pytest.raises(InputError, match=r"^curves: there is no closed curve; [^\n]*$"):
         lofted(blocks(*shape))
 
 

@@ -261,7 +261,7 @@ def test_one_drawn_slice_is_too_few(tmp_path, planes):
 def test_probabilities_are_known_on_every_slice(tmp_path):
     share = 0.7 * only(ellipsoid(), [20, 40, 60]).astype(np.float32)
     write_nifti(tmp_path / "liver.nii.gz", share, np.eye(4))
-    with pytest.raises(InputError, match="together with probabilities"):
+    with pytest.raises(InputError, match="combined with probabilities"):
         load_structure(row(mask="liver.nii.gz", annotated="nonempty"), tmp_path, settings())
 
 
