@@ -71,6 +71,19 @@ def picture_of(*names: str) -> str:
     return "\n".join(drawn)
 
 
+def heat_map(name: str, most_mm: float, pixels: int = 420) -> str:
+    """Draw what ``cccd compare -o`` wrote as VTP: red lies outside the other surface, blue inside."""
+    import pyvista
+
+    plotter = pyvista.Plotter(off_screen=True, window_size=(pixels, pixels))
+    shown = {"scalars": "distance", "cmap": "RdBu_r", "clim": (-most_mm, most_mm)}
+    bar = {"title": "distance, mm", "color": "black"}
+    plotter.add_mesh(pyvista.read(FOLDER / name), **shown, scalar_bar_args=bar)
+    plotter.view_xz()
+    plotter.camera.azimuth = 200
+    return _screenshot(plotter, f"{name}, coloured by the distance to the other surface")
+
+
 def cut_open(solid, pixels: int = 420) -> str:
     """Draw the half of a tetrahedral mesh that lies behind the middle, by the quality of its tetrahedra."""
     import pyvista
@@ -83,10 +96,14 @@ def cut_open(solid, pixels: int = 420) -> str:
         behind, scalars="shape", clim=(0, 1), show_edges=True, cmap="viridis", scalar_bar_args=beside
     )
     plotter.view_xz()
-    path = FOLDER / "cut_open.png"
+    return _screenshot(plotter, "half of the tetrahedra, by quality")
+
+
+def _screenshot(plotter, words: str) -> str:
+    path = FOLDER / "screenshot.png"
     plotter.screenshot(path)
     plotter.close()
-    return _image(path.read_bytes(), "half of the tetrahedra, by quality")
+    return _image(path.read_bytes(), words)
 
 
 def panels(pictures: dict, overlay: dict | None = None) -> str:

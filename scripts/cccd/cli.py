@@ -44,6 +44,7 @@ examples:
   cccd surface ct.nii.gz --threshold 150:       what is bright in an image without a mask
   cccd segment mr.nii.gz --segmenter hippocampus    labels and surface, from a scan without a mask
   cccd check labels.nii.gz                      what is in it: axes, spacing, labels, a picture
+  cccd compare a.stl b.nii.gz --json            Dice, distances, normals of two surfaces or masks
   cccd run sheet.tsv --cores 8                  a cohort, with tables and a report
   cccd run bids/ out/ participant               the masks of a BIDS data set
 """
@@ -117,6 +118,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_surface(commands)
     _add_segment(commands)
     _add_check(commands)
+    _add_compare(commands)
     _add_run(commands)
     _add_export(commands)
     _add_report(commands)
@@ -231,6 +233,38 @@ def _add_check(commands: Any) -> None:
         "-o", "--output", type=Path, metavar="PNG", help="the picture; default: NAME_check.png in this folder"
     )
     check.set_defaults(run=_check)
+
+
+def _add_compare(commands: Any) -> None:
+    from cccd.limits import LIMITS, TOLERANCE_MM
+
+    compare = commands.add_parser(
+        "compare",
+        help="compare two surfaces, masks or label maps",
+        description="Measure how far two surfaces, masks or label maps agree, label by label. Inputs: meshes "
+        "(PLY, STL, OBJ, GLB, VTP, GIfTI), surface.h5, solids (STEP, IGES, BREP), masks, label maps, DICOM "
+        "SEG and RTSTRUCT. Exits with 1 where a limit is missed.",
+    )
+    compare.add_argument("first", type=Path, metavar="A")
+    compare.add_argument("second", type=Path, metavar="B")
+    compare.add_argument(
+        "--label", action="append", default=[], metavar="LABEL",
+        help="compare this label only; given twice: that of A, and that of B",
+    )  # fmt: skip
+    compare.add_argument(
+        "--tolerance", type=float, default=TOLERANCE_MM, metavar="MM",
+        help=f"of the surface Dice; default: {TOLERANCE_MM:g} mm",
+    )  # fmt: skip
+    compare.add_argument(
+        "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
+        help="repeatable: .glb and .vtp, A's surface coloured by its distance to B; .html, a page",
+    )  # fmt: skip
+    for figure, limit in LIMITS.items():
+        compare.add_argument(
+            f"--{limit.option}", type=float, dest=figure, metavar=limit.unit, help=limit.help
+        )
+    compare.add_argument("--json", action="store_true", help="print JSON")
+    compare.set_defaults(run=_compare)
 
 
 def _add_run(commands: Any) -> None:
@@ -643,6 +677,35 @@ def _slices(structure: Structure) -> int:
         return len(set(structure.contours.slice.tolist()))
     stacks = (structure.stack(name) for name in ("region", "boundary", "mask"))
     return int(next(stack for stack in stacks if stack is not None).any(axis=(1, 2)).sum())
+
+
+# cccd compare ---------------------------------------------------------------------------------------
+
+
+def _compare(given: argparse.Namespace) -> int:
+    from cccd.comparison import compare, missed_limits
+    from cccd.comparison_files import check_outputs, write_comparison
+    from cccd.limits import LIMITS
+
+    if len(given.label) > 2:
+        raise InputError("--label", "given more than twice", "give one label, or that of A and that of B")
+    if not given.tolerance >= 0:
+        raise InputError("--tolerance", f"{given.tolerance:g} is no distance", "give mm, 0 or more")
+    check_outputs(given.output)
+    _check_files(given.output, [given.first, given.second])
+    limits = {figure: value for figure in LIMITS if (value := getattr(given, figure)) is not None}
+    found = compare(given.first, given.second, given.label, given.tolerance, bool(given.output))
+    for path in given.output:
+        write_comparison(path, found)
+    missed = missed_limits(found, limits)
+    if given.json:
+        print(json.dumps({**found.as_json(), "limits": limits, "missed": missed}, indent=2))
+    else:
+        print(found.as_text())
+        for line in missed:
+            print(f"missed: {line}")
+        print(*given.output, sep="\n", end="\n" * bool(given.output))
+    return 1 if missed else 0
 
 
 # the workflow ---------------------------------------------------------------------------------------

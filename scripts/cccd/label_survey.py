@@ -19,7 +19,7 @@ from cccd.volumes.grid import Volume, interpolate_on_grid, on_grid
 from cccd.volumes.label_maps import MapLabel, colour_of, read_parts
 from cccd.volumes.regions import DrawnLabels, voxels_of
 
-__all__ = ["SurveyedLabel", "measure_labels", "survey_labels"]
+__all__ = ["SurveyedLabel", "affine_of", "measure_labels", "survey_labels"]
 
 
 class SurveyedLabel(NamedTuple):
@@ -79,7 +79,7 @@ def _read_one_by_one(path: Path) -> Iterator[tuple[MapLabel, Volume | None]]:
         except InputError as error:
             yield MapLabel(label, name, left_out=error.problem), None
         else:
-            yield MapLabel(label, name), Volume(voxels_of(organ), _affine_of(organ), name)
+            yield MapLabel(label, name), Volume(voxels_of(organ), affine_of(organ), name)
 
 
 def _surveyed(label: MapLabel, part: Volume | None, number: int) -> SurveyedLabel:
@@ -94,7 +94,7 @@ def _surveyed(label: MapLabel, part: Volume | None, number: int) -> SurveyedLabe
     return SurveyedLabel(label.label, label.name, volume, note, label.colour or colour_of(number))
 
 
-def _affine_of(structure: Structure) -> FloatArray:
+def affine_of(structure: Structure) -> FloatArray:
     """Affine (4, 4) of the structure's arrays."""
     affine = structure.frame.affine.copy()
     affine[:3, 3] += affine[:3, :3] @ structure.origin
@@ -134,7 +134,7 @@ def survey_labels(
     structure = replace(structure, organ=structure.case)
     ranks = np.zeros(voxels_of(structure).shape, np.int32)
     for _, part, rank in sorted(there, key=lambda found: -(found[0].volume_ml or 0)):
-        _paint(ranks, _affine_of(structure), part, rank)
+        _paint(ranks, affine_of(structure), part, rank)
     return (
         structure,
         told,

@@ -17,7 +17,7 @@ PACKAGES = {"cccd": set(), "cccd_training": {"cccd"}, "cccd_paper": {"cccd", "cc
 #: Packages and single modules of each, by layer; those of one layer do not know each other.
 LAYERS = {
     "cccd": (
-        ("errors", "tolerances", "lookup", "dependencies", "project"),
+        ("errors", "limits", "tolerances", "lookup", "dependencies", "project"),
         ("additions",),
         ("extras", "disk_space", "devices"),
         ("settings", "geometry", "job", "remote", "sidecar_files"),
@@ -29,13 +29,13 @@ LAYERS = {
         ("junctions", "curves", "segmentation"),
         ("surface",),
         ("solids", "view"),
-        ("tetrahedra",),
+        ("tetrahedra", "mesh_files"),
         ("files",),
         ("reconstruction",),
         ("api",),
         ("pyvista_accessor", "label_survey"),
-        ("report",),
-        ("bids", "console", "doctor", "plan", "workflow_command"),
+        ("report", "comparison"),
+        ("comparison_files", "bids", "console", "doctor", "plan", "workflow_command"),
         ("cli",),
     ),
     "cccd_training": (("checkpoints", "filling"), ("junctions", "segmentation")),

@@ -165,6 +165,15 @@ class Mesh:
             return False
         return _count_fans(faces) == self._used()
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether faces run along every edge as often one way as the other: the mesh bounds a volume."""
+        if len(self.faces) == 0:
+            return False
+        count = int(self.faces.max()) + 1
+        start, end = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
+        return np.array_equal(np.sort(start * count + end), np.sort(end * count + start))
+
     def self_intersections(self) -> IntArray:
         """Pairs (K, 2) of triangles that pass through each other; see `cccd.geometry.collisions`."""
         return passing_pairs(self.vertices, self.faces)

@@ -16,9 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import pandas as pd
 import yaml
 from markupsafe import Markup
 
+from cccd.containers import View
 from cccd.lookup import find
 from cccd.report import plots
 from cccd.report.facts import benchmark_table, duration, provenance
@@ -28,10 +30,11 @@ from cccd.report.numerals import number
 from cccd.report.registry import Item, comparisons, items, sections
 from cccd.report.render import VIEWS, VTK_PACKAGE
 from cccd.report.results import Results
-from cccd.report.scene import build_scene, colour_stops
+from cccd.report.scene import build_scene, build_surface_scene, colour_stops
 from cccd.report.structure_view import (
     StructureView,
     encode_picture,
+    figure_view,
     headline_frame,
     headline_label,
     source_table,
@@ -40,7 +43,7 @@ from cccd.report.structure_view import (
 from cccd.report.summary import Cohort, build_tables, read_cohort, write_notes
 from cccd.store import atomic_path
 
-__all__ = ["build_report", "build_report_of_finished", "build_structure_page"]
+__all__ = ["build_comparison_page", "build_report", "build_report_of_finished", "build_structure_page"]
 
 #: Widths in pixels of a picture in a card and in the contact sheet of a cohort.
 _CARD_WIDTH, _THUMB_WIDTH = 900, 240
@@ -229,6 +232,51 @@ def build_structure_page(
             "back": _relative(index, output.parent) if index is not None else None,
             "comparisons": compared,
             **_shared(config),
+        },
+    )
+
+
+def build_comparison_page(
+    found: Mapping[str, Any],
+    views: Mapping[str, View],
+    names: tuple[str, str],
+    output: Path,
+    template_dir: Path,
+) -> None:
+    """Write the page of two inputs that were compared.
+
+    Parameters
+    ----------
+    found : mapping
+        What ``cccd compare --json`` prints.
+    views : mapping of str to View
+        Both surfaces of each row that has both, by its caption.
+    names : (str, str)
+        What the inputs are called.
+    output, template_dir : path
+        As for `build_report`.
+    """
+    rows = pd.DataFrame(found["rows"])
+    rows["notes"] = ["; ".join(notes) for notes in rows["notes"]]
+    rows = rows.replace("", None)
+    shown: list[StructureView] = []
+    for row in found["rows"]:
+        caption = " ".join(part for part in (row["label"], row["name"]) if part) or "surface"
+        view = figure_view(caption, f"{names[0]}, {names[1]}", row)
+        view.scene = build_surface_scene(views[caption]) if caption in views else None
+        shown.append(view)
+    _write(
+        output,
+        template_dir,
+        "comparison.html.j2",
+        {
+            "title": f"{names[0]} and {names[1]}",
+            "names": names,
+            "tolerance_mm": found["tolerance_mm"],
+            "notes": found["notes"],
+            "rows": table("comparison", rows),
+            "structures": shown,
+            **_shared({}),
         },
     )
 

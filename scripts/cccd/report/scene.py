@@ -15,10 +15,13 @@ from cccd.report.net import ControlNet
 from cccd.report.payload import Grid, pack, quantise
 from cccd.report.results import StructureFiles
 
-__all__ = ["Legend", "Scene", "build_scene", "colour_stops"]
+__all__ = ["Legend", "Scene", "build_scene", "build_surface_scene", "colour_limit", "colour_stops"]
 
 #: Diverging maps that remain distinct with any colour vision (Brewer), by what they show.
 COLOUR_MAPS = {"distance": "RdBu_r", "curvature": "PuOr_r"}
+
+#: Percentile of the values at which a scale ends.
+_PERCENTILES = {"distance": 98, "curvature": 95}
 
 #: In-plane coordinates are kept to this share of a pixel (coarser for organs over 2000 pixels wide).
 _PIXEL_STEP = 1 / 32
@@ -121,6 +124,12 @@ def build_scene(files: StructureFiles) -> Scene | None:
     return scene
 
 
+def build_surface_scene(view: View) -> Scene:
+    """Pack surfaces alone, which belong to no scan."""
+    piece = _pack_meshes(view)
+    return Scene(pack(piece.meta, piece.arrays), None, piece.parts, piece.legends, {}, piece.notes)
+
+
 # The surface ------------------------------------------------------------------------------------------
 
 
@@ -131,12 +140,14 @@ def _pack_meshes(view: View) -> _Piece:
         piece.arrays[f"{name}_points"] = quantise(mesh.vertices, grid)
         piece.arrays[f"{name}_faces"] = mesh.faces.astype(np.uint32)
     shown = view.meshes["surface"]
-    scales = {"curvature": ("Mean curvature", "per mm", "hollow", "domed", 95)}
-    if view.reference:
-        distance = {"distance": (f"Distance to {view.reference}", "mm", "inside", "outside", 98)}
-        scales = distance | scales
-    for name, (title, unit, low, high, percentile) in scales.items():
-        limit = _round_up(float(np.percentile(np.abs(view.values[name]), percentile)))
+    scales = {
+        "distance": (f"Distance to {view.reference}", "mm", "inside", "outside"),
+        "curvature": ("Mean curvature", "per mm", "hollow", "domed"),
+    }
+    for name, (title, unit, low, high) in scales.items():
+        if name not in view.values:
+            continue
+        limit = colour_limit(view.values[name], name)
         piece.arrays[f"surface_{name}"] = _as_bytes(view.values[name] / limit)
         piece.legends.append(Legend(name, title, limit, unit, low, high))
     if len(shown.faces) < view.triangles:
@@ -144,6 +155,11 @@ def _pack_meshes(view: View) -> _Piece:
             f"Simplified for this page from {view.triangles:,} to {len(shown.faces):,} triangles."
         )
     return piece
+
+
+def colour_limit(values: np.ndarray, name: str) -> float:
+    """Value at which a colour scale ends, so that few values (P,) lie beyond."""
+    return _round_up(float(np.percentile(np.abs(values), _PERCENTILES[name])))
 
 
 def _as_bytes(shares: np.ndarray) -> np.ndarray:

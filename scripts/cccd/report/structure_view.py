@@ -22,7 +22,8 @@ from cccd.report.results import Results
 from cccd.report.scene import Scene
 
 __all__ = [
-    "StructureView", "encode_picture", "headline_frame", "headline_label", "source_table", "view_structure",
+    "StructureView", "encode_picture", "figure_view", "headline_frame", "headline_label", "source_table",
+    "view_structure",
 ]  # fmt: skip
 
 
@@ -78,6 +79,24 @@ def view_structure(results: Results, case: str, organ: str, width: int | None) -
         sources=_sources(facts),
         provenance=json.dumps(facts, indent=2, sort_keys=True, ensure_ascii=False) if facts else None,
         grid=_grid(frame) if frame is not None else None,
+    )
+
+
+def figure_view(name: str, case: str, figures: Mapping[str, Any]) -> StructureView:
+    """Make the view of a surface of which there are figures alone."""
+    return StructureView(
+        case=case,
+        organ=name,
+        id=re.sub(r"[^A-Za-z0-9_-]", "-", name),
+        metrics={key: value for key, value in figures.items() if value is not None},
+        headlines=_headlines({"surface": {**figures, "dice_3d": figures.get("dice")}}),
+        warnings=list(figures.get("notes", [])),
+        picture=None,
+        renderer=None,
+        link="",
+        sources=[],
+        provenance=None,
+        grid=None,
     )
 
 

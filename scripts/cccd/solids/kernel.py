@@ -13,6 +13,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from cccd.errors import InputError
 from cccd.extras import needing
@@ -33,6 +36,7 @@ __all__ = [
     "facet_shell",
     "make_solid",
     "patch_shell",
+    "read_solid_mesh",
     "require_kernel",
     "spline_shell",
     "write_parts",
@@ -419,6 +423,85 @@ def write_parts(path: Path, parts: Sequence[Part], form: str) -> None:
         raise InputError(
             str(path), "OpenCASCADE could not write the file", "check the folder's space and rights"
         )
+
+
+#: Meshes of solids that are read lie this near to them, as a share of the solid's diagonal: chords take less
+#: than a thousandth of a ball's volume. The second is the angle between facets that is allowed, in radians.
+CHORD_SHARE, CHORD_RAD = 1e-4, 0.3
+
+
+def read_solid_mesh(path: Path) -> tuple[FloatArray, IntArray]:
+    """Read a STEP, IGES or BREP file as triangles.
+
+    Parameters
+    ----------
+    path : Path
+        Its suffix chooses the format; lengths become mm.
+
+    Returns
+    -------
+    vertices : (V, 3) float64
+        Each as often as faces meet there, to the last bit alike.
+    faces : (F, 3) int64
+
+    Raises
+    ------
+    InputError
+        OpenCASCADE cannot read it.
+    """
+    from OCP import Bnd, BRep, BRepBndLib, BRepMesh, TopAbs, TopExp, TopLoc, TopoDS
+
+    require_kernel(path)
+    shape = _read_shape(path)
+    box = Bnd.Bnd_Box()
+    BRepBndLib.BRepBndLib.Add_s(shape, box)
+    chord = CHORD_SHARE * np.sqrt(box.SquareExtent())
+    BRepMesh.BRepMesh_IncrementalMesh(shape, max(chord, PRECISION_MM), False, CHORD_RAD, False)
+    points: list[FloatArray] = [np.zeros((0, 3))]
+    corners: list[IntArray] = [np.zeros((0, 3), np.int64)]
+    count = 0
+    explorer = TopExp.TopExp_Explorer(shape, TopAbs.TopAbs_FACE)
+    while explorer.More():
+        face, place = TopoDS.TopoDS.Face(explorer.Current()), TopLoc.TopLoc_Location()
+        explorer.Next()
+        drawn = BRep.BRep_Tool.Triangulation_s(face, place)
+        if drawn is None:
+            continue
+        move = place.Transformation()
+        nodes = [drawn.Node(n).Transformed(move).Coord() for n in range(1, drawn.NbNodes() + 1)]
+        triangles = [drawn.Triangle(n).Get() for n in range(1, drawn.NbTriangles() + 1)]
+        found = np.array(triangles, np.int64).reshape(-1, 3) - 1 + count
+        points.append(np.array(nodes, float).reshape(-1, 3))
+        corners.append(found[:, ::-1] if face.Orientation() == TopAbs.TopAbs_REVERSED else found)
+        count += len(nodes)
+    return _snapped(np.concatenate(points)), np.concatenate(corners)
+
+
+def _snapped(points: FloatArray) -> FloatArray:
+    """Move points (P, 3) that edges and faces compute apart, by rounding, to the first of them."""
+    near = cKDTree(points).query_pairs(10 * PRECISION_MM, output_type="ndarray")
+    links = coo_array((np.ones(len(near), bool), near.T), shape=(len(points), len(points)))
+    count, group = connected_components(links, directed=False)
+    first = np.full(count, len(points))
+    np.minimum.at(first, group, np.arange(len(points)))
+    return points[first[group]]
+
+
+def _read_shape(path: Path) -> Any:
+    """Read a file's shape, in mm."""
+    from OCP import BRep, BRepTools, IFSelect, IGESControl, STEPControl, TopoDS
+
+    suffix = path.suffix.lower()
+    if suffix == ".brep":
+        shape = TopoDS.TopoDS_Shape()
+        if BRepTools.BRepTools.Read_s(shape, str(path), BRep.BRep_Builder()):
+            return shape
+    else:
+        steps = suffix in {".step", ".stp"}
+        reader = STEPControl.STEPControl_Reader() if steps else IGESControl.IGESControl_Reader()
+        if reader.ReadFile(str(path)) == IFSelect.IFSelect_RetDone and reader.TransferRoots():
+            return reader.OneShape()
+    raise InputError(path.name, "OpenCASCADE cannot read it", "export it again, as STEP AP214 or AP242")
 
 
 def _write_step(path: str, parts: Sequence[Part]) -> bool:

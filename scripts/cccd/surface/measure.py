@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cccd.containers import Structure
+from cccd.geometry.arrays import BoolArray, FloatArray, RealArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
@@ -24,8 +25,10 @@ __all__ = [
     "measure_agreement",
     "measure_mesh",
     "measure_surface",
+    "normal_figures",
     "volume_warnings",
     "voxel_dice",
+    "voxel_surface",
 ]
 
 #: Points on each of two surfaces by which their distances are measured.
@@ -36,9 +39,13 @@ def mask_surface(structure: Structure) -> Mesh:
     """Marching cubes at one half on the mask of a structure that has one, in mm RAS."""
     if structure.mask is None:
         raise ValueError("the structure has no mask")
-    padded = np.pad(structure.mask, 1).astype(np.float32)
-    grid = ScalarGrid(padded, structure.frame.affine, structure.origin - 1)
-    return grid.isosurface(0.5).outwards()
+    return voxel_surface(structure.mask, structure.frame.affine, structure.origin)
+
+
+def voxel_surface(mask: BoolArray, affine: FloatArray, origin: RealArray) -> Mesh:
+    """Marching cubes at one half on a mask (a, b, c), of which ``origin`` (3,) is the first voxel's index."""
+    padded = np.pad(mask, 1).astype(np.float32)
+    return ScalarGrid(padded, affine, origin - 1).isosurface(0.5).outwards()
 
 
 #: What of the lofting's report is no figure, or measured anew.
@@ -161,7 +168,11 @@ def _normals(mesh: Mesh, structure: Structure) -> dict[str, float]:
     """Angles to the true surface's normals in degrees, where there is a true surface."""
     if structure.truth is None:
         return {}
-    angles = normal_angles(mesh, structure.truth, np.random.default_rng(0))
+    return normal_figures(normal_angles(mesh, structure.truth, np.random.default_rng(0)))
+
+
+def normal_figures(angles: FloatArray) -> dict[str, float]:
+    """Median and 90th percentile of angles (P,) between normals, in degrees."""
     return {
         "normals_median_deg": float(np.median(angles)),
         "normals_p90_deg": float(np.percentile(angles, 90)),

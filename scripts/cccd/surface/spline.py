@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 
 from cccd.containers import Frame
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.booleans import between_planes
 from cccd.geometry.decimation import weigh_more
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd.surface.booleans import between_planes
 from cccd.surface.checks import check_surface
 from cccd.surface.control_mesh import (
     SAME_HEIGHT,

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cccd.geometry.booleans import between_planes
 from cccd.geometry.grid import ScalarGrid
-from cccd.surface.booleans import between_planes
 from cccd.surface.flat_caps import fill_rim
 
 

@@ -1,4 +1,4 @@
-"""A closed mesh cut by planes; the booleans are manifold3d's."""
+"""Booleans of closed meshes, by manifold3d: cuts by planes, common volumes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from manifold3d import Manifold
 
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["between_planes"]
+__all__ = ["between_planes", "shared_volume"]
 
 
 def between_planes(mesh: Mesh, low: float, high: float) -> Mesh:
@@ -28,6 +28,22 @@ def between_planes(mesh: Mesh, low: float, high: float) -> Mesh:
     if np.isfinite(high):
         body = body.trim_by_plane((0, 0, -1), -high)
     return _triangles(body)
+
+
+def shared_volume(first: Mesh, second: Mesh) -> float | None:
+    """Volume that two closed meshes have in common; None where one of them bounds no solid.
+
+    Examples
+    --------
+    >>> corner = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+    >>> tetrahedron = Mesh(corner, np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]))
+    >>> round(6 * shared_volume(tetrahedron, Mesh(corner + (0.5, 0, 0), tetrahedron.faces)), 9)
+    0.125
+    """
+    bodies = [_manifold(mesh) for mesh in (first, second)]
+    if any(body.status() != manifold3d.Error.NoError for body in bodies):
+        return None
+    return float((bodies[0] ^ bodies[1]).volume())
 
 
 def _manifold(mesh: Mesh) -> Manifold:

@@ -1,0 +1,38 @@
+"""Limits that ``cccd compare`` holds figures against, and its default tolerance; quick to load."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+__all__ = ["LIMITS", "TOLERANCE_MM", "Limit"]
+
+#: Surfaces this near to each other agree, for the surface Dice: about a voxel of most scans.
+TOLERANCE_MM = 1.0
+
+
+class Limit(NamedTuple):
+    """A figure's limit: the command's option, what the figure is called, its unit, and help."""
+
+    option: str
+    name: str
+    unit: str
+    help: str
+
+    def is_missed(self, value: float | None, limit: float) -> bool:
+        """Whether a figure is beyond the limit; one that is not there is. A bias counts either way."""
+        if value is None:
+            return True
+        return value < limit if self.option.startswith("min") else abs(value) > limit
+
+
+#: By figure.
+LIMITS = {
+    "dice": Limit("min-dice", "Dice", "SHARE", "exit with 1 if a Dice is below"),
+    "surface_dice": Limit("min-surface-dice", "surface Dice", "SHARE", "likewise the surface Dice"),
+    "assd_mm": Limit("max-assd", "ASSD", "MM", "exit with 1 if an average symmetric distance is above"),
+    "hd95_mm": Limit("max-hd95", "HD95", "MM", "likewise the 95th percentile of the distances"),
+    "hausdorff_mm": Limit("max-hausdorff", "Hausdorff distance", "MM", "likewise the largest distance"),
+    "volume_bias": Limit(
+        "max-volume-bias", "volume bias", "SHARE", "likewise A's volume over B's, less 1: 0.02 is two percent"
+    ),
+}

@@ -1,0 +1,215 @@
+"""Surfaces from files: triangle meshes, our own splines, and CAD solids, in mm RAS.
+
+Coordinates are taken as mm in RAS. A file that says otherwise is converted: one with a line ``SPACE=LPS``, as
+3D Slicer writes it, and glTF, which is in metres with y up by its standard.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from cccd.errors import InputError
+from cccd.extras import needing
+from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.ply import read_ply
+from cccd.store import read_bodies
+from cccd.surface.formats.glb import TO_GLTF
+from cccd.volumes.grid import LPS_TO_RAS
+from cccd.volumes.readers import guarded
+
+__all__ = ["CAD_SUFFIXES", "MESH_SUFFIXES", "MeshFile", "is_mesh", "read_mesh"]
+
+#: Suffixes of solids, which OpenCASCADE reads.
+CAD_SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
+
+#: A glTF file whose organ would be longer than this was written in mm, against the standard.
+_MOST_METRES = 10.0
+
+#: Text formats and headers say within so many bytes in which space they are.
+_HEAD = 4096
+
+#: Halvings of a control mesh's quads, as for ``surface.ply``.
+_HALVED = 2
+
+
+class MeshFile(NamedTuple):
+    """A surface as it was read.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        In mm RAS, equal vertices merged; it may be open, and turned inside out.
+    notes : tuple of str
+        What a user should know about the reading, one line each.
+    """
+
+    mesh: Mesh
+    notes: tuple[str, ...] = ()
+
+
+def is_mesh(path: Path) -> bool:
+    """Whether a file's name is that of a surface that `read_mesh` reads."""
+    return path.name.lower().endswith(MESH_SUFFIXES)
+
+
+def read_mesh(path: str | Path) -> MeshFile:
+    """Read a surface.
+
+    Parameters
+    ----------
+    path : path
+        PLY, STL, OBJ, GLB, glTF, VTP, GIfTI, the workflow's ``surface.h5``, STEP, IGES or BREP.
+
+    Raises
+    ------
+    InputError
+        Another suffix, not readable, or without triangles.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from cccd.geometry.stl import binary_stl
+    >>> corner = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+    >>> tetrahedron = Mesh(corner, np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]))
+    >>> path = Path(tempfile.mkdtemp()) / "solid.stl"
+    >>> _ = path.write_bytes(binary_stl(tetrahedron, "mm"))
+    >>> read_mesh(path).mesh.is_closed_manifold
+    True
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if not is_mesh(path):
+        raise InputError(path.name, "not a surface", f"give one of {', '.join(MESH_SUFFIXES)}")
+    if not path.is_file():
+        raise InputError(path.name, "there is no such file", "correct the path")
+    with guarded(path.name, "not a readable surface", "export it again"):
+        found = _READERS[suffix](path)
+    if not len(found.mesh.faces):
+        raise InputError(path.name, "it contains no triangles", "export it as a triangle mesh")
+    if not np.isfinite(found.mesh.vertices).all():
+        raise InputError(path.name, "it contains coordinates that are not finite", "export it again")
+    return found
+
+
+# One format each --------------------------------------------------------------------------------------
+
+
+def _polygons(path: Path) -> MeshFile:
+    """Read PLY, STL or OBJ."""
+    import trimesh
+
+    loaded = cast(Any, trimesh).load(path, process=False, force="mesh")
+    mesh = _merged(loaded.vertices, loaded.faces)
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    return MeshFile(mesh.transformed(LPS_TO_RAS) if b"SPACE=LPS" in head else mesh)
+
+
+def _gltf(path: Path) -> MeshFile:
+    import trimesh
+
+    scene = cast(Any, trimesh).load(path, process=False, force="scene")
+    parts: list[Mesh] = []
+    for node in scene.graph.nodes_geometry:
+        affine, name = scene.graph[node]
+        if hasattr(scene.geometry[name], "faces"):
+            part = _merged(scene.geometry[name].vertices, scene.geometry[name].faces)
+            parts.append(part.transformed(np.asarray(affine, float)))
+    mesh = _joined(parts)
+    metres = float(np.ptp(mesh.vertices, axis=0).max()) if len(mesh.vertices) else 0.0
+    if metres > _MOST_METRES:
+        note = f"{path.name}: taken as mm RAS; in metres, glTF's unit, it would be {metres:.4g} m long"
+        return MeshFile(mesh, (note,))
+    return MeshFile(mesh.transformed(np.linalg.inv(TO_GLTF)))
+
+
+def _vtp(path: Path) -> MeshFile:
+    from cccd.geometry._vtk import vtk
+
+    support, filters = vtk("util.numpy_support"), vtk("vtkFiltersCore")
+    reader = vtk("vtkIOXML").vtkXMLPolyDataReader()
+    reader.SetFileName(str(path))
+    triangles = filters.vtkTriangleFilter()
+    triangles.SetInputConnection(reader.GetOutputPort())
+    triangles.PassLinesOff()
+    triangles.PassVertsOff()
+    triangles.Update()
+    found = triangles.GetOutput()
+    if not found.GetNumberOfPolys():
+        return MeshFile(Mesh.empty())
+    vertices = support.vtk_to_numpy(found.GetPoints().GetData())
+    mesh = _merged(vertices, support.vtk_to_numpy(found.GetPolys().GetConnectivityArray()).reshape(-1, 3))
+    lps = any(_field_text(found, name).upper() == "LPS" for name in ("Space", "SPACE"))
+    return MeshFile(mesh.transformed(LPS_TO_RAS) if lps else mesh)
+
+
+def _field_text(data: Any, name: str) -> str:
+    """First text of an array of a data set's field data; empty where there is none."""
+    array = data.GetFieldData().GetAbstractArray(name)
+    return str(array.GetValue(0)) if array is not None and array.GetNumberOfTuples() else ""
+
+
+def _gifti(path: Path) -> MeshFile:
+    from nibabel.loadsave import load
+
+    image = cast(Any, load(path))
+    (points,) = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
+    (triangles,) = image.get_arrays_from_intent("NIFTI_INTENT_TRIANGLE")
+    return MeshFile(_merged(points.data, triangles.data))
+
+
+def _splines(path: Path) -> MeshFile:
+    """Read ``surface.h5``: the mesh beside it, which shared walls change, or else the splines' own."""
+    beside = path.with_suffix(".ply")
+    if beside.is_file():
+        return MeshFile(read_ply(beside))
+    return MeshFile(_joined([body.tessellate(_HALVED) for body in read_bodies(path)]))
+
+
+def _solid(path: Path) -> MeshFile:
+    with needing(path.name, "cad"):
+        from cccd.solids.kernel import read_solid_mesh
+
+        vertices, faces = read_solid_mesh(path)
+    return MeshFile(_merged(vertices, faces))
+
+
+_READERS: dict[str, Callable[[Path], MeshFile]] = {
+    **dict.fromkeys((".ply", ".stl", ".obj"), _polygons),
+    **dict.fromkeys((".glb", ".gltf"), _gltf),
+    ".vtp": _vtp,
+    ".gii": _gifti,
+    ".h5": _splines,
+    **dict.fromkeys(CAD_SUFFIXES, _solid),
+}
+
+#: Suffixes of every file that `read_mesh` reads.
+MESH_SUFFIXES = tuple(_READERS)
+
+
+# Vertices and faces -----------------------------------------------------------------------------------
+
+
+def _joined(parts: list[Mesh]) -> Mesh:
+    """Put meshes into one; nothing is merged."""
+    if not parts:
+        return Mesh.empty()
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    faces = [part.faces + start for part, start in zip(parts, starts, strict=True)]
+    return Mesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+
+
+def _merged(vertices: Any, faces: Any) -> Mesh:
+    """Make a mesh of triangles whose vertices many formats repeat; faces without area at a corner go."""
+    points: FloatArray = np.asarray(vertices, float).reshape(-1, 3)
+    corners: IntArray = np.asarray(faces, np.int64).reshape(-1, 3)
+    _, first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    kept = np.sort(first)  # in the file's order
+    corners = np.searchsorted(kept, first[same.ravel()])[corners]
+    whole = np.all(corners != np.roll(corners, 1, axis=1), axis=1)
+    return Mesh(points[kept], corners[whole])
