@@ -15,13 +15,13 @@ import numpy as np
 
 from cccd.api import read
 from cccd.errors import InputError
+from cccd.files.read_meshes import is_mesh, read_mesh
 from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.label_survey import affine_of, measure_labels
 from cccd.limits import LIMITS, TOLERANCE_MM
-from cccd.mesh_files import is_mesh, read_mesh
 from cccd.metrics import Gaps, dice, normal_angles, solid_dice
 from cccd.settings.messages import choices
 from cccd.surface.measure import SAMPLES, normal_figures, voxel_surface

@@ -12,11 +12,11 @@ from cccd.comparison import Compared, Comparison
 from cccd.containers import View
 from cccd.errors import InputError
 from cccd.extras import check_extra
+from cccd.files.gltf import TO_GLTF
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.project import PROJECT
 from cccd.store import atomic_path
-from cccd.surface.formats.glb import TO_GLTF
 from cccd.view import sort_spatially
 
 __all__ = ["check_outputs", "write_comparison"]

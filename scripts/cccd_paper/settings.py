@@ -99,7 +99,7 @@ class IsosurfaceSettings(Section):
             "Poisson",
             "alpha shape",
         ),
-        "methods to run beside ours",
+        "methods to run next to ours",
         why="All that there are, where what they need is installed. Those with windowed sinc, and programs, "
         "are shown at their best settings of a grid.",
     )

@@ -11,8 +11,8 @@ import cccd
 from cccd.cli import main
 from cccd.comparison import compare, missed_limits
 from cccd.errors import InputError
+from cccd.files.read_meshes import read_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.mesh_files import read_mesh
 from cccd.metrics import solid_dice, surface_distances
 from cccd.surface.measure import measure_agreement
 

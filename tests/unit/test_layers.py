@@ -29,7 +29,7 @@ LAYERS = {
         ("junctions", "curves", "segmentation"),
         ("surface",),
         ("solids", "view"),
-        ("tetrahedra", "mesh_files"),
+        ("tetrahedra",),
         ("files",),
         ("reconstruction",),
         ("api",),

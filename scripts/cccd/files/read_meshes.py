@@ -14,11 +14,11 @@ import numpy as np
 
 from cccd.errors import InputError
 from cccd.extras import needing
+from cccd.files.gltf import TO_GLTF
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply
 from cccd.store import read_bodies
-from cccd.surface.formats.glb import TO_GLTF
 from cccd.volumes.grid import LPS_TO_RAS
 from cccd.volumes.readers import guarded
 
