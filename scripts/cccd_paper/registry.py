@@ -533,7 +533,7 @@ ITEMS = (
         "bend at most 1.05 times as much as ours. “CCCD, distances alone” is the isosurface of the distances "
         "that our surface is lofted from (with the learned filling of slices 1.2 to 3.5 pixels apart), "
         "smoothed in the same way. Programs (niimath, 3D Slicer's own converters) also have a row at their "
-        "defaults, and none if they are not installed. Seconds are counted from the mask on; ours is made "
+        "defaults, and none if they are not installed. Processor seconds count from the mask on; ours is made "
         "once more to be timed. Genus counts handles, next to the true surface's if it is known.",
         rows=(ISOSURFACES,),
         table="surfaces",

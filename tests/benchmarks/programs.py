@@ -8,7 +8,7 @@ Both programs are optional: one that is not there has no row, and a line says so
 default cohort that have a mask, whole and, but for the letters, from every n-th slice. All methods get the
 same mask on the same grid and are measured against the same surface. Programs and baselines stand at the
 setting with the smallest ASSD of a grid and at the smallest among those as smooth as ours, programs at their
-defaults as well. Seconds are the wall's from the mask on, in one thread. The table goes to docs/programs.csv.
+defaults as well. Seconds are the processor's from the mask on. The table goes to docs/programs.csv.
 """
 
 import os

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -17,6 +16,7 @@ from cccd.settings.surface import LoftSettings
 from cccd.surface import Surface
 from cccd.surface.measure import Reference, control_bytes, measure_mesh
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
+from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES, Truth, tuned_rows
 from cccd_paper.settings import IsosurfaceSettings
 
@@ -52,7 +52,7 @@ def compare_isosurfaces(
     DataFrame
         One row per method, and up to three for a tuned one (`cccd_paper.comparisons.tuning`): Dice, ASSD and
         95 % Hausdorff distance in mm, volume bias, bending per area, triangles, bytes (of the mesh; ours
-        those of its control mesh as stored, beside ``mesh_bytes``), seconds, soundness.
+        those of its control mesh as stored, beside ``mesh_bytes``), processor seconds, soundness.
     """
     if structure.mask is None:
         return pd.DataFrame([_own_row(surface, partial(measure_mesh, structure=structure), None)])
@@ -61,23 +61,16 @@ def compare_isosurfaces(
     def measure(mesh: Mesh) -> dict[str, Any]:
         return measure_mesh(mesh, structure, reference=truth.reference, samples=SAMPLES)
 
-    _, seconds = _timed(partial(reconstruct_mask, structure, fitting, lofting))
+    _, seconds = timed(reconstruct_mask, structure, fitting, lofting)
     rows = [_own_row(surface, measure, seconds)]
     bends = rows[0]["curvature_per_area_mm"]
     for name in settings.methods:
         if name in SURFACES and SURFACES[name].available():
-            mesh, seconds = _timed(partial(SURFACES[name].run, structure, curves))
+            mesh, seconds = timed(SURFACES[name].run, structure, curves)
             rows.append({"method": name, **measure(mesh), "seconds": seconds})
         elif name in FAMILIES and FAMILIES[name].available():
             rows += tuned_rows(FAMILIES[name], structure, structure, truth, bends)
     return pd.DataFrame(rows)
-
-
-def _timed(make: Callable[[], Any]) -> tuple[Any, float]:
-    """Return what a function makes, and the seconds that it takes."""
-    start = time.perf_counter()
-    made = make()
-    return made, time.perf_counter() - start
 
 
 def _own_row(

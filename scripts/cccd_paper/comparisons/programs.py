@@ -11,7 +11,6 @@ import os
 import shutil
 import subprocess
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
@@ -25,6 +24,7 @@ from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.volumes.nifti_export import write_nifti
 from cccd_paper.comparisons import convert_by_slicer
+from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.volume_meshes import from_polydata
 
 __all__ = [
@@ -103,8 +103,12 @@ class Slicer(NamedTuple):
 
 _DECIMATIONS, _SMOOTHINGS = (0.0, 0.5, 0.8), (0.25, 0.5, 0.75, 1.0)
 
-#: What is tried of each.
-NIIMATH_GRID = tuple(Niimath(*setting) for setting in product((1, 0), (0.25, 1.0), (0, 10, 50)))
+#: What is tried of each. niimath without any smoothing is marching cubes, which has a row of its own.
+NIIMATH_GRID = tuple(
+    Niimath(presmooth, reduced, rounds)
+    for presmooth, reduced, rounds in product((1, 0), (0.25, 1.0), (0, 10, 50))
+    if presmooth or rounds
+)
 SLICER_EDGES = tuple(Slicer(False, False, *setting) for setting in product(_DECIMATIONS, _SMOOTHINGS))
 SLICER_NETS = tuple(Slicer(True, *setting) for setting in product((False, True), _DECIMATIONS, _SMOOTHINGS))
 
@@ -134,16 +138,16 @@ def by_niimath(structure: Structure, settings: Sequence[Niimath]) -> Iterator[tu
     mesh : Mesh
         In world mm (RAS), outwards.
     seconds : float
-        The whole command's.
+        The whole command's, of the processor.
     """
     with tempfile.TemporaryDirectory() as folder:
         given, made = Path(folder) / "mask.nii", Path(folder) / "mesh.ply"
         write_nifti(given, *_padded(structure))
         for setting in settings:
             command = [NIIMATH, given, "-mesh", "-i", "0.5", "-l", "0", "-v", "0", *setting.options, made]
-            started = time.perf_counter()
-            _run(command, NIIMATH, "niimath did not mesh the mask", "pip install -U niimath")
-            seconds = time.perf_counter() - started
+            _, seconds = timed(
+                _run, command, NIIMATH, "niimath did not mesh the mask", "pip install -U niimath"
+            )
             yield from_polydata(pv.read(made)).outwards(), seconds
 
 
@@ -161,7 +165,7 @@ def by_slicer(structure: Structure, settings: Sequence[Slicer]) -> Iterator[tupl
     mesh : Mesh
         In world mm (RAS), outwards.
     seconds : float
-        The conversion's, in a process that has loaded what it needs.
+        The conversion's, of the processor, in a process that has loaded what it needs.
 
     Raises
     ------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -16,6 +15,7 @@ from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.measure import Reference, control_bytes, measure_mesh
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES
+from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES, Truth, tuned_rows
 from cccd_paper.settings import ThickSliceSettings
 
@@ -58,7 +58,7 @@ def thick_slice_experiment(
     -------
     DataFrame
         One row per slice distance and method, two for a tuned one (see `cccd_paper.comparisons.tuning`), with
-        the columns of `measure_mesh`, ``seconds``, and for ours ``control_bytes``.
+        the columns of `measure_mesh`, processor ``seconds``, and for ours ``control_bytes``.
     """
     rows = []
     if structure.mask is None:
@@ -79,9 +79,7 @@ def _reconstructions(
     thick: Structure, structure: Structure, truth: Truth, fitting: CurveSettings, lofting: LoftSettings
 ) -> Iterator[dict[str, Any]]:
     """Reconstruct thick slices by our way and by the baselines, each measured at full resolution."""
-    start = time.perf_counter()
-    surface = reconstruct_mask(thick, fitting, lofting)
-    seconds = time.perf_counter() - start
+    surface, seconds = timed(reconstruct_mask, thick, fitting, lofting)
     ours = measure_mesh(surface.mesh, structure, reference=truth.reference, samples=SAMPLES)
     sizes = {"seconds": seconds, "control_bytes": control_bytes(surface)}
     yield {"method": "CCCD", "chosen": None, "setting": None, **ours, **sizes}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -15,6 +14,7 @@ from cccd.surface.measure import Reference, measure_mesh
 from cccd_paper.comparisons.baselines.surfaces import Family, Program
 from cccd_paper.comparisons.paper_k import AS_SMOOTH, AS_SMOOTH_SLACK, BEST, DEFAULTS
 from cccd_paper.comparisons.sinc_grid import Smoothing, smoothed
+from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.volume_meshes import windowed_sinc
 
 __all__ = ["SAMPLES", "Truth", "tuned_rows"]
@@ -96,9 +96,9 @@ def tuned_rows(
     Yields
     ------
     dict
-        The columns of `measure_mesh`, ``method``, ``chosen``, ``setting`` and ``seconds``: a row for the
-        setting of the smallest ASSD, one for the smallest among those that bend at most 1.05 times as ours
-        does, where there are such, and one for a program's own; those that are the same share a row.
+        The columns of `measure_mesh`, ``method``, ``chosen``, ``setting`` and processor ``seconds``: a row
+        for the setting of the smallest ASSD, one for the smallest among those that bend at most 1.05 times as
+        ours does, where there are such, and one for a program's own; those that are the same share a row.
     """
     candidates = sorted(_candidates(family, structure, truth), key=lambda one: (one.assd, one.bending))
     calm = next((one for one in candidates if one.bending <= AS_SMOOTH_SLACK * ours_bends), None)
@@ -109,17 +109,15 @@ def tuned_rows(
         why = ", ".join(name for name, chosen in wanted.items() if chosen is one)
         if not why:
             continue
-        start = time.perf_counter()
-        mesh = one.shape
+        mesh, smoothing_s = one.shape, 0.0
         if one.smoothing is not None:
-            mesh = windowed_sinc(mesh, one.smoothing.rounds, one.smoothing.pass_band)
-        seconds = one.seconds + time.perf_counter() - start
+            mesh, smoothing_s = timed(windowed_sinc, mesh, one.smoothing.rounds, one.smoothing.pass_band)
         yield {
             "method": family.title,
             "chosen": why,
             "setting": one.name,
             **measure_mesh(mesh, measured, reference=truth.reference, samples=SAMPLES),
-            "seconds": seconds,
+            "seconds": one.seconds + smoothing_s,
         }
 
 

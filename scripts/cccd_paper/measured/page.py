@@ -121,6 +121,7 @@ def _falls_short(tables: Tables) -> str:
         f"{chain_margin(tables)}",
         f"**From an image alone.** {image_alone(tables)}",
         *full_resolution_shortfall(tables),
+        f"**Programs that people use.** {programs_verdict(tables)}",
         *handles(tables),
         *slabs(tables),
         f"**Few planes far apart.** {solids_verdict(tables['orex'])} "

@@ -28,8 +28,8 @@ def programs(tables: Tables) -> str:
         "alone) and 3D Slicer's own converters (PyPI `slicer-core`), run as they are on the same masks "
         "(`python tests/benchmarks/programs.py`; not of the run above; [every row](programs.csv)). Each "
         f"program has a row at its defaults and one at its best of a grid ({_grid_sizes()}); the baseline is "
-        "the nearest of all the others at their best. Wall seconds from the mask on, in one thread, "
-        "on a machine that other jobs shared; a program's own, without its start where that is Python's.",
+        "the nearest of all the others at their best. Seconds are the processor's from the mask on (Slicer's "
+        "without its start).",
     ]
     for (case, organ, distance, nth), group in rows.groupby(_PLACE, sort=False):
         kept = f", every {nth}th slice kept" if nth > 1 else ""

@@ -60,7 +60,7 @@ def full_resolution(tables: Tables) -> str:
         "### Next to other methods",
         "Baselines with windowed sinc have up to two rows, from a grid of settings: the smallest ASSD, and "
         f"the smallest ASSD among settings that bend at most {AS_SMOOTH_SLACK} times as much as ours. "
-        "Curvature is the mean over the surface; less is smoother. Seconds are counted from the mask on; a "
+        "Curvature is the mean over the surface; less is smoother. Processor seconds count from the mask on; a "
         "dash: this run did not time it (the table above has the job's processor seconds).",
     ]
     surfaces = tables["surfaces"]
@@ -166,8 +166,8 @@ def thick_slices(tables: Tables) -> str:
     parts = [
         "## Thick slices",
         "Every n-th slice is kept, and the surface of these is compared at full resolution: the brain with "
-        "the isosurface of its whole mask, phantoms with the true surface. Seconds are those of the clock, "
-        "starting from the mask, on a machine with other jobs. Each row names the closest baseline, and the "
+        "the isosurface of its whole mask, phantoms with the true surface. Processor seconds "
+        "count from the mask on. Each row names the closest baseline, and the "
         "closest of those as smooth as ours:",
     ]
     shown = []

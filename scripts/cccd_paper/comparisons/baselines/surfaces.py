@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -16,6 +15,7 @@ from cccd_paper.comparisons.lofted_distances import lofted_distances
 from cccd_paper.comparisons.paper_k import DISTANCES
 from cccd_paper.comparisons.sinc_grid import GRID, Smoothing
 from cccd_paper.comparisons.tensor_product_loft import tensor_product_loft
+from cccd_paper.comparisons.timing import timed
 
 __all__ = ["FAMILIES", "SURFACES", "Family", "Program"]
 
@@ -52,9 +52,8 @@ class Family:
     def meshes(self, structure: Structure) -> Iterator[tuple[str, Mesh, float]]:
         """Every isosurface, by its setting's name, with the seconds that it took."""
         for name, make in self.shapes.items():
-            start = time.perf_counter()
-            mesh = make(structure)
-            yield name, mesh, time.perf_counter() - start
+            mesh, seconds = timed(make, structure)
+            yield name, mesh, seconds
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ class Program:
     title : str
         Name in tables and figures.
     run : callable
-        Accepts a structure and settings, and yields a mesh and its seconds for each.
+        Accepts a structure and settings, and yields a mesh and its processor seconds for each.
     settings : sequence
         What is tried; each is written as the tables do by `str`.
     default : object
@@ -90,7 +89,7 @@ class Program:
         return [None]
 
     def meshes(self, structure: Structure) -> Iterator[tuple[str, Mesh, float]]:
-        """Its mesh at every setting, by the setting's name, with the seconds that it took."""
+        """Its mesh at every setting, by the setting's name, with its processor seconds."""
         for setting, (mesh, seconds) in zip(self.settings, self.run(structure, self.settings), strict=True):
             yield str(setting), mesh, seconds
 
