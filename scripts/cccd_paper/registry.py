@@ -533,7 +533,7 @@ ITEMS = (
         "bend at most 1.05 times as much as ours. “CCCD, distances alone” is the isosurface of the distances "
         "that our surface is lofted from (with the learned filling of slices 1.2 to 3.5 pixels apart), "
         "smoothed in the same way. Programs (niimath, 3D Slicer's own converters) also have a row at their "
-        "defaults, and none if they are not installed. Processor seconds count from the mask on; ours is made "
+        "defaults, and none if they are not installed. Processor seconds count from the mask; ours is made "
         "once more to be timed. Genus counts handles, next to the true surface's if it is known.",
         rows=(ISOSURFACES,),
         table="surfaces",
@@ -566,10 +566,10 @@ ITEMS = (
         "classical decoders. The paper prints its network's graph, features, convolution, dropout and "
         "labels. Its depth, width, epochs, batch, optimiser, loss, and how two pixels give a link's value "
         "are invented here. Its chains bridge no gaps: one that stays open is dropped. It is trained on the "
-        "same graphs in every epoch, 200 by default (gnn/paper_history.csv). Ours sees new maps, thousands "
-        "in a run and 391,000 for the shipped weights. The generator of the training also damaged the maps "
-        "of this table, so all of it is in distribution. Dropped are pixels of a map that lie on no curve; "
-        "bridged are pixels of the curves that are not in the map.",
+        "same graphs in every epoch, 200 by default (gnn/paper_history.csv; docs/equal_maps.csv has it on "
+        "3,000). Ours sees new maps, thousands in a run and 391,000 for the shipped weights. The generator "
+        "of the training also damaged the maps of this table, so all of it is in distribution. Dropped are "
+        "pixels of a map that lie on no curve; bridged are pixels of the curves that are not in the map.",
         table="junctions",
         columns=(
             "decoder",

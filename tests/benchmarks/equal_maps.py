@@ -88,7 +88,7 @@ def scores(network: str, model_path: Path, maps: dict) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Train and score every network; rows are written as they come."""
+    """Train and score every network, and write the table."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pandas as pd
 
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
-from cccd_paper.comparisons.cohort_tables import at_best, baseline_rows
+from cccd_paper.comparisons.cohort_tables import as_smooth, at_best, baseline_rows
 from cccd_paper.comparisons.notes import listed
 from cccd_paper.comparisons.paper_k import DEFAULTS
 from cccd_paper.measured.surfaces import method_table, reference_of
@@ -59,27 +59,33 @@ def _shown(group: pd.DataFrame) -> Iterator[pd.DataFrame]:
 
 
 def programs_verdict(tables: Tables) -> str:
-    """Count where each program at its best is nearer than ours, and what its nearest has of our ASSD."""
+    """Say where a program is nearer than ours, and where it is that and as smooth."""
     rows = tables["programs"]
+    places = rows[_PLACE].drop_duplicates()
     ours = rows[rows["method"] == "CCCD"].set_index(_PLACE)["assd_mm"]
+    limit = ours.loc[pd.MultiIndex.from_frame(rows[_PLACE])].to_numpy()
+    nearer = rows["method"].isin(_PROGRAMS) & (rows["assd_mm"] < limit)
     sentences = []
     for name in _PROGRAMS:
         best = at_best(rows[rows["method"] == name]).set_index(_PLACE)["assd_mm"]
         if best.empty:
             continue
         ratio = best / ours.loc[best.index]
-        sentences.append(
-            f"{name} at its best has {ratio.min():.2f} to {ratio.max():.2f} times our ASSD, and is nearer on "
-            f"{int((ratio < 1).sum())} of {len(ratio)}"
-        )
-    nearer = [
-        f"{case}/{organ} of {distance:g} mm slices"
-        for case, organ, distance, _ in ours.index[_beaten(rows, ours)]
+        sentences.append(f"{name} {ratio.min():.2f} to {ratio.max():.2f}")
+    told = (
+        f"Over {len(places)} stacks programs at their best have, in times our ASSD: {listed(sentences)}. "
+        f"One is nearer than ours on {_count(rows[nearer])}"
+    )
+    both = rows[nearer & as_smooth(rows, _PLACE)]
+    if both.empty:
+        return f"{told}, and none of these is as smooth."
+    named = [
+        f"{row['method']} ({row['setting']}: {row['assd_mm']:.3f} against {ours[tuple(row[_PLACE])]:.3f} mm)"
+        for _, row in both.iterrows()
     ]
-    said = f" A program is nearer on {listed(nearer)}." if nearer else ""
-    return "; ".join(sentences) + f".{said}"
+    where = [f"{case}/{organ}" for case, organ, *_ in both[_PLACE].drop_duplicates().itertuples(index=False)]
+    return f"{told}, and both nearer and as smooth on {_count(both)}, {listed(where)}: {listed(named)}."
 
 
-def _beaten(rows: pd.DataFrame, ours: pd.Series) -> pd.Series:
-    best = rows[rows["method"].isin(_PROGRAMS)].groupby(_PLACE)["assd_mm"].min()
-    return best.reindex(ours.index) < ours
+def _count(rows: pd.DataFrame) -> int:
+    return len(rows[_PLACE].drop_duplicates())
