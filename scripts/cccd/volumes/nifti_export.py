@@ -16,6 +16,7 @@ from cccd.containers import Frame, Structure
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
+from cccd.tolerances import ORTHOGONALITY
 from cccd.volumes.annotation import fill_mask
 
 __all__ = ["write_label_map", "write_nifti"]
@@ -35,7 +36,9 @@ def write_nifti(path: str | Path, values: npt.NDArray[np.integer], affine: Float
     """
     image = Nifti1Image(values, affine)
     image.set_sform(affine, code=1)
-    image.set_qform(affine, code=1)
+    columns = affine[:3, :3] / np.linalg.norm(affine[:3, :3], axis=0)
+    tilted = np.abs(columns.T @ columns - np.eye(3)).max() > ORTHOGONALITY
+    image.set_qform(affine, code=0 if tilted else 1)  # a qform has no shear: readers shall take the sform
     image.header.set_xyzt_units("mm")
     content = image.to_bytes()  # nibabel would not know the format of a name that ends with .gz alone
     if Path(path).suffix == ".gz":
