@@ -651,6 +651,7 @@ def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict
     frame = structure.frame
     axes = [str(code) for code in aff2axcodes(frame.affine)]
     along = f"axis {frame.slice_axis} ({axes[frame.slice_axis]})"
+    tilted = f", tilted by {frame.tilt:.1f} degrees" if frame.is_tilted else ""
     shape, spacing = " x ".join(map(str, frame.shape)), " x ".join(f"{size:.4g}" for size in frame.spacing)
     ways = {
         "contours": "drawn contours, used as they are",
@@ -667,7 +668,8 @@ def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict
         "input": way,
         "grid": f"{shape} voxels of {spacing} mm",
         "axes": f"index axes run towards {', '.join(axes)}: {', '.join(_TOWARDS[axis] for axis in axes)}",
-        "slices": f"{_slices(structure)} with organ, along {along}, {frame.slice_spacing:.4g} mm apart",
+        "slices": f"{_slices(structure)} with organ, along {along}, {frame.slice_spacing:.4g} mm apart"
+        + tilted,
         "warnings": list(structure.warnings),
     }
 

@@ -21,6 +21,7 @@ from cccd.geometry.closed_splines import sample_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
+from cccd.tolerances import ORTHOGONALITY
 
 __all__ = [
     "Annotation",
@@ -64,8 +65,36 @@ class Frame:
 
     @property
     def spacing(self) -> np.ndarray:
-        """Voxel edge lengths (3,) in mm, in the source volume's axis order."""
-        return np.linalg.norm(self.affine[:3, :3], axis=0)
+        """Voxel edge lengths (3,) in mm, in the source volume's axis order.
+
+        Of tilted slices the third is the distance of their planes: the product is a voxel's volume.
+        """
+        lengths = np.linalg.norm(self.affine[:3, :3], axis=0)
+        if self.is_tilted:
+            lengths[self.slice_axis] = self.affine[:3, self.slice_axis] @ self.normal
+        return lengths
+
+    @property
+    def normal(self) -> np.ndarray:
+        """Unit normal (3,) of the slices' planes in RAS, on the side of the next slice."""
+        step = self.affine[:3, self.slice_axis]
+        if not self.is_tilted:
+            return step / np.linalg.norm(step)
+        across = np.cross(*self.affine[:3, list(self.in_plane_axes)].T)
+        return across / np.copysign(np.linalg.norm(across), across @ step)
+
+    @property
+    def is_tilted(self) -> bool:
+        """Whether each slice lies aside of the one before, as with a tilted gantry."""
+        columns = self.affine[:3, :3] / np.linalg.norm(self.affine[:3, :3], axis=0)
+        step, plane = columns[:, self.slice_axis], columns[:, list(self.in_plane_axes)]
+        return bool(np.abs(step @ plane).max() > ORTHOGONALITY)
+
+    @property
+    def tilt(self) -> float:
+        """Angle in degrees between the slices' normal and the line through their first pixels."""
+        step = self.affine[:3, self.slice_axis]
+        return float(np.degrees(np.arccos(min(1.0, self.normal @ step / np.linalg.norm(step)))))
 
     @property
     def pixel_spacing(self) -> np.ndarray:

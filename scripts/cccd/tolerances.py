@@ -14,8 +14,11 @@ TINY = 1e-300
 #: Speeds along a curve count as at least this.
 STILL = 1e-12
 
-#: Affines whose columns' cosines exceed this are not orthogonal (sheared scans are refused).
+#: Axes whose cosine exceeds this are not at right angles: slices are tilted, pixels would be no rectangles.
 ORTHOGONALITY = 1e-3
+
+#: Tilted slices lie no flatter than this share of the distance between their first pixels (70 degrees).
+FLATTEST = 1 / 3
 
 #: Slice positions may differ from even spacing by this share of the spacing.
 EVEN_SPACING = 0.02

@@ -106,13 +106,15 @@ def write_rtstruct(
     -----
     Every loop is a ``CLOSED_PLANAR`` contour; holes are determined by nesting (even-odd).
     """
-    step = frame.affine[:3, frame.slice_axis]
-    normal = step / np.linalg.norm(step)
+    normal = frame.normal
     spacing = frame.slice_spacing if spacing_mm is None else float(spacing_mm)
     base = frame.affine[:3, 3] @ normal
     level = mesh.vertices @ normal
     first, last = np.floor((level.min() - base) / spacing), np.ceil((level.max() - base) / spacing)
     heights = base + spacing * np.arange(first, last + 1)
+    slices = [] if reference is None else reference_slices(Path(reference))
+    if spacing_mm is None:
+        heights = _own_heights(_levels(slices, normal), spacing, heights)
     sections = cross_sections(mesh, normal, heights)
     loops = [
         (float(height), _rounded(loop @ LPS_TO_RAS[:3, :3]))
@@ -122,7 +124,6 @@ def write_rtstruct(
     loops = [(height, loop) for height, loop in loops if len(loop) >= 3]
     if not loops:
         raise InputError(str(path), "no plane meets the surface", "choose a smaller spacing_mm")
-    slices = [] if reference is None else reference_slices(Path(reference))
     dataset = _structure_set(loops, name, slices, normal, spacing)
     if keep_patient and slices:
         copy_identity(slices[0], dataset)
@@ -337,6 +338,13 @@ def _levels(slices: list[Dataset], normal: FloatArray) -> FloatArray:
     """Heights (S,) of slices along a normal (3,) in RAS, mm."""
     positions = np.array([[float(x) for x in item.ImagePositionPatient] for item in slices]).reshape(-1, 3)
     return positions @ LPS_TO_RAS[:3, :3] @ normal
+
+
+def _own_heights(levels: FloatArray, spacing: float, heights: FloatArray) -> FloatArray:
+    """Heights of a series' slices (S,) where these are uneven: the frame's (P,) then lie much closer."""
+    gaps = np.diff(np.sort(levels))
+    finer = len(gaps) > 0 and gaps.min() > 1.5 * spacing
+    return np.sort(levels) if finer else heights
 
 
 def _contour_items(

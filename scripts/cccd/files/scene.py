@@ -104,8 +104,9 @@ def write_segmentation(path: Path, organs: Sequence[SceneOrgan], frame: Frame) -
     image = sitk.GetImageFromArray(np.ascontiguousarray(voxels.T))
     affine = LPS_TO_RAS @ frame.affine  # its own inverse
     image.SetOrigin(affine[:3, 3].tolist())
-    image.SetSpacing(frame.spacing.tolist())
-    image.SetDirection((affine[:3, :3] / frame.spacing).ravel().tolist())
+    lengths = np.linalg.norm(affine[:3, :3], axis=0)
+    image.SetSpacing(lengths.tolist())
+    image.SetDirection((affine[:3, :3] / lengths).ravel().tolist())
     image.SetMetaData("Segmentation_MasterRepresentation", "Binary labelmap")
     image.SetMetaData("Segmentation_ContainedRepresentationNames", "Binary labelmap|")
     image.SetMetaData("Segmentation_ReferenceImageExtentOffset", "0 0 0")

@@ -61,7 +61,7 @@ def write_seg(
     Raises
     ------
     InputError
-        No series, its slices are not evenly spaced, or the mesh holds none of its voxels.
+        No series, or the mesh holds none of its voxels.
     """
     if reference is None:
         raise InputError(
@@ -69,38 +69,44 @@ def write_seg(
         )
     location = Path(reference).name
     with guarded(location, *_UNUSABLE):
-        slices, affine = _grid(reference_slices(Path(reference)), location)
-        shape = int(slices[0].Columns), int(slices[0].Rows), len(slices)
-    mask = voxelise(mesh, LPS_TO_RAS @ affine, shape)
+        slices, affines = _grids(reference_slices(Path(reference)))
+        size = int(slices[0].Columns), int(slices[0].Rows)
+    blocks = [voxelise(mesh, LPS_TO_RAS @ affine, (*size, count)) for affine, count in affines]
+    mask = np.concatenate(blocks, axis=2)
     if not mask.any():
         raise InputError(str(path), "no voxel of the series lies in the surface", "name the right series")
     frames = np.ascontiguousarray(mask.transpose(2, 1, 0), np.uint8)
-    sources = [_source(image, float(np.linalg.norm(affine[:3, 2])), keep_patient) for image in slices]
+    step = float(np.linalg.norm(affines[0][0][:3, 2]))
+    sources = [_source(image, step, keep_patient) for image in slices]
     with guarded(location, *_UNUSABLE):
         dataset = _segmentation(frames, name, sources)
     dataset.save_as(path, enforce_file_format=True)
 
 
-def _grid(slices: list[Dataset], location: str) -> tuple[list[Dataset], FloatArray]:
-    """Sort slices along their normal; with them the affine (4, 4) from (column, row, slice) to mm LPS."""
+def _grids(slices: list[Dataset]) -> tuple[list[Dataset], list[tuple[FloatArray, int]]]:
+    """Sort slices along their normal; with them the grids that they lie on, and how many lie on each.
+
+    A grid is an affine (4, 4) from (column, row, slice) to mm LPS. Even slices, tilted ones too, have one;
+    of uneven ones each has its own.
+    """
     along, down = np.reshape([float(x) for x in slices[0].ImageOrientationPatient], (2, 3))
     positions = np.array([[float(x) for x in image.ImagePositionPatient] for image in slices])
     order = np.argsort(positions @ np.cross(along, down), kind="stable")
     positions = positions[order]
     step = (positions[-1] - positions[0]) / max(len(slices) - 1, 1)
+    if not step.any():
+        step = np.cross(along, down)
     even = positions[0] + np.arange(len(slices))[:, None] * step
     away = np.linalg.norm(positions - even, axis=1).max()
-    if len(slices) < 2 or away > CONTOUR_PLANE * np.linalg.norm(step):
-        raise InputError(location, "its slices are not evenly spaced", "resample the series, or use RTSTRUCT")
     rows, columns = (float(size) for size in slices[0].PixelSpacing)
     affine = np.eye(4)
-    affine[:3, 0], affine[:3, 1], affine[:3, 2], affine[:3, 3] = (
-        along * columns,
-        down * rows,
-        step,
-        positions[0],
-    )
-    return [slices[n] for n in order], affine
+    affine[:3, :3] = np.column_stack([along * columns, down * rows, step])
+    uneven = away > CONTOUR_PLANE * np.linalg.norm(step)
+    affines: list[tuple[FloatArray, int]] = []
+    for position in positions if uneven else positions[:1]:
+        affine[:3, 3] = position
+        affines.append((affine.copy(), 1 if uneven else len(slices)))
+    return [slices[n] for n in order], affines
 
 
 def _source(image: Dataset, step: float, keep_patient: bool) -> Dataset:

@@ -96,9 +96,9 @@ class ImportSettings(Section):
         why="Two grids are more often mixed-up files than intended.",
     )
     fill_gaps: bool = setting(
-        False,
-        "interpolate missing or uneven DICOM slices; otherwise an error",
-        why="A missing slice is more often a broken download than intended.",
+        True,
+        "interpolate missing or uneven DICOM slices, with a warning; false: an error",
+        why="Slices lie where their headers say. A missing one may be a broken download: read the warning.",
     )
     contour_pixel_mm: float = setting(
         1.0,

@@ -293,7 +293,7 @@ def _at_the_end_of(frame: Frame, corners: FloatArray) -> BoolArray:
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
     found = np.zeros(len(corners), bool)
     for axis, count in enumerate(frame.shape):
-        along = normal @ (frame.affine[:3, axis] / frame.spacing[axis])
+        along = normal @ (inverse[axis, :3] / np.linalg.norm(inverse[axis, :3]))
         for side, way in ((-0.5, -1), (count - 0.5, 1)):
             near = np.all(np.abs(index[:, :, axis] - side) < AT_SIDE, axis=1)
             found |= near & (way * along > ALONG)

@@ -17,7 +17,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SAME_POINT_VOXELS, SLICE_DIRECTION
-from cccd.volumes.grid import Volume
+from cccd.volumes.grid import Volume, even_grid
 
 __all__ = ["assemble_contours", "contour_frame"]
 
@@ -31,6 +31,7 @@ class _Planes(NamedTuple):
     normal: FloatArray  # (3,), of unit length
     heights: FloatArray  # (P,) along the normal, ascending; some multiples may be missing
     spacing: float
+    margin: int  # multiples that planes are usually apart
 
 
 def contour_frame(
@@ -62,12 +63,11 @@ def contour_frame(
     Raises
     ------
     InputError
-        Planes that are not parallel, not the image's, unevenly spaced, or fewer than two; contours along a
-        line.
+        Planes that are not parallel, not the image's, or fewer than two; contours along a line.
     """
     normal = _plane_normal(contours, location)
-    heights, spacing = _plane_heights(contours, normal, location)
-    planes = _Planes(normal, heights, spacing)
+    planes = _planes(contours, normal, location)
+    heights = planes.heights
     if image is None:
         note = f"{location}: no image given, pixels of {pixel_mm:g} mm assumed"
         return _frame_without_image(contours, planes, pixel_mm), None, [note]
@@ -98,29 +98,23 @@ def _plane_normal(contours: list[FloatArray], location: str) -> FloatArray:
     return normal
 
 
-def _plane_heights(contours: list[FloatArray], normal: FloatArray, location: str) -> tuple[FloatArray, float]:
-    """Heights (P,) of the planes along the normal, ascending, and their even spacing, mm."""
+def _planes(contours: list[FloatArray], normal: FloatArray, location: str) -> _Planes:
+    """Find the planes across a normal that contours lie in; of uneven distances, on a finer grid."""
     heights = np.sort([float(np.mean(contour @ normal)) for contour in contours])
     heights = heights[np.r_[True, np.diff(heights) > SAME_PLANE_MM]]
     if len(heights) < 2:
         raise InputError(location, "its contours lie in one plane", "give an organ of three slices or more")
-    gaps = np.diff(heights)
-    steps = np.rint(gaps / gaps.min())
-    spacing = float(gaps.sum() / steps.sum())
-    if np.abs(gaps / spacing - steps).max() > CONTOUR_PLANE:
-        raise InputError(
-            location,
-            f"its contours lie in unevenly spaced planes ({gaps.min():g} to {gaps.max():g} mm apart)",
-            "draw or interpolate them on every slice",
-        )
-    return heights, spacing
+    spacing, index = even_grid(heights)
+    least = round(float(np.diff(heights).min()) / spacing)
+    return _Planes(normal, heights, spacing, int(np.median(np.diff(index))) if least > 1 else 1)
 
 
 def _slice_axis(image: Volume, normal: FloatArray, location: str) -> int:
     """Axis of the image that runs along the planes' normal."""
-    columns = image.affine[:3, :3] / np.linalg.norm(image.affine[:3, :3], axis=0)
-    axis = int(np.abs(normal @ columns).argmax())
-    if abs(normal @ columns[:, axis]) < 1 - SLICE_DIRECTION:
+    across = np.linalg.inv(image.affine[:3, :3])  # its rows are normals of the slices across each axis
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    axis = int(np.abs(across @ normal).argmax())
+    if abs(across[axis] @ normal) < 1 - SLICE_DIRECTION:
         raise InputError(
             location, "its contours are not parallel to the image's slices", "give the right image"
         )
@@ -151,14 +145,15 @@ def _frame_of_slices(image: Volume, axis: int, keep: slice) -> Frame:
 def _move_to_planes(affine: FloatArray, axis: int, shape: Sequence[int] | AnyArray, planes: _Planes) -> Frame:
     """Move a grid's slices into the contours' planes, keeping its pixels.
 
-    One empty slice on either side shows that the organ ends there, rather than being cut by the scan's end.
+    Empty slices on either side show that the organ ends there, rather than being cut by the scan's end.
     """
     affine, sizes = affine.copy(), [int(n) for n in shape]
-    normal, heights, spacing = planes
+    normal, heights, spacing, margin = planes
     upwards = affine[:3, axis] @ normal > 0
-    affine[:3, axis] *= spacing / np.linalg.norm(affine[:3, axis])
-    affine[:3, 3] += normal * (heights[0 if upwards else -1] - affine[:3, 3] @ normal) - affine[:3, axis]
-    sizes[axis] = int(np.rint((heights[-1] - heights[0]) / spacing)) + 3
+    affine[:3, axis] *= spacing / abs(affine[:3, axis] @ normal)
+    affine[:3, 3] += normal * (heights[0 if upwards else -1] - affine[:3, 3] @ normal)
+    affine[:3, 3] -= margin * affine[:3, axis]
+    sizes[axis] = int(np.rint((heights[-1] - heights[0]) / spacing)) + 1 + 2 * margin
     return Frame(affine, axis, (sizes[0], sizes[1], sizes[2]))
 
 

@@ -18,8 +18,15 @@ from pydicom.errors import InvalidDicomError
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
 from cccd.settings.messages import choices
-from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY, SAME_HEADER, SAME_POSITION_PX
-from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
+from cccd.tolerances import (
+    CONTOUR_PLANE,
+    EVEN_SPACING,
+    ORTHOGONALITY,
+    SAME_HEADER,
+    SAME_PLANE_MM,
+    SAME_POSITION_PX,
+)
+from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine, even_grid
 from cccd.volumes.labels import choose_labels
 from cccd.volumes.limits import LIMITS, Limits, check_count, check_size
 from cccd.volumes.readers import guarded
@@ -229,10 +236,12 @@ def read_series(
         stack = _stack(location, files)
     affine, spacing = _stack_affine(location, stack)
     data = np.stack([_modality_pixels(file.path) for file in stack.files], axis=-1)
-    warnings = []
+    warnings: list[str] = []
     index = (stack.heights - stack.heights[0]) / spacing
     if np.abs(index - np.arange(len(index))).max() > EVEN_SPACING * max(1, len(index) ** 0.5):
-        data, note = _interpolate_slices(location, data, index, spacing, fill_gaps)
+        finer, _ = even_grid(stack.heights, CONTOUR_PLANE)
+        affine[:3, 2] *= finer / spacing
+        data, note = _interpolate_slices(location, data, index, spacing, finer / spacing, fill_gaps)
         warnings.append(note)
     return Volume(
         data,
@@ -241,6 +250,7 @@ def read_series(
         warnings=warnings,
         instances=tuple(sop_uid(file.header, "SOPInstanceUID") for file in stack.files),
         frame_of_reference=str(stack.files[0].header.get("FrameOfReferenceUID", "")),
+        uneven=bool(warnings),
     )
 
 
@@ -279,9 +289,9 @@ def _stack_affine(location: str, stack: _Stack) -> tuple[FloatArray, float]:
 
 
 def _interpolate_slices(
-    location: str, data: AnyArray, index: FloatArray, spacing: float, fill_gaps: bool
+    location: str, data: AnyArray, index: FloatArray, spacing: float, step: float, fill_gaps: bool
 ) -> tuple[AnyArray, str]:
-    """Interpolate slices (c, r, S) at ``index`` (S,) onto whole indices, if allowed, and say so."""
+    """Interpolate slices (c, r, S) at ``index`` (S,) onto multiples of a step, if allowed, and say so."""
     gaps = np.diff(index)
     missing = int(np.rint(gaps[gaps > 1.5] - 1).sum())
     worst = int(gaps.argmax())
@@ -295,7 +305,7 @@ def _interpolate_slices(
         raise InputError(
             location, problem, "complete the series, or set import: fill_gaps: true to interpolate"
         )
-    even = np.arange(int(np.rint(index[-1])) + 1)
+    even = step * np.arange(int(np.rint(index[-1] / step)) + 1)
     low = np.clip(np.searchsorted(index, even, side="right") - 1, 0, len(index) - 2)
     share = np.clip((even - index[low]) / (index[low + 1] - index[low]), 0, 1).astype(np.float32)
     return data[..., low] * (1 - share) + data[..., low + 1] * share, f"{location}: {problem}; interpolated"
@@ -364,12 +374,98 @@ def read_seg(path: Path, label: str, organ: str, series: Volume | None, limits: 
                 f"it refers to {len(unknown)} slices that {series.location} does not have",
                 "give the series that was segmented",
             )
-    with guarded(location, "its frames form no volume", "export it on evenly spaced slices"):
+    with guarded(location, "its frames form no volume", "export it on the slices of one series"):
+        frames = _Frames.of(seg)
+        if not frames.is_regular:
+            return frames.volume(seg, chosen, location)
         volume = seg.get_volume(segment_numbers=chosen, combine_segments=False)
     data = np.asarray(volume.array)
     mask = np.any(data.reshape(*data.shape[:3], -1) >= 0.5, axis=-1)
     affine = check_affine(LPS_TO_RAS @ volume.affine, location)
     return Volume(mask, affine, location, frame_of_reference=str(volume.frame_of_reference_uid or ""))
+
+
+class _Frames(NamedTuple):
+    """Where the frames of a SEG lie, in LPS mm; several segments may have frames at one place."""
+
+    plane: FloatArray  # (3, 2): steps along a row and along a column
+    normal: FloatArray  # (3,), of unit length
+    positions: FloatArray  # (F, 3) of the first pixels
+
+    @classmethod
+    def of(cls, seg: Any) -> _Frames:
+        """Read them from the functional groups."""
+        own = seg.PerFrameFunctionalGroupsSequence
+
+        plane = _group(seg, own[0], "PlaneOrientationSequence").ImageOrientationPatient
+        along_row, along_column = np.reshape([float(x) for x in plane], (2, 3))
+        rows, columns = (float(x) for x in _group(seg, own[0], "PixelMeasuresSequence").PixelSpacing)
+        positions = [
+            [float(x) for x in _group(seg, frame, "PlanePositionSequence").ImagePositionPatient]
+            for frame in own
+        ]
+        plane = np.column_stack([along_row * columns, along_column * rows])
+        return cls(plane, np.cross(along_row, along_column), np.array(positions))
+
+    @property
+    def _ordered(self) -> FloatArray:
+        """Positions (P, 3) along the normal, each once."""
+        heights = self.positions @ self.normal
+        order = np.argsort(heights, kind="stable")
+        return self.positions[order][np.r_[True, np.diff(heights[order]) > SAME_PLANE_MM]]
+
+    @property
+    def is_regular(self) -> bool:
+        """Whether they lie above each other, at multiples of one distance."""
+        places = self._ordered
+        if len(places) < 2:
+            return True
+        away = places - places[0]
+        aside = away - np.outer(away @ self.normal, self.normal)
+        heights = away @ self.normal
+        least = np.diff(heights).min()
+        multiples = heights / least
+        pixel = np.linalg.norm(self.plane, axis=0).min()
+        even = np.abs(multiples - np.rint(multiples)).max() <= EVEN_SPACING * max(1, len(heights) ** 0.5)
+        return bool(even and np.abs(aside).max() <= ORTHOGONALITY * pixel * max(1.0, multiples[-1]))
+
+    def volume(self, seg: Any, chosen: Sequence[int], location: str) -> Volume:
+        """Put the frames of some segments onto a grid through their planes, tilted or uneven as they are."""
+        places = self._ordered
+        heights = places @ self.normal
+        spacing, index = even_grid(heights)
+        step = (places[-1] - places[0]) / index[-1]
+        affine = np.eye(4)
+        affine[:3, :3], affine[:3, 3] = np.column_stack([self.plane, step]), places[0]
+        off = places - places[0] - index[:, None] * step
+        if (
+            np.abs(off - np.outer(off @ self.normal, self.normal)).max()
+            > np.linalg.norm(self.plane, axis=0).min()
+        ):
+            raise InputError(location, "its frames do not lie in one line", "export it on one series")
+        owner = np.rint((self.positions @ self.normal - heights[0]) / spacing).astype(int)
+        pixels = seg.pixel_array.reshape(len(self.positions), int(seg.Rows), int(seg.Columns))
+        labelled = str(seg.SegmentationType) == "LABELMAP"
+        most = float(seg.get("MaximumFractionalValue", 1)) if seg.SegmentationType == "FRACTIONAL" else 1.0
+        mask = np.zeros((int(seg.Columns), int(seg.Rows), int(index[-1]) + 1), bool)
+        for k, frame, pixel in zip(owner, seg.PerFrameFunctionalGroupsSequence, pixels, strict=True):
+            if labelled:
+                mask[..., k] |= np.isin(pixel, chosen).T
+            elif _group(seg, frame, "SegmentIdentificationSequence").ReferencedSegmentNumber in chosen:
+                mask[..., k] |= (pixel >= 0.5 * most).T
+        uneven = bool(round(float(np.diff(heights).min()) / spacing) > 1)
+        if uneven:  # empty slices show that the organ ends there, rather than being cut by the scan's end
+            margin = int(np.median(np.diff(index)))
+            mask = np.pad(mask, ((0, 0), (0, 0), (margin, margin)))
+            affine[:3, 3] -= margin * affine[:3, 2]
+        reference = str(seg.get("FrameOfReferenceUID", ""))
+        affine = check_affine(LPS_TO_RAS @ affine, location)
+        return Volume(mask, affine, location, frame_of_reference=reference, uneven=uneven)
+
+
+def _group(seg: Any, frame: Any, name: str) -> Any:
+    """Functional group of a frame: its own, or that of all frames."""
+    return (frame if name in frame else seg.SharedFunctionalGroupsSequence[0])[name][0]
 
 
 def segment_names(path: Path) -> dict[int, str]:

@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
-from cccd.tolerances import ORTHOGONALITY, SAME_GRID_VOXELS, SAME_SPACING
+from cccd.tolerances import FLATTEST, ORTHOGONALITY, SAME_GRID_VOXELS, SAME_SPACING
 
 __all__ = [
     "LPS_TO_RAS",
@@ -22,6 +22,7 @@ __all__ = [
     "bounding_box",
     "check_affine",
     "crop",
+    "even_grid",
     "find_slice_axis",
     "interpolate_on_grid",
     "on_grid",
@@ -50,6 +51,8 @@ class Volume:
         SOP instance UIDs of a DICOM series.
     frame_of_reference : str
         DICOM frame of reference UID.
+    uneven : bool
+        Some slices of the grid were not scanned: nothing is known about them.
     warnings : list of str
         What the reader noticed.
     """
@@ -60,6 +63,7 @@ class Volume:
     names: dict[int, str] = field(default_factory=dict)
     instances: tuple[str, ...] = ()
     frame_of_reference: str = ""
+    uneven: bool = False
     warnings: list[str] = field(default_factory=list)
 
     @property
@@ -87,7 +91,8 @@ def check_affine(affine: npt.ArrayLike | None, location: str) -> FloatArray:
     Raises
     ------
     InputError
-        Not finite, voxels without extent, or axes not at right angles to `ORTHOGONALITY`.
+        Not finite, voxels without extent, or no two axes at right angles to `ORTHOGONALITY`: those of a
+        slice are, also where the gantry is tilted.
     """
     affine = np.asarray(affine, np.float64)
     if affine.shape != (4, 4) or not np.isfinite(affine).all():
@@ -98,15 +103,20 @@ def check_affine(affine: npt.ArrayLike | None, location: str) -> FloatArray:
         raise InputError(
             location, f"its voxels have no extent ({sizes} mm)", "correct the spacing in its header"
         )
-    directions = affine[:3, :3] / spacing
-    cosines = np.abs(directions.T @ directions - np.eye(3))
-    if cosines.max() > ORTHOGONALITY:
+    if not _across_rectangles(affine) or abs(np.linalg.det(affine[:3, :3] / spacing)) < FLATTEST:
         raise InputError(
             location,
-            f"its axes are not at right angles (cosine {cosines.max():.3f}: tilted gantry or sheared affine)",
+            "no two of its axes are at right angles, or two nearly run along each other (sheared affine)",
             "resample the scan to an orthogonal grid first",
         )
     return affine
+
+
+def _across_rectangles(affine: FloatArray) -> list[int]:
+    """Axes of a grid along which slices may run: the other two are at right angles."""
+    directions = affine[:3, :3] / np.linalg.norm(affine[:3, :3], axis=0)
+    cosines = np.abs(directions.T @ directions)
+    return [axis for axis in range(3) if cosines[axis - 2, axis - 1] <= ORTHOGONALITY]
 
 
 def find_slice_axis(affine: FloatArray, choice: str | int = "auto") -> int:
@@ -118,7 +128,13 @@ def find_slice_axis(affine: FloatArray, choice: str | int = "auto") -> int:
         Index to world mm (RAS).
     choice : "auto" or int
         The axis itself, or ``"auto"``: the axis of the largest spacing, and among those equal to
-        `SAME_SPACING` the one nearest to superior-inferior.
+        `SAME_SPACING` the one nearest to superior-inferior. Where slices are tilted, those axes count of
+        which the other two are at right angles.
+
+    Raises
+    ------
+    InputError
+        The axis of choice has other axes that are not at right angles.
 
     Examples
     --------
@@ -127,12 +143,57 @@ def find_slice_axis(affine: FloatArray, choice: str | int = "auto") -> int:
     >>> find_slice_axis(np.eye(4))
     2
     """
+    possible = _across_rectangles(affine)
     if choice != "auto":
+        if int(choice) not in possible:
+            hint = f"set it to {' or '.join(map(str, possible))}, or auto"
+            raise InputError("import: slice_axis", f"slices across axis {choice} are no rectangles", hint)
         return int(choice)
     columns = affine[:3, :3]
     spacing = np.linalg.norm(columns, axis=0)
-    thickest = spacing >= spacing.max() * (1 - SAME_SPACING)
+    thickest = spacing >= spacing[possible].max() * (1 - SAME_SPACING)
+    thickest &= np.isin(np.arange(3), possible)
     return int(np.argmax(np.where(thickest, np.abs(columns[2]) / spacing, -1.0)))
+
+
+#: Even grids have at most so many steps in the least gap between uneven heights.
+_MOST_STEPS = 10
+
+
+def even_grid(heights: FloatArray, near: float = 0.05) -> tuple[float, IntArray]:
+    """Find an even grid whose nodes heights are near to, wherever they are.
+
+    Parameters
+    ----------
+    heights : (P,) float64
+        Two or more, ascending, apart from each other.
+    near : float
+        How near the nodes shall be, as a share of the least gap between heights.
+
+    Returns
+    -------
+    spacing : float
+        Distance of the nodes: that of the heights where it is even, the least where some are missing, and a
+        part of that where it is uneven.
+    index : (P,) int64
+        Node of each height, from 0.
+
+    Examples
+    --------
+    >>> even_grid(np.array([0.0, 2.0, 4.0, 8.0]))
+    (2.0, array([0, 1, 2, 4]))
+    >>> even_grid(np.array([0.0, 2.0, 4.5, 7.5]))
+    (0.5, array([ 0,  4,  9, 15]))
+    """
+    least = float(np.diff(heights).min())
+    away = heights - heights[0]
+    for steps in range(1, _MOST_STEPS + 1):
+        index = np.rint(away / (least / steps)).astype(np.int64)
+        spacing = float(away[-1] / index[-1])
+        index = np.rint(away / spacing).astype(np.int64)
+        if np.abs(away - index * spacing).max() <= near * least:
+            break
+    return spacing, index
 
 
 def same_grid(first: FloatArray, second: FloatArray, shape: tuple[int, ...]) -> bool:

@@ -229,7 +229,13 @@ def _scan_brain(row: Mapping[str, str], settings: ImportSettings, seed: int) -> 
 
 
 def _frame(volume: Volume, settings: ImportSettings) -> Frame:
-    return Frame(volume.affine, find_slice_axis(volume.affine, settings.slice_axis), volume.shape)
+    return Frame(volume.affine, _slice_axis(volume, settings), volume.shape)
+
+
+def _slice_axis(volume: Volume, settings: ImportSettings) -> int:
+    """Axis along which slices run; uneven ones are DICOM's, on a grid that may be finer than their pixels."""
+    known = volume.uneven and settings.slice_axis == "auto"
+    return 2 if known else find_slice_axis(volume.affine, settings.slice_axis)
 
 
 def _scan_of_contours(
@@ -277,11 +283,16 @@ def _scan_of_voxels(
             raise image_without_mask(image.location, row["label"])
         mask, provenance = _find_organ(image, row["source"], settings)
         drawn = mask
+    warnings = [note for volume in (mask, boundary) if volume is not None for note in volume.warnings]
     if image is not None and on_grid(drawn, image.affine, image.shape, fill=False) is not None:
         grid = image
     else:
         grid = drawn
-    warnings = [note for volume in (mask, boundary) if volume is not None for note in volume.warnings]
+        if image is not None and drawn.uneven:
+            warnings.append(
+                f"{drawn.location}: unevenly spaced; grey values of {image.location} are not used"
+            )
+            image = None
     layers: dict[str, Any] = {}
     for name, volume in (("mask", mask), ("boundary", boundary), ("image", image)):
         if volume is not None:
@@ -290,7 +301,9 @@ def _scan_of_voxels(
     if mask is not None:
         layers |= _mask_layers(layers["mask"])
     if "mask" in paths and boundary is None:
-        layers["annotated"] = row.get("annotated", AUTO)
+        rule = row.get("annotated", AUTO)
+        uneven = any(volume is not None and volume.uneven for volume in (mask, image))
+        layers["annotated"] = NONEMPTY if rule == AUTO and uneven else rule
     return _Scan(_frame(grid, settings), **layers, provenance=provenance, warnings=warnings)
 
 
@@ -303,7 +316,7 @@ def _find_organ(image: Volume, source: str, settings: ImportSettings) -> tuple[V
     """Find the organ in an image without a mask: a mask, and how it was found."""
     if source == "upenn_gbm":
         return brain_of_stripped(image), {}
-    axis = find_slice_axis(image.affine, settings.slice_axis)
+    axis = _slice_axis(image, settings)
     found, bounds = find_region(image.data, image.location, settings.region, slice_axis=axis)
     window = [None if np.isinf(bound) else bound for bound in bounds]
     region = settings.region.as_config() | {"window": window}

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from nibabel.nifti1 import Nifti1Image
 
 from cccd.geometry.arrays import FloatArray
+from cccd.tolerances import ORTHOGONALITY
 
 __all__ = ["write_nifti"]
 
@@ -31,7 +32,9 @@ def write_nifti(path: str | Path, values: npt.NDArray[np.integer], affine: Float
     """
     image = Nifti1Image(values, affine)
     image.set_sform(affine, code=1)
-    image.set_qform(affine, code=1)
+    columns = affine[:3, :3] / np.linalg.norm(affine[:3, :3], axis=0)
+    tilted = np.abs(columns.T @ columns - np.eye(3)).max() > ORTHOGONALITY
+    image.set_qform(affine, code=0 if tilted else 1)  # a qform has no shear: readers shall take the sform
     image.header.set_xyzt_units("mm")
     content = image.to_bytes()  # nibabel would not know the format of a name that ends with .gz alone
     if Path(path).suffix == ".gz":

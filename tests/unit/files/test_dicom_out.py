@@ -302,7 +302,18 @@ def test_a_seg_of_another_patients_series_is_refused(tmp_path):
         write_seg(tmp_path / "seg.dcm", far, name="liver", reference=tmp_path / "dicom")
 
 
-def test_a_seg_on_slices_with_a_gap_is_refused(tmp_path):
-    write_series(tmp_path / "dicom", grey(organ()), AFFINE, skip=(5,))
-    with pytest.raises(InputError, match="not evenly spaced"):
-        write_seg(tmp_path / "seg.dcm", ball(), name="liver", reference=tmp_path / "dicom")
+def test_a_seg_on_slices_with_a_gap_has_the_frames_of_the_others(tmp_path):
+    write_series(tmp_path / "whole", grey(organ()), AFFINE)
+    write_series(tmp_path / "gap", grey(organ()), AFFINE, skip=(5,))
+    frames = {}
+    for name in ("whole", "gap"):
+        write_seg(tmp_path / f"{name}.dcm", ball(), name="liver", reference=tmp_path / name)
+        dataset = pydicom.dcmread(tmp_path / f"{name}.dcm")
+        places = [
+            frame.PlanePositionSequence[0].ImagePositionPatient[2]
+            for frame in dataset.PerFrameFunctionalGroupsSequence
+        ]
+        frames[name] = dict(zip(map(float, places), dataset.pixel_array, strict=True))
+    assert set(frames["gap"]) < set(frames["whole"])
+    for place, frame in frames["gap"].items():
+        np.testing.assert_array_equal(frame, frames["whole"][place])

@@ -149,7 +149,7 @@ def test_crop_is_padding_and_cutting(first, size):
         np.zeros((4, 4)),
         np.diag([1, 1, 0, 1.0]),
         np.diag([1, np.nan, 1, 1.0]),
-        np.array([[1, 0.2, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]),
+        np.array([[1, 0.2, 0, 0], [0, 1, 0.2, 0], [0.2, 0, 1, 0], [0, 0, 0, 1.0]]),
     ],
 )
 def test_unusable_affines(affine):
