@@ -18,7 +18,7 @@ from cccd.report.results import StructureFiles
 __all__ = ["Legend", "Scene", "build_scene", "colour_stops"]
 
 #: Diverging maps that remain distinct with any colour vision (Brewer), by what they show.
-COLOUR_MAPS = {"distance": "RdBu_r", "curvature": "PuOr_r"}
+COLOUR_MAPS = {"distance": "RdBu_r", "curvature": "PuOr_r", "band": "YlOrRd"}
 
 #: In-plane coordinates are kept to this share of a pixel (coarser for organs over 2000 pixels wide).
 _PIXEL_STEP = 1 / 32
@@ -32,7 +32,7 @@ _WEBP_SIDE = 16383
 
 @dataclass(frozen=True)
 class Legend:
-    """A colour scale: values run from ``-limit`` to ``limit`` in ``unit``."""
+    """A colour scale: values run from ``least`` to ``limit`` in ``unit``."""
 
     name: str
     title: str
@@ -40,6 +40,7 @@ class Legend:
     unit: str
     low: str
     high: str
+    least: float
 
 
 @dataclass
@@ -132,13 +133,17 @@ def _pack_meshes(view: View) -> _Piece:
         piece.arrays[f"{name}_faces"] = mesh.faces.astype(np.uint32)
     shown = view.meshes["surface"]
     scales = {"curvature": ("Mean curvature", "per mm", "hollow", "domed", 95)}
+    if "band" in view.values:
+        scales = {"band": ("Width of the error band", "mm", "", "", 98)} | scales
     if view.reference:
         distance = {"distance": (f"Distance to {view.reference}", "mm", "inside", "outside", 98)}
         scales = distance | scales
     for name, (title, unit, low, high, percentile) in scales.items():
         limit = _round_up(float(np.percentile(np.abs(view.values[name]), percentile)))
-        piece.arrays[f"surface_{name}"] = _as_bytes(view.values[name] / limit)
-        piece.legends.append(Legend(name, title, limit, unit, low, high))
+        least = 0.0 if name == "band" else -limit
+        shares = 2 * (view.values[name] - least) / (limit - least) - 1
+        piece.arrays[f"surface_{name}"] = _as_bytes(shares)
+        piece.legends.append(Legend(name, title, limit, unit, low, high, least))
     if len(shown.faces) < view.triangles:
         piece.notes.append(
             f"Simplified for this page from {view.triangles:,} to {len(shown.faces):,} triangles."
