@@ -46,7 +46,7 @@ STEPS, BATCH, RATE, DECAY = 2500, 4096, 8e-3, 1e-4
 #: Points of each stack that are trained with, with repeats.
 PER_STACK = 1000
 #: Points of the true surface weigh so much more in training: they are fewer.
-TRUE_WEIGHT = 2.0
+TRUE_WEIGHT = 4.0
 #: Parts of the organs that are held out in turn.
 FOLDS = 6
 
@@ -120,7 +120,7 @@ def train(stacks: Sequence[Thinned], seed: int = 0) -> Scale:
     signs, offset, weight = [], [], []
     for stack in stacks:
         some = rng.choice(len(stack.offset), PER_STACK)
-        true = some >= 2 * len(stack.offset) // 3
+        true = some >= stack.of_surface
         signs += [stack.outer[some], stack.inner[some]]
         offset += [stack.offset[some], -stack.offset[some]]
         weight += 2 * [np.where(true, TRUE_WEIGHT, 1.0) / names.count(stack.organ)]
@@ -164,7 +164,7 @@ def held_out(stacks: Sequence[Thinned], share: float = 0.9) -> dict[str, FloatAr
             scores, swept = stack.scores(scale)
             factor, volume, extrapolated = known.factors(stack.ratio, share)
             outer, inner = scale(stack.outer), scale(stack.inner)
-            own = slice(2 * len(scores) // 3)
+            own = slice(stack.of_surface)
             low, high = np.quantile(stack.offset[own], [(1 - share) / 2, (1 + share) / 2])
             around = np.quantile(np.abs(stack.offset[own]), share)
             width = factor * (outer + inner)[own].mean()

@@ -25,7 +25,7 @@ REGIMES = (0.5, 1.5, 2.5, 4.5, 7.5, 30.0)
 SHARES = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95)
 #: Factors that `cccd_training.bands` wrote, and their SHA-256: the workflow lofts again when they change.
 SHIPPED = Path(__file__).with_name("shipped.json")
-SHIPPED_SHA256 = ""
+SHIPPED_SHA256 = "8df8c4f42a4c6d4a6f4a4400ed35f99b7a77f135da8eb51662fc358e52e1ce2f"
 
 
 @dataclass(frozen=True)
@@ -60,10 +60,10 @@ class Thinned:
         Stacks of one organ count as one.
     ratio : float
         Distance between slices in pixels.
-    outer, inner : (3 N, F) float32
-        Signs on both sides of 2 N points of the surface, by its area, and where it lies nearest to N points
+    outer, inner : (5 N, F) float32
+        Signs on both sides of 4 N points of the surface, by its area, and where it lies nearest to N points
         of the true one.
-    offset : (3 N,) float32
+    offset : (5 N,) float32
         How far outside the true surface lies there, in pixels.
     swept : float
         True volume less the surface's by its area, in pixels.
@@ -76,10 +76,15 @@ class Thinned:
     offset: SingleArray
     swept: float
 
+    @property
+    def of_surface(self) -> int:
+        """The number of points (4 N) on the lofted surface; those of the true one follow."""
+        return 4 * len(self.offset) // 5
+
     def scores(self, scale: Scale) -> tuple[FloatArray, float]:
-        """Offsets (3 N,) by the scale on their side, and the swept volume by that of the scale."""
+        """Offsets (5 N,) by the scale on their side, and the swept volume by that of the scale."""
         outer, inner = scale(self.outer), scale(self.inner)
-        of_surface = slice(2 * len(self.offset) // 3)
+        of_surface = slice(self.of_surface)
         mean = float((outer if self.swept > 0 else inner)[of_surface].mean())
         return np.abs(self.offset) / np.where(self.offset > 0, outer, inner), abs(self.swept) / mean
 
