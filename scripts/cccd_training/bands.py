@@ -11,6 +11,7 @@ import itertools
 import pickle
 import sys
 import zlib
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -210,7 +211,9 @@ def main(sheet: Path, cache: Path) -> None:
     for number, (matrix, offsets) in enumerate(scale.layers):
         plain |= {f"matrix{number}": matrix, f"offsets{number}": offsets}
     np.savez(WEIGHTS, **{name: values.astype(np.float32) for name, values in plain.items()})
-    made_of = f"{len(stacks)} thinned stacks of {len(organs)} organs: {', '.join(sorted(map(kin, organs)))}"
+    kinds = sorted(Counter(map(kin, organs)).items())
+    made_of = f"{len(stacks)} thinned stacks of {len(organs)} organs: "
+    made_of += ", ".join(f"{kind} ({count})" if count > 1 else kind for kind, count in kinds)
     calibrate(stacks, shipped_scale(), made_of, 0.9, sheet.name).write(SHIPPED)
 
 
