@@ -20,6 +20,7 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
     settings = LoftSettings(**snakemake.params.settings)
     known = snakemake.input.structure
     surface = loft_surface(curves, settings, splines, read_probability(known), read_annotation(known))
-    write_control_meshes(snakemake.output.surface, surface.bodies, surface.frame, surface.report)
+    band = (surface.band, surface.vertices)
+    write_control_meshes(snakemake.output.surface, surface.bodies, surface.frame, surface.report, band)
     with atomic_path(snakemake.output.mesh) as path:
         write_ply(path, surface.mesh, NOTE)

@@ -51,5 +51,5 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
     write_json(snakemake.output.metrics, metrics)
     boundaries = read_boundaries(snakemake.input.boundaries)
     triangles = snakemake.params.viewer_triangles
-    view = make_view(structure, boundaries, curves, surface.mesh, triangles)
+    view = make_view(structure, boundaries, curves, surface.mesh, triangles, surface.band)
     write_view(snakemake.output.view, view)

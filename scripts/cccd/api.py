@@ -137,6 +137,20 @@ class Surface:
         return float(self.lofted.mesh.volume)
 
     @property
+    def volume_interval(self) -> tuple[float, float] | None:
+        """Lowest and highest volume, mm^3, with the share of ``surface.band``; None without a band."""
+        band = self.lofted.band
+        return None if band is None else band.volume_interval(self.lofted.mesh)
+
+    @property
+    def sides(self) -> dict[str, Surface]:
+        """The error band's ``inner`` and ``outer`` surface; nothing without a band."""
+        sides = self.lofted.sides()
+        return {
+            side: replace(self, lofted=lofted, name=f"{self.name}_{side}") for side, lofted in sides.items()
+        }
+
+    @property
     def size(self) -> tuple[float, float, float]:
         """Lengths of the mesh's bounding box along x, y and z, mm."""
         x, y, z = (float(length) for length in np.ptp(self.vertices, axis=0))
@@ -537,7 +551,9 @@ def reconstruct_labels(
                 failures += walls.warnings[number]
                 del surfaces[number]
             else:
-                joined = replace(surface.lofted, mesh=walls.surface.mesh_of(number), bodies=[])
+                mesh, band = walls.surface.mesh_of(number), surface.lofted.band
+                band = band and band.moved_to(surface.vertices, mesh.vertices)
+                joined = replace(surface.lofted, mesh=mesh, bodies=[], band=band)
                 surfaces[number] = replace(surface, lofted=joined)
     return list(surfaces.values()), failures
 

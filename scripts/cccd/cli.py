@@ -122,6 +122,8 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(commands)
     _add_export(commands)
     _add_report(commands)
+    _add_next(commands)
+    _add_calibrate(commands)
     doctor = commands.add_parser(
         "doctor",
         help="report what is installed and works",
@@ -182,11 +184,19 @@ def _add_surface(commands: Any) -> None:
         action="store_true",
         help="a surface of every label; neighbours share their walls",
     )
+    _add_band(surface)
     surface.add_argument(
         "--configfile", type=Path, metavar="YAML",
         help="your own settings, for example 'surface: {tetrahedra: {mesher: gmsh}}'",
     )  # fmt: skip
     surface.set_defaults(run=_surface)
+
+
+def _add_band(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--band", action="store_true",
+        help="also write the inner and outer surface of the error band, as NAME_inner and NAME_outer",
+    )  # fmt: skip
 
 
 def _add_segment(commands: Any) -> None:
@@ -299,6 +309,7 @@ def _add_export(commands: Any) -> None:
         "-o", "--output", type=Path, action="append", required=True, metavar="FILE",
         help="output file, repeatable; the suffix chooses the format, as in cccd surface",
     )  # fmt: skip
+    _add_band(export)
     export.set_defaults(run=_export)
 
 
@@ -321,6 +332,32 @@ def _add_report(commands: Any) -> None:
     report.set_defaults(run=_report)
 
 
+def _add_next(commands: Any) -> None:
+    following = commands.add_parser(
+        "next",
+        help="name the slice to annotate next",
+        description="Rank the slices of a partly annotated mask by how much annotating one would shrink the "
+        "error band of the surface.",
+    )
+    _add_input(following)
+    following.set_defaults(run=_next)
+
+
+def _add_calibrate(commands: Any) -> None:
+    calibrate = commands.add_parser(
+        "calibrate",
+        help="calibrate the error bands on your own masks",
+        description="Thin dense masks, loft them, and find by how much the error bands must be widened. Use "
+        "the result as surface: {calibration: FILE}.",
+    )
+    calibrate.add_argument("input", type=Path, help="cohort sheet (.tsv) of masks that have every slice")
+    calibrate.add_argument(
+        "-o", "--output", type=Path, default=Path("calibration.json"), metavar="JSON",
+        help="default: calibration.json in this folder",
+    )  # fmt: skip
+    calibrate.set_defaults(run=_calibrate)
+
+
 # cccd surface ---------------------------------------------------------------------------------------
 
 
@@ -334,16 +371,20 @@ def _surface(given: argparse.Namespace) -> int:
         raise InputError("--all-labels", "it already takes every label", "leave --label out")
     settings = _settings_of(given)
     _check_outputs(outputs, [given.input, given.image], settings.surface.tetrahedra.mesher)
-    made, failed = [], 0
+    failed, apart = 0, []
     if given.all_labels:
-        made, failed = _make_all_surfaces(given, outputs, settings)
+        made, failed, apart = _make_all_surfaces(given, outputs, settings)
     else:
         made = [_make_surface(given, given.label, outputs, settings)]
     if not given.json:
         for surface in made:
             _print_surface(surface)
     else:
-        print(json.dumps({"input": str(given.input), "surfaces": made, "failed": failed}, indent=2))
+        print(
+            json.dumps(
+                {"input": str(given.input), "surfaces": made, "distances": apart, "failed": failed}, indent=2
+            )
+        )
     return 1 if failed else 0
 
 
@@ -429,11 +470,12 @@ def _with_name(path: Path, organ: str) -> Path:
 
 def _make_all_surfaces(
     given: argparse.Namespace, outputs: Sequence[Path], settings: Settings
-) -> tuple[list[dict[str, Any]], int]:
-    """Make a surface of every label and write them; what there is to say of each, and how many failed."""
+) -> tuple[list[dict[str, Any]], int, list[dict[str, Any]]]:
+    """Make and write a surface of every label: descriptions, how many failed, distances of neighbours."""
     from tqdm import tqdm
 
     import cccd
+    from cccd.surface.between import near_pairs
 
     began = time.perf_counter()
     with tqdm(disable=None, leave=False, bar_format="{desc:<40} {elapsed}") as bar:
@@ -450,14 +492,21 @@ def _make_all_surfaces(
     made: list[dict[str, Any]] = []
     for surface in surfaces:
         files = [_with_name(path, surface.name) for path in outputs]
-        for path in files:
-            _write(surface, path, settings)
+        files = [file for path in files for file in _write(surface, path, settings, given.band)]
         made.append(_describe_surface(surface, files, seconds))
-    return made, len(failures)
+    apart = near_pairs({surface.name: surface.lofted for surface in surfaces}) if given.json else {}
+    distances = [{"between": pair, **between._asdict()} for pair, between in apart.items()]
+    return made, len(failures), distances
 
 
-def _write(surface: Surface, path: Path, settings: Settings) -> None:
-    surface.write(path, settings.surface.contour_spacing_mm, settings.surface.keep_patient, settings)
+def _write(surface: Surface, path: Path, settings: Settings, band: bool) -> list[Path]:
+    """Write a surface and, with ``band``, those of its error band beside it."""
+    files = {path: surface}
+    if band:
+        files |= {_with_name(path, side): moved for side, moved in surface.sides.items()}
+    for file, one in files.items():
+        one.write(file, settings.surface.contour_spacing_mm, settings.surface.keep_patient, settings)
+    return list(files)
 
 
 def _make_surface(
@@ -494,8 +543,7 @@ def _make_surface(
             tqdm.write("first use: compiling, once, for about a minute ...", file=sys.stderr)
         surface = cccd.reconstruct(structure, settings=settings, progress=tell)
         tell("writing")
-        for path in files:
-            _write(surface, path, settings)
+        files = [file for path in files for file in _write(surface, path, settings, given.band)]
     return _describe_surface(surface, files, time.perf_counter() - began)
 
 
@@ -507,10 +555,13 @@ def _is_compiled() -> bool:
 
 
 def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -> dict[str, Any]:
+    from cccd.surface.measure import measure_band
+
     return {
         "organ": surface.name,
         "files": [str(path) for path in files],
         "volume_ml": round(surface.volume / 1000, 4),
+        **{name: round(value, 4) for name, value in measure_band(surface.lofted).items()},
         "size_mm": [round(length, 2) for length in surface.size],
         "triangles": len(surface.faces),
         "control_points": surface.lofted.report["control_points"],
@@ -522,7 +573,12 @@ def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -
 def _print_surface(made: dict[str, Any]) -> None:
     size = " x ".join(f"{length:.1f}" for length in made["size_mm"])
     print(*made["files"], sep="\n")
-    print(f"  {made['volume_ml']:.4g} ml, {size} mm, {made['triangles']} triangles, {made['seconds']:.1f} s")
+    volume = f"{made['volume_ml']:.4g} ml"
+    if "band" in made:
+        volume += (
+            f" ({made['volume_low_ml']:.4g} to {made['volume_high_ml']:.4g}, {made['band']:.0%} interval)"
+        )
+    print(f"  {volume}, {size} mm, {made['triangles']} triangles, {made['seconds']:.1f} s")
     for warning in made["warnings"]:
         if TAKEN_TOGETHER not in warning:  # that was said before
             print(f"  warning: {warning}")
@@ -768,8 +824,11 @@ def _export(given: argparse.Namespace) -> int:
     surface, structure = read_surface(splines, mesh), folder / "structure.h5"
     drawn = read_drawn(structure) if structure.is_file() else None
     for path in given.output:
-        write_surface(path, surface, ExportOptions(folder.resolve().name, drawn=drawn))
-        print(path)
+        sides = surface.sides() if given.band else {}
+        moved = {_with_name(path, side): of for side, of in sides.items()}
+        for file, one in {path: surface, **moved}.items():
+            write_surface(file, one, ExportOptions(folder.resolve().name, drawn=drawn))
+            print(file)
     return 0
 
 
@@ -785,6 +844,53 @@ def _report(given: argparse.Namespace) -> int:
     templates = PROJECT / "workflow" / "report"
     build_report_of_finished(given.input, whole_settings()().as_config(), output, templates)
     print(output)
+    return 0
+
+
+def _next(given: argparse.Namespace) -> int:
+    import cccd
+    from cccd.next_slice import rank_slices
+    from cccd.settings.root import Settings
+
+    structure = cccd.read(
+        given.input, given.label, image=given.image, boundary=given.boundary, annotated=given.annotated
+    )
+    gains = rank_slices(structure, Settings())
+    if given.json:
+        slices = [{"slice": gain.slice, "shrinks_band": round(gain.shrinks, 4)} for gain in gains]
+        axis = structure.frame.slice_axis
+        print(json.dumps({"input": str(given.input), "axis": axis, "slices": slices}, indent=2))
+        return 0
+    best, *others = gains[:4]
+    print(f"annotate slice {best.slice} next (axis {structure.frame.slice_axis}, counted from 0):")
+    print(f"  it shrinks the error band by {best.shrinks:.1%}")
+    for gain in others:
+        print(f"  slice {gain.slice}: {gain.shrinks:.1%}")
+    return 0
+
+
+def _calibrate(given: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from cccd.cohort import read_cohort
+    from cccd.settings.root import Settings
+    from cccd.thinning import calibrate_masks
+    from cccd.volumes import load_structure
+
+    _check_files([given.output], [given.input])
+    settings, rows = Settings(), read_cohort(given.input)
+    structures = (load_structure(row, given.input.parent, settings.import_, settings.seed) for row in rows)
+    with tqdm(structures, total=len(rows), disable=None, leave=False) as bar:
+        calibration = calibrate_masks(bar, len(rows), settings, given.input.name)
+    from cccd.store import atomic_path
+
+    with atomic_path(given.output) as temporary:
+        calibration.write(temporary)
+    print(given.output)
+    print(f"  {calibration.made_of}")
+    for regime in calibration.regimes:
+        apart = f"slices {regime.low:g} to {regime.high:g} pixels apart"
+        print(f"  {apart}: {regime.stacks} stacks of {regime.organs} organs")
     return 0
 
 

@@ -22,6 +22,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from cccd.bands import Band
 from cccd.containers import (
     Annotation,
     Boundaries,
@@ -50,6 +51,7 @@ __all__ = [
     "bodies_bytes",
     "check_writable",
     "read_annotation",
+    "read_band",
     "read_bodies",
     "read_boundaries",
     "read_compared",
@@ -79,6 +81,10 @@ __all__ = [
     "write_table",
     "write_view",
 ]
+
+#: Attributes of the error band, and how near in mm vertices are that were kept as single floats.
+_BAND_FACTS = ("share", "volume_factor", "extrapolated")
+_SAME_VERTEX_MM = 1e-3
 
 
 @contextlib.contextmanager
@@ -643,7 +649,11 @@ def read_view(path: str | Path) -> View:
 
 
 def write_control_meshes(
-    path: str | Path, bodies: Sequence[ControlMesh], frame: Frame, report: Mapping[str, Any]
+    path: str | Path,
+    bodies: Sequence[ControlMesh],
+    frame: Frame,
+    report: Mapping[str, Any],
+    band: tuple[Band, npt.NDArray[np.float64]] | None = None,
 ) -> None:
     """Write ``surface.h5``: closed splines in mm RAS.
 
@@ -657,11 +667,32 @@ def write_control_meshes(
         The grid of the source volume.
     report : mapping
         Plain JSON about the lofting.
+    band : (Band, (V, 3) float64), optional
+        The error band, and the vertices that it is of.
     """
     with _create(path) as file:
         _put_frame(file, frame)
         _put_json(file, "report", report)
         _put_bodies(file.create_group("bodies"), bodies)
+        if band is not None:
+            group = file.create_group("band")
+            for name in _BAND_FACTS:
+                group.attrs[name] = getattr(band[0], name)
+            for name, values in (("inner", band[0].inner), ("outer", band[0].outer), ("vertices", band[1])):
+                _put(group, name, values, np.float32)
+
+
+def read_band(path: str | Path, vertices: npt.NDArray[np.float64]) -> Band | None:
+    """Read the error band of ``surface.h5`` at the vertices (V, 3) of a mesh; None where there is none."""
+    with _open(path) as file:
+        if "band" not in file:
+            return None
+        group = file["band"]
+        inner, outer, points = (_get(group, name).astype(float) for name in ("inner", "outer", "vertices"))
+        facts = {name: group.attrs[name].item() for name in _BAND_FACTS}
+    band = Band(inner, outer, **facts)
+    same = points.shape == vertices.shape and np.allclose(points, vertices, atol=_SAME_VERTEX_MM)
+    return band if same else band.moved_to(points, vertices)
 
 
 def read_bodies(path: str | Path) -> list[ControlMesh]:

@@ -1,13 +1,14 @@
 """What the page's viewer shows of one structure, computed once: meshes made small, and what colours them.
 
-The surface's vertices carry their distance to the reference and the mean curvature; boundary pixels and
-curve points carry whether a greedy chain code gets stuck on them.
+The surface's vertices carry their distance to the reference, the mean curvature and the error band's width;
+boundary pixels and curve points carry whether a greedy chain code gets stuck on them.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from cccd.bands import Band
 from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels, on_pixel_chain
 from cccd.containers import Boundaries, Curves, Structure, View
 from cccd.geometry.curvature import mean_curvature
@@ -64,7 +65,12 @@ def sort_spatially(mesh: Mesh) -> tuple[Mesh, np.ndarray]:
 
 
 def make_view(
-    structure: Structure, boundaries: Boundaries | None, curves: Curves, surface: Mesh, triangles: int
+    structure: Structure,
+    boundaries: Boundaries | None,
+    curves: Curves,
+    surface: Mesh,
+    triangles: int,
+    band: Band | None = None,
 ) -> View:
     """Make what the viewer shows of one structure.
 
@@ -80,10 +86,15 @@ def make_view(
         In mm RAS.
     triangles : int
         Each mesh is simplified to at most this many.
+    band : Band, optional
+        How far off the surface may be.
     """
     whole, cubes = surface.outwards(), voxel_surface(structure)
     shown, _ = sort_spatially(whole.simplified(triangles))
     values = {"curvature": mean_curvature(whole, shown.vertices)}
+    if band is not None:
+        moved = band.moved_to(surface.vertices, shown.vertices)
+        values["band"] = moved.inner + moved.outer
     reference, name = reference_surface(structure) or (None, "")
     if reference is not None:
         values["distance"] = to_mesh(shown.vertices, reference)

@@ -41,7 +41,7 @@ def write_obj(path: Path, surface: Surface, options: ExportOptions) -> None:
 def write_vtp(path: Path, surface: Surface, options: ExportOptions) -> None:
     """Write VTK's polygonal data in mm RAS; unit and frame are field data.
 
-    At its vertices are curvature (1/mm) and, where no wall is shared, the body's number.
+    At its vertices are curvature (1/mm), the error band (mm) and, where no wall is shared, the body's number.
     """
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter  # VTK takes a second to load
 
@@ -49,6 +49,10 @@ def write_vtp(path: Path, surface: Surface, options: ExportOptions) -> None:
     mesh.point_data["curvature"] = mean_curvature(surface.mesh, surface.vertices)
     if surface.bodies:
         mesh.point_data["body"] = body_numbers(surface.vertices, surface.bodies)
+    if surface.band is not None:
+        mesh.point_data["inner_mm"] = surface.band.inner
+        mesh.point_data["outer_mm"] = surface.band.outer
+        mesh.field_data["band"] = [surface.band.share]
     mesh.field_data["SpaceUnit"] = ["mm"]
     mesh.field_data["Space"] = ["RAS"]
     # to a string first: on a full disk VTK leaves an empty file and says nothing

@@ -86,6 +86,12 @@ class Mesh:
         return 0.5 * np.linalg.norm(self.face_normals, axis=1)
 
     @property
+    def vertex_areas(self) -> FloatArray:
+        """Area (V,) of each vertex: a third of its faces'."""
+        shares = np.repeat(self.face_areas / 3, 3)
+        return np.bincount(self.faces.ravel(), shares, len(self.vertices)).astype(float)
+
+    @property
     def unit_normals(self) -> FloatArray:
         """Normals (F, 3) of unit length; zero for a face without area."""
         size = np.linalg.norm(self.face_normals, axis=1, keepdims=True)

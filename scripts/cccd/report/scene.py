@@ -18,10 +18,10 @@ from cccd.report.results import StructureFiles
 __all__ = ["Legend", "Scene", "build_scene", "build_surface_scene", "colour_limit", "colour_stops"]
 
 #: Diverging maps that remain distinct with any colour vision (Brewer), by what they show.
-COLOUR_MAPS = {"distance": "RdBu_r", "curvature": "PuOr_r"}
+COLOUR_MAPS = {"distance": "RdBu_r", "curvature": "PuOr_r", "band": "YlOrRd"}
 
 #: Percentile of the values at which a scale ends.
-_PERCENTILES = {"distance": 98, "curvature": 95}
+_PERCENTILES = {"distance": 98, "band": 98, "curvature": 95}
 
 #: In-plane coordinates are kept to this share of a pixel (coarser for organs over 2000 pixels wide).
 _PIXEL_STEP = 1 / 32
@@ -35,7 +35,7 @@ _WEBP_SIDE = 16383
 
 @dataclass(frozen=True)
 class Legend:
-    """A colour scale: values run from ``-limit`` to ``limit`` in ``unit``."""
+    """A colour scale: values run from ``least`` to ``limit`` in ``unit``."""
 
     name: str
     title: str
@@ -43,6 +43,7 @@ class Legend:
     unit: str
     low: str
     high: str
+    least: float
 
 
 @dataclass
@@ -142,14 +143,17 @@ def _pack_meshes(view: View) -> _Piece:
     shown = view.meshes["surface"]
     scales = {
         "distance": (f"Distance to {view.reference}", "mm", "inside", "outside"),
+        "band": ("Width of the error band", "mm", "", ""),
         "curvature": ("Mean curvature", "per mm", "hollow", "domed"),
     }
     for name, (title, unit, low, high) in scales.items():
         if name not in view.values:
             continue
         limit = colour_limit(view.values[name], name)
-        piece.arrays[f"surface_{name}"] = _as_bytes(view.values[name] / limit)
-        piece.legends.append(Legend(name, title, limit, unit, low, high))
+        least = 0.0 if name == "band" else -limit
+        shares = 2 * (view.values[name] - least) / (limit - least) - 1
+        piece.arrays[f"surface_{name}"] = _as_bytes(shares)
+        piece.legends.append(Legend(name, title, limit, unit, low, high, least))
     if len(shown.faces) < view.triangles:
         piece.notes.append(
             f"Simplified for this page from {view.triangles:,} to {len(shown.faces):,} triangles."

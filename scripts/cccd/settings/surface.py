@@ -96,6 +96,19 @@ class LoftSettings(Section):
         unit="slices",
         ge=1,
     )
+    band: float = setting(
+        0.9,
+        "share of the true surface that lies within the error band (inner_mm, outer_mm)",
+        why="What planning margins are made for. Below, bands are narrower; docs/bands.md says what holds.",
+        unit="share",
+        ge=0.5,
+        le=0.95,
+    )
+    calibration: str | None = setting(
+        None,
+        "file that cccd calibrate wrote, for the error bands; null: the shipped one",
+        why="A band is as wide as errors on the calibration's organs were; your own masks are nearer to you.",
+    )
     formats: Annotated[tuple[_Format, ...], AfterValidator(without_repeats)] = setting(
         ("ply",),
         "the surface's files; docs/configuration.md lists the formats; ply always",

@@ -23,6 +23,7 @@ __all__ = [
     "control_bytes",
     "mask_surface",
     "measure_agreement",
+    "measure_band",
     "measure_mesh",
     "measure_surface",
     "normal_figures",
@@ -153,9 +154,26 @@ def measure_surface(surface: Surface, structure: Structure) -> dict[str, Any]:
     kept = control_bytes(surface)
     return {
         **measure_mesh(surface.mesh, structure, reference),
+        **measure_band(surface),
         **reported,
         "control_bytes": kept,
         "compactness": reported["marching_cubes_bytes"] / max(kept, 1),
+    }
+
+
+def measure_band(surface: Surface) -> dict[str, Any]:
+    """Measure the volume's interval in ml and the band's mean width in mm; whether it is extrapolated."""
+    band, area = surface.band, surface.mesh.vertex_areas
+    if band is None:
+        return {}
+    low, high = band.volume_interval(surface.mesh)
+    return {
+        "band": band.share,
+        "volume_low_ml": low / 1000,
+        "volume_high_ml": high / 1000,
+        "inner_mean_mm": float(area @ band.inner / area.sum()),
+        "outer_mean_mm": float(area @ band.outer / area.sum()),
+        "band_extrapolated": band.extrapolated,
     }
 
 

@@ -156,7 +156,7 @@ def _curvature(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
     edges, angles, lengths, _, _ = mesh.dihedrals
     count = len(mesh.vertices)
     total = np.bincount(edges.ravel(), np.repeat(angles * lengths / 2, 2), count).astype(float)
-    area = np.bincount(mesh.faces.ravel(), np.repeat(mesh.face_areas / 3, 3), count).astype(float)
+    area = mesh.vertex_areas
     bent, around = (mesh.averages(values, [CURVATURE_ROUNDS])[0] for values in (total, area))
     return np.divide(bent, around, out=np.zeros(count), where=around > 0), area
 

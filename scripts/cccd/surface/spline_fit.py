@@ -217,6 +217,6 @@ def _cotangent(points: FloatArray, faces: IntArray) -> tuple[csr_array, FloatArr
     links = coo_array(
         (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(count, count)
     ).tocsr()
-    mass = np.bincount(faces.ravel(), np.repeat(Mesh(points, faces).face_areas / 3, 3), count)
+    mass = Mesh(points, faces).vertex_areas
     laplacian = csr_array(links - diags_array(np.asarray(links.sum(axis=1)).ravel()))
     return laplacian, np.maximum(mass, LEAST_AREA * np.median(mass))

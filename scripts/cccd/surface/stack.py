@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy import ndimage
 
+from cccd.bands.signs import Slices
 from cccd.containers import Annotation, Frame, ProbabilityStack
 from cccd.errors import InputError
 from cccd.filling import fill_between_slices
@@ -145,6 +146,13 @@ class SliceStack:
             parts, _ = ndimage.label(inside, touching)
             volumes += (np.bincount(parts.ravel())[1:] * float(self.voxel.prod())).tolist()
         return volumes
+
+    @cached_property
+    def slices(self) -> Slices:
+        """The signed distances on the slices alone."""
+        fields = [field for run in self.runs for field in run.fields_of_slices]
+        heights = np.array([field.z for field in fields])
+        return Slices(heights, np.stack([field.distance for field in fields]), self.voxel[1:])
 
     @property
     def marching_cubes_bytes(self) -> int:

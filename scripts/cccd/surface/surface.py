@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from cccd.bands import Band
 from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply
 from cccd.geometry.subdivision import ControlMesh
-from cccd.store import read_bodies, read_report, read_surface_frame
+from cccd.store import read_band, read_bodies, read_report, read_surface_frame
 
 __all__ = ["Surface", "read_surface"]
 
@@ -41,17 +42,27 @@ class Surface:
         The grid of the source volume.
     report : dict
         Plain JSON: bodies, cavities, cut ends, control points, bytes, warnings.
+    band : Band or None
+        How far off the mesh may be; None where nothing tells.
     """
 
     bodies: list[ControlMesh]
     mesh: Mesh
     frame: Frame
     report: dict[str, Any] = field(default_factory=_nothing)
+    band: Band | None = None
 
     @property
     def vertices(self) -> FloatArray:
         """The mesh's vertices (V, 3) in mm RAS."""
         return self.mesh.vertices
+
+    def sides(self) -> dict[str, Surface]:
+        """Return the error band's surfaces, ``inner`` and ``outer``; nothing without a band."""
+        if self.band is None:
+            return {}
+        meshes = {"inner": self.band.inner_mesh(self.mesh), "outer": self.band.outer_mesh(self.mesh)}
+        return {name: replace(self, bodies=[], mesh=mesh, band=None) for name, mesh in meshes.items()}
 
     @property
     def faces(self) -> IntArray:
@@ -66,7 +77,8 @@ def read_surface(path: str | Path, mesh_path: str | Path) -> Surface:
     """
     mesh, bodies = read_ply(mesh_path), read_bodies(path)
     bodies = bodies if _is_of(mesh, bodies) else []
-    return Surface(bodies, mesh, read_surface_frame(path), read_report(path))
+    band = read_band(path, mesh.vertices)
+    return Surface(bodies, mesh, read_surface_frame(path), read_report(path), band)
 
 
 def _is_of(mesh: Mesh, bodies: Sequence[ControlMesh]) -> bool:

@@ -8,12 +8,12 @@ import nibabel
 import numpy as np
 import pydicom
 import pytest
+from cccd.solids.scene import SceneOrgan, write_segmentation
 
 import cccd
 from cccd.cli import main
 from cccd.errors import InputError
 from cccd.metrics import dice
-from cccd.solids.scene import SceneOrgan, write_segmentation
 from cccd.volumes.grid import check_affine, even_grid, find_slice_axis
 from cccd.volumes.readers import read_itk
 

@@ -1,0 +1,60 @@
+"""The scale of the error at a vertex, by a small network on its signs."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from cccd.geometry.arrays import FloatArray
+
+__all__ = ["Scale", "shipped_scale"]
+
+#: Weights that `cccd_training.bands` wrote, and their SHA-256: the workflow lofts again when they change.
+WEIGHTS = Path(__file__).with_name("scale.npz")
+WEIGHTS_SHA256 = "5237db63b49e494bc97750ea42057af4de1f528139f76e59536c70072a51bb80"
+#: Signs further than this many standard deviations from their mean count as that far.
+FARTHEST = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """Layers with hyperbolic tangents between them.
+
+    Attributes
+    ----------
+    mean, spread : (F,) float64
+        Of the signs that it was trained on.
+    layers : tuple of ((A, B) float64, (B,) float64)
+        Matrix and offsets of each layer; the last has one output, the scale's logarithm in pixels.
+    name : str
+        SHA-256 of the weights: factors hold for one scale only.
+    """
+
+    mean: FloatArray
+    spread: FloatArray
+    layers: tuple[tuple[FloatArray, FloatArray], ...]
+    name: str
+
+    def __call__(self, signs: FloatArray) -> FloatArray:
+        """Return the scale (V,) in pixels at signs (V, F)."""
+        values = np.clip((signs - self.mean) / self.spread, -FARTHEST, FARTHEST)
+        for number, (matrix, offsets) in enumerate(self.layers):
+            values = (np.tanh(values) if number else values) @ matrix + offsets
+        return np.exp(values[:, 0])
+
+
+@cache
+def shipped_scale(path: Path = WEIGHTS) -> Scale:
+    """Read the trained weights."""
+    content = path.read_bytes()
+    with np.load(path) as file:
+        count = sum(name.startswith("matrix") for name in file)
+        layers = tuple(
+            (file[f"matrix{n}"].astype(float), file[f"offsets{n}"].astype(float)) for n in range(count)
+        )
+        mean, spread = file["mean"].astype(float), file["spread"].astype(float)
+    return Scale(mean, spread, layers, hashlib.sha256(content).hexdigest())
