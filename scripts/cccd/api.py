@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cccd.containers import Curves, FittedCurves, Frame, Structure
+from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
 from cccd.curves import describe_curves
 from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import TAKEN_TOGETHER, InputError
@@ -431,7 +431,7 @@ def reconstruct(
     tell = progress or (lambda step: None)
     tell("contours")
     if isinstance(organ, Curves):
-        lofted = fit_and_loft(organ, settings.curves, settings.surface, tell)
+        lofted = fit_and_loft(Sections(organ), settings.curves, settings.surface, tell)
         return Surface(lofted, warnings=tuple(lofted.report["warnings"]))
     if isinstance(organ, (str, Path)):
         raise InputError(str(organ), "a path, not an array", "cccd.read reads it: reconstruct(read(path))")
@@ -442,11 +442,9 @@ def reconstruct(
         structure = structure_of_array(organ, grid, settings.import_, annotated=_rule(annotated))
         _told(structure, 5)  # two frames are the decorators'
     curves, missing = find_contours(structure, settings.boundaries, settings.gnn.inference)
-    level = structure.probability_stack
-    annotation = structure.annotation
-    lofted = fit_and_loft(curves, settings.curves, settings.surface, tell, level, annotation)
+    lofted = fit_and_loft(structure.sections(curves), settings.curves, settings.surface, tell)
     notes = (*structure.warnings, *missing, *lofted.report.get("warnings", []))
-    drawn = None if annotation is None else structure
+    drawn = None if structure.annotation is None else structure
     return Surface(lofted, structure.organ, _series(structure), notes, drawn)
 
 

@@ -31,6 +31,7 @@ __all__ = [
     "Guide",
     "Panel",
     "ProbabilityStack",
+    "Sections",
     "SliceFigure",
     "Splines",
     "Structure",
@@ -228,6 +229,10 @@ class Structure:
         inside = slice(max(0, -first), min(len(stack), count - first))
         return ProbabilityStack(stack[inside], self.stack_origin + np.array([inside.start, 0, 0]))
 
+    def sections(self, curves: Curves) -> Sections:
+        """Combine curves of the structure with what else it knows of its slices."""
+        return Sections(curves, None, self.probability_stack, self.annotation)
+
     @property
     def stack_origin(self) -> np.ndarray:
         """Source index ``(k, i, j)`` of ``stack(...)[0, 0, 0]``."""
@@ -363,6 +368,31 @@ class FittedCurves:
     corner_offsets: npt.NDArray[np.int64]
     splines: Splines
     report: dict[str, Any] = field(default_factory=dict[str, Any])
+
+
+@dataclass(frozen=True, eq=False)
+class Sections:
+    """Everything about an organ's slices that its surface is lofted from.
+
+    Attributes
+    ----------
+    curves : Curves
+        Closed simple curves, outlines and holes. Those through pixel centres stand for the pixels, whose
+        border lies half a pixel further out; any others are the border itself.
+    splines : Splines or None
+        Closed splines of the curves; without them the loft fits its own, by the default settings.
+    probability : ProbabilityStack or None
+        Probabilities of which the curves are the level; between slices that lie near enough to each other
+        the surface follows them.
+    annotation : Annotation or None
+        Where only some slices were drawn: the surface is continued between them however far apart they lie,
+        and follows planes that were drawn across them.
+    """
+
+    curves: Curves
+    splines: Splines | None = None
+    probability: ProbabilityStack | None = None
+    annotation: Annotation | None = None
 
 
 @dataclass(frozen=True)

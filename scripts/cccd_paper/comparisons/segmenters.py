@@ -16,7 +16,16 @@ import numpy as np
 import pandas as pd
 
 from cccd.boundary import extract_boundaries
-from cccd.containers import Curves, FittedCurves, Frame, Panel, ProbabilityStack, SliceFigure, Structure
+from cccd.containers import (
+    Curves,
+    FittedCurves,
+    Frame,
+    Panel,
+    ProbabilityStack,
+    Sections,
+    SliceFigure,
+    Structure,
+)
 from cccd.curves import corner_splines, describe_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import bytes_per_slice
@@ -294,5 +303,5 @@ def _surface_distance(
     fitted: FittedCurves, truth: Mesh, lofting: LoftSettings, level: ProbabilityStack | None = None
 ) -> float:
     """Average distance in mm between the surface that curves lead to and the true one."""
-    mesh = loft_surface(fitted.curves, lofting, fitted.splines, level).mesh
+    mesh = loft_surface(Sections(fitted.curves, fitted.splines, level), lofting).mesh
     return surface_distances(mesh, truth, np.random.default_rng(0), _SAMPLES)["assd"]

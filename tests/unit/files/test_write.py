@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from shapes import SETTINGS, curves_of, fork
 
-from cccd.containers import Frame
+from cccd.containers import Frame, Sections
 from cccd.errors import InputError
 from cccd.extras import EXTRAS
 from cccd.files.options import ExportOptions
@@ -28,7 +28,7 @@ from cccd.surface.surface import Surface, read_surface
 
 @pytest.fixture(scope="module")
 def surface():
-    return loft_surface(curves_of(fork()), SETTINGS)
+    return loft_surface(Sections(curves_of(fork())), SETTINGS)
 
 
 def test_ply_reads_back_exactly(surface, tmp_path):

@@ -7,7 +7,7 @@ from scans import row, settings, write_nifti
 
 import cccd
 from cccd.cohort import read_cohort
-from cccd.containers import Annotation
+from cccd.containers import Annotation, Sections
 from cccd.errors import InputError
 from cccd.settings.surface import LoftSettings
 from cccd.store import read_annotation, read_compared, read_structure, write_structure
@@ -155,7 +155,8 @@ def test_drawn_contours_far_apart_are_one_organ():
     curves = trace_mask(structure_of_array(only(ellipsoid(), [12, 16, 20, 64]), np.eye(4), settings()))
     known = Annotation(np.array([12, 16, 20, 64]))
     bodies = [
-        loft_surface(curves, LoftSettings(), annotation=some).report["bodies"] for some in (None, known)
+        loft_surface(Sections(curves, annotation=some), LoftSettings()).report["bodies"]
+        for some in (None, known)
     ]
     assert bodies == [2, 1]
 
