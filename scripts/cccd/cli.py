@@ -616,10 +616,16 @@ def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict
 
 
 def _slices(structure: Structure) -> int:
-    if structure.contours is not None:
-        return len(set(structure.contours.slice.tolist()))
-    stacks = (structure.stack(name) for name in ("region", "boundary", "mask"))
-    return int(next(stack for stack in stacks if stack is not None).any(axis=(1, 2)).sum())
+    from cccd.containers import BoundaryMaps, Curves, GreyImage
+
+    match structure.source:
+        case Curves() as drawn:
+            return len(set(drawn.slice.tolist()))
+        case BoundaryMaps(stack) | GreyImage(region=stack):
+            pass
+        case _:
+            stack = structure.required_stack("mask")
+    return int(stack.any(axis=(1, 2)).sum())
 
 
 # the workflow ---------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -25,14 +25,18 @@ from cccd.geometry.raster import rasterise_layers
 __all__ = [
     "Annotation",
     "Boundaries",
+    "BoundaryMaps",
     "Curves",
     "FittedCurves",
     "Frame",
+    "GreyImage",
     "Guide",
+    "MaskStack",
     "Panel",
     "ProbabilityStack",
     "Sections",
     "SliceFigure",
+    "Source",
     "Splines",
     "Structure",
     "View",
@@ -88,6 +92,28 @@ class Frame:
         points = np.asarray(points, float)
         index = np.column_stack([points, np.broadcast_to(np.asarray(k, float), len(points))])
         return index @ self.stack_affine[:3, :3].T + self.stack_affine[:3, 3]
+
+
+@dataclass(frozen=True, eq=False)
+class MaskStack:
+    """Which pixels (S, I, J) are the organ."""
+
+    values: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryMaps:
+    """Which pixels (S, I, J) are on the organ's boundary, as far as somebody found them; not in order."""
+
+    values: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class GreyImage:
+    """Grey values (S, I, J), and where a threshold found the organ (S, I, J): its edges are near by."""
+
+    values: np.ndarray
+    region: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,6 +255,24 @@ class Structure:
         inside = slice(max(0, -first), min(len(stack), count - first))
         return ProbabilityStack(stack[inside], self.stack_origin + np.array([inside.start, 0, 0]))
 
+    @property
+    def source(self) -> Source:
+        """What the surface is made from; its type says how contours are found. Stacks are slices first.
+
+        Raises
+        ------
+        InputError
+            There is nothing but an image.
+        """
+        if self.boundary is not None:
+            return BoundaryMaps(self.required_stack("boundary"))
+        if self.contours is not None:
+            return self.contours
+        if self.region is not None:
+            return GreyImage(self.required_stack("image"), self.required_stack("region"))
+        level = self.probability_stack
+        return MaskStack(self.required_stack("mask")) if level is None else level
+
     def sections(self, curves: Curves) -> Sections:
         """Combine curves of the structure with what else it knows of its slices."""
         return Sections(curves, None, self.probability_stack, self.annotation)
@@ -340,6 +384,10 @@ class Splines:
         counts = np.maximum(np.ceil(per_pixel * length), 4 * np.diff(self.offsets)).astype(np.int64)
         points = sample_ragged(self.control_points, self.offsets, self.knots, counts)
         return Curves(points, offsets_of(counts), self.slice, self.hole, self.frame)
+
+
+#: What a structure brings: a mask, probabilities, drawn contours, boundary maps, or an image.
+Source: TypeAlias = MaskStack | ProbabilityStack | Curves | BoundaryMaps | GreyImage
 
 
 @dataclass

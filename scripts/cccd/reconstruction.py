@@ -6,7 +6,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from cccd.containers import Curves, Sections, Structure
+from cccd.containers import (
+    BoundaryMaps,
+    Curves,
+    GreyImage,
+    MaskStack,
+    ProbabilityStack,
+    Sections,
+    Structure,
+)
 from cccd.contours import missing_parts, take_contours, trace_contours
 from cccd.curves import describe_curves
 from cccd.extras import needing
@@ -42,12 +50,14 @@ def find_contours(
     InputError
         No slice has a closed curve.
     """
-    if structure.contours is not None:
-        return take_contours(structure)[0], []
-    if structure.boundary is None and structure.region is None:
-        curves, report = trace_contours(structure)
-        return curves, missing_parts(report)
-    return order_maps(structure, boundaries, inference), []
+    match structure.source:
+        case Curves():
+            return take_contours(structure)[0], []
+        case BoundaryMaps() | GreyImage():
+            return order_maps(structure, boundaries, inference), []
+        case MaskStack() | ProbabilityStack():
+            curves, report = trace_contours(structure)
+            return curves, missing_parts(report)
 
 
 @needing("ordering boundary pixels", "gnn")
