@@ -27,20 +27,20 @@ from cccd.files.write import format_of, write_surface
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.subdivision import ControlMesh
+from cccd.inputs import load_structure, structure_of_array
+from cccd.inputs.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
+from cccd.inputs.grey_values import image_without_mask
+from cccd.inputs.grid import check_affine, find_slice_axis
+from cccd.inputs.label_maps import list_map
+from cccd.inputs.load import existing
+from cccd.inputs.readers import SUFFIXES, without_suffix
+from cccd.inputs.row_files import list_labels
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, fit_and_loft, order_maps
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls
 from cccd.surface.surface import Surface as LoftedSurface
-from cccd.volumes import load_structure, structure_of_array
-from cccd.volumes.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
-from cccd.volumes.grey_values import image_without_mask
-from cccd.volumes.grid import check_affine, find_slice_axis
-from cccd.volumes.inputs import list_labels
-from cccd.volumes.label_maps import list_map
-from cccd.volumes.load import existing
-from cccd.volumes.readers import SUFFIXES, without_suffix
 
 if TYPE_CHECKING:
     import pyvista

@@ -24,9 +24,9 @@ from cccd.extras import missing_extra
 if TYPE_CHECKING:
     from cccd.api import Surface
     from cccd.containers import Structure
+    from cccd.inputs.regions import DrawnLabels
     from cccd.label_survey import SurveyedLabel
     from cccd.settings.root import Settings
-    from cccd.volumes.regions import DrawnLabels
 
 __all__ = ["main"]
 
@@ -346,7 +346,7 @@ def _check_files(outputs: Sequence[Path], sources: Sequence[Path | None]) -> Non
 def _is_read(path: Path, source: Path) -> bool:
     """Whether a file is an input, or one of the volumes and images in a folder that is."""
     from cccd.dicom_objects import dicom_modality
-    from cccd.volumes.readers import without_suffix
+    from cccd.inputs.readers import without_suffix
 
     if not path.is_file() or not source.exists():
         return False
@@ -477,9 +477,9 @@ def _print_surface(made: dict[str, Any]) -> None:
 def _segment(given: argparse.Namespace) -> int:
     import cccd
     from cccd.devices import DEVICE
+    from cccd.inputs.load import existing
+    from cccd.inputs.row_files import read_image
     from cccd.segmentation.segment import find_segmenter, segment, write_labels
-    from cccd.volumes.inputs import read_image
-    from cccd.volumes.load import existing
 
     if given.device:
         os.environ[DEVICE] = given.device
@@ -547,8 +547,8 @@ def _check(given: argparse.Namespace) -> int:
 def _rows(sheet: Path) -> list[Structure]:
     """Every structure of a cohort sheet."""
     from cccd.cohort import read_cohort
+    from cccd.inputs import load_structure
     from cccd.settings.root import Settings
-    from cccd.volumes import load_structure
 
     settings = Settings()
     rows = read_cohort(sheet)
@@ -562,8 +562,8 @@ def _check_one(
     drawn: DrawnLabels | None = None,
 ) -> dict[str, Any]:
     """Say what a structure was understood to be, and draw it."""
+    from cccd.inputs.regions import draw_region
     from cccd.store import atomic_path
-    from cccd.volumes.regions import draw_region
 
     name = structure.organ if structure.organ == structure.case else f"{structure.case}_{structure.organ}"
     picture = given.output or Path(f"{name}_check.png")

@@ -34,13 +34,13 @@ from cccd.curves import fit_splines, sample_splines  # noqa: E402
 from cccd.curves.measures import area_dice, distances  # noqa: E402
 from cccd.errors import InputError  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
+from cccd.inputs.phantoms import make_phantom  # noqa: E402
 from cccd.metrics import surface_distances  # noqa: E402
 from cccd.settings.emit import Key, keys  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
 from cccd.settings.validation import validate_config  # noqa: E402
 from cccd.surface import loft_surface  # noqa: E402
 from cccd.tracing import trace_mask  # noqa: E402
-from cccd.volumes.phantoms import make_phantom  # noqa: E402
 
 #: Phantoms and their voxel sizes in mm: large and small, branching, with a hole, with a cavity; and with
 #: slices that lie five and eight pixels apart, between which thin parts move by more than their width.

@@ -16,6 +16,7 @@ from cccd.containers import Boundaries, Curves, Sections
 from cccd.contours import trace_contours
 from cccd.curves import describe_curves
 from cccd.geometry.arrays import concatenate_ragged
+from cccd.inputs.corruptions import corrupt
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.contours import order_contours
@@ -23,7 +24,6 @@ from cccd.settings.root import Settings
 from cccd.surface import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
-from cccd.volumes.corruptions import corrupt
 from cccd_paper.comparisons.volume_meshes import flying_edges, windowed_sinc
 from cccd_training.junctions.data import label_map
 from cccd_training.junctions.loss import total_loss

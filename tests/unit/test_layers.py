@@ -23,7 +23,7 @@ LAYERS = {
         ("settings", "geometry", "job", "remote", "sidecar_files"),
         ("containers", "metrics", "cohort", "dicom_objects", "model_header"),
         ("store",),
-        ("volumes", "torch_files"),
+        ("inputs", "torch_files"),
         ("boundary", "tracing", "chaincode", "filling"),
         ("contours",),
         ("junctions", "curves", "segmentation"),

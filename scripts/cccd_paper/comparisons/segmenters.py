@@ -32,6 +32,8 @@ from cccd.curves.measures import bytes_per_slice
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
+from cccd.inputs.grid import Volume
+from cccd.inputs.regions import find_region
 from cccd.metrics import dice, surface_distances
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
@@ -39,8 +41,6 @@ from cccd.settings.imports import ImportSettings, PhantomSettings, RegionSetting
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
 from cccd.tracing import level_curves, trace_stack
-from cccd.volumes.grid import Volume
-from cccd.volumes.regions import find_region
 from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import AUTOMATIC, CCCD, OUTLINES
 from cccd_paper.comparisons.samples import middle_curve

@@ -14,10 +14,10 @@ from scans import affine_of, full, organ, row, settings, write_nifti
 import cccd
 from cccd.containers import Frame, ProbabilityStack
 from cccd.errors import InputError
+from cccd.inputs import load_structure
+from cccd.inputs.row_files import list_labels
 from cccd.store import read_structure, write_structure
 from cccd.tracing import level_curves
-from cccd.volumes import load_structure
-from cccd.volumes.inputs import list_labels
 
 #: Background and two labels, by nnunetv2 2.8.1's own export (``export_prediction_from_logits``): the scan was
 #: transposed for the network, cropped and resampled; and the label map that it wrote of it.

@@ -9,13 +9,13 @@ import cccd
 from cccd.cohort import read_cohort
 from cccd.containers import Annotation, Sections
 from cccd.errors import InputError
+from cccd.inputs import load_structure, structure_of_array
+from cccd.inputs.annotation import drawn_slices, find_annotation
 from cccd.settings.surface import LoftSettings
 from cccd.store import read_annotation, read_compared, read_structure, write_structure
 from cccd.surface import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
-from cccd.volumes import load_structure, structure_of_array
-from cccd.volumes.annotation import drawn_slices, find_annotation
 
 ORIGIN = np.array([3, 10, 20])
 

@@ -12,9 +12,9 @@ from scans import DATA, empty_uids, full, referred, row, settings
 from cccd.cli import main
 from cccd.containers import Sections
 from cccd.errors import InputError
+from cccd.inputs import load_structure
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
-from cccd.volumes import load_structure
 
 if not DATA.is_dir():
     pytest.skip("the real scans are not at ../shared/data", allow_module_level=True)

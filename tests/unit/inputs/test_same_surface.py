@@ -17,9 +17,9 @@ from scans import (
 
 from cccd.containers import Curves, Sections
 from cccd.geometry.arrays import concatenate_ragged
+from cccd.inputs import load_structure
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
-from cccd.volumes import load_structure
 
 
 def traced(structure):

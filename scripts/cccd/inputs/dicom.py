@@ -17,12 +17,12 @@ from pydicom.errors import InvalidDicomError
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
+from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
+from cccd.inputs.labels import choose_labels
+from cccd.inputs.limits import LIMITS, Limits, check_count, check_size
+from cccd.inputs.readers import guarded
 from cccd.settings.messages import choices
 from cccd.tolerances import EVEN_SPACING, ORTHOGONALITY, SAME_HEADER, SAME_POSITION_PX
-from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
-from cccd.volumes.labels import choose_labels
-from cccd.volumes.limits import LIMITS, Limits, check_count, check_size
-from cccd.volumes.readers import guarded
 
 __all__ = [
     "NO_IMAGES",
