@@ -39,8 +39,8 @@ def typed(command: str) -> str:
 
 def phantom(organ: str, spacing_mm: tuple[float, float, float], source: str = "phantom"):
     """Scan a phantom, whose true surface is known."""
+    from cccd.inputs import load_structure
     from cccd.settings.imports import ImportSettings
-    from cccd.volumes import load_structure
 
     row = dict.fromkeys(("image", "mask", "boundary", "label"), "")
     row |= {"case": "gallery", "organ": organ, "source": source, "location": organ}
@@ -52,7 +52,7 @@ def save_mask(structure, name: str) -> None:
     """Write a structure's mask as a NIfTI file where the commands are typed."""
     import numpy as np
 
-    from cccd.volumes.nifti_export import write_nifti
+    from cccd.inputs.nifti_export import write_nifti
 
     affine = structure.frame.affine.copy()
     affine[:3, 3] += affine[:3, :3] @ structure.origin

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from cccd.cohort import naming_row
+from cccd.inputs import load_structure
+from cccd.inputs.load import with_segmentation_notes
 from cccd.job import job
 from cccd.settings.imports import ImportSettings
 from cccd.store import read_json, write_structure
-from cccd.volumes import load_structure
-from cccd.volumes.load import with_segmentation_notes
 
 row = snakemake.params.row
 name = f"{row['case']}/{row['organ']}"

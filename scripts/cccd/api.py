@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cccd.containers import Curves, FittedCurves, Frame, Structure
+from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
 from cccd.curves import describe_curves
 from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import TAKEN_TOGETHER, InputError
@@ -27,20 +27,20 @@ from cccd.files.write import format_of, write_surface
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.subdivision import ControlMesh
+from cccd.inputs import load_structure, structure_of_array
+from cccd.inputs.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
+from cccd.inputs.grey_values import image_without_mask
+from cccd.inputs.grid import check_affine, find_slice_axis
+from cccd.inputs.label_maps import list_map
+from cccd.inputs.load import existing
+from cccd.inputs.readers import SUFFIXES, without_suffix
+from cccd.inputs.row_files import list_labels
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, fit_and_loft, order_maps
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls
 from cccd.surface.surface import Surface as LoftedSurface
-from cccd.volumes import load_structure, structure_of_array
-from cccd.volumes.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
-from cccd.volumes.grey_values import image_without_mask
-from cccd.volumes.grid import check_affine, find_slice_axis
-from cccd.volumes.inputs import list_labels
-from cccd.volumes.label_maps import list_map
-from cccd.volumes.load import existing
-from cccd.volumes.readers import SUFFIXES, without_suffix
 
 if TYPE_CHECKING:
     import pyvista
@@ -445,7 +445,7 @@ def reconstruct(
     tell = progress or (lambda step: None)
     tell("contours")
     if isinstance(organ, Curves):
-        lofted = fit_and_loft(organ, settings.curves, settings.surface, tell)
+        lofted = fit_and_loft(Sections(organ), settings.curves, settings.surface, tell)
         return Surface(lofted, warnings=tuple(lofted.report["warnings"]))
     if isinstance(organ, (str, Path)):
         raise InputError(str(organ), "a path, not an array", "cccd.read reads it: reconstruct(read(path))")
@@ -456,11 +456,9 @@ def reconstruct(
         structure = structure_of_array(organ, grid, settings.import_, annotated=_rule(annotated))
         _told(structure, 5)  # two frames are the decorators'
     curves, missing = find_contours(structure, settings.boundaries, settings.gnn.inference)
-    level = structure.probability_stack
-    annotation = structure.annotation
-    lofted = fit_and_loft(curves, settings.curves, settings.surface, tell, level, annotation)
+    lofted = fit_and_loft(structure.sections(curves), settings.curves, settings.surface, tell)
     notes = (*structure.warnings, *missing, *lofted.report.get("warnings", []))
-    drawn = None if annotation is None else structure
+    drawn = None if structure.annotation is None else structure
     return Surface(lofted, structure.organ, _series(structure), notes, drawn)
 
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from cccd.errors import InputError
+from cccd.inputs.labels import plain_name
 from cccd.settings.messages import choices
-from cccd.volumes.labels import plain_name
 
 __all__ = ["find_structures", "write_sheet"]
 

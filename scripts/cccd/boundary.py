@@ -12,7 +12,16 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from cccd.containers import Boundaries, Curves, Frame, Structure
+from cccd.containers import (
+    Boundaries,
+    BoundaryMaps,
+    Curves,
+    Frame,
+    GreyImage,
+    MaskStack,
+    ProbabilityStack,
+    Structure,
+)
 from cccd.errors import InputError
 from cccd.geometry.arrays import offsets_of, ranks_of
 from cccd.settings.boundaries import BoundarySettings
@@ -41,7 +50,7 @@ def extract_boundaries(structure: Structure, settings: BoundarySettings) -> Boun
     structure : Structure
         A boundary stack is passed on as it is. Ordered contours (RTSTRUCT) need no boundary; their
         pixels are given for display. Around a region it is sought in the image, and a mask beside it is not
-        looked at. Otherwise the mask or the image is used.
+        looked at. A mask's is its outline, or with ``source: image`` the image's edges around it.
     settings : BoundarySettings
 
     Returns
@@ -54,30 +63,31 @@ def extract_boundaries(structure: Structure, settings: BoundarySettings) -> Boun
     InputError
         When the wanted source is not there or no slice has a boundary.
     """
-    location = f"{structure.case}/{structure.organ}"
-    if structure.boundary is not None:
-        maps = structure.required_stack("boundary")
-    elif structure.contours is not None:
-        return _draw(structure.contours, structure.frame)
-    elif structure.region is not None:
-        maps = edge_map(structure.required_stack("image"), structure.required_stack("region"), settings)
-    else:
-        source = settings.source
-        if source == "auto":
-            source = "image" if structure.mask is None else "mask"
-        if getattr(structure, source) is None:
-            raise InputError(
-                location,
-                f"there is no {source}",
-                f"set boundaries.source to auto or name the {source} in the sheet",
-            )
-        if source == "mask":
-            maps = outline(structure.required_stack("mask"))
-        else:
-            maps = edge_map(structure.required_stack("image"), structure.stack("mask"), settings)
+    match structure.source:
+        case Curves() as drawn:
+            return _draw(drawn, structure.frame)
+        case BoundaryMaps(maps):
+            pass
+        case GreyImage(image, region):
+            maps = edge_map(image, region, settings)
+        case MaskStack() | ProbabilityStack():
+            maps = _boundary_of_mask(structure, settings)
     if not maps.any():
+        location = f"{structure.case}/{structure.organ}"
         raise InputError(location, "no slice has a boundary", "check the label, the threshold or the image")
     return _ragged(maps, structure.stack_origin, structure.frame)
+
+
+def _boundary_of_mask(structure: Structure, settings: BoundarySettings) -> np.ndarray:
+    """Boundary pixels (S, I, J) of a mask, or of the image around it where the settings ask for that."""
+    mask = structure.required_stack("mask")
+    if settings.source != "image":
+        return outline(mask)
+    image = structure.stack("image")
+    if image is None:
+        hint = "set boundaries.source to auto or name the image in the sheet"
+        raise InputError(f"{structure.case}/{structure.organ}", "there is no image", hint)
+    return edge_map(image, mask, settings)
 
 
 def dilation_band(region: np.ndarray) -> np.ndarray:

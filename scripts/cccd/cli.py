@@ -24,9 +24,9 @@ from cccd.extras import missing_extra
 if TYPE_CHECKING:
     from cccd.api import Surface
     from cccd.containers import Structure
+    from cccd.inputs.regions import DrawnLabels
     from cccd.label_survey import SurveyedLabel
     from cccd.settings.root import Settings
-    from cccd.volumes.regions import DrawnLabels
 
 __all__ = ["main"]
 
@@ -444,7 +444,7 @@ def _check_files(outputs: Sequence[Path], sources: Sequence[Path | None]) -> Non
 def _is_read(path: Path, source: Path) -> bool:
     """Whether a file is an input, or one of the volumes and images in a folder that is."""
     from cccd.dicom_objects import dicom_modality
-    from cccd.volumes.readers import without_suffix
+    from cccd.inputs.readers import without_suffix
 
     if not path.is_file() or not source.exists():
         return False
@@ -590,9 +590,9 @@ def _print_surface(made: dict[str, Any]) -> None:
 def _segment(given: argparse.Namespace) -> int:
     import cccd
     from cccd.devices import DEVICE
+    from cccd.inputs.load import existing
+    from cccd.inputs.row_files import read_image
     from cccd.segmentation.segment import find_segmenter, segment, write_labels
-    from cccd.volumes.inputs import read_image
-    from cccd.volumes.load import existing
 
     if given.device:
         os.environ[DEVICE] = given.device
@@ -660,8 +660,8 @@ def _check(given: argparse.Namespace) -> int:
 def _rows(sheet: Path) -> list[Structure]:
     """Every structure of a cohort sheet."""
     from cccd.cohort import read_cohort
+    from cccd.inputs import load_structure
     from cccd.settings.root import Settings
-    from cccd.volumes import load_structure
 
     settings = Settings()
     rows = read_cohort(sheet)
@@ -675,8 +675,8 @@ def _check_one(
     drawn: DrawnLabels | None = None,
 ) -> dict[str, Any]:
     """Say what a structure was understood to be, and draw it."""
+    from cccd.inputs.regions import draw_region
     from cccd.store import atomic_path
-    from cccd.volumes.regions import draw_region
 
     name = structure.organ if structure.organ == structure.case else f"{structure.case}_{structure.organ}"
     picture = given.output or Path(f"{name}_check.png")
@@ -731,10 +731,16 @@ def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict
 
 
 def _slices(structure: Structure) -> int:
-    if structure.contours is not None:
-        return len(set(structure.contours.slice.tolist()))
-    stacks = (structure.stack(name) for name in ("region", "boundary", "mask"))
-    return int(next(stack for stack in stacks if stack is not None).any(axis=(1, 2)).sum())
+    from cccd.containers import BoundaryMaps, Curves, GreyImage
+
+    match structure.source:
+        case Curves() as drawn:
+            return len(set(drawn.slice.tolist()))
+        case BoundaryMaps(stack) | GreyImage(region=stack):
+            pass
+        case _:
+            stack = structure.required_stack("mask")
+    return int(stack.any(axis=(1, 2)).sum())
 
 
 # cccd compare ---------------------------------------------------------------------------------------
@@ -873,9 +879,9 @@ def _calibrate(given: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from cccd.cohort import read_cohort
+    from cccd.inputs import load_structure
     from cccd.settings.root import Settings
     from cccd.thinning import calibrate_masks
-    from cccd.volumes import load_structure
 
     _check_files([given.output], [given.input])
     settings, rows = Settings(), read_cohort(given.input)

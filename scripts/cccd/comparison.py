@@ -20,15 +20,15 @@ from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
+from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
+from cccd.inputs.labels import plain_name
+from cccd.inputs.load import existing
+from cccd.inputs.regions import voxels_of
 from cccd.label_survey import affine_of, measure_labels
 from cccd.limits import LIMITS, TOLERANCE_MM
 from cccd.metrics import Gaps, dice, normal_angles, solid_dice
 from cccd.settings.messages import choices
 from cccd.surface.measure import SAMPLES, normal_figures, voxel_surface
-from cccd.volumes.grid import Volume, interpolate_on_grid, on_grid
-from cccd.volumes.labels import plain_name
-from cccd.volumes.load import existing
-from cccd.volumes.regions import voxels_of
 
 __all__ = ["Compared", "Comparison", "compare", "missed_limits"]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -26,13 +26,18 @@ from cccd.tolerances import ORTHOGONALITY
 __all__ = [
     "Annotation",
     "Boundaries",
+    "BoundaryMaps",
     "Curves",
     "FittedCurves",
     "Frame",
+    "GreyImage",
     "Guide",
+    "MaskStack",
     "Panel",
     "ProbabilityStack",
+    "Sections",
     "SliceFigure",
+    "Source",
     "Splines",
     "Structure",
     "View",
@@ -116,6 +121,28 @@ class Frame:
         points = np.asarray(points, float)
         index = np.column_stack([points, np.broadcast_to(np.asarray(k, float), len(points))])
         return index @ self.stack_affine[:3, :3].T + self.stack_affine[:3, 3]
+
+
+@dataclass(frozen=True, eq=False)
+class MaskStack:
+    """Which pixels (S, I, J) are the organ."""
+
+    values: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryMaps:
+    """Which pixels (S, I, J) are on the organ's boundary, as far as somebody found them; not in order."""
+
+    values: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class GreyImage:
+    """Grey values (S, I, J), and where a threshold found the organ (S, I, J): its edges are near by."""
+
+    values: np.ndarray
+    region: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,6 +285,28 @@ class Structure:
         return ProbabilityStack(stack[inside], self.stack_origin + np.array([inside.start, 0, 0]))
 
     @property
+    def source(self) -> Source:
+        """What the surface is made from; its type says how contours are found. Stacks are slices first.
+
+        Raises
+        ------
+        InputError
+            There is nothing but an image.
+        """
+        if self.boundary is not None:
+            return BoundaryMaps(self.required_stack("boundary"))
+        if self.contours is not None:
+            return self.contours
+        if self.region is not None:
+            return GreyImage(self.required_stack("image"), self.required_stack("region"))
+        level = self.probability_stack
+        return MaskStack(self.required_stack("mask")) if level is None else level
+
+    def sections(self, curves: Curves) -> Sections:
+        """Combine curves of the structure with what else it knows of its slices."""
+        return Sections(curves, None, self.probability_stack, self.annotation)
+
+    @property
     def stack_origin(self) -> np.ndarray:
         """Source index ``(k, i, j)`` of ``stack(...)[0, 0, 0]``."""
         return np.asarray(self.origin)[[self.frame.slice_axis, *self.frame.in_plane_axes]]
@@ -366,6 +415,10 @@ class Splines:
         return Curves(points, offsets_of(counts), self.slice, self.hole, self.frame)
 
 
+#: What a structure brings: a mask, probabilities, drawn contours, boundary maps, or an image.
+Source: TypeAlias = MaskStack | ProbabilityStack | Curves | BoundaryMaps | GreyImage
+
+
 @dataclass
 class FittedCurves:
     """Ordered curves and the few points that describe them: what ``curves.h5`` holds.
@@ -392,6 +445,31 @@ class FittedCurves:
     corner_offsets: npt.NDArray[np.int64]
     splines: Splines
     report: dict[str, Any] = field(default_factory=dict[str, Any])
+
+
+@dataclass(frozen=True, eq=False)
+class Sections:
+    """Everything about an organ's slices that its surface is lofted from.
+
+    Attributes
+    ----------
+    curves : Curves
+        Closed simple curves, outlines and holes. Those through pixel centres stand for the pixels, whose
+        border lies half a pixel further out; any others are the border itself.
+    splines : Splines or None
+        Closed splines of the curves; without them the loft fits its own, by the default settings.
+    probability : ProbabilityStack or None
+        Probabilities of which the curves are the level; between slices that lie near enough to each other
+        the surface follows them.
+    annotation : Annotation or None
+        Where only some slices were drawn: the surface is continued between them however far apart they lie,
+        and follows planes that were drawn across them.
+    """
+
+    curves: Curves
+    splines: Splines | None = None
+    probability: ProbabilityStack | None = None
+    annotation: Annotation | None = None
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from cccd.containers import Structure
 from cccd.dicom_objects import object_in
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray
-from cccd.volumes.annotation import AUTO
-from cccd.volumes.grid import Volume, interpolate_on_grid, on_grid
-from cccd.volumes.label_maps import MapLabel, colour_of, read_parts
-from cccd.volumes.regions import DrawnLabels, voxels_of
+from cccd.inputs.annotation import AUTO
+from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
+from cccd.inputs.label_maps import MapLabel, colour_of, read_parts
+from cccd.inputs.regions import DrawnLabels, voxels_of
 
 __all__ = ["SurveyedLabel", "affine_of", "measure_labels", "survey_labels"]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cccd.bands.scale import shipped_scale
 from cccd.bands.signs import Signs, Slices
-from cccd.containers import Annotation, Frame, Structure
+from cccd.containers import Annotation, Frame, Sections, Structure
 from cccd.curves import describe_curves
 from cccd.errors import InputError
 from cccd.reconstruction import find_contours
@@ -60,7 +60,7 @@ def rank_slices(structure: Structure, settings: Settings) -> list[Gain]:
         raise InputError(structure.organ, problem, "give a mask of some slices, or --annotated nonempty")
     curves, _ = find_contours(structure, settings.boundaries, settings.gnn.inference)
     fitted = describe_curves(curves, settings.curves)
-    solid = loft_in_plane(fitted.curves, settings.surface, fitted.splines, annotation=annotation)
+    solid = loft_in_plane(Sections(fitted.curves, fitted.splines, annotation=annotation), settings.surface)
     slices, area = solid.stack.slices, solid.mesh.vertex_areas
     before = area @ _width(solid, slices)
     gains = [

@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
-from cccd.containers import Annotation, Curves, ProbabilityStack, Structure
+from cccd.containers import (
+    BoundaryMaps,
+    Curves,
+    GreyImage,
+    MaskStack,
+    ProbabilityStack,
+    Sections,
+    Structure,
+)
 from cccd.contours import missing_parts, take_contours, trace_contours
 from cccd.curves import describe_curves
 from cccd.extras import needing
@@ -41,12 +50,14 @@ def find_contours(
     InputError
         No slice has a closed curve.
     """
-    if structure.contours is not None:
-        return take_contours(structure)[0], []
-    if structure.boundary is None and structure.region is None:
-        curves, report = trace_contours(structure)
-        return curves, missing_parts(report)
-    return order_maps(structure, boundaries, inference), []
+    match structure.source:
+        case Curves():
+            return take_contours(structure)[0], []
+        case BoundaryMaps() | GreyImage():
+            return order_maps(structure, boundaries, inference), []
+        case MaskStack() | ProbabilityStack():
+            curves, report = trace_contours(structure)
+            return curves, missing_parts(report)
 
 
 @needing("ordering boundary pixels", "gnn")
@@ -76,26 +87,21 @@ def order_maps(
 
 
 def fit_and_loft(
-    curves: Curves,
+    sections: Sections,
     fitting: CurveSettings,
     lofting: LoftSettings,
     tell: Callable[[str], None] = _silent,
-    probability: ProbabilityStack | None = None,
-    annotation: Annotation | None = None,
 ) -> Surface:
     """Fit closed splines to ordered curves and loft them.
 
     Parameters
     ----------
-    curves : Curves
+    sections : Sections
+        Their splines are made here.
     fitting, lofting
         Sections ``curves`` and ``surface`` of the configuration.
     tell : callable
         Gets the name of each step as it begins.
-    probability : ProbabilityStack, optional
-        What the curves are the level of.
-    annotation : Annotation, optional
-        Which slices were drawn, where that is not all.
 
     Returns
     -------
@@ -103,9 +109,9 @@ def fit_and_loft(
         The curves' warnings stand before its own.
     """
     tell("splines")
-    fitted = describe_curves(curves, fitting)
+    fitted = describe_curves(sections.curves, fitting)
     tell("surface")
-    surface = loft_surface(fitted.curves, lofting, fitted.splines, probability, annotation)
+    surface = loft_surface(replace(sections, curves=fitted.curves, splines=fitted.splines), lofting)
     surface.report["warnings"] = [*fitted.report["warnings"], *surface.report["warnings"]]
     return surface
 
@@ -137,11 +143,4 @@ def reconstruct_mask(structure: Structure, fitting: CurveSettings, lofting: Loft
     >>> bool(abs(surface.mesh.volume / ball.sum() - 1) < 0.02)
     True
     """
-    curves = trace_contours(structure)[0]
-    return fit_and_loft(
-        curves,
-        fitting,
-        lofting,
-        probability=structure.probability_stack,
-        annotation=structure.annotation,
-    )
+    return fit_and_loft(structure.sections(trace_contours(structure)[0]), fitting, lofting)

@@ -31,7 +31,7 @@ from cccd.containers import (
     Frame,
     Guide,
     Panel,
-    ProbabilityStack,
+    Sections,
     SliceFigure,
     Splines,
     Structure,
@@ -63,8 +63,8 @@ __all__ = [
     "read_graph_facts",
     "read_graphs",
     "read_json",
-    "read_probability",
     "read_report",
+    "read_sections",
     "read_splines",
     "read_structure",
     "read_table",
@@ -312,18 +312,18 @@ def read_structure(path: str | Path) -> Structure:
         )
 
 
-def read_probability(path: str | Path) -> ProbabilityStack | None:
-    """Read the probabilities of ``structure.h5``, where it holds some."""
-    with _open(path) as file:
-        if "probability" not in file:
-            return None
-    return read_structure(path).probability_stack
-
-
 def read_annotation(path: str | Path) -> Annotation | None:
     """Read which slices ``structure.h5`` knows, where that is not all of them."""
     with _open(path) as file:
         return _get_annotation(file["annotation"]) if "annotation" in file else None
+
+
+def read_sections(curves: str | Path, structure: str | Path) -> Sections:
+    """Read what a surface is lofted from: ``curves.h5``, and what ``structure.h5`` knows of its slices."""
+    with _open(structure) as file:
+        probable = "probability" in file
+    level = read_structure(structure).probability_stack if probable else None
+    return Sections(read_curves(curves), read_splines(curves), level, read_annotation(structure))
 
 
 def read_drawn(path: str | Path) -> Structure | None:

@@ -12,19 +12,19 @@ from cccd.bands.calibration import Calibration, Thinned, calibrate
 from cccd.bands.conformal import fewest_organs
 from cccd.bands.scale import shipped_scale
 from cccd.bands.signs import Signs
-from cccd.containers import Frame, Structure
+from cccd.containers import Frame, Sections, Structure
 from cccd.contours import trace_contours
 from cccd.curves import describe_curves
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
+from cccd.inputs.annotation import EVERY_SLICE, NONEMPTY
+from cccd.inputs.load import structure_of_array
 from cccd.settings.root import Settings
 from cccd.surface.loft import loft_in_plane
 from cccd.surface.measure import mask_surface
 from cccd.surface.spline import SplineSolid
-from cccd.volumes.annotation import EVERY_SLICE, NONEMPTY
-from cccd.volumes.load import structure_of_array
 
 __all__ = ["EVERY", "Thinning", "averaged", "calibrate_masks", "compare", "thin", "thin_once"]
 
@@ -168,7 +168,9 @@ def thin_once(
     rule = NONEMPTY if how.drawn else EVERY_SLICE
     thinned = structure_of_array(kept, grid, reading, name, rule)
     fitted = describe_curves(trace_contours(thinned)[0], settings.curves)
-    solid = loft_in_plane(fitted.curves, settings.surface, fitted.splines, annotation=thinned.annotation)
+    solid = loft_in_plane(
+        Sections(fitted.curves, fitted.splines, annotation=thinned.annotation), settings.surface
+    )
     whole = Structure(
         structure.case, structure.organ, Frame(affine, how.axis, mask.shape), np.zeros(3, int), mask=mask
     )

@@ -27,9 +27,9 @@ from cccd.cohort import read_cohort
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
+from cccd.inputs import load_structure
 from cccd.settings.root import Settings
 from cccd.thinning import Thinning, averaged, thin_once
-from cccd.volumes import load_structure
 
 #: Stacks of an organ with slices left out, and ones whose voxels are averaged, which have isotropic ones.
 STACKS, AVERAGED = 8, 2

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cccd.containers import Frame, Structure
+from cccd.containers import Frame, Sections, Structure
 from cccd.curves import fit_splines
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
@@ -34,6 +34,6 @@ def test_brain(benchmark, slices):
         curves.frame,
     )
     splines = fit_splines(part)
-    loft_surface(part, SETTINGS, splines)  # compile
+    loft_surface(Sections(part, splines), SETTINGS)  # compile
     surface = benchmark.pedantic(loft_surface, (part, SETTINGS, splines), rounds=3)
     assert surface.mesh.is_closed_manifold

@@ -9,9 +9,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 
+from cccd.inputs.phantoms import make_phantom
 from cccd.settings.imports import PhantomSettings
 from cccd.tracing import trace_mask
-from cccd.volumes.phantoms import make_phantom
 from cccd_paper.comparisons.corner_comparison import search
 from cccd_paper.comparisons.k_sweep import search_chain
 from cccd_paper.comparisons.samples import choose_slices

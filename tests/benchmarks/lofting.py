@@ -25,8 +25,8 @@ from run import machine, measure  # noqa: E402
 
 import cccd  # noqa: E402
 from cccd.containers import Structure  # noqa: E402
+from cccd.inputs import load_structure  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
-from cccd.volumes import load_structure  # noqa: E402
 from cccd_paper.comparisons.thick_slices import every_nth_slice  # noqa: E402
 from cccd_paper.comparisons.volume_meshes import distance_isosurface, windowed_sinc  # noqa: E402
 

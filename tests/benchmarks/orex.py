@@ -27,7 +27,7 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 import pyvista as pv  # noqa: E402
 
-from cccd.containers import Curves, Frame, Structure  # noqa: E402
+from cccd.containers import Curves, Frame, Sections, Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.geometry.polygons import RaggedPolygons  # noqa: E402
 from cccd.settings.curves import CurveSettings  # noqa: E402
@@ -123,10 +123,10 @@ def _as_curves(contours, grid, frame: Frame) -> Curves:
 def score(name: str, folder: Path) -> pd.DataFrame:
     """Measure ours and every baseline on one solid."""
     structure, curves = as_structure(name, folder)
-    drawn = loft_surface(curves, LoftSettings())
+    drawn = loft_surface(Sections(curves), LoftSettings())
     ways = CurveSettings(), LoftSettings()
     table = compare_isosurfaces(structure, curves, drawn, IsosurfaceSettings(), *ways)
-    traced = loft_surface(trace_mask(structure), LoftSettings())
+    traced = loft_surface(Sections(trace_mask(structure)), LoftSettings())
     own = compare_isosurfaces(structure, curves, traced, IsosurfaceSettings(methods=()), *ways)
     ours = [table.iloc[[0]].assign(setting="from the contours"), own.assign(setting="from the mask")]
     spacing = structure.frame.slice_spacing

@@ -3,7 +3,7 @@
     python tests/benchmarks/out_of_distribution.py
 
 The outlines are those of organs (slices of the MNI brain, of a phantom liver and kidney), where training and
-the report's table draw random blobs. The damage is made here, not by `cccd.volumes.corruptions`: published
+the report's table draw random blobs. The damage is made here, not by `cccd.inputs.corruptions`: published
 augmentations (Cutout, DeVries and Taylor 2017; GridMask, Chen et al. 2020) and what imaging does (a noisy
 slice's threshold, ghosts of motion, coarse pixels, straight lines across). The last kind is no damage: edges
 that `cccd.boundary.edge_map` finds in the real MR slices, under noise, with the brain's mask for their label;
@@ -26,11 +26,11 @@ from scipy import ndimage  # noqa: E402
 
 from cccd.boundary import edge_map  # noqa: E402
 from cccd.geometry.opencv import border_pixels  # noqa: E402
+from cccd.inputs import load_structure  # noqa: E402
+from cccd.inputs.phantoms import make_phantom  # noqa: E402
 from cccd.junctions.checkpoint import load_model  # noqa: E402
 from cccd.settings.boundaries import BoundarySettings  # noqa: E402
 from cccd.settings.imports import ImportSettings, PhantomSettings  # noqa: E402
-from cccd.volumes import load_structure  # noqa: E402
-from cccd.volumes.phantoms import make_phantom  # noqa: E402
 from cccd_paper.comparisons.baselines.decoders import DECODERS  # noqa: E402
 from cccd_paper.comparisons.junction_comparison import (  # noqa: E402
     by_true_labels,

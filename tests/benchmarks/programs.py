@@ -25,13 +25,13 @@ sys.path.insert(0, str(ROOT / "scripts"))
 import pandas as pd  # noqa: E402
 
 from cccd.cohort import read_cohort  # noqa: E402
+from cccd.inputs import load_structure  # noqa: E402
 from cccd.reconstruction import reconstruct_mask  # noqa: E402
 from cccd.settings.curves import CurveSettings  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
 from cccd.tracing import trace_mask  # noqa: E402
-from cccd.volumes import load_structure  # noqa: E402
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program  # noqa: E402
 from cccd_paper.comparisons.isosurfaces import compare_isosurfaces  # noqa: E402
 from cccd_paper.comparisons.thick_slices import thick_slice_experiment  # noqa: E402

@@ -25,6 +25,7 @@ import pandas as pd  # noqa: E402
 import cccd  # noqa: E402
 from cccd.containers import Frame, Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
+from cccd.inputs.phantoms import make_phantom  # noqa: E402
 from cccd.reconstruction import reconstruct_mask  # noqa: E402
 from cccd.settings.curves import CurveSettings  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
@@ -32,7 +33,6 @@ from cccd.settings.surface import LoftSettings  # noqa: E402
 from cccd.surface import spline  # noqa: E402
 from cccd.surface.measure import Reference, control_bytes, measure_mesh  # noqa: E402
 from cccd.tolerances import CONTROL_POINT_PIXELS  # noqa: E402
-from cccd.volumes.phantoms import make_phantom  # noqa: E402
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES  # noqa: E402
 from cccd_paper.comparisons.sinc_grid import GRID  # noqa: E402
 from cccd_paper.comparisons.thick_slices import every_nth_slice  # noqa: E402

@@ -29,18 +29,18 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from scipy.spatial import cKDTree  # noqa: E402
 
-from cccd.containers import Curves, Structure  # noqa: E402
+from cccd.containers import Curves, Sections, Structure  # noqa: E402
 from cccd.curves import fit_splines, sample_splines  # noqa: E402
 from cccd.curves.measures import area_dice, distances  # noqa: E402
 from cccd.errors import InputError  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
+from cccd.inputs.phantoms import make_phantom  # noqa: E402
 from cccd.metrics import surface_distances  # noqa: E402
 from cccd.settings.emit import Key, keys  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
 from cccd.settings.validation import validate_config  # noqa: E402
 from cccd.surface import loft_surface  # noqa: E402
 from cccd.tracing import trace_mask  # noqa: E402
-from cccd.volumes.phantoms import make_phantom  # noqa: E402
 
 #: Phantoms and their voxel sizes in mm: large and small, branching, with a hole, with a cavity; and with
 #: slices that lie five and eight pixels apart, between which thin parts move by more than their width.
@@ -107,7 +107,7 @@ def surface_figures(settings: Settings) -> Figures:
     """Closeness to the phantoms' true surface, smoothness and size."""
     rows = []
     for structure, curves in phantoms():
-        surface = loft_surface(curves, settings.surface, fit_splines(curves, settings.curves))
+        surface = loft_surface(Sections(curves, fit_splines(curves, settings.curves)), settings.surface)
         truth, mesh = structure.truth, surface.mesh
         near = surface_distances(mesh, truth, np.random.default_rng(0), SAMPLES)
         rows.append(

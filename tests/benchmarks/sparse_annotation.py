@@ -37,9 +37,9 @@ from scipy.spatial import cKDTree  # noqa: E402
 import cccd  # noqa: E402
 from cccd.containers import Structure  # noqa: E402
 from cccd.geometry.distance import to_mask  # noqa: E402
+from cccd.inputs import load_structure  # noqa: E402
+from cccd.inputs.annotation import fill_mask  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
-from cccd.volumes import load_structure  # noqa: E402
-from cccd.volumes.annotation import fill_mask  # noqa: E402
 from cccd_paper.comparisons import interpolate_contours  # noqa: E402
 
 DATA = ROOT.parent / "shared" / "data"

@@ -12,10 +12,11 @@ from scipy.interpolate import splprep
 from torch_geometric.data import Batch
 
 from cccd.boundary import extract_boundaries
-from cccd.containers import Boundaries, Curves
+from cccd.containers import Boundaries, Curves, Sections
 from cccd.contours import trace_contours
 from cccd.curves import describe_curves
 from cccd.geometry.arrays import concatenate_ragged
+from cccd.inputs.corruptions import corrupt
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.contours import order_contours
@@ -23,7 +24,6 @@ from cccd.settings.root import Settings
 from cccd.surface import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
-from cccd.volumes.corruptions import corrupt
 from cccd_paper.comparisons.volume_meshes import flying_edges, windowed_sinc
 from cccd_training.junctions.data import label_map
 from cccd_training.junctions.loss import total_loss
@@ -98,7 +98,7 @@ def surface(slices: int, settings: Settings) -> Methods:
     traced = trace_mask(organ)
     splines = describe_curves(traced, settings.curves).splines
     return {
-        "B-spline lofting": lambda: loft_surface(traced, settings.surface, splines),
+        "B-spline lofting": lambda: loft_surface(Sections(traced, splines), settings.surface),
         "flying edges": lambda: flying_edges(organ),
         "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(organ)),
     }
@@ -115,7 +115,7 @@ def pipeline(slices: int, settings: Settings) -> Methods:
 
     def reconstruct(contours: Callable[[], Curves]) -> None:
         fitted = describe_curves(contours(), settings.curves)
-        measure_surface(loft_surface(fitted.curves, settings.surface, fitted.splines), organ)
+        measure_surface(loft_surface(Sections(fitted.curves, fitted.splines), settings.surface), organ)
 
     return {
         "every stage": lambda: reconstruct(lambda: trace_contours(organ)[0]),

@@ -97,8 +97,13 @@ def test_image_edges_find_a_blurred_noisy_disc():
 
 
 def test_a_flat_image_has_no_edges_and_says_so():
-    structure = structure_of(image=np.zeros((2, 8, 8)))
+    flat = np.zeros((2, 8, 8))
     with pytest.raises(InputError, match="no slice has a boundary"):
-        extract_boundaries(structure, SETTINGS)
+        extract_boundaries(structure_of(image=flat, region=flat > 1), SETTINGS)
+
+
+def test_an_image_without_a_region_and_a_mask_without_its_image_are_refused():
     with pytest.raises(InputError, match="there is no mask"):
-        extract_boundaries(structure, BoundarySettings(source="mask"))
+        extract_boundaries(structure_of(image=np.zeros((2, 8, 8))), SETTINGS)
+    with pytest.raises(InputError, match="there is no image"):
+        extract_boundaries(structure_of(mask=np.ones((2, 8, 8), bool)), BoundarySettings(source="image"))

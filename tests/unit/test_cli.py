@@ -15,10 +15,10 @@ from matplotlib.image import imread
 import cccd
 from cccd.cli import main
 from cccd.doctor import _extra
-from cccd.volumes.label_maps import colour_of
+from cccd.inputs.label_maps import colour_of
 
 ROOT = Path(__file__).parents[2]
-SCANS = runpy.run_path(str(Path(__file__).parent / "volumes" / "scans.py"))
+SCANS = runpy.run_path(str(Path(__file__).parent / "inputs" / "scans.py"))
 AFFINE = np.diag([1.0, 1.0, 2.5, 1.0])
 
 

@@ -14,7 +14,7 @@ import pytest
 from cccd.extras import EXTRAS, check_extra, missing_extra, needing
 
 ROOT = Path(__file__).parents[2]
-SCANS = runpy.run_path(str(Path(__file__).parent / "volumes" / "scans.py"))
+SCANS = runpy.run_path(str(Path(__file__).parent / "inputs" / "scans.py"))
 AFFINE = np.diag([1.0, 1.0, 2.5, 1.0])
 
 #: Runs commands and expressions where a module is not: nothing finds it, as where it was never installed.

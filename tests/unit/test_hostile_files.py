@@ -47,7 +47,7 @@ def calls(source: Path):
 #: Read what models and nnU-Net say of themselves, by unpicklers that know plain values only.
 UNPICKLERS = {
     ROOT / "scripts" / "cccd" / "model_header.py": {"pickle", "zipfile"},
-    ROOT / "scripts" / "cccd" / "volumes" / "nnunet.py": {"pickle"},
+    ROOT / "scripts" / "cccd" / "inputs" / "nnunet.py": {"pickle"},
 }
 
 

@@ -24,7 +24,7 @@ LAYERS = {
         ("containers", "metrics", "cohort", "dicom_objects", "model_header"),
         ("bands",),
         ("store",),
-        ("volumes", "torch_files"),
+        ("inputs", "torch_files"),
         ("boundary", "tracing", "chaincode", "filling"),
         ("contours",),
         ("junctions", "curves", "segmentation"),

@@ -12,7 +12,7 @@ import pytest
 
 import cccd
 
-SCANS = runpy.run_path(str(Path(__file__).parents[1] / "unit" / "volumes" / "scans.py"))
+SCANS = runpy.run_path(str(Path(__file__).parents[1] / "unit" / "inputs" / "scans.py"))
 
 #: Loaded by every Python: whatever imports torch fails.
 NO_TORCH = """

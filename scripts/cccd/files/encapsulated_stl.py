@@ -22,8 +22,8 @@ from cccd.files.rtstruct import (
 )
 from cccd.files.stl import binary_stl
 from cccd.geometry.mesh import Mesh
+from cccd.inputs.grid import LPS_TO_RAS
 from cccd.surface.surface import Surface
-from cccd.volumes.grid import LPS_TO_RAS
 
 __all__ = ["write", "write_encapsulated_stl"]
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from cccd.files.options import ExportOptions
 from cccd.geometry.raster import voxelise
+from cccd.inputs.annotation import fill_mask
+from cccd.inputs.nifti_export import write_nifti
 from cccd.surface.surface import Surface
-from cccd.volumes.annotation import fill_mask
-from cccd.volumes.nifti_export import write_nifti
 
 __all__ = ["write"]
 

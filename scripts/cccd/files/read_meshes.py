@@ -18,9 +18,9 @@ from cccd.files.gltf import TO_GLTF
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply
+from cccd.inputs.grid import LPS_TO_RAS
+from cccd.inputs.readers import guarded
 from cccd.store import read_bodies
-from cccd.volumes.grid import LPS_TO_RAS
-from cccd.volumes.readers import guarded
 
 __all__ = ["CAD_SUFFIXES", "MESH_SUFFIXES", "MeshFile", "is_mesh", "read_mesh"]
 

@@ -22,10 +22,10 @@ from cccd.files.rtstruct import copy_identity, reference_slices
 from cccd.geometry.arrays import ByteArray, FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
+from cccd.inputs.grid import LPS_TO_RAS
+from cccd.inputs.readers import guarded
 from cccd.surface.surface import Surface
 from cccd.tolerances import CONTOUR_PLANE
-from cccd.volumes.grid import LPS_TO_RAS
-from cccd.volumes.readers import guarded
 
 __all__ = ["write", "write_seg"]
 

@@ -19,8 +19,14 @@ from cccd.sidecar_files import voxel_files
 
 __all__ = ["ContourScript", "OfCase", "OfDownload", "OfStructure", "PlannedCohort", "StructureName", "near"]
 
-#: The scripts that lead to a structure's contours.
+#: The kinds of input that a row may name, and the scripts that lead to the contours of each.
+Kind = Literal["boundary maps", "drawn contours", "mask"]
 ContourScript = Literal["order_contours", "take_contours", "trace_contours"]
+_SCRIPTS: dict[Kind, ContourScript] = {
+    "boundary maps": "order_contours",
+    "drawn contours": "take_contours",
+    "mask": "trace_contours",
+}
 
 #: Where the labels that maps hold are remembered, from the folder of the run.
 _LABELS = Path(".snakemake") / "labels"
@@ -125,7 +131,7 @@ class PlannedCohort:
         shared: dict[str, list[str]] = {}
         notes: list[str] = []
         if shared_walls is True or any(row["organ"] == "*" for row in rows):
-            from cccd.volumes.label_maps import expand_rows, shared_groups  # reads scans: slow to import
+            from cccd.inputs.label_maps import expand_rows, shared_groups  # reads scans: slow to import
 
             rows, labels, notes = expand_rows(rows, sheet.parent, _LABELS)
             shared = shared_groups(rows, labels, shared_walls)
@@ -145,7 +151,7 @@ class PlannedCohort:
     @property
     def needs_network(self) -> bool:
         """Whether contours of any structure that is reconstructed are ordered by the junction network."""
-        return any(self.is_ordered(self.rows[name]) for name in self.reconstructed)
+        return any(self.contour_script(name) == "order_contours" for name in self.reconstructed)
 
     def is_asked(self, answer: bool | Literal["auto"], root: Path) -> bool:
         """Whether a setting asks for something; ``auto`` does for the default cohort of a project."""
@@ -181,22 +187,18 @@ class PlannedCohort:
             raise InputError(self.sheet.name, f"no case {case}", known)
         return names
 
-    def is_ordered(self, row: dict[str, str]) -> bool:
-        """Whether the boundary pixels of a row's structure are ordered by the junction network.
-
-        Boundary maps are; masks, those that a threshold finds included, where that is asked for.
-        """
-        return brings_maps(row) or (self.masks_are_ordered and not self._is_drawn(row))
+    def kind(self, wildcards: OfStructure) -> Kind:
+        """Return what a structure is reconstructed from; a mask may be one that a threshold finds."""
+        row = self.row(wildcards)
+        if brings_maps(row):
+            return "boundary maps"
+        drawn = bool(row["mask"]) and _is_drawn(self.sheet.parent / row["mask"])
+        return "drawn contours" if drawn else "mask"
 
     def contour_script(self, wildcards: OfStructure) -> ContourScript:
         """Choose the script that leads to a structure's contours, before any job, by what the data are."""
-        row = self.row(wildcards)
-        if self.is_ordered(row):
-            return "order_contours"
-        return "take_contours" if self._is_drawn(row) else "trace_contours"
-
-    def _is_drawn(self, row: dict[str, str]) -> bool:
-        return bool(row["mask"]) and _is_drawn(self.sheet.parent / row["mask"])
+        kind = self.kind(wildcards)
+        return "order_contours" if kind == "mask" and self.masks_are_ordered else _SCRIPTS[kind]
 
     def source_files(self, wildcards: OfStructure) -> list[str]:
         """Return a row's own files, the voxels beside their headers, and what its cohort's layout implies.

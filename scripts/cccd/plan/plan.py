@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, cast
 
 from cccd.additions import packages, registrations
-from cccd.cohort import brings_maps
 from cccd.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
 from cccd.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find_file
 from cccd.plan.resources import digest
@@ -290,7 +289,7 @@ class Plan:
         asked = self.cohort.is_asked(self.settings.compare, self.root)
         if not asked or row["role"] == "measure" or self.is_segmented(row):
             return []
-        maps = brings_maps(row)
+        maps = self.cohort.kind(wildcards) == "boundary maps"
         made = {
             "outlines": not maps,
             "traced masks": self.junctions.used and self.cohort.contour_script(wildcards) == "trace_contours",

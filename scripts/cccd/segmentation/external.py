@@ -16,11 +16,11 @@ import numpy as np
 from cccd.devices import DEVICE
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray
+from cccd.inputs.grid import Volume, on_grid
+from cccd.inputs.nifti_export import write_nifti
+from cccd.inputs.readers import read_volume
 from cccd.settings.messages import choices, nearest
 from cccd.settings.segmentation import is_installed_segmenter
-from cccd.volumes.grid import Volume, on_grid
-from cccd.volumes.nifti_export import write_nifti
-from cccd.volumes.readers import read_volume
 
 __all__ = ["TOTALSEGMENTATOR", "run_external", "total_names"]
 

@@ -12,9 +12,9 @@ from scipy import ndimage
 from torch import Tensor, nn
 
 from cccd.geometry.arrays import AnyArray, SingleArray
+from cccd.inputs.grid import Volume
 from cccd.segmentation.grids import WorkingGrid
 from cccd.segmentation.plan import Plan
-from cccd.volumes.grid import Volume
 
 __all__ = ["device_of", "labels_of", "predict", "probabilities"]
 

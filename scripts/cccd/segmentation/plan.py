@@ -11,7 +11,7 @@ import numpy as np
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
-from cccd.volumes.grid import Volume, find_slice_axis
+from cccd.inputs.grid import Volume, find_slice_axis
 
 __all__ = ["Intensity", "Plan", "looks_like_ct", "make_intensity", "orientation_of", "spacing_of"]
 

@@ -12,14 +12,14 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray, SingleArray
+from cccd.inputs.grid import Volume
+from cccd.inputs.nifti_export import write_nifti
 from cccd.model_header import read_segmenter_plan
 from cccd.project import PROJECT
 from cccd.segmentation.external import run_external
 from cccd.settings.messages import choices
 from cccd.settings.segmentation import INSTALLED_SEGMENTERS, is_installed_segmenter
 from cccd.store import atomic_path, write_json
-from cccd.volumes.grid import Volume
-from cccd.volumes.nifti_export import write_nifti
 
 __all__ = ["Segmentation", "find_segmenter", "segment", "write_labels", "write_segmentation"]
 

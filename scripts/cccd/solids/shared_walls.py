@@ -28,9 +28,9 @@ from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.mesh import Mesh, given_back
 from cccd.geometry.ply import read_ply
 from cccd.geometry.surface_nets import surface_nets, well_composed
+from cccd.inputs.annotation import with_undrawn_filled
 from cccd.solids.seams import seam_weights
 from cccd.store import read_structure
-from cccd.volumes.annotation import with_undrawn_filled
 
 __all__ = ["Organ", "SharedWalls", "read_organs", "share_walls", "surface_of"]
 

@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.surface.fields import LevelField, distance_to_part, sampled
 
-__all__ = ["Sections", "Way", "follow_branches", "move_branches"]
+__all__ = ["SliceParts", "Way", "follow_branches", "move_branches"]
 
 #: A section's way may differ from what its ellipse tells by this share of its length, and by so many pixels;
 #: and of two sections that follow each other one is no more than so many times as wide, but for a pixel.
@@ -39,7 +39,7 @@ KEPT = (0.6, 0.85)
 
 
 @dataclass(frozen=True, eq=False)
-class Sections:
+class SliceParts:
     """Connected parts of a slice, and the ellipses that have their second moments.
 
     Attributes
@@ -69,14 +69,14 @@ class Sections:
     half_widths: FloatArray
 
     @classmethod
-    def of(cls, distance: SingleArray, spacing: FloatArray, z: float = 0.0) -> Sections:
+    def of(cls, distance: SingleArray, spacing: FloatArray, z: float = 0.0) -> SliceParts:
         """Find the parts of a slice.
 
         Examples
         --------
         >>> i, j = np.indices((21, 31)) - np.array([10, 15])[:, None, None]
-        >>> sections = Sections.of(np.float32(np.hypot(i, j / 2) - 5.5), np.ones(2))
-        >>> sections.half_widths.round(1), np.abs(sections.leans).round(1)  # twice as long: at 60 degrees
+        >>> parts = SliceParts.of(np.float32(np.hypot(i, j / 2) - 5.5), np.ones(2))
+        >>> parts.half_widths.round(1), np.abs(parts.leans).round(1)  # twice as long: at 60 degrees
         (array([5.5]), array([[0. , 1.7]]))
         """
         found, count = label(distance < 0)
@@ -167,7 +167,9 @@ def move_branches(fields: Sequence[LevelField], spacing: FloatArray) -> list[Lev
     if len(slices) == len(fields):
         return moved
     for sign in (1, -1):
-        sections = [Sections.of(np.float32(sign) * fields[n].distance, spacing, fields[n].z) for n in slices]
+        sections = [
+            SliceParts.of(np.float32(sign) * fields[n].distance, spacing, fields[n].z) for n in slices
+        ]
         ways = follow_branches(sections, spacing, into_larger=sign > 0)
         slopes = _slopes(sections, ways)
         for gap, (low, high) in enumerate(itertools.pairwise(slices)):
@@ -185,13 +187,13 @@ def move_branches(fields: Sequence[LevelField], spacing: FloatArray) -> list[Lev
 
 
 def follow_branches(
-    sections: Sequence[Sections], spacing: FloatArray, into_larger: bool = True
+    sections: Sequence[SliceParts], spacing: FloatArray, into_larger: bool = True
 ) -> list[list[Way]]:
     """Follow sections from each slice to the next.
 
     Parameters
     ----------
-    sections : sequence of Sections
+    sections : sequence of SliceParts
         Slice by slice.
     spacing : (2,) float64
         mm per pixel.
@@ -244,12 +246,12 @@ def _shifts(gap: _Gap, part: int, up: bool, known: Mapping[int, FloatArray], alo
 class _Gap:
     """Two neighbouring slices, and the pairs (T, 2) of their parts that overlap."""
 
-    below: Sections
-    above: Sections
+    below: SliceParts
+    above: SliceParts
     touching: IntArray
 
     @classmethod
-    def between(cls, below: Sections, above: Sections) -> _Gap:
+    def between(cls, below: SliceParts, above: SliceParts) -> _Gap:
         """Find what overlaps."""
         both = (below.labels > 0) & (above.labels > 0)
         count = len(above.centres)
@@ -267,7 +269,7 @@ class _Gap:
         return side.within & (np.bincount(self.touching[:, int(up)], minlength=len(side.centres)) == 0)
 
     def pairs(self, spacing: FloatArray) -> list[Way]:
-        """Sections that run on in each other, and in nothing else."""
+        """SliceParts that run on in each other, and in nothing else."""
         pixel = float(np.sqrt(spacing.prod()))
         single = [np.bincount(side, minlength=1)[side] == 1 for side in self.touching.T]
         candidates = np.concatenate([self.touching[single[0] & single[1]], self._nearest_free(pixel)])
@@ -349,7 +351,7 @@ def _overlap(first: BoolArray, second: BoolArray) -> float:
 _Slopes = tuple[FloatArray, FloatArray]
 
 
-def _slopes(sections: Sequence[Sections], ways: Sequence[Sequence[Way]]) -> list[dict[Way, _Slopes]]:
+def _slopes(sections: Sequence[SliceParts], ways: Sequence[Sequence[Way]]) -> list[dict[Way, _Slopes]]:
     """Slopes of every gap's ways: where a branch runs on, the mean of both sides'."""
     rates = [
         {way: way.shift / (above.z - below.z) for way in here}
@@ -380,7 +382,12 @@ class _Branch:
 
     @classmethod
     def between(
-        cls, below: Sections, above: Sections, way: Way, slopes: Mapping[Way, _Slopes], spacing: FloatArray
+        cls,
+        below: SliceParts,
+        above: SliceParts,
+        way: Way,
+        slopes: Mapping[Way, _Slopes],
+        spacing: FloatArray,
     ) -> _Branch:
         """Cut a window out of both slices."""
         ends = (below, way.low), (above, way.high)

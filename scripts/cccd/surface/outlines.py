@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cccd.containers import Curves, Splines
+from cccd.containers import Curves, Sections
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines, fit_checked, fit_splines, sample_splines
 from cccd.geometry.arrays import FloatArray, sum_per_part
@@ -41,19 +41,18 @@ class Outlines:
     of_pixels: bool
 
 
-def lofted_outlines(curves: Curves, splines: Splines | None, settings: LoftSettings) -> Outlines:
+def lofted_outlines(sections: Sections, settings: LoftSettings) -> Outlines:
     """Outlines to loft from.
 
     Parameters
     ----------
-    curves : Curves
-        Ordered curves: through the centres of an organ's outermost pixels, or drawn along its border.
-    splines : Splines or None
-        Their closed splines; fitted here, by the default settings, where they are needed and not given.
+    sections : Sections
+        Their splines are fitted here, by the default settings, where they are needed and not given.
     settings : LoftSettings
         ``source``: ``splines``, ``polygons`` (the curves themselves), or ``corners``, the paper's splines
         through the sharpest points of support ``corner_k`` (Definitions 3 and 4), but for those that cross.
     """
+    curves, splines = sections.curves, sections.splines
     of_pixels = through_pixel_centres(curves)
     if settings.source == "polygons":
         if of_pixels:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from cccd.bands.signs import Slices
-from cccd.containers import Annotation, Frame, ProbabilityStack
+from cccd.containers import Frame, Sections
 from cccd.errors import InputError
 from cccd.filling import fill_between_slices
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
@@ -160,33 +160,26 @@ class SliceStack:
         return int(self.voxel_faces.sum()) * (VERTEX_BYTES + 2 * TRIANGLE_BYTES)
 
 
-def interpolate_slices(
-    outlines: Outlines,
-    settings: LoftSettings,
-    probability: ProbabilityStack | None = None,
-    annotation: Annotation | None = None,
-) -> SliceStack:
+def interpolate_slices(outlines: Outlines, sections: Sections, settings: LoftSettings) -> SliceStack:
     """Turn outlines into signed distances, and interpolate levels between slices.
 
     Parameters
     ----------
     outlines : Outlines
         Closed polygons, outer ones and holes.
+    sections : Sections
+        Probabilities, which are the target where slices are near enough to each other, and the annotation:
+        where only some slices were drawn, no gap is too wide, and planes across them guide what lies between.
     settings : LoftSettings
         Of these ``bridge_slices``, which may be missing before a run of levels ends, and
         ``smallest_part_voxels``.
-    probability : ProbabilityStack, optional
-        What the outlines are the level of. It then is the target, where slices are near enough to each other.
-    annotation : Annotation, optional
-        Only some slices were drawn: no gap between them is too wide, and planes across them guide what lies
-        between.
 
     Raises
     ------
     InputError
         When there is no curve at all, or none goes around the centre of a pixel.
     """
-    frame = outlines.curves.frame
+    frame, probability, annotation = outlines.curves.frame, sections.probability, sections.annotation
     spacing = frame.pixel_spacing
     pixel = float(np.sqrt(spacing.prod()))
     slices, distance, origin = distance_fields(outlines, guides_reach(annotation))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from cccd.containers import Boundaries, Curves, Structure
+from cccd.containers import Boundaries, Curves, Sections, Structure
 from cccd.curves import corner_splines, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.metrics import dice
@@ -107,7 +107,7 @@ def _surface_of(
     else:
         splines = corner_splines(curves, k_cosine_corners(curves.points, curves.offsets, k))
     middle = time.process_time()
-    surface = loft_surface(curves, lofting.model_copy(update={"source": "splines"}), splines)
+    surface = loft_surface(Sections(curves, splines), lofting.model_copy(update={"source": "splines"}))
     end = time.process_time()
     points, slices = len(splines.control_points), len(np.unique(curves.slice))
     rows, columns = (structure.frame.shape[axis] for axis in structure.frame.in_plane_axes)

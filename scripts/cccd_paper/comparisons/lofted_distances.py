@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pyvista as pv
 
-from cccd.containers import Frame, Structure
+from cccd.containers import Frame, Sections, Structure
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
 from cccd.surface.fields import LevelField
@@ -37,7 +37,8 @@ def lofted_distances(structure: Structure) -> Mesh:
         In world mm (RAS), outwards.
     """
     settings = LoftSettings()
-    stack = interpolate_slices(lofted_outlines(trace_mask(structure), None, settings), settings)
+    sections = Sections(trace_mask(structure))
+    stack = interpolate_slices(lofted_outlines(sections, settings), sections, settings)
     parts = [_zero_level(run, stack.origin, structure.frame) for run in stack.runs]
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     faces = [part.faces + start for part, start in zip(parts, starts, strict=False)]

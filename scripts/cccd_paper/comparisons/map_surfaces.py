@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from cccd.containers import Boundaries, Curves, Panel, SliceFigure, Structure
+from cccd.containers import Boundaries, Curves, Panel, Sections, SliceFigure, Structure
 from cccd.curves import describe_curves
 from cccd.geometry.arrays import offsets_of
 from cccd.junctions.ordering import count_changes
@@ -88,7 +88,7 @@ def compare_map_surfaces(
     def lofted(curves: Curves) -> dict[str, object]:
         if not len(curves):
             return {}
-        return measured(loft_surface(curves, lofting, describe_curves(curves, fitting).splines))
+        return measured(loft_surface(Sections(curves, describe_curves(curves, fitting).splines), lofting))
 
     decoded = decoded_curves(boundaries)
     decided = len(decided_slices(boundaries))

@@ -22,7 +22,7 @@ import pyvista as pv
 from cccd.containers import Structure
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
-from cccd.volumes.nifti_export import write_nifti
+from cccd.inputs.nifti_export import write_nifti
 from cccd_paper.comparisons import convert_by_slicer
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.volume_meshes import from_polydata

@@ -16,13 +16,24 @@ import numpy as np
 import pandas as pd
 
 from cccd.boundary import extract_boundaries
-from cccd.containers import Curves, FittedCurves, Frame, Panel, ProbabilityStack, SliceFigure, Structure
+from cccd.containers import (
+    Curves,
+    FittedCurves,
+    Frame,
+    Panel,
+    ProbabilityStack,
+    Sections,
+    SliceFigure,
+    Structure,
+)
 from cccd.curves import corner_splines, describe_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import bytes_per_slice
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
+from cccd.inputs.grid import Volume
+from cccd.inputs.regions import find_region
 from cccd.metrics import dice, surface_distances
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
@@ -30,8 +41,6 @@ from cccd.settings.imports import ImportSettings, PhantomSettings, RegionSetting
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
 from cccd.tracing import level_curves, trace_stack
-from cccd.volumes.grid import Volume
-from cccd.volumes.regions import find_region
 from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import AUTOMATIC, CCCD, OUTLINES
 from cccd_paper.comparisons.samples import middle_curve
@@ -294,5 +303,5 @@ def _surface_distance(
     fitted: FittedCurves, truth: Mesh, lofting: LoftSettings, level: ProbabilityStack | None = None
 ) -> float:
     """Average distance in mm between the surface that curves lead to and the true one."""
-    mesh = loft_surface(fitted.curves, lofting, fitted.splines, level).mesh
+    mesh = loft_surface(Sections(fitted.curves, fitted.splines, level), lofting).mesh
     return surface_distances(mesh, truth, np.random.default_rng(0), _SAMPLES)["assd"]

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from cccd.boundary import extract_boundaries
-from cccd.containers import Curves, Frame, Splines, Structure
+from cccd.containers import Curves, Frame, Sections, Splines, Structure
 from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.geometry.polygons import RaggedPolygons
@@ -104,7 +104,9 @@ def time_stages(
         return pd.DataFrame()
     slab, samples = _filled_slab(structure, curves, settings.most_slices)
     _, few, _ = middle_slab(structure, curves, 3)
-    loft_surface(few, lofting.model_copy(update={"source": "polygons"}))  # compiled before it is timed
+    loft_surface(
+        Sections(few), lofting.model_copy(update={"source": "polygons"})
+    )  # compiled before it is timed
     made = {way.title: _linked_corners(way, samples, slab.frame) for way in WAYS}
     made[CCCD] = _ordered_pixels(slab, finding, orderers)
     return pd.DataFrame(
@@ -194,7 +196,9 @@ def _timed(method: str, planar: _Planar, slab: Structure, n_slices: int, lofting
     slices = len(np.unique(planar.curves.slice))
     seconds, score = dict(planar.seconds), np.nan
     if slices > 1:
-        surface, seconds["surface"] = _clocked(lambda: loft_surface(planar.curves, loft, planar.splines))
+        surface, seconds["surface"] = _clocked(
+            lambda: loft_surface(Sections(planar.curves, planar.splines), loft)
+        )
         if len(surface.mesh.faces):
             score = voxel_dice(surface.mesh, slab)
     stages = {f"{stage}_ms": 1e3 * seconds.get(stage, np.nan) / n_slices for stage in STAGES}

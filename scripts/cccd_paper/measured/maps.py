@@ -112,13 +112,13 @@ def equal_maps(tables: Tables) -> str:
     unseen = damaged & ~rows["kind"].str.startswith("edges")
     keys = ["network", "map_passes"]
     shown = []
-    for (network, passes), group in rows.groupby(keys, sort=False):
+    for (network, _), group in rows.groupby(keys, sort=False):
         ten, new = group[group["kind"] == "all ten"].iloc[0], group[unseen[group.index]]
         edges = group[group["kind"].str.startswith("edges")].iloc[0]
         shown.append({
             "network": network,
             "different maps": written(ten["training_maps"], ",.0f"),
-            "passes over maps": written(passes, ",.0f"),
+            "passes over maps": written(ten["map_passes"], ",.0f"),
             **_right("in distribution", ten["maps"], ten["correct"], ten["dice"]),
             **_right("unseen damage", new["maps"].sum(), new["correct"].mean(), new["dice"].mean()),
             **_right("edges of MR slices", edges["maps"], edges["correct"], edges["dice"]),

@@ -32,7 +32,7 @@ def programs(tables: Tables) -> str:
         "without its start).",
     ]
     for (case, organ, distance, nth), group in rows.groupby(_PLACE, sort=False):
-        kept = f", every {nth}th slice kept" if nth > 1 else ""
+        kept = f", every {nth}th slice kept" if nth != 1 else ""
         title = f"**{case}/{organ}**, slices {distance:g} mm apart{kept}, {reference_of(group)}"
         parts += [title.replace("2th", "2nd"), method_table(pd.concat(_shown(group)), meshes=True)]
     return "\n\n".join([*parts, programs_verdict(tables)])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from cccd.containers import Frame, Structure
+from cccd.containers import Frame, Sections, Structure
 from cccd.curves import describe_curves
 from cccd.errors import InputError
 from cccd.filling.network import FARTHEST
@@ -92,7 +92,7 @@ def _distances(slices: Array, pixel: float, ratio: int) -> Array | None:
             trace_mask(Structure("body", "body", frame, np.zeros(3, int), mask=mask)), CurveSettings()
         )
         numbers, distance, origin = distance_fields(
-            lofted_outlines(fitted.curves, fitted.splines, LoftSettings())
+            lofted_outlines(Sections(fitted.curves, fitted.splines), LoftSettings())
         )
     except InputError:
         return None

@@ -4,7 +4,7 @@
 module               holds
 ==================== ===============================================================================
 ``random_masks``     synthetic organs; ``synthetic_images``, ``synthetic_maps``, ``labels``: images, noisy
-                     boundary maps (`cccd.volumes.corruptions`) and labels of them
+                     boundary maps (`cccd.inputs.corruptions`) and labels of them
 ``frozen_graphs``    ``graphs.h5``: graphs drawn once
 ``data``             labelled maps
 ``tasks``            a network, its batches, its loss and its scores; ``loss``: ours

@@ -10,7 +10,7 @@ import numpy as np
 
 from cccd.geometry.arrays import AnyArray, ByteArray, SingleArray
 from cccd.geometry.opencv import border_pixels
-from cccd.volumes.corruptions import KINDS, corrupt
+from cccd.inputs.corruptions import KINDS, corrupt
 from cccd_training.junctions.labels import fill_contours
 from cccd_training.junctions.random_masks import draw_mask
 from cccd_training.junctions.synthetic_images import canny_map, draw_image

@@ -23,10 +23,10 @@ from torch import Tensor
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
+from cccd.inputs.grid import Volume
 from cccd.segmentation.grids import WorkingGrid
 from cccd.segmentation.plan import Plan, make_intensity, orientation_of, spacing_of
 from cccd.settings.segmentation import SegmentationSettings
-from cccd.volumes.grid import Volume
 
 __all__ = ["Example", "LabelledScan", "batches", "make_plan", "prepare", "split_patients"]
 

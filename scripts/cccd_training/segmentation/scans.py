@@ -10,13 +10,13 @@ import numpy as np
 from cccd.cohort import complete_row
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
+from cccd.inputs.grid import Volume, on_grid
+from cccd.inputs.load import existing
+from cccd.inputs.readers import read_volume
+from cccd.inputs.row_files import read_mask
 from cccd.segmentation.sources import read_scan, scan_phantom
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import choices
-from cccd.volumes.grid import Volume, on_grid
-from cccd.volumes.inputs import read_mask
-from cccd.volumes.load import existing
-from cccd.volumes.readers import read_volume
 from cccd_training.segmentation.examples import LabelledScan
 
 __all__ = ["read_labelled_scan"]

@@ -8,8 +8,8 @@ import numpy as np
 from monai.metrics.utils import get_mask_edges
 
 from cccd.geometry.arrays import AnyArray, BoolArray, SingleArray
+from cccd.inputs.grid import bounding_box
 from cccd.metrics import dice
-from cccd.volumes.grid import bounding_box
 
 __all__ = ["volume_scores"]
 

@@ -14,8 +14,8 @@ from cccd.files.options import ExportOptions
 from cccd.files.rtstruct import write_rtstruct
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
+from cccd.inputs import load_structure
 from cccd.surface.surface import Surface
-from cccd.volumes import load_structure
 
 
 def ball_mesh(centre, radius=15.0):

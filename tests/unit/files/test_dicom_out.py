@@ -36,7 +36,7 @@ from cccd.files.rtstruct import write_rtstruct
 from cccd.files.seg import write_seg
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
-from cccd.volumes import load_structure
+from cccd.inputs import load_structure
 
 AFFINE = dicom_affine()
 CENTRE = (AFFINE @ (18, 18, 6, 1))[:3]

@@ -55,7 +55,7 @@ def test_slicer_gets_names_colours_and_voxels_back(organs, tmp_path):
 
 
 def test_our_own_reader_knows_the_names(organs, tmp_path):
-    from cccd.volumes.label_maps import list_map
+    from cccd.inputs.label_maps import list_map
 
     path = tmp_path / "segmentation.seg.nrrd"
     write_segmentation(path, organs, FRAME)

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from shapes import SETTINGS, curves_of, fork
 
-from cccd.containers import Frame
+from cccd.containers import Frame, Sections
 from cccd.errors import InputError
 from cccd.extras import EXTRAS
 from cccd.files.options import ExportOptions
@@ -28,7 +28,7 @@ from cccd.surface.surface import Surface, read_surface
 
 @pytest.fixture(scope="module")
 def surface():
-    return loft_surface(curves_of(fork()), SETTINGS)
+    return loft_surface(Sections(curves_of(fork())), SETTINGS)
 
 
 def test_ply_reads_back_exactly(surface, tmp_path):
@@ -227,7 +227,7 @@ def test_every_format_that_the_configuration_knows_is_written(surface, tmp_path,
     for module in EXTRAS.get(FORMATS[name].extra, ()):
         pytest.importorskip(module)
     if name == "seg.dcm":
-        pytest.skip("lies on a DICOM series: tests/unit/volumes/test_dicom_out.py")
+        pytest.skip("lies on a DICOM series: tests/unit/inputs/test_dicom_out.py")
     path = tmp_path / f"surface.{name}"
     coarse = TetrahedraSettings(edge_mm=10, tolerance_mm=0.5)
     write_surface(path, surface, ExportOptions("fork", tetrahedra=coarse))

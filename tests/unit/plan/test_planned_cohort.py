@@ -14,7 +14,7 @@ from cccd.errors import InputError
 
 PLANS = runpy.run_path(str(Path(__file__).parent / "plans.py"))
 plan_of, named = PLANS["plan_of"], PLANS["named"]
-SCANS = Path(__file__).parents[1] / "volumes" / "scans.py"
+SCANS = Path(__file__).parents[1] / "inputs" / "scans.py"
 
 A_BALL = {"case": "a", "organ": "ball"}
 #: A row of each kind of input that no file decides, and the script that leads to its contours.

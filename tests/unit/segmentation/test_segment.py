@@ -13,14 +13,14 @@ pytest.importorskip("monai")
 from cccd.cli import main
 from cccd.cohort import complete_row
 from cccd.errors import InputError
+from cccd.inputs.grid import Volume
+from cccd.inputs.nifti_export import write_nifti
 from cccd.project import PROJECT
 from cccd.segmentation.external import run_external
 from cccd.segmentation.model import load_segmenter
 from cccd.segmentation.networks import networks
 from cccd.segmentation.segment import find_segmenter
 from cccd.settings.imports import ImportSettings, PhantomSettings
-from cccd.volumes.grid import Volume
-from cccd.volumes.nifti_export import write_nifti
 from cccd_training.segmentation.scans import read_labelled_scan
 
 ROW = dict.fromkeys(("case", "organ", "source", "image", "mask", "label", "boundary", "role"), "")

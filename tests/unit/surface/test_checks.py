@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from shapes import SETTINGS, ball, curves_of
 from trimesh import creation
 
-from cccd.containers import Frame
+from cccd.containers import Frame, Sections
 from cccd.curves import describe_curves
 from cccd.geometry.mesh import Mesh
 from cccd.settings.curves import CurveSettings
@@ -23,7 +23,8 @@ def is_near(violation):
 
 def stack_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0)) -> SliceStack:
     fitted = describe_curves(curves_of(mask, spacing), CurveSettings())
-    return interpolate_slices(lofted_outlines(fitted.curves, fitted.splines, SETTINGS), SETTINGS)
+    sections = Sections(fitted.curves, fitted.splines)
+    return interpolate_slices(lofted_outlines(sections, SETTINGS), sections, SETTINGS)
 
 
 @pytest.fixture(scope="module")

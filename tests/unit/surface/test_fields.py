@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from shapes import ball, curves_of
 
-from cccd.containers import Curves, Frame
+from cccd.containers import Curves, Frame, Sections
 from cccd.settings.surface import LoftSettings
 from cccd.surface.fields import distance_fields, interpolated_fields
 from cccd.surface.outlines import Outlines, lofted_outlines, through_pixel_centres
@@ -15,7 +15,7 @@ def border(curves):
 
 
 def polygons(curves):
-    return lofted_outlines(curves, None, LoftSettings(source="polygons"))
+    return lofted_outlines(Sections(curves), LoftSettings(source="polygons"))
 
 
 def circles(radii, spacing=(1.0, 1.0, 1.0)):

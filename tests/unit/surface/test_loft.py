@@ -7,7 +7,7 @@ from scipy.ndimage import binary_opening, gaussian_filter
 from scipy.spatial.transform import Rotation
 from shapes import SETTINGS, ball, curves_of, fork, grid, structure_of
 
-from cccd.containers import Curves, Frame
+from cccd.containers import Curves, Frame, Sections
 from cccd.errors import InputError
 from cccd.geometry.raster import voxelise
 from cccd.metrics import dice
@@ -37,14 +37,14 @@ def rough_organ(seed):
 def test_small_rough_organs_keep_their_volume():
     """Smoothing takes teeth off and fills notches: on the mean neither may win."""
     masks = [rough_organ(seed) for seed in range(4)]
-    kept = [loft_surface(curves_of(mask), SETTINGS).mesh.volume / mask.sum() for mask in masks]
+    kept = [loft_surface(Sections(curves_of(mask)), SETTINGS).mesh.volume / mask.sum() for mask in masks]
     assert np.mean(kept) == pytest.approx(1, abs=0.0025)
 
 
 @pytest.fixture(scope="module")
 def whole_ball():
     structure = structure_of(ball())
-    return structure, loft_surface(trace_mask(structure), SETTINGS)
+    return structure, loft_surface(Sections(trace_mask(structure)), SETTINGS)
 
 
 def test_a_ball_keeps_its_volume_and_its_surface(whole_ball):
@@ -65,7 +65,7 @@ def test_anisotropic_oblique_scans_come_out_in_world_mm():
     affine[:3, :3] = turn @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]) * spacing
     affine[:3, 3] = (-40, 12, 700)
     mask = ball((60, 60, 20), (30, 30, 10), 20, spacing)
-    surface = loft_surface(trace_mask(structure_of(mask, affine=affine)), SETTINGS)
+    surface = loft_surface(Sections(trace_mask(structure_of(mask, affine=affine))), SETTINGS)
     assert_sound(surface)
     centre = affine[:3, :3] @ (30, 30, 10) + affine[:3, 3]
     radius = np.linalg.norm(surface.vertices - centre, axis=1)
@@ -74,13 +74,13 @@ def test_anisotropic_oblique_scans_come_out_in_world_mm():
 
 def test_mirrored_affines_still_point_outwards():
     structure = structure_of(ball(), affine=np.diag([-1.0, 1.0, 1.0, 1.0]))
-    assert_sound(loft_surface(trace_mask(structure), SETTINGS))
+    assert_sound(loft_surface(Sections(trace_mask(structure)), SETTINGS))
 
 
 @pytest.mark.parametrize("step", [1, 8, 20])  # pixels of 0.7 mm
 def test_what_the_scan_cuts_ends_half_a_slice_beyond_it_however_thick_slices_are(step):
     disc = np.sum((grid(40, 40, 6)[:2] - 20) ** 2, axis=0) < 120
-    surface = loft_surface(curves_of(disc, (0.7, 0.7, step)), SETTINGS)
+    surface = loft_surface(Sections(curves_of(disc, (0.7, 0.7, step))), SETTINGS)
     assert_sound(surface)
     assert surface.mesh.volume == pytest.approx(disc.sum() * 0.49 * step, rel=0.002)
     heights = surface.vertices[:, 2]
@@ -89,7 +89,7 @@ def test_what_the_scan_cuts_ends_half_a_slice_beyond_it_however_thick_slices_are
 
 def test_the_rim_where_the_scan_cuts_an_organ_is_sharp_and_smooth():
     disc = np.sum((grid(60, 60, 12)[:2] - 30) ** 2, axis=0) < 20.3**2
-    mesh = loft_surface(curves_of(disc), SETTINGS).mesh
+    mesh = loft_surface(Sections(curves_of(disc)), SETTINGS).mesh
     level = np.abs(mesh.unit_normals[:, 2])
     assert mesh.face_areas[(level < 0.9999) & (level > 0.1)].sum() < 1e-3 * mesh.area
     on_cap = np.isin(mesh.vertices[:, 2], (-0.5, 11.5))
@@ -113,7 +113,7 @@ def test_drawn_outlines_are_not_moved_outwards():
         np.zeros(count, bool),
         frame,
     )
-    surface = loft_surface(curves, SETTINGS)
+    surface = loft_surface(Sections(curves), SETTINGS)
     assert_sound(surface)
     middle = np.abs(surface.vertices[:, 2] - 10) < 5
     radius = np.hypot(*(surface.vertices[middle, :2] - 30).T)
@@ -126,7 +126,7 @@ def test_drawn_outlines_are_not_moved_outwards():
 
 def test_a_cavity_is_subtracted():
     mask = ball(radius=22) & ~ball(radius=11)
-    surface = loft_surface(curves_of(mask), SETTINGS)
+    surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
     assert_sound(surface)
     assert [body.sign for body in surface.bodies] == [1, -1]
     assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.001)
@@ -136,7 +136,7 @@ def test_a_tunnel_through_all_slices_stays_open():
     x, y, z = grid(40, 40, 30)
     ring = np.hypot(x - 20, y - 20)
     mask = (ring <= 14) & (ring >= 6) & (z >= 5) & (z < 25)
-    surface = loft_surface(curves_of(mask), SETTINGS)
+    surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
     assert_sound(surface)
     edges = 1.5 * len(surface.faces)
     assert len(surface.vertices) - edges + len(surface.faces) == 0  # a torus has Euler characteristic 0
@@ -148,7 +148,7 @@ def test_a_shelf_that_appears_at_once_leaves_no_ripples():
     mask |= (x >= 28) & (x < 100) & (np.abs(y - 30) <= 5) & (z >= 20)
     mask &= (z >= 3) & (z < 37)
     structure = structure_of(mask)
-    surface = loft_surface(trace_mask(structure), SETTINGS)
+    surface = loft_surface(Sections(trace_mask(structure)), SETTINGS)
     assert_sound(surface)
     away = np.linalg.norm(surface.vertices[:, :2] - (28, 30), axis=1) - 20
     far_wall = (np.abs(surface.vertices[:, 2] - 20) < 12) & (surface.vertices[:, 0] < 24)
@@ -160,7 +160,7 @@ def test_what_only_the_cut_slice_shows_is_kept():
     x, y, z = grid(110, 60, 10)
     mask = np.hypot(x - 28, y - 30) <= 20
     mask |= (x >= 28) & (x < 100) & (np.abs(y - 30) <= 10) & (z == 0)
-    surface = loft_surface(curves_of(mask, (1.0, 1.0, 3.0)), SETTINGS)
+    surface = loft_surface(Sections(curves_of(mask, (1.0, 1.0, 3.0))), SETTINGS)
     assert_sound(surface)
     inside = voxelise(surface.mesh, surface.frame.affine, mask.shape)
     assert dice(mask[:, :, 0], inside[:, :, 0]) > 0.99
@@ -169,7 +169,7 @@ def test_what_only_the_cut_slice_shows_is_kept():
 
 def test_separate_bodies_stay_separate():
     mask = ball((50, 90, 50), (25, 24, 25), 15) | ball((50, 90, 50), (25, 64, 25), 15)
-    surface = loft_surface(curves_of(mask), SETTINGS)
+    surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
     assert_sound(surface)
     assert surface.report["bodies"] == 2
 
@@ -179,7 +179,7 @@ def test_missing_slices_are_bridged_up_to_a_limit(missing, bodies):
     x, y, _ = grid(40, 40, 40)
     mask = np.hypot(x - 20, y - 20) <= 10
     mask[:, :, 18 : 18 + missing] = False
-    surface = loft_surface(curves_of(mask), SETTINGS)
+    surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
     assert_sound(surface)
     assert surface.report["bodies"] == bodies
 
@@ -187,7 +187,7 @@ def test_missing_slices_are_bridged_up_to_a_limit(missing, bodies):
 def test_one_slice_is_a_lens():
     mask = ball()
     mask[:, :, :30] = mask[:, :, 31:] = False
-    surface = loft_surface(curves_of(mask), SETTINGS)
+    surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
     assert_sound(surface)
     assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.001)
 
@@ -196,26 +196,26 @@ def test_a_single_triangle_is_enough():
     points = np.array([[10.2, 10.1], [18.7, 11.3], [13.4, 19.2]])
     frame = Frame(np.eye(4), 2, (30, 30, 9))
     curves = Curves(points, np.array([0, 3]), np.array([4], np.int32), np.zeros(1, bool), frame)
-    assert_sound(loft_surface(curves, SETTINGS))
+    assert_sound(loft_surface(Sections(curves), SETTINGS))
 
 
 def test_dozens_of_specks_do_not_raise():
     rng = np.random.default_rng(0)
     mask = ball((60, 60, 40), (30, 30, 20), 14)
     mask[tuple(rng.integers(1, 39, (3, 80)))] = True
-    assert_sound(loft_surface(curves_of(mask), SETTINGS))
+    assert_sound(loft_surface(Sections(curves_of(mask)), SETTINGS))
 
 
 def test_what_is_lost_is_told_by_its_volume():
     mask = ball((60, 60, 40), (30, 30, 20), 14)
     mask[4:6, 4:6, 5] = mask[50:52, 50:52, 30] = True
-    warnings = loft_surface(curves_of(mask, (0.5, 0.5, 2)), SETTINGS).report["warnings"]
+    warnings = loft_surface(Sections(curves_of(mask, (0.5, 0.5, 2))), SETTINGS).report["warnings"]
     assert warnings == [
         "dropped 2 fragments smaller than 6 voxels (4 mm³ in total); "
         "lower surface.smallest_part_voxels to keep them"
     ]
     shell = np.abs(np.linalg.norm(np.stack(grid(24, 24, 24), -1) - 11.5, axis=-1) - 7) < 0.3  # full of holes
-    surface = loft_surface(curves_of(shell), SETTINGS)
+    surface = loft_surface(Sections(curves_of(shell)), SETTINGS)
     assert surface.mesh.volume < 0.5 * shell.sum()
     assert "of its slices' volume" in " ".join(surface.report["warnings"])
 
@@ -224,7 +224,7 @@ def test_no_curves_is_an_input_error():
     frame = Frame(np.eye(4), 2, (5, 5, 5))
     none = Curves(np.zeros((0, 2)), np.zeros(1, int), np.zeros(0, np.int32), np.zeros(0, bool), frame)
     with pytest.raises(InputError, match="there is no closed curve"):
-        loft_surface(none, SETTINGS)
+        loft_surface(Sections(none), SETTINGS)
 
 
 def test_curves_between_the_pixels_are_an_input_error():
@@ -232,12 +232,12 @@ def test_curves_between_the_pixels_are_an_input_error():
     frame = Frame(np.eye(4), 2, (30, 30, 9))
     sliver = Curves(points, np.array([0, 3]), np.array([4], np.int32), np.zeros(1, bool), frame)
     with pytest.raises(InputError, match="centre of a pixel"):
-        loft_surface(sliver, SETTINGS)
+        loft_surface(Sections(sliver), SETTINGS)
 
 
 def test_same_curves_give_the_same_bytes():
     curves = curves_of(fork()[::2, ::2, ::2])
-    first, second = loft_surface(curves, SETTINGS), loft_surface(curves, SETTINGS)
+    first, second = loft_surface(Sections(curves), SETTINGS), loft_surface(Sections(curves), SETTINGS)
     assert first.vertices.tobytes() == second.vertices.tobytes()
     assert first.faces.tobytes() == second.faces.tobytes()
 
@@ -245,7 +245,7 @@ def test_same_curves_give_the_same_bytes():
 def test_small_parts_are_left_out_with_a_warning(whole_ball):
     mask = ball()
     mask[2:4, 2:4, 30] = True
-    surface = loft_surface(curves_of(mask), SETTINGS)
+    surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
     assert surface.report["bodies"] == 1
     assert any("smaller than 6 voxels" in warning for warning in surface.report["warnings"])
     assert whole_ball[1].report["warnings"] == []
@@ -255,7 +255,7 @@ def test_caps_end_where_the_last_slices_point():
     """To a fifth of the distance between them."""
     spacing = (2.0, 2.0, 5.0)
     mask = ball((40, 40, 24), (20, 20, 12.1), 30, spacing)
-    surface = loft_surface(curves_of(mask, spacing), SETTINGS)
+    surface = loft_surface(Sections(curves_of(mask, spacing)), SETTINGS)
     assert surface.vertices[:, 2].min() == pytest.approx(5 * 12.1 - 30, abs=1.0)
     assert surface.vertices[:, 2].max() == pytest.approx(5 * 12.1 + 30, abs=1.0)
 
@@ -265,7 +265,7 @@ def test_an_open_vessel_runs_through_the_cut_end():
     mask = (np.hypot(x - 25, y - 25) <= 20) & (z < 16)
     mask &= ~((np.hypot(x - 25, y - 36) <= 4) & (z > 0))
     mask &= ~((np.abs(x - 25) <= 3) & (y > 34) & (z == 0))  # in the first slice it reaches the outside
-    surface = loft_surface(curves_of(mask), SETTINGS)
+    surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
     assert surface.mesh.is_closed_manifold
     inside = voxelise(surface.mesh, surface.frame.affine, mask.shape)
     assert not inside[25, 36].any()
@@ -299,4 +299,4 @@ def test_unions_of_balls_are_always_sound(balls, spacing):
     mask[[0, -1]] = mask[:, [0, -1]] = False
     curves = curves_of(mask, spacing)
     if len(curves):
-        assert_sound(loft_surface(curves, SETTINGS))
+        assert_sound(loft_surface(Sections(curves), SETTINGS))

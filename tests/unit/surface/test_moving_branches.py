@@ -7,10 +7,11 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from shapes import curves_of
 
+from cccd.containers import Sections
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.surface.fields import LevelField
-from cccd.surface.moving_branches import Sections, follow_branches, move_branches
+from cccd.surface.moving_branches import SliceParts, follow_branches, move_branches
 
 PIXEL, GAP = np.ones(2), 5.0
 
@@ -64,7 +65,7 @@ def stack(*slices, parts=4):
 def test_a_vessel_that_runs_aslant_is_one_tube_of_its_radius(radius, angle, spacing):
     points = line(angle)
     curves = curves_of(away(points, spacing) < radius, spacing)
-    mesh = loft_surface(curves, LoftSettings()).mesh
+    mesh = loft_surface(Sections(curves), LoftSettings()).mesh
     assert mesh.count_bodies() == 1
     assert mesh.is_closed_manifold
     wall = np.ptp(points[:, 2]) / 2 - GAP > np.abs(mesh.vertices[:, 2] - 45)  # its ends lie between slices
@@ -78,7 +79,7 @@ def test_a_thin_coil_is_one_tube_though_its_sections_turn_from_slice_to_slice():
         [40 + 16 * np.cos(angle), 40 + 16 * np.sin(angle), 10 + 45 * angle / (2 * np.pi)]
     )
     curves = curves_of(away(points, (0.75, 0.75, 5)) < 1.6, (0.75, 0.75, 5))
-    mesh = loft_surface(curves, LoftSettings()).mesh
+    mesh = loft_surface(Sections(curves), LoftSettings()).mesh
     assert mesh.count_bodies() == 1
     assert np.mean(np.abs(cKDTree(points).query(mesh.vertices)[0] - 1.6)) < 0.2
 
@@ -88,7 +89,7 @@ def test_a_thin_tunnel_that_runs_aslant_through_a_block_is_open_from_end_to_end(
     inside = np.zeros((110, 110, 18), bool)
     inside[8:-8, 8:-8, 3:-3] = True
     inside &= away(line(50, length=120), spacing, size=inside.shape * spacing + 0.1) > 1.6
-    surface = loft_surface(curves_of(inside, spacing), LoftSettings())
+    surface = loft_surface(Sections(curves_of(inside, spacing)), LoftSettings())
     assert surface.mesh.genus == 1
 
 
@@ -99,13 +100,13 @@ def test_a_branch_that_leaves_its_trunk_aslant_hangs_on_it():
     branch = branch[branch[:, 2] > 25]
     inside = (away(trunk, spacing) < 7) | (away(branch, spacing) < 1.7)
     curves = curves_of(inside, spacing)
-    assert loft_surface(curves, LoftSettings()).mesh.count_bodies() == 1
+    assert loft_surface(Sections(curves), LoftSettings()).mesh.count_bodies() == 1
 
 
 @given(st.floats(0, 2.5), st.floats(0, np.pi), st.floats(3.5, 5.0))
 def test_a_section_tells_how_its_branch_leans(steep, direction, half_width):
     lean = steep * np.array([np.cos(direction), np.sin(direction)])
-    sections = Sections.of(section((20, 20), half_width, lean), PIXEL)
+    sections = SliceParts.of(section((20, 20), half_width, lean), PIXEL)
     np.testing.assert_allclose(sections.centres, [[20, 20]], atol=0.3)
     assert sections.half_widths[0] == pytest.approx(half_width, abs=0.5)
     found = sections.leans[0]
@@ -135,8 +136,8 @@ def test_slices_stay_and_so_does_what_overlaps_itself_stands_upright_or_lies_whe
 
 def test_ways_are_the_same_upside_down_and_mirrored():
     slices = [section((10 + 7 * n, 12 + 2 * n), lean=(1.4, 0.4)) for n in range(3)]
-    up = follow_branches([Sections.of(s, PIXEL, GAP * n) for n, s in enumerate(slices)], PIXEL)
-    down = follow_branches([Sections.of(s, PIXEL, GAP * n) for n, s in enumerate(slices[::-1])], PIXEL)
+    up = follow_branches([SliceParts.of(s, PIXEL, GAP * n) for n, s in enumerate(slices)], PIXEL)
+    down = follow_branches([SliceParts.of(s, PIXEL, GAP * n) for n, s in enumerate(slices[::-1])], PIXEL)
     assert [len(ways) for ways in up] == [len(ways) for ways in down] == [1, 1]
     for one, other in zip(up, down[::-1], strict=True):
         np.testing.assert_allclose(one[0].shift, -other[0].shift)

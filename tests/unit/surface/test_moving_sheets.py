@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from shapes import curves_of
 
+from cccd.containers import Sections
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
@@ -81,4 +82,4 @@ def euler(mesh: Mesh) -> int:
 
 def test_a_block_that_an_oblique_slit_cuts_is_two_balls_without_handles():
     curves = curves_of(cut_block(), spacing=(1.0, 1.0, 5.0))
-    assert euler(loft_surface(curves, LoftSettings()).mesh) == 4
+    assert euler(loft_surface(Sections(curves), LoftSettings()).mesh) == 4

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from shapes import curves_of, drawn, grid, structure_of
 
+from cccd.containers import Sections
 from cccd.curves import fit_splines
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.curves import CurveSettings
@@ -26,7 +27,7 @@ def lofted_from(source):
 @pytest.mark.parametrize("radius", [3.3, 8.1, 20.4, 33.7])
 def test_outlines_enclose_the_area_of_their_pixels(radius):
     mask = disc(radius)
-    outlines = lofted_outlines(curves_of(mask), None, LoftSettings())
+    outlines = lofted_outlines(Sections(curves_of(mask)), LoftSettings())
     assert outlines.of_pixels
     assert outlines.outwards == pytest.approx(0.5, abs=0.1)
     _, distance, _ = distance_fields(outlines)
@@ -39,14 +40,14 @@ def test_outlines_enclose_the_area_of_their_pixels(radius):
 def test_outlines_with_holes_stand_for_their_pixels_whatever_they_are_drawn_by():
     mask = disc(30) & ~disc(12.2)
     for source in ("splines", "polygons"):
-        outlines = lofted_outlines(curves_of(mask), None, lofted_from(source))
+        outlines = lofted_outlines(Sections(curves_of(mask)), lofted_from(source))
         assert outlines.areas.reshape(5, 2).sum(axis=1) == pytest.approx(mask.sum(axis=(0, 1)), rel=1e-9)
 
 
 def test_a_hole_closes_as_much_as_its_outline_opens():
     mask = disc(30) & ~disc(12.2)
     curves = curves_of(mask)
-    outlines = lofted_outlines(curves, None, LoftSettings())
+    outlines = lofted_outlines(Sections(curves), LoftSettings())
     assert np.all(outlines.outwards > 0.4)
     _, distance, _ = distance_fields(outlines)
     assert np.clip(0.5 - distance[2], 0, 1).sum() == pytest.approx(mask[:, :, 2].sum(), rel=0.01)
@@ -57,7 +58,7 @@ def test_distances_of_a_disc_are_nearer_to_the_circle_than_its_pixels():
     curves = curves_of(disc(radius, centre))
     errors = {}
     for source in ("splines", "polygons"):
-        _, distance, origin = distance_fields(lofted_outlines(curves, None, lofted_from(source)))
+        _, distance, origin = distance_fields(lofted_outlines(Sections(curves), lofted_from(source)))
         i, j = np.indices(distance[0].shape)
         true = np.hypot(i + origin[0] - centre[0], j + origin[1] - centre[1]) - radius
         errors[source] = np.abs(distance[2] - true)[np.abs(true) < 15].mean()
@@ -68,7 +69,7 @@ def test_distances_of_a_disc_are_nearer_to_the_circle_than_its_pixels():
 def test_drawn_contours_are_not_moved():
     angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
     circle = np.column_stack([40.1 + 20 * np.cos(angle), 39.7 + 20 * np.sin(angle)])
-    outlines = lofted_outlines(drawn({k: [circle] for k in range(5)}, 9, size=80), None, LoftSettings())
+    outlines = lofted_outlines(Sections(drawn({k: [circle] for k in range(5)}, 9, size=80)), LoftSettings())
     assert not outlines.of_pixels
     assert np.all(outlines.outwards == 0)
     radii = np.hypot(*(outlines.curves.points - (40.1, 39.7)).T)
@@ -105,16 +106,17 @@ def test_corner_splines_of_a_large_k_give_another_surface():
     mask = (((x - 35) / 28) ** 4 + ((y - 30) / 22) ** 2 <= 1) & (z >= 3) & (z < 27)
     curves = curves_of(mask)
     volumes = {
-        k: loft_surface(curves, LoftSettings(source="corners", corner_k=k)).mesh.volume for k in (7, 20)
+        k: loft_surface(Sections(curves), LoftSettings(source="corners", corner_k=k)).mesh.volume
+        for k in (7, 20)
     }
-    fitted = loft_surface(curves, LoftSettings()).mesh.volume
+    fitted = loft_surface(Sections(curves), LoftSettings()).mesh.volume
     assert fitted == pytest.approx(mask.sum(), rel=0.01)
     assert abs(volumes[20] - fitted) > 2 * abs(volumes[7] - fitted)
 
 
 def test_polygons_are_the_pixels_themselves():
     curves = curves_of(disc(9.2) | disc(6.1, (52.0, 44.0)))
-    outlines = lofted_outlines(curves, None, lofted_from("polygons"))
+    outlines = lofted_outlines(Sections(curves), lofted_from("polygons"))
     assert outlines.curves is curves
     _, distance, _ = distance_fields(outlines)
     squares = (np.abs(distance) + 0.5) ** 2
@@ -124,10 +126,10 @@ def test_polygons_are_the_pixels_themselves():
 def test_given_splines_are_the_ones_that_are_lofted():
     curves = curves_of(ellipse_mask())
     loose = fit_splines(curves, CurveSettings(tolerance_px=2.0))
-    given = loft_surface(curves, LoftSettings(), loose)
-    assert not np.array_equal(given.vertices, loft_surface(curves, LoftSettings()).vertices)
-    same = loft_surface(curves, LoftSettings(), fit_splines(curves))
-    assert np.array_equal(same.vertices, loft_surface(curves, LoftSettings()).vertices)
+    given = loft_surface(Sections(curves, loose), LoftSettings())
+    assert not np.array_equal(given.vertices, loft_surface(Sections(curves), LoftSettings()).vertices)
+    same = loft_surface(Sections(curves, fit_splines(curves)), LoftSettings())
+    assert np.array_equal(same.vertices, loft_surface(Sections(curves), LoftSettings()).vertices)
 
 
 def ellipse_mask():
@@ -138,6 +140,6 @@ def ellipse_mask():
 def test_touching_loops_grow_together():
     """Two lobes that touch in a pixel: moved outwards they overlap, and nothing is cut out there."""
     lobes = disc(8.3, (30, 40)) | disc(8.3, (46, 40))
-    outlines = lofted_outlines(curves_of(lobes), None, LoftSettings())
+    outlines = lofted_outlines(Sections(curves_of(lobes)), LoftSettings())
     _, distance, origin = distance_fields(outlines)
     assert distance[2][38 - origin[0], 40 - origin[1]] < 0

@@ -10,6 +10,7 @@ from scipy.ndimage import binary_opening, gaussian_filter
 from shapes import ball, curves_of, fork, grid
 from trimesh import creation
 
+from cccd.containers import Sections
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
@@ -22,7 +23,7 @@ NOWHERE = (-np.inf, np.inf)
 
 
 def lofted(mask, spacing=(1.0, 1.0, 1.0)):
-    return loft_surface(curves_of(mask, spacing), LoftSettings())
+    return loft_surface(Sections(curves_of(mask, spacing)), LoftSettings())
 
 
 def assert_sound(surface):

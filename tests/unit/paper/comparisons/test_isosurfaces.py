@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cccd.containers import Frame, Structure
+from cccd.containers import Frame, Sections, Structure
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
@@ -68,7 +68,7 @@ def test_point_methods_come_near_the_ellipsoid(structure, make):
 
 def test_one_row_per_method(structure):
     curves = trace_mask(structure)
-    surface = loft_surface(curves, LoftSettings())
+    surface = loft_surface(Sections(curves), LoftSettings())
     table = compare_isosurfaces(
         structure,
         curves,

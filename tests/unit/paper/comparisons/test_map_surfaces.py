@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from cccd.boundary import extract_boundaries
-from cccd.containers import Boundaries, Curves, Frame, Structure
+from cccd.containers import Boundaries, Curves, Frame, Sections, Structure
 from cccd.curves import fit_splines
 from cccd.junctions.ordering import count_changes
 from cccd.settings.boundaries import BoundarySettings
@@ -70,7 +70,7 @@ def test_surfaces_are_scored_beside_the_classical_decoder_s():
     whole = extract_boundaries(structure, BoundarySettings())
     contours = trace_mask(structure)
     lofting = LoftSettings()
-    surface = loft_surface(contours, lofting, fit_splines(contours))
+    surface = loft_surface(Sections(contours, fit_splines(contours)), lofting)
     asked = (structure, whole, contours, surface, CurveSettings(), lofting)
     table = compare_map_surfaces(*asked).set_index("method")
     assert list(table.index) == [NETWORK, CLASSICAL, THRESHOLD]

@@ -7,8 +7,8 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("monai")
 
 from cccd.containers import Frame, Structure  # noqa: E402
+from cccd.inputs.grid import Volume  # noqa: E402
 from cccd.segmentation.plan import Intensity, Plan  # noqa: E402
-from cccd.volumes.grid import Volume  # noqa: E402
 from cccd_paper.comparisons.segmenters import ShippedNetworks  # noqa: E402
 
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from cccd.geometry.opencv import border_pixels
+from cccd.inputs.corruptions import KINDS, corrupt
 from cccd.junctions.decoding import fill_inside
 from cccd.junctions.delaunay import build_graph
-from cccd.volumes.corruptions import KINDS, corrupt
 from cccd_training.junctions.labels import inside_shares, link_labels
 from cccd_training.junctions.random_masks import draw_mask
 from cccd_training.junctions.synthetic_maps import ALL_KINDS, draw_map, truth_mask

@@ -7,15 +7,15 @@ from scans import row, settings, write_nifti
 
 import cccd
 from cccd.cohort import read_cohort
-from cccd.containers import Annotation
+from cccd.containers import Annotation, Sections
 from cccd.errors import InputError
+from cccd.inputs import load_structure, structure_of_array
+from cccd.inputs.annotation import drawn_slices, find_annotation
 from cccd.settings.surface import LoftSettings
 from cccd.store import read_annotation, read_compared, read_structure, write_structure
 from cccd.surface import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
-from cccd.volumes import load_structure, structure_of_array
-from cccd.volumes.annotation import drawn_slices, find_annotation
 
 ORIGIN = np.array([3, 10, 20])
 
@@ -155,7 +155,8 @@ def test_drawn_contours_far_apart_are_one_organ():
     curves = trace_mask(structure_of_array(only(ellipsoid(), [12, 16, 20, 64]), np.eye(4), settings()))
     known = Annotation(np.array([12, 16, 20, 64]))
     bodies = [
-        loft_surface(curves, LoftSettings(), annotation=some).report["bodies"] for some in (None, known)
+        loft_surface(Sections(curves, annotation=some), LoftSettings()).report["bodies"]
+        for some in (None, known)
     ]
     assert bodies == [2, 1]
 

@@ -4,7 +4,7 @@
 module               holds
 ===================  ===============================================================================
 ``load``             `load_structure`: a row's files on one grid, cropped to the organ
-``inputs``           the files of a row: image, mask, boundary maps
+``row_files``        the files of a row: image, mask, boundary maps
 ``readers``          NIfTI, NRRD, MHA and what else SimpleITK reads
 ``nnunet``           nnU-Net's probabilities
 ``dicom``            image series, segmentations (SEG), structure sets (RTSTRUCT)
@@ -20,6 +20,6 @@ module               holds
 ===================  ===============================================================================
 """
 
-from cccd.volumes.load import load_structure, structure_of_array
+from cccd.inputs.load import load_structure, structure_of_array
 
 __all__ = ["load_structure", "structure_of_array"]

@@ -18,14 +18,11 @@ from cccd.containers import Annotation, Curves, Frame, Structure
 from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
-from cccd.settings.imports import ImportSettings
-from cccd.settings.messages import nearest
-from cccd.sidecar_files import voxel_files
-from cccd.volumes.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
-from cccd.volumes.contours import assemble_contours, contour_frame
-from cccd.volumes.degraded import BIAS, EVERY, NOISE, damage_maps, rescan
-from cccd.volumes.grey_values import image_without_mask
-from cccd.volumes.grid import (
+from cccd.inputs.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
+from cccd.inputs.contours import assemble_contours, contour_frame
+from cccd.inputs.degraded import BIAS, EVERY, NOISE, damage_maps, rescan
+from cccd.inputs.grey_values import image_without_mask
+from cccd.inputs.grid import (
     Volume,
     bounding_box,
     check_affine,
@@ -34,10 +31,13 @@ from cccd.volumes.grid import (
     interpolate_on_grid,
     on_grid,
 )
-from cccd.volumes.inputs import organ_of_labels, read_boundary_maps, read_image, read_mask
-from cccd.volumes.phantoms import make_phantom
-from cccd.volumes.regions import find_region
-from cccd.volumes.sources import brain_of_stripped, read_mni152, read_whole_body_ct
+from cccd.inputs.phantoms import make_phantom
+from cccd.inputs.regions import find_region
+from cccd.inputs.row_files import organ_of_labels, read_boundary_maps, read_image, read_mask
+from cccd.inputs.sources import brain_of_stripped, read_mni152, read_whole_body_ct
+from cccd.settings.imports import ImportSettings
+from cccd.settings.messages import nearest
+from cccd.sidecar_files import voxel_files
 
 __all__ = ["MIN_SLICES", "existing", "load_structure", "structure_of_array", "with_segmentation_notes"]
 
@@ -138,7 +138,7 @@ def structure_of_array(
     name : str
         Of the organ, and what messages name.
     annotated : {"auto", "every slice", "nonempty"}
-        Which slices were drawn, see `cccd.volumes.annotation.find_annotation`.
+        Which slices were drawn, see `cccd.inputs.annotation.find_annotation`.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def _scan_of_contours(
     path: Path, row: Mapping[str, str], image: Volume | None, settings: ImportSettings
 ) -> _Scan:
     """Read drawn contours, and of the image the slices that they were drawn on."""
-    from cccd.volumes.dicom import read_rtstruct  # slow to import
+    from cccd.inputs.dicom import read_rtstruct  # slow to import
 
     rois, reference = read_rtstruct(path, row["label"], row["organ"])
     drawn = [contour for roi in rois for contour in roi]

@@ -6,7 +6,7 @@ import pytest
 from scans import dicom_affine, grey, organ, row, settings, write_series, write_structure_set
 
 from cccd.geometry.polygons import signed_area
-from cccd.volumes import load_structure
+from cccd.inputs import load_structure
 
 OUTER = np.array([(0, 0), (24, 0), (24, 20), (0, 20)], float)
 HOLE = np.array([(6, 5), (6, 15), (16, 15), (16, 5)], float)

@@ -21,7 +21,7 @@ from scans import (
 )
 from scipy import ndimage
 
-from cccd.volumes import load_structure
+from cccd.inputs import load_structure
 
 
 def shoelace(points):

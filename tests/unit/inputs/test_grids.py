@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scans import affine_of, full, row, settings, write_itk, write_nifti
 
 from cccd.errors import InputError
-from cccd.volumes import load_structure
-from cccd.volumes.grid import (
+from cccd.inputs import load_structure
+from cccd.inputs.grid import (
     Volume,
     check_affine,
     crop,

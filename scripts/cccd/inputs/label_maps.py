@@ -18,10 +18,10 @@ from scipy import ndimage
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
-from cccd.volumes.freesurfer import freesurfer_names
-from cccd.volumes.grid import Volume
-from cccd.volumes.inputs import label_values, list_labels, read_masks
-from cccd.volumes.labels import plain_name
+from cccd.inputs.freesurfer import freesurfer_names
+from cccd.inputs.grid import Volume
+from cccd.inputs.labels import plain_name
+from cccd.inputs.row_files import label_values, list_labels, read_masks
 
 __all__ = [
     "MapLabel",

@@ -16,8 +16,8 @@ from cccd.containers import Curves, Frame
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray
 from cccd.geometry.polygons import RaggedPolygons
+from cccd.inputs.grid import Volume, even_grid
 from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SAME_POINT_VOXELS, SLICE_DIRECTION
-from cccd.volumes.grid import Volume, even_grid
 
 __all__ = ["assemble_contours", "contour_frame"]
 

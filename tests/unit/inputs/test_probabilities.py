@@ -14,10 +14,10 @@ from scans import affine_of, full, organ, row, settings, write_nifti
 import cccd
 from cccd.containers import Frame, ProbabilityStack
 from cccd.errors import InputError
-from cccd.store import read_probability, read_structure, write_structure
+from cccd.inputs import load_structure
+from cccd.inputs.row_files import list_labels
+from cccd.store import read_structure, write_structure
 from cccd.tracing import level_curves
-from cccd.volumes import load_structure
-from cccd.volumes.inputs import list_labels
 
 #: Background and two labels, by nnunetv2 2.8.1's own export (``export_prediction_from_logits``): the scan was
 #: transposed for the network, cropped and resampled; and the label map that it wrote of it.
@@ -75,7 +75,7 @@ def test_a_probability_map_is_read_with_its_mask_and_stored(tmp_path):
     assert np.array_equal(full(structure), share >= 0.5)
     write_structure(tmp_path / "structure.h5", structure)
     assert np.array_equal(read_structure(tmp_path / "structure.h5").probability, structure.probability)
-    stack = read_probability(tmp_path / "structure.h5")
+    stack = read_structure(tmp_path / "structure.h5").probability_stack
     k, i, j = stack.origin
     assert 0 <= k < k + len(stack.values) <= share.shape[2]
     centre = stack.values[len(stack.values) // 2]

@@ -21,9 +21,9 @@ from nibabel.spatialimages import SpatialImage
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
+from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
+from cccd.inputs.limits import LIMITS, Limits, check_size
 from cccd.sidecar_files import VoxelHeader, read_voxel_header
-from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
-from cccd.volumes.limits import LIMITS, Limits, check_size
 
 __all__ = ["SUFFIXES", "dataset_names", "guarded", "read_itk", "read_nifti", "read_volume", "without_suffix"]
 

@@ -17,6 +17,10 @@ from pydicom.errors import InvalidDicomError
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
+from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine, even_grid
+from cccd.inputs.labels import choose_labels
+from cccd.inputs.limits import LIMITS, Limits, check_count, check_size
+from cccd.inputs.readers import guarded
 from cccd.settings.messages import choices
 from cccd.tolerances import (
     CONTOUR_PLANE,
@@ -26,10 +30,6 @@ from cccd.tolerances import (
     SAME_PLANE_MM,
     SAME_POSITION_PX,
 )
-from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine, even_grid
-from cccd.volumes.labels import choose_labels
-from cccd.volumes.limits import LIMITS, Limits, check_count, check_size
-from cccd.volumes.readers import guarded
 
 __all__ = [
     "NO_IMAGES",

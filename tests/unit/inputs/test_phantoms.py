@@ -8,9 +8,8 @@ from scipy import ndimage
 
 from cccd.errors import InputError
 from cccd.geometry.raster import voxelise
-from cccd.tolerances import PROJECTION_MM
-from cccd.volumes import load_structure
-from cccd.volumes.implicit_solids import (
+from cccd.inputs import load_structure
+from cccd.inputs.implicit_solids import (
     capsule,
     ellipsoid,
     half_space,
@@ -21,7 +20,8 @@ from cccd.volumes.implicit_solids import (
     torus,
     union,
 )
-from cccd.volumes.phantoms import ORGANS, make_phantom
+from cccd.inputs.phantoms import ORGANS, make_phantom
+from cccd.tolerances import PROJECTION_MM
 
 COARSE = (2.0, 2.0, 6.0)
 

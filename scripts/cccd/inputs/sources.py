@@ -13,8 +13,8 @@ from scipy import ndimage
 from cccd.errors import InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray
+from cccd.inputs.grid import Volume, check_affine
 from cccd.settings.messages import nearest
-from cccd.volumes.grid import Volume, check_affine
 
 if TYPE_CHECKING:
     import pyvista

@@ -12,9 +12,9 @@ from scipy.spatial import cKDTree
 import cccd
 from cccd.cli import main
 from cccd.errors import InputError
-from cccd.volumes import load_structure
-from cccd.volumes.grey_values import refuse_grey_values
-from cccd.volumes.inputs import list_labels
+from cccd.inputs import load_structure
+from cccd.inputs.grey_values import refuse_grey_values
+from cccd.inputs.row_files import list_labels
 
 RANDOM = np.random.default_rng(0)
 AT = np.indices((64, 60, 40))

@@ -11,7 +11,15 @@ from nibabel.orientations import aff2axcodes
 from scipy import ndimage
 from skimage.filters import threshold_otsu
 
-from cccd.containers import Frame, Structure
+from cccd.containers import (
+    BoundaryMaps,
+    Curves,
+    Frame,
+    GreyImage,
+    MaskStack,
+    ProbabilityStack,
+    Structure,
+)
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, SingleArray
 from cccd.settings.imports import RegionSettings
@@ -276,13 +284,14 @@ def _write_legend(figure: Figure, entries: Sequence[tuple[str, str]], place: tup
 
 def voxels_of(structure: Structure) -> AnyArray:
     """Return what stands for the organ, on the grid of the structure's arrays (a, b, c)."""
-    for found in (structure.region, structure.boundary, structure.mask):
-        if found is not None:
-            return found
-    if structure.contours is None:
-        raise ValueError("the structure contains nothing to draw")
-    contours, origin = structure.contours, structure.stack_origin
-    image = structure.stack("image")
+    match structure.source:
+        case Curves() as contours:
+            pass
+        case BoundaryMaps(stack) | GreyImage(region=stack):
+            return np.moveaxis(stack, 0, structure.frame.slice_axis)
+        case MaskStack() | ProbabilityStack():
+            return np.moveaxis(structure.required_stack("mask"), 0, structure.frame.slice_axis)
+    origin, image = structure.stack_origin, structure.stack("image")
     if image is not None:
         shape = image.shape
     else:  # what the image would be cropped to: as much beyond the contours as before them

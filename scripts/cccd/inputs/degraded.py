@@ -13,8 +13,8 @@ from scipy import ndimage
 
 from cccd.containers import Structure
 from cccd.geometry.arrays import FloatArray
-from cccd.volumes.corruptions import KINDS, corrupt
-from cccd.volumes.grid import Volume
+from cccd.inputs.corruptions import KINDS, corrupt
+from cccd.inputs.grid import Volume
 
 __all__ = ["BIAS", "EVERY", "NOISE", "bias_field", "coarser", "damage_maps", "rescan"]
 

@@ -4,9 +4,9 @@ from matplotlib.image import imread
 from scans import affine_of, chest, full, grey, organ, row, settings, write_nifti
 
 from cccd.errors import InputError
+from cccd.inputs import load_structure
+from cccd.inputs.regions import draw_region, find_region
 from cccd.settings.imports import RegionSettings
-from cccd.volumes import load_structure
-from cccd.volumes.regions import draw_region, find_region
 
 REGION = {
     "window": "otsu",

@@ -10,10 +10,11 @@ import trimesh
 from scans import DATA, empty_uids, full, referred, row, settings
 
 from cccd.cli import main
+from cccd.containers import Sections
 from cccd.errors import InputError
+from cccd.inputs import load_structure
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
-from cccd.volumes import load_structure
 
 if not DATA.is_dir():
     pytest.skip("the real scans are not at ../shared/data", allow_module_level=True)
@@ -114,7 +115,7 @@ def test_a_structure_set_keeps_its_volume_in_one_piece():
     curves = load(mask=f"{folder}/rtstruct.dcm", label="Lt Lung").contours
     signed = [x @ np.roll(y, -1) - y @ np.roll(x, -1) for x, y in (points.T for points in curves)]
     drawn = sum(signed) / 2 * float(curves.frame.spacing.prod())
-    surface = loft_surface(curves, LoftSettings())
+    surface = loft_surface(Sections(curves), LoftSettings())
     volumes = [part.volume for part in trimesh.Trimesh(surface.vertices, surface.faces).split()]
     assert sum(volumes) == pytest.approx(drawn, rel=0.01)
     assert max(volumes) == pytest.approx(drawn, rel=0.01)

@@ -18,10 +18,10 @@ import numpy as np
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
-from cccd.volumes.grid import LPS_TO_RAS, Volume, check_affine
-from cccd.volumes.labels import choose_labels
-from cccd.volumes.limits import LIMITS, Limits, check_size
-from cccd.volumes.readers import dataset_names, guarded
+from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
+from cccd.inputs.labels import choose_labels
+from cccd.inputs.limits import LIMITS, Limits, check_size
+from cccd.inputs.readers import dataset_names, guarded
 
 __all__ = ["Classes", "is_nnunet", "read_classes"]
 

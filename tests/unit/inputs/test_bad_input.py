@@ -27,7 +27,7 @@ from scans import (
 from scipy.spatial.transform import Rotation
 
 from cccd.errors import InputError
-from cccd.volumes import load_structure
+from cccd.inputs import load_structure
 
 MASK = organ().astype(np.uint8)
 

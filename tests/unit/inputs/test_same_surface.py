@@ -15,11 +15,11 @@ from scans import (
     write_structure_set,
 )
 
-from cccd.containers import Curves
+from cccd.containers import Curves, Sections
 from cccd.geometry.arrays import concatenate_ragged
+from cccd.inputs import load_structure
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
-from cccd.volumes import load_structure
 
 
 def traced(structure):
@@ -60,7 +60,7 @@ def test_four_formats_one_surface(tmp_path):
     for mask in ("mask.nii.gz", "mask.nrrd", "seg.dcm", "rt.dcm"):
         structure = load_structure(row(image="dicom", mask=mask), tmp_path, settings())
         curves = structure.contours if structure.contours is not None else traced(structure)
-        surfaces[mask] = loft_surface(curves, LoftSettings())
+        surfaces[mask] = loft_surface(Sections(curves), LoftSettings())
     for mask in ("mask.nrrd", "seg.dcm"):
         # headers keep more or fewer digits of the affine
         np.testing.assert_allclose(surfaces[mask].vertices, surfaces["mask.nii.gz"].vertices, atol=1e-3)

@@ -22,11 +22,11 @@ from cccd import store
 from cccd.errors import InputError
 from cccd.files.rtstruct import write_rtstruct
 from cccd.geometry.mesh import Mesh
+from cccd.inputs import load_structure
+from cccd.inputs.dicom import read_rtstruct, read_seg, read_series
+from cccd.inputs.limits import Limits
+from cccd.inputs.readers import read_volume
 from cccd.report.case_page import build_case_page
-from cccd.volumes import load_structure
-from cccd.volumes.dicom import read_rtstruct, read_seg, read_series
-from cccd.volumes.limits import Limits
-from cccd.volumes.readers import read_volume
 
 MASK = organ()  # 44 x 38 x 14 voxels
 MARK = "Zaphod"

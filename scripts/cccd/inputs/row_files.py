@@ -12,13 +12,13 @@ from cccd.dicom_objects import dicom_modality
 from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray
+from cccd.inputs.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilities, refuse_grey_values
+from cccd.inputs.grid import Volume, on_grid
+from cccd.inputs.labels import choose_labels
+from cccd.inputs.nnunet import is_nnunet, read_classes
+from cccd.inputs.readers import SUFFIXES, read_volume, without_suffix
 from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE, PROBABILITY
-from cccd.volumes.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilities, refuse_grey_values
-from cccd.volumes.grid import Volume, on_grid
-from cccd.volumes.labels import choose_labels
-from cccd.volumes.nnunet import is_nnunet, read_classes
-from cccd.volumes.readers import SUFFIXES, read_volume, without_suffix
 
 __all__ = [
     "label_values",
@@ -59,7 +59,7 @@ def read_image(path: Path, source: str, fill_gaps: bool) -> Volume:
     """
     if path.is_dir() or _is_dicom(path):
         with needing(path.name, "dicom"):
-            from cccd.volumes.dicom import read_series  # slow to import
+            from cccd.inputs.dicom import read_series  # slow to import
 
         # RIDER keeps a patient's CT and PET together
         modality = "CT" if path.is_dir() and source == "rider_lung" else None
@@ -142,7 +142,7 @@ def read_mask(
         modality = dicom_modality(path)
         if modality != "SEG":
             raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
-        from cccd.volumes.dicom import read_seg  # slow to import
+        from cccd.inputs.dicom import read_seg  # slow to import
 
         return read_seg(path, label, organ, image)
     if is_nnunet(path):
@@ -166,7 +166,7 @@ def list_labels(path: Path) -> dict[str, str]:
     if path.is_dir():
         return {name: name for name, _ in read_masks(path)}
     if _is_dicom(path):
-        from cccd.volumes.dicom import region_names, segment_names
+        from cccd.inputs.dicom import region_names, segment_names
 
         names = region_names(path) if dicom_modality(path) == "RTSTRUCT" else segment_names(path)
         return {str(number): name for number, name in sorted(names.items())}

@@ -23,8 +23,8 @@ from scipy import ndimage
 
 from cccd.cohort import read_cohort
 from cccd.errors import InputError
+from cccd.inputs import load_structure
 from cccd.settings.validation import validate_config
-from cccd.volumes import load_structure
 
 
 def test_mni152_brain():
