@@ -25,7 +25,7 @@ from cccd_paper.measured.planar import (
     planar_times,
     slabs,
 )
-from cccd_paper.measured.programs import programs
+from cccd_paper.measured.programs import programs, programs_verdict
 from cccd_paper.measured.surfaces import (
     cost,
     full_resolution,
