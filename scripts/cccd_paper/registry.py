@@ -78,7 +78,7 @@ RECONSTRUCTION = Comparison(
     "reconstruction",
     "cccd_paper.comparisons.reconstruction_comparison.compare_reconstruction",
     ("structure", "curves", "orderers"),
-    settings={"settings": "comparisons.reconstruction"},
+    settings={"settings": "comparisons.corners"},
     seeded=True,
     figures="cccd_paper.comparisons.reconstruction_comparison.reconstruction_figures",
     columns=(
@@ -144,7 +144,6 @@ STAGE_TIMES = Comparison(
     "cccd_paper.comparisons.stage_times.time_stages",
     ("structure", "curves", "orderers"),
     settings={
-        "settings": "comparisons.stage_times",
         "finding": "boundaries",
         "lofting": "surface",
     },

@@ -14,7 +14,6 @@ __all__ = [
     "CornerSurfaceSettings",
     "IsosurfaceSettings",
     "SliceChoice",
-    "StageTimeSettings",
     "ThickSliceSettings",
 ]
 
@@ -64,19 +63,6 @@ class CornerSurfaceSettings(Section):
     )
 
 
-class StageTimeSettings(Section):
-    """From the image to the surface by every method of Table 5."""
-
-    most_slices: int = setting(
-        6,
-        "organs with more slices are cut to a slab of this many adjacent ones",
-        why="Bad curves make bad surfaces, which take longest.",
-        unit="count",
-        ge=3,
-        le=100000,
-    )
-
-
 class IsosurfaceSettings(Section):
     """Surfaces by other methods, measured alike."""
 
@@ -119,15 +105,11 @@ class ThickSliceSettings(Section):
 class ComparisonSettings(Section):
     """The comparisons (section ``comparisons``)."""
 
-    corners: SliceChoice = setting(SliceChoice(), "corner detectors on pixels", why="Tables 1 and 2.")
-    reconstruction: SliceChoice = setting(
-        SliceChoice(), "curves from unordered points", why="Tables 4 and 5."
+    corners: SliceChoice = setting(
+        SliceChoice(), "corner detectors, and curves from their points", why="Tables 1, 2, 4 and 5."
     )
     corner_surfaces: CornerSurfaceSettings = setting(
         CornerSurfaceSettings(), "surfaces from the corners of each k", why="The paper's chain to its end."
-    )
-    stage_times: StageTimeSettings = setting(
-        StageTimeSettings(), "every method from the image to the surface", why="Table 5, whole."
     )
     isosurfaces: IsosurfaceSettings = setting(
         IsosurfaceSettings(), "surfaces by other methods", why="What surfaces are made with today."

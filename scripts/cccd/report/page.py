@@ -377,7 +377,7 @@ def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:
     """
     views = [_item_view(item, results) for item in items()]
     there = [view for view in views if view.table or view.note]
-    if not any(view.item.rows for view in there):
+    if not any(view.item.needed for view in there):
         views = [view for view in there if view.item.network]
     found = [
         (key, title, text, [view for view in views if view.item.section == key])

@@ -143,6 +143,11 @@ class Item:
     network: bool = False
 
     @property
+    def needed(self) -> tuple[Comparison, ...]:
+        """The experiments without which there is no table: all but those of traced masks."""
+        return tuple(comparison for comparison in self.rows if comparison.of != "traced masks")
+
+    @property
     def tabulated(self) -> bool:
         """Whether ``build_tables`` makes its table (another rule does otherwise)."""
         return self.table is not None and (self.tabulate is not None or len(self.rows) > 0)

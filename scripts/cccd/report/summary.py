@@ -47,8 +47,7 @@ class Cohort:
 
     def has(self, item: Item) -> bool:
         """Whether every comparison that an item stands on left rows; those of traced masks may lack."""
-        needed = [comparison.name for comparison in item.rows if comparison.of != "traced masks"]
-        return all(len(self.rows(name)) > 0 for name in needed)
+        return all(len(self.rows(comparison.name)) > 0 for comparison in item.needed)
 
 
 def read_cohort(tables: Iterable[str | Path], metrics: Iterable[str | Path]) -> Cohort:

@@ -67,10 +67,8 @@ _REMOVED = {
     **{f"import.phantom.{name}": _FIXED for name in ("blur_mm", "noise_hu")},
     "comparisons.active_contour": _FIXED,
     **{f"comparisons.corners.{name}": _FIXED for name in ("min_contour_px", "on_boundary_px")},
-    **{
-        f"comparisons.reconstruction.{name}": _FIXED
-        for name in ("every", "jitter_px", "min_contour_px", "repeats")
-    },
+    "comparisons.reconstruction": "its n_slices is that of comparisons.corners now; delete the others",
+    "comparisons.stage_times": _FIXED,
     "segmentation.augmentation": _FIXED,
     "gnn.link_width": "it follows from gnn.width now: delete the key",
     "gnn.paper.patience": "all of gnn.paper.epochs are trained now: delete the key",

@@ -108,10 +108,8 @@ def _off_slices(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> 
     wrong = far > most
     if not wrong.any():
         return []
-    count = len(np.unique(place[wrong, 2]))
-    text = (
-        f"the surface is up to {far.max():.2g} mm away from the outline of {_counted(count, 'slice')}, most"
-    )
+    slices = _counted(len(np.unique(place[wrong, 2])), "slice")
+    text = f"the surface is up to {far.max():.2g} mm away from the outline of {slices}, farthest"
     return [Violation(text, place[wrong][np.argsort(-far[wrong], kind="stable")])]
 
 

@@ -27,13 +27,14 @@ from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import CCCD
 from cccd_paper.comparisons.parameters import PAPER_TABLE_2
 from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slab
-from cccd_paper.settings import StageTimeSettings
 
 __all__ = ["WAYS", "time_stages"]
 
 #: CCCD's k here: the one with which the paper's scores are best.
 K = 3
 STAGES = ("corner", "curve", "spline", "surface")
+#: Slices of the slab: bad curves make bad surfaces, which take longest.
+MOST_SLICES = 6
 
 _Result = TypeVar("_Result")
 
@@ -66,10 +67,10 @@ WAYS = (
 def time_stages(
     structure: Structure,
     curves: Curves,
-    settings: StageTimeSettings,
     finding: BoundarySettings,
     lofting: LoftSettings,
     orderers: Sequence[Orderer] = (),
+    most_slices: int = MOST_SLICES,
 ) -> pd.DataFrame:
     """Take a slab of slices from its images to a surface by every method, and time each stage.
 
@@ -83,13 +84,13 @@ def time_stages(
         With a mask; without one the table is empty.
     curves : Curves
         Its ordered curves.
-    settings : StageTimeSettings
-        ``most_slices`` of the slab.
     finding : BoundarySettings
         Of CCCD's boundary pixels.
     lofting : LoftSettings
     orderers : sequence of Orderer
         The run's network, by which CCCD orders the pixels; without one the mask is traced.
+    most_slices : int
+        Of an organ with more, a slab of this many adjacent ones is taken.
 
     Returns
     -------
@@ -102,7 +103,7 @@ def time_stages(
     """
     if structure.mask is None or not len(curves):
         return pd.DataFrame()
-    slab, samples = _filled_slab(structure, curves, settings.most_slices)
+    slab, samples = _filled_slab(structure, curves, most_slices)
     _, few, _ = middle_slab(structure, curves, 3)
     loft_surface(
         Sections(few), lofting.model_copy(update={"source": "polygons"})

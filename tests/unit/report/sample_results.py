@@ -144,6 +144,7 @@ def make_metrics(case: str, organ: str, rng: np.random.Generator, warnings: tupl
             "compactness": float(rng.uniform(100, 300)),
         },
         "curves": {"slices": 24, "bytes_per_slice": {"pixels": 700.0, "chain_code": 90.0}},
+        "ordering": {"method": "traced mask"},
         "warnings": list(warnings),
     }
 

@@ -10,14 +10,12 @@ from cccd.surface.outlines import through_pixel_centres
 from cccd.tracing import trace_mask
 from cccd_paper.comparisons.paper_k import CCCD
 from cccd_paper.comparisons.stage_times import WAYS, _ordered_pixels, time_stages
-from cccd_paper.settings import StageTimeSettings
 
 
 @pytest.fixture(scope="module")
 def table():
     liver = make_phantom("case", "liver", (3, 3, 6), seed=1, margin_voxels=3, location="liver")
-    settings = StageTimeSettings(most_slices=4)
-    return time_stages(liver, trace_mask(liver), settings, BoundarySettings(), LoftSettings())
+    return time_stages(liver, trace_mask(liver), BoundarySettings(), LoftSettings(), most_slices=4)
 
 
 def test_every_method_goes_as_far_as_its_curves_allow(table):

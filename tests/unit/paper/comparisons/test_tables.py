@@ -33,7 +33,7 @@ from cccd_paper.comparisons.reconstruction_comparison import (
 from cccd_paper.comparisons.samples import choose_slices, to_bytes
 from cccd_paper.settings import ComparisonSettings
 
-SETTINGS = ComparisonSettings(corners={"n_slices": 2}, reconstruction={"n_slices": 2})
+SLICES = ComparisonSettings(corners={"n_slices": 2}).corners
 
 
 def make_structure(with_image: bool) -> Structure:
@@ -64,8 +64,8 @@ ORDERERS = [lambda pixels: order_boundaries(pixels, None)[0]]
 def compare_all(structure, curves, orderers=()) -> list[pd.DataFrame]:
     """The rows of the three comparisons that the paper's tables stand on, with the decoder for a network."""
     tables = (
-        compare_corners(structure, curves, SETTINGS.corners),
-        compare_reconstruction(structure, curves, SETTINGS.reconstruction, 7, orderers),
+        compare_corners(structure, curves, SLICES),
+        compare_reconstruction(structure, curves, SLICES, 7, orderers),
         compare_active_contour(structure, curves, 7),
     )
     return [as_read_back(table) for table in tables]
@@ -273,7 +273,7 @@ def test_a_mask_without_image_is_enough():
 
 
 def test_the_same_seed_gives_the_same_rows(structure, rows):
-    again = compare_reconstruction(structure, trace_mask(structure), SETTINGS.reconstruction, 7, ORDERERS)
+    again = compare_reconstruction(structure, trace_mask(structure), SLICES, 7, ORDERERS)
     again = as_read_back(again)
     pd.testing.assert_frame_equal(again.drop(columns="ms"), rows[1].drop(columns="ms"))
 
@@ -290,13 +290,13 @@ def test_search_ranks_the_eligible_first(structure, monkeypatch):
 
 def test_figures_hold_every_panel(structure):
     curves = trace_mask(structure)
-    links = reconstruction_figures(structure, curves, SETTINGS.reconstruction, 7)["figure16"]
+    links = reconstruction_figures(structure, curves, SLICES, 7)["figure16"]
     assert [panel.title for panel in links.panels] == [
         "Ground truth", "Connect2D", "Crawl", "NN-Crust", "2-opt tour", "CCCD, order given",
     ]  # fmt: skip
-    found = reconstruction_figures(structure, curves, SETTINGS.reconstruction, 7, ORDERERS)["figure16"]
+    found = reconstruction_figures(structure, curves, SLICES, 7, ORDERERS)["figure16"]
     assert len(found.panels) == len(links.panels) + 2
-    fused = corner_figures(structure, curves, SETTINGS.corners)["figure9"]
+    fused = corner_figures(structure, curves, SLICES)["figure9"]
     assert len(fused.panels) == 2 * fused.columns == 2 * len(CORNER_DETECTORS)
     assert fused.image.shape == tuple(np.diff(fused.window, axis=0)[0] + 1)
     snakes = active_contour_figures(structure, curves, 7)["figure15"]
