@@ -8,11 +8,11 @@ import nibabel
 import numpy as np
 import pydicom
 import pytest
-from cccd.solids.scene import SceneOrgan, write_segmentation
 
 import cccd
 from cccd.cli import main
 from cccd.errors import InputError
+from cccd.files.scene import SceneOrgan, write_segmentation
 from cccd.inputs.grid import check_affine, even_grid, find_slice_axis
 from cccd.inputs.readers import read_itk
 from cccd.metrics import dice
