@@ -198,8 +198,6 @@ class Surface:
         InputError
             The suffix is unknown, the extra of the format is not installed, or the folder is not writable.
         """
-        if Path(path).is_dir():
-            raise InputError(str(path), "that is a folder", "give the name of a file in it")
         surface = (settings or _DEFAULTS).surface
         options = ExportOptions(
             self.name,

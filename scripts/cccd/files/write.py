@@ -65,9 +65,11 @@ def write_surface(path: str | Path, surface: Surface, options: ExportOptions | N
     Raises
     ------
     InputError
-        For another suffix, a format whose extra is not installed, or a folder that nothing can be written to.
+        For a folder, another suffix, a format whose extra is not installed, or where nothing can be written.
     """
     options = options or ExportOptions()
+    if Path(path).is_dir():
+        raise InputError(str(path), "that is a folder", "give the name of a file in it")
     check_format(path, options.tetrahedra.mesher)
     check_writable(path)
     write = find(FORMATS[format_of(path)].function)

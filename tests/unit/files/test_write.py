@@ -235,6 +235,12 @@ def test_every_format_that_the_configuration_knows_is_written(surface, tmp_path,
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_a_folder_is_refused_in_one_line(surface, tmp_path):
+    (tmp_path / "organ.stl").mkdir()
+    with pytest.raises(InputError, match=r"organ\.stl: that is a folder"):
+        write_surface(tmp_path / "organ.stl", surface)
+
+
 def test_an_unknown_format_names_the_known_ones(surface, tmp_path):
     with pytest.raises(InputError, match=r"\.step"):
         write_surface(tmp_path / "surface.unknown", surface)
