@@ -40,7 +40,7 @@ from cccd.reconstruction import find_contours, fit_and_loft, order_maps
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls
-from cccd.surface.surface import Surface as LoftedSurface
+from cccd.surface.surface import LoftedSurface
 
 if TYPE_CHECKING:
     import pyvista
@@ -77,7 +77,7 @@ class Surface:
 
     Attributes
     ----------
-    lofted : cccd.surface.Surface
+    lofted : cccd.surface.LoftedSurface
         The surface in the form that the library's other functions use.
     name : str
         Name of the organ.
