@@ -40,7 +40,7 @@ from cccd.reconstruction import find_contours, fit_and_loft, order_maps
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls
-from cccd.surface.surface import Surface as LoftedSurface
+from cccd.surface.surface import LoftedSurface
 
 if TYPE_CHECKING:
     import pyvista
@@ -77,7 +77,7 @@ class Surface:
 
     Attributes
     ----------
-    lofted : cccd.surface.Surface
+    lofted : cccd.surface.LoftedSurface
         The surface in the form that the library's other functions use.
     name : str
         Name of the organ.
@@ -198,8 +198,6 @@ class Surface:
         InputError
             The suffix is unknown, the extra of the format is not installed, or the folder is not writable.
         """
-        if Path(path).is_dir():
-            raise InputError(str(path), "that is a folder", "give the name of a file in it")
         surface = (settings or _DEFAULTS).surface
         options = ExportOptions(
             self.name,

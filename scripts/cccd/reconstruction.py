@@ -23,7 +23,7 @@ from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.junctions import InferenceSettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface import Surface, loft_surface
+from cccd.surface import LoftedSurface, loft_surface
 
 __all__ = ["find_contours", "fit_and_loft", "order_maps", "reconstruct_mask"]
 
@@ -91,7 +91,7 @@ def fit_and_loft(
     fitting: CurveSettings,
     lofting: LoftSettings,
     tell: Callable[[str], None] = _silent,
-) -> Surface:
+) -> LoftedSurface:
     """Fit closed splines to ordered curves and loft them.
 
     Parameters
@@ -105,7 +105,7 @@ def fit_and_loft(
 
     Returns
     -------
-    Surface
+    LoftedSurface
         The curves' warnings stand before its own.
     """
     tell("splines")
@@ -116,7 +116,7 @@ def fit_and_loft(
     return surface
 
 
-def reconstruct_mask(structure: Structure, fitting: CurveSettings, lofting: LoftSettings) -> Surface:
+def reconstruct_mask(structure: Structure, fitting: CurveSettings, lofting: LoftSettings) -> LoftedSurface:
     """Trace a structure's mask, fit closed splines to its curves, loft them.
 
     Parameters

@@ -23,7 +23,7 @@ from cccd.files.rtstruct import (
 from cccd.files.stl import binary_stl
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import LPS_TO_RAS
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 __all__ = ["write", "write_encapsulated_stl"]
 
@@ -31,7 +31,7 @@ __all__ = ["write", "write_encapsulated_stl"]
 _SOP_CLASS = UID("1.2.840.10008.5.1.4.1.1.104.3")
 
 
-def write(path: Path, surface: Surface, options: ExportOptions) -> None:
+def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write the mesh in mm LPS, with references to its scan."""
     write_encapsulated_stl(
         path, surface.mesh, name=options.organ, reference=options.series, keep_patient=options.keep_patient

@@ -9,7 +9,7 @@ import numpy as np
 
 from cccd.files.options import ExportOptions
 from cccd.settings.formats import COLOUR, NOTE
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 __all__ = ["TO_GLTF", "gltf_material", "write"]
 
@@ -17,7 +17,7 @@ __all__ = ["TO_GLTF", "gltf_material", "write"]
 TO_GLTF = np.array([[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1.0]])
 
 
-def write(path: Path, surface: Surface, options: ExportOptions) -> None:
+def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write the mesh in a scene of its own."""
     import trimesh
 

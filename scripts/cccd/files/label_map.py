@@ -10,12 +10,12 @@ from cccd.files.options import ExportOptions
 from cccd.geometry.raster import voxelise
 from cccd.inputs.annotation import fill_mask
 from cccd.inputs.nifti_export import write_nifti
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 __all__ = ["write"]
 
 
-def write(path: Path, surface: Surface, options: ExportOptions) -> None:
+def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write the voxels inside as 1; slices that were drawn, where only some were, as they were drawn."""
     frame = surface.frame
     if options.drawn is None:

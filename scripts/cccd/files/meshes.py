@@ -14,7 +14,7 @@ from cccd.geometry.curvature import mean_curvature
 from cccd.geometry.ply import write_ply as write_mesh
 from cccd.settings.formats import NOTE
 from cccd.surface.coordinates import body_numbers
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 __all__ = ["write_gii", "write_obj", "write_ply", "write_stl", "write_vtp"]
 
@@ -22,23 +22,23 @@ __all__ = ["write_gii", "write_obj", "write_ply", "write_stl", "write_vtp"]
 _SCANNER = 1
 
 
-def write_ply(path: Path, surface: Surface, options: ExportOptions) -> None:
+def write_ply(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write binary PLY in mm RAS, with float64 vertices: nothing of the mesh's soundness is rounded away."""
     write_mesh(path, surface.mesh, NOTE)
 
 
-def write_stl(path: Path, surface: Surface, options: ExportOptions) -> None:
+def write_stl(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write binary STL in mm RAS."""
     path.write_bytes(binary_stl(surface.mesh, NOTE))
 
 
-def write_obj(path: Path, surface: Surface, options: ExportOptions) -> None:
+def write_obj(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write Wavefront OBJ in mm RAS."""
     mesh = cast(Any, surface.mesh.to_trimesh())
     path.write_text(mesh.export(file_type="obj", header=NOTE, include_normals=False), encoding="utf-8")
 
 
-def write_vtp(path: Path, surface: Surface, options: ExportOptions) -> None:
+def write_vtp(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write VTK's polygonal data in mm RAS; unit and frame are field data.
 
     At its vertices are curvature (1/mm), the error band (mm) and, where no wall is shared, the body's number.
@@ -64,7 +64,7 @@ def write_vtp(path: Path, surface: Surface, options: ExportOptions) -> None:
     path.write_text(writer.GetOutputString(), encoding="ascii")
 
 
-def write_gii(path: Path, surface: Surface, options: ExportOptions) -> None:
+def write_gii(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write GIfTI in mm RAS (scanner's space), as FreeSurfer and fMRIPrep keep surfaces.
 
     Vertices are float32, as the format has them. Such files are usually called ``.surf.gii``.

@@ -31,7 +31,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.inputs.dicom import NO_IMAGES, known_uid, sop_uid
 from cccd.inputs.grid import LPS_TO_RAS
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import CONTOUR_PLANE
 
 __all__ = [
@@ -47,7 +47,7 @@ __all__ = [
 logger = logging.getLogger(__name__)
 
 
-def write(path: Path, surface: Surface, options: ExportOptions) -> None:
+def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write the mesh's sections with planes."""
     write_rtstruct(
         path,

@@ -24,7 +24,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.inputs.readers import guarded
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import CONTOUR_PLANE
 
 __all__ = ["write", "write_seg"]
@@ -33,7 +33,7 @@ __all__ = ["write", "write_seg"]
 _UNUSABLE = ("its images cannot carry a SEG", "export the series again, or use RTSTRUCT")
 
 
-def write(path: Path, surface: Surface, options: ExportOptions) -> None:
+def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write the voxels whose centres lie inside."""
     write_seg(
         path, surface.mesh, name=options.organ, reference=options.series, keep_patient=options.keep_patient

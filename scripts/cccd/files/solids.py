@@ -7,12 +7,12 @@ from typing import Any
 
 from cccd.files.options import ExportOptions
 from cccd.solids.build import build_solids, write_solids
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 __all__ = ["write"]
 
 
-def write(path: Path, surface: Surface, options: ExportOptions) -> dict[str, Any]:
+def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> dict[str, Any]:
     """Write the surface's bodies as solids in mm RAS, a product for each; the suffix chooses the format."""
     solids = build_solids(surface, options.tolerance_mm)
     return write_solids(path, options.organ, solids, path.suffix[1:].lower())

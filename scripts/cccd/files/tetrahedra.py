@@ -10,7 +10,7 @@ import numpy as np
 
 from cccd.files.options import ExportOptions
 from cccd.geometry.arrays import IntArray
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 from cccd.tetrahedra.build import fill_and_measure
 from cccd.tetrahedra.filling import TetrahedralMesh
 from cccd.tetrahedra.gmsh_program import rows_as_text
@@ -24,7 +24,7 @@ _HEAD = "CCCD tetrahedra; unit mm; space RAS"
 _TRIANGLE, _TETRAHEDRON = 2, 4
 
 
-def write(path: Path, surface: Surface, options: ExportOptions) -> dict[str, Any]:
+def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> dict[str, Any]:
     """Fill the surface, and write the tetrahedra; the suffix chooses the format."""
     organs, frames = {options.organ: surface.mesh}, {options.organ: surface.frame}
     filled, report = fill_and_measure(organs, options.tetrahedra, frames, options.tolerance_mm)

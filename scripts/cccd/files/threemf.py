@@ -14,7 +14,7 @@ import numpy as np
 from cccd.files.options import ExportOptions
 from cccd.geometry.thickness import wall_thickness
 from cccd.settings.formats import COLOUR, NOTE
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 __all__ = ["write"]
 
@@ -22,7 +22,7 @@ __all__ = ["write"]
 NAMESPACE = "https://cccd.example/3mf"
 
 
-def write(path: Path, surface: Surface, options: ExportOptions) -> None:
+def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write the mesh in mm RAS; metadata ``thinnest_wall_mm`` says how thick 99 % of it is at least."""
     import lib3mf as untyped  # pyright: ignore[reportMissingTypeStubs]  # of the extra print
 

@@ -15,7 +15,7 @@ import numpy as np
 from cccd.files.options import ExportOptions
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.settings.formats import COLOUR, NOTE
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 __all__ = ["write"]
 
@@ -23,7 +23,7 @@ __all__ = ["write"]
 GAMMA = 2.2
 
 
-def write(path: Path, surface: Surface, options: ExportOptions) -> None:
+def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write a mesh for each body and cavity; triangles where the surface has no control meshes."""
     from pxr import Gf, Sdf, Usd, UsdGeom  # pyright: ignore[reportMissingTypeStubs]  # of the extra usd
 
@@ -67,7 +67,7 @@ class _Part:
     sharpness: FloatArray
 
 
-def _parts(surface: Surface) -> Iterator[_Part]:
+def _parts(surface: LoftedSurface) -> Iterator[_Part]:
     numbers = {1: 0, -1: 0}
     for body in surface.bodies:
         numbers[body.sign] += 1

@@ -11,7 +11,7 @@ from cccd.files.options import ExportOptions
 from cccd.lookup import find
 from cccd.settings.formats import FORMATS, TETRAHEDRA_FORMATS
 from cccd.store import atomic_path, check_writable
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 __all__ = ["check_format", "format_of", "write_surface"]
 
@@ -45,14 +45,16 @@ def check_format(path: str | Path, mesher: str = "ftetwild") -> None:
         check_extra(needed, str(path))
 
 
-def write_surface(path: str | Path, surface: Surface, options: ExportOptions | None = None) -> dict[str, Any]:
+def write_surface(
+    path: str | Path, surface: LoftedSurface, options: ExportOptions | None = None
+) -> dict[str, Any]:
     """Write a surface; the suffix chooses the format (`cccd.settings.formats.FORMATS`).
 
     Parameters
     ----------
     path : path
         Ends with the name of a format.
-    surface : Surface
+    surface : LoftedSurface
         In mm RAS.
     options : ExportOptions, optional
         For formats that lie on the scan, solids, and tetrahedra.
@@ -65,9 +67,11 @@ def write_surface(path: str | Path, surface: Surface, options: ExportOptions | N
     Raises
     ------
     InputError
-        For another suffix, a format whose extra is not installed, or a folder that nothing can be written to.
+        For a folder, another suffix, a format whose extra is not installed, or where nothing can be written.
     """
     options = options or ExportOptions()
+    if Path(path).is_dir():
+        raise InputError(str(path), "that is a folder", "give the name of a file in it")
     check_format(path, options.tetrahedra.mesher)
     check_writable(path)
     write = find(FORMATS[format_of(path)].function)

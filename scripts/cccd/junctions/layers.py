@@ -14,13 +14,13 @@ from cccd.junctions.graph_data import LINK_POOLS, TRIANGLE_LINKS, TRIANGLE_MESSA
 from cccd.junctions.intensity import BLURS
 
 __all__ = [
+    "DirectedLinks",
     "EquationEleven",
     "Exchange",
     "HeadGate",
     "Incidence",
     "MessageLayer",
     "Pools",
-    "Ways",
     "both_ways",
 ]
 
@@ -229,7 +229,7 @@ def both_ways(edge_index: Tensor) -> Tensor:
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
+class DirectedLinks:
     """Both ways of every link between two nodes, receiver by receiver, and what stands at nodes and at links.
 
     Attributes
@@ -254,7 +254,9 @@ class Ways:
     apart: Incidence
 
     @classmethod
-    def of(cls, data: HeteroData, links: tuple[str, str, str], messages: tuple[str, str, str]) -> Ways:
+    def of(
+        cls, data: HeteroData, links: tuple[str, str, str], messages: tuple[str, str, str]
+    ) -> DirectedLinks:
         """Read them from a `Batch`."""
         edges, row = data[messages].edge_index, data[messages].edge_row
         received = Incidence.of_owners(edges[1], data[messages[0]].num_nodes)
@@ -279,7 +281,7 @@ class Exchange:
 
     Attributes
     ----------
-    ways : Ways
+    ways : DirectedLinks
         Between triangles.
     regions, pools : Pools
         Of triangles, and of links.
@@ -291,7 +293,7 @@ class Exchange:
         Weight of a triangle in its slice's means, times its intensities, and alone.
     """
 
-    ways: Ways
+    ways: DirectedLinks
     regions: Pools
     pools: Pools
     slices: Incidence
@@ -308,7 +310,7 @@ class Exchange:
             extent = triangles.extent[:, None].repeat(1, intensity.shape[1])
             extent = torch.cat([extent * intensity, extent], dim=1)
         return cls(
-            Ways.of(data, TRIANGLE_LINKS, TRIANGLE_MESSAGES),
+            DirectedLinks.of(data, TRIANGLE_LINKS, TRIANGLE_MESSAGES),
             Pools(triangles.pool_index, triangles.pool_order),
             Pools(links.pool_index, links.pool_order),
             Incidence.of_owners(triangles.batch, data.num_graphs),

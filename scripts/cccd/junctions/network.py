@@ -11,7 +11,7 @@ from torch_geometric.data import Batch, HeteroData
 from cccd.junctions.energy import Logits
 from cccd.junctions.features import LINKS, NODES, TRIANGLES
 from cccd.junctions.graph_data import CORNER_WIDTH, CORNERS, PIXEL_LINKS, PIXEL_MESSAGES, make_data
-from cccd.junctions.layers import EquationEleven, Exchange, HeadGate, Incidence, MessageLayer, Ways
+from cccd.junctions.layers import DirectedLinks, EquationEleven, Exchange, HeadGate, Incidence, MessageLayer
 from cccd.junctions.observation import ObservedSlice
 
 __all__ = ["JunctionNetwork"]
@@ -89,7 +89,7 @@ class JunctionNetwork(nn.Module):
         """Logits that a triangle (T,) is inside and that a link (L,) is true, of a `Batch` of slices."""
         links, triangles = data["link"], data["triangle"]
         features = self.link_encoder[0](links.x)  # normalised: gates read the same
-        ways = Ways.of(data, PIXEL_LINKS, PIXEL_MESSAGES)
+        ways = DirectedLinks.of(data, PIXEL_LINKS, PIXEL_MESSAGES)
         x = self._pixel_states(data, features, ways)
         t = self.triangle_encoder(triangles.x)
         corners = data[CORNERS]
@@ -101,7 +101,7 @@ class JunctionNetwork(nn.Module):
             t, e = layer(t, e, exchange)
         return self.inside_head(t).squeeze(1), self.link_head(e).squeeze(1)
 
-    def _pixel_states(self, data: HeteroData, link_features: Tensor, ways: Ways) -> Tensor:
+    def _pixel_states(self, data: HeteroData, link_features: Tensor, ways: DirectedLinks) -> Tensor:
         """States of the pixels (V, width) after their own layers."""
         x: Tensor = self.pixel_encoder(data["pixel"].x.float().div_(255))
         for layer, even, odd in zip(self.pixel_layers, self.even_gates, self.odd_gates, strict=True):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-__all__ = ["Provenance", "benchmark_table", "duration", "provenance"]
+__all__ = ["Provenance", "benchmark_table", "provenance"]
 
 #: Packages whose version can change a number in the report.
 PACKAGES = (
@@ -116,17 +116,3 @@ def benchmark_table(folder: Path | None) -> pd.DataFrame | None:
         }
     )
     return table.sort_values(["total_s", "longest_s"], ascending=False).reset_index()
-
-
-def duration(seconds: float) -> str:
-    """Seconds in words.
-
-    >>> duration(7.25), duration(452), duration(7322)
-    ('7.2 s', '7 min 32 s', '2 h 2 min')
-    """
-    if seconds < 60:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    if minutes < 60:
-        return f"{minutes} min {rest} s"
-    return f"{minutes // 60} h {minutes % 60} min"

@@ -14,7 +14,7 @@ import pandas as pd
 
 from cccd.report.numerals import number, shared_decimals
 
-__all__ = ["Cell", "Column", "Table", "table", "words"]
+__all__ = ["Cell", "Table", "TableColumn", "table", "words"]
 
 #: Endings of column names that are units, and how they are written.
 UNITS = {
@@ -77,7 +77,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """``name`` as in the CSV; ``heading`` and ``unit`` to read."""
 
     name: str
@@ -91,7 +91,7 @@ class Table:
     """A table of the page; ``key`` is its HTML id and its CSV's stem."""
 
     key: str
-    columns: list[Column]
+    columns: list[TableColumn]
     rows: list[list[Cell]]
     file: str
 
@@ -149,7 +149,7 @@ def table(key: str, frame: pd.DataFrame, links: Iterable[str | None] | None = No
         share = name in IN_PERCENT
         unit = "%" if share else unit
         numeric = pd.api.types.is_numeric_dtype(series) and not pd.api.types.is_bool_dtype(series)
-        columns.append(Column(str(name), heading, unit, numeric))
+        columns.append(TableColumn(str(name), heading, unit, numeric))
         decimals.append((2 if share else shared_decimals(series.to_numpy(float))) if numeric else None)
         factors.append(100 if share else 1)
     targets = list(links) if links is not None else [None] * len(frame)

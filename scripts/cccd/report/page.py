@@ -20,10 +20,11 @@ import pandas as pd
 import yaml
 from markupsafe import Markup
 
+from cccd.console import duration
 from cccd.containers import View
 from cccd.lookup import find
 from cccd.report import plots
-from cccd.report.facts import benchmark_table, duration, provenance
+from cccd.report.facts import benchmark_table, provenance
 from cccd.report.html_tables import Table, table, words
 from cccd.report.measures import HEADLINES
 from cccd.report.numerals import number

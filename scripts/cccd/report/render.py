@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 __all__ = [
     "VIEWS",
     "VTK_PACKAGE",
+    "Camera",
     "Renderer",
-    "View",
     "frame_view",
     "paint_mesh",
     "picture_renderer",
@@ -43,7 +43,7 @@ _COLOUR = (0.80, 0.67, 0.56)
 _FALLBACK_TRIANGLES = 60_000
 
 
-class View(NamedTuple):
+class Camera(NamedTuple):
     """A side from which a surface is looked at: ``towards`` points from the body to the eye (RAS)."""
 
     name: str
@@ -53,9 +53,9 @@ class View(NamedTuple):
 
 #: The three sides of every picture, left to right, patient upright (RAS: x right, y anterior, z superior).
 VIEWS = (
-    View("anterior", (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
-    View("left", (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
-    View("superior", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+    Camera("anterior", (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    Camera("left", (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    Camera("superior", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
 )
 
 
@@ -155,7 +155,7 @@ def frame_view(axes, points: np.ndarray) -> np.ndarray:
     return (low + high) / 2
 
 
-def paint_mesh(axes, vertices: np.ndarray, faces: np.ndarray, centre: np.ndarray, view: View, **options):
+def paint_mesh(axes, vertices: np.ndarray, faces: np.ndarray, centre: np.ndarray, view: Camera, **options):
     """Paint the triangles that face the eye from back to front, flat-shaded, in parallel projection.
 
     Parameters
@@ -165,7 +165,7 @@ def paint_mesh(axes, vertices: np.ndarray, faces: np.ndarray, centre: np.ndarray
     vertices, faces : (V, 3) and (F, 3) arrays
         World mm (RAS), normals outwards.
     centre : (3,) array
-    view : View
+    view : Camera
     **options
         Passed on to the `PolyCollection`.
     """

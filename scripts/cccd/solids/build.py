@@ -24,7 +24,7 @@ from cccd.solids.kernel import Part, check_solid, make_solid, require_kernel, wr
 from cccd.solids.patches import patches_within
 from cccd.solids.shells import Shell, facets_within, measure_deviation
 from cccd.solids.spline_shell import SplineShell, spline_shell_of
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import SOLID_VOLUME
 
 __all__ = ["Solids", "build_solids", "write_organs", "write_solids"]
@@ -67,7 +67,7 @@ class Solids:
 
 
 def build_solids(
-    surface: Surface | Mesh,
+    surface: LoftedSurface | Mesh,
     tolerance: float,
     most_patches: int = MOST_PATCHES,
     most_facets: int = MOST_FACETS,
@@ -76,16 +76,16 @@ def build_solids(
 
     Parameters
     ----------
-    surface : Surface or Mesh
+    surface : LoftedSurface or Mesh
         In mm. A mesh, or a surface without control meshes, is followed.
     tolerance : float
         99 % of the surface shall lie within so many mm of the mesh.
     most_patches, most_facets : int
         Of a mesh that is followed.
     """
-    if isinstance(surface, Surface) and surface.bodies:
+    if isinstance(surface, LoftedSurface) and surface.bodies:
         return _of_splines(surface.bodies, tolerance)
-    mesh = surface.mesh if isinstance(surface, Surface) else surface
+    mesh = surface.mesh if isinstance(surface, LoftedSurface) else surface
     if not mesh.is_closed_manifold:
         raise InputError("surface", "the mesh is not closed: it encloses no solid", "export another format")
     area = mesh.area

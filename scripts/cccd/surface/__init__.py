@@ -5,6 +5,6 @@ distances on slices and between them), `spline` (control mesh, fit, refinement),
 """
 
 from cccd.surface.loft import loft_surface
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
-__all__ = ["Surface", "loft_surface"]
+__all__ = ["LoftedSurface", "loft_surface"]

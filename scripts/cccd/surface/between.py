@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 __all__ = ["Between", "least_distance", "near_pairs"]
 
@@ -25,7 +25,7 @@ class Between(NamedTuple):
     high_mm: float
 
 
-def least_distance(first: Surface, second: Surface) -> Between:
+def least_distance(first: LoftedSurface, second: LoftedSurface) -> Between:
     """Measure the least distance between the vertices of two surfaces.
 
     The interval is that of the bands: each organ may reach as far as its outer surface, and no less far than
@@ -51,7 +51,7 @@ def least_distance(first: Surface, second: Surface) -> Between:
     return Between(*(max(float(values.min()), 0.0) for values in (away, low, high)))
 
 
-def near_pairs(surfaces: Mapping[str, Surface]) -> dict[tuple[str, str], Between]:
+def near_pairs(surfaces: Mapping[str, LoftedSurface]) -> dict[tuple[str, str], Between]:
     """Measure all pairs of surfaces whose boxes lie within `NEAR_MM` of each other."""
     boxes = {
         name: (surface.vertices.min(axis=0), surface.vertices.max(axis=0))

@@ -9,12 +9,12 @@ from cccd.settings.surface import LoftSettings
 from cccd.surface.outlines import lofted_outlines
 from cccd.surface.spline import SplineSolid, loft_spline
 from cccd.surface.stack import interpolate_slices
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 __all__ = ["loft_in_plane", "loft_surface"]
 
 
-def loft_surface(sections: Sections, settings: LoftSettings) -> Surface:
+def loft_surface(sections: Sections, settings: LoftSettings) -> LoftedSurface:
     """Loft a stack of ordered curves.
 
     Parameters

@@ -14,7 +14,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.metrics import dice, normal_angles, surface_distances
 from cccd.store import bodies_bytes
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import VOLUME_BIAS
 
 __all__ = [
@@ -147,7 +147,7 @@ def volume_warnings(figures: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def measure_surface(surface: Surface, structure: Structure) -> dict[str, Any]:
+def measure_surface(surface: LoftedSurface, structure: Structure) -> dict[str, Any]:
     """Everything for ``metrics.json``: the mesh's figures, what the lofting reported, the bytes kept."""
     reported = {key: value for key, value in surface.report.items() if key not in _UNMEASURED}
     reference = Reference.of(structure) if _is_known(structure) else None
@@ -161,7 +161,7 @@ def measure_surface(surface: Surface, structure: Structure) -> dict[str, Any]:
     }
 
 
-def measure_band(surface: Surface) -> dict[str, Any]:
+def measure_band(surface: LoftedSurface) -> dict[str, Any]:
     """Measure the volume's interval in ml and the band's mean width in mm; whether it is extrapolated."""
     band, area = surface.band, surface.mesh.vertex_areas
     if band is None:
@@ -177,7 +177,7 @@ def measure_band(surface: Surface) -> dict[str, Any]:
     }
 
 
-def control_bytes(surface: Surface) -> int:
+def control_bytes(surface: LoftedSurface) -> int:
     """Bytes of what a surface is read off: its splines as stored; none where its walls are shared."""
     return bodies_bytes(surface.bodies)
 

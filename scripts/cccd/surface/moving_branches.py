@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.surface.fields import LevelField, distance_to_part, sampled
 
-__all__ = ["SliceParts", "Way", "follow_branches", "move_branches"]
+__all__ = ["Displacement", "SliceParts", "follow_branches", "move_branches"]
 
 #: A section's way may differ from what its ellipse tells by this share of its length, and by so many pixels;
 #: and of two sections that follow each other one is no more than so many times as wide, but for a pixel.
@@ -122,7 +122,7 @@ class SliceParts:
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class Displacement:
     """How a branch runs between two slices.
 
     Attributes
@@ -188,7 +188,7 @@ def move_branches(fields: Sequence[LevelField], spacing: FloatArray) -> list[Lev
 
 def follow_branches(
     sections: Sequence[SliceParts], spacing: FloatArray, into_larger: bool = True
-) -> list[list[Way]]:
+) -> list[list[Displacement]]:
     """Follow sections from each slice to the next.
 
     Parameters
@@ -203,12 +203,12 @@ def follow_branches(
 
     Returns
     -------
-    list of lists of Way
+    list of lists of Displacement
         Gap by gap, those that are moved.
     """
     gaps = [_Gap.between(low, high) for low, high in itertools.pairwise(sections)]
     pairs = [gap.pairs(spacing) for gap in gaps]
-    ways: list[list[Way]] = []
+    ways: list[list[Displacement]] = []
     for n, gap in enumerate(gaps):
         found = [way for way in pairs[n] if way.share > 0]
         for up in (False, True):
@@ -268,7 +268,7 @@ class _Gap:
         side = self.above if up else self.below
         return side.within & (np.bincount(self.touching[:, int(up)], minlength=len(side.centres)) == 0)
 
-    def pairs(self, spacing: FloatArray) -> list[Way]:
+    def pairs(self, spacing: FloatArray) -> list[Displacement]:
         """SliceParts that run on in each other, and in nothing else."""
         pixel = float(np.sqrt(spacing.prod()))
         single = [np.bincount(side, minlength=1)[side] == 1 for side in self.touching.T]
@@ -292,11 +292,11 @@ class _Gap:
         chosen = follows[rows, columns]
         return np.column_stack([low[rows[chosen]], high[columns[chosen]]])
 
-    def _way(self, a: int, b: int, pixel: float, spacing: FloatArray) -> Way:
+    def _way(self, a: int, b: int, pixel: float, spacing: FloatArray) -> Displacement:
         """Whether, and how far, two sections are moved onto each other."""
         start, lean = self.below.centres[a], self.below.leans[a]
         shift, onto = self.above.centres[b] - start, self.above.leans[b]
-        way = Way(a, b, start, shift, _angle(_along(lean, shift), _along(onto, shift)), 0.0)
+        way = Displacement(a, b, start, shift, _angle(_along(lean, shift), _along(onto, shift)), 0.0)
         off = max(
             float(self.below.misses(a, shift, self.height)), float(self.above.misses(b, shift, self.height))
         )
@@ -317,7 +317,7 @@ class _Gap:
 
     def leading_into_larger(
         self, part: int, up: bool, shifts: FloatArray, spacing: FloatArray
-    ) -> Iterator[Way]:
+    ) -> Iterator[Displacement]:
         """Yield the way of a part, if just one of ``shifts`` (W, 2) leads into a part of the other slice."""
         side, other = (self.above, self.below) if up else (self.below, self.above)
         hits: list[FloatArray] = []
@@ -327,7 +327,7 @@ class _Gap:
             hits += [tried[np.argmax(inside)]] if inside.any() else []
         if len(hits) == 1:
             start = side.centres[part] - hits[0] if up else side.centres[part]
-            yield Way(-1 if up else part, part if up else -1, start, hits[0], 0.0, 1.0)
+            yield Displacement(-1 if up else part, part if up else -1, start, hits[0], 0.0, 1.0)
 
 
 def _along(lean: FloatArray, shift: FloatArray) -> FloatArray:
@@ -351,7 +351,9 @@ def _overlap(first: BoolArray, second: BoolArray) -> float:
 _Slopes = tuple[FloatArray, FloatArray]
 
 
-def _slopes(sections: Sequence[SliceParts], ways: Sequence[Sequence[Way]]) -> list[dict[Way, _Slopes]]:
+def _slopes(
+    sections: Sequence[SliceParts], ways: Sequence[Sequence[Displacement]]
+) -> list[dict[Displacement, _Slopes]]:
     """Slopes of every gap's ways: where a branch runs on, the mean of both sides'."""
     rates = [
         {way: way.shift / (above.z - below.z) for way in here}
@@ -376,7 +378,7 @@ class _Branch:
     window: _Window
     lower: SingleArray
     upper: SingleArray
-    way: Way
+    way: Displacement
     slopes: _Slopes
     z: tuple[float, float]
 
@@ -385,8 +387,8 @@ class _Branch:
         cls,
         below: SliceParts,
         above: SliceParts,
-        way: Way,
-        slopes: Mapping[Way, _Slopes],
+        way: Displacement,
+        slopes: Mapping[Displacement, _Slopes],
         spacing: FloatArray,
     ) -> _Branch:
         """Cut a window out of both slices."""

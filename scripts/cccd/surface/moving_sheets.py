@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from cccd.geometry.arrays import AnyArray, FloatArray, IntArray, SingleArray
 from cccd.surface.fields import LevelField, sampled
 
-__all__ = ["MiddleLine", "Ways", "find_middle_line", "follow", "move_sheets"]
+__all__ = ["Displacements", "MiddleLine", "find_middle_line", "follow", "move_sheets"]
 
 #: On a middle line the distance's slope is less than this: the nearest walls lie opposite each other (two at
 #: 120 degrees have this slope), and its direction is one in so much of the gradients around.
@@ -63,7 +63,7 @@ class MiddleLine:
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
+class Displacements:
     """Where middle lines go from one slice to the next.
 
     Attributes
@@ -87,9 +87,11 @@ class Ways:
         """Distance (N,) in mm from the middle that the moving sheet covers."""
         return np.linalg.norm(self.shifts, axis=1) / 2 + self.half_widths
 
-    def take(self, chosen: AnyArray) -> Ways:
+    def take(self, chosen: AnyArray) -> Displacements:
         """Leave some of them."""
-        return Ways(self.middles[chosen], self.shifts[chosen], self.half_widths[chosen], self.lost[chosen])
+        return Displacements(
+            self.middles[chosen], self.shifts[chosen], self.half_widths[chosen], self.lost[chosen]
+        )
 
 
 def move_sheets(fields: Sequence[LevelField], spacing: FloatArray) -> list[LevelField]:
@@ -221,11 +223,11 @@ class _Sheets:
         return cls(field.z, field.distance, (lines[0], lines[1]))
 
 
-def _ways_between(low: _Sheets, high: _Sheets, spacing: FloatArray) -> Ways:
+def _ways_between(low: _Sheets, high: _Sheets, spacing: FloatArray) -> Displacements:
     """Follow slits and plates from a slice to the next one above and back; leave what is alike."""
     gap, pixel = high.z - low.z, float(np.sqrt(spacing.prod()))
     reach = STEEPEST * gap
-    found: list[Ways] = []
+    found: list[Displacements] = []
     for sign, *lines in zip((1, -1), low.lines, high.lines, strict=True):
         for way, (line, other) in zip((1, -1), (lines, lines[::-1]), strict=True):
             chosen, onto = follow(line, other, reach, pixel)
@@ -236,17 +238,17 @@ def _ways_between(low: _Sheets, high: _Sheets, spacing: FloatArray) -> Ways:
             both = sampled(low.distance, middles / spacing) + sampled(high.distance, middles / spacing)
             kept = sign * both / (2 * half_widths)
             lost = 1 - np.interp(kept, KEPT, (0.0, 1.0))
-            found.append(Ways(middles, shifts, half_widths, lost))
+            found.append(Displacements(middles, shifts, half_widths, lost))
     return _averaged(_joined(found), gap, LEAST_LENGTH * 4 * gap / pixel)
 
 
-def _joined(parts: Sequence[Ways]) -> Ways:
+def _joined(parts: Sequence[Displacements]) -> Displacements:
     """Join ways of several lines."""
-    names = [field.name for field in dataclass_fields(Ways)]
-    return Ways(*(np.concatenate([getattr(ways, name) for ways in parts]) for name in names))
+    names = [field.name for field in dataclass_fields(Displacements)]
+    return Displacements(*(np.concatenate([getattr(ways, name) for ways in parts]) for name in names))
 
 
-def _averaged(ways: Ways, gap: float, fewest: float) -> Ways:
+def _averaged(ways: Displacements, gap: float, fewest: float) -> Displacements:
     """Average ways over their neighbours; leave out what has few within ``gap`` mm, or unlike ones."""
     if len(ways.middles) < max(fewest, 1):
         return ways.take(np.zeros(0, np.int64))
@@ -278,7 +280,7 @@ class _Around:
         return distance
 
 
-def _around(ways: Ways, shape: tuple[int, ...], spacing: FloatArray) -> _Around:
+def _around(ways: Displacements, shape: tuple[int, ...], spacing: FloatArray) -> _Around:
     """Spread ways over the pixels that the sheets cover, and less and less as far again."""
     if not np.any(ways.lost > 0):
         return _Around(np.zeros((0, 2), np.int64), np.zeros((0, 2)), np.zeros(0, np.float32))

@@ -28,7 +28,7 @@ from cccd.surface.control_mesh import (
 from cccd.surface.sampled import SampledDistance
 from cccd.surface.spline_fit import Curvature, SplineFit, fit_spline
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 from cccd.surface.told import left_out_warnings
 from cccd.tolerances import CONTROL_POINT_PIXELS, SHRUNK_PART
 
@@ -88,13 +88,13 @@ class SplineSolid:
     stack: SliceStack
     smallest_voxels: float
 
-    def to_world(self, frame: Frame) -> Surface:
+    def to_world(self, frame: Frame) -> LoftedSurface:
         """Return the splines and their mesh in mm RAS."""
         affine = self.stack.plane_to_world(frame)
         tolerance = CONTROL_POINT_PIXELS * self.stack.pixel
         spline = self.spline.transformed(affine).rounded(tolerance)
         told = [violation.line(affine) for violation in check_surface(self.mesh, self.stack)]
-        return Surface(spline.pieces(), spline.tessellate(DRAWN), frame, self.report(told))
+        return LoftedSurface(spline.pieces(), spline.tessellate(DRAWN), frame, self.report(told))
 
     def report(self, violations: Sequence[str] = ()) -> dict[str, Any]:
         """Count and measure, as plain JSON, with warnings; ``violations`` are lines for people."""

@@ -18,7 +18,7 @@ from cccd.geometry.ply import read_ply
 from cccd.geometry.subdivision import ControlMesh
 from cccd.store import read_band, read_bodies, read_report, read_surface_frame
 
-__all__ = ["Surface", "read_surface"]
+__all__ = ["LoftedSurface", "read_surface"]
 
 #: Vertices this near are the same; a PLY mesh keeps them exactly, older ones as single floats.
 _SAME_POINT_MM = 1e-3
@@ -29,7 +29,7 @@ def _nothing() -> dict[str, Any]:
 
 
 @dataclass
-class Surface:
+class LoftedSurface:
     """The surface of one structure.
 
     Attributes
@@ -57,7 +57,7 @@ class Surface:
         """The mesh's vertices (V, 3) in mm RAS."""
         return self.mesh.vertices
 
-    def sides(self) -> dict[str, Surface]:
+    def sides(self) -> dict[str, LoftedSurface]:
         """Return the error band's surfaces, ``inner`` and ``outer``; nothing without a band."""
         if self.band is None:
             return {}
@@ -70,7 +70,7 @@ class Surface:
         return self.mesh.faces
 
 
-def read_surface(path: str | Path, mesh_path: str | Path) -> Surface:
+def read_surface(path: str | Path, mesh_path: str | Path) -> LoftedSurface:
     """Read back what the lofting wrote: ``surface.h5`` and the PLY mesh.
 
     Organs that share their walls have another mesh than their control meshes': it has no ``bodies``.
@@ -78,7 +78,7 @@ def read_surface(path: str | Path, mesh_path: str | Path) -> Surface:
     mesh, bodies = read_ply(mesh_path), read_bodies(path)
     bodies = bodies if _is_of(mesh, bodies) else []
     band = read_band(path, mesh.vertices)
-    return Surface(bodies, mesh, read_surface_frame(path), read_report(path), band)
+    return LoftedSurface(bodies, mesh, read_surface_frame(path), read_report(path), band)
 
 
 def _is_of(mesh: Mesh, bodies: Sequence[ControlMesh]) -> bool:

@@ -13,7 +13,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface import Surface
+from cccd.surface import LoftedSurface
 from cccd.surface.measure import Reference, control_bytes, measure_mesh
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
 from cccd_paper.comparisons.timing import timed
@@ -26,7 +26,7 @@ __all__ = ["compare_isosurfaces"]
 def compare_isosurfaces(
     structure: Structure,
     curves: Curves,
-    surface: Surface,
+    surface: LoftedSurface,
     settings: IsosurfaceSettings,
     fitting: CurveSettings,
     lofting: LoftSettings,
@@ -39,7 +39,7 @@ def compare_isosurfaces(
         With its mask; without one only our own row can be measured.
     curves : Curves
         Whose points the point-based methods get.
-    surface : Surface
+    surface : LoftedSurface
         Ours, as it came from the run.
     settings : IsosurfaceSettings
         Names the methods to run. One whose package is not installed has no row.
@@ -74,7 +74,7 @@ def compare_isosurfaces(
 
 
 def _own_row(
-    surface: Surface, measure: Callable[[Mesh], dict[str, Any]], seconds: float | None
+    surface: LoftedSurface, measure: Callable[[Mesh], dict[str, Any]], seconds: float | None
 ) -> dict[str, Any]:
     """Measure our mesh in the bytes of the splines that it is read off."""
     figures = measure(surface.mesh)

@@ -14,7 +14,7 @@ from cccd.junctions.ordering import count_changes
 from cccd.metrics import dice
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface import Surface, loft_surface
+from cccd.surface import LoftedSurface, loft_surface
 from cccd.surface.measure import Reference, measure_mesh
 from cccd.tracing import trace_stack
 from cccd_paper.comparisons.baselines.decoders import DECODERS
@@ -49,7 +49,7 @@ def compare_map_surfaces(
     structure: Structure,
     boundaries: Boundaries,
     contours: Curves,
-    surface: Surface,
+    surface: LoftedSurface,
     fitting: CurveSettings,
     lofting: LoftSettings,
 ) -> pd.DataFrame:
@@ -65,7 +65,7 @@ def compare_map_surfaces(
         Its boundary pixels.
     contours : Curves
         The network's curves.
-    surface : Surface
+    surface : LoftedSurface
         The one lofted from these.
     fitting, lofting : CurveSettings, LoftSettings
         As the structure's own curves and surface were made.
@@ -81,7 +81,7 @@ def compare_map_surfaces(
     """
     reference = None if structure.mask is None else Reference.of(structure)
 
-    def measured(made: Surface) -> dict[str, object]:
+    def measured(made: LoftedSurface) -> dict[str, object]:
         figures = measure_mesh(made.mesh, structure, reference=reference)
         return {name: figures[name] for name in _FIGURES if name in figures}
 
@@ -164,7 +164,7 @@ def map_figures(
     structure: Structure,
     boundaries: Boundaries,
     contours: Curves,
-    surface: Surface,
+    surface: LoftedSurface,
     fitting: CurveSettings,
     lofting: LoftSettings,
 ) -> dict[str, SliceFigure]:

@@ -40,7 +40,7 @@ _Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
-class Way:
+class PlanarMethod:
     """A corner detector, and the reconstruction that links its corners."""
 
     detector: str
@@ -55,12 +55,12 @@ class Way:
 
 #: The paper's detectors, ordered by a short tour, and its reconstructions of Harris corners.
 WAYS = (
-    Way("harris", "tour"),
-    Way("shi_tomasi", "tour"),
-    Way("fast", "tour"),
-    Way("harris", "connect2d"),
-    Way("harris", "crawl"),
-    Way("harris", "nn_crust"),
+    PlanarMethod("harris", "tour"),
+    PlanarMethod("shi_tomasi", "tour"),
+    PlanarMethod("fast", "tour"),
+    PlanarMethod("harris", "connect2d"),
+    PlanarMethod("harris", "crawl"),
+    PlanarMethod("harris", "nn_crust"),
 )
 
 
@@ -144,7 +144,7 @@ class _Planar(NamedTuple):
     seconds: dict[str, float]
 
 
-def _linked_corners(way: Way, samples: Sequence[SliceSample], frame: Frame) -> _Planar:
+def _linked_corners(way: PlanarMethod, samples: Sequence[SliceSample], frame: Frame) -> _Planar:
     """Corners of the slices' masks, those on the boundary linked where that gives a closed simple curve."""
     detect = CORNER_DETECTORS[way.detector].run
     parameters = PAPER_TABLE_2[way.detector]

@@ -140,12 +140,22 @@ def _genus(row: pd.Series) -> str:
     return written(row["genus"], ".0f", "not closed" if not row["closed_manifold"] else "–")
 
 
+def _nearer_rows(rows: pd.DataFrame) -> tuple[pd.Series, pd.DataFrame]:
+    """Our row, and those of baselines that are nearer to the reference, the nearest first."""
+    ours, rivals = rows[rows["method"] == "CCCD"].iloc[0], baseline_rows(rows)
+    return ours, rivals[rivals["assd_mm"] < ours["assd_mm"]].sort_values("assd_mm")
+
+
+def _smooth_rows(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows of baselines that bend as little as ours."""
+    rivals = baseline_rows(rows)
+    return rivals[as_smooth(rows, _STRUCTURE)[rivals.index]]
+
+
 def _nearer(rows: pd.DataFrame) -> str:
     """Say which baselines are nearer to the reference than ours, and which of these are as smooth."""
-    ours = rows[rows["method"] == "CCCD"].iloc[0]
-    rivals = baseline_rows(rows)
-    nearer = rivals[rivals["assd_mm"] < ours["assd_mm"]].sort_values("assd_mm")
-    smooth = rivals[as_smooth(rows, _STRUCTURE)[rivals.index]]
+    ours, nearer = _nearer_rows(rows)
+    smooth = _smooth_rows(rows)
     if nearer.empty:
         text = "No baseline is closer than ours."
     else:
@@ -238,16 +248,15 @@ def full_resolution_shortfall(tables: Tables) -> list[str]:
     """Name the structures to whose reference a baseline is nearer than our surface."""
     found = []
     for (case, organ), rows in tables["surfaces"].groupby(["case", "organ"], sort=False):
-        ours, rivals = rows[rows["method"] == "CCCD"].iloc[0], baseline_rows(rows)
-        nearer = rivals[rivals["assd_mm"] < ours["assd_mm"]]
+        ours, nearer = _nearer_rows(rows)
         if len(nearer):
-            rougher = ~as_smooth(rows, _STRUCTURE)[nearer.index]
+            rougher = len(nearer) - len(nearer.index.intersection(_smooth_rows(rows).index))
             kept = " (it has the voxels' steps)" if rows["genus_true"].isna().all() else ""
             reference = "its mask's isosurface" if kept else "the true surface"
             found.append(
                 f"**Full resolution, {case}/{organ}.** {len(nearer)} rows of baselines are closer to "
                 f"{reference}{kept} than ours ({nearer['assd_mm'].min():.3f} to "
-                f"{nearer['assd_mm'].max():.3f} against {ours['assd_mm']:.3f} mm); {int(rougher.sum())} of "
+                f"{nearer['assd_mm'].max():.3f} against {ours['assd_mm']:.3f} mm); {rougher} of "
                 f"these {len(nearer)} bend more than ours."
             )
     return found

@@ -15,7 +15,7 @@ from cccd.files.rtstruct import write_rtstruct
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs import load_structure
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 
 def ball_mesh(centre, radius=15.0):
@@ -81,13 +81,13 @@ def test_label_map_is_read_back(tmp_path):
     frame = frame_around(CENTRE)
     mesh = ball_mesh(CENTRE)
     name = "out.nii.gz"
-    label_map.write(tmp_path / name, Surface([], mesh, frame), ExportOptions())
+    label_map.write(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
     image = nib.load(tmp_path / name)
     np.testing.assert_allclose(image.affine, frame.affine, atol=1e-5)
     structure = load_structure(row(mask=name, label="1"), tmp_path, settings())
     np.testing.assert_array_equal(full(structure), whole_grid(mesh, frame))
     first = (tmp_path / name).read_bytes()
-    label_map.write(tmp_path / name, Surface([], mesh, frame), ExportOptions())
+    label_map.write(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
     assert (tmp_path / name).read_bytes() == first
 
 

@@ -23,7 +23,7 @@ from cccd.settings.formats import FORMATS
 from cccd.settings.surface import TetrahedraSettings
 from cccd.store import write_control_meshes
 from cccd.surface import loft_surface
-from cccd.surface.surface import Surface, read_surface
+from cccd.surface.surface import LoftedSurface, read_surface
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +168,7 @@ def spline_surface():
     bodies = [body.rounded(1e-3) for body in bodies]
     whole = trimesh.util.concatenate([body.tessellate(2).to_trimesh() for body in bodies])
     mesh = Mesh(np.array(whole.vertices), np.array(whole.faces, np.int64))
-    return Surface(bodies, mesh, Frame(np.eye(4), 2, (8, 8, 8)))
+    return LoftedSurface(bodies, mesh, Frame(np.eye(4), 2, (8, 8, 8)))
 
 
 @pytest.mark.parametrize("suffix", ["usd", "usda", "usdc"])
@@ -233,6 +233,12 @@ def test_every_format_that_the_configuration_knows_is_written(surface, tmp_path,
     write_surface(path, surface, ExportOptions("fork", tetrahedra=coarse))
     assert path.stat().st_size > 1000
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_is_refused_in_one_line(surface, tmp_path):
+    (tmp_path / "organ.stl").mkdir()
+    with pytest.raises(InputError, match=r"organ\.stl: that is a folder"):
+        write_surface(tmp_path / "organ.stl", surface)
 
 
 def test_an_unknown_format_names_the_known_ones(surface, tmp_path):

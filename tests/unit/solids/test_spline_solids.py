@@ -18,14 +18,14 @@ from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.solids.quad_faces import QuadFaces, flattened
 from cccd.solids.spline_shell import SplineShell, spline_shell_of
 from cccd.surface.control_mesh import split_to_quads
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 FRAME = Frame(np.eye(4), 2, (8, 8, 8))
 
 
 def surface_of(*bodies):
     meshes = [body.tessellate(2) for body in bodies]
-    return Surface(list(bodies), meshes[0], FRAME)
+    return LoftedSurface(list(bodies), meshes[0], FRAME)
 
 
 def inside_out(mesh):

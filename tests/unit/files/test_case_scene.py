@@ -14,7 +14,7 @@ from cccd.containers import Frame
 from cccd.files.scene import describe_scene, name_organs, write_scene, write_segmentation
 from cccd.files.write import write_surface
 from cccd.geometry.mesh import Mesh
-from cccd.surface.surface import Surface
+from cccd.surface.surface import LoftedSurface
 
 #: An oblique, mirrored scan.
 AFFINE = np.array([[0, -2.0, 0, 30], [-1.5, 0, 0, 20], [0, 0, 3.0, -10], [0, 0, 0, 1]])
@@ -87,7 +87,7 @@ def validator():
 )
 def test_khronos_validator_finds_no_error(organs, tmp_path):
     write_scene(tmp_path / "scene.glb", organs)
-    write_surface(tmp_path / "surface.glb", Surface([], organs[0].mesh, FRAME))
+    write_surface(tmp_path / "surface.glb", LoftedSurface([], organs[0].mesh, FRAME))
     for path in (tmp_path / "scene.glb", tmp_path / "surface.glb"):
         code = (
             f"require('{validator()}').validateBytes(new Uint8Array(require('fs').readFileSync('{path}')))"
