@@ -5,7 +5,7 @@
 Six structures: the default cohort's brain, liver and lungs, and three of the shared scans where those are.
 Meshes are the best of a tuned baseline (signed distance, isosurface, windowed sinc) and our own tessellation,
 both simplified by quadric error (fast-simplification). All are stored alike: coordinates rounded to the same
-tolerance, HDF5 with gzip.
+tolerance, HDF5 with gzip. Structures that the table has already are not measured again.
 """
 
 import argparse
@@ -61,8 +61,11 @@ def main() -> None:
     parser.add_argument("--table", type=Path, default=ROOT / "docs/rate_distortion.csv")
     parser.add_argument("--picture", type=Path, default=ROOT / "docs/rate_distortion.png")
     options = parser.parse_args()
-    rows: list[dict[str, Any]] = []
+    known = pd.read_csv(options.table) if options.table.exists() else pd.DataFrame({"structure": []})
+    rows = known.to_dict("records")
     for name, (thick, whole) in structures(options.scans):
+        if name in set(known["structure"]):
+            continue
         for row in measured(thick, whole):
             rows.append({"structure": name, **row})
             print(*rows[-1].values(), flush=True)
