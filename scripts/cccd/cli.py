@@ -253,21 +253,21 @@ def _add_compare(commands: Any) -> None:
         help="compare two surfaces, masks or label maps",
         description="Measure how far two surfaces, masks or label maps agree, label by label. Inputs: meshes "
         "(PLY, STL, OBJ, GLB, VTP, GIfTI), surface.h5, solids (STEP, IGES, BREP), masks, label maps, DICOM "
-        "SEG and RTSTRUCT. Exits with 1 where a limit is missed.",
+        "SEG and RTSTRUCT. Exits with 1 if a limit is missed.",
     )
     compare.add_argument("first", type=Path, metavar="A")
     compare.add_argument("second", type=Path, metavar="B")
     compare.add_argument(
         "--label", action="append", default=[], metavar="LABEL",
-        help="compare this label only; given twice: that of A, and that of B",
+        help="compare only this label; if A and B use different labels, give both, that of A first",
     )  # fmt: skip
     compare.add_argument(
         "--tolerance", type=float, default=TOLERANCE_MM, metavar="MM",
-        help=f"of the surface Dice; default: {TOLERANCE_MM:g} mm",
+        help=f"surfaces this near to each other agree, for the surface Dice; default: {TOLERANCE_MM:g} mm",
     )  # fmt: skip
     compare.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
-        help="repeatable: .glb and .vtp, A's surface coloured by its distance to B; .html, a page",
+        help="output file, repeatable: .glb, .vtp: A's surface coloured by its distance to B; .html: a page",
     )  # fmt: skip
     for figure, limit in LIMITS.items():
         compare.add_argument(

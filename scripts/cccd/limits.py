@@ -28,11 +28,18 @@ class Limit(NamedTuple):
 #: By figure.
 LIMITS = {
     "dice": Limit("min-dice", "Dice", "SHARE", "exit with 1 if a Dice is below"),
-    "surface_dice": Limit("min-surface-dice", "surface Dice", "SHARE", "likewise the surface Dice"),
+    "surface_dice": Limit(
+        "min-surface-dice", "surface Dice", "SHARE", "exit with 1 if a surface Dice is below"
+    ),
     "assd_mm": Limit("max-assd", "ASSD", "MM", "exit with 1 if an average symmetric distance is above"),
-    "hd95_mm": Limit("max-hd95", "HD95", "MM", "likewise the 95th percentile of the distances"),
-    "hausdorff_mm": Limit("max-hausdorff", "Hausdorff distance", "MM", "likewise the largest distance"),
+    "hd95_mm": Limit("max-hd95", "HD95", "MM", "exit with 1 if a 95th percentile of the distances is above"),
+    "hausdorff_mm": Limit(
+        "max-hausdorff", "Hausdorff distance", "MM", "exit with 1 if a largest distance is above"
+    ),
     "volume_bias": Limit(
-        "max-volume-bias", "volume bias", "SHARE", "likewise A's volume over B's, less 1: 0.02 is two percent"
+        "max-volume-bias",
+        "volume bias",
+        "SHARE",
+        "exit with 1 if volumes differ by more, as a share of B's: 0.02 is 2 percent",
     ),
 }
