@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from cccd.geometry.arrays import FloatArray, SingleArray
+from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
 from cccd.geometry.mesh import Mesh
 
@@ -99,7 +99,7 @@ class Signs:
 
     outer: FloatArray
     inner: FloatArray
-    below: FloatArray
+    below: IntArray
     share: FloatArray
 
     @classmethod
@@ -107,7 +107,7 @@ class Signs:
         """See what there is at the vertices of a closed mesh in the plane's mm and height."""
         z, pixel, points, count = slices.z, slices.pixel, mesh.vertices, len(slices.z)
         normal = mesh.vertex_normals
-        below = np.searchsorted(z, points[:, 2], side="right") - 1
+        below = np.searchsorted(z, points[:, 2], side="right").astype(np.int64) - 1
         ends = np.concatenate([[z[0] - slices.step], z, [z[-1] + slices.step]])
         low, high = ends[below + 1], ends[below + 2]
         gap = high - low
@@ -118,7 +118,7 @@ class Signs:
 
         plane = (points[:, :2] / slices.spacing).T
 
-        def at(planes: SingleArray, k: FloatArray) -> FloatArray:
+        def at(planes: SingleArray, k: IntArray) -> FloatArray:
             index = [np.clip(k, 0, count - 1), *plane]
             return ndimage.map_coordinates(planes, index, order=1, mode="nearest").astype(float)
 
