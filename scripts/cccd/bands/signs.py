@@ -85,22 +85,16 @@ class Slices:
 
 @dataclass(frozen=True, eq=False)
 class Signs:
-    """The signs of a mesh's vertices, and where they lie between the slices.
+    """The signs of a mesh's vertices.
 
     Attributes
     ----------
     outer, inner : (V, len(SIGNS)) float64
         On the outer and on the inner side of the surface.
-    below : (V,) int64
-        The slice at or below the vertex; -1 below the first.
-    share : (V,) float64
-        The vertex's share of the way from the slice below to that above.
     """
 
     outer: FloatArray
     inner: FloatArray
-    below: IntArray
-    share: FloatArray
 
     @classmethod
     def of(cls, mesh: Mesh, slices: Slices) -> Signs:
@@ -169,7 +163,7 @@ class Signs:
             named = both | signed | end
             return np.column_stack([named[name] for name in SIGNS])
 
-        return cls(side(1), side(-1), below, share)
+        return cls(side(1), side(-1))
 
 
 @dataclass(frozen=True, eq=False)
