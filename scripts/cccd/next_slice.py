@@ -61,14 +61,17 @@ def rank_slices(structure: Structure, settings: Settings) -> list[Gain]:
     curves, _ = find_contours(structure, settings.boundaries, settings.gnn.inference)
     fitted = describe_curves(curves, settings.curves)
     solid = loft_in_plane(Sections(fitted.curves, fitted.splines, annotation=annotation), settings.surface)
-    slices, area = solid.stack.slices, solid.mesh.vertex_areas
-    before = area @ _width(solid, slices)
-    gains = [
-        Gain(
-            k, float(1 - area @ _width(solid, _with_slice(solid, k * structure.frame.slice_spacing)) / before)
-        )
-        for k in _candidates(annotation, structure.frame)
-    ]
+    slices, area, z = solid.stack.slices, solid.mesh.vertex_areas, solid.mesh.vertices[:, 2]
+    ends = np.concatenate([[slices.z[0] - slices.step], slices.z, [slices.z[-1] + slices.step]])
+    before = _width(solid, slices)
+    gains: list[Gain] = []
+    for k in _candidates(annotation, structure.frame):
+        height = k * structure.frame.slice_spacing
+        above = int(np.searchsorted(ends, height))
+        # elsewhere the means over the organ change a little: that is no gain
+        gap = (z > ends[above - 1]) & (z < ends[above])
+        narrower = before - _width(solid, _with_slice(solid, height))
+        gains.append(Gain(k, float(area[gap] @ narrower[gap] / (area @ before))))
     return sorted(gains, key=lambda gain: -gain.shrinks)
 
 

@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -210,7 +211,8 @@ def main(sheet: Path, cache: Path) -> None:
     plain = {"mean": scale.mean, "spread": scale.spread}
     for number, (matrix, offsets) in enumerate(scale.layers):
         plain |= {f"matrix{number}": matrix, f"offsets{number}": offsets}
-    np.savez(WEIGHTS, **{name: values.astype(np.float32) for name, values in plain.items()})
+    single: dict[str, Any] = {name: values.astype(np.float32) for name, values in plain.items()}
+    np.savez(WEIGHTS, **single)
     kinds = sorted(Counter(map(kin, organs)).items())
     made_of = f"{len(stacks)} thinned stacks of {len(organs)} organs: "
     made_of += ", ".join(f"{kind} ({count})" if count > 1 else kind for kind, count in kinds)

@@ -50,7 +50,7 @@ def test_a_mask_becomes_a_surface(here, capsys):
     assert main(["surface", "liver.nii.gz"]) == 0
     said = capsys.readouterr()
     assert "liver.ply" in said.out
-    assert " ml, " in said.out
+    assert " ml (" in said.out
     cccd.reconstruct(cccd.read("liver.nii.gz")).write("library.ply")
     assert (here / "library.ply").read_bytes() == (here / "liver.ply").read_bytes()
 

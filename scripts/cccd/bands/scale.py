@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cccd.geometry.arrays import FloatArray
+from cccd.geometry.arrays import FloatArray, SingleArray
 
 __all__ = ["Scale", "shipped_scale"]
 
@@ -39,9 +39,9 @@ class Scale:
     layers: tuple[tuple[FloatArray, FloatArray], ...]
     name: str
 
-    def __call__(self, signs: FloatArray) -> FloatArray:
+    def __call__(self, signs: FloatArray | SingleArray) -> FloatArray:
         """Return the scale (V,) in pixels at signs (V, F)."""
-        values = np.clip((signs - self.mean) / self.spread, -FARTHEST, FARTHEST)
+        values: FloatArray = np.clip((signs - self.mean) / self.spread, -FARTHEST, FARTHEST)
         for number, (matrix, offsets) in enumerate(self.layers):
             values = (np.tanh(values) if number else values) @ matrix + offsets
         return np.exp(values[:, 0])

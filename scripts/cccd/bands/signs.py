@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from cccd.geometry.arrays import FloatArray, SingleArray
+from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
 from cccd.geometry.mesh import Mesh
 
@@ -85,29 +85,23 @@ class Slices:
 
 @dataclass(frozen=True, eq=False)
 class Signs:
-    """The signs of a mesh's vertices, and where they lie between the slices.
+    """The signs of a mesh's vertices.
 
     Attributes
     ----------
     outer, inner : (V, len(SIGNS)) float64
         On the outer and on the inner side of the surface.
-    below : (V,) int64
-        The slice at or below the vertex; -1 below the first.
-    share : (V,) float64
-        The vertex's share of the way from the slice below to that above.
     """
 
     outer: FloatArray
     inner: FloatArray
-    below: FloatArray
-    share: FloatArray
 
     @classmethod
     def of(cls, mesh: Mesh, slices: Slices) -> Signs:
         """See what there is at the vertices of a closed mesh in the plane's mm and height."""
         z, pixel, points, count = slices.z, slices.pixel, mesh.vertices, len(slices.z)
         normal = mesh.vertex_normals
-        below = np.searchsorted(z, points[:, 2], side="right") - 1
+        below = np.searchsorted(z, points[:, 2], side="right").astype(np.int64) - 1
         ends = np.concatenate([[z[0] - slices.step], z, [z[-1] + slices.step]])
         low, high = ends[below + 1], ends[below + 2]
         gap = high - low
@@ -118,7 +112,7 @@ class Signs:
 
         plane = (points[:, :2] / slices.spacing).T
 
-        def at(planes: SingleArray, k: FloatArray) -> FloatArray:
+        def at(planes: SingleArray, k: IntArray) -> FloatArray:
             index = [np.clip(k, 0, count - 1), *plane]
             return ndimage.map_coordinates(planes, index, order=1, mode="nearest").astype(float)
 
@@ -169,7 +163,7 @@ class Signs:
             named = both | signed | end
             return np.column_stack([named[name] for name in SIGNS])
 
-        return cls(side(1), side(-1), below, share)
+        return cls(side(1), side(-1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,7 +42,8 @@ def least_distance(first: LoftedSurface, second: LoftedSurface) -> Between:
     >>> least_distance(near, far)
     Between(mm=3.0, low_mm=3.0, high_mm=3.0)
     """
-    away, nearest = cKDTree(second.vertices).query(first.vertices)
+    found = cKDTree(second.vertices).query(first.vertices)
+    away, nearest = np.asarray(found[0], float), np.asarray(found[1], np.int64)
     low, high = away, away
     if first.band is not None:
         low, high = low - first.band.outer, high + first.band.inner

@@ -12,9 +12,11 @@ from cccd.bands.scale import WEIGHTS, WEIGHTS_SHA256
 from cccd.cli import main
 from cccd.errors import InputError
 from cccd.files.write import write_surface
+from cccd.inputs.load import structure_of_array
 from cccd.settings.root import Settings
 from cccd.store import write_control_meshes
 from cccd.surface.between import least_distance
+from cccd.surface.measure import measure_surface
 from cccd.surface.surface import read_surface
 
 
@@ -134,6 +136,15 @@ def test_distance_between_two_organs_has_an_interval():
     between = least_distance(one, cccd.reconstruct(mask, affine).lofted)
     assert between.low_mm < between.mm < between.high_mm
     assert between.low_mm <= 7 <= between.high_mm
+
+
+def test_metrics_hold_the_interval():
+    mask, affine = body((12, 12, 12), (1, 1, 3))
+    surface = cccd.reconstruct(mask, affine).lofted
+    figures = measure_surface(surface, structure_of_array(mask, affine, Settings().import_))
+    assert figures["volume_low_ml"] < figures["volume_ml"] < figures["volume_high_ml"]
+    assert figures["band"] == 0.9
+    assert figures["band_extrapolated"] is False
 
 
 def save(path, mask, affine):
