@@ -9,7 +9,7 @@ Read
     `labels` lists what a file holds; `read` loads one structure of it as a `Structure`.
 Reconstruct
     `reconstruct` makes a `Surface` of one structure, `reconstruct_labels` one of each label of a map, with
-    shared walls.
+    shared walls; `smooth_mesh` makes one of a mesh.
 Use
     `Surface.mesh` is the triangle mesh in mm (RAS), `Surface.bodies` the closed splines (`ControlMesh`),
     `Surface.write` writes a file by its suffix.
@@ -42,6 +42,7 @@ __all__ = [
     "read",
     "reconstruct",
     "reconstruct_labels",
+    "smooth_mesh",
 ]
 
 

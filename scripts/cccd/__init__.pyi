@@ -12,6 +12,7 @@ from cccd.api import (
     read,
     reconstruct,
     reconstruct_labels,
+    smooth_mesh,
 )
 
 __version__: str
@@ -31,4 +32,5 @@ __all__ = [
     "read",
     "reconstruct",
     "reconstruct_labels",
+    "smooth_mesh",
 ]

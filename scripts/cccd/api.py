@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from cccd.closed_meshes import check_overlap, read_closed_mesh, structure_of_mesh
 from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
 from cccd.curves import describe_curves
 from cccd.dicom_objects import dicom_modality, object_in
@@ -32,9 +33,9 @@ from cccd.inputs.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
 from cccd.inputs.grey_values import image_without_mask
 from cccd.inputs.grid import check_affine, find_slice_axis
 from cccd.inputs.label_maps import list_map
-from cccd.inputs.load import existing
+from cccd.inputs.load import existing, frame_of
 from cccd.inputs.readers import SUFFIXES, without_suffix
-from cccd.inputs.row_files import list_labels
+from cccd.inputs.row_files import list_labels, read_image
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, fit_and_loft, order_maps
 from cccd.settings.messages import nearest
@@ -60,6 +61,7 @@ __all__ = [
     "read",
     "reconstruct",
     "reconstruct_labels",
+    "smooth_mesh",
 ]
 
 _DEFAULTS = Settings()
@@ -87,6 +89,8 @@ class Surface:
         One line for each problem, for example ends that the scan cuts, or dropped fragments.
     drawn : Structure or None
         The input, if only some of its slices were annotated: a label map keeps those unchanged.
+    given : cccd.surface.LoftedSurface or None
+        The mesh that it was made of, on a scan's grid: label maps and DICOM contours are made of that.
 
     See Also
     --------
@@ -98,6 +102,7 @@ class Surface:
     series: Path | None = None
     warnings: tuple[str, ...] = field(default=())
     drawn: Structure | None = None
+    given: LoftedSurface | None = None
 
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
@@ -199,6 +204,8 @@ class Surface:
             The suffix is unknown, the extra of the format is not installed, or the folder is not writable.
         """
         surface = (settings or _DEFAULTS).surface
+        on_scan = format_of(path) in {"nii.gz", "dcm", "seg.dcm"}
+        lofted = self.given if on_scan and self.given is not None else self.lofted
         options = ExportOptions(
             self.name,
             contour_spacing_mm,
@@ -208,7 +215,7 @@ class Surface:
             surface.step_tolerance_mm,
             surface.tetrahedra,
         )
-        write_surface(path, self.lofted, options)
+        write_surface(path, lofted, options)
         return Path(path)
 
 
@@ -458,6 +465,60 @@ def reconstruct(
     notes = (*structure.warnings, *missing, *lofted.report.get("warnings", []))
     drawn = None if structure.annotation is None else structure
     return Surface(lofted, structure.organ, _series(structure), notes, drawn)
+
+
+@needing("cccd.smooth_mesh")
+@_one_thread
+def smooth_mesh(
+    path: str | Path,
+    like: str | Path | None = None,
+    *,
+    settings: Settings | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Surface:
+    """Make a smooth closed surface of a mesh or a solid.
+
+    Parameters
+    ----------
+    path : path
+        PLY, STL, OBJ, GLB, VTP, GIfTI, ``surface.h5``, STEP, IGES or BREP, in mm RAS.
+    like : path, optional
+        A scan or the folder of a DICOM series: label maps, SEG and RTSTRUCT that are written lie on its grid,
+        and hold the mesh as it was given.
+    settings, progress
+        See `reconstruct`.
+
+    Returns
+    -------
+    Surface
+        What was mended is among its warnings.
+
+    Raises
+    ------
+    InputError
+        Not readable, open, or not where the scan is.
+
+    See Also
+    --------
+    reconstruct : of voxels and contours.
+    """
+    settings, path = settings or _DEFAULTS, Path(path)
+    tell = progress or (lambda step: None)
+    tell("contours")
+    mended = read_closed_mesh(existing(path.absolute(), path.name))
+    given, series = None, None
+    if like is not None:
+        source = existing(Path(like).absolute(), Path(like).name)
+        scan = read_image(source, "files", settings.import_.fill_gaps)
+        check_overlap(mended.mesh, scan, path.name)
+        given = LoftedSurface([], mended.mesh, frame_of(scan, settings.import_))
+        series = source if source.is_dir() else None
+    structure = structure_of_mesh(mended, name_of(path))
+    curves, _ = find_contours(structure, settings.boundaries, settings.gnn.inference)
+    lofted = fit_and_loft(structure.sections(curves), settings.curves, settings.surface, tell)
+    lofted = replace(lofted, band=None)  # that is of organs in scans
+    notes = (*structure.warnings, *lofted.report["warnings"])
+    return Surface(lofted, structure.organ, series, notes, given=given)
 
 
 def _rule(annotated: str) -> str:

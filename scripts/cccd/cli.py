@@ -42,6 +42,7 @@ examples:
   cccd surface labels.nii.gz --all-labels       one file for each label
   cccd surface dicom_folder/ --label Liver      a series with its RTSTRUCT or SEG
   cccd surface ct.nii.gz --threshold 150:       what is bright in an image without a mask
+  cccd surface mesh.stl --like ct.nii.gz -o mask.nii.gz     a mesh on a scan's grid
   cccd segment mr.nii.gz --segmenter hippocampus    labels and surface, from a scan without a mask
   cccd check labels.nii.gz                      what is in it: axes, spacing, labels, a picture
   cccd compare a.stl b.nii.gz --json            Dice, distances, normals of two surfaces or masks
@@ -178,6 +179,10 @@ def _add_surface(commands: Any) -> None:
         "(mesh), .usd (spline), .step .iges .brep (solid), .msh .vtu .inp (tetrahedra), .nii.gz (label map), "
         ".dcm .seg.dcm .stl.dcm (RTSTRUCT, SEG, encapsulated STL). Default: the input's name with .ply (with "
         "--threshold: _threshold.ply), in this folder",
+    )  # fmt: skip
+    surface.add_argument(
+        "--like", type=Path, metavar="SCAN",
+        help="the input is a mesh (.stl .ply .obj .glb .vtp .step): the scan on whose grid label maps lie",
     )  # fmt: skip
     surface.add_argument(
         "--all-labels",
@@ -365,6 +370,12 @@ def _surface(given: argparse.Namespace) -> int:
     by_threshold = given.threshold is not None
     stem = f"{_plain_stem(given.input)}_threshold" if by_threshold else _plain_stem(given.input)
     outputs = given.output or [Path(f"{stem}.ply")]
+    if _is_mesh(given.input):
+        return _surface_of_mesh(given, given.output or [Path(f"{stem}_smooth.ply")])
+    if given.like is not None:
+        raise InputError(
+            "--like", f"{given.input.name} is not a mesh", "leave it out; --image names the scan"
+        )
     if by_threshold and given.all_labels:
         raise InputError("--threshold", "an image without a mask has no labels", "leave --all-labels out")
     if given.label and given.all_labels:
@@ -386,6 +397,42 @@ def _surface(given: argparse.Namespace) -> int:
             )
         )
     return 1 if failed else 0
+
+
+def _is_mesh(path: Path) -> bool:
+    from cccd.files.read_meshes import is_mesh
+
+    return path.is_file() and is_mesh(path)
+
+
+def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
+    """Make a smooth surface of a mesh, or put it onto a scan's grid."""
+    import cccd
+    from cccd.files.write import format_of
+
+    voxels = (given.label, given.all_labels, given.boundary, given.threshold is not None, given.band)
+    if any(voxels):
+        problem = "a mesh has no labels, grey values, boundary maps or error band"
+        raise InputError(given.input.name, problem, "leave --label, --threshold and their like out")
+    like = given.like or given.image
+    settings = _settings_of(given)
+    _check_outputs(outputs, [given.input, like], settings.surface.tetrahedra.mesher)
+    for path in outputs:
+        if like is None and format_of(path) in {"nii.gz", "seg.dcm"}:
+            raise InputError(str(path), "it needs the grid of a scan", "name the scan: --like ct.nii.gz")
+    began = time.perf_counter()
+    surface = cccd.smooth_mesh(given.input, like, settings=settings)
+    files = [file for path in outputs for file in _write(surface, path, settings, False)]
+    made = _describe_surface(surface, files, time.perf_counter() - began)
+    if given.json:
+        print(
+            json.dumps(
+                {"input": str(given.input), "surfaces": [made], "distances": [], "failed": 0}, indent=2
+            )
+        )
+    else:
+        _print_surface(made)
+    return 0
 
 
 def _plain_stem(path: Path) -> str:

@@ -16,7 +16,7 @@ from cccd.containers import Curves, Frame
 from cccd.project import PROJECT, SHIPPED_WEIGHTS
 
 PUBLIC = {
-    *("fit_contours", "labels", "order", "read", "reconstruct", "reconstruct_labels"),
+    *("fit_contours", "labels", "order", "read", "reconstruct", "reconstruct_labels", "smooth_mesh"),
     *("ControlMesh", "Curves", "FittedCurves", "InputError", "Settings", "Structure", "Surface"),
     "__version__",
 }

@@ -32,7 +32,7 @@ LAYERS = {
         ("solids", "view"),
         ("tetrahedra",),
         ("files",),
-        ("reconstruction", "thinning"),
+        ("reconstruction", "closed_meshes", "thinning"),
         ("next_slice",),
         ("api",),
         ("pyvista_accessor", "label_survey"),

@@ -343,7 +343,7 @@ def _levels(slices: list[Dataset], normal: FloatArray) -> FloatArray:
 def _own_heights(levels: FloatArray, spacing: float, heights: FloatArray) -> FloatArray:
     """Heights of a series' slices (S,) where these are uneven: the frame's (P,) then lie much closer."""
     gaps = np.diff(np.sort(levels))
-    finer = len(gaps) > 0 and gaps.min() > 1.5 * spacing
+    finer = len(gaps) > 0 and np.median(gaps) > 1.5 * spacing
     return np.sort(levels) if finer else heights
 
 

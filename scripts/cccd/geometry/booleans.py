@@ -10,7 +10,7 @@ from manifold3d import Manifold
 
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["between_planes", "shared_volume"]
+__all__ = ["between_planes", "shared_volume", "united"]
 
 
 def between_planes(mesh: Mesh, low: float, high: float) -> Mesh:
@@ -44,6 +44,21 @@ def shared_volume(first: Mesh, second: Mesh) -> float | None:
     if any(body.status() != manifold3d.Error.NoError for body in bodies):
         return None
     return float((bodies[0] ^ bodies[1]).volume())
+
+
+def united(mesh: Mesh) -> Mesh | None:
+    """Unite the pieces of a closed mesh that overlap, less its cavities; None where it bounds no solid."""
+    whole = _manifold(mesh)
+    if whole.status() != manifold3d.Error.NoError:
+        return None
+    pieces = [(piece, piece.volume) for piece in mesh.pieces()]
+    solid = Manifold.batch_boolean(
+        [_manifold(piece) for piece, volume in pieces if volume > 0], manifold3d.OpType.Add
+    )
+    for piece, volume in pieces:
+        if volume < 0:
+            solid -= _manifold(piece.reversed())
+    return _triangles(solid)
 
 
 def _manifold(mesh: Mesh) -> Manifold:

@@ -105,8 +105,7 @@ def _planes(contours: list[FloatArray], normal: FloatArray, location: str) -> _P
     if len(heights) < 2:
         raise InputError(location, "its contours lie in one plane", "give an organ of three slices or more")
     spacing, index = even_grid(heights)
-    least = round(float(np.diff(heights).min()) / spacing)
-    return _Planes(normal, heights, spacing, int(np.median(np.diff(index))) if least > 1 else 1)
+    return _Planes(normal, heights, spacing, int(np.median(np.diff(index))))
 
 
 def _slice_axis(image: Volume, normal: FloatArray, location: str) -> int:

@@ -293,7 +293,7 @@ def _interpolate_slices(
 ) -> tuple[AnyArray, str]:
     """Interpolate slices (c, r, S) at ``index`` (S,) onto multiples of a step, if allowed, and say so."""
     gaps = np.diff(index)
-    missing = int(np.rint(gaps[gaps > 1.5] - 1).sum())
+    missing = int(np.rint(gaps - 1).sum()) if np.abs(gaps - np.rint(gaps)).max() < CONTOUR_PLANE else 0
     worst = int(gaps.argmax())
     problem = (
         f"{missing} slices are missing (a gap of {gaps[worst] * spacing:g} mm after slice {worst + 1}, "
@@ -453,14 +453,13 @@ class _Frames(NamedTuple):
                 mask[..., k] |= np.isin(pixel, chosen).T
             elif _group(seg, frame, "SegmentIdentificationSequence").ReferencedSegmentNumber in chosen:
                 mask[..., k] |= (pixel >= 0.5 * most).T
-        uneven = bool(round(float(np.diff(heights).min()) / spacing) > 1)
-        if uneven:  # empty slices show that the organ ends there, rather than being cut by the scan's end
-            margin = int(np.median(np.diff(index)))
+        margin = int(np.median(np.diff(index)))
+        if margin > 1:  # empty slices show that the organ ends there, rather than being cut by the scan's end
             mask = np.pad(mask, ((0, 0), (0, 0), (margin, margin)))
             affine[:3, 3] -= margin * affine[:3, 2]
         reference = str(seg.get("FrameOfReferenceUID", ""))
         affine = check_affine(LPS_TO_RAS @ affine, location)
-        return Volume(mask, affine, location, frame_of_reference=reference, uneven=uneven)
+        return Volume(mask, affine, location, frame_of_reference=reference, uneven=margin > 1)
 
 
 def _group(seg: Any, frame: Any, name: str) -> Any:

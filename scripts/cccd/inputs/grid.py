@@ -156,8 +156,8 @@ def find_slice_axis(affine: FloatArray, choice: str | int = "auto") -> int:
     return int(np.argmax(np.where(thickest, np.abs(columns[2]) / spacing, -1.0)))
 
 
-#: Even grids have at most so many steps in the least gap between uneven heights.
-_MOST_STEPS = 10
+#: Even grids have at most so many steps in the median gap between uneven heights.
+_MOST_STEPS = 40
 
 
 def even_grid(heights: FloatArray, near: float = 0.05) -> tuple[float, IntArray]:
@@ -168,15 +168,15 @@ def even_grid(heights: FloatArray, near: float = 0.05) -> tuple[float, IntArray]
     heights : (P,) float64
         Two or more, ascending, apart from each other.
     near : float
-        How near the nodes shall be, as a share of the least gap between heights.
+        How near the nodes shall be, as a share of the median gap between heights.
 
     Returns
     -------
     spacing : float
-        Distance of the nodes: that of the heights where it is even, the least where some are missing, and a
-        part of that where it is uneven.
+        Distance of the nodes: that of the heights where it is even, also if some are missing, and a part of
+        that where it is uneven.
     index : (P,) int64
-        Node of each height, from 0.
+        Node of each height, from 0; no two have the same.
 
     Examples
     --------
@@ -185,13 +185,13 @@ def even_grid(heights: FloatArray, near: float = 0.05) -> tuple[float, IntArray]
     >>> even_grid(np.array([0.0, 2.0, 4.5, 7.5]))
     (0.5, array([ 0,  4,  9, 15]))
     """
-    least = float(np.diff(heights).min())
+    usual = float(np.median(np.diff(heights)))
     away = heights - heights[0]
     for steps in range(1, _MOST_STEPS + 1):
-        index = np.rint(away / (least / steps)).astype(np.int64)
+        index = np.rint(away / (usual / steps)).astype(np.int64)
         spacing = float(away[-1] / index[-1])
         index = np.rint(away / spacing).astype(np.int64)
-        if np.abs(away - index * spacing).max() <= near * least:
+        if np.abs(away - index * spacing).max() <= near * usual and np.diff(index).min() > 0:
             break
     return spacing, index
 

@@ -39,7 +39,14 @@ from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
 
-__all__ = ["MIN_SLICES", "existing", "load_structure", "structure_of_array", "with_segmentation_notes"]
+__all__ = [
+    "MIN_SLICES",
+    "existing",
+    "frame_of",
+    "load_structure",
+    "structure_of_array",
+    "with_segmentation_notes",
+]
 
 #: A surface needs this many slices with organ.
 MIN_SLICES = 3
@@ -152,7 +159,7 @@ def structure_of_array(
         raise InputError(name, f"its values are no real numbers ({array.dtype})", "give a mask of numbers")
     volume = organ_of_labels(Volume(array, check_affine(affine, name), name), "", name)
     layers = _mask_layers(volume.data)
-    scan = _Scan(_frame(volume, settings), **layers, annotated=annotated, warnings=volume.warnings)
+    scan = _Scan(frame_of(volume, settings), **layers, annotated=annotated, warnings=volume.warnings)
     return _crop(scan, {"case": name, "organ": name, "location": name}, settings)
 
 
@@ -187,7 +194,7 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings,
     if row["source"] in _PACKAGED:
         image, mask, facts = _PACKAGED[row["source"]](row["organ"], row["location"])
         provenance = {"source": row["source"], **facts}
-        return _Scan(_frame(mask, settings), image.data, mask.data, provenance=provenance)
+        return _Scan(frame_of(mask, settings), image.data, mask.data, provenance=provenance)
     row, implied = complete_row(row, folder)
     paths = {name: existing(folder / row[name], name) for name in ("image", "mask", "boundary") if row[name]}
     image = read_image(paths["image"], row["source"], settings.fill_gaps) if "image" in paths else None
@@ -224,11 +231,12 @@ def _scan_brain(row: Mapping[str, str], settings: ImportSettings, seed: int) -> 
         "seed": seed,
         **found,
     }
-    frame = _frame(image, settings)
+    frame = frame_of(image, settings)
     return _Scan(frame, image.data, mask.data, region=region.data, provenance=provenance)
 
 
-def _frame(volume: Volume, settings: ImportSettings) -> Frame:
+def frame_of(volume: Volume, settings: ImportSettings) -> Frame:
+    """Return the grid of a volume, its slice axis as the settings choose it."""
     return Frame(volume.affine, _slice_axis(volume, settings), volume.shape)
 
 
@@ -304,7 +312,7 @@ def _scan_of_voxels(
         rule = row.get("annotated", AUTO)
         uneven = any(volume is not None and volume.uneven for volume in (mask, image))
         layers["annotated"] = NONEMPTY if rule == AUTO and uneven else rule
-    return _Scan(_frame(grid, settings), **layers, provenance=provenance, warnings=warnings)
+    return _Scan(frame_of(grid, settings), **layers, provenance=provenance, warnings=warnings)
 
 
 def _mask_layers(mask: AnyArray) -> dict[str, Any]:

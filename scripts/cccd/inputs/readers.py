@@ -43,7 +43,7 @@ def without_suffix(name: str) -> str | None:
 _OTHERWISE = {
     **dict.fromkeys(
         (".stl", ".obj", ".ply", ".vtp", ".glb", ".3mf", ".step", ".iges", ".surf.gii"),
-        ("a surface, not a volume", "give the mask from which it was made"),
+        ("a surface, not a volume", "give the mask from which it was made, or run cccd surface on this file"),
     ),
     **dict.fromkeys(
         (".tsv", ".csv"), ("a table, not a volume", "cccd run and cccd check take a cohort sheet (.tsv)")

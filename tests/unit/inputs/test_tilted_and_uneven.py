@@ -227,4 +227,7 @@ def test_even_grids_go_through_their_heights():
     for _ in range(50):
         heights = np.cumsum(rng.uniform(1, 4, 12))
         spacing, index = even_grid(heights)
-        assert np.abs(heights - heights[0] - index * spacing).max() <= 0.051 * np.diff(heights).min()
+        assert np.abs(heights - heights[0] - index * spacing).max() <= 0.05 * np.median(np.diff(heights))
+        assert np.diff(index).min() > 0
+    blocks = np.cumsum(np.r_[0, np.full(13, 4.002), 1.081, np.full(13, 6.999)])  # a head CT in two blocks
+    assert len(blocks) <= even_grid(blocks)[1][-1] < 6 * len(blocks)
