@@ -108,8 +108,8 @@ def _off_slices(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> 
     wrong = far > most
     if not wrong.any():
         return []
-    slices = _counted(len(np.unique(place[wrong, 2])), "slice")
-    text = f"the surface is up to {far.max():.2g} mm away from the outline of {slices}, farthest"
+    where = _counted(len(np.unique(place[wrong, 2])), "slice")
+    text = f"the surface is up to {far.max():.2g} mm away from the outline of {where}, farthest"
     return [Violation(text, place[wrong][np.argsort(-far[wrong], kind="stable")])]
 
 
