@@ -108,7 +108,7 @@ def surface_through(planes: Sequence[DrawnPlane], location: str) -> Mesh:
     step = float((high - low).max()) / NODES
     a, b, c = (int(n) + 2 * MARGIN for n in np.ceil((high - low) / step))
     low = low - MARGIN * step
-    nodes = np.stack(np.indices((a, b, c)), -1).reshape(-1, 3) * step + low
+    nodes: FloatArray = np.indices((a, b, c)).reshape(3, -1).T * step + low
     total, weights = np.zeros(len(nodes)), np.zeros(len(nodes))
     for plane in planes:
         weight = 1 / np.maximum(np.abs(nodes @ plane.normal - plane.height), NEAREST * step) ** POWER
