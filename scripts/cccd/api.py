@@ -17,7 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cccd.closed_meshes import check_overlap, read_closed_mesh, structure_of_mesh
+from cccd.closed_meshes import (
+    check_overlap,
+    drawn_planes,
+    read_closed_mesh,
+    structure_of_mesh,
+    structure_of_planes,
+)
 from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
 from cccd.curves import describe_curves
 from cccd.dicom_objects import dicom_modality, object_in
@@ -473,18 +479,22 @@ def smooth_mesh(
     path: str | Path,
     like: str | Path | None = None,
     *,
+    label: str = "",
     settings: Settings | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Surface:
-    """Make a smooth closed surface of a mesh or a solid.
+    """Make a smooth closed surface of a mesh, a solid, or contours in planes of several directions.
 
     Parameters
     ----------
     path : path
-        PLY, STL, OBJ, GLB, VTP, GIfTI, ``surface.h5``, STEP, IGES or BREP, in mm RAS.
+        PLY, STL, OBJ, GLB, VTP, GIfTI, ``surface.h5``, STEP, IGES or BREP, in mm RAS. Contours: CSL, or an
+        RTSTRUCT drawn in planes of several directions.
     like : path, optional
         A scan or the folder of a DICOM series: label maps, SEG and RTSTRUCT that are written lie on its grid,
         and hold the mesh as it was given.
+    label : str
+        Number or name of an RTSTRUCT's ROI.
     settings, progress
         See `reconstruct`.
 
@@ -505,15 +515,20 @@ def smooth_mesh(
     settings, path = settings or _DEFAULTS, Path(path)
     tell = progress or (lambda step: None)
     tell("contours")
-    mended = read_closed_mesh(existing(path.absolute(), path.name))
+    planes = drawn_planes(existing(path.absolute(), path.name), label)
+    if planes is None:
+        structure = structure_of_mesh(read_closed_mesh(path), name_of(path))
+    else:
+        structure = structure_of_planes(planes, name_of(path))
     given, series = None, None
     if like is not None:
         source = existing(Path(like).absolute(), Path(like).name)
         scan = read_image(source, "files", settings.import_.fill_gaps)
-        check_overlap(mended.mesh, scan, path.name)
-        given = LoftedSurface([], mended.mesh, frame_of(scan, settings.import_))
+        grid = frame_of(scan, settings.import_)
+        if structure.truth is not None:
+            check_overlap(structure.truth, scan, path.name)
+            given = LoftedSurface([], structure.truth, grid)
         series = source if source.is_dir() else None
-    structure = structure_of_mesh(mended, name_of(path))
     curves, _ = find_contours(structure, settings.boundaries, settings.gnn.inference)
     lofted = fit_and_loft(structure.sections(curves), settings.curves, settings.surface, tell)
     lofted = replace(lofted, band=None)  # that is of organs in scans

@@ -182,7 +182,8 @@ def _add_surface(commands: Any) -> None:
     )  # fmt: skip
     surface.add_argument(
         "--like", type=Path, metavar="SCAN",
-        help="the input is a mesh (.stl .ply .obj .glb .vtp .step): the scan on whose grid label maps lie",
+        help="the input is a mesh (.stl .ply .obj .glb .vtp .step) or contours in several directions (.csl): "
+        "the scan on whose grid label maps lie",
     )  # fmt: skip
     surface.add_argument(
         "--all-labels",
@@ -370,7 +371,7 @@ def _surface(given: argparse.Namespace) -> int:
     by_threshold = given.threshold is not None
     stem = f"{_plain_stem(given.input)}_threshold" if by_threshold else _plain_stem(given.input)
     outputs = given.output or [Path(f"{stem}.ply")]
-    if _is_mesh(given.input):
+    if _is_shape(given.input, given.label):
         return _surface_of_mesh(given, given.output or [Path(f"{stem}_smooth.ply")])
     if given.like is not None:
         raise InputError(
@@ -399,10 +400,17 @@ def _surface(given: argparse.Namespace) -> int:
     return 1 if failed else 0
 
 
-def _is_mesh(path: Path) -> bool:
+def _is_shape(path: Path, label: str) -> bool:
+    """Whether a file is a mesh, or contours in planes of several directions."""
+    from cccd.closed_meshes import drawn_planes
     from cccd.files.read_meshes import is_mesh
 
-    return path.is_file() and is_mesh(path)
+    if not path.is_file() or is_mesh(path):
+        return path.is_file()
+    try:
+        return drawn_planes(path, label) is not None
+    except InputError:
+        return path.name.lower().endswith(".csl")
 
 
 def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
@@ -410,7 +418,8 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
     import cccd
     from cccd.files.write import format_of
 
-    voxels = (given.label, given.all_labels, given.boundary, given.threshold is not None, given.band)
+    labelled = bool(given.label) and not given.input.name.lower().endswith(".dcm")
+    voxels = (labelled, given.all_labels, given.boundary, given.threshold is not None, given.band)
     if any(voxels):
         problem = "a mesh has no labels, grey values, boundary maps or error band"
         raise InputError(given.input.name, problem, "leave --label, --threshold and their like out")
@@ -421,7 +430,7 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
         if like is None and format_of(path) in {"nii.gz", "seg.dcm"}:
             raise InputError(str(path), "it needs the grid of a scan", "name the scan: --like ct.nii.gz")
     began = time.perf_counter()
-    surface = cccd.smooth_mesh(given.input, like, settings=settings)
+    surface = cccd.smooth_mesh(given.input, like, label=given.label, settings=settings)
     files = [file for path in outputs for file in _write(surface, path, settings, False)]
     made = _describe_surface(surface, files, time.perf_counter() - began)
     if given.json:

@@ -5,6 +5,7 @@ A smooth surface is made of a mesh as of drawn contours: planes cut it, and the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -12,6 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cccd.containers import Frame, Structure
+from cccd.dicom_objects import dicom_modality
 from cccd.errors import InputError
 from cccd.files.read_meshes import read_mesh
 from cccd.geometry.arrays import IntArray
@@ -19,10 +21,21 @@ from cccd.geometry.booleans import united
 from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
-from cccd.inputs.contours import assemble_contours
+from cccd.inputs.contours import assemble_contours, contour_frame
+from cccd.inputs.csl import read_csl
 from cccd.inputs.grid import Volume
+from cccd.surface.crossing_planes import DrawnPlane, planes_of, surface_through
+from cccd.tolerances import SLICE_DIRECTION
 
-__all__ = ["Mended", "check_overlap", "mend", "read_closed_mesh", "structure_of_mesh"]
+__all__ = [
+    "Mended",
+    "check_overlap",
+    "drawn_planes",
+    "mend",
+    "read_closed_mesh",
+    "structure_of_mesh",
+    "structure_of_planes",
+]
 
 #: Vertices this near to each other, as a share of the mesh's diagonal, are one: float32 rounds coarser.
 SAME_SHARE = 1e-6
@@ -55,6 +68,58 @@ def read_closed_mesh(path: str | Path) -> Mended:
     found = read_mesh(path)
     mesh, notes = mend(found.mesh, Path(path).name)
     return Mended(mesh, (*found.notes, *notes))
+
+
+def drawn_planes(path: Path, label: str = "") -> list[DrawnPlane] | None:
+    """Read contours in planes of several directions: CSL, or RTSTRUCT; None of any other file.
+
+    Parameters
+    ----------
+    path : Path
+    label : str
+        Number or name of the RTSTRUCT's ROI.
+
+    Raises
+    ------
+    InputError
+        Not readable, or a CSL file whose planes are all parallel and too few.
+    """
+    if path.name.lower().endswith(".csl"):
+        return [DrawnPlane(normal, rings) for normal, rings in read_csl(path)]
+    if not path.is_file() or dicom_modality(path) != "RTSTRUCT":
+        return None
+    from cccd.inputs.dicom import read_rtstruct  # slow to import
+
+    rois, _ = read_rtstruct(path, label, "")
+    planes = planes_of([contour for roi in rois for contour in roi], path.name)
+    return planes if _directions(planes) > 1 else None
+
+
+def _directions(planes: Sequence[DrawnPlane]) -> int:
+    """Count the directions of planes."""
+    normals = np.array([plane.normal for plane in planes])
+    return 1 if np.all(np.abs(normals @ normals[0]) > 1 - SLICE_DIRECTION) else 2
+
+
+def structure_of_planes(planes: Sequence[DrawnPlane], name: str) -> Structure:
+    """Make a structure of contours in planes: as they are where these are parallel, else through all of them.
+
+    Parameters
+    ----------
+    planes : sequence of DrawnPlane
+    name : str
+        Of the organ, and what messages name.
+    """
+    if _directions(planes) > 1:
+        return structure_of_mesh(Mended(surface_through(planes, name).outwards()), name)
+    contours = [ring for plane in planes for ring in plane.rings]
+    pixel = float(np.ptp(np.concatenate(contours), axis=0).max()) / STEPS[1]
+    frame, _, _ = contour_frame(contours, None, name, pixel)
+    curves, notes = assemble_contours([contours], frame, name)
+    origin = np.zeros(3, np.int64)
+    return Structure(
+        name, name, frame, origin, contours=curves, provenance={"source": "planes"}, warnings=notes
+    )
 
 
 def mend(mesh: Mesh, location: str) -> Mended:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from cccd.api import read
+from cccd.closed_meshes import mend
 from cccd.errors import InputError
 from cccd.files.read_meshes import is_mesh, read_mesh
 from cccd.geometry.arrays import BoolArray, FloatArray
@@ -196,7 +197,7 @@ def _read(path: Path, label: str, notes: list[str]) -> list[_Shape]:
     if path.is_file() and is_mesh(path):
         found = read_mesh(path)
         notes += found.notes
-        return [_Shape.of_mesh(found.mesh)]
+        return [_Shape.of_mesh(_closed(found.mesh, path.name, notes))]
     if label:
         structure = read(path, label)
         voxels = Volume(voxels_of(structure), affine_of(structure), path.name)
@@ -208,6 +209,18 @@ def _read(path: Path, label: str, notes: list[str]) -> list[_Shape]:
         else:
             shapes.append(_Shape.of_voxels(part, surveyed.label, surveyed.name))
     return shapes
+
+
+def _closed(mesh: Mesh, location: str, notes: list[str]) -> Mesh:
+    """Mend a mesh that bounds no volume, and say what was mended; one with wide holes stays as it is."""
+    if mesh.is_closed:
+        return mesh
+    try:
+        mended = mend(mesh, location)
+    except InputError:
+        return mesh
+    notes += mended.notes
+    return mended.mesh
 
 
 def _pairs(

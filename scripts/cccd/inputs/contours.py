@@ -94,7 +94,8 @@ def _plane_normal(contours: list[FloatArray], location: str) -> FloatArray:
     if narrow <= SLICE_DIRECTION * wide:  # along one line: any plane through it would do
         raise _without_area(location)
     if flat > SLICE_DIRECTION * wide:
-        raise InputError(location, "its contours do not lie in parallel planes", "export planar contours")
+        hint = "export planar contours; of planes in several directions run cccd surface on the RTSTRUCT file"
+        raise InputError(location, "its contours do not lie in parallel planes", hint)
     return normal
 
 

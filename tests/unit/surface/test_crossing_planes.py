@@ -1,0 +1,110 @@
+"""Contours on planes that cross give the solid that they were cut from."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import cccd
+from cccd.cli import main
+from cccd.errors import InputError
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.sections import cross_sections
+from cccd.metrics import surface_distances
+from cccd.surface.crossing_planes import planes_of, surface_through
+
+SCANS = runpy.run_path(str(Path(__file__).parents[1] / "inputs" / "scans.py"))
+
+
+def egg():
+    solid = trimesh.creation.icosphere(5, 20)
+    solid.vertices *= (1, 0.8, 1.3)
+    return Mesh(np.array(solid.vertices), np.array(solid.faces, np.int64))
+
+
+def cut(mesh, normals, offsets):
+    found = []
+    for normal in np.asarray(normals, float):
+        normal = normal / np.linalg.norm(normal)
+        for section in cross_sections(mesh, normal, np.asarray(offsets, float)):
+            found.append((normal, section))
+    return [(normal, section) for normal, section in found if section]
+
+
+CUTS = cut(egg(), [(1, 0, 0), (0, 1, 0), (0, 0, 1)], (-12, -6, 0, 6, 12))
+SLANTED = cut(egg(), np.random.default_rng(1).normal(size=(14, 3)), (-4, 5))
+
+
+def write_csl(path, cuts):
+    lines = ["CSLC", f"{len(cuts)} 2", ""]
+    for number, (normal, rings) in enumerate(cuts, 1):
+        points = np.concatenate(rings)
+        plane = (*normal, -points.mean(axis=0) @ normal)
+        lines.append(" ".join(map(str, (number, len(points), len(rings), *plane))))
+        lines += [" ".join(map(str, point)) for point in points]
+        first = 0
+        for ring in rings:
+            lines.append(" ".join(map(str, (len(ring), 1, *range(first, first + len(ring))))))
+            first += len(ring)
+    path.write_text("\n".join(lines))
+
+
+@pytest.mark.parametrize("cuts", [CUTS, SLANTED], ids=["three directions", "any direction"])
+def test_the_surface_is_that_of_the_solid(cuts):
+    rings = [ring for _, section in cuts for ring in section]
+    planes = planes_of(rings, "egg")
+    assert len(planes) == len(cuts)
+    mesh = surface_through(planes, "egg")
+    assert mesh.is_closed_manifold
+    assert mesh.genus == 0
+    assert mesh.volume == pytest.approx(egg().volume, rel=0.03)
+    found = surface_distances(mesh, egg(), np.random.default_rng(0), 5000)
+    assert found["assd"] < 0.5
+
+
+def test_on_every_plane_its_own_contours_count():
+    planes = planes_of([ring for _, section in CUTS for ring in section], "egg")
+    mesh = surface_through(planes, "egg")
+    for plane in planes:
+        (again,) = cross_sections(mesh, plane.normal, np.array([plane.height]))
+        area = [
+            abs(np.einsum("nc,c->", np.cross(ring, np.roll(ring, -1, axis=0)), plane.normal)) / 2
+            for ring in (again[0], plane.rings[0])
+        ]
+        assert area[0] == pytest.approx(area[1], rel=0.03)
+
+
+def test_a_csl_file_becomes_a_surface(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_csl(tmp_path / "egg.csl", SLANTED)
+    assert main(["surface", "egg.csl", "-o", "egg.stl"]) == 0
+    assert " ml" in capsys.readouterr().out
+    surface = cccd.smooth_mesh("egg.csl")
+    assert surface.volume == pytest.approx(egg().volume, rel=0.03)
+    write_csl(tmp_path / "parallel.csl", cut(egg(), [(0, 0, 1)], np.arange(-25.5, 26, 1.5)))
+    assert cccd.smooth_mesh("parallel.csl").volume == pytest.approx(egg().volume, rel=0.01)
+    (tmp_path / "broken.csl").write_text("CSLC\n3 2\n")
+    assert main(["surface", "broken.csl"]) == 1
+    line = capsys.readouterr().err
+    assert "broken.csl" in line
+    assert line.count("\n") == 1
+
+
+def test_an_rtstruct_of_two_orientations_is_one_organ(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    drawn = cut(egg(), [(1, 0, 0), (0, 0, 1)], np.arange(-24, 25, 6.0))
+    rings = [ring * (-1, -1, 1) for _, section in drawn for ring in section]
+    SCANS["write_structure_set"](tmp_path / "rt.dcm", {"organ": rings})
+    assert main(["surface", "rt.dcm", "--label", "organ", "-o", "organ.ply"]) == 0
+    assert cccd.smooth_mesh("rt.dcm").volume == pytest.approx(egg().volume, rel=0.03)
+
+
+def test_too_few_planes_and_bent_contours_are_refused():
+    planes = planes_of([ring for _, section in CUTS[:2] for ring in section], "egg")
+    with pytest.raises(InputError, match="egg: it was drawn in 2 planes"):
+        surface_through(planes, "egg")
+    bent = np.array([(0, 0, 0), (1, 0, 0.5), (1, 1, 0), (0, 1, 0.5)], float)
+    with pytest.raises(InputError, match="not planar"):
+        planes_of([bent], "egg")
