@@ -264,9 +264,11 @@ def _compared(first: _Shape | None, second: _Shape | None, tolerance: float, hea
     for shape, name in ((first, "volume_a_ml"), (second, "volume_b_ml")):
         if shape is not None and shape.volume is not None:
             figures[name] = shape.volume / 1000
-    either = first or second
-    assert either is not None
-    row = Compared(either.label, either.name, figures)
+    there = [shape for shape in (first, second) if shape is not None]
+    label, name = (
+        next(filter(None, words), "") for words in zip(*((s.label, s.name) for s in there), strict=True)
+    )
+    row = Compared(label, name, figures)
     if first is None or second is None:
         figures |= {"dice": 0.0, "surface_dice": 0.0}
         only = "second" if first is None else "first"

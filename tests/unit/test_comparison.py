@@ -115,6 +115,9 @@ def test_label_maps_have_a_row_for_each_label(here):
         assert rows[label].notes == (f"only the {side} input has it",)
     (one,) = compare("labels.nii.gz", "moved.nii.gz", ["5"]).rows
     assert one.figures == pytest.approx(rows["5"].figures)
+    assert main(["surface", "labels.nii.gz", "--label", "5", "-o", "five.ply"]) == 0
+    (meshed,) = compare("five.ply", "labels.nii.gz", ["5"]).rows
+    assert meshed.label == "5"
     (two,) = compare("labels.nii.gz", "moved.nii.gz", ["2", "3"]).rows
     assert two.figures["dice"] > 0.5
 
