@@ -24,12 +24,12 @@ def programs(tables: Tables) -> str:
     rows = tables["programs"]
     parts = [
         "## Next to programs that people use",
-        "niimath (PyPI `niimath`: marching cubes, here with all parts kept, as it would keep the largest "
-        "alone) and 3D Slicer's own converters (PyPI `slicer-core`), run as they are on the same masks "
-        "(`python tests/benchmarks/programs.py`; not of the run above; [every row](programs.csv)). Each "
-        f"program has a row at its defaults and one at its best of a grid ({_grid_sizes()}); the baseline is "
-        "the nearest of all the others at their best. Seconds are the processor's from the mask on (Slicer's "
-        "without its start).",
+        "niimath (PyPI `niimath`: marching cubes) and 3D Slicer's own converters (PyPI `slicer-core`), run "
+        "as programs on the same masks (`python tests/benchmarks/programs.py`, not in the run above; [every "
+        "row](programs.csv)). niimath keeps all parts here; by default it keeps the largest, one lung of two. "
+        f"Each program has a row at its defaults and one at the best of a grid ({_grid_sizes()}). The baseline "
+        "is the closest of all others. Seconds are processor time from the mask on; Slicer's without its "
+        "start.",
     ]
     for (case, organ, distance, nth), group in rows.groupby(_PLACE, sort=False):
         kept = f", every {nth}th slice kept" if nth != 1 else ""
@@ -59,32 +59,31 @@ def _shown(group: pd.DataFrame) -> Iterator[pd.DataFrame]:
 
 
 def programs_verdict(tables: Tables) -> str:
-    """Say where a program is nearer than ours, and where it is that and as smooth."""
+    """Say where a program is closer than ours, and where it is as smooth, too."""
     rows = tables["programs"]
     places = rows[_PLACE].drop_duplicates()
     ours = rows[rows["method"] == "CCCD"].set_index(_PLACE)["assd_mm"]
     limit = ours.loc[pd.MultiIndex.from_frame(rows[_PLACE])].to_numpy()
-    nearer = rows["method"].isin(_PROGRAMS) & (rows["assd_mm"] < limit)
-    sentences = []
+    closer = rows["method"].isin(_PROGRAMS) & (rows["assd_mm"] < limit)
+    ratios = []
     for name in _PROGRAMS:
         best = at_best(rows[rows["method"] == name]).set_index(_PLACE)["assd_mm"]
-        if best.empty:
-            continue
-        ratio = best / ours.loc[best.index]
-        sentences.append(f"{name} {ratio.min():.2f} to {ratio.max():.2f}")
+        if len(best):
+            ratio = best / ours.loc[best.index]
+            ratios.append(f"{name} {ratio.min():.2f} to {ratio.max():.2f}")
     told = (
-        f"Over {len(places)} stacks programs at their best have, in times our ASSD: {listed(sentences)}. "
-        f"One is nearer than ours on {_count(rows[nearer])}"
+        f"On {len(places)} stacks, the ASSD of the programs at their best, divided by ours, is: "
+        f"{listed(ratios)}. A program is closer than ours on {_count(rows[closer])} of them"
     )
-    both = rows[nearer & as_smooth(rows, _PLACE)]
+    both = rows[closer & as_smooth(rows, _PLACE)]
     if both.empty:
-        return f"{told}, and none of these is as smooth."
+        return f"{told}, always by bending more."
     named = [
-        f"{row['method']} ({row['setting']}: {row['assd_mm']:.3f} against {ours[tuple(row[_PLACE])]:.3f} mm)"
+        f"on {row['case']}/{row['organ']} ({row['slice_distance_mm']:g} mm) {row['method']}, {row['setting']} "
+        f"({row['assd_mm']:.3f} against {ours[tuple(row[_PLACE])]:.3f} mm)"
         for _, row in both.iterrows()
     ]
-    where = [f"{case}/{organ}" for case, organ, *_ in both[_PLACE].drop_duplicates().itertuples(index=False)]
-    return f"{told}, and both nearer and as smooth on {_count(both)}, {listed(where)}: {listed(named)}."
+    return f"{told}. Closer and as smooth as ours: {listed(named)}."
 
 
 def _count(rows: pd.DataFrame) -> int:
