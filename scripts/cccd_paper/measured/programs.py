@@ -9,7 +9,6 @@ import pandas as pd
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
 from cccd_paper.comparisons.cohort_tables import as_smooth, at_best, baseline_rows
 from cccd_paper.comparisons.notes import listed
-from cccd_paper.comparisons.paper_k import DEFAULTS
 from cccd_paper.measured.surfaces import method_table, reference_of
 from cccd_paper.measured.text import Tables
 
@@ -20,16 +19,16 @@ _PLACE = ["case", "organ", "slice_distance_mm", "every_nth"]
 
 
 def programs(tables: Tables) -> str:
-    """Show ours, the nearest baseline, and programs at their defaults and at their best."""
+    """Show ours, the closest baseline, and every row of the programs."""
     rows = tables["programs"]
     parts = [
         "## Next to programs that people use",
         "niimath (PyPI `niimath`: marching cubes) and 3D Slicer's own converters (PyPI `slicer-core`), run "
         "as programs on the same masks (`python tests/benchmarks/programs.py`, not in the run above; [every "
-        "row](programs.csv)). niimath keeps all parts here; by default it keeps the largest, one lung of two. "
-        f"Each program has a row at its defaults and one at the best of a grid ({_grid_sizes()}). The baseline "
-        "is the closest of all others. Seconds are processor time from the mask on; Slicer's without its "
-        "start.",
+        "row](programs.csv)). niimath keeps all parts here; by default it keeps the largest, one lung of "
+        f"two. Each program has a row at its defaults, and from a grid ({_grid_sizes()}) the rows that the "
+        "baselines above have. The baseline is the closest of all others. Seconds are processor time from the "
+        "mask on; Slicer's without its start.",
     ]
     for (case, organ, distance, nth), group in rows.groupby(_PLACE, sort=False):
         kept = f", every {nth}th slice kept" if nth != 1 else ""
@@ -52,10 +51,7 @@ def _shown(group: pd.DataFrame) -> Iterator[pd.DataFrame]:
     others = baseline_rows(group[~group["method"].isin(_PROGRAMS)])
     yield others.nsmallest(1, "assd_mm")
     for name in _PROGRAMS:
-        of_program = group[group["method"] == name]
-        yield of_program[of_program["chosen"].str.contains(DEFAULTS)]
-        best = at_best(of_program)
-        yield best[~best["chosen"].str.contains(DEFAULTS)]
+        yield group[group["method"] == name].sort_values("assd_mm")
 
 
 def programs_verdict(tables: Tables) -> str:
@@ -79,8 +75,8 @@ def programs_verdict(tables: Tables) -> str:
     if both.empty:
         return f"{told}, always by bending more."
     named = [
-        f"on {row['case']}/{row['organ']} ({row['slice_distance_mm']:g} mm) {row['method']}, {row['setting']} "
-        f"({row['assd_mm']:.3f} against {ours[tuple(row[_PLACE])]:.3f} mm)"
+        f"on {row['case']}/{row['organ']}, slices {row['slice_distance_mm']:g} mm apart, {row['method']}, "
+        f"{row['setting']} ({row['assd_mm']:.3f} against {ours[tuple(row[_PLACE])]:.3f} mm)"
         for _, row in both.iterrows()
     ]
     return f"{told}. Closer and as smooth as ours: {listed(named)}."
