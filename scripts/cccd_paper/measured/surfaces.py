@@ -54,8 +54,8 @@ def full_resolution(tables: Tables) -> str:
         "CCCD's surface of every structure. The surface is a spline; distances are measured on its "
         "tessellation, and bytes are those of the stored spline. CPU seconds are those of the whole job, "
         "with reading and writing, and with compiling in the first jobs of a cold run. "
-        f"`{scan}` (edges of an image) and `{damaged}` (damaged maps) were reconstructed without their masks, "
-        "which serve only as the reference.",
+        f"`{scan}` (edges of an image) and `{damaged}` (damaged maps) were reconstructed without their "
+        "masks, which serve only as the reference.",
         markdown_table(rows),
         _soundness(structures),
         "### Next to other methods",
