@@ -28,7 +28,7 @@ def programs(tables: Tables) -> str:
         "row](programs.csv)). niimath keeps all parts here; by default it keeps the largest, one lung of "
         f"two. Each program has a row at its defaults, and from a grid ({_grid_sizes()}) the rows that the "
         "baselines above have. The baseline is the closest of all others. Seconds are processor time from "
-        "the mask on; Slicer's without its start.",
+        "the mask on, on a busy machine; Slicer's without its start.",
     ]
     for (case, organ, distance, nth), group in rows.groupby(_PLACE, sort=False):
         kept = f", every {nth}th slice kept" if nth != 1 else ""
