@@ -93,8 +93,11 @@ class SplineSolid:
         affine = self.stack.plane_to_world(frame)
         tolerance = CONTROL_POINT_PIXELS * self.stack.pixel
         spline = self.spline.transformed(affine).rounded(tolerance)
-        told = [violation.line(affine) for violation in check_surface(self.mesh, self.stack)]
-        return LoftedSurface(spline.pieces(), spline.tessellate(DRAWN), frame, self.report(told))
+        mesh = spline.tessellate(DRAWN)
+        # what is written is checked: rounding alone may make a surface pass through itself
+        found = check_surface(mesh.transformed(np.linalg.inv(affine)), self.stack)
+        told = [violation.line(affine) for violation in found]
+        return LoftedSurface(spline.pieces(), mesh, frame, self.report(told))
 
     def report(self, violations: Sequence[str] = ()) -> dict[str, Any]:
         """Count and measure, as plain JSON, with warnings; ``violations`` are lines for people."""
