@@ -65,6 +65,8 @@ EQUILATERAL = np.sqrt(3) / 4
 DRAWN = 2
 #: Moves that hold the volume.
 VOLUME_ROUNDS = 2
+#: Control points are rounded so many times finer where that keeps the surface from crossing itself.
+FINER = 64
 #: Vertices within this share of a pixel of where the scan ends are moved there before the mesh is cut.
 NEXT_TO_CUT = 0.2
 
@@ -91,9 +93,7 @@ class SplineSolid:
     def to_world(self, frame: Frame) -> LoftedSurface:
         """Return the splines and their mesh in mm RAS."""
         affine = self.stack.plane_to_world(frame)
-        tolerance = CONTROL_POINT_PIXELS * self.stack.pixel
-        spline = self.spline.transformed(affine).rounded(tolerance)
-        mesh = spline.tessellate(DRAWN)
+        spline, mesh = _rounded(self.spline.transformed(affine), CONTROL_POINT_PIXELS * self.stack.pixel)
         # what is written is checked: rounding alone may make a surface pass through itself
         found = check_surface(mesh.transformed(np.linalg.inv(affine)), self.stack)
         told = [violation.line(affine) for violation in found]
@@ -120,6 +120,18 @@ class SplineSolid:
                 *violations,
             ],
         }
+
+
+def _rounded(spline: ControlMesh, tolerance: float) -> tuple[ControlMesh, Mesh]:
+    """Round control points, finer where the surface would pass through itself; its tessellation too."""
+    rounded = spline.rounded(tolerance)
+    mesh = rounded.tessellate(DRAWN)
+    if len(mesh.self_intersections()):
+        finer = spline.rounded(tolerance / FINER)
+        fine = finer.tessellate(DRAWN)
+        if not len(fine.self_intersections()):
+            return finer, fine
+    return rounded, mesh
 
 
 def loft_spline(stack: SliceStack, smallest_voxels: float) -> SplineSolid:

@@ -128,7 +128,7 @@ def test_world_coordinates_follow_the_spacing():
 
 @settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.6, 2.5), st.sampled_from([1.0, 2.5, 5.0]))
-@example(279, 0.9375, 2.5)  # passes through itself once its control points are rounded
+@example(279, 0.9375, 2.5)  # crosses itself if its control points are rounded as usual
 def test_random_blobs_are_closed_and_do_not_pass_through_themselves(seed, width, depth):
     noise = gaussian_filter(np.random.default_rng(seed).normal(size=(30, 30, 16)), width)
     mask = binary_opening(noise > np.percentile(noise, 75))
