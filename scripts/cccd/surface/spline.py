@@ -95,7 +95,7 @@ class SplineSolid:
         affine = self.stack.plane_to_world(frame)
         spline, mesh = _rounded(self.spline.transformed(affine), CONTROL_POINT_PIXELS * self.stack.pixel)
         # what is written is checked: rounding alone may make a surface pass through itself
-        found = check_surface(mesh.transformed(np.linalg.inv(affine)), self.stack)
+        found = check_surface(mesh.transformed(np.asarray(np.linalg.inv(affine), float)), self.stack)
         told = [violation.line(affine) for violation in found]
         return LoftedSurface(spline.pieces(), mesh, frame, self.report(told))
 
