@@ -8,12 +8,11 @@ compared lies in CACHE, so that a run that was cut off goes on. Writes ``cccd/ba
 from __future__ import annotations
 
 import itertools
-import pickle
 import sys
 import zlib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
 from cccd.inputs import load_structure
 from cccd.settings.root import Settings
+from cccd.store import atomic_path
 from cccd.thinning import Thinning, averaged, thin_once
 
 #: Stacks of an organ with slices left out, and ones whose voxels are averaged, which have isotropic ones.
@@ -74,14 +74,31 @@ def gather(sheet: Path, cache: Path) -> list[Thinned]:
     settings, found = Settings.model_validate(SETTINGS), list[Thinned]()
     cache.mkdir(parents=True, exist_ok=True)
     for row in read_cohort(sheet):
-        file = cache / f"{row['case']}_{row['organ']}.pickle"
+        file = cache / f"{row['case']}_{row['organ']}.npz"
         if not file.exists():
             rng = np.random.default_rng(zlib.crc32(file.stem.encode()))
             stacks = _stacks(load_structure(row, sheet.parent, settings.import_), settings, rng)
-            file.write_bytes(pickle.dumps(stacks))
+            with atomic_path(file) as path:
+                _keep(path, stacks)
             print(file.stem, flush=True)
-        found += pickle.loads(file.read_bytes())
+        found += _kept(file)
     return found
+
+
+def _keep(path: Path, stacks: Sequence[Thinned]) -> None:
+    """Write what was compared: for each stack an array of each attribute."""
+    names = [field.name for field in fields(Thinned)]
+    arrays = {f"{n}/{name}": getattr(stack, name) for n, stack in enumerate(stacks) for name in names}
+    with path.open("wb") as file:
+        np.savez(file, **{name: np.asarray(value) for name, value in arrays.items()})
+
+
+def _kept(path: Path) -> list[Thinned]:
+    """Read what `_keep` wrote."""
+    with np.load(path) as file:
+        count = len({name.partition("/")[0] for name in file.files})
+        values = [{f.name: file[f"{n}/{f.name}"] for f in fields(Thinned)} for n in range(count)]
+    return [Thinned(**{k: v if v.ndim else v.item() for k, v in stack.items()}) for stack in values]
 
 
 def _stacks(structure: Structure, settings: Settings, rng: np.random.Generator) -> list[Thinned]:

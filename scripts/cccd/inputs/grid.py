@@ -183,7 +183,7 @@ def even_grid(heights: FloatArray, near: float = 0.05) -> tuple[float, IntArray]
     >>> even_grid(np.array([0.0, 2.0, 4.0, 8.0]))
     (2.0, array([0, 1, 2, 4]))
     >>> even_grid(np.array([0.0, 2.0, 4.5, 7.5]))
-    (0.5, array([ 0,  4,  9, 15]))
+    (0.625, array([ 0,  3,  7, 12]))
     """
     usual = float(np.median(np.diff(heights)))
     away = heights - heights[0]

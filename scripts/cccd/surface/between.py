@@ -38,7 +38,7 @@ def least_distance(first: LoftedSurface, second: LoftedSurface) -> Between:
     >>> corner = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
     >>> faces = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)])
     >>> frame = Frame(np.eye(4), 2, (9, 9, 9))
-    >>> near, far = (Surface([], Mesh(corner + (x, 0, 0), faces), frame) for x in (0, 4))
+    >>> near, far = (LoftedSurface([], Mesh(corner + (x, 0, 0), faces), frame) for x in (0, 4))
     >>> least_distance(near, far)
     Between(mm=3.0, low_mm=3.0, high_mm=3.0)
     """
