@@ -90,7 +90,7 @@ def _keep(path: Path, stacks: Sequence[Thinned]) -> None:
     names = [field.name for field in fields(Thinned)]
     arrays = {f"{n}/{name}": getattr(stack, name) for n, stack in enumerate(stacks) for name in names}
     with path.open("wb") as file:
-        np.savez(file, **{name: np.asarray(value) for name, value in arrays.items()})
+        cast(Any, np).savez(file, **arrays)
 
 
 def _kept(path: Path) -> list[Thinned]:
