@@ -61,8 +61,7 @@ def full_resolution(tables: Tables) -> str:
         "### Next to other methods",
         "Baselines with windowed sinc have up to two rows, from a grid of settings: the smallest ASSD, and "
         f"the smallest ASSD among settings that bend at most {AS_SMOOTH_SLACK} times as much as ours. "
-        "Curvature is the mean over the surface; less is smoother. Processor seconds count from the mask; a "
-        "dash: this run did not time it (the table above has the job's processor seconds).",
+        "Curvature is the mean over the surface; less is smoother. Processor seconds count from the mask.",
     ]
     surfaces = tables["surfaces"]
     for (case, organ), rows_of in surfaces.groupby(["case", "organ"], sort=False):
