@@ -9,6 +9,7 @@ that repository; without it one is cloned into a temporary folder. No data are k
 
 Ours has two rows: from the contours as they are, and from the mask that they fill, which is what the
 isosurfaces get. Baselines with windowed sinc stand at their best settings, chosen on these very solids.
+niimath and 3D Slicer's converters have rows where they are installed (see programs.py).
 """
 
 import os
