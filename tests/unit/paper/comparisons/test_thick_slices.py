@@ -4,6 +4,7 @@ import pytest
 from cccd.containers import Frame, Structure
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
+from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
 from cccd_paper.comparisons.thick_slices import every_nth_slice, thick_slice_experiment
 from cccd_paper.settings import ThickSliceSettings
 
@@ -32,7 +33,8 @@ def test_the_experiment_measures_against_the_full_resolution():
     assert table["every_nth"].unique().tolist() == [5]  # 5.2 is the same multiple, 40 leaves no shape
     assert table["method"].value_counts()["CCCD"] == 1
     assert {"flying edges + windowed sinc", "anti-aliased binary + windowed sinc"} <= set(table["method"])
-    assert (table["dice_3d"] > 0.95).all()
+    programs = [name for name, family in FAMILIES.items() if isinstance(family, Program)]
+    assert (table.loc[~table["method"].isin(programs), "dice_3d"] > 0.95).all()
     ours = table["method"] == "CCCD"
     assert table.loc[ours, "closed_manifold"].all()
     assert (table["bytes"][ours] > table["control_bytes"][ours]).all()
