@@ -88,11 +88,10 @@ def _candidates(annotation: Annotation, frame: Frame) -> Sequence[int]:
     tried: list[int] = []
     for low, high in itertools.pairwise(ends):
         between = np.arange(low + 1, high)
-        some = np.linspace(
-            0, len(between) - 1, min(TRIED + 2, len(between)) if len(between) > TRIED else len(between)
-        )
-        chosen = between[np.unique(some.round().astype(int))] if len(between) else between
-        tried += (chosen[1:-1] if len(between) > TRIED else chosen).tolist()
+        if len(between) > TRIED:
+            places = np.linspace(0, len(between) - 1, TRIED + 2).round().astype(int)
+            between = between[np.unique(places)[1:-1]]
+        tried += between.tolist()
     return tried
 
 

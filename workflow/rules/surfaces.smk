@@ -26,6 +26,7 @@ rule loft_surface:
     input:
         curves="results/{case}/{organ}/curves.h5",
         structure="results/{case}/{organ}/structure.h5",
+        calibration=plan.calibration,
     output:
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from cccd.additions import packages, registrations
+from cccd.errors import InputError
 from cccd.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
 from cccd.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find_file
 from cccd.plan.resources import digest
@@ -54,6 +55,8 @@ class Plan:
         The network that orders boundary pixels.
     segmenter : SegmenterPlan
         What makes masks of images.
+    calibration : list of str
+        The file that ``surface.calibration`` names, if any: surfaces are lofted again when it changes.
     """
 
     config: dict[str, Any]
@@ -62,6 +65,7 @@ class Plan:
     cohort: PlannedCohort
     junctions: JunctionPlan
     segmenter: SegmenterPlan
+    calibration: list[str]
 
     @classmethod
     def make(cls, config: Mapping[str, Any], root: Path) -> Plan:
@@ -84,7 +88,7 @@ class Plan:
         cohort = PlannedCohort.read(sheet, settings.surface.shared_walls, settings.curves.ordering == "gnn")
         junctions = JunctionPlan.choose(settings, cohort, root)
         segmenter = SegmenterPlan.choose(settings, cohort, root)
-        return cls(settings.as_config(), settings, root, cohort, junctions, segmenter)
+        return cls(settings.as_config(), settings, root, cohort, junctions, segmenter, _calibration(settings))
 
     # Settings and code of a job: it runs again when they change, and only then.
 
@@ -362,3 +366,12 @@ def _without(value: Any, section: str, unused: Iterable[str]) -> Any:
         return value
     keys = cast("dict[str, Any]", value)
     return {key: part for key, part in keys.items() if f"{section}.{key}" not in unused}
+
+
+def _calibration(settings: Settings) -> list[str]:
+    """Find the error bands' factors that the configuration names, if any; a missing file is refused."""
+    named = settings.surface.calibration
+    if named and not Path(named).is_file():
+        hint = "make one with cccd calibrate"
+        raise InputError("config key surface.calibration", f"there is no file {named}", hint)
+    return [named] if named else []

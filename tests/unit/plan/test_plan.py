@@ -128,6 +128,15 @@ def test_the_data_decide_what_is_compared(rows, name, kinds):
     assert {file for file in plan.comparison_files(named(name)) if file.endswith(".csv")} <= tables
 
 
+def test_a_calibration_of_ones_own_is_an_input_of_surfaces(tmp_path):
+    own = tmp_path / "own.json"
+    with pytest.raises(InputError, match=r"surface\.calibration: there is no file .*own\.json"):
+        _ = plan_of(MASK, surface={"calibration": str(own)}).calibration
+    own.write_text("{}")
+    assert plan_of(MASK, surface={"calibration": str(own)}).calibration == [str(own)]
+    assert plan_of(MASK).calibration == []
+
+
 def test_the_default_cohort_is_compared_and_others_where_they_ask():
     assert Plan.make({}, ROOT).all_comparison_files()
     assert not Plan.make({"compare": False}, ROOT).all_comparison_files()
