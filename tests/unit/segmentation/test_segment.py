@@ -41,7 +41,6 @@ def test_shipped_weights_are_found_by_name_and_strangers_are_not():
         ("hippocampus", networks(), 0.84, "files"),
         ("phantom_liver", networks(), 0.95, "phantom"),
         ("phantom_lungs", networks(), 0.95, "phantom"),
-        ("phantom_kidney", networks(), 0.95, "phantom"),
     ],
 )
 def test_shipped_weights_are_small_and_their_scores_are_those_asked_for(folder, networks, least, source):
