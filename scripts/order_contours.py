@@ -2,7 +2,7 @@
 
 from cccd.job import job
 from cccd.junctions.checkpoint import load_model
-from cccd.junctions.contours import order_contours
+from cccd.junctions.ordering import order_contours
 from cccd.settings.junctions import InferenceSettings
 from cccd.store import read_boundaries, read_structure, write_contours
 

@@ -1,6 +1,6 @@
 """The ways to ordered contours that need no network: a mask is traced, drawn contours are taken.
 
-The third way, for boundary pixels that still need ordering, is `cccd.junctions.contours`. Which one a
+The third way, for boundary pixels that still need ordering, is `cccd.junctions.ordering`. Which one a
 structure goes the workflow decides from the cohort sheet, before any job starts.
 """
 

@@ -80,7 +80,7 @@ def order_maps(
     """
     from cccd.boundary import extract_boundaries
     from cccd.junctions.checkpoint import load_model  # torch takes two seconds to load
-    from cccd.junctions.contours import order_contours
+    from cccd.junctions.ordering import order_contours
 
     pixels = extract_boundaries(structure, boundaries)
     return order_contours(structure, pixels, load_model(weights), inference)[0]

@@ -19,7 +19,7 @@ from cccd.geometry.arrays import concatenate_ragged
 from cccd.inputs.corruptions import corrupt
 from cccd.junctions import order_boundaries
 from cccd.junctions.checkpoint import load_model
-from cccd.junctions.contours import order_contours
+from cccd.junctions.ordering import order_contours
 from cccd.settings.root import Settings
 from cccd.surface import loft_surface
 from cccd.surface.measure import measure_surface

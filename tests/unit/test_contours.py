@@ -13,7 +13,7 @@ from cccd.containers import Frame, Structure
 from cccd.contours import take_contours, trace_contours
 from cccd.errors import InputError
 from cccd.junctions.checkpoint import load_model
-from cccd.junctions.contours import order_contours
+from cccd.junctions.ordering import order_contours
 from cccd.settings.boundaries import BoundarySettings
 from cccd.tracing import trace_stack
 

@@ -19,8 +19,8 @@ from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.inputs.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
-from cccd.inputs.contours import assemble_contours, contour_frame
 from cccd.inputs.degraded import BIAS, EVERY, NOISE, damage_maps, rescan
+from cccd.inputs.drawn_contours import assemble_contours, contour_frame
 from cccd.inputs.grey_values import image_without_mask
 from cccd.inputs.grid import (
     Volume,

@@ -1,4 +1,8 @@
-"""From a volume's boundary pixels to ordered curves, and what is counted on the way."""
+"""From a volume's boundary pixels to ordered curves, and what is counted on the way.
+
+A mask needs no network, for border following is exact (`cccd.contours`); the network earns its cost on
+boundary maps and edges of grey images, with spurs, bridges and gaps.
+"""
 
 from __future__ import annotations
 
@@ -9,16 +13,60 @@ from typing import Any
 import numpy as np
 
 from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels
-from cccd.containers import Boundaries, Curves
+from cccd.containers import Boundaries, Curves, Structure
+from cccd.contours import check_closed
+from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray, IntArray, RealArray, owners_of, sum_per_part
 from cccd.junctions.decoding import closed_chains
 from cccd.junctions.inference import LoopPredictor, Predictor, predict_slices
 from cccd.settings.junctions import InferenceSettings
 
-__all__ = ["DEFAULTS", "count_changes", "order_boundaries"]
+__all__ = ["DEFAULTS", "count_changes", "order_boundaries", "order_contours"]
 
 #: What holds where nobody decides.
 DEFAULTS = InferenceSettings()
+
+
+def order_contours(
+    structure: Structure,
+    boundaries: Boundaries,
+    model: Predictor | LoopPredictor,
+    settings: InferenceSettings = DEFAULTS,
+) -> tuple[Curves, dict[str, Any]]:
+    """Order the boundary pixels of every slice into closed simple curves.
+
+    Parameters
+    ----------
+    structure : Structure
+        Its image is read beside the pixels, where it has one.
+    boundaries : Boundaries
+        Its boundary pixels.
+    model : Predictor or LoopPredictor
+        From `cccd.junctions.checkpoint.load_model`.
+    settings : InferenceSettings
+
+    Returns
+    -------
+    curves : Curves
+        Closed, simple, oriented.
+    report : dict
+        Plain JSON: ``method``, and the counts of `order_boundaries`.
+
+    Raises
+    ------
+    InputError
+        The structure has drawn contours, which are ordered already, or no slice has a closed boundary.
+    """
+    if structure.contours is not None:
+        raise InputError(
+            f"{structure.case}/{structure.organ}",
+            "its contours are drawn, and need no ordering",
+            "its file has changed since the run was planned: run snakemake again",
+        )
+    curves, report = order_boundaries(
+        boundaries, model, structure.stack("image"), structure.stack_origin, settings
+    )
+    return check_closed(curves, structure), {"method": "GNN", **report}
 
 
 def order_boundaries(

@@ -23,8 +23,9 @@ Segmenter = tuple[nn.Module, Plan]
 def save_segmenter(path: str | Path, model: nn.Module, plan: Plan) -> None:
     """Write what `load_segmenter` reads, in a quarter of the bytes of the training's weights.
 
-    Kernels have whole numbers of -127 to 127, and a factor for each of their outputs; on held-out images the mean
-    Dice of no shipped network changes by more than 0.0002. What has one number a channel keeps half precision.
+    Kernels have whole numbers of -127 to 127, and a factor for each of their outputs; on held-out images the
+    mean Dice of no shipped network changes by more than 0.0002. What has one number a channel keeps half
+    precision.
     """
     weights: dict[str, Any] = {}
     stored: dict[int, Any] = {}  # MONAI's network names a layer twice: its weights are stored once

@@ -11,7 +11,7 @@ from cccd.containers import Curves, Panel, SliceFigure, Structure
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
 from cccd_paper.comparisons.active_contour import seed_circle
-from cccd_paper.comparisons.baselines.contours import CONTOURS
+from cccd_paper.comparisons.baselines.active_contours import CONTOURS
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd_paper.comparisons.parameters import PAPER_TABLE_2
 from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slice

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cccd_paper.comparisons.baselines.contours import CONTOURS
+from cccd_paper.comparisons.baselines.active_contours import CONTOURS
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd_paper.comparisons.baselines.decoders import DECODERS
 from cccd_paper.comparisons.baselines.reconstructions import RECONSTRUCTIONS
