@@ -393,9 +393,11 @@ def _merge(net: _Net, u: int, v: int, to: _Candidate) -> int:
                 net.faces[f, corner % 3] = v
         corner = net.following[corner]
     net.following[net.last[v]] = net.first[u]
-    net.quadrics[v] += net.quadrics[u]
+    for k in range(10):  # number by number: to add rows takes Numba 1.6 s more to compile
+        net.quadrics[v, k] += net.quadrics[u, k]
+    for k in range(3):
+        net.normals[v, k] += net.normals[u, k]
     net.areas[v] += net.areas[u]
-    net.normals[v] += net.normals[u]
     net.points[v, 0], net.points[v, 1], net.points[v, 2] = to[1], to[2], to[3]
     net.on_line[v] = net.on_line[u] or net.on_line[v]
     net.changes[u] = -1

@@ -122,7 +122,7 @@ def _swept(
         for j in range(width):
             away = np.sqrt(gap[i, j])
             x, y = abs(i * spacing[0] - foot[i, j, 0]), abs(j * spacing[1] - foot[i, j, 1])
-            pixel = max(spacing[0] * x, spacing[1] * y) / away if away > 0 else spacing.min()
+            pixel = max(spacing[0] * x, spacing[1] * y) / away if away > 0 else min(spacing[0], spacing[1])
             distance[i, j] = (-away if inside[i, j] else away) - outwards[owner[i, j]] * pixel
     return distance
 
