@@ -17,17 +17,23 @@ from scipy.ndimage import find_objects, label
 from scipy.optimize import linear_sum_assignment
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from cccd.geometry.distance import to_mask
 from cccd.surface.fields import LevelField, distance_to_part, sampled
 
-__all__ = ["Displacement", "SliceParts", "follow_branches", "move_branches"]
+__all__ = ["Displacement", "SliceGap", "SliceParts", "follow_branches", "move_branches"]
 
 #: A section's way may differ from what its ellipse tells by this share of its length, and by so many pixels;
 #: and of two sections that follow each other one is no more than so many times as wide, but for a pixel.
 _OFF_COURSE, _OFF_PIXELS, _WIDER = 0.5, 2.0, 2.0
+#: What overlaps nothing follows what lies so near beside it, whatever its ellipse tells (share of the
+#: distance between slices): at twice that, bends of the colon and bronchi are joined to other parts.
+_BESIDE = 0.25
 #: They are moved where that makes up for so much of what they do not share: not at all at the first.
 _MADE_UP = (0.3, 0.7)
 #: Lengths by which a way that the ellipse tells is tried for what it leads into.
 _LENGTHS = np.array([1.0, 0.85, 1.15, 0.7, 1.3])
+#: Costs of pairs that no ellipse tells, and of ones that are none.
+_ANYTHING_NEARER, _NEVER = 1e4, 1e9
 #: What is moved is known so many pixels around the sections.
 _MARGIN = 6
 #: Branches are followed so far aside, in distances between slices: at 72 degrees to the axis. What lies
@@ -206,7 +212,7 @@ def follow_branches(
     list of lists of Displacement
         Gap by gap, those that are moved.
     """
-    gaps = [_Gap.between(low, high) for low, high in itertools.pairwise(sections)]
+    gaps = [SliceGap.between(low, high) for low, high in itertools.pairwise(sections)]
     pairs = [gap.pairs(spacing) for gap in gaps]
     ways: list[list[Displacement]] = []
     for n, gap in enumerate(gaps):
@@ -228,7 +234,7 @@ def follow_branches(
     return ways
 
 
-def _shifts(gap: _Gap, part: int, up: bool, known: Mapping[int, FloatArray], alone: bool) -> FloatArray:
+def _shifts(gap: SliceGap, part: int, up: bool, known: Mapping[int, FloatArray], alone: bool) -> FloatArray:
     """Ways (W, 2) in mm, upwards, that a part without a follower may have come: as it runs on, or leans."""
     side = gap.above if up else gap.below
     if side.half_widths[part] > gap.height:
@@ -243,7 +249,7 @@ def _shifts(gap: _Gap, part: int, up: bool, known: Mapping[int, FloatArray], alo
 
 
 @dataclass(frozen=True, eq=False)
-class _Gap:
+class SliceGap:
     """Two neighbouring slices, and the pairs (T, 2) of their parts that overlap."""
 
     below: SliceParts
@@ -251,7 +257,7 @@ class _Gap:
     touching: IntArray
 
     @classmethod
-    def between(cls, below: SliceParts, above: SliceParts) -> _Gap:
+    def between(cls, below: SliceParts, above: SliceParts) -> SliceGap:
         """Find what overlaps."""
         both = (below.labels > 0) & (above.labels > 0)
         count = len(above.centres)
@@ -269,40 +275,53 @@ class _Gap:
         return side.within & (np.bincount(self.touching[:, int(up)], minlength=len(side.centres)) == 0)
 
     def pairs(self, spacing: FloatArray) -> list[Displacement]:
-        """SliceParts that run on in each other, and in nothing else."""
+        """Parts that run on in each other, and in nothing else."""
         pixel = float(np.sqrt(spacing.prod()))
         single = [np.bincount(side, minlength=1)[side] == 1 for side in self.touching.T]
-        candidates = np.concatenate([self.touching[single[0] & single[1]], self._nearest_free(pixel)])
-        return [self._way(a, b, pixel, spacing) for a, b in candidates.tolist()]
+        alone = self.touching[single[0] & single[1]]
+        followed = self._on_course(alone[:, 0], alone[:, 1], pixel)
+        ways = [
+            self._way(a, b, told, spacing)
+            for (a, b), told in zip(alone.tolist(), followed.tolist(), strict=True)
+        ]
+        return ways + [self._way(a, b, True, spacing) for a, b in self._nearest_free(pixel).tolist()]
+
+    def _off(self, a: IntArray, b: IntArray, way: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How many mm (...) ways (..., 2) between parts are off what the ellipses of both tell."""
+        return self.below.misses(a, way, self.height), self.above.misses(b, way, self.height)
+
+    def _on_course(self, a: IntArray, b: IntArray, pixel: float) -> BoolArray:
+        """Whether parts (...) lie where the ellipses of both tell."""
+        way = self.above.centres[b] - self.below.centres[a]
+        allowed = _OFF_COURSE * np.linalg.norm(way, axis=-1) + _OFF_PIXELS * pixel
+        return np.maximum(*self._off(a, b, way)) <= allowed
 
     def _nearest_free(self, pixel: float) -> IntArray:
-        """Pairs (P, 2) of parts that overlap nothing and lie where the ellipses of both tell."""
+        """Pairs (P, 2) of parts that overlap nothing, and lie where both ellipses tell or side by side."""
         low, high = np.flatnonzero(self.free(False)), np.flatnonzero(self.free(True))
         a, b = low[:, None], high[None]
         way = self.above.centres[b] - self.below.centres[a]
         length = np.linalg.norm(way, axis=-1)
-        off = self.below.misses(a, way, self.height), self.above.misses(b, way, self.height)
         widths = self.below.half_widths[a], self.above.half_widths[b]
+        apart = length - widths[0] - widths[1]
+        told = self._on_course(a, b, pixel)
         follows = (
             (length <= STEEPEST * self.height)
-            & (np.maximum(*off) <= _OFF_COURSE * length + _OFF_PIXELS * pixel)
+            & (told | (apart <= _BESIDE * self.height))
             & (np.maximum(*widths) <= _WIDER * np.minimum(*widths) + pixel)
         )
-        rows, columns = linear_sum_assignment(np.where(follows, off[0] + off[1], 1e9))
+        cost = np.where(told, sum(self._off(a, b, way)), _ANYTHING_NEARER + apart)
+        rows, columns = linear_sum_assignment(np.where(follows, cost, _NEVER))
         chosen = follows[rows, columns]
         return np.column_stack([low[rows[chosen]], high[columns[chosen]]])
 
-    def _way(self, a: int, b: int, pixel: float, spacing: FloatArray) -> Displacement:
-        """Whether, and how far, two sections are moved onto each other."""
+    def _way(self, a: int, b: int, follows: bool, spacing: FloatArray) -> Displacement:
+        """How far two sections are moved onto each other; not at all if they do not follow."""
         start, lean = self.below.centres[a], self.below.leans[a]
         shift, onto = self.above.centres[b] - start, self.above.leans[b]
         way = Displacement(a, b, start, shift, _angle(_along(lean, shift), _along(onto, shift)), 0.0)
-        off = max(
-            float(self.below.misses(a, shift, self.height)), float(self.above.misses(b, shift, self.height))
-        )
         thick = max(self.below.half_widths[a], self.above.half_widths[b]) > self.height
-        allowed = _OFF_COURSE * np.linalg.norm(shift) + _OFF_PIXELS * pixel
-        if thick or off > allowed or not (self.below.within[a] and self.above.within[b]):
+        if thick or not follows or not (self.below.within[a] and self.above.within[b]):
             return way
         window = _Window.around([self.below.boxes[a], self.above.boxes[b]], self.below.labels.shape, spacing)
         lower = self.below.of_part(a, window, spacing)
@@ -373,11 +392,15 @@ def _slopes(
 
 @dataclass(frozen=True, eq=False)
 class _Branch:
-    """A branch between two slices: distances to it on both, within a window, and the path of its middle."""
+    """A branch between two slices, within a window: distances to it on both, and the path of its middle.
+
+    ``own`` (I, J) marks pixels that are nearer to it than to all else: there its distances alone count.
+    """
 
     window: _Window
     lower: SingleArray
     upper: SingleArray
+    own: BoolArray
     way: Displacement
     slopes: _Slopes
     z: tuple[float, float]
@@ -399,7 +422,14 @@ class _Branch:
             boxes.append(boxes[0] + np.rint(moved).astype(np.int64))
         window = _Window.around(boxes, below.labels.shape, spacing)
         lower, upper = (side.of_part(part, window, spacing) for side, part in ends)
-        return cls(window, lower, upper, way, slopes[way], (below.z, above.z))
+        others = np.zeros(lower.shape, np.bool_)
+        for side, part in ends:
+            there = side.labels[window.slices]
+            others |= (there > 0) & (there != part + 1)
+        own = np.ones(lower.shape, np.bool_)
+        if others.any():
+            own = np.minimum(lower, upper) < to_mask(others, spacing)
+        return cls(window, lower, upper, own, way, slopes[way], (below.z, above.z))
 
     def united(self, distance: SingleArray, z: float) -> SingleArray:
         """Distances of the window, on a level at height ``z``, with the branch in them."""
@@ -412,7 +442,8 @@ class _Branch:
         low = self.window.moved(self.lower, way.start, middle, t * way.turn)
         high = self.window.moved(self.upper, way.start + way.shift, middle, (t - 1) * way.turn)
         branch = np.float32(1 - t) * low + np.float32(t) * high
-        united = distance + np.float32(way.share) * (np.minimum(distance, branch) - distance)
+        alone = np.where(self.own, branch, np.minimum(distance, branch))
+        united = distance + np.float32(way.share) * (alone - distance)
         return np.asarray(united, np.float32)
 
 

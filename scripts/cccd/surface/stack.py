@@ -200,13 +200,12 @@ def interpolate_slices(outlines: Outlines, sections: Sections, settings: LoftSet
     for part in np.split(np.arange(len(slices)), breaks):
         here = slice(part[0], part[-1] + 1)
         fields = list(interpolated_fields(slices[here], distance[here], frame.slice_spacing, level_spacing))
-        if annotation is None and share < 1:
+        if share < 1:
             fields = move_sheets(fields, spacing)
         if share > 0 and np.all(np.diff(slices[here]) == every):
             fields = _filled(fields, distance[here], outlines, step, scan_range, share)
         cut = abs(fields[0].z - scan_range[0]) < half_step, abs(fields[-1].z - scan_range[1]) < half_step
-        if annotation is None:
-            fields = move_branches(fields, spacing)
+        fields = move_branches(fields, spacing)
         rounded = round_ends(fields, distance[here], spacing, step, cut, level_spacing, guides)
         if annotation is None:
             fields = rounded

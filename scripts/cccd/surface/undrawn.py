@@ -1,34 +1,26 @@
 """What lies between slices of which only some were drawn.
 
-The slices' distances alone let a part that moves aside from slice to slice shrink between them, and end where
-the next slice has nothing below it. So parts that follow each other are moved onto each other on the way.
-Where planes across the slices were drawn as well, levels are stretched until they meet the planes' outlines.
+A part that has nothing to run on in on the next drawn slice ends half way to it. Where planes across the
+slices were drawn as well, levels are stretched until they meet the planes' outlines.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.ndimage import label, map_coordinates, shift
-from scipy.optimize import linear_sum_assignment
+from scipy.ndimage import label, map_coordinates
 
 from cccd.containers import Annotation, Frame, Guide
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
-from cccd.surface.fields import LevelField, distance_to_part, interpolated_planes
+from cccd.surface.fields import LevelField, distance_to_part
+from cccd.surface.moving_branches import SliceGap, SliceParts, follow_branches
 
 __all__ = ["GuideLine", "guide_lines", "guides_reach", "shape_undrawn"]
 
-#: A part runs on in one that it does not overlap if that begins no further aside, per mm between slices: at
-#: twice that, bends of the colon and bronchi are joined to what they are no part of.
-STEEPEST = 0.25
-#: A part is moved onto the next where that makes up for so much of what they do not share: not at all at the
-#: first, all the way at the second. Organs that change their shape are nearer to the truth where they lie.
-MOTION = (0.3, 0.7)
 #: A part that has nothing to run on in closes as a paraboloid so high, as a share of the way to the next
 #: slice: all that is known is that it ends before that.
 HEIGHT = 0.5
@@ -72,205 +64,27 @@ def shape_undrawn(
     fields : list of LevelField
         Those of the drawn slices are as they were.
     warnings : list of str
-        How many parts do not overlap the next slice's, and what became of them.
+        How many parts end.
     """
     spacing = frame.pixel_spacing
     drawn = [n for n, field in enumerate(fields) if field.source_slice is not None]
-    slices = [_Slice.of(fields[n]) for n in drawn]
-    gaps = [_Gap.of(below, above, spacing) for below, above in itertools.pairwise(slices)]
-    z = np.array([field.z for field in fields])
-    moving: dict[int, SingleArray] = {}
-    for chain in _chains(gaps):
-        for n, plane in _moving_fields(chain, slices, gaps, z, spacing):
-            moving[n] = np.minimum(moving[n], plane) if n in moving else plane
+    ending = _endings([fields[n] for n in drawn], spacing)
     shaped = list(fields)
-    for gap, (low, high) in zip(gaps, itertools.pairwise(drawn), strict=True):
-        rest, endings = _rest(gap, spacing), _endings(gap, spacing)
+    for (low, high), parts in zip(itertools.pairwise(drawn), ending, strict=True):
+        gap = fields[high].z - fields[low].z
         for n in range(low + 1, high):
             distance = fields[n].distance
-            if n in moving:
-                moved = moving.pop(n)
-                distance = moved if rest is None else np.where(rest, np.minimum(distance, moved), moved)
-            share = (z[n] - z[low]) / (z[high] - z[low])
-            for ending in endings:
-                distance = np.minimum(distance, ending.at(share))
-            reach = REACH * (fields[high].z - fields[low].z)
-            distance = _guided(distance, guides, fields[n].z / frame.slice_spacing, reach)
+            for part in parts:
+                distance = np.minimum(distance, part.at((fields[n].z - fields[low].z) / gap))
+            distance = _guided(distance, guides, fields[n].z / frame.slice_spacing, REACH * gap)
             shaped[n] = replace(fields[n], distance=distance)
-    return shaped, _warnings(gaps)
+    count = sum(map(len, ending))
+    if not count:
+        return shaped, []
+    return shaped, [f"{count} parts have no counterpart on the next annotated slice: they end half way to it"]
 
 
-def _warnings(gaps: Sequence[_Gap]) -> list[str]:
-    """Say what became of parts that do not overlap those of the next drawn slice."""
-    moved, ending = (
-        sum(gap.aside for gap in gaps),
-        sum(len(numbers) for gap in gaps for numbers in gap.ending),
-    )
-    notes: list[str] = []
-    if moved:
-        notes.append(
-            f"{moved} parts do not overlap with the next annotated slice: joined by leaning branches"
-        )
-    if ending:
-        notes.append(
-            f"{ending} parts have no counterpart on the next annotated slice: they end half way to it"
-        )
-    return notes
-
-
-# parts ------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class _Slice:
-    """A drawn slice and its parts: 0 outside them in ``parts`` (I, J), n for part n of ``count`` from 1."""
-
-    z: float
-    distance: SingleArray
-    parts: IntArray
-    count: int
-
-    @classmethod
-    def of(cls, field: LevelField) -> _Slice:
-        """Find the parts of a field."""
-        parts, count = label(field.distance < 0)
-        return cls(field.z, field.distance, np.asarray(parts, np.int64), count)
-
-    def distance_of(self, number: int, spacing: FloatArray) -> SingleArray:
-        """Signed distances (I, J) in mm to one of the parts."""
-        return distance_to_part(self.distance, self.parts, number, spacing)
-
-    def centre(self, number: int) -> FloatArray:
-        """Centre (2,) of a part's pixels."""
-        return np.argwhere(self.parts == number).mean(axis=0)
-
-
-@dataclass(frozen=True, eq=False)
-class _Gap:
-    """What lies between two drawn slices.
-
-    Attributes
-    ----------
-    below, above : _Slice
-    pairs : dict of int to int
-        Parts below that run on in one above, and in nothing else, and have moved on the way.
-    ways : dict of int to (2,) float64
-        Pixels by which each of these parts below has moved.
-    aside : int
-        How many of these do not overlap.
-    ending : pair of sets of int
-        Parts below, and above, that have nothing to run on in.
-    """
-
-    below: _Slice
-    above: _Slice
-    pairs: dict[int, int]
-    ways: dict[int, FloatArray]
-    aside: int
-    ending: tuple[set[int], set[int]]
-
-    @classmethod
-    def of(cls, below: _Slice, above: _Slice, spacing: FloatArray) -> _Gap:
-        """Find which parts follow each other; what overlaps nothing goes to the nearest such part near by."""
-        both = (below.parts > 0) & (above.parts > 0)
-        touching = np.unique(np.column_stack([below.parts[both], above.parts[both]]), axis=0)
-        single = [
-            (int(a), int(b))
-            for a, b in touching
-            if np.count_nonzero(touching[:, 0] == a) == 1 and np.count_nonzero(touching[:, 1] == b) == 1
-        ]
-        free = [
-            np.setdiff1d(np.arange(1, side.count + 1), touching[:, n])
-            for n, side in enumerate((below, above))
-        ]
-        aside = _nearest(below.parts, above.parts, free, spacing, STEEPEST * (above.z - below.z))
-        taken = [{a for a, _ in aside}, {b for _, b in aside}]
-        ending = set(map(int, free[0])) - taken[0], set(map(int, free[1])) - taken[1]
-        ways = {a: _way(below, above, a, b) for a, b in single}
-        ways |= {a: above.centre(b) - below.centre(a) for a, b in aside}
-        pairs = {a: b for a, b in [*single, *aside] if ways[a].any()}
-        return cls(below, above, pairs, ways, len(aside), ending)
-
-
-def _way(below: _Slice, above: _Slice, a: int, b: int) -> FloatArray:
-    """Pixels (2,) by which a part has moved to one that it overlaps; none if moving it gains little."""
-    lower, upper = below.parts == a, above.parts == b
-    way = above.centre(b) - below.centre(a)
-    shared, matched = (
-        np.count_nonzero(there & upper) / np.count_nonzero(there | upper)
-        for there in (lower, _moved(np.where(lower, np.float32(1), np.float32(0)), way) >= 0.5)
-    )
-    gain = (matched - shared) / max(1 - shared, 1e-9)
-    return float(np.interp(gain, MOTION, (0.0, 1.0))) * way
-
-
-def _nearest(
-    lower: IntArray, upper: IntArray, free: Sequence[IntArray], spacing: FloatArray, most: float
-) -> list[tuple[int, int]]:
-    """Pairs of ``free`` parts of two slices that lie least far aside, none further than ``most`` mm."""
-    if not (len(free[0]) and len(free[1])):
-        return []
-    away = [to_mask(lower == a, spacing) for a in free[0]]
-    apart = np.array([[float(plane[upper == b].min()) for b in free[1]] for plane in away])
-    rows, columns = linear_sum_assignment(np.minimum(apart, 2 * most))
-    near = apart[rows, columns] <= most
-    return [(int(free[0][a]), int(free[1][b])) for a, b in zip(rows[near], columns[near], strict=True)]
-
-
-def _chains(gaps: Sequence[_Gap]) -> list[list[tuple[int, int]]]:
-    """Parts (drawn slice, number) that run on in each other from slice to slice, two at least."""
-    chains: list[list[tuple[int, int]]] = []
-    open_chains: dict[int, list[tuple[int, int]]] = {}
-    for n, gap in enumerate(gaps):
-        following: dict[int, list[tuple[int, int]]] = {}
-        for a, b in gap.pairs.items():
-            if a not in open_chains:
-                open_chains[a] = [(n, a)]
-                chains.append(open_chains[a])
-            open_chains[a].append((n + 1, b))
-            following[b] = open_chains[a]
-        open_chains = following
-    return chains
-
-
-def _moving_fields(
-    chain: Sequence[tuple[int, int]],
-    slices: Sequence[_Slice],
-    gaps: Sequence[_Gap],
-    z: FloatArray,
-    spacing: FloatArray,
-) -> Iterator[tuple[int, SingleArray]]:
-    """Fields (I, J) of a chain of parts on the levels at heights ``z`` between its slices, numbered.
-
-    The parts are interpolated where the first one lies, and moved back along a smooth path.
-    """
-    heights = np.array([slices[n].z for n, _ in chain])
-    ways = [gaps[n].ways[number] for n, number in chain[:-1]]
-    path = np.concatenate([np.zeros((1, 2)), np.cumsum(ways, axis=0)])
-    planes = [
-        _moved(slices[n].distance_of(number, spacing), -away)
-        for (n, number), away in zip(chain, path, strict=True)
-    ]
-    levels = np.flatnonzero((z > heights[0]) & (z < heights[-1]) & ~np.isin(z, heights))
-    back = PchipInterpolator(heights, path)
-    still = interpolated_planes(heights, np.stack(planes), z[levels])
-    for n, plane in zip(levels, still, strict=True):
-        yield int(n), _moved(plane, back(z[n]))
-
-
-def _moved(plane: SingleArray, by: FloatArray) -> SingleArray:
-    """Plane (I, J) moved by some pixels (2,); what comes in over its border is as the border was."""
-    return np.asarray(shift(plane, by, np.float32, order=1, mode="nearest"), np.float32)
-
-
-def _rest(gap: _Gap, spacing: FloatArray) -> BoolArray | None:
-    """Pixels (I, J) nearer to parts that branch, end or merge between two slices than to others, if any."""
-    sides = (gap.below, list(gap.pairs)), (gap.above, list(gap.pairs.values()))
-    follows = [np.isin(side.parts, numbers) for side, numbers in sides]
-    branches = [(side.parts > 0) & ~inside for (side, _), inside in zip(sides, follows, strict=True)]
-    if not np.any(branches):
-        return None
-    return to_mask(np.any(branches, axis=0), spacing) < to_mask(np.any(follows, axis=0), spacing)
+# parts that end ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,14 +101,24 @@ class _Ending:
         return self.distance - depth * self.distance.min()
 
 
-def _endings(gap: _Gap, spacing: FloatArray) -> list[_Ending]:
-    """Parts that end between two slices."""
-    sides = (gap.below, gap.above)
-    return [
-        _Ending(sides[side].distance_of(number, spacing), side)
-        for side, numbers in enumerate(gap.ending)
-        for number in sorted(numbers)
-    ]
+def _endings(drawn: Sequence[LevelField], spacing: FloatArray) -> list[list[_Ending]]:
+    """Parts that overlap nothing on the next slice and lead nowhere, gap by gap."""
+    slices = [SliceParts.of(field.distance, spacing, field.z) for field in drawn]
+    found: list[list[_Ending]] = []
+    for (below, above), ways in zip(
+        itertools.pairwise(slices), follow_branches(slices, spacing), strict=True
+    ):
+        gap = SliceGap.between(below, above)
+        followed = {way.low for way in ways}, {way.high for way in ways}
+        found.append(
+            [
+                _Ending(distance_to_part(parts.distance, parts.labels, part + 1, spacing), side)
+                for side, parts in enumerate((below, above))
+                for part in np.flatnonzero(gap.free(side == 1)).tolist()
+                if part not in followed[side]
+            ]
+        )
+    return found
 
 
 # planes across the slices -----------------------------------------------------------------------------
