@@ -3,6 +3,7 @@
 snakemake --cores 2                              the default cohort: training, surfaces, tables, report
 snakemake --cores 2 --config cohort=sheet.tsv    your own structures
 snakemake --cores 2 surfaces                     surfaces only, without measures, comparisons or report
+snakemake --cores 2 evidence                     comparisons for a closer look; the next report shows them
 snakemake --cores 2 results/CASE/ORGAN/surface.ply
 snakemake --cores 2 segmenters                   segmentation networks, trained on the sheet's rows of role train
 snakemake --cores 2 phantoms                     scans and true surfaces, as files for a benchmark
@@ -44,6 +45,13 @@ rule surfaces:
         plan.files("surface.ply"),
         plan.format_files(),
         plan.case_format_files(),
+    localrule: True
+
+
+rule evidence:
+    """Comparisons for a closer look: thick slices, the whole chain's times, surfaces of the paper's corners."""
+    input:
+        plan.evidence_files(),
     localrule: True
 
 

@@ -137,6 +137,7 @@ CORNER_SURFACES = Comparison(
     ),
     memory_mb=(3000, 60),
     minutes=30,
+    further=True,
 )  # fmt: skip
 
 STAGE_TIMES = Comparison(
@@ -154,6 +155,7 @@ STAGE_TIMES = Comparison(
     ),
     memory_mb=(3000, 60),
     minutes=30,
+    further=True,
 )  # fmt: skip
 
 ISOSURFACES = Comparison(
@@ -176,6 +178,7 @@ THICK_SLICES = Comparison(
     columns=("slice_distance_mm", "every_nth", "method", "seconds"),
     memory_mb=(3000, 60),
     minutes=30,
+    further=True,
 )
 
 ORDERING = Comparison(

@@ -284,14 +284,40 @@ class Plan:
         return settings
 
     def comparison_files(self, wildcards: OfStructure) -> list[str]:
-        """Return what a structure's comparisons leave: what the data are decides which of them are made.
+        """Return what a structure's comparisons leave that the report shows.
 
-        One of role measure is in none, nor one whose mask a segmenter made, which is no ground truth. None
-        are made unless ``compare`` asks for them.
+        None are made unless ``compare`` asks for them, and ones for a closer look only where it is true: else
+        the report shows those of them that are there.
+        """
+        return [
+            file
+            for comparison in self._possible_comparisons(wildcards)
+            for file in self._files_of_comparison(wildcards, comparison)
+            if self._is_shown(comparison, file)
+        ]
+
+    def _is_shown(self, comparison: Comparison, file: str) -> bool:
+        if comparison.further and self.settings.compare == "auto":
+            return Path(file).exists()
+        return self.cohort.is_asked(self.settings.compare, self.root)
+
+    def evidence_files(self) -> list[str]:
+        """Return what the comparisons for a closer look leave, of all structures."""
+        return [
+            file
+            for name in self.cohort.reconstructed
+            for comparison in self._possible_comparisons(name)
+            if comparison.further
+            for file in self._files_of_comparison(name, comparison)
+        ]
+
+    def _possible_comparisons(self, wildcards: OfStructure) -> list[Comparison]:
+        """Return the comparisons that a structure's data allow.
+
+        One of role measure is in none, nor one whose mask a segmenter made, which is no ground truth.
         """
         row = self.cohort.row(wildcards)
-        asked = self.cohort.is_asked(self.settings.compare, self.root)
-        if not asked or row["role"] == "measure" or self.is_segmented(row):
+        if row["role"] == "measure" or self.is_segmented(row):
             return []
         maps = self.cohort.kind(wildcards) == "boundary maps"
         made = {
@@ -300,12 +326,12 @@ class Plan:
             "maps": maps,
             "phantoms": row["source"] == "phantom" and bool(shipped_weights(wildcards.organ)),
         }
-        return [
-            f"{_folder(wildcards)}/comparisons/{name}.{suffix}"
-            for name, comparison in comparisons().items()
-            if made[comparison.of]
-            for suffix in ["csv"] + ["h5"] * (comparison.figures is not None)
-        ]
+        return [comparison for comparison in comparisons().values() if made[comparison.of]]
+
+    @staticmethod
+    def _files_of_comparison(wildcards: OfStructure, comparison: Comparison) -> list[str]:
+        stem = f"{_folder(wildcards)}/comparisons/{comparison.name}"
+        return [f"{stem}.csv"] + [f"{stem}.h5"] * (comparison.figures is not None)
 
     def all_comparison_files(self, wildcards: object = None) -> list[str]:
         """Return what the comparisons of all structures leave."""

@@ -66,6 +66,9 @@ class Comparison:
         starts. ``traced masks``: those whose mask was traced, in a run that uses a network: it says how that
         would have done, and an item stands without it. ``maps``: those whose boundary pixels need ordering.
         ``phantoms``: phantoms for whose organ segmentation networks are shipped.
+    further : bool
+        For a closer look: ``snakemake evidence`` makes it, and the next report shows it; a run makes it with
+        the rest only where ``compare`` is true.
     """
 
     name: str
@@ -79,6 +82,7 @@ class Comparison:
     memory_mb: tuple[int, int] = (1500, 20)
     minutes: int = 20
     of: str = "outlines"
+    further: bool = False
 
     @property
     def functions(self) -> tuple[str, ...]:

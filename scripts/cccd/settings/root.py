@@ -53,7 +53,8 @@ class Settings(Section):
     compare: Literal["auto"] | bool = setting(
         "auto",
         "true: compare with other methods and the paper; false: do not; auto: compare the default cohort",
-        why="Comparisons take several times as long as the surfaces.",
+        why="Comparisons take several times as long as the surfaces. With auto those for a closer look are "
+        "left to the target evidence.",
     )
     device: Literal["auto", "cpu", "cuda"] = setting(
         "auto",

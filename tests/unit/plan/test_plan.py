@@ -128,6 +128,19 @@ def test_the_data_decide_what_is_compared(rows, name, kinds):
     assert {file for file in plan.comparison_files(named(name)) if file.endswith(".csv")} <= tables
 
 
+def test_a_closer_look_is_a_target_of_its_own_and_the_report_shows_what_is_there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plan = plan_of(MASK)
+    evidence = plan.evidence_files()
+    assert {Path(file).stem for file in evidence} == {one.name for one in comparisons().values() if one.further}
+    assert plan.comparison_files(named("a/ball")) == []
+    for file in evidence:
+        Path(file).parent.mkdir(parents=True, exist_ok=True)
+        Path(file).touch()
+    assert plan.comparison_files(named("a/ball")) == evidence
+    assert plan_of(MASK, compare=False).comparison_files(named("a/ball")) == []
+
+
 def test_a_calibration_of_ones_own_is_an_input_of_surfaces(tmp_path):
     own = tmp_path / "own.json"
     with pytest.raises(InputError, match=r"surface\.calibration: there is no file .*own\.json"):
