@@ -34,6 +34,8 @@ _MADE_UP = (0.3, 0.7)
 _LENGTHS = np.array([1.0, 0.85, 1.15, 0.7, 1.3])
 #: Costs of pairs that no ellipse tells, and of ones that are none.
 _ANYTHING_NEARER, _NEVER = 1e4, 1e9
+#: Pixels count as the branch's own where they are so much nearer to it than to all else, in pixels.
+_OWN_PIXELS = 4.0
 #: What is moved is known so many pixels around the sections.
 _MARGIN = 6
 #: Branches are followed so far aside, in distances between slices: at 72 degrees to the axis. What lies
@@ -394,13 +396,14 @@ def _slopes(
 class _Branch:
     """A branch between two slices, within a window: distances to it on both, and the path of its middle.
 
-    ``own`` (I, J) marks pixels that are nearer to it than to all else: there its distances alone count.
+    ``own`` (I, J), from 0 to 1, tells how much nearer pixels are to it than to all else: where it is 1 the
+    branch's distances alone count.
     """
 
     window: _Window
     lower: SingleArray
     upper: SingleArray
-    own: BoolArray
+    own: SingleArray
     way: Displacement
     slopes: _Slopes
     z: tuple[float, float]
@@ -426,9 +429,10 @@ class _Branch:
         for side, part in ends:
             there = side.labels[window.slices]
             others |= (there > 0) & (there != part + 1)
-        own = np.ones(lower.shape, np.bool_)
+        own = np.ones(lower.shape, np.float32)
         if others.any():
-            own = np.minimum(lower, upper) < to_mask(others, spacing)
+            nearer = to_mask(others, spacing) - np.minimum(lower, upper)
+            own = np.clip(nearer / (_OWN_PIXELS * np.float32(spacing.min())), 0, 1)
         return cls(window, lower, upper, own, way, slopes[way], (below.z, above.z))
 
     def united(self, distance: SingleArray, z: float) -> SingleArray:
@@ -442,7 +446,8 @@ class _Branch:
         low = self.window.moved(self.lower, way.start, middle, t * way.turn)
         high = self.window.moved(self.upper, way.start + way.shift, middle, (t - 1) * way.turn)
         branch = np.float32(1 - t) * low + np.float32(t) * high
-        alone = np.where(self.own, branch, np.minimum(distance, branch))
+        either = np.minimum(distance, branch)
+        alone = either + self.own * (branch - either)
         united = distance + np.float32(way.share) * (alone - distance)
         return np.asarray(united, np.float32)
 
