@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from cccd.extras import missing_extra
 if TYPE_CHECKING:
     from cccd.api import Surface
     from cccd.containers import Structure
+    from cccd.geometry.mesh import Mesh
     from cccd.inputs.regions import DrawnLabels
     from cccd.label_survey import SurveyedLabel
     from cccd.settings.root import Settings
@@ -46,6 +47,9 @@ examples:
   cccd segment mr.nii.gz --segmenter hippocampus    labels and surface, from a scan without a mask
   cccd check labels.nii.gz                      what is in it: axes, spacing, labels, a picture
   cccd compare a.stl b.nii.gz --json            Dice, distances, normals of two surfaces or masks
+  cccd centrelines airway.nii.gz -o tree.csv    branches: length, radius, angles
+  cccd hollow aorta.nii.gz --thickness 2 -o wall.stl    a wall around a lumen or inside a surface
+  cccd lumen aorta.nii.gz -o lumen.msh          ends cut square, inlet and outlets named, for flow
   cccd run sheet.tsv --cores 8                  a cohort, with tables and a report
   cccd run bids/ out/ participant               the masks of a BIDS data set
 """
@@ -120,6 +124,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_segment(commands)
     _add_check(commands)
     _add_compare(commands)
+    _add_centrelines(commands)
+    _add_hollow(commands)
+    _add_lumen(commands)
     _add_run(commands)
     _add_export(commands)
     _add_report(commands)
@@ -281,6 +288,83 @@ def _add_compare(commands: Any) -> None:
         )
     compare.add_argument("--json", action="store_true", help="print JSON")
     compare.set_defaults(run=_compare)
+
+
+def _add_tube(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "input", type=Path, help="mask or label map, as in cccd surface, or a closed mesh (.stl .ply .vtp .step)"
+    )
+    command.add_argument(
+        "--label", default="", help="value(s) of the label map, or the name of an organ, segment or ROI"
+    )
+    command.add_argument("--json", action="store_true", help="print JSON")
+
+
+def _add_root(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--root", metavar="X,Y,Z",
+        help="the free end nearest to this point (mm RAS) is the root, or the inlet; default: the widest end",
+    )  # fmt: skip
+
+
+def _add_centrelines(commands: Any) -> None:
+    lines = commands.add_parser(
+        "centrelines",
+        help="centrelines, radii and angles of a vessel, an airway or a duct",
+        description="Find the centrelines of a tree of tubes, and measure each branch: length, radius, "
+        "diameters, tortuosity, curvature, angle to its parent.",
+    )
+    _add_tube(lines)
+    _add_root(lines)
+    lines.add_argument(
+        "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
+        help="output file, repeatable: .csv (a row per branch), .vtp (lines), .swc (samples of a tree). Default: "
+        "the input's name with _centrelines.csv, in this folder",
+    )  # fmt: skip
+    lines.set_defaults(run=_centrelines)
+
+
+def _add_named_output(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "-o", "--output", type=Path, action="append", required=True, metavar="FILE",
+        help="output file, repeatable: .vtp, .stl (text), .obj (surface with named groups), .msh, .vtu, .inp "
+        "(tetrahedra with named boundaries)",
+    )  # fmt: skip
+
+
+def _add_hollow(commands: Any) -> None:
+    hollow = commands.add_parser(
+        "hollow",
+        help="a wall of one thickness, as of a vessel or a print",
+        description="Make a closed solid with a cavity: a wall of one thickness, inwards or outwards from the "
+        "surface. Groups: outer, inner.",
+    )
+    _add_tube(hollow)
+    hollow.add_argument("--thickness", type=float, required=True, metavar="MM", help="of the wall")
+    hollow.add_argument(
+        "--outwards",
+        action="store_true",
+        help="the input is the lumen: the wall lies around it; default: inside the input's surface",
+    )
+    hollow.add_argument(
+        "--open-ends", action="store_true", help="cut the ends of tubes open; groups inlet, outlet_1, ..."
+    )
+    _add_root(hollow)
+    _add_named_output(hollow)
+    hollow.set_defaults(run=_hollow)
+
+
+def _add_lumen(commands: Any) -> None:
+    lumen = commands.add_parser(
+        "lumen",
+        help="cut the ends of a vessel square and name them, for flow",
+        description="Cut each free end of a tube square to its centreline and close it by a flat cap. Groups: "
+        "wall, inlet, outlet_1, ...",
+    )
+    _add_tube(lumen)
+    _add_root(lumen)
+    _add_named_output(lumen)
+    lumen.set_defaults(run=_lumen)
 
 
 def _add_run(commands: Any) -> None:
@@ -826,6 +910,123 @@ def _compare(given: argparse.Namespace) -> int:
             print(f"missed: {line}")
         print(*given.output, sep="\n", end="\n" * bool(given.output))
     return 1 if missed else 0
+
+
+# vessels, airways and ducts -------------------------------------------------------------------------
+
+
+def _tube(given: argparse.Namespace) -> tuple[Mesh, float | None]:
+    """Return the surface of what was given, and the smallest edge of a voxel; a mesh is taken as it is."""
+    import cccd
+    from cccd.closed_meshes import read_closed_mesh
+    from cccd.files.read_meshes import is_mesh
+
+    if is_mesh(given.input):
+        if given.label:
+            raise InputError(given.input.name, "a mesh has no labels", "leave --label out")
+        mended = read_closed_mesh(given.input)
+        for note in mended.notes:
+            print(f"warning: {note}", file=sys.stderr)
+        return mended.mesh, None
+    surface = cccd.reconstruct(cccd.read(given.input, given.label))
+    return surface.lofted.mesh, float(min(surface.lofted.frame.spacing))
+
+
+def _root_of(given: argparse.Namespace) -> list[float] | None:
+    if given.root is None:
+        return None
+    try:
+        x, y, z = (float(part) for part in given.root.split(","))
+    except ValueError:
+        hint = "give X,Y,Z in mm RAS: --root=-12,30,55"
+        raise InputError("--root", f"{given.root!r} is not a point", hint) from None
+    return [x, y, z]
+
+
+def _centrelines(given: argparse.Namespace) -> int:
+    from cccd.tubes.centrelines import find_centrelines
+    from cccd.tubes.files import check_suffix, describe, write_centrelines
+
+    outputs = given.output or [Path(f"{_plain_stem(given.input)}_centrelines.csv")]
+    for path in outputs:
+        check_suffix(path)
+    _check_files(outputs, [given.input])
+    root = _root_of(given)
+    mesh, voxel = _tube(given)
+    found = find_centrelines(mesh, voxel, root, given.input.name)
+    for path in outputs:
+        write_centrelines(path, found)
+    rows = [describe(branch) for branch in found.branches]
+    if given.json:
+        print(json.dumps({"input": str(given.input), "branches": rows, "notes": found.notes}, indent=2))
+        return 0
+    print(*outputs, sep="\n")
+    print(f"{'branch':>8}{'parent':>8}{'length mm':>11}{'radius mm':>11}{'tortuosity':>12}{'angle deg':>11}")
+    for row in rows:
+        names = ("length_mm", "mean_radius_mm", "tortuosity", "angle_to_parent_deg")
+        length, radius, tortuosity, angle = ("-" if row[n] is None else f"{row[n]:.2f}" for n in names)
+        parent = row["parent"] or "-"
+        print(f"{row['branch']:>8}{parent:>8}{length:>11}{radius:>11}{tortuosity:>12}{angle:>11}")
+    for note in found.notes:
+        print(f"note: {note}")
+    return 0
+
+
+def _hollow(given: argparse.Namespace) -> int:
+    from cccd.tubes.hollow import hollow_wall
+
+    if not given.open_ends and given.root is not None:
+        raise InputError("--root", "without --open-ends nothing is cut", "add --open-ends, or leave --root out")
+    return _cut(
+        given,
+        lambda mesh: list(
+            zip(
+                hollow_wall(mesh, given.thickness, given.outwards, given.input.name),
+                ("outer", "inner"),
+                strict=True,
+            )
+        ),
+        given.open_ends,
+    )
+
+
+def _lumen(given: argparse.Namespace) -> int:
+    return _cut(given, lambda mesh: [(mesh, "wall")], True)
+
+
+def _cut(given: argparse.Namespace, layers: Callable[[Mesh], list[tuple[Mesh, str]]], open_: bool) -> int:
+    """Cut what bounds a solid open where asked for, write it, and print its groups."""
+    from cccd.tubes.centrelines import find_centrelines
+    from cccd.tubes.ends import clear_ends, find_ends, opened
+    from cccd.tubes.named import check_named, write_named
+
+    for path in given.output:
+        check_named(path)
+    _check_files(given.output, [given.input])
+    root = _root_of(given)
+    mesh, voxel = _tube(given)
+    bounds, notes, ends = layers(mesh), [], []
+    if open_:
+        found = find_centrelines(mesh, voxel, root, given.input.name)
+        ends, closed = clear_ends(bounds, find_ends(found, given.input.name))
+        notes = [*found.notes, *closed]
+    named = opened(bounds, ends, given.input.name)
+    for path in given.output:
+        write_named(path, named, _plain_stem(given.input))
+    areas = {name: round(named.group(name).area, 3) for name in named.names}
+    volume = named.mesh.volume / 1000
+    if given.json:
+        made = {"input": str(given.input), "files": [str(path) for path in given.output]}
+        made |= {"volume_ml": round(volume, 4), "areas_mm2": areas, "notes": notes}
+        print(json.dumps(made, indent=2))
+        return 0
+    print(*given.output, sep="\n")
+    print(f"  {volume:.4g} ml, {len(named.mesh.faces)} triangles")
+    for name, area in areas.items():
+        print(f"  {name}: {area:.4g} mm²")
+    for note in notes:
+        print(f"  note: {note}")
+    return 0
 
 
 # the workflow ---------------------------------------------------------------------------------------

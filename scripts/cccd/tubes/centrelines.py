@@ -77,7 +77,8 @@ class Branch:
     tangents : (n, 3) float64
         Of unit length.
     radius : (n,) float64
-        Of the circle with the section's area, in mm; the inscribed one where it is not measured.
+        Of the circle with the section's area, in mm. Where it is not measured: that of the nearest section
+        at an end, the inscribed one at a fork.
     inscribed : (n,) float64
         Of the largest sphere around the point inside the surface.
     least_diameter, largest_diameter : (n,) float64
@@ -514,6 +515,11 @@ def _branch(
         np.where(one.own, [getattr(section, name, np.nan) for section in one.sections], np.nan)
         for name in ("least_diameter", "largest_diameter")
     )
+    radius, measured = one.radius[::way].copy(), np.flatnonzero(one.own[::way])
+    if len(measured):
+        first, last = measured[0], measured[-1]
+        radius[:first] = radius[first] if names[0] == "end" else radius[:first]
+        radius[last:] = radius[last] if names[1] == "end" else radius[last:]
     return Branch(
         number=number,
         parent=parent.number if parent else 0,
@@ -522,7 +528,7 @@ def _branch(
         end=names[1],
         points=one.points[::way],
         tangents=way * one.tangents[::way],
-        radius=one.radius[::way],
+        radius=radius,
         inscribed=one.inscribed[::way],
         least_diameter=least[::way],
         largest_diameter=largest[::way],
