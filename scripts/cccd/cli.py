@@ -292,7 +292,9 @@ def _add_compare(commands: Any) -> None:
 
 def _add_tube(command: argparse.ArgumentParser) -> None:
     command.add_argument(
-        "input", type=Path, help="mask or label map, as in cccd surface, or a closed mesh (.stl .ply .vtp .step)"
+        "input",
+        type=Path,
+        help="mask or label map, as in cccd surface, or a closed mesh (.stl .ply .vtp .step)",
     )
     command.add_argument(
         "--label", default="", help="value(s) of the label map, or the name of an organ, segment or ROI"
@@ -318,8 +320,8 @@ def _add_centrelines(commands: Any) -> None:
     _add_root(lines)
     lines.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
-        help="output file, repeatable: .csv (a row per branch), .vtp (lines), .swc (samples of a tree). Default: "
-        "the input's name with _centrelines.csv, in this folder",
+        help="output file, repeatable: .csv (a row per branch), .vtp (lines), .swc (samples of a tree). "
+        "Default: the input's name with _centrelines.csv, in this folder",
     )  # fmt: skip
     lines.set_defaults(run=_centrelines)
 
@@ -336,8 +338,8 @@ def _add_hollow(commands: Any) -> None:
     hollow = commands.add_parser(
         "hollow",
         help="a wall of one thickness, as of a vessel or a print",
-        description="Make a closed solid with a cavity: a wall of one thickness, inwards or outwards from the "
-        "surface. Groups: outer, inner.",
+        description="Make a closed solid with a cavity: a wall of one thickness, inwards or outwards from "
+        "the surface. Groups: outer, inner.",
     )
     _add_tube(hollow)
     hollow.add_argument("--thickness", type=float, required=True, metavar="MM", help="of the wall")
@@ -358,8 +360,8 @@ def _add_lumen(commands: Any) -> None:
     lumen = commands.add_parser(
         "lumen",
         help="cut the ends of a vessel square and name them, for flow",
-        description="Cut each free end of a tube square to its centreline and close it by a flat cap. Groups: "
-        "wall, inlet, outlet_1, ...",
+        description="Cut each free end of a tube square to its centreline and close it by a flat cap. "
+        "Groups: wall, inlet, outlet_1, ...",
     )
     _add_tube(lumen)
     _add_root(lumen)
@@ -976,7 +978,9 @@ def _hollow(given: argparse.Namespace) -> int:
     from cccd.tubes.hollow import hollow_wall
 
     if not given.open_ends and given.root is not None:
-        raise InputError("--root", "without --open-ends nothing is cut", "add --open-ends, or leave --root out")
+        raise InputError(
+            "--root", "without --open-ends nothing is cut", "add --open-ends, or leave --root out"
+        )
     return _cut(
         given,
         lambda mesh: list(

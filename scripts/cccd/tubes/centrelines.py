@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import splev, splprep
@@ -200,13 +201,20 @@ def find_centrelines(
             lines = joined([line for line in lines if line is not shortest])
         if number < _ROUNDS:
             lines = _centred(moved, mesh)
-    moved, skipped = _tubes(moved, location)
-    if skipped:
-        notes.append(f"{skipped} pieces of the surface are not three times as long as wide: left out")
+    tubes = _tubes(moved, location)
+    skipped = mesh.count_bodies() - len(tubes)
+    if skipped > 0:
+        plural = "s" * (skipped > 1)
+        notes.append(
+            f"left out {skipped} piece{plural} of the surface that are not three times as long as wide"
+        )
+    moved = [one for tube in tubes for one in tube]
     found = Centrelines(_oriented(moved, root))
     if found.loops:
         plural = "s" * (found.loops > 1)
-        notes.append(f"the centrelines close {found.loops} loop{plural}: a tree has none. Check the mask there")
+        notes.append(
+            f"the centrelines close {found.loops} loop{plural}: a tree has none. Check the mask there"
+        )
     return Centrelines(found.branches, tuple(notes))
 
 
@@ -240,7 +248,7 @@ class _Moved:
         return np.array([s.centroid for s, own in zip(self.sections, self.own, strict=True) if own and s])
 
     def direction(self, end: int) -> FloatArray:
-        """Unit vector along the line near an end, 0 or -1, out of the line."""
+        """Return the unit vector along the line near an end, 0 or -1, out of the line."""
         outward = self.tangents[end] * (1 if end else -1)
         if self.own.sum() < 2:
             return outward
@@ -305,9 +313,8 @@ def _smoothed(line: Line, tolerance: float, around: bool) -> tuple[FloatArray, F
     degree = min(3, len(points) - 1)
     weights = np.ones(len(points))
     weights[[0, -1]] *= 1 if around else 10  # ends stay
-    (spline, _) = splprep(
-        points.T, w=weights / tolerance, k=degree, s=len(points), per=around, full_output=0
-    )
+    found: Any = splprep(points.T, w=weights / tolerance, k=degree, s=len(points), per=around)
+    spline: Any = found[0]
     fine = np.linspace(0, 1, 20 * len(points))
     dense = np.array(splev(fine, spline)).T
     gone = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(dense, axis=0), axis=1))])
@@ -328,7 +335,9 @@ def _filled(points: FloatArray, spacing: float) -> FloatArray:
     points = points[np.concatenate([apart > 1e-9, [True]])]
     counts = np.maximum(np.ceil(apart[apart > 1e-9] / spacing).astype(int), 1)
     first = np.repeat(np.cumsum([0, *counts[:-1]]), counts)
-    at = np.repeat(np.arange(len(counts)), counts) + (np.arange(len(first)) - first) / np.repeat(counts, counts)
+    at = np.repeat(np.arange(len(counts)), counts) + (np.arange(len(first)) - first) / np.repeat(
+        counts, counts
+    )
     at = np.append(at, len(counts))
     return np.column_stack([np.interp(at, np.arange(len(points)), axis) for axis in points.T])
 
@@ -340,7 +349,9 @@ def _owners(mesh: Mesh, points: FloatArray, radii: FloatArray, lines: IntArray) 
     """
     lift = np.sqrt(np.maximum(radii.max() ** 2 - radii**2, 0))
     middles = mesh.vertices[mesh.faces].mean(axis=1)
-    _, nearest = cKDTree(np.column_stack([points, lift])).query(np.column_stack([middles, np.zeros(len(middles))]))
+    _, nearest = cKDTree(np.column_stack([points, lift])).query(
+        np.column_stack([middles, np.zeros(len(middles))])
+    )
     return lines[nearest]
 
 
@@ -350,7 +361,8 @@ def _without_sections(moved: Sequence[_Moved]) -> list[Line]:
     return [
         one.line
         for one in moved
-        if not one.own.any() and sorted(degree[node] for node in one.nodes)[0] == 1
+        if not one.own.any()
+        and sorted(degree[node] for node in one.nodes)[0] == 1
         and max(degree[node] for node in one.nodes) > 1
     ]
 
@@ -411,24 +423,21 @@ def _forks(moved: Sequence[_Moved], mesh: Mesh) -> dict[int, FloatArray]:
 # The tree ---------------------------------------------------------------------------------------------
 
 
-def _tubes(moved: Sequence[_Moved], location: str) -> tuple[list[_Moved], int]:
-    """Connected lines that are long for their width, and how many are not."""
-    kept: list[_Moved] = []
-    skipped = 0
+def _tubes(moved: Sequence[_Moved], location: str) -> list[list[_Moved]]:
+    """Take the connected lines that are long for their width."""
+    kept: list[list[_Moved]] = []
     for part in _components(moved):
         radii = np.concatenate([one.radius[one.own] for one in part])
         longest = _longest([one.line for one in part])
         if len(radii) and longest > _TUBE * float(radii.mean()):
-            kept += part
-        else:
-            skipped += 1
+            kept.append(part)
     if not kept:
         raise InputError(
             location,
             "there is no tube in it: nothing is three times as long as wide",
             "give a vessel, an airway or a duct",
         )
-    return kept, skipped
+    return kept
 
 
 def _components(moved: Sequence[_Moved]) -> list[list[_Moved]]:
@@ -507,10 +516,7 @@ def _branch(
     one: _Moved, turned: bool, number: int, parent: Branch | None, angle: float, degree: Mapping[int, int]
 ) -> Branch:
     way = -1 if turned else 1
-    names = [
-        "loop" if one.is_ring else "end" if degree[node] == 1 else "fork"
-        for node in one.nodes[::way]
-    ]
+    names = ["loop" if one.is_ring else "end" if degree[node] == 1 else "fork" for node in one.nodes[::way]]
     least, largest = (
         np.where(one.own, [getattr(section, name, np.nan) for section in one.sections], np.nan)
         for name in ("least_diameter", "largest_diameter")

@@ -82,7 +82,9 @@ def find_ends(found: Centrelines, location: str) -> list[End]:
             ends.append(End(name, branch.points[n], way * branch.tangents[n], float(branch.radius[n])))
     if not ends:
         raise InputError(
-            location, "no branch has a free end: the tube closes on itself", "cut the mask open where flow enters"
+            location,
+            "no branch has a free end: the tube closes on itself",
+            "cut the mask open where flow enters",
         )
     return ends
 
@@ -154,7 +156,7 @@ def opened(layers: Sequence[tuple[Mesh, str]], ends: Sequence[End], location: st
     >>> tube = trimesh.creation.cylinder(3.0, 40.0, sections=32)
     >>> ends = [End("inlet", np.array((0, 0, z)), np.array((0, 0, np.sign(z))), 3.0) for z in (-10.0, 10.0)]
     >>> cut = opened([(Mesh(tube.vertices, tube.faces), "wall")], ends[:1], "tube")
-    >>> cut.names, cut.mesh.is_closed_manifold, round(np.ptp(cut.mesh.vertices[:, 2]), 6)
+    >>> cut.names, cut.mesh.is_closed_manifold, round(float(np.ptp(cut.mesh.vertices[:, 2])), 6)
     (('wall', 'inlet'), True, 30.0)
     """
     cut = [mesh for mesh, _ in layers]
@@ -283,7 +285,7 @@ def _one_below(faces: IntArray, above: BoolArray, met: IntArray) -> IntArray:
 
 
 def _rim(mesh: Mesh, first: int) -> IntArray | None:
-    """Loop of vertices, from number ``first`` on, along the open edges, against their triangles' direction."""
+    """Loop of the vertices from ``first`` on, along open edges, against their triangles' direction."""
     start, end = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
     count = len(mesh.vertices)
     ours = (start >= first) & (end >= first)
@@ -344,6 +346,8 @@ def _keeps_rims(triangles: IntArray, sizes: Sequence[int]) -> bool:
     start = 0
     for size in sizes:
         ring = start + np.arange(size)
-        wanted |= {tuple(sorted(pair)) for pair in zip(ring.tolist(), np.roll(ring, -1).tolist(), strict=True)}
+        wanted |= {
+            (min(pair), max(pair)) for pair in zip(ring.tolist(), np.roll(ring, -1).tolist(), strict=True)
+        }
         start += size
     return border == wanted and bool(np.all(uses <= 2))

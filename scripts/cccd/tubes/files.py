@@ -69,7 +69,9 @@ def check_suffix(path: Path) -> None:
     """
     if path.suffix.lower() not in _WRITERS:
         known = ", ".join(SUFFIXES)
-        raise InputError(str(path), f"unknown format {path.suffix!r} of centrelines", f"choose one of {known}")
+        raise InputError(
+            str(path), f"unknown format {path.suffix!r} of centrelines", f"choose one of {known}"
+        )
 
 
 def write_centrelines(path: Path, found: Centrelines) -> None:

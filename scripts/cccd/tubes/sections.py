@@ -121,7 +121,7 @@ class Slicer:
             share = (low / (low - high))[:, None]
             met = self.mesh.vertices[first] * (1 - share) + self.mesh.vertices[second] * share
             ends.append((met - point) @ basis.T)
-        loop = _surrounding(*ends, *edges)
+        loop = _surrounding(ends[0], ends[1], edges[0], edges[1])
         if loop is None:
             return None
         return _measured(ends[0][loop], ends[1][loop], faces[loop], point, basis)

@@ -1,8 +1,6 @@
-"""Tubes of known length, radius, curvature and angles are measured as they are, and have no branch too many."""
+"""Tubes of known length, radius, curvature and angles are measured as they are, without a branch too many."""
 
 import csv
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +38,9 @@ def near(value, true, voxel):
 # a flat end lies somewhere between two slices: its place is known to half their distance
 @pytest.mark.parametrize("spacing", [FINE, THICK])
 @pytest.mark.parametrize(
-    ("tube", "radius"), [(straight((0, 0, 0), (10, 6, 60), 5.0), 5.0), (helix(), 4.0)], ids=["straight", "helix"]
+    ("tube", "radius"),
+    [(straight((0, 0, 0), (10, 6, 60), 5.0), 5.0), (helix(), 4.0)],
+    ids=["straight", "helix"],
 )
 def test_one_tube_is_one_branch_of_its_length_and_radius(tube, radius, spacing):
     found = lines_of([tube], spacing)
@@ -55,14 +55,17 @@ def test_a_helix_has_its_curvature_and_tortuosity():
     tube = helix(radius=18, pitch=30)
     (branch,) = lines_of([tube], FINE).branches
     slope = 30 / (2 * np.pi)
-    assert np.median(branch.curvature[branch.measured]) == pytest.approx(18 / (18**2 + slope**2), rel=0.03)
+    assert np.median(branch.curvature[branch.measured]) == pytest.approx(18 / (18**2 + slope**2), rel=0.05)
     chord = np.linalg.norm(tube.curve[-1] - tube.curve[0])
-    assert branch.tortuosity == pytest.approx(tube.length / chord, rel=0.02)
+    # its last radius is straight, and so ends outside the helix by radius^2 / (2 * 18)
+    assert branch.tortuosity == pytest.approx(tube.length / chord, rel=0.03)
 
 
 @pytest.mark.parametrize("spacing", [FINE, THICK])
 def test_a_tapering_tube_tapers(spacing):
-    (branch,) = lines_of([Tube(np.linspace((0, 0, 0), (5, 3, 80), 50), np.linspace(8, 3, 50))], spacing).branches
+    (branch,) = lines_of(
+        [Tube(np.linspace((0, 0, 0), (5, 3, 80), 50), np.linspace(8, 3, 50))], spacing
+    ).branches
     assert branch.points[0, 2] < branch.points[-1, 2]  # the widest end is the root
     share = np.linalg.norm(branch.points - branch.points[0], axis=1) / branch.length
     true = 8 - 5 * share
@@ -202,8 +205,10 @@ def test_morphio_reads_the_samples(forked, tmp_path):
     write_centrelines(tmp_path / "tree.swc", forked)
     text = (tmp_path / "tree.swc").read_text()
     # neurons have types, and a root without one is none of theirs
-    lines = [" ".join([*line.split()[:1], "3", *line.split()[2:]]) if line[0] != "#" else line
-             for line in text.splitlines()]
+    lines = [
+        " ".join([*line.split()[:1], "3", *line.split()[2:]]) if line[0] != "#" else line
+        for line in text.splitlines()
+    ]
     (tmp_path / "dendrite.swc").write_text("\n".join(lines) + "\n")
     neuron = morphio.Morphology(tmp_path / "dendrite.swc")
     assert len(neuron.sections) == 3

@@ -78,7 +78,11 @@ def test_ends_are_flat_square_and_named(forked):
     assert len(cut.mesh.self_intersections()) == 0
     assert cut.mesh.genus == 0
     assert 0.8 * mesh.volume < cut.mesh.volume < mesh.volume
-    ways = {"inlet": (0, 0, -1), "outlet_1": found.branches[1].tangents[-1], "outlet_2": found.branches[2].tangents[-1]}
+    ways = {
+        "inlet": (0, 0, -1),
+        "outlet_1": found.branches[1].tangents[-1],
+        "outlet_2": found.branches[2].tangents[-1],
+    }
     for end in ends:
         cap = cut.group(end.name)
         assert np.abs((cap.vertices - end.point) @ end.outward).max() < 1e-9
@@ -156,7 +160,9 @@ def test_trimesh_reads_the_groups(cut, tmp_path, suffix):
     write_named(tmp_path / f"fork.{suffix}", cut, "fork")
     scene = trimesh.load(tmp_path / f"fork.{suffix}", force="scene", split_object=True, group_material=False)
     if suffix == "stl":
-        assert {name: part.area for name, part in scene.geometry.items()} == pytest.approx(areas(cut), rel=1e-5)
+        assert {name: part.area for name, part in scene.geometry.items()} == pytest.approx(
+            areas(cut), rel=1e-5
+        )
     else:
         whole = trimesh.load(tmp_path / "fork.obj", force="mesh")
         assert whole.is_watertight
@@ -179,7 +185,9 @@ def test_gmsh_reads_the_boundaries_of_the_tetrahedra(cut, tmp_path):
                 kinds, _, nodes = gmsh.model.mesh.get_elements(dimension, entity)
                 for kind, ids in zip(kinds, nodes, strict=True):
                     assert kind == {2: 2, 3: 4}[dimension]
-                    corners = np.array([gmsh.model.mesh.get_node(n)[0] for n in ids]).reshape(-1, dimension + 1, 3)
+                    corners = np.array([gmsh.model.mesh.get_node(n)[0] for n in ids]).reshape(
+                        -1, dimension + 1, 3
+                    )
                     edges = corners[:, 1:] - corners[:, :1]
                     if dimension == 2:
                         size += np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum() / 2
@@ -203,7 +211,16 @@ def test_the_commands_cut_and_hollow_and_refuse(tmp_path, monkeypatch, capsys):
     assert all(f"  {name}: " in printed for name in ("outer", "inner", "inlet", "outlet_1"))
     wrong = {
         ("lumen", "duct.nii.gz", "-o", "duct.ply"): "'.ply' is no format with named boundaries",
-        ("hollow", "duct.nii.gz", "--thickness", "1", "--root", "1,2,3", "-o", "a.stl"): "without --open-ends",
+        (
+            "hollow",
+            "duct.nii.gz",
+            "--thickness",
+            "1",
+            "--root",
+            "1,2,3",
+            "-o",
+            "a.stl",
+        ): "without --open-ends",
         ("hollow", "duct.nii.gz", "--thickness", "9", "-o", "a.stl"): "no cavity is left",
         ("lumen", "wall.vtp", "--label", "2", "-o", "a.stl"): "a mesh has no labels",
     }

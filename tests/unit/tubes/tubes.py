@@ -35,7 +35,7 @@ def straight(start, end, radius, flat=True):
 
 
 def voxels(tubes, spacing, margin=4):
-    """Mask and affine of the union of tubes; the grid is turned to no axis of theirs, and off by part of a voxel."""
+    """Mask and affine of the union of tubes, on a grid that is off by part of a voxel."""
     spacing = np.array(spacing, float)
     low = np.min([(t.curve - t.radius.max()).min(axis=0) for t in tubes], axis=0) - margin * spacing
     high = np.max([(t.curve + t.radius.max()).max(axis=0) for t in tubes], axis=0) + margin * spacing
@@ -52,7 +52,9 @@ def voxels(tubes, spacing, margin=4):
 
 def helix(radius=18.0, pitch=30.0, turns=1.5, tube=4.0):
     angle = np.linspace(0, 2 * np.pi * turns, 2000)
-    return Tube(np.column_stack([radius * np.cos(angle), radius * np.sin(angle), pitch * angle / 2 / np.pi]), tube)
+    return Tube(
+        np.column_stack([radius * np.cos(angle), radius * np.sin(angle), pitch * angle / 2 / np.pi]), tube
+    )
 
 
 def turned(degrees):
