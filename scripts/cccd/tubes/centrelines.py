@@ -205,9 +205,7 @@ def find_centrelines(
     skipped = mesh.count_bodies() - len(tubes)
     if skipped > 0:
         plural = "s" * (skipped > 1)
-        notes.append(
-            f"left out {skipped} piece{plural} of the surface that are not three times as long as wide"
-        )
+        notes.append(f"left out {skipped} piece{plural} of the surface, not three times as long as wide")
     moved = [one for tube in tubes for one in tube]
     found = Centrelines(_oriented(moved, root))
     if found.loops:
@@ -389,8 +387,12 @@ def _centred(moved: Sequence[_Moved], mesh: Mesh) -> list[Line]:
                 ends.append(first_hit(tree, centres[end], ahead))
             else:
                 ends.append(one.points[end])
+        if not len(centres):  # as where two forks are near: straight, if not along another such line
+            twin = any(set(other.nodes) == set(one.nodes) for other in moved if other is not one)
+            middle = len(one.points) // 2
+            centres = one.points[middle : middle + 1] if twin else centres
+            radii = one.inscribed[middle : middle + 1]
         points = np.concatenate([ends[:1], centres, ends[1:]])
-        radii = radii if len(radii) else one.inscribed[1:2]
         lines.append(Line(one.nodes, points, np.concatenate([radii[:1], radii, radii[-1:]])[: len(points)]))
     return lines
 
