@@ -194,7 +194,8 @@ def _add_surface(commands: Any) -> None:
     )  # fmt: skip
     surface.add_argument(
         "--slab", type=int, metavar="SLICES",
-        help="the input is an OME-Zarr larger than memory: read so many slices at a time. Writes .ply and .stl",
+        help="the input is an OME-Zarr larger than memory: read this number of slices at a time. Writes .ply "
+        "and .stl",
     )  # fmt: skip
     surface.add_argument(
         "--all-labels",
@@ -599,7 +600,9 @@ def _make_slabs(given: argparse.Namespace, outputs: Sequence[Path], settings: Se
     organ = labels.organ(given.label)
     window = find_window(organ, labels.shape[0], given.slab)
     if window is None:
-        raise InputError(given.input.name, f"there is no label {given.label or 'at all'} in it", "check --label")
+        raise InputError(
+            given.input.name, f"there is no label {given.label or 'at all'} in it", "check --label"
+        )
     checked = labels.organ(given.label, check=True)
     pieces = loft_slabs(checked, labels.frame, window, given.slab, settings.curves, settings.surface)
     slabs = -(-(window.last - window.first + 1) // given.slab)

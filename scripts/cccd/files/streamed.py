@@ -52,7 +52,11 @@ def write_pieces(paths: list[Path], pieces: Iterable[Piece]) -> Written:
     """
     vertices = triangles = 0
     volume, low, high = 0.0, np.full(3, np.inf), np.full(3, -np.inf)
-    with tempfile.TemporaryFile() as points, tempfile.TemporaryFile() as faces, tempfile.TemporaryFile() as stl:
+    with (
+        tempfile.TemporaryFile() as points,
+        tempfile.TemporaryFile() as faces,
+        tempfile.TemporaryFile() as stl,
+    ):
         for piece in pieces:
             points.write(piece.mesh.vertices[piece.fresh].astype("<f8").tobytes())
             table = np.empty(len(piece.mesh.faces), TRIANGLE)

@@ -28,8 +28,8 @@ _MOST_VOXELS = 512e6
 #: Directions against RAS (RFC 4); what names none is taken as RAS.
 _AGAINST_RAS = {"right-to-left", "anterior-to-posterior", "superior-to-inferior"}
 
-#: What ends at a missing chunk by this share of the voxels one layer further in, and by so many voxels, was cut
-#: off there: a round end has half of them at most.
+#: What ends at a missing chunk by this share of the voxels one layer further in, and by so many voxels, was
+#: cut off there: a round end has half of them at most.
 _CUT_SHARE, _CUT_VOXELS = 0.8, 16
 
 

@@ -16,7 +16,14 @@ from scipy import ndimage
 from cccd.containers import Curves, Frame, Sections, Structure
 from cccd.contours import trace_contours
 from cccd.curves import describe_curves
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray, concatenate_ragged, split_ragged
+from cccd.geometry.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    SingleArray,
+    concatenate_ragged,
+    split_ragged,
+)
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.settings.curves import CurveSettings
@@ -43,7 +50,7 @@ _CAP = 1e-6
 
 @dataclass(frozen=True)
 class Window:
-    """Where an organ lies: slices ``first`` to ``last``, and pixels ``low`` (2,) to ``high`` (2,), all included."""
+    """Where an organ lies: slices ``first`` to ``last``, pixels ``low`` (2,) to ``high`` (2,), all included."""
 
     first: int
     last: int
