@@ -2,7 +2,8 @@
 
 Each slab is read with some slices more to either side. What is kept of it depends on none beyond these, so
 that neighbours agree on the slice between them to the last bit. The surface is where the signed distances
-vanish to which `cccd.surface.spline` fits its spline; it is not that spline, which is fitted as a whole.
+vanish to which `cccd.surface.spline` fits its spline, smoothed as a mesh; it is not that spline, which is
+fitted as a whole.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
+from scipy.sparse import coo_array, diags_array
 
 from cccd.containers import Curves, Frame, Sections, Structure
 from cccd.contours import trace_contours
@@ -34,9 +36,15 @@ from cccd.surface.stack import interpolate_slices
 
 __all__ = ["LEAST_SLAB", "Piece", "Window", "find_window", "loft_slabs"]
 
-#: Slices, and pixels, that a slab is read with to either side: distances depend on 3 slices or pixels beyond
-#: theirs on an airway, and ends of parts on more.
+#: Distances depend on 3 slices or pixels beyond theirs on an airway, and ends of parts on more: on so many
+#: slices or pixels at most.
 _OVERLAP_SLICES, _OVERLAP_PIXELS = 12, 10.0
+
+#: Pairs of steps, and their factors, by which a mesh is smoothed without shrinking (Taubin 1995): these take
+#: the steps of pixels off, and pass what is longer than about ten of them ...
+_ROUNDS, _SHRINK, _GROW = 10, 0.5, -0.53
+#: ... and so many slices to either side count, and less than 0.001 pixels beyond.
+_SMOOTHED_SLICES = 16
 
 #: Fewer slices would be read several times over.
 LEAST_SLAB = 8
@@ -50,7 +58,7 @@ _CAP = 1e-6
 
 @dataclass(frozen=True)
 class Window:
-    """Where an organ lies: slices ``first`` to ``last``, pixels ``low`` (2,) to ``high`` (2,), all included."""
+    """Where an organ lies: slices ``first`` to ``last``, pixels ``low`` to ``high``, all included."""
 
     first: int
     last: int
@@ -126,13 +134,17 @@ def loft_slabs(
     seam = _Seam()
     for low in range(window.first, window.last + 1, slab):
         high = low + slab
-        first, last = max(low - overlap, 0), min(high + overlap, frame.shape[0])
+        reach = overlap + _SMOOTHED_SLICES
+        first, last = max(low - reach, 0), min(high + reach, frame.shape[0])
         mask = _without_small(read(first, last), smallest, (first == 0, last == frame.shape[0]))
         levels = _levels(mask, first, frame, window, fitting, lofting)
-        top = None if high > window.last else high * frame.slice_spacing
-        z, values = levels.between(None if shared is None else low * frame.slice_spacing, top, shared)
-        shared = None if top is None else values[-1]
-        piece = seam.joined(z, values, window, frame)
+        step = frame.slice_spacing
+        bottom = None if low == window.first else low * step
+        top = None if high > window.last else high * step
+        around = ((low - _SMOOTHED_SLICES) * step, (high + _SMOOTHED_SLICES) * step)
+        part = levels.between(*around).through(bottom, shared).through(top)
+        shared = None if top is None else part.at(top)
+        piece = seam.joined(part, (bottom, top), window, frame)
         if piece is not None:
             yield piece
 
@@ -159,6 +171,7 @@ class _Levels:
     z: FloatArray
     values: SingleArray
     far: float
+    ends: tuple[float, float] = (-np.inf, np.inf)  # where the scan cuts
 
     def at(self, height: float) -> SingleArray:
         """Distances (I, J) at a height, linear between levels; far outside beyond them."""
@@ -170,21 +183,23 @@ class _Levels:
         share = np.float32((height - self.z[above - 1]) / (self.z[above] - self.z[above - 1]))
         return self.values[above - 1] * (1 - share) + self.values[above] * share
 
-    def between(
-        self, low: float | None, high: float | None, shared: SingleArray | None
-    ) -> tuple[FloatArray, SingleArray]:
-        """Take the levels between two heights, and those at them; ``shared`` is the one at the lower."""
-        inside = np.ones(len(self.z), bool)
-        if low is not None:
-            inside &= self.z > low
-        if high is not None:
-            inside &= self.z < high
-        z, values = [self.z[inside]], [self.values[inside]]
-        if low is not None and shared is not None:
-            z, values = [np.array([low]), *z], [shared[None], *values]
-        if high is not None:
-            z, values = [*z, np.array([high])], [*values, self.at(high)[None]]
-        return np.concatenate(z), np.concatenate(values)
+    def between(self, low: float, high: float) -> _Levels:
+        """Take the levels from one height to another."""
+        inside = (self.z >= low) & (self.z <= high)
+        return replace(self, z=self.z[inside], values=self.values[inside])
+
+    def through(self, height: float | None, values: SingleArray | None = None) -> _Levels:
+        """Add a level at a height, or replace the one there; its values are those of `at` by default."""
+        if height is None:
+            return self
+        values = self.at(height) if values is None else values
+        others = self.z != height
+        place = int(np.searchsorted(self.z[others], height))
+        return replace(
+            self,
+            z=np.insert(self.z[others], place, height),
+            values=np.insert(self.values[others], place, values, axis=0),
+        )
 
 
 def _levels(
@@ -211,7 +226,7 @@ def _levels(
         strict=True,
     )
     placed[(slice(None), *ours)] = values[(slice(None), *theirs)]
-    return _Levels(z, placed, far)
+    return _Levels(z, placed, far, distance.ends)
 
 
 def _outlines_by_slice(curves: Curves, fitting: CurveSettings, lofting: LoftSettings) -> Outlines:
@@ -255,39 +270,73 @@ def _capped(distance: SampledDistance, far: float) -> tuple[FloatArray, SingleAr
 
 
 class _Seam:
-    """Makes meshes of slabs, and gives the vertices on the plane between two of them one number."""
+    """Makes meshes of slabs, and gives the vertices on the plane between two of them one number and place."""
 
     def __init__(self) -> None:
         self._count = 0
-        self._numbers: dict[tuple[float, float], int] = {}
+        self._known: dict[tuple[float, float], tuple[int, FloatArray]] = {}
 
-    def joined(self, z: FloatArray, values: SingleArray, window: Window, frame: Frame) -> Piece | None:
-        """Make the mesh of levels; its first plane is the last one of the slab before."""
-        known, self._numbers = self._numbers, {}
-        pixel = float(np.sqrt(frame.pixel_spacing.prod()))
-        margin = np.float32(NODE_MARGIN * pixel)
+    def joined(
+        self, levels: _Levels, limits: tuple[float | None, float | None], window: Window, frame: Frame
+    ) -> Piece | None:
+        """Make the mesh between two levels, smoothed with what lies around; None for no limit."""
+        known, self._known = self._known, {}
+        z, values = levels.z, levels.values
+        margin = np.float32(NODE_MARGIN * levels.far / FAR_PIXELS)
         values = np.copysign(np.maximum(np.abs(values), margin), values)
         if len(z) < 2 or not np.any(values < 0):
             return None
-        mesh = ScalarGrid(values, np.eye(4)).isosurface(0.0)
-        numbers = np.full(len(mesh.vertices), -1)
-        for n in np.flatnonzero(mesh.vertices[:, 0] == 0):
-            numbers[n] = known.get(_place(mesh.vertices[n]), -1)
+        rough = ScalarGrid(values, np.eye(4)).isosurface(0.0)
+        low, high = (
+            end if limit is None else float(np.searchsorted(z, limit))
+            for end, limit in zip((-1.0, float(len(z))), limits, strict=True)
+        )
+        cell = np.floor(rough.vertices[rough.faces, 0].mean(axis=1))
+        kept = rough.faces[(cell >= low) & (cell < high)]
+        if not len(kept):
+            return None
+        smooth = _smoothed(_in_world(rough, z, window, frame), _on_ends(rough, levels), rough.faces)
+        used, faces = np.unique(kept, return_inverse=True)
+        place, vertices = rough.vertices[used], smooth[used]
+        numbers = np.full(len(used), -1)
+        for n in np.flatnonzero(place[:, 0] == low):
+            if _place(place[n]) in known:
+                numbers[n], vertices[n] = known[_place(place[n])]
         fresh = numbers < 0
         numbers[fresh] = self._count + np.arange(np.count_nonzero(fresh))
         self._count += int(np.count_nonzero(fresh))
-        for n in np.flatnonzero(mesh.vertices[:, 0] == len(z) - 1):
-            self._numbers[_place(mesh.vertices[n])] = int(numbers[n])
-        return Piece(_in_world(mesh, z, window, frame), numbers, fresh)
+        for n in np.flatnonzero(place[:, 0] == high):
+            self._known[_place(place[n])] = int(numbers[n]), vertices[n]
+        mesh = Mesh(vertices, faces.reshape(-1, 3).astype(np.int64))
+        mirrored = np.linalg.det(frame.stack_affine[:3, :3]) < 0
+        return Piece(mesh.reversed() if mirrored else mesh, numbers, fresh)
+
+
+def _on_ends(rough: Mesh, levels: _Levels) -> BoolArray:
+    """Mark vertices (V,) where the scan cuts."""
+    height = np.interp(rough.vertices[:, 0], np.arange(len(levels.z)), levels.z)
+    near = 10 * _CAP * levels.far
+    return np.asarray(np.any([np.abs(height - end) < near for end in levels.ends], axis=0), np.bool_)
+
+
+def _smoothed(points: FloatArray, fixed: BoolArray, faces: IntArray) -> FloatArray:
+    """Move vertices (V, 3) towards their neighbours' means and away from them, in turns."""
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    both = np.unique(np.concatenate([ends, ends[:, ::-1]]), axis=0)
+    links = coo_array((np.ones(len(both)), both.T), shape=(len(points), len(points))).tocsr()
+    mean = diags_array(1 / np.maximum(links.sum(axis=1), 1)) @ links
+    for factor in _ROUNDS * (_SHRINK, _GROW):
+        points = points + np.where(fixed, 0.0, factor)[:, None] * (mean @ points - points)
+    return points
 
 
 def _place(vertex: FloatArray) -> tuple[float, float]:
     return float(vertex[1]), float(vertex[2])
 
 
-def _in_world(mesh: Mesh, z: FloatArray, window: Window, frame: Frame) -> Mesh:
-    """Mesh in mm RAS of one in levels and pixels of a window."""
+def _in_world(mesh: Mesh, z: FloatArray, window: Window, frame: Frame) -> FloatArray:
+    """Vertices (V, 3) in mm RAS of a mesh in levels and pixels of a window."""
     index = np.empty_like(mesh.vertices)
     index[:, :2] = mesh.vertices[:, 1:] + np.array(window.low) - _MARGIN
     index[:, 2] = np.interp(mesh.vertices[:, 0], np.arange(len(z)), z) / frame.slice_spacing
-    return replace(mesh, vertices=index).transformed(frame.stack_affine)
+    return index @ frame.stack_affine[:3, :3].T + frame.stack_affine[:3, 3]
