@@ -1017,11 +1017,16 @@ def _tube(given: argparse.Namespace) -> tuple[Mesh, float | None]:
         if given.label:
             raise InputError(given.input.name, "a mesh has no labels", "leave --label out")
         mended = read_closed_mesh(given.input)
-        for note in mended.notes:
-            print(f"warning: {note}", file=sys.stderr)
+        _warn(mended.notes)
         return mended.mesh, None
     surface = cccd.reconstruct(cccd.read(given.input, given.label))
+    _warn(surface.warnings)
     return surface.lofted.mesh, float(min(surface.lofted.frame.spacing))
+
+
+def _warn(notes: Sequence[str]) -> None:
+    for note in notes:
+        print(f"warning: {note}", file=sys.stderr)
 
 
 def _root_of(given: argparse.Namespace) -> list[float] | None:

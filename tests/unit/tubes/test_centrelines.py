@@ -1,11 +1,11 @@
 """Tubes of known length, radius, curvature and angles are measured as they are, without a branch too many."""
 
 import csv
-from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from scans import DATA
 from tubes import Tube, helix, straight, turned, voxels
 
 import cccd
@@ -16,7 +16,7 @@ from cccd.tubes.centrelines import find_centrelines
 from cccd.tubes.files import describe, write_centrelines
 
 FINE, THICK = (1.0, 1.0, 1.0), (1.0, 1.0, 3.0)
-AIRWAY = Path(__file__).parents[5] / "shared" / "data" / "airway_lidc_1mm" / "mask_airway.nii.gz"
+AIRWAY = DATA / "airway_lidc_1mm" / "mask_airway.nii.gz"
 
 
 def lines_of(tubes, spacing, **more):
@@ -238,7 +238,7 @@ def test_the_command_writes_what_it_prints(tmp_path, monkeypatch, capsys):
         assert words in capsys.readouterr().err
 
 
-@pytest.mark.skipif(not AIRWAY.is_file(), reason="the shared airway is not there")
+@pytest.mark.skipif(not AIRWAY.is_file(), reason="the real scans are not at ../shared/data")
 def test_an_adult_airway_has_published_calibres():
     """Tracheas of men are 13 to 27 mm wide and of women 10 to 23 (Breatnach et al. 1984, AJR 142:903)."""
     surface = cccd.reconstruct(cccd.read(AIRWAY))
