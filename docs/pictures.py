@@ -84,6 +84,47 @@ def heat_map(name: str, most_mm: float, pixels: int = 420) -> str:
     return _screenshot(plotter, f"{name}, coloured by the distance to the other surface")
 
 
+def tree(surface: str, lines: str, pixels: int = 520) -> str:
+    """Draw what ``cccd centrelines -o`` wrote as VTP, coloured by the radius, in its surface."""
+    import pyvista
+
+    plotter = pyvista.Plotter(off_screen=True, window_size=(pixels, pixels))
+    plotter.add_mesh(pyvista.read(FOLDER / surface), color="lightgrey", opacity=0.3)
+    bar = {"title": "radius, mm", "color": "black", "vertical": True, "position_x": 0.82, "position_y": 0.1}
+    plotter.add_mesh(
+        pyvista.read(FOLDER / lines), scalars="radius", cmap="viridis", line_width=5, scalar_bar_args=bar
+    )
+    plotter.view_xz()
+    return _screenshot(plotter, f"the centrelines in {lines}, coloured by the radius")
+
+
+def groups(name: str, pixels: int = 520) -> str:
+    """Draw what ``cccd lumen -o`` or ``cccd hollow -o`` wrote as VTP, each named group in a colour."""
+    import pyvista
+
+    data = pyvista.read(FOLDER / name)
+    plotter = pyvista.Plotter(off_screen=True, window_size=(pixels, pixels))
+    colours = ("lightgrey", "steelblue", "firebrick", "seagreen", "darkorange", "purple", "gold", "teal")
+    for number, group in enumerate(data.field_data["group_names"]):
+        part = data.extract_cells(data["group"] == number + 1)
+        plotter.add_mesh(part, color=colours[number % len(colours)], label=str(group))
+    plotter.add_legend(bcolor="white", face="circle", size=(0.22, 0.25), loc="lower right")
+    plotter.view_vector((0.2, -0.8, 0.8))
+    return _screenshot(plotter, f"the groups in {name}, each in a colour")
+
+
+def pieces(meshes, pixels: int = 520) -> str:
+    """Draw parts of a surface, each in another colour."""
+    import pyvista
+
+    plotter = pyvista.Plotter(off_screen=True, window_size=(pixels, pixels))
+    for number, mesh in enumerate(meshes):
+        colour = ("lightsteelblue", "burlywood")[number % 2]
+        plotter.add_mesh(pyvista.PolyData.from_regular_faces(mesh.vertices, mesh.faces), color=colour)
+    plotter.view_xz()
+    return _screenshot(plotter, f"{len(meshes)} parts of a surface, one for each slab")
+
+
 def cut_open(solid, pixels: int = 420) -> str:
     """Draw the half of a tetrahedral mesh that lies behind the middle, by the quality of its tetrahedra."""
     import pyvista

@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from cccd.extras import missing_extra
 if TYPE_CHECKING:
     from cccd.api import Surface
     from cccd.containers import Structure
+    from cccd.geometry.mesh import Mesh
     from cccd.inputs.regions import DrawnLabels
     from cccd.label_survey import SurveyedLabel
     from cccd.settings.root import Settings
@@ -46,6 +47,9 @@ examples:
   cccd segment mr.nii.gz --segmenter hippocampus    labels and surface, from a scan without a mask
   cccd check labels.nii.gz                      what is in it: axes, spacing, labels, a picture
   cccd compare a.stl b.nii.gz --json            Dice, distances, normals of two surfaces or masks
+  cccd centrelines airway.nii.gz -o tree.csv    branches: length, radius, angles
+  cccd hollow aorta.nii.gz --thickness 2 -o wall.stl    a wall around a lumen or inside a surface
+  cccd lumen aorta.nii.gz -o lumen.msh          ends cut square, inlet and outlets named, for flow
   cccd run sheet.tsv --cores 8                  a cohort, with tables and a report
   cccd run bids/ out/ participant               the masks of a BIDS data set
 """
@@ -120,6 +124,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_segment(commands)
     _add_check(commands)
     _add_compare(commands)
+    _add_centrelines(commands)
+    _add_hollow(commands)
+    _add_lumen(commands)
     _add_run(commands)
     _add_export(commands)
     _add_report(commands)
@@ -184,6 +191,11 @@ def _add_surface(commands: Any) -> None:
         "--like", type=Path, metavar="SCAN",
         help="the input is a mesh (.stl .ply .obj .glb .vtp .step) or contours in several directions (.csl): "
         "the scan on whose grid label maps lie",
+    )  # fmt: skip
+    surface.add_argument(
+        "--slab", type=int, metavar="SLICES",
+        help="the input is an OME-Zarr larger than memory: read this number of slices at a time. Writes .ply "
+        "and .stl",
     )  # fmt: skip
     surface.add_argument(
         "--all-labels",
@@ -283,6 +295,85 @@ def _add_compare(commands: Any) -> None:
     compare.set_defaults(run=_compare)
 
 
+def _add_tube(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "input",
+        type=Path,
+        help="mask or label map, as in cccd surface, or a closed mesh (.stl .ply .vtp .step)",
+    )
+    command.add_argument(
+        "--label", default="", help="value(s) of the label map, or the name of an organ, segment or ROI"
+    )
+    command.add_argument("--json", action="store_true", help="print JSON")
+
+
+def _add_root(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--root", metavar="X,Y,Z",
+        help="the free end nearest to this point (mm RAS) is the root, or the inlet; default: the widest end",
+    )  # fmt: skip
+
+
+def _add_centrelines(commands: Any) -> None:
+    lines = commands.add_parser(
+        "centrelines",
+        help="centrelines, radii and angles of a vessel, an airway or a duct",
+        description="Find the centrelines of a tree of tubes, and measure each branch: length, radius, "
+        "diameters, tortuosity, curvature, angle to its parent.",
+    )
+    _add_tube(lines)
+    _add_root(lines)
+    lines.add_argument(
+        "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
+        help="output file, repeatable: .csv (a row per branch), .vtp (lines), .swc (samples of a tree). "
+        "Default: the input's name with _centrelines.csv, in this folder",
+    )  # fmt: skip
+    lines.set_defaults(run=_centrelines)
+
+
+def _add_named_output(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "-o", "--output", type=Path, action="append", required=True, metavar="FILE",
+        help="output file, repeatable: .vtp, .stl (text), .obj (surface with named groups), .msh, .vtu, .inp "
+        "(tetrahedra with named boundaries)",
+    )  # fmt: skip
+
+
+def _add_hollow(commands: Any) -> None:
+    hollow = commands.add_parser(
+        "hollow",
+        help="a wall of one thickness, as of a vessel or a print",
+        description="Make a closed solid with a cavity: a wall of one thickness, inwards or outwards from "
+        "the surface. Groups: outer, inner.",
+    )
+    _add_tube(hollow)
+    hollow.add_argument("--thickness", type=float, required=True, metavar="MM", help="of the wall")
+    hollow.add_argument(
+        "--outwards",
+        action="store_true",
+        help="the input is the lumen: the wall lies around it; default: inside the input's surface",
+    )
+    hollow.add_argument(
+        "--open-ends", action="store_true", help="cut the ends of tubes open; groups inlet, outlet_1, ..."
+    )
+    _add_root(hollow)
+    _add_named_output(hollow)
+    hollow.set_defaults(run=_hollow)
+
+
+def _add_lumen(commands: Any) -> None:
+    lumen = commands.add_parser(
+        "lumen",
+        help="cut the ends of a vessel square and name them, for flow",
+        description="Cut each free end of a tube square to its centreline and close it by a flat cap. "
+        "Groups: wall, inlet, outlet_1, ...",
+    )
+    _add_tube(lumen)
+    _add_root(lumen)
+    _add_named_output(lumen)
+    lumen.set_defaults(run=_lumen)
+
+
 def _add_run(commands: Any) -> None:
     run = commands.add_parser(
         "run",
@@ -368,6 +459,12 @@ def _add_calibrate(commands: Any) -> None:
 
 
 def _surface(given: argparse.Namespace) -> int:
+    from cccd.inputs.zarr_labels import is_zarr
+
+    if is_zarr(given.input):
+        return _surface_of_zarr(given)
+    if given.slab is not None:
+        raise InputError("--slab", f"{given.input.name} is no OME-Zarr", "leave --slab out")
     by_threshold = given.threshold is not None
     stem = f"{_plain_stem(given.input)}_threshold" if by_threshold else _plain_stem(given.input)
     outputs = given.output or [Path(f"{stem}.ply")]
@@ -442,6 +539,85 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
     else:
         _print_surface(made)
     return 0
+
+
+def _surface_of_zarr(given: argparse.Namespace) -> int:
+    """Make a surface of a label in an OME-Zarr: of the whole, or slab by slab."""
+    from cccd.inputs.zarr_labels import open_zarr
+
+    other = (given.all_labels, given.boundary, given.threshold is not None, given.image, given.like)
+    if any(other):
+        problem = "an OME-Zarr is read as a label map, one label at a time"
+        raise InputError(given.input.name, problem, "give --label, and leave --all-labels and its like out")
+    outputs = given.output or [Path(f"{_zarr_stem(given.input)}.ply")]
+    settings = _settings_of(given)
+    labels = open_zarr(given.input)
+    if given.slab is not None:
+        made = _make_slabs(given, outputs, settings)
+    else:
+        import cccd
+
+        _check_outputs(outputs, [], settings.surface.tetrahedra.mesher)
+        began = time.perf_counter()
+        surface = cccd.reconstruct(labels.whole(given.label), labels.affine, settings=settings)
+        files = [file for path in outputs for file in _write(surface, path, settings, given.band)]
+        made = _describe_surface(surface, files, time.perf_counter() - began)
+        made["organ"] = _zarr_stem(given.input)
+    if given.json:
+        print(
+            json.dumps(
+                {"input": str(given.input), "surfaces": [made], "distances": [], "failed": 0}, indent=2
+            )
+        )
+    else:
+        _print_surface(made)
+    return 0
+
+
+def _zarr_stem(path: Path) -> str:
+    return path.absolute().name.removesuffix(".zarr").removesuffix(".ome") or "surface"
+
+
+def _make_slabs(given: argparse.Namespace, outputs: Sequence[Path], settings: Settings) -> dict[str, Any]:
+    """Make the surface of a label of an OME-Zarr slab by slab, and write it; what there is to report."""
+    from tqdm import tqdm
+
+    from cccd.files.streamed import STREAMED, write_pieces
+    from cccd.inputs.zarr_labels import open_zarr
+    from cccd.surface.slabs import LEAST_SLAB, find_window, loft_slabs
+
+    for path in outputs:
+        if path.suffix.lower() not in STREAMED:
+            known = ", ".join(STREAMED)
+            raise InputError(str(path), "it cannot be written slab by slab", f"choose one of {known}")
+    if given.slab < LEAST_SLAB:
+        raise InputError("--slab", f"{given.slab} slices are too few", f"give {LEAST_SLAB} or more")
+    if given.band:
+        raise InputError("--band", "slabs have no error band", "leave --band or --slab out")
+    _check_files(outputs, [])
+    began = time.perf_counter()
+    labels = open_zarr(given.input)
+    organ = labels.organ(given.label)
+    window = find_window(organ, labels.shape[0], given.slab)
+    if window is None:
+        raise InputError(
+            given.input.name, f"there is no label {given.label or 'at all'} in it", "check --label"
+        )
+    checked = labels.organ(given.label, check=True)
+    pieces = loft_slabs(checked, labels.frame, window, given.slab, settings.curves, settings.surface)
+    slabs = -(-(window.last - window.first + 1) // given.slab)
+    with tqdm(pieces, total=slabs, disable=None, leave=False) as bar:
+        written = write_pieces(list(outputs), bar)
+    return {
+        "organ": _zarr_stem(given.input),
+        "files": [str(path) for path in outputs],
+        "volume_ml": round(written.volume / 1000, 4),
+        "size_mm": [round(length, 2) for length in written.size],
+        "triangles": written.triangles,
+        "slabs": slabs,
+        "warnings": [],
+        "seconds": round(time.perf_counter() - began, 2),
+    }
 
 
 def _plain_stem(path: Path) -> str:
@@ -826,6 +1002,130 @@ def _compare(given: argparse.Namespace) -> int:
             print(f"missed: {line}")
         print(*given.output, sep="\n", end="\n" * bool(given.output))
     return 1 if missed else 0
+
+
+# vessels, airways and ducts -------------------------------------------------------------------------
+
+
+def _tube(given: argparse.Namespace) -> tuple[Mesh, float | None]:
+    """Return the surface of what was given, and the smallest edge of a voxel; a mesh is taken as it is."""
+    import cccd
+    from cccd.closed_meshes import read_closed_mesh
+    from cccd.files.read_meshes import is_mesh
+
+    if is_mesh(given.input):
+        if given.label:
+            raise InputError(given.input.name, "a mesh has no labels", "leave --label out")
+        mended = read_closed_mesh(given.input)
+        _warn(mended.notes)
+        return mended.mesh, None
+    surface = cccd.reconstruct(cccd.read(given.input, given.label))
+    _warn(surface.warnings)
+    return surface.lofted.mesh, float(min(surface.lofted.frame.spacing))
+
+
+def _warn(notes: Sequence[str]) -> None:
+    for note in notes:
+        print(f"warning: {note}", file=sys.stderr)
+
+
+def _root_of(given: argparse.Namespace) -> list[float] | None:
+    if given.root is None:
+        return None
+    try:
+        x, y, z = (float(part) for part in given.root.split(","))
+    except ValueError:
+        hint = "give X,Y,Z in mm RAS: --root=-12,30,55"
+        raise InputError("--root", f"{given.root!r} is not a point", hint) from None
+    return [x, y, z]
+
+
+def _centrelines(given: argparse.Namespace) -> int:
+    from cccd.tubes.centrelines import find_centrelines
+    from cccd.tubes.files import check_suffix, describe, write_centrelines
+
+    outputs = given.output or [Path(f"{_plain_stem(given.input)}_centrelines.csv")]
+    for path in outputs:
+        check_suffix(path)
+    _check_files(outputs, [given.input])
+    root = _root_of(given)
+    mesh, voxel = _tube(given)
+    found = find_centrelines(mesh, voxel, root, given.input.name)
+    for path in outputs:
+        write_centrelines(path, found)
+    rows = [describe(branch) for branch in found.branches]
+    if given.json:
+        print(json.dumps({"input": str(given.input), "branches": rows, "notes": found.notes}, indent=2))
+        return 0
+    print(*outputs, sep="\n")
+    print(f"{'branch':>8}{'parent':>8}{'length mm':>11}{'radius mm':>11}{'tortuosity':>12}{'angle deg':>11}")
+    for row in rows:
+        names = ("length_mm", "mean_radius_mm", "tortuosity", "angle_to_parent_deg")
+        length, radius, tortuosity, angle = ("-" if row[n] is None else f"{row[n]:.2f}" for n in names)
+        parent = row["parent"] or "-"
+        print(f"{row['branch']:>8}{parent:>8}{length:>11}{radius:>11}{tortuosity:>12}{angle:>11}")
+    for note in found.notes:
+        print(f"note: {note}")
+    return 0
+
+
+def _hollow(given: argparse.Namespace) -> int:
+    from cccd.tubes.hollow import hollow_wall
+
+    if not given.open_ends and given.root is not None:
+        raise InputError(
+            "--root", "without --open-ends nothing is cut", "add --open-ends, or leave --root out"
+        )
+    return _cut(
+        given,
+        lambda mesh: list(
+            zip(
+                hollow_wall(mesh, given.thickness, given.outwards, given.input.name),
+                ("outer", "inner"),
+                strict=True,
+            )
+        ),
+        given.open_ends,
+    )
+
+
+def _lumen(given: argparse.Namespace) -> int:
+    return _cut(given, lambda mesh: [(mesh, "wall")], True)
+
+
+def _cut(given: argparse.Namespace, layers: Callable[[Mesh], list[tuple[Mesh, str]]], open_: bool) -> int:
+    """Cut what bounds a solid open where asked for, write it, and print its groups."""
+    from cccd.tubes.centrelines import find_centrelines
+    from cccd.tubes.ends import clear_ends, find_ends, opened
+    from cccd.tubes.named import check_named, write_named
+
+    for path in given.output:
+        check_named(path)
+    _check_files(given.output, [given.input])
+    root = _root_of(given)
+    mesh, voxel = _tube(given)
+    bounds, notes, ends = layers(mesh), [], []
+    if open_:
+        found = find_centrelines(mesh, voxel, root, given.input.name)
+        ends, closed = clear_ends(bounds, find_ends(found, given.input.name))
+        notes = [*found.notes, *closed]
+    named = opened(bounds, ends, given.input.name)
+    for path in given.output:
+        write_named(path, named, _plain_stem(given.input))
+    areas = {name: round(named.group(name).area, 3) for name in named.names}
+    volume = named.mesh.volume / 1000
+    if given.json:
+        made = {"input": str(given.input), "files": [str(path) for path in given.output]}
+        made |= {"volume_ml": round(volume, 4), "areas_mm2": areas, "notes": notes}
+        print(json.dumps(made, indent=2))
+        return 0
+    print(*given.output, sep="\n")
+    print(f"  {volume:.4g} ml, {len(named.mesh.faces)} triangles")
+    for name, area in areas.items():
+        print(f"  {name}: {area:.4g} mm²")
+    for note in notes:
+        print(f"  note: {note}")
+    return 0
 
 
 # the workflow ---------------------------------------------------------------------------------------

@@ -27,6 +27,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "fe": (*_VIEW, "pytetwild"),
     "print": (*_VIEW, "lib3mf"),
     "usd": ("pxr",),
+    "zarr": ("zarr",),
     "run": (*_REPORT, "snakemake", "jsonschema", "nilearn"),
 }
 

@@ -24,6 +24,7 @@ UNPINNED = {
     "open3d",
     "pytetwild",
     "usd-core",
+    "zarr",
 }
 #: Imported in an environment of its own alone, whose VTK is another: nothing here needs it.
 ELSEWHERE = {"slicer_core"}

@@ -90,6 +90,7 @@ WITHOUT = {
     "pytetwild": {"fe": writing("msh", "vtu", "inp")},
     "lib3mf": {"print": writing("3mf")},
     "pxr": {"usd": writing("usd", "usda", "usdc")},
+    "zarr": {"zarr": ["cccd surface labels.ome.zarr", "cccd surface labels.ome.zarr --slab 64"]},
     "boto3": {"s3": [FETCHING]},
     "snakemake": {"run": ["cccd run sheet.tsv"]},
     "jsonschema": {"run": ["cccd check sheet.tsv"]},
@@ -113,7 +114,7 @@ def inputs(tmp_path_factory):
         nibabel.save(nibabel.Nifti1Image(data.astype(np.uint8), AFFINE), folder / f"{name}.nii.gz")
     grey, grid = 100 * ball.astype(np.int16), SCANS["dicom_affine"](spacing=(1, 1, 2.5))
     SCANS["write_series"](folder / "series", grey, grid)
-    for name in ("drawn", "enhanced", "results/case/organ"):
+    for name in ("drawn", "enhanced", "labels.ome.zarr", "results/case/organ"):
         (folder / name).mkdir(parents=True)
     SCANS["write_structure_set"](folder / "drawn" / "rt.dcm", {"ball": SCANS["outlines"](ball, AFFINE)})
     SCANS["write_enhanced"](folder / "enhanced" / "ct.dcm", grey, grid, range(13))

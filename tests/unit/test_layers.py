@@ -32,7 +32,7 @@ LAYERS = {
         ("solids", "view"),
         ("tetrahedra",),
         ("files",),
-        ("reconstruction", "closed_meshes", "thinning"),
+        ("reconstruction", "closed_meshes", "thinning", "tubes"),
         ("next_slice",),
         ("api",),
         ("pyvista_accessor", "label_survey"),

@@ -1,0 +1,179 @@
+"""Centrelines to files: a table of branches (CSV), lines for viewers (VTP), samples for trees (SWC)."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cccd.errors import InputError
+from cccd.geometry._vtk import vtk
+from cccd.geometry.arrays import AnyArray
+from cccd.store import atomic_path
+from cccd.tubes.centrelines import Branch, Centrelines
+
+__all__ = ["SUFFIXES", "check_suffix", "describe", "vtp_text", "write_centrelines"]
+
+#: Structure identifier of SWC samples: the format's 1 to 4 are parts of neurons.
+_SWC_UNDEFINED = 0
+
+
+def describe(branch: Branch) -> dict[str, Any]:
+    """Return what the table has of a branch as plain JSON; None for what it does not have.
+
+    Lengths are in mm, points in mm RAS, angles in degrees.
+    """
+    measured = branch.measured
+    radii = branch.radius[measured]
+    figures = {
+        "length_mm": branch.length,
+        "chord_mm": branch.chord,
+        "tortuosity": branch.tortuosity,
+        "mean_radius_mm": branch.mean_radius,
+        "min_radius_mm": radii.min() if len(radii) else math.nan,
+        "max_radius_mm": radii.max() if len(radii) else math.nan,
+        "inscribed_radius_mm": branch.inscribed[measured].mean() if len(radii) else math.nan,
+        "least_diameter_mm": branch.least_diameter[measured].mean() if len(radii) else math.nan,
+        "largest_diameter_mm": branch.largest_diameter[measured].mean() if len(radii) else math.nan,
+        "curvature_per_mm": branch.curvature[measured].mean() if len(radii) else math.nan,
+        "angle_to_parent_deg": branch.angle_deg,
+    }
+    places = {
+        f"{name}_{axis}": float(value)
+        for name, point in (("start", branch.points[0]), ("end", branch.points[-1]))
+        for axis, value in zip("xyz", point, strict=True)
+    }
+    return {
+        "branch": branch.number,
+        "parent": branch.parent or None,
+        "generation": branch.generation,
+        "start": branch.start,
+        "end": branch.end,
+        **{name: None if math.isnan(value) else round(float(value), 4) for name, value in figures.items()},
+        **{name: round(value, 3) for name, value in places.items()},
+    }
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a file that `write_centrelines` could not write.
+
+    Raises
+    ------
+    InputError
+        Another suffix.
+    """
+    if path.suffix.lower() not in _WRITERS:
+        known = ", ".join(SUFFIXES)
+        raise InputError(
+            str(path), f"unknown format {path.suffix!r} of centrelines", f"choose one of {known}"
+        )
+
+
+def write_centrelines(path: Path, found: Centrelines) -> None:
+    """Write centrelines; the suffix chooses the format.
+
+    Parameters
+    ----------
+    path : path
+        ``.csv``, ``.vtp`` or ``.swc``.
+    found : Centrelines
+
+    Raises
+    ------
+    InputError
+        Another suffix.
+    """
+    check_suffix(path)
+    with atomic_path(path) as temporary:
+        temporary.write_text(_WRITERS[path.suffix.lower()](found), encoding="utf-8", newline="")
+
+
+def _csv(found: Centrelines) -> str:
+    rows = [describe(branch) for branch in found.branches]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _swc(found: Centrelines) -> str:
+    """Write samples from the roots on; a branch goes on from the last sample of its parent."""
+    lines = ["# CCCD centrelines; unit mm; space RAS", "# id type x y z radius parent"]
+    last: dict[int, int] = {}
+    number = 0
+    for branch in found.branches:
+        before = last.get(branch.parent, -1)
+        first = 0 if before < 0 else 1  # a fork is a sample of the parent
+        for (x, y, z), radius in zip(branch.points[first:], branch.radius[first:], strict=True):
+            number += 1
+            lines.append(f"{number} {_SWC_UNDEFINED} {x:.5f} {y:.5f} {z:.5f} {radius:.5f} {before}")
+            before = number
+        last[branch.number] = before
+    return "\n".join(lines) + "\n"
+
+
+def _vtp(found: Centrelines) -> str:
+    """Write one line per branch, with what is known at its points, and of the branch as cell data."""
+    support, data, core = vtk("util.numpy_support"), vtk("vtkCommonDataModel"), vtk("vtkCommonCore")
+    branches = found.branches
+    points, cells = core.vtkPoints(), data.vtkCellArray()
+    points.SetData(support.numpy_to_vtk(np.concatenate([b.points for b in branches]), deep=1))
+    starts = np.cumsum([0, *(len(b.points) for b in branches)])
+    ids = np.arange(starts[-1])
+    cells.SetData(
+        support.numpy_to_vtkIdTypeArray(starts, deep=1), support.numpy_to_vtkIdTypeArray(ids, deep=1)
+    )
+    mesh = data.vtkPolyData()
+    mesh.SetPoints(points)
+    mesh.SetLines(cells)
+    names = ("radius", "inscribed", "least_diameter", "largest_diameter", "curvature")
+    at_points = {name: np.concatenate([getattr(b, name) for b in branches]) for name in names}
+    at_points["measured"] = np.concatenate([b.measured for b in branches]).astype(np.uint8)
+    of_cells = {
+        "branch": np.array([b.number for b in branches]),
+        "parent": np.array([b.parent for b in branches]),
+        "generation": np.array([b.generation for b in branches]),
+        "length": np.array([b.length for b in branches]),
+        "angle": np.array([b.angle_deg for b in branches]),
+    }
+    return vtp_text(mesh, at_points, of_cells, {"SpaceUnit": ["mm"], "Space": ["RAS"]})
+
+
+def vtp_text(
+    mesh: Any,
+    points: Mapping[str, AnyArray],
+    cells: Mapping[str, AnyArray],
+    fields: Mapping[str, list[str]],
+) -> str:
+    """Return VTK's XML of a ``vtkPolyData`` with arrays at its points and cells, and texts as field data."""
+    support = vtk("util.numpy_support")
+    for place, arrays in ((mesh.GetPointData(), points), (mesh.GetCellData(), cells)):
+        for name, values in arrays.items():
+            array = support.numpy_to_vtk(np.ascontiguousarray(values), deep=1)
+            array.SetName(name)
+            place.AddArray(array)
+    for name, texts in fields.items():
+        array = vtk("vtkCommonCore").vtkStringArray()
+        array.SetName(name)
+        for text in texts:
+            array.InsertNextValue(text)
+        mesh.GetFieldData().AddArray(array)
+    # to a string first: on a full disk VTK leaves an empty file and reports nothing
+    writer = vtk("vtkIOXML").vtkXMLPolyDataWriter()
+    writer.SetInputData(mesh)
+    writer.SetDataModeToBinary()
+    writer.WriteToOutputStringOn()
+    writer.Write()
+    return str(writer.GetOutputString())
+
+
+_WRITERS: dict[str, Callable[[Centrelines], str]] = {".csv": _csv, ".vtp": _vtp, ".swc": _swc}
+
+#: Suffixes of the files that `write_centrelines` writes.
+SUFFIXES = tuple(_WRITERS)
