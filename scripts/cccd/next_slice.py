@@ -15,11 +15,12 @@ from cccd.curves import describe_curves
 from cccd.errors import InputError
 from cccd.reconstruction import find_contours
 from cccd.settings.root import Settings
+from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_in_plane
 from cccd.surface.spline import SplineSolid
 from cccd.surface.target import TargetField
 
-__all__ = ["Gain", "rank_slices"]
+__all__ = ["Gain", "rank_slices", "rank_unannotated"]
 
 #: At most this many slices of a gap are tried.
 TRIED = 5
@@ -54,19 +55,27 @@ def rank_slices(structure: Structure, settings: Settings) -> list[Gain]:
     InputError
         Every slice was drawn.
     """
-    annotation = structure.annotation
-    if annotation is None:
+    if structure.annotation is None:
         problem = "no slice is left to draw: every slice counts as annotated"
         raise InputError(structure.organ, problem, "give a mask of some slices, or --annotated nonempty")
     curves, _ = find_contours(structure, settings.boundaries, settings.gnn.inference)
     fitted = describe_curves(curves, settings.curves)
-    solid = loft_in_plane(Sections(fitted.curves, fitted.splines, annotation=annotation), settings.surface)
+    sections = Sections(fitted.curves, fitted.splines, annotation=structure.annotation)
+    return rank_unannotated(sections, settings.surface)
+
+
+def rank_unannotated(sections: Sections, settings: LoftSettings) -> list[Gain]:
+    """Rank slices as `rank_slices` does, of curves that are found already; none where all are annotated."""
+    annotation, frame = sections.annotation, sections.curves.frame
+    if annotation is None:
+        return []
+    solid = loft_in_plane(sections, settings)
     slices, area, z = solid.stack.slices, solid.mesh.vertex_areas, solid.mesh.vertices[:, 2]
     ends = np.concatenate([[slices.z[0] - slices.step], slices.z, [slices.z[-1] + slices.step]])
     before = _width(solid, slices)
     gains: list[Gain] = []
-    for k in _candidates(annotation, structure.frame):
-        height = k * structure.frame.slice_spacing
+    for k in _candidates(annotation, frame):
+        height = k * frame.slice_spacing
         above = int(np.searchsorted(ends, height))
         # elsewhere the means over the organ change a little: that is no gain
         gap = (z > ends[above - 1]) & (z < ends[above])
@@ -102,5 +111,4 @@ def _with_slice(solid: SplineSolid, z: float) -> Slices:
     n = int(np.clip(np.searchsorted(levels.z, z, side="right") - 1, 0, len(levels.z) - 2))
     share = np.float32(np.clip((z - levels.z[n]) / (levels.z[n + 1] - levels.z[n]), 0, 1))
     plane = (1 - share) * levels.planes[n] + share * levels.planes[n + 1]
-    at = int(np.searchsorted(slices.z, z))
-    return Slices(np.insert(slices.z, at, z), np.insert(slices.distance, at, plane, axis=0), slices.spacing)
+    return slices.with_slice(z, plane.astype(np.float32))

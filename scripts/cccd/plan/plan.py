@@ -16,7 +16,7 @@ from cccd.plan.resources import digest
 from cccd.project import shipped_weights
 from cccd.report.registry import Comparison, comparisons, inputs, items
 from cccd.segmentation.networks import networks
-from cccd.settings.formats import CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
+from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config
 
@@ -223,8 +223,13 @@ class Plan:
 
     def format_files(self) -> list[str]:
         """Return the surfaces' further files that the configuration asks for; PLY is always written."""
-        names = [name for name in self.settings.surface.formats if name != "ply"]
-        return [file for name in names for file in self.files(f"surface.{name}")]
+        names: list[str] = []
+        for name in self.settings.surface.formats:
+            if name in BAND_FORMATS:
+                names += [f"surface_{side}.{name.removeprefix('band.')}" for side in ("inner", "outer")]
+            elif name != "ply":
+                names.append(f"surface.{name}")
+        return [file for name in names for file in self.files(name)]
 
     def case_format_files(self) -> list[str]:
         """Return the files of whole cases that the configuration asks for."""
