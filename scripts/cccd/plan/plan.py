@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -237,6 +238,11 @@ class Plan:
         files = [f"{'scene' if name in SOLID_FORMATS else 'volume'}.{name}" for name in names]
         cases = dict.fromkeys(name.case for name in self.cohort.reconstructed)
         return [f"results/{case}/{file}" for case in cases for file in files]
+
+    def distance_files(self) -> list[str]:
+        """Return the distances between organs, of every case that has more than one."""
+        organs = Counter(name.case for name in self.cohort.reconstructed)
+        return [f"results/{case}/distances.csv" for case, count in organs.items() if count > 1]
 
     def scenes(self) -> list[str]:
         """Return the scenes of cases whose organs share their walls."""

@@ -15,7 +15,7 @@ from cccd.files.write import write_surface
 from cccd.inputs.load import structure_of_array
 from cccd.settings.root import Settings
 from cccd.store import write_control_meshes
-from cccd.surface.between import least_distance
+from cccd.surface.between import DISTANCES, Between, distance_table, least_distance
 from cccd.surface.measure import measure_surface
 from cccd.surface.surface import read_surface
 
@@ -136,6 +136,10 @@ def test_distance_between_two_organs_has_an_interval():
     between = least_distance(one, cccd.reconstruct(mask, affine).lofted)
     assert between.low_mm < between.mm < between.high_mm
     assert between.low_mm <= 7 <= between.high_mm
+    far = Between(40.0, 30.0, 50.0)
+    table = distance_table("anna", {("liver", "colon"): far, ("liver", "spleen"): between})
+    assert table["other_organ"].tolist() == ["spleen", "colon"]
+    assert tuple(table.columns) == DISTANCES
 
 
 def test_metrics_hold_the_interval():
