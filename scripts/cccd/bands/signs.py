@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
@@ -68,19 +67,6 @@ class Slices:
     distance: SingleArray
     spacing: FloatArray
 
-    @cached_property
-    def pixel_distance(self) -> SingleArray:
-        """Signed distances (S, I, J) to the borders of the pixels that are inside."""
-        return np.stack([to_mask(level < 0, self.spacing) for level in self.distance])
-
-    def with_slice(self, z: float, distance: SingleArray) -> Slices:
-        """Return these and one more, of distances (I, J) at a height in mm."""
-        at = int(np.searchsorted(self.z, z))
-        more = Slices(np.insert(self.z, at, z), np.insert(self.distance, at, distance, axis=0), self.spacing)
-        pixels = np.insert(self.pixel_distance, at, to_mask(distance < 0, self.spacing), axis=0)
-        more.__dict__["pixel_distance"] = pixels  # those of the others are known
-        return more
-
     @property
     def pixel(self) -> float:
         """Edge length of a pixel in mm (the geometric mean of its two)."""
@@ -133,7 +119,7 @@ class Signs:
         def between(lower: FloatArray, upper: FloatArray) -> FloatArray:
             return (1 - share) * lower + share * upper
 
-        pixels = slices.pixel_distance
+        pixels = np.stack([to_mask(level < 0, slices.spacing) for level in slices.distance])
         before, lower, upper, after = (at(slices.distance, below + n) for n in (-1, 0, 1, 2))
         low_bend = np.where((below > 0) & ~beyond, before - 2 * lower + upper, 0.0) * across
         high_bend = np.where((below + 2 < count) & ~beyond, lower - 2 * upper + after, 0.0) * across
