@@ -1,4 +1,4 @@
-"""Write the surface in another format: for viewers, or lying on the scan."""
+"""Write the surface, or a side of its error band, in another format: for viewers, or lying on the scan."""
 
 from pathlib import Path
 
@@ -10,6 +10,9 @@ from cccd.surface.surface import read_surface
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
+    side = dict(snakemake.wildcards).get("side")
+    if side is not None:
+        surface = surface.sides()[side]
     series = next((path for path in map(Path, snakemake.input.scan) if path.is_dir()), None)
     settings = snakemake.params.settings
     options = ExportOptions(

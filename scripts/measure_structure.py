@@ -3,11 +3,14 @@
 from cccd.contours import doubtful_slices, missing_parts
 from cccd.curves import measure_curves
 from cccd.job import job
+from cccd.next_slice import rank_unannotated
+from cccd.settings.surface import LoftSettings
 from cccd.store import (
     read_boundaries,
     read_curves,
     read_json,
     read_report,
+    read_sections,
     read_splines,
     read_structure,
     write_json,
@@ -16,6 +19,9 @@ from cccd.store import (
 from cccd.surface.measure import measure_surface, volume_warnings
 from cccd.surface.surface import read_surface
 from cccd.view import make_view
+
+#: Slices to annotate next that are named.
+NAMED = 5
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     structure = read_structure(snakemake.input.structure)
@@ -41,6 +47,12 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
             *(warning for report in (*solids.values(), *volumes) for warning in report["warnings"]),
         ],
     }
+    sections = read_sections(snakemake.input.curves, snakemake.input.structure)
+    ranked = rank_unannotated(sections, LoftSettings(**snakemake.params.lofting))
+    if ranked:
+        metrics["next_slices"] = [
+            {"slice": gain.slice, "shrinks_band": round(gain.shrinks, 4)} for gain in ranked[:NAMED]
+        ]
     if solids:
         metrics["solids"] = {
             name: {key: value for key, value in report.items() if key not in {"format", "warnings"}}

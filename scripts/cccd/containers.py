@@ -524,7 +524,8 @@ class View:
     meshes : dict of str to Mesh
         Made small: ``surface`` and, of a mask, ``cubes``: marching cubes on it.
     values : dict of str to (V,) float
-        At the surface's vertices: ``curvature`` in 1/mm and, with a reference, ``distance`` in mm.
+        At the surface's vertices: ``curvature`` in 1/mm and, with a reference, ``distance`` in mm; with an
+        error band, its width ``band`` in mm.
     triangles : int
         Of the whole surface.
     reference : str
@@ -532,6 +533,8 @@ class View:
     flags : dict of str to (P,) bool
         ``junctions``, ``isolated_corners`` and ``dropped`` of the boundary's pixels, ``bridged`` of the
         curves' points.
+    band : dict of str to Curves
+        Lines in which the slices meet the ``inner`` and the ``outer`` surface of the error band.
     """
 
     meshes: dict[str, Mesh]
@@ -539,3 +542,4 @@ class View:
     triangles: int
     reference: str
     flags: dict[str, np.ndarray]
+    band: dict[str, Curves] = field(default_factory=dict)

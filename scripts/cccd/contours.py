@@ -113,14 +113,18 @@ def doubtful_slices(report: Mapping[str, Any], most: int = 10) -> list[str]:
 
     Examples
     --------
-    >>> doubtful_slices({"slices": 4 * [{}], "doubtful": [7, 3], "expected_wrong": 1.24})
-    ['check these slices, the most doubtful first: 7, 3 (2 of 4; about 1.2 are expected to be wrong)']
+    >>> found = {"slices": 4 * [{}], "doubtful": [7, 3], "expected_wrong": 1.24, "unlisted_wrong": 0.1}
+    >>> print(*doubtful_slices(found))
+    check these slices, the most doubtful first: 7, 3 (2 of 4; about 1.2 are expected to be wrong; of the \
+others at most 10 % on average)
     """
     doubtful = report.get("doubtful", [])
     if not doubtful:
         return []
     listed = ", ".join(map(str, doubtful[:most])) + (" and so on" if len(doubtful) > most else "")
     wrong = f"about {report['expected_wrong']:.2g} are expected to be wrong"
+    if report["unlisted_wrong"] is not None:
+        wrong += f"; of the others at most {100 * report['unlisted_wrong']:.3g} % on average"
     count = f"{len(doubtful)} of {len(report['slices'])}"
     return [f"check these slices, the most doubtful first: {listed} ({count}; {wrong})"]
 

@@ -9,20 +9,16 @@ from typing import NamedTuple
 import numpy as np
 
 from cccd.bands.scale import shipped_scale
-from cccd.bands.signs import Signs, Slices
+from cccd.bands.signs import Signs
 from cccd.containers import Annotation, Frame, Sections, Structure
 from cccd.curves import describe_curves
 from cccd.errors import InputError
 from cccd.reconstruction import find_contours
 from cccd.settings.root import Settings
+from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_in_plane
-from cccd.surface.spline import SplineSolid
-from cccd.surface.target import TargetField
 
-__all__ = ["Gain", "rank_slices"]
-
-#: At most this many slices of a gap are tried.
-TRIED = 5
+__all__ = ["Gain", "rank_slices", "rank_unannotated"]
 
 
 class Gain(NamedTuple):
@@ -33,10 +29,7 @@ class Gain(NamedTuple):
 
 
 def rank_slices(structure: Structure, settings: Settings) -> list[Gain]:
-    """Rank the slices that were not drawn by how much each would shrink the error band.
-
-    A slice is taken to be drawn as the present surface runs there: then the band is estimated anew. Slices up
-    to the median gap beyond the first and last one count as well.
+    """Rank the gaps between drawn slices by how much a slice in the middle would shrink the error band.
 
     Parameters
     ----------
@@ -47,60 +40,49 @@ def rank_slices(structure: Structure, settings: Settings) -> list[Gain]:
     Returns
     -------
     list of Gain
-        The best first; at most `TRIED` slices of each gap.
+        The best first: one slice of each gap, and one beyond either end.
 
     Raises
     ------
     InputError
         Every slice was drawn.
+
+    Notes
+    -----
+    Errors between slices grow with the square of their distance. A slice at a share :math:`t` of a gap leaves
+    parts of :math:`t` and :math:`1 - t`, so :math:`3 t (1 - t)` of the gap's band, integrated over the
+    surface, is gone: most in the middle. Beyond either end the gap is the median one.
     """
-    annotation = structure.annotation
-    if annotation is None:
+    if structure.annotation is None:
         problem = "no slice is left to draw: every slice counts as annotated"
         raise InputError(structure.organ, problem, "give a mask of some slices, or --annotated nonempty")
     curves, _ = find_contours(structure, settings.boundaries, settings.gnn.inference)
     fitted = describe_curves(curves, settings.curves)
-    solid = loft_in_plane(Sections(fitted.curves, fitted.splines, annotation=annotation), settings.surface)
-    slices, area, z = solid.stack.slices, solid.mesh.vertex_areas, solid.mesh.vertices[:, 2]
-    ends = np.concatenate([[slices.z[0] - slices.step], slices.z, [slices.z[-1] + slices.step]])
-    before = _width(solid, slices)
+    sections = Sections(fitted.curves, fitted.splines, annotation=structure.annotation)
+    return rank_unannotated(sections, settings.surface)
+
+
+def rank_unannotated(sections: Sections, settings: LoftSettings) -> list[Gain]:
+    """Rank slices as `rank_slices` does, of curves that are found already; none where all are annotated."""
+    annotation, frame = sections.annotation, sections.curves.frame
+    if annotation is None:
+        return []
+    solid = loft_in_plane(sections, settings)
+    signs, scale = Signs.of(solid.mesh, solid.stack.slices), shipped_scale()
+    band = solid.mesh.vertex_areas * (scale(signs.outer) + scale(signs.inner))
+    at = solid.mesh.vertices[:, 2] / frame.slice_spacing
     gains: list[Gain] = []
-    for k in _candidates(annotation, structure.frame):
-        height = k * structure.frame.slice_spacing
-        above = int(np.searchsorted(ends, height))
-        # elsewhere the means over the organ change a little: that is no gain
-        gap = (z > ends[above - 1]) & (z < ends[above])
-        narrower = before - _width(solid, _with_slice(solid, height))
-        gains.append(Gain(k, float(area[gap] @ narrower[gap] / (area @ before))))
+    for low, high in _gaps(annotation, frame):
+        middle = (low + high) // 2
+        share = (middle - low) / (high - low)
+        within = float(band[(at > low) & (at < high)].sum() / band.sum())
+        gains.append(Gain(middle, 3 * share * (1 - share) * within))
     return sorted(gains, key=lambda gain: -gain.shrinks)
 
 
-def _width(solid: SplineSolid, slices: Slices) -> np.ndarray:
-    signs, scale = Signs.of(solid.mesh, slices), shipped_scale()
-    return scale(signs.outer) + scale(signs.inner)
-
-
-def _candidates(annotation: Annotation, frame: Frame) -> Sequence[int]:
-    """Slices to try: in each gap, and as far beyond the ends as the median gap."""
+def _gaps(annotation: Annotation, frame: Frame) -> Sequence[tuple[int, int]]:
+    """Neighbouring drawn slices with others between them, and as much beyond both ends."""
     drawn = annotation.slices
     step, count = int(np.median(np.diff(drawn))), frame.shape[frame.slice_axis]
     ends = [max(int(drawn[0]) - step, -1), *map(int, drawn), min(int(drawn[-1]) + step, count)]
-    tried: list[int] = []
-    for low, high in itertools.pairwise(ends):
-        between = np.arange(low + 1, high)
-        if len(between) > TRIED:
-            places = np.linspace(0, len(between) - 1, TRIED + 2).round().astype(int)
-            between = between[np.unique(places)[1:-1]]
-        tried += between.tolist()
-    return tried
-
-
-def _with_slice(solid: SplineSolid, z: float) -> Slices:
-    """Slices with one more, as the surface runs at a height in mm."""
-    slices, target = solid.stack.slices, solid.stack.target
-    levels = target if isinstance(target, TargetField) else target.outlines
-    n = int(np.clip(np.searchsorted(levels.z, z, side="right") - 1, 0, len(levels.z) - 2))
-    share = np.float32(np.clip((z - levels.z[n]) / (levels.z[n + 1] - levels.z[n]), 0, 1))
-    plane = (1 - share) * levels.planes[n] + share * levels.planes[n + 1]
-    at = int(np.searchsorted(slices.z, z))
-    return Slices(np.insert(slices.z, at, z), np.insert(slices.distance, at, plane, axis=0), slices.spacing)
+    return [(low, high) for low, high in itertools.pairwise(ends) if high - low > 1]

@@ -617,7 +617,7 @@ def read_figure(path: str | Path, name: str) -> SliceFigure | None:
 
 
 def write_view(path: str | Path, view: View) -> None:
-    """Write ``view.h5``: small meshes, values at the surface's vertices, flags of pixels and points."""
+    """Write ``view.h5``: small meshes, values at their vertices, flags of pixels, lines of the band."""
     with _create(path) as file:
         file.attrs["triangles"] = view.triangles
         file.attrs["reference"] = view.reference
@@ -628,6 +628,9 @@ def write_view(path: str | Path, view: View) -> None:
             _put(file, f"values/{name}", values, np.float32)
         for name, flags in view.flags.items():
             _put(file, f"flags/{name}", flags, bool)
+        for name, lines in view.band.items():
+            _put_frame(file, lines.frame)
+            _put_curves(file.create_group(f"band/{name}"), lines)
 
 
 def read_view(path: str | Path) -> View:
@@ -642,7 +645,9 @@ def read_view(path: str | Path) -> View:
         }
         values = {name: _get(file["values"], name).astype(float) for name in file["values"]}
         flags = {name: _get(file["flags"], name) for name in file["flags"]} if "flags" in file else {}
-        return View(meshes, values, int(file.attrs["triangles"]), str(file.attrs["reference"]), flags)
+        sides = list(file["band"]) if "band" in file else []
+        band = {name: _get_curves(file[f"band/{name}"], _get_frame(file)) for name in sides}
+        return View(meshes, values, int(file.attrs["triangles"]), str(file.attrs["reference"]), flags, band)
 
 
 # surface.h5 -----------------------------------------------------------------------------------------

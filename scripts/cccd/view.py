@@ -6,22 +6,32 @@ boundary pixels and curve points carry whether a greedy chain code gets stuck on
 
 from __future__ import annotations
 
+from typing import cast
+
+import cv2
 import numpy as np
 
 from cccd.bands import Band
 from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels, on_pixel_chain
-from cccd.containers import Boundaries, Curves, Structure, View
+from cccd.containers import Boundaries, Curves, Frame, Structure, View
+from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.curvature import mean_curvature
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.sections import cross_sections
 from cccd.surface.measure import mask_surface
 
 __all__ = [
+    "lines_on_slices",
     "make_view",
     "reference_surface",
     "sort_spatially",
     "voxel_surface",
 ]
+
+#: Lines of the error band on slices are kept to this share of a pixel.
+_LINE_PX = 0.05
 
 
 def voxel_surface(structure: Structure) -> Mesh | None:
@@ -92,16 +102,38 @@ def make_view(
     whole, cubes = surface.outwards(), voxel_surface(structure)
     shown, _ = sort_spatially(whole.simplified(triangles))
     values = {"curvature": mean_curvature(whole, shown.vertices)}
+    lines: dict[str, Curves] = {}
     if band is not None:
         moved = band.moved_to(surface.vertices, shown.vertices)
         values["band"] = moved.inner + moved.outer
+        slices = np.arange(curves.slice.min(), curves.slice.max() + 1)
+        sides = {"inner": band.inner_mesh(surface), "outer": band.outer_mesh(surface)}
+        lines = {name: lines_on_slices(side, curves.frame, slices) for name, side in sides.items()}
     reference, name = reference_surface(structure) or (None, "")
     if reference is not None:
         values["distance"] = to_mesh(shown.vertices, reference)
     meshes = {"surface": shown}
     if cubes is not None:
         meshes["cubes"] = sort_spatially(cubes.simplified(triangles))[0]
-    return View(meshes, values, len(whole.faces), name, _stuck(boundaries, curves))
+    return View(meshes, values, len(whole.faces), name, _stuck(boundaries, curves), lines)
+
+
+def lines_on_slices(mesh: Mesh, frame: Frame, slices: IntArray) -> Curves:
+    """Cut a closed mesh in mm RAS by slices (S,) of a frame; points lie within `_LINE_PX` of the cuts."""
+    indices = (
+        np.column_stack([mesh.vertices, np.ones(len(mesh.vertices))]) @ np.linalg.inv(frame.stack_affine).T
+    )
+    cuts = cross_sections(Mesh(indices[:, :3], mesh.faces), np.array([0.0, 0, 1]), slices.astype(float))
+    loops = [_thinned(loop[:, :2]) for on_slice in cuts for loop in on_slice]
+    owner = np.repeat(slices, [len(on_slice) for on_slice in cuts]).astype(np.int32)
+    lines = RaggedPolygons.of(loops)
+    return Curves(lines.points, lines.offsets, owner, lines.signed_areas < 0, frame)
+
+
+def _thinned(loop: FloatArray) -> FloatArray:
+    """Leave out points (n, 2) by the algorithm of Douglas and Peucker (1973)."""
+    kept = cast("FloatArray", cv2.approxPolyDP(loop.astype(np.float32), _LINE_PX, True))
+    return kept[:, 0].astype(float)
 
 
 def _stuck(boundaries: Boundaries | None, curves: Curves) -> dict[str, np.ndarray]:

@@ -38,6 +38,7 @@ from cccd.junctions.inference import SLICES_PER_BATCH, Predictor, read_slices  #
 from cccd.junctions.observation import observe  # noqa: E402
 from cccd.junctions.ordering import DEFAULTS  # noqa: E402
 from cccd.junctions.stacks import ReadSlice, label_slices  # noqa: E402
+from cccd.junctions.uncertainty import listed_from  # noqa: E402
 from cccd_training.junctions.scoring import SliceScore, score_labels  # noqa: E402
 from cccd_training.junctions.synthetic_images import canny_map, draw_image  # noqa: E402
 from cccd_training.junctions.synthetic_maps import SyntheticMap, draw_map  # noqa: E402
@@ -158,7 +159,7 @@ def scored(
     scores: list[Scored] = []
     for one, drawn, found in zip(read, maps, label_slices(read, numbers, parts), strict=True):
         score = score_labels(one.graph, found.inside, drawn.contours, parts)
-        scores.append((score, found.uncertainty >= DEFAULTS.doubtful_from))
+        scores.append((score, found.uncertainty >= listed_from(DEFAULTS.unlisted_wrong)))
     return scores
 
 

@@ -3,7 +3,7 @@
     python tests/benchmarks/out_of_distribution.py
 
 The outlines are those of organs (slices of the MNI brain, of a phantom liver and kidney), where training and
-the report's table draw random blobs. The damage is made here, not by `cccd.inputs.corruptions`: published
+the report's table draw random blobs. The damage is not that of `cccd.inputs.corruptions`: published
 augmentations (Cutout, DeVries and Taylor 2017; GridMask, Chen et al. 2020) and what imaging does (a noisy
 slice's threshold, ghosts of motion, coarse pixels, straight lines across). The last kind is no damage: edges
 that `cccd.boundary.edge_map` finds in the real MR slices, under noise, with the brain's mask for their label;
@@ -20,7 +20,6 @@ for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "scripts"))
 
-import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 from scipy import ndimage  # noqa: E402
 
@@ -38,70 +37,11 @@ from cccd_paper.comparisons.junction_comparison import (  # noqa: E402
     compare_decoders,
     network_decoder,
 )
+from cccd_training.junctions.damages import FIRST_DAMAGES  # noqa: E402
 from cccd_training.junctions.synthetic_maps import SyntheticMap  # noqa: E402
 
 #: Slices of each organ, and the shortest outline in pixels.
 SLICES, SHORTEST_PX, MARGIN_PX, SEED = 8, 150, 24, 38
-
-
-def thresholded(rng, mask, outline):
-    """Outlines of everything above the level of a noisy slice: ragged, with islands and pinholes."""
-    distance = ndimage.distance_transform_edt(mask) - ndimage.distance_transform_edt(~mask)
-    noise = ndimage.gaussian_filter(rng.normal(size=mask.shape), 1.2)
-    found = distance + 2.5 * noise / noise.std() > 0
-    return found & ~ndimage.binary_erosion(found)
-
-
-def ghost(rng, mask, outline):
-    """The slice moved meanwhile: parts of the outline stand beside it again."""
-    moved = ndimage.shift(outline, rng.integers(3, 8, 2) * rng.choice([-1, 1], 2), order=0)
-    kept = ndimage.gaussian_filter(rng.normal(size=mask.shape), 15) > 0
-    return outline | (moved & kept)
-
-
-def cutout(rng, mask, outline):
-    """Squares are cut out, and their frames drawn."""
-    observed = outline.copy()
-    for place in rng.permutation(np.argwhere(outline))[:6]:
-        half = int(rng.integers(3, 7))
-        (top, left), (bottom, right) = place - half, place + half
-        observed[top : bottom + 1, left : right + 1] = False
-        if rng.random() < 0.5:
-            observed[[top, bottom], left : right + 1] = True
-            observed[top : bottom + 1, [left, right]] = True
-    return observed
-
-
-def grid_mask(rng, mask, outline):
-    """A regular grid of squares is erased."""
-    period, width = int(rng.integers(14, 24)), int(rng.integers(4, 7))
-    row, column = np.indices(mask.shape) + rng.integers(0, period, 2)[:, None, None]
-    return outline & ~((row % period < width) & (column % period < width))
-
-
-def coarse(rng, mask, outline):
-    """The map was stored at half its size: blocks of two pixels, some lost."""
-    rows, columns = (size // 2 * 2 for size in outline.shape)
-    blocks = outline[:rows, :columns].reshape(rows // 2, 2, columns // 2, 2).any(axis=(1, 3))
-    blocks &= rng.random(blocks.shape) > 0.05
-    observed = np.zeros_like(outline)
-    observed[:rows, :columns] = np.kron(blocks, np.ones((2, 2), bool))
-    return observed
-
-
-def hatched(rng, mask, outline):
-    """Parallel straight lines cross the whole slice."""
-    lines = np.zeros(mask.shape, np.uint8)
-    angle, gap = rng.uniform(0, np.pi), rng.uniform(25, 40)
-    normal, along = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
-    centre, reach = np.array(mask.shape[::-1]) / 2, sum(mask.shape)
-    for offset in np.arange(-reach, reach, gap):
-        ends = np.rint([centre + offset * normal + side * reach * along for side in (-1, 1)]).astype(int)
-        cv2.line(lines, *map(tuple, ends.tolist()), 1)
-    return outline | (lines > 0)
-
-
-DAMAGES = {damage.__name__: damage for damage in (thresholded, ghost, cutout, grid_mask, coarse, hatched)}
 
 
 def organs():
@@ -131,7 +71,7 @@ def slices(structure):
 def unseen_maps():
     """Maps of every kind of unseen damage, and of the edges of MR slices, by the kind's name."""
     rng = np.random.default_rng(SEED)
-    maps = {name: [] for name in (*DAMAGES, "edges of MR slices")}
+    maps = {name: [] for name in (*FIRST_DAMAGES, "edges of MR slices")}
     for structure in organs():
         for mask, image in slices(structure):
             contours = [contour.astype(np.int32) for contour in border_pixels(mask.astype(np.uint8))]
@@ -139,7 +79,7 @@ def unseen_maps():
                 continue
             outline = np.zeros(mask.shape, bool)
             outline[tuple(contours[0].T)] = True
-            observed = {name: damage(rng, mask, outline) for name, damage in DAMAGES.items()}
+            observed = {name: damage(rng, mask, outline) for name, damage in FIRST_DAMAGES.items()}
             grey = dict.fromkeys(observed)
             if structure.organ == "brain":
                 inside = np.ptp(np.percentile(image[mask], (5, 95)))

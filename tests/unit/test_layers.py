@@ -185,7 +185,7 @@ ball = np.indices((20, 20, 20)).astype(float) - 10
 surface = cccd.reconstruct(np.hypot(np.hypot(*ball[:2]), ball[2]) <= 7, np.eye(4))
 assert 1300 < surface.mesh.volume < 1550
 surface.write("ball.stl")
-assert [item.key for item in items()] == ["structures"]
+assert [item.key for item in items()] == ["structures", "distances"]
 assert not hasattr(validate_config({}), "comparisons")
 """
 

@@ -166,12 +166,29 @@ def test_colour_by_distance_shows_its_legend(report, open_page):
     structure = open_structure(page, "phantom--liver")
     canvas = structure.locator("canvas[data-part=surface]")
     plain = pixels(canvas)
-    for name in ("distance", "curvature"):
+    for name in ("distance", "curvature", "band"):
         structure.locator("select[data-part=colour]").select_option(name)
         settle(page)
         assert structure.locator(f"[data-legend={name}]").is_visible()
         assert (np.abs(pixels(canvas) - plain).max(axis=2) > 20).mean() > 0.1
     assert not structure.locator("[data-legend=distance]").is_visible()
+
+
+def test_the_error_band_is_two_lines_on_a_slice(report, open_page):
+    page = open_page(report)
+    structure = open_structure(page, "phantom--liver")
+    wait_for(page, "structures[0].slices && structures[0].slices.sprite")
+    canvas = structure.locator("canvas[data-part=slice]")
+    both = pixels(canvas)
+    structure.locator("input[data-overlay=band]").uncheck()
+    settle(page)
+    line = np.abs(both - pixels(canvas)).max(axis=2) > 40
+    rows = line[line.any(axis=1)]
+    middle = rows[len(rows) // 2]
+    edges = np.flatnonzero(np.diff(middle.astype(int)) == 1)
+    assert len(edges) == 4  # outer, inner, inner, outer
+    outer, inner = edges[[0, 3]], edges[[1, 2]]
+    assert outer[0] < inner[0] < inner[1] < outer[1]
 
 
 def test_scrubber_moves_by_mouse_and_key(report, open_page):
@@ -197,7 +214,7 @@ def test_overlays_lie_where_the_organ_is(report, open_page):
     structure = open_structure(page, "phantom--liver")
     wait_for(page, "structures[0].slices && structures[0].slices.sprite")
     canvas = structure.locator("canvas[data-part=slice]")
-    for name in ("junctions", "isolated_corners", "dropped", "bridged", "curve", "corners"):
+    for name in ("junctions", "isolated_corners", "dropped", "bridged", "curve", "band", "corners"):
         toggle = structure.locator(f"input[data-overlay={name}]")
         if toggle.count():
             toggle.uncheck()

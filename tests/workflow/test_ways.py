@@ -9,6 +9,7 @@ import nibabel
 import numpy as np
 import pandas as pd
 import pytest
+import trimesh
 
 import cccd
 
@@ -119,7 +120,8 @@ def test_slices_that_nobody_drew_are_filled_on_the_scans_grid(fresh_project, she
     nibabel.save(image, fresh_project.folder / "some.nii.gz")
     rows = "case\torgan\tmask\tannotated\nsome\tball\tsome.nii.gz\tnonempty\n"
     (fresh_project.folder / "ways.tsv").write_text(rows)
-    files = [f"results/some/ball/{name}" for name in ("surface.nii.gz", "metrics.json")]
+    names = ("surface.nii.gz", "metrics.json", "report.html", "surface_inner.stl", "surface_outer.stl")
+    files = [f"results/some/ball/{name}" for name in names]
     fresh_project.snakemake(*sheet, "--", *files)
     filled = nibabel.load(fresh_project.folder / files[0])
     assert np.array_equal(filled.affine, image.affine)
@@ -130,6 +132,15 @@ def test_slices_that_nobody_drew_are_filled_on_the_scans_grid(fresh_project, she
     metrics = json.loads((fresh_project.folder / files[1]).read_text())
     assert any("annotated on 4 of 9 slices, 2 to 3 apart" in warning for warning in metrics["warnings"])
     assert metrics["surface"]["dice_3d"] > 0.95
+    named = [row["slice"] for row in metrics["next_slices"]]
+    assert named
+    assert not drawn[named].any()
+    gains = [row["shrinks_band"] for row in metrics["next_slices"]]
+    assert gains == sorted(gains, reverse=True)
+    page = (fresh_project.folder / files[2]).read_text()
+    assert f"Annotate slice {named[0]} next" in page
+    volumes = [trimesh.load(fresh_project.folder / file).volume / 1000 for file in files[3:]]
+    assert 0 < volumes[0] < metrics["surface"]["volume_ml"] < volumes[1]
 
 
 def test_what_starts_from_outlines_is_not_compared_on_maps(fresh_project, sheet):

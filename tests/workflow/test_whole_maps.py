@@ -5,6 +5,7 @@ from importlib.util import find_spec
 
 import nibabel as nib
 import numpy as np
+import pandas as pd
 import pytest
 
 from cccd.geometry.ply import read_ply
@@ -33,7 +34,7 @@ def test_a_row_for_all_labels_leaves_organs_that_share_their_walls(fresh_project
     formats = {"case_formats": [form for names in asked.values() for form in names]}
     config = ["--config", f"surface={json.dumps(sizes | formats)}"]
     targets = ["scene.html", "scene.glb", *(file for names in asked.values() for file in names.values())]
-    files = [f"results/ball/{target}" for target in (*targets, "Left_half/metrics.json")]
+    files = [f"results/ball/{target}" for target in (*targets, "distances.csv", "Left_half/metrics.json")]
     run = fresh_project.snakemake(*files, *config)
     assert "label 9 (no name) is left out: a single voxel" in run.stderr
     scene = json.loads((fresh_project.results / "ball" / "scene.json").read_text())
@@ -49,9 +50,13 @@ def test_a_row_for_all_labels_leaves_organs_that_share_their_walls(fresh_project
     assert right.is_closed_manifold
     common = {point.tobytes() for point in left.vertices} & {point.tobytes() for point in right.vertices}
     assert len(common) > 100
+    between = pd.read_csv(fresh_project.results / "ball" / "distances.csv").iloc[0]
+    assert list(between[:3]) == ["ball", "Left_half", "Right_half"]
+    assert between["low_mm"] == between["distance_mm"] == 0 < between["high_mm"]
     check_case_formats(fresh_project.results / "ball", scene)
     assert fresh_project.planned(*files, *config) == {}
     everything = fresh_project.planned("--forceall", *config)
+    assert everything["measure_distances"] == 1
     assert everything.get("fill_case", 0) == ("pytetwild" in asked)
     assert everything.get("export_scene", 0) == ("OCP" in asked)
     missing = sorted(set(CASE_FORMATS) - set(asked))

@@ -74,7 +74,7 @@ class Structure {
     for (const name of ["surface", "cubes"]) {
       if (!this.data[`${name}_points`]) continue;
       const values = {};
-      for (const key of ["distance", "curvature"]) if (this.data[`${name}_${key}`]) values[key] = this.data[`${name}_${key}`];
+      for (const key of ["distance", "band", "curvature"]) if (this.data[`${name}_${key}`]) values[key] = this.data[`${name}_${key}`];
       scene[name] = { points: this.mm(this.data[`${name}_points`], meta.mm), faces: this.data[`${name}_faces`], values };
     }
     if (this.data.net_points)
@@ -228,7 +228,8 @@ class SliceViewer {
     if (this.shown.junctions) box("junctions", 0.95);
     if (this.shown.dropped) box("dropped", 0.95);
     if (this.shown.bridged) box("bridged", 0.95);
-    if (this.shown.curve) this.paintCurves(pen, k[index], at, tint("curve"), 1.6 * dots);
+    if (this.shown.band) for (const side of ["inner", "outer"]) this.paintLines(side, pen, k[index], at, tint("band"), 1.2 * dots);
+    if (this.shown.curve) this.paintLines("curve", pen, k[index], at, tint("curve"), 1.6 * dots);
     if (this.shown.corners) ring("corners", 2.4, true);
     if (this.shown.isolated_corners) ring("isolated_corners", 5, false);
     this.label.textContent = `Slice ${k[index]} · ${index + 1} of ${k.length}`;
@@ -240,8 +241,8 @@ class SliceViewer {
       .filter(([count]) => count !== null).map(([count, words]) => `${count} ${words}`).join(" · ");
   }
 
-  paintCurves(pen, slice, at, colour, width) {
-    const { curve_points: points, curve_offsets: offsets, curve_slice: slices, meta } = this.data;
+  paintLines(name, pen, slice, at, colour, width) {
+    const [points, offsets, slices] = ["points", "offsets", "slice"].map((part) => this.data[`${name}_${part}`]), { meta } = this.data;
     if (!points) return;
     const { origin, step } = meta.pixels, m = this.layout.to_picture;
     pen.strokeStyle = colour;

@@ -27,6 +27,29 @@ rule build_scene:
         "../../scripts/build_scene.py"
 
 
+rule measure_distances:
+    """Least distances between neighbouring organs of a case, with the intervals of their error bands."""
+    input:
+        surfaces=plan.whole_case("surface.h5"),
+        meshes=plan.whole_case("surface.ply"),
+    output:
+        "results/{case}/distances.csv",
+    log:
+        "logs/{case}/measure_distances.log",
+    benchmark:
+        "benchmarks/{case}/measure_distances.tsv"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(1500, 40),
+        runtime=minutes(15),
+    params:
+        library=library("measure_distances"),
+    script:
+        "../../scripts/measure_distances.py"
+
+
 rule build_case_page:
     """A page of a whole case: organs to switch on and off and to make transparent."""
     input:

@@ -26,7 +26,7 @@ from cccd.plan.plan import SHOWN, Plan
 from cccd.plan.resources import memory, minutes
 from cccd.report.registry import comparisons, inputs, tables
 from cccd.segmentation.networks import networks
-from cccd.settings.formats import CASE_FORMATS, FORMATS, SOLID_FORMATS
+from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 
 if workflow.remote_exec:

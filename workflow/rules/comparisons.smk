@@ -71,5 +71,6 @@ rule measure_structure:
     params:
         library=library("measure_structure"),
         viewer_triangles=config["report"]["viewer_triangles"],
+        lofting=LOFTING,
     script:
         "../../scripts/measure_structure.py"

@@ -6,6 +6,7 @@ rule build_tables:
     input:
         metrics=plan.files("metrics.json"),
         comparisons=plan.all_comparison_rows,
+        distances=plan.distance_files(),
     output:
         tables=[
             report(

@@ -17,6 +17,8 @@ wildcard_constraints:
     format="|".join(
         re.escape(name) for name in FORMATS if name not in ("ply", *CASE_FORMATS)
     ),
+    band_format="|".join(re.escape(name.removeprefix("band.")) for name in BAND_FORMATS),
+    side="inner|outer",
     solid_format="|".join(CASE_FORMATS),
     scene_format="|".join(SOLID_FORMATS),
 
@@ -145,6 +147,18 @@ rule export_surface:
         settings=pick("surface", "contour_spacing_mm", "keep_patient"),
     script:
         "../../scripts/export_surface.py"
+
+
+use rule export_surface as export_side with:
+    output:
+        "results/{case}/{organ}/surface_{side}.{band_format}",
+    log:
+        "logs/{case}/{organ}/export_{side}_{band_format}.log",
+    benchmark:
+        "benchmarks/{case}/{organ}/export_{side}_{band_format}.tsv"
+    params:
+        library=plan.writer("export_surface", "band_format"),
+        settings=pick("surface", "contour_spacing_mm", "keep_patient"),
 
 
 rule export_solid:

@@ -6,7 +6,7 @@ import numpy as np
 
 from cccd.geometry.arrays import FloatArray
 
-__all__ = ["FACTORS", "coverage_curve", "fewest_organs", "smallest_factor"]
+__all__ = ["FACTORS", "coverage_curve", "fewest_organs", "first_enough", "smallest_factor"]
 
 #: Factors that are tried, each 2.5 % above the one before.
 FACTORS = 0.1 * 1.025 ** np.arange(260)
@@ -44,20 +44,39 @@ def smallest_factor(curves: FloatArray, share: float) -> float | None:
     float or None
         None where no factor guarantees the share: there are too few organs.
 
-    Notes
-    -----
-    Conformal risk control (Angelopoulos et al. 2024): with the mean miss :math:`R` of n organs,
-    :math:`n R / (n + 1) + 1 / (n + 1) \le 1 - share`. If the next organ is exchangeable with these, the mean
-    share of it that is covered is at least ``share``. With scores that are one number per organ
-    this is split conformal prediction's quantile of rank :math:`\lceil (n + 1) share \rceil`.
-
     Examples
     --------
     >>> organs = np.array([coverage_curve(np.array([score])) for score in np.arange(1.0, 20)])
     >>> 18 <= smallest_factor(organs, 0.9) < 18.5
     True
     """
+    first = first_enough(curves, share)
+    return None if first is None else float(FACTORS[first])
+
+
+def first_enough(curves: FloatArray, share: float) -> int | None:
+    r"""Return the first column in which a further row is covered to a share, on the mean.
+
+    Parameters
+    ----------
+    curves : (N, F) float64
+        Covered shares of N exchangeable things; they do not fall from left to right.
+    share : float
+        Between 0 and 1.
+
+    Returns
+    -------
+    int or None
+        None where no column guarantees the share: there are too few rows.
+
+    Notes
+    -----
+    Conformal risk control (Angelopoulos et al. 2024): with the mean miss :math:`R` of n rows,
+    :math:`n R / (n + 1) + 1 / (n + 1) \le 1 - share`. If the next row is exchangeable with these, its mean
+    is at least ``share``. With scores that are one number per row this is split conformal prediction's
+    quantile of rank :math:`\lceil (n + 1) share \rceil`.
+    """
     count = len(curves)
     missed = (count * (1 - curves.mean(axis=0)) + 1) / (count + 1)
     enough = np.flatnonzero(missed <= 1 - share + 1e-12)
-    return float(FACTORS[enough[0]]) if len(enough) else None
+    return int(enough[0]) if len(enough) else None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
+from functools import cached_property
 
 import torch
 from torch import Tensor, nn
@@ -109,6 +111,12 @@ class JunctionNetwork(nn.Module):
             gates = torch.stack([both + turned, both - turned], dim=1).flatten(0, 1)
             x = x + layer(x, ways.edges, ways.rows.sums(gates), ways.received)
         return x
+
+    @cached_property
+    def weights_sha256(self) -> str:
+        """SHA-256 of the weights: what `cccd.junctions.uncertainty` guarantees holds for some only."""
+        values = [value.cpu().numpy().tobytes() for value in self.state_dict().values()]
+        return hashlib.sha256(b"".join(values)).hexdigest()
 
     @torch.inference_mode()
     def predict(self, slices: Sequence[HeteroData]) -> list[Logits]:

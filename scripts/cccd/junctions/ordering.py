@@ -19,6 +19,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray, IntArray, RealArray, owners_of, sum_per_part
 from cccd.junctions.decoding import closed_chains
 from cccd.junctions.inference import LoopPredictor, Predictor, predict_slices
+from cccd.junctions.uncertainty import CALIBRATED_WEIGHTS, listed_from
 from cccd.settings.junctions import InferenceSettings
 
 __all__ = ["DEFAULTS", "count_changes", "order_boundaries", "order_contours"]
@@ -99,7 +100,8 @@ def order_boundaries(
         that were ``bridged`` (`count_changes`), ``outer`` and ``holes``; ``unclosed``: the numbers of
         slices that have no closed boundary; and the totals. Where our network was asked, the curves
         have their ``uncertainty``; ``doubtful`` lists the slices that should be looked at, the most doubtful
-        first, and ``expected_wrong`` is the sum of all slices' uncertainties.
+        first, ``expected_wrong`` is the sum of all slices' uncertainties, and ``unlisted_wrong`` the share
+        of the others that may be wrong, ``None`` for weights of which nothing is guaranteed.
     """
     first, *corner = np.asarray(image_origin) if image is not None else np.zeros(3, np.int64)
     filled = [n for n, pixels in enumerate(boundaries) if len(pixels)]
@@ -113,18 +115,20 @@ def order_boundaries(
     if found.uncertainty is None:
         return curves, report
     own = found.uncertainty[np.searchsorted(numbers, curves.slice)]
-    return replace(curves, uncertainty=own), report | _doubts(
-        numbers, found.uncertainty, settings.doubtful_from
-    )
+    report |= _doubts(numbers, found.uncertainty, settings.unlisted_wrong)
+    if getattr(model, "weights_sha256", None) != CALIBRATED_WEIGHTS:
+        report["unlisted_wrong"] = None
+    return replace(curves, uncertainty=own), report
 
 
-def _doubts(numbers: IntArray, uncertainty: FloatArray, doubtful_from: float) -> dict[str, Any]:
+def _doubts(numbers: IntArray, uncertainty: FloatArray, unlisted_wrong: float) -> dict[str, Any]:
     """Say which slices should be looked at, the most doubtful first, and how many are probably wrong."""
     order = np.argsort(-uncertainty, kind="stable")
-    doubtful = order[uncertainty[order] >= doubtful_from]
+    doubtful = order[uncertainty[order] >= listed_from(unlisted_wrong)]
     return {
         "doubtful": [int(k) for k in numbers[doubtful]],
         "expected_wrong": round(float(uncertainty.sum()), 3),
+        "unlisted_wrong": unlisted_wrong,
     }
 
 

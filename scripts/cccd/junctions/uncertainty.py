@@ -2,7 +2,9 @@
 
 Little speaks for a slice where the cut itself scores low as a whole, or where labellings that are likely too
 enclose something else; and a small organ is wrong the sooner. A logistic curve, fitted to maps that the
-ranking has not seen (`cccd_training.junctions.reranker`), makes a probability of this.
+ranking has not seen (`cccd_training.junctions.reranker`), makes a probability of this. From which
+probability on slices are listed is calibrated on kinds of damage that training never saw, so that on a
+further kind few of the others are wrong (`cccd_training.junctions.doubts`).
 """
 
 from __future__ import annotations
@@ -12,10 +14,40 @@ import numpy as np
 from cccd.geometry.arrays import BoolArray, FloatArray, RealArray
 from cccd.junctions.delaunay import DelaunayGraph
 
-__all__ = ["FACTS", "areas_between", "chance_of_error", "doubt_facts"]
+__all__ = [
+    "CALIBRATED_WEIGHTS",
+    "FACTS",
+    "LISTED_FROM",
+    "areas_between",
+    "chance_of_error",
+    "doubt_facts",
+    "listed_from",
+]
 
 #: What `doubt_facts` gives, in order.
 FACTS = ("expected change", "size", "score of the cut")
+
+#: The share of wrong slices among those that are not listed, and the chance of error from which on slices are
+#: listed for it: conformal risk control over 15 kinds of damage, 300 maps of each (docs/doubts.csv).
+LISTED_FROM = ((0.075, 0.0055), (0.1, 0.019), (0.15, 0.0502), (0.2, 0.1052), (0.3, 0.289))
+#: The network's weights that this holds for (`cccd.junctions.network.JunctionNetwork.weights_sha256`).
+CALIBRATED_WEIGHTS = "b5621413385ed026eb63493a5796a79f242d6dc2b09de93ecfa6b4a1cbe35341"
+
+
+def listed_from(unlisted_wrong: float) -> float:
+    """Return the chance of error from which on a slice is listed; 0, which lists all, below the first share.
+
+    Parameters
+    ----------
+    unlisted_wrong : float
+        Share of wrong slices among those that are not listed, at most, on the mean of kinds of damage.
+
+    Examples
+    --------
+    >>> listed_from(0.01), listed_from(0.1) == listed_from(0.12) < listed_from(0.2)
+    (0.0, True)
+    """
+    return max((level for share, level in LISTED_FROM if share <= unlisted_wrong), default=0.0)
 
 
 def areas_between(graph: DelaunayGraph, labels: BoolArray, chosen: int) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from cccd.plan.resources import digest
 from cccd.project import shipped_weights
 from cccd.report.registry import Comparison, comparisons, inputs, items
 from cccd.segmentation.networks import networks
-from cccd.settings.formats import CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
+from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config
 
@@ -223,8 +224,13 @@ class Plan:
 
     def format_files(self) -> list[str]:
         """Return the surfaces' further files that the configuration asks for; PLY is always written."""
-        names = [name for name in self.settings.surface.formats if name != "ply"]
-        return [file for name in names for file in self.files(f"surface.{name}")]
+        names: list[str] = []
+        for name in self.settings.surface.formats:
+            if name in BAND_FORMATS:
+                names += [f"surface_{side}.{name.removeprefix('band.')}" for side in ("inner", "outer")]
+            elif name != "ply":
+                names.append(f"surface.{name}")
+        return [file for name in names for file in self.files(name)]
 
     def case_format_files(self) -> list[str]:
         """Return the files of whole cases that the configuration asks for."""
@@ -232,6 +238,11 @@ class Plan:
         files = [f"{'scene' if name in SOLID_FORMATS else 'volume'}.{name}" for name in names]
         cases = dict.fromkeys(name.case for name in self.cohort.reconstructed)
         return [f"results/{case}/{file}" for case in cases for file in files]
+
+    def distance_files(self) -> list[str]:
+        """Return the distances between organs, of every case that has more than one."""
+        organs = Counter(name.case for name in self.cohort.reconstructed)
+        return [f"results/{case}/distances.csv" for case, count in organs.items() if count > 1]
 
     def scenes(self) -> list[str]:
         """Return the scenes of cases whose organs share their walls."""

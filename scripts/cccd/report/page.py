@@ -118,6 +118,7 @@ def build_report(
             "structures": views,
             "failures": list(failures),
             "measured": _measured_table(found, views, index),
+            "distances": _distance_table(found),
             "whole_cases": [
                 case
                 for case in dict.fromkeys(case for case, _ in structures)
@@ -157,7 +158,8 @@ def build_report_of_finished(
     wanted = [results / case / organ for case, organ in structures]
     tables = [folder / "comparisons" / f"{name}.csv" for name in comparisons() for folder in wanted]
     metrics = [measured[folder] for folder in wanted if folder in measured]
-    cohort = read_cohort([str(table) for table in tables if table.is_file()], metrics)
+    apart = {results / case / "distances.csv" for case, _ in structures}
+    cohort = read_cohort([str(table) for table in tables if table.is_file()], metrics, sorted(apart))
     build_report(results, structures, failures, config, output, benchmarks, template_dir, cohort)
 
 
@@ -361,6 +363,12 @@ def _measured_table(results: Results, views: Sequence[StructureView], index: boo
         targets = {key: view.link if index else f"#{view.id}" for key, view in paged.items()}
         links = [targets.get(key) for key in keys]
     return table("structures", frame, links)
+
+
+def _distance_table(results: Results) -> Table | None:
+    """Show ``tables/distances.csv``, where any organs of a case lie near each other."""
+    frame = results.table("distances")
+    return None if frame is None else table("distances", frame)
 
 
 def _cohort_plots(views: Sequence[StructureView]) -> list[Markup]:

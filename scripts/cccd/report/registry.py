@@ -157,7 +157,7 @@ class Item:
         return self.table is not None and (self.tabulate is not None or len(self.rows) > 0)
 
 
-#: The product's own table.
+#: The product's own tables.
 STRUCTURES = Item(
     "structures",
     "Results",
@@ -168,10 +168,21 @@ STRUCTURES = Item(
     tabulate="cccd.report.summary.structures",
 )
 
+#: Distances between organs of a case.
+DISTANCES = Item(
+    "distances",
+    "Distances",
+    "Least distance between the surfaces of two organs of a case, with its interval.",
+    section="summary",
+    table="distances",
+    columns=("case", "organ", "other_organ", "distance_mm", "low_mm", "high_mm"),
+    tabulate="cccd.report.summary.distances",
+)
+
 
 def items() -> list[Item]:
     """Every table and figure, in the page's order."""
-    return [STRUCTURES, *added("report item").values()]
+    return [STRUCTURES, DISTANCES, *added("report item").values()]
 
 
 def comparisons() -> dict[str, Comparison]:

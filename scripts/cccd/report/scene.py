@@ -104,8 +104,8 @@ def build_scene(files: StructureFiles) -> Scene | None:
     scene = Scene("")
     found = [part for part in (boundaries, curves) if part is not None and len(part)]
     if structure is not None and found:
-        window = _Window.around(structure, found)
-        flags = view.flags if view is not None else {}
+        flags, band = (view.flags, view.band) if view is not None else ({}, {})
+        window = _Window.around(structure, found, [*band.values()])
         picture, right, down = _display(structure.frame, window.low, window.high)
         scene.sides = _letters(right, down)
         tiles, tile = _tiles(structure, window.k, picture)
@@ -113,6 +113,7 @@ def build_scene(files: StructureFiles) -> Scene | None:
         pieces += [_pack_layout(window, structure.frame, {**picture, "tile": tile})]
         pieces += [_pack_boundaries(window, boundaries, flags)] if boundaries is not None else []
         pieces += [_pack_curves(window, curves, files, flags)] if curves is not None else []
+        pieces += [_Piece(arrays=_pack_lines(window, name, lines)) for name, lines in band.items()]
     if not pieces:
         return None
     for piece in pieces:
@@ -202,11 +203,15 @@ class _Window:
     pixels: Grid
 
     @classmethod
-    def around(cls, structure: Structure, found: Sequence[Boundaries | Curves]) -> _Window:
+    def around(
+        cls, structure: Structure, found: Sequence[Boundaries | Curves], band: Sequence[Curves] = ()
+    ) -> _Window:
         """Show every slice on which there is something, and the structure's whole crop."""
         every = np.concatenate([part.slice for part in found])
         low, high = _extent(structure, np.concatenate([part.points for part in found]).astype(float))
-        pixels = Grid(np.array([low - 1.0, high + 1.0]), _PIXEL_STEP)
+        corners = np.array([low - 1.0, high + 1.0])
+        # the band may reach beyond the crop
+        pixels = Grid(np.concatenate([corners, *(lines.points for lines in band)]), _PIXEL_STEP)
         return cls(np.arange(every.min(), every.max() + 1), low, high, pixels)
 
     def per_slice(self, name: str, points: np.ndarray, owner: np.ndarray) -> dict[str, np.ndarray]:
@@ -238,11 +243,17 @@ def _pack_curves(
         return _Piece(arrays=arrays)
     points, offsets = corners
     arrays |= window.per_slice("corners", points, np.repeat(curves.slice, np.diff(offsets)))
-    drawn = splines.sample(per_pixel=1.0)
-    arrays["curve_points"] = quantise(drawn.points, window.pixels)
-    arrays["curve_offsets"] = drawn.offsets.astype(np.uint32)
-    arrays["curve_slice"] = splines.slice.astype(np.uint32)
+    arrays |= _pack_lines(window, "curve", splines.sample(per_pixel=1.0))
     return _Piece(arrays=arrays, parts={"curves"})
+
+
+def _pack_lines(window: _Window, name: str, lines: Curves) -> dict[str, np.ndarray]:
+    """Pack closed lines, each with the slice that it lies on."""
+    return {
+        f"{name}_points": quantise(lines.points, window.pixels),
+        f"{name}_offsets": lines.offsets.astype(np.uint32),
+        f"{name}_slice": lines.slice.astype(np.uint32),
+    }
 
 
 def _pack_layout(window: _Window, frame: Frame, picture: Mapping[str, Any]) -> _Piece:

@@ -51,6 +51,12 @@ class StructureView:
         return f"{self.case} / {self.organ}"
 
     @property
+    def next_slices(self) -> list[tuple[int, str]]:
+        """Slices whose annotation would shrink the error band most, and by what share of it."""
+        found = self.metrics.get("next_slices", [])
+        return [(row["slice"], f"{row['shrinks_band']:.1%}") for row in found]
+
+    @property
     def measured(self) -> list[tuple[str, str]]:
         """Every number of metrics.json, in words."""
         return [(key, number(value)) for key, value in _flat(self.metrics).items()]

@@ -17,6 +17,7 @@ from cccd.store import read_json, read_table
 __all__ = [
     "Cohort",
     "build_tables",
+    "distances",
     "read_cohort",
     "structure_names",
     "structures",
@@ -33,11 +34,19 @@ class Cohort:
         By comparison, the structures one below the other; what is not there has no rows.
     metrics : sequence of dict
         Each structure's ``metrics.json``.
+    distances : sequence of DataFrame
+        Each case's distances between organs (`cccd.surface.between.DISTANCES`).
     """
 
-    def __init__(self, rows: Mapping[str, pd.DataFrame], metrics: Sequence[Mapping[str, Any]] = ()):
+    def __init__(
+        self,
+        rows: Mapping[str, pd.DataFrame],
+        metrics: Sequence[Mapping[str, Any]] = (),
+        distances: Sequence[pd.DataFrame] = (),
+    ):
         self._rows = dict(rows)
         self.metrics = list(metrics)
+        self.distances = list(distances)
 
     def rows(self, name: str) -> pd.DataFrame:
         """Rows of a comparison; a frame without rows when no structure has any."""
@@ -50,15 +59,18 @@ class Cohort:
         return all(len(self.rows(comparison.name)) > 0 for comparison in item.needed)
 
 
-def read_cohort(tables: Iterable[str | Path], metrics: Iterable[str | Path]) -> Cohort:
-    """Read what jobs left: ``comparisons/<name>.csv`` and ``metrics.json`` of any number of structures."""
+def read_cohort(
+    tables: Iterable[str | Path], metrics: Iterable[str | Path], distances: Iterable[str | Path] = ()
+) -> Cohort:
+    """Read ``comparisons/<name>.csv`` and ``metrics.json`` of structures, and ``distances.csv`` of cases."""
     found: dict[str, list[pd.DataFrame]] = {}
     for file in map(Path, tables):
         part = read_table(file)
         if part is not None:  # else the comparison cannot be made on this structure
             found.setdefault(file.stem, []).append(part)
     rows = {name: pd.concat(parts, ignore_index=True) for name, parts in found.items()}
-    return Cohort(rows, [read_json(file) for file in metrics])
+    apart = (read_table(file) for file in distances)
+    return Cohort(rows, [read_json(file) for file in metrics], [part for part in apart if part is not None])
 
 
 def build_tables(cohort: Cohort) -> dict[str, pd.DataFrame]:
@@ -102,6 +114,11 @@ def structure_names(frame: pd.DataFrame) -> pd.Series:
     if unique["organ"].is_unique:
         return frame["organ"].astype(str)
     return frame["case"].astype(str) + " / " + frame["organ"].astype(str)
+
+
+def distances(cohort: Cohort) -> pd.DataFrame:
+    """List the least distances between neighbouring organs of all cases."""
+    return pd.concat(cohort.distances, ignore_index=True) if cohort.distances else pd.DataFrame()
 
 
 # Tables out of metrics.json -----------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import yaml
 
-from cccd.settings.formats import FORMATS
+from cccd.settings.formats import BAND_FORMATS, FORMATS
 from cccd.settings.root import whole_settings
 from cccd.settings.schema import raw_schema
 from cccd.settings.section import Section
@@ -226,6 +226,9 @@ def documentation(sensitivity: list[dict[str, str]]) -> str:
         if section == "surface":
             lines.append(_FORMATS_HEAD)
             lines += [_row(_code(form.name), form.holds, form.extra) for form in FORMATS.values()]
+            meshes = ", ".join(name.removeprefix("band.") for name in BAND_FORMATS)
+            band = "inner and outer surface of the error band, `surface_inner.stl` and `surface_outer.stl`"
+            lines.append(_row(_code("band.stl"), f"{band}; also of {meshes}", ""))
     measured = [key for key in values if any(row["key"] == key.dotted for row in sensitivity)]
     if measured:
         lines.append(_SENSITIVITY_HEAD)

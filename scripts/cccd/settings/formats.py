@@ -5,7 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["CASE_FORMATS", "COLOUR", "FORMATS", "NOTE", "SOLID_FORMATS", "TETRAHEDRA_FORMATS", "Format"]
+__all__ = [
+    "BAND_FORMATS",
+    "CASE_FORMATS",
+    "COLOUR",
+    "FORMATS",
+    "NOTE",
+    "SOLID_FORMATS",
+    "TETRAHEDRA_FORMATS",
+    "Format",
+]
 
 #: Red, green and blue (sRGB, 0 to 1) of an organ that nothing gives a colour.
 COLOUR = (0.80, 0.47, 0.40)
@@ -74,3 +83,5 @@ SOLID_FORMATS = tuple(form.name for form in _ALL if form.made_of == "solids")
 TETRAHEDRA_FORMATS = tuple(form.name for form in _ALL if form.made_of == "tetrahedra")
 #: Formats that hold all organs of a case.
 CASE_FORMATS = SOLID_FORMATS + TETRAHEDRA_FORMATS
+#: Names for the error band's inner and outer surface, surface_inner.stl and surface_outer.stl: meshes alone.
+BAND_FORMATS = tuple(f"band.{name}" for name in ("3mf", "gii", "glb", "nii.gz", "obj", "ply", "stl", "vtp"))

@@ -70,6 +70,7 @@ _REMOVED = {
     "comparisons.reconstruction": "its n_slices is that of comparisons.corners now; delete the others",
     "comparisons.stage_times": _FIXED,
     "segmentation.augmentation": _FIXED,
+    "gnn.inference.doubtful_from": "gnn.inference.unlisted_wrong decides now which slices are listed",
     "gnn.link_width": "it follows from gnn.width now: delete the key",
     "gnn.paper.patience": "all of gnn.paper.epochs are trained now: delete the key",
 }

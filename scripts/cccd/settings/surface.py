@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator
 
-from cccd.settings.formats import CASE_FORMATS, FORMATS
+from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS
 from cccd.settings.section import Section, setting
 from cccd.settings.validators import without_repeats
 
@@ -16,7 +16,7 @@ __all__ = ["LoftSettings", "TetrahedraSettings"]
 if TYPE_CHECKING:
     _Format = _CaseFormat = str
 else:
-    _Format = Literal[tuple(FORMATS)]
+    _Format = Literal[(*FORMATS, *BAND_FORMATS)]
     _CaseFormat = Literal[CASE_FORMATS]
 
 
@@ -111,7 +111,7 @@ class LoftSettings(Section):
     )
     formats: Annotated[tuple[_Format, ...], AfterValidator(without_repeats)] = setting(
         ("ply",),
-        "the surface's files; docs/configuration.md lists the formats; ply always",
+        "the surface's files, see docs/configuration.md; ply always; band.stl: the error band's sides",
         why="Every later step reads the PLY mesh. The table below says what the others hold and need.",
     )
     case_formats: Annotated[tuple[_CaseFormat, ...], AfterValidator(without_repeats)] = setting(

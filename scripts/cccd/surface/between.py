@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["Between", "least_distance", "near_pairs"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["DISTANCES", "Between", "distance_table", "least_distance", "near_pairs"]
 
 #: Organs whose boxes lie further apart than this in mm are not compared.
 NEAR_MM = 30.0
+#: Columns of `distance_table`.
+DISTANCES = ("case", "organ", "other_organ", "distance_mm", "low_mm", "high_mm")
 
 
 class Between(NamedTuple):
@@ -64,3 +69,11 @@ def near_pairs(surfaces: Mapping[str, LoftedSurface]) -> dict[tuple[str, str], B
         if np.linalg.norm(np.maximum(np.maximum(lower - high, low - higher), 0)) <= NEAR_MM:
             found[one, other] = least_distance(surfaces[one], surfaces[other])
     return found
+
+
+def distance_table(case: str, found: Mapping[tuple[str, str], Between]) -> pd.DataFrame:
+    """List the distances of a case's pairs, the nearest first; columns are `DISTANCES`."""
+    import pandas as pd  # slow to import, and only tables need it
+
+    rows = [(case, *pair, *(round(mm, 4) for mm in between)) for pair, between in found.items()]
+    return pd.DataFrame(sorted(rows, key=lambda row: row[3]), columns=list(DISTANCES))

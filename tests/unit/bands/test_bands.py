@@ -15,7 +15,7 @@ from cccd.files.write import write_surface
 from cccd.inputs.load import structure_of_array
 from cccd.settings.root import Settings
 from cccd.store import write_control_meshes
-from cccd.surface.between import least_distance
+from cccd.surface.between import DISTANCES, Between, distance_table, least_distance
 from cccd.surface.measure import measure_surface
 from cccd.surface.surface import read_surface
 
@@ -136,6 +136,10 @@ def test_distance_between_two_organs_has_an_interval():
     between = least_distance(one, cccd.reconstruct(mask, affine).lofted)
     assert between.low_mm < between.mm < between.high_mm
     assert between.low_mm <= 7 <= between.high_mm
+    far = Between(40.0, 30.0, 50.0)
+    table = distance_table("anna", {("liver", "colon"): far, ("liver", "spleen"): between})
+    assert table["other_organ"].tolist() == ["spleen", "colon"]
+    assert tuple(table.columns) == DISTANCES
 
 
 def test_metrics_hold_the_interval():
@@ -179,12 +183,25 @@ def test_the_next_slice_is_one_that_nobody_drew(tmp_path, capsys):
     assert main(["next", str(path), "--annotated", "nonempty", "--json"]) == 0
     slices = json.loads(capsys.readouterr().out)["slices"]
     named = [one["slice"] for one in slices]
-    assert not set(named) & set(keep)
+    assert set(named) == {2, 5, 8, 16, 23, 26, 29}  # the middle of each gap
+    assert named[0] == 16  # of the widest, where the band is widest too
     shrinks = [one["shrinks_band"] for one in slices]
     assert shrinks == sorted(shrinks, reverse=True)
     assert shrinks[0] > 0
     assert main(["next", str(path), "--annotated", "nonempty"]) == 0
     assert f"annotate slice {named[0]} next" in capsys.readouterr().out
+
+
+def test_of_equal_gaps_those_where_the_surface_bends_come_before_straight_ones(tmp_path, capsys):
+    x, y, z = np.indices((34, 34, 52)) - np.array([16.5, 16.5, 0]).reshape(3, 1, 1, 1)
+    radius = np.sqrt(np.maximum(14.0**2 - np.maximum(z - 32, 0) ** 2, 0))  # a cylinder that ends in a dome
+    mask = (np.hypot(x, y) <= radius) & (z >= 5)
+    kept = np.zeros_like(mask)
+    kept[:, :, 6:45:6] = mask[:, :, 6:45:6]
+    path = save(tmp_path / "dome.nii.gz", kept, np.eye(4))
+    assert main(["next", str(path), "--annotated", "nonempty", "--json"]) == 0
+    shrinks = {one["slice"]: one["shrinks_band"] for one in json.loads(capsys.readouterr().out)["slices"]}
+    assert min(shrinks[39], shrinks[33]) > max(shrinks[k] for k in (9, 15, 21, 27))
 
 
 def test_nothing_is_left_to_draw(tmp_path, capsys):

@@ -17,7 +17,7 @@ from cccd.junctions.delaunay import build_graph
 from cccd.junctions.inference import predict_slices
 from cccd.junctions.labelling import label_slice
 from cccd.junctions.reranking import shipped_reranker
-from cccd.junctions.uncertainty import chance_of_error, doubt_facts
+from cccd.junctions.uncertainty import CALIBRATED_WEIGHTS, chance_of_error, doubt_facts, listed_from
 from cccd.settings.junctions import InferenceSettings
 from cccd_training.junctions.reranker import Example, fit_doubt
 from cccd_training.junctions.scoring import score_slice
@@ -124,10 +124,12 @@ def test_doubtful_slices_are_listed_and_their_uncertainty_is_stored(tmp_path):
     plain = raster_order(border_pixels(clear(20)[1])[0])
     curves, report = order_boundaries(boundaries([even, odd, plain], [0, 10, 20]), _Network())
     assert report["doubtful"] == [10]
+    assert report["unlisted_wrong"] is None  # the guarantee is for the shipped weights
     (warning,) = doubtful_slices(report)
     assert "10 (1 of 3;" in warning
+    assert "of the others" not in warning
     chance = dict(zip(curves.slice.tolist(), curves.uncertainty.tolist(), strict=True))
-    assert chance[10] > InferenceSettings().doubtful_from > chance[0] >= chance[20]
+    assert chance[10] > listed_from(InferenceSettings().unlisted_wrong) > chance[0] >= chance[20]
     splines = Splines(
         curves.points, curves.offsets, np.arange(5.0), np.zeros(len(curves) + 1, np.int64),
         curves.slice, curves.hole, 3, FRAME,
@@ -139,6 +141,22 @@ def test_doubtful_slices_are_listed_and_their_uncertainty_is_stored(tmp_path):
         tmp_path / "curves.h5", FittedCurves(read, codes, read.points, read.offsets, splines, {})
     )
     np.testing.assert_array_equal(store.read_curves(tmp_path / "curves.h5").uncertainty, curves.uncertainty)
+
+
+def test_a_stricter_share_lists_more_and_the_shipped_weights_are_those_of_the_guarantee():
+    model = load_model(SHIPPED)
+    assert model.weights_sha256 == CALIBRATED_WEIGHTS
+    kinds = ("double", "spurs", "mixed", "gaps")
+    drawn = [draw_map(np.random.default_rng([5, n]), kinds[n % 4], 1.0).pixels for n in range(8)]
+    maps = boundaries([raster_order(pixels) for pixels in drawn], range(0, 80, 10))
+    listed = []
+    for share in (0.0, 0.1, 0.2, 0.3):
+        _, report = order_boundaries(maps, model, settings=InferenceSettings(unlisted_wrong=share))
+        assert report["unlisted_wrong"] == share
+        listed.append(set(report["doubtful"]))
+    assert listed[0] == set(range(0, 80, 10))
+    assert listed[0] > listed[2] >= listed[3]
+    assert listed[0] >= listed[1] >= listed[2]
 
 
 def test_traced_curves_have_no_uncertainty_and_the_decoder_alone_none_either(tmp_path):

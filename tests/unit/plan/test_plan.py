@@ -46,6 +46,18 @@ def test_what_orders_pixels_waits_for_the_network_and_nothing_else_does():
     assert plan.contour_settings(named("b/ball")) == decoder | {"parts": 2}
 
 
+def test_distances_are_measured_in_cases_of_more_than_one_organ():
+    other = MASK | {"organ": "cube"}
+    assert plan_of(MASK, MAPS).distance_files() == []
+    assert plan_of(MASK, other, MAPS).distance_files() == ["results/a/distances.csv"]
+
+
+def test_the_bands_sides_are_files_of_their_own():
+    plan = plan_of(MASK, surface={"formats": ["band.nii.gz", "vtp", "band.ply"]})
+    ends = ("_inner.nii.gz", "_outer.nii.gz", ".vtp", "_inner.ply", "_outer.ply")
+    assert plan.format_files() == [f"results/a/ball/surface{end}" for end in ends]
+
+
 def test_formats_are_asked_for_besides_the_ply():
     formats = {"formats": ["ply", "stl", "step", "msh"], "case_formats": ["step", "vtu"]}
     plan = plan_of(MASK, MAPS, surface=formats)

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import trimesh
 
+from cccd.bands import Band
 from cccd.boundary import extract_boundaries
 from cccd.chaincode import chain_codes
 from cccd.containers import FittedCurves, Frame, Splines, Structure
@@ -33,6 +34,7 @@ from cccd.view import make_view
 
 RADII = np.array([24.0, 30.0, 21.0])
 SPACING = np.array([1.0, 1.0, 2.0])
+BAND = {"inner": 1.5, "outer": 2.5}
 BOUNDARIES = BoundarySettings(source="mask")
 
 
@@ -120,12 +122,15 @@ def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...]
 
 def write_sample_view(folder: Path, triangles: int) -> None:
     """What the viewer shows of the structure in a folder, each mesh of at most so many triangles."""
+    mesh = read_ply(folder / "surface.ply")
+    inner, outer = (np.full(len(mesh.vertices), side) for side in (BAND["inner"], BAND["outer"]))
     view = make_view(
         read_structure(folder / "structure.h5"),
         read_boundaries(folder / "boundaries.h5"),
         read_curves(folder / "curves.h5"),
-        read_ply(folder / "surface.ply"),
+        mesh,
         triangles,
+        Band(inner, outer, 0.9, 1.0, False),
     )
     write_view(folder / "view.h5", view)
 

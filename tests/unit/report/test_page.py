@@ -19,6 +19,7 @@ from cccd.report.page import build_report, build_structure_page
 from cccd.report.registry import items
 from cccd.report.summary import build_tables, read_cohort, write_notes
 from cccd.store import write_json, write_table
+from cccd.surface.between import DISTANCES
 
 TEMPLATES = Path(__file__).parents[3] / "workflow" / "report"
 CONFIG = {"seed": 152, "cohort": "cohort.tsv", "report": {"pages_above": 12, "viewer_triangles": 8000}}
@@ -148,6 +149,20 @@ def test_without_comparisons_no_word_of_the_paper(plain):
     text = shown(build(plain, STRUCTURES))
     assert "3D Dice" in text
     assert not re.search(r"\bpaper\b|Table \d|Figure \d|Training", text)
+
+
+def test_distances_between_organs_are_a_table_where_there_are_any(plain):
+    assert "Distances between organs" not in shown(build(plain, STRUCTURES))
+    case = STRUCTURES[0][0]
+    row = dict(zip(DISTANCES, (case, "liver", "kidney", 7.25, 5.5, 8.75), strict=True))
+    write_table(plain / case / "distances.csv", pd.DataFrame([row]))
+    cohort = read_cohort([], [], [plain / case / "distances.csv", plain / "none" / "distances.csv"])
+    frame = build_tables(cohort)["distances"]
+    assert frame.to_dict("records") == [row]
+    write_table(plain / "tables" / "distances.csv", frame)
+    text = shown(build(plain, STRUCTURES))
+    assert "Distances between organs" in text
+    assert all(number in text for number in ("7.25", "5.5", "8.75"))
 
 
 def test_a_network_s_scores_stand_alone_where_nothing_else_is_compared(plain):

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 import shapely
 from PIL import Image
-from sample_results import BOUNDARIES, write_results, write_sample_view
+from sample_results import BAND, BOUNDARIES, write_results, write_sample_view
 from test_payload import unpack
 
 from cccd.boundary import extract_boundaries
 from cccd.containers import Curves, Frame, Structure
 from cccd.curves import describe_curves
+from cccd.geometry.distance import to_mesh
+from cccd.geometry.ply import read_ply
 from cccd.report.results import StructureFiles
 from cccd.report.scene import _display, _letters, _round_up, build_scene, colour_stops
 from cccd.settings.curves import CurveSettings
@@ -74,6 +76,23 @@ def test_distance_colours_are_small_for_the_true_surface(folder):
     distance = (arrays["surface_distance"].astype(float) / 127.5 - 1) * legend.limit
     assert abs(np.median(distance)) < 0.5  # mm, voxels are 1 x 1 x 2
     assert legend.unit == "mm"
+
+
+def test_the_bands_lines_lie_as_far_from_the_surface_as_the_band_says(folder):
+    meta, arrays = unpack(scene_of(folder, 20_000).data)
+    surface = read_ply(folder / "surface.ply")
+    drawn = set(read_curves(folder / "curves.h5").slice.tolist())
+    for side, sign in (("inner", -1), ("outer", 1)):
+        pixels = np.asarray(meta["pixels"]["origin"]) + meta["pixels"]["step"] * arrays[f"{side}_points"]
+        k = np.repeat(arrays[f"{side}_slice"].ravel(), np.diff(arrays[f"{side}_offsets"].ravel()))
+        points = np.column_stack([pixels, k, np.ones(len(k))]) @ np.array(meta["stack_affine"]).T
+        away = to_mesh(points[:, :3], surface)
+        np.testing.assert_allclose(away, sign * BAND[side], atol=0.15)  # mm; the sphere has 5000 triangles
+        middle = {k for k in drawn if min(drawn) + 2 < k < max(drawn) - 2}
+        assert middle <= set(k.tolist()) <= drawn
+    legend = next(one for one in build_scene(StructureFiles(folder)).legends if one.name == "band")
+    widths = legend.least + arrays["surface_band"] / 255 * (legend.limit - legend.least)
+    np.testing.assert_allclose(widths, sum(BAND.values()), atol=0.02)
 
 
 def test_overlays_are_counted_per_slice(folder):
