@@ -144,7 +144,9 @@ def test_a_closer_look_is_a_target_of_its_own_and_the_report_shows_what_is_there
     monkeypatch.chdir(tmp_path)
     plan = plan_of(MASK)
     evidence = plan.evidence_files()
-    assert {Path(file).stem for file in evidence} == {one.name for one in comparisons().values() if one.further}
+    assert {Path(file).stem for file in evidence} == {
+        one.name for one in comparisons().values() if one.further
+    }
     assert plan.comparison_files(named("a/ball")) == []
     for file in evidence:
         Path(file).parent.mkdir(parents=True, exist_ok=True)
