@@ -29,7 +29,7 @@ def order_contours(
     Parameters
     ----------
     structure : Structure
-        Its image is read beside the pixels, where it has one.
+        Its image, and the rough region in it, are read beside the pixels, where it has them.
     boundaries : Boundaries
         Its boundary pixels.
     model : Predictor or LoopPredictor
@@ -55,6 +55,11 @@ def order_contours(
             "its file has changed since the run was planned: run snakemake again",
         )
     curves, report = order_boundaries(
-        boundaries, model, structure.stack("image"), structure.stack_origin, settings
+        boundaries,
+        model,
+        structure.stack("image"),
+        structure.stack_origin,
+        settings,
+        structure.stack("region"),
     )
     return check_closed(curves, structure), {"method": "GNN", **report}

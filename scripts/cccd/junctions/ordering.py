@@ -10,7 +10,7 @@ import numpy as np
 
 from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels
 from cccd.containers import Boundaries, Curves
-from cccd.geometry.arrays import FloatArray, IntArray, RealArray, owners_of, sum_per_part
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, RealArray, owners_of, sum_per_part
 from cccd.junctions.decoding import closed_chains
 from cccd.junctions.inference import LoopPredictor, Predictor, predict_slices
 from cccd.settings.junctions import InferenceSettings
@@ -27,6 +27,7 @@ def order_boundaries(
     image: RealArray | None = None,
     image_origin: Sequence[int] | IntArray = (0, 0, 0),
     settings: InferenceSettings = DEFAULTS,
+    region: BoolArray | None = None,
 ) -> tuple[Curves, dict[str, Any]]:
     """Order every slice's boundary pixels into closed, strictly simple 8-connected pixel chains.
 
@@ -41,6 +42,8 @@ def order_boundaries(
         Source index (k, i, j) of the image's first voxel.
     settings : InferenceSettings
         Section ``gnn.inference`` of the configuration.
+    region : (S, I, J) bool array, optional
+        Where the organ roughly is, on the image's grid; read where our network orders.
 
     Returns
     -------
@@ -57,9 +60,8 @@ def order_boundaries(
     filled = [n for n, pixels in enumerate(boundaries) if len(pixels)]
     numbers = boundaries.slice[filled]
     maps = [pixels - corner for pixels in boundaries if len(pixels)]
-    count = 0 if image is None else len(image)
-    images = [image[k - first] if image is not None and 0 <= k - first < count else None for k in numbers]
-    found = predict_slices(maps, model, images, numbers, settings.parts)
+    images, regions = (_slices_of(stack, numbers - first) for stack in (image, region))
+    found = predict_slices(maps, model, images, numbers, settings.parts, regions)
     curves = closed_chains(found.masks, found.origin + corner, numbers, boundaries.frame, settings.parts)
     report = _report(boundaries, curves)
     if found.uncertainty is None:
@@ -68,6 +70,12 @@ def order_boundaries(
     return replace(curves, uncertainty=own), report | _doubts(
         numbers, found.uncertainty, settings.doubtful_from
     )
+
+
+def _slices_of(stack: AnyArray | None, layers: IntArray) -> list[AnyArray | None]:
+    """Take slices of a stack by their number, None where it has none."""
+    count = 0 if stack is None else len(stack)
+    return [stack[k] if stack is not None and 0 <= k < count else None for k in layers]
 
 
 def _doubts(numbers: IntArray, uncertainty: FloatArray, doubtful_from: float) -> dict[str, Any]:
