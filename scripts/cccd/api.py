@@ -317,7 +317,8 @@ def read(
     wanted = "boundary" if boundary else "image" if alone else _column_of(path)
     if alone and (chosen or image is not None or boundary):
         problem = f"a {alone} cannot be combined with a label, an image or boundary maps"
-        raise InputError(path.name, problem, f"give only the image; a {alone} does not find labels")
+        hint = "give only the image" + "; a threshold does not find organs" * (alone == "threshold")
+        raise InputError(path.name, problem, hint)
     if threshold is not False:
         if seed:
             problem = "a seed cannot be combined with a threshold"

@@ -154,8 +154,7 @@ def segmenters(cohort: Cohort) -> str:
 def _networks_on(organ: str, table: pd.DataFrame) -> str:
     dice = table.groupby(["given", "method"], sort=False)["dice_percent"].mean()
     paper = table.groupby("method")["paper_dice_percent"].first()
-    grey = dice["the image"]
-    networks = grey[~grey.index.str.startswith(CCCD)]
+    networks = dice["the image"]
     ranked = networks.sort_values(ascending=False)
     scores = [_percent(score, paper[name]) for name, score in ranked.items()]
     told = listed([f"{name} {score}" for name, score in zip(ranked.index, scores, strict=True)])
@@ -172,14 +171,14 @@ def _networks_on(organ: str, table: pd.DataFrame) -> str:
     if len(quoted):
         above = _beside(above, f"{int((quoted_finest > quoted).sum())} of {len(quoted)}")
     lost = [dice[name, f"{CCCD}, {FINEST}"] - networks[name] for name in networks.index]
-    alone = grey.get(f"{CCCD}, {FINEST}")
+    alone = dice.get(("the image and a seed", f"{CCCD}, {FINEST}"))
     return (
         f"On the same scans ({organ}): {told}. CCCD at {FINEST} on the true mask has "
         f"{_percent(finest, quoted_finest)}, above {above} networks. It is "
         f"given the place of the organ. On the networks' masks it changes their Dice by {min(lost):+.2f} to "
         f"{max(lost):+.2f} points."
         + (f" The paper's order of two holds for {held} of {len(pairs)} pairs." if pairs else "")
-        + (f" Where a threshold stands for a network, CCCD at {FINEST} has {alone:.1f} %." if alone else "")
+        + (f" From a seed in place of a network, CCCD at {FINEST} has {alone:.1f} %." if alone else "")
     )
 
 
