@@ -40,9 +40,9 @@ _EVEN = 0.5
 #: the heart beside a liver, 15 HU brighter, and 0.08 lost the mode of some seeds.
 _VALLEY_WIDTH = 0.14
 
-#: A valley ends where the values rise to this multiple of its depth. Below this share of the mode it is empty;
-#: tissue goes on this far into a wide empty one, where voxels are mostly of it. Of 0, 0.25 and 0.5, the first is
-#: best for livers and the last for lungs.
+#: A valley ends where the values rise to this multiple of its depth. Below this share of the mode it is
+#: empty; tissue goes on this far into a wide empty one, where voxels are mostly of it. Of 0, 0.25 and 0.5,
+#: the first is best for livers and the last for lungs.
 _VALLEY_RISE, _VALLEY_FLOOR, _INTO_EMPTY = 1.5, 0.002, 0.25
 
 #: Connections thinner than twice this are necks, if the seed's own tissue is thicker, mm.

@@ -33,6 +33,7 @@ from cccd.inputs.grid import (
 )
 from cccd.inputs.growing import grow_region
 from cccd.inputs.phantoms import make_phantom
+from cccd.inputs.refining import refine_border
 from cccd.inputs.regions import find_region
 from cccd.inputs.row_files import organ_of_labels, read_boundary_maps, read_image, read_mask
 from cccd.inputs.sources import brain_of_stripped, read_mni152, read_whole_body_ct
@@ -504,6 +505,14 @@ def _crop(scan: _Scan, row: Mapping[str, str], settings: ImportSettings) -> Stru
         warnings = warnings + _unscored_notes(scan.mask, mask)
     if annotation is not None and mask is not None:
         mask = _on_slices(mask, first, frame, annotation.slices)
+    if row.get("border") == "image" and image is not None and mask is not None:
+        if annotation is not None:
+            problem = "border: image needs a mask of every slice, and some are not annotated"
+            raise InputError(row["location"], problem, "empty border")
+        given = mask if probability is None else probability
+        refined = refine_border(image.astype(np.float32), given, frame.slice_axis)
+        probability = np.where(crop(np.ones(frame.shape, bool), first, last), refined, np.float32(0))
+        mask = probability >= 0.5
     return Structure(
         case=row["case"],
         organ=row["organ"],

@@ -86,6 +86,10 @@ class Plan:
         settings = validate_config(config)
         sheet = find_file(settings.cohort, root)
         cohort = PlannedCohort.read(sheet, settings.surface.shared_walls, settings.curves.ordering == "gnn")
+        for row in cohort.rows.values():
+            if row["border"] == "image" and row["organ"] in cohort.shared.get(row["case"], []):
+                problem = "border: image cannot be combined with walls that organs share"
+                raise InputError(row["location"], problem, "empty border, or set surface.shared_walls: false")
         junctions = JunctionPlan.choose(settings, cohort, root)
         segmenter = SegmenterPlan.choose(settings, cohort, root)
         return cls(settings.as_config(), settings, root, cohort, junctions, segmenter, _calibration(settings))
