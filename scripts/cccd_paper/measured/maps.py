@@ -160,8 +160,8 @@ def segmentation_networks(tables: Tables) -> str:
         "## Segmentation networks",
         "The networks of the paper's Table 3, narrower than published, compared with the phantom's mask. "
         "They were trained on phantoms of the same generator: **in distribution**, so the numbers do not "
-        "hold for real scans. “Proposed CCCD” has no such network: a seed, a voxel in the middle of each "
-        "part of the organ, says where that is; a region grows from it, and the junction network orders the "
-        "edges near its border.",
+        "hold for real scans. “Proposed CCCD” has no such network. A threshold finds the organ, or, “from a "
+        "seed”, a region grows from a voxel in the middle of each of its parts. The junction network orders "
+        "the edges near the region's border.",
         markdown_table(shown),
     ])  # fmt: skip
