@@ -259,6 +259,8 @@ def read(
     boundary: bool = False,
     annotated: str = AUTO,
     threshold: bool | tuple[float | None, float | None] = False,
+    seed: str = "",
+    border: str = "mask",
     settings: Settings | None = None,
 ) -> Structure:
     """Read one organ from a file or folder.
@@ -267,8 +269,8 @@ def read(
     ----------
     path : path
         A mask or label map (NIfTI, NRRD, MHA), a DICOM SEG or RTSTRUCT, a folder with one of these, or a
-        folder with a mask per organ (TotalSegmentator). With ``threshold`` an image, or the folder of a DICOM
-        series.
+        folder with a mask per organ (TotalSegmentator). With ``threshold`` or ``seed`` an image, or the
+        folder of a DICOM series.
     label : str, int or several int
         Value(s) of a label map, or the name of an organ, segment or ROI. By default all labels, which become
         one organ; if there are several, with a Python warning.
@@ -283,6 +285,14 @@ def read(
         For an image without a mask: take the largest piece with grey values from ``low`` to ``high`` (None is
         no bound). True uses the range of ``import.region``, by default from Otsu's method. A threshold does
         not find organs: the structure is called ``threshold``.
+    seed : str
+        For an image without a mask: where the organ is, as in the cohort sheet. A voxel ``"120,88,40"`` or a
+        box ``"110:130,80:96,38:42"`` within the organ, with indices from 0; separate several by semicolons.
+        What is of the same tissue around it is a rough region. `reconstruct` looks for the image's edges
+        near its border, and needs the extra ``gnn``. The structure is called ``seeded``.
+    border : {"mask", "image"}
+        Whether the border is that of the mask or the probabilities, or moved from there to the edges of
+        ``image``, by two pixels at most.
     settings : Settings, optional
         Section ``import`` is used.
 
@@ -307,26 +317,36 @@ def read(
     existing(path, path.name)
     name = name_of(path)
     chosen = _chosen(label)
-    wanted = "boundary" if boundary else "image" if threshold is not False else _column_of(path)
+    alone = "seed" if seed else "threshold" if threshold is not False else None
+    wanted = "boundary" if boundary else "image" if alone else _column_of(path)
+    if alone and (chosen or image is not None or boundary):
+        problem = f"a {alone} cannot be combined with a label, an image or boundary maps"
+        hint = "give only the image" + "; a threshold does not find organs" * (alone == "threshold")
+        raise InputError(path.name, problem, hint)
     if threshold is not False:
-        if chosen or image is not None or boundary:
-            problem = "a threshold cannot be combined with a label, an image or boundary maps"
-            raise InputError(path.name, problem, "give only the image; a threshold does not find organs")
+        if seed:
+            problem = "a seed cannot be combined with a threshold"
+            raise InputError(path.name, problem, "give one of them")
         settings = _with_window(settings, threshold)
-    elif not boundary:
+    elif not (boundary or seed):
         refuse_image(path, chosen)
     if annotated == NONEMPTY and wanted != "mask":
         raise InputError(path.name, "annotated: nonempty needs a mask", "leave annotated out")
+    if border not in ("mask", "image"):
+        raise InputError("border", f"{border!r} is not known", "give mask or image")
     columns = {"image": "", "mask": "", "boundary": "", wanted: str(path)}
     if wanted == "mask" and path.is_dir() and _holds_images(path):
         columns["image"] = str(path)
     if image is not None:
         columns["image"] = str(Path(image).absolute())
+    if border == "image" and (wanted != "mask" or not columns["image"]):
+        problem = "border: image needs a mask and its image"
+        raise InputError(path.name, problem, "name the scan as image, or leave border out")
     organ = chosen if chosen and not chosen.replace(",", "").isdecimal() else name
-    if threshold is not False:
-        organ = "threshold"
+    if alone:
+        organ = {"seed": "seeded", "threshold": "threshold"}[alone]
     row = {"case": name, "organ": organ, "source": "files", "label": chosen, "location": path.name}
-    row |= {"annotated": _rule(annotated), **columns}
+    row |= {"seed": seed, "border": border, "annotated": _rule(annotated), **columns}
     structure = load_structure(row, path.parent, settings.import_, settings.seed)
     return _told(structure, 4)  # one frame is the decorator's
 

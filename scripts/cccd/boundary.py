@@ -4,7 +4,8 @@ On a mask the exclusive-or of the mask and its dilation is the band of backgroun
 and the boundary is the mask's own pixels that share an edge with that band: the outline that border
 following visits, so that polygons through these pixel centres are exact. Blurring is for grey images; a
 mask has no noise and blurring would only round it off. On a grey image the dilation and the erosion of
-the rough region differ by the band in which the boundary is sought, and the edges are Canny's.
+the rough region differ by the band in which the boundary is sought, and the edges are Canny's. Where the
+image shows none, the region's own border stands in.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from cccd.containers import (
 )
 from cccd.errors import InputError
 from cccd.geometry.arrays import offsets_of, ranks_of
+from cccd.geometry.opencv import distance_to_zero
 from cccd.settings.boundaries import BoundarySettings
 
 __all__ = ["KERNEL", "dilation_band", "edge_map", "extract_boundaries", "gradient_ridges", "outline"]
@@ -36,6 +38,10 @@ BLOCK = 32
 
 # Canny's lower threshold, as a share of the upper one: Canny (1986) recommends two or three to one.
 _HYSTERESIS = 0.4
+
+# Where no edge is within so many pixels of a rough region's border, the border stands in its place: of 2.5, 4
+# and 6 as good as any on phantoms.
+_NO_EDGE_PX = 4.0
 
 # The grey window reaches so many of the organ's own grey ranges beyond them on either side: bone and air
 # beside an organ would outshine its border.
@@ -122,6 +128,7 @@ def edge_map(image: np.ndarray, region: np.ndarray | None, settings: BoundarySet
     Returns
     -------
     (S, I, J) bool array
+        Where the image shows no edge near the region's border, with the pixels of that border.
     """
     image = np.nan_to_num(image, nan=float(np.nanmin(image)) if np.isfinite(image).any() else 0.0)
     band = np.ones(image.shape, bool) if region is None else _band_around(region, settings.dilations)
@@ -148,7 +155,17 @@ def edge_map(image: np.ndarray, region: np.ndarray | None, settings: BoundarySet
     strong = np.zeros(count + 1, bool)
     strong[labels[ridge > upper]] = True
     strong[0] = False
-    return strong[labels]
+    edges = strong[labels]
+    return edges if region is None else edges | _border_without_edges(region, edges)
+
+
+def _border_without_edges(region: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Border pixels of each slice of a region (S, I, J) that have no edge near by."""
+    border = outline(region)
+    for layer, seen in zip(border, edges, strict=True):
+        if layer.any() and seen.any():
+            layer &= distance_to_zero((~seen).astype(np.uint8)) > _NO_EDGE_PX
+    return border
 
 
 def _band_around(region: np.ndarray, dilations: int) -> np.ndarray:

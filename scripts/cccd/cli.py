@@ -42,6 +42,7 @@ examples:
   cccd surface labels.nii.gz --label 5 -o liver.stl -o liver.step
   cccd surface labels.nii.gz --all-labels       one file for each label
   cccd surface dicom_folder/ --label Liver      a series with its RTSTRUCT or SEG
+  cccd surface ct.nii.gz --seed 120,88,40       the organ around a voxel of an image without a mask
   cccd surface ct.nii.gz --threshold 150:       what is bright in an image without a mask
   cccd surface mesh.stl --like ct.nii.gz -o mask.nii.gz     a mesh on a scan's grid
   cccd segment mr.nii.gz --segmenter hippocampus    labels and surface, from a scan without a mask
@@ -161,6 +162,15 @@ def _add_input(command: argparse.ArgumentParser) -> None:
         "150: or -1000:-400. Without a range, Otsu's method chooses one. A threshold does not find organs",
     )  # fmt: skip
     command.add_argument(
+        "--seed", action="append", default=[], metavar="I,J,K",
+        help="the input is an image without a mask: the organ is around this voxel, or this box "
+        "(110:130,80:96,38:42), of indices from 0; repeatable, as for two lungs. Needs the extra gnn",
+    )  # fmt: skip
+    command.add_argument(
+        "--border", choices=["mask", "image"], default="mask",
+        help="image: move the mask's border to the edges of --image, by two pixels at most; default: mask",
+    )  # fmt: skip
+    command.add_argument(
         "--boundary", action="store_true", help="the input contains boundary maps, which the network orders"
     )
     command.add_argument(
@@ -185,7 +195,7 @@ def _add_surface(commands: Any) -> None:
         help="output file, repeatable. The suffix chooses the format: .ply .stl .obj .vtp .gii .glb .3mf "
         "(mesh), .usd (spline), .step .iges .brep (solid), .msh .vtu .inp (tetrahedra), .nii.gz (label map), "
         ".dcm .seg.dcm .stl.dcm (RTSTRUCT, SEG, encapsulated STL). Default: the input's name with .ply (with "
-        "--threshold: _threshold.ply), in this folder",
+        "--seed: _seeded.ply, with --threshold: _threshold.ply), in this folder",
     )  # fmt: skip
     surface.add_argument(
         "--like", type=Path, metavar="SCAN",
@@ -465,8 +475,10 @@ def _surface(given: argparse.Namespace) -> int:
         return _surface_of_zarr(given)
     if given.slab is not None:
         raise InputError("--slab", f"{given.input.name} is no OME-Zarr", "leave --slab out")
-    by_threshold = given.threshold is not None
-    stem = f"{_plain_stem(given.input)}_threshold" if by_threshold else _plain_stem(given.input)
+    option = "--seed" if given.seed else "--threshold" if given.threshold is not None else None
+    stem = _plain_stem(given.input)
+    if option:
+        stem += {"--seed": "_seeded", "--threshold": "_threshold"}[option]
     outputs = given.output or [Path(f"{stem}.ply")]
     if _is_shape(given.input, given.label):
         return _surface_of_mesh(given, given.output or [Path(f"{stem}_smooth.ply")])
@@ -474,8 +486,10 @@ def _surface(given: argparse.Namespace) -> int:
         raise InputError(
             "--like", f"{given.input.name} is not a mesh", "leave it out; --image names the scan"
         )
-    if by_threshold and given.all_labels:
-        raise InputError("--threshold", "an image without a mask has no labels", "leave --all-labels out")
+    if given.border == "image" and given.all_labels:
+        raise InputError("--border", "neighbours share their walls", "leave --all-labels or --border out")
+    if option and given.all_labels:
+        raise InputError(option, "an image without a mask has no labels", "leave --all-labels out")
     if given.label and given.all_labels:
         raise InputError("--all-labels", "it already takes every label", "leave --label out")
     settings = _settings_of(given)
@@ -516,7 +530,8 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
     from cccd.files.write import format_of
 
     labelled = bool(given.label) and not given.input.name.lower().endswith(".dcm")
-    voxels = (labelled, given.all_labels, given.boundary, given.threshold is not None, given.band)
+    from_image = bool(given.seed) or given.threshold is not None
+    voxels = (labelled, given.all_labels, given.boundary, from_image, given.band)
     if any(voxels):
         problem = "a mesh has no labels, grey values, boundary maps or error band"
         raise InputError(given.input.name, problem, "leave --label, --threshold and their like out")
@@ -765,6 +780,8 @@ def _make_surface(
             boundary=given.boundary,
             annotated=given.annotated,
             threshold=_threshold_of(given),
+            seed=";".join(given.seed),
+            border=given.border,
             settings=settings,
         )
         check_references(files, structure)
@@ -864,13 +881,14 @@ def _check(given: argparse.Namespace) -> int:
     from cccd.label_survey import measure_labels, survey_labels
 
     threshold = _threshold_of(given)
+    from_image = bool(given.seed) or threshold is not False
     if given.output is not None:
         if given.output.suffix.lower() != ".png":
             raise InputError(str(given.output), "the picture is a PNG", "end its name with .png")
         _check_files([given.output], [given.input, given.image])
     if given.input.suffix == ".tsv":
         found = [_check_one(given, structure) for structure in _rows(given.input)]
-    elif given.label or given.boundary or threshold is not False or not given.input.exists():
+    elif given.label or given.boundary or from_image or not given.input.exists():
         structure = cccd.read(
             given.input,
             given.label,
@@ -878,8 +896,10 @@ def _check(given: argparse.Namespace) -> int:
             boundary=given.boundary,
             annotated=given.annotated,
             threshold=threshold,
+            seed=";".join(given.seed),
+            border=given.border,
         )
-        plain = given.boundary or threshold is not False
+        plain = given.boundary or from_image
         listed = [] if plain else [label for label, _ in measure_labels(given.input)]
         found = [_check_one(given, structure, listed)]
     else:

@@ -19,6 +19,7 @@ import yaml
 
 from cccd.errors import InputError
 from cccd.project import PROJECT
+from cccd.seeds import parse_seeds
 from cccd.settings.messages import choices, nearest
 
 __all__ = ["SCHEMA", "brings_maps", "complete_row", "naming_row", "read_cohort"]
@@ -29,6 +30,8 @@ SCHEMA = PROJECT / "workflow" / "schemas" / "cohort.schema.yaml"
 _FROM_FILES = ("files", "lits17", "rider_lung", "upenn_gbm", "msd")
 #: Sources whose boundary pixels need ordering; a mask that they bring is ground truth only.
 _UNORDERED = ("mni152_scan", "damaged_phantom")
+#: Sources with an image in which a seed can say where the organ is.
+_SEEDED = ("files", "rider_lung", "mni152_scan")
 _TUMOUR = ("tumour", "tumor", "lesion")
 
 
@@ -127,6 +130,11 @@ def _check_row(row: dict[str, str]) -> None:
     if row["annotated"] == "nonempty" and unused:
         problem = "annotated: nonempty needs a mask that is reconstructed"
         raise InputError(row["location"], problem, "leave annotated empty, or give the row a mask alone")
+    if row["seed"]:
+        _check_seed(row)
+    if row["border"] == "image" and (not row["image"] or row["boundary"] or row["seed"] or starred):
+        problem = "border: image needs an image and a mask of one organ, without boundary maps or a seed"
+        raise InputError(row["location"], problem, "name the image, or leave border empty")
     if row["source"] not in _FROM_FILES:
         for name in ("image", "mask", "boundary", "label"):
             if row[name]:
@@ -135,6 +143,23 @@ def _check_row(row: dict[str, str]) -> None:
                     f"{name} is given, but source {row['source']} has its own",
                     f"empty {name} or set source to files",
                 )
+
+
+def _check_seed(row: Mapping[str, str]) -> None:
+    """Refuse a seed that says nothing, or that stands beside what already says where the organ is."""
+    location = row["location"]
+    parse_seeds(row["seed"], location)
+    given = next((name for name in ("mask", "boundary", "label") if row[name]), None)
+    if given:
+        problem = f"a seed cannot be combined with a {given}"
+        raise InputError(location, problem, f"empty seed or {given}: a seed is for an image alone")
+    if row["source"] not in _SEEDED:
+        problem = f"a seed is given, but source {row['source']} has a mask"
+        raise InputError(location, problem, "empty seed, or set source to files and name an image")
+    if row["role"] == "train":
+        raise InputError(
+            location, "a row that trains needs a mask, not a seed", "give the mask or another role"
+        )
 
 
 def read_cohort(path: str | Path) -> list[dict[str, str]]:
@@ -199,16 +224,20 @@ def _check_name(row: Mapping[str, str], seen: dict[str, tuple[str, str]]) -> Non
 
 
 def brings_maps(row: Mapping[str, str]) -> bool:
-    """Whether a row's boundary pixels need ordering: boundary maps, and edges of an image without a mask.
+    """Whether a row's boundary pixels need ordering: boundary maps, and edges of an image.
+
+    Those of an image are sought where a seed says that the organ is, or in sources that show that.
 
     Examples
     --------
-    >>> brings_maps({"source": "files", "boundary": "maps.nii.gz"})
+    >>> brings_maps({"source": "files", "boundary": "maps.nii.gz", "seed": ""})
     True
-    >>> brings_maps({"source": "phantom", "boundary": ""})
+    >>> brings_maps({"source": "files", "boundary": "", "seed": "120,88,40"})
+    True
+    >>> brings_maps({"source": "phantom", "boundary": "", "seed": ""})
     False
     """
-    return bool(row["boundary"]) or row["source"] in _UNORDERED
+    return bool(row["boundary"] or row["seed"]) or row["source"] in _UNORDERED
 
 
 @contextlib.contextmanager

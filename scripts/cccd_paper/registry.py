@@ -381,8 +381,9 @@ ITEMS = (
         "Table 3, measured here",
         "The paper compares the networks' Dice on other data (93.02, 94.23 and 96.5 %) with CCCD's on the "
         "true boundary (98.49, 96.00 and 96.37 %). Here all use the same scans. The networks find the organ "
-        "in the grey image. CCCD describes the true mask, each network's mask, and what a threshold and the "
-        "junction network find in the image. The networks have 0.24 to 1.4 million parameters, fewer than "
+        "in the grey image. CCCD describes the true mask, each network's mask, and what the junction network "
+        "finds in the image around a seed, a voxel in the middle of each part. "
+        "The networks have 0.24 to 1.4 million parameters, fewer than "
         "published, and are trained on phantoms of the generator that made these scans, so their Dice does "
         "not hold for real scans. The paper's figures are of CT livers, and are shown only for livers.",
         name="Table 3",

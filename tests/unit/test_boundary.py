@@ -107,3 +107,19 @@ def test_an_image_without_a_region_and_a_mask_without_its_image_are_refused():
         extract_boundaries(structure_of(image=np.zeros((2, 8, 8))), SETTINGS)
     with pytest.raises(InputError, match="there is no image"):
         extract_boundaries(structure_of(mask=np.ones((2, 8, 8), bool)), BoundarySettings(source="image"))
+
+
+def test_where_the_image_shows_no_edge_the_region_s_border_stands_in():
+    """Half of a disc is as grey as what is around it."""
+    i, j = np.indices((1, 80, 80))[1:] - 40
+    disc = np.hypot(i, j) < 20
+    grey = np.where(disc & (j < 0), 100.0, 0.0) + np.where(j >= 0, 100.0, 0.0)
+    rough = np.hypot(i, j) < 22.5
+    found = edge_map(grey, rough, SETTINGS)
+    border = outline(rough)
+    unseen = border & (j > 6)
+    assert found[unseen].all()
+    assert not found[border & (j < -4)].any()  # there the edge is nearer to the disc
+    seen = np.argwhere(found[0] & (j[0] < -4)) - 40
+    assert len(seen) > 40
+    assert np.abs(np.hypot(*seen.T) - 20).max() < 1.5

@@ -376,6 +376,34 @@ def test_thresholds_that_cannot_be_meant(scans, capsys, arguments, words):
     assert words in line
 
 
+@pytest.mark.parametrize("name", ["scan", "scan.nii.gz"])
+def test_a_seed_says_where_the_organ_is(scans, capsys, name):
+    pytest.importorskip("torch")
+    middle = ",".join(str(int(index)) for index in np.argwhere(ball()).mean(axis=0))
+    assert main(["surface", name, "--seed", middle, "--json"]) == 0
+    (made,) = json.loads(capsys.readouterr().out)["surfaces"]
+    assert (made["organ"], made["files"]) == ("seeded", ["scan_seeded.ply"])
+    assert made["volume_ml"] == pytest.approx(2.145, rel=0.06)
+    assert any(f"no mask; the organ is grown from seed {middle}" in warning for warning in made["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--seed", "1,2"], "scan.nii.gz: seed '1,2' is not known; give a voxel 120,88,40 or a box"),
+        (["--seed", "0,0,0"], "lies in the background"),
+        (["--seed", "99,0,0"], "seed 99,0,0 lies outside the scan"),
+        (["--seed", "3,3,3", "--label", "liver"], "a seed cannot be combined with a label"),
+        (["--seed", "3,3,3", "--threshold"], "a seed cannot be combined with a threshold"),
+        (["--seed", "3,3,3", "--all-labels"], "--seed: an image without a mask has no labels"),
+    ],
+)
+def test_seeds_that_cannot_be_meant(scans, capsys, arguments, words):
+    assert main(["surface", "scan.nii.gz", *arguments]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+
+
 def test_what_cannot_be_referred_to_is_said_before_the_work(scans, capsys, monkeypatch):
     pydicom = pytest.importorskip("pydicom")
     file = min((scans / "scan").iterdir())

@@ -81,6 +81,32 @@ BAD = {
     "capitals of a case": ("case\torgan\tmask\na\tliver\tm\nA\tlungs\tm\n", "row 3: A and a of"),
     "too many fields": ("case\torgan\tmask\na\tliver\tm\textra\n", "4 fields under 3 columns"),
     "open quote": ('case\torgan\tmask\na\tliver\t"m\n', "quote"),
+    "no seed": ("case\torgan\timage\tseed\na\tliver\tct.nii\t1,2\n", "row 2: seed '1,2' is not known"),
+    "empty box": ("case\torgan\timage\tseed\na\tliver\tct.nii\t5:5,1,1\n", "row 2: seed 5:5,1,1 is a box"),
+    "seed and mask": (
+        "case\torgan\timage\tmask\tseed\na\tliver\tct.nii\tm.nii\t1,2,3\n",
+        "row 2: a seed cannot be combined with a mask; empty seed or mask",
+    ),
+    "seed and label": (
+        "case\torgan\timage\tlabel\tseed\na\tliver\tct.nii\t5\t1,2,3\n",
+        "a seed cannot be combined with a label",
+    ),
+    "seed of a phantom": (
+        "case\torgan\tsource\tseed\na\tliver\tphantom\t1,2,3\n",
+        "source phantom has a mask",
+    ),
+    "seed that trains": (
+        "case\torgan\timage\tseed\trole\na\tliver\tct.nii\t1,2,3\ttrain\n",
+        "a mask, not a seed",
+    ),
+    "border without an image": (
+        "case\torgan\tmask\tborder\na\tliver\tm\timage\n",
+        "row 2: border: image needs",
+    ),
+    "border of a seed": (
+        "case\torgan\timage\tseed\tborder\na\tliver\tct\t1,2,3\timage\n",
+        "border: image needs an image and a mask",
+    ),
     "line break in a field": ('case\torgan\tmask\na\tliver\t"m\nn"\n', "line break"),
 }
 

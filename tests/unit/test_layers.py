@@ -20,7 +20,7 @@ LAYERS = {
         ("console", "errors", "limits", "tolerances", "lookup", "dependencies", "project"),
         ("additions",),
         ("extras", "disk_space", "devices"),
-        ("settings", "geometry", "job", "remote", "sidecar_files"),
+        ("settings", "geometry", "job", "remote", "sidecar_files", "seeds"),
         ("containers", "metrics", "cohort", "dicom_objects", "model_header"),
         ("bands",),
         ("store",),

@@ -31,10 +31,13 @@ from cccd.inputs.grid import (
     interpolate_on_grid,
     on_grid,
 )
+from cccd.inputs.growing import grow_region
 from cccd.inputs.phantoms import make_phantom
+from cccd.inputs.refining import refine_border
 from cccd.inputs.regions import find_region
 from cccd.inputs.row_files import organ_of_labels, read_boundary_maps, read_image, read_mask
 from cccd.inputs.sources import brain_of_stripped, read_mni152, read_whole_body_ct
+from cccd.seeds import parse_seeds
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
@@ -53,6 +56,9 @@ MIN_SLICES = 3
 
 #: Background left around the organ: blurs and dilations near it stay inside the crop.
 MARGIN_VOXELS = 3
+
+# And around a rough region, on either side of whose border edges are sought.
+_REGION_MARGIN_VOXELS = 8
 
 # Longer than any organ: a header in micrometres asks for a mesh that fills every memory.
 _MOST_MM = 10_000
@@ -223,7 +229,7 @@ def _scan_brain(row: Mapping[str, str], settings: ImportSettings, seed: int) -> 
     """Scan the MNI brain anew, and find its region in this image alone; the mask is ground truth."""
     clean, brain, facts = read_mni152(row["organ"], row["location"])
     image, mask = rescan(clean, brain, np.random.default_rng(seed))
-    region, found = _find_organ(image, row["source"], settings)
+    region, found = _find_organ(image, row, settings)
     provenance = {
         "source": row["source"],
         **facts,
@@ -289,8 +295,11 @@ def _scan_of_voxels(
         assert image is not None  # the sheet's check
         if row["label"]:
             raise image_without_mask(image.location, row["label"])
-        mask, provenance = _find_organ(image, row["source"], settings)
-        drawn = mask
+        found, provenance = _find_organ(image, row, settings)
+        if row.get("seed"):
+            frame = frame_of(image, settings)
+            return _Scan(frame, image.data, region=found.data, provenance=provenance, warnings=found.warnings)
+        mask = drawn = found
     warnings = [note for volume in (mask, boundary) if volume is not None for note in volume.warnings]
     if image is not None and on_grid(drawn, image.affine, image.shape, fill=False) is not None:
         grid = image
@@ -320,9 +329,13 @@ def _mask_layers(mask: AnyArray) -> dict[str, Any]:
     return {"mask": mask} if mask.dtype == bool else {"mask": mask >= 0.5, "probability": mask}
 
 
-def _find_organ(image: Volume, source: str, settings: ImportSettings) -> tuple[Volume, dict[str, Any]]:
+def _find_organ(
+    image: Volume, row: Mapping[str, str], settings: ImportSettings
+) -> tuple[Volume, dict[str, Any]]:
     """Find the organ in an image without a mask: a mask, and how it was found."""
-    if source == "upenn_gbm":
+    if row.get("seed"):
+        return _grow_organ(image, row["seed"], settings)
+    if row["source"] == "upenn_gbm":
         return brain_of_stripped(image), {}
     axis = _slice_axis(image, settings)
     found, bounds = find_region(image.data, image.location, settings.region, slice_axis=axis)
@@ -330,6 +343,20 @@ def _find_organ(image: Volume, source: str, settings: ImportSettings) -> tuple[V
     region = settings.region.as_config() | {"window": window}
     note = f"{image.location}: no mask; the organ is found by a threshold: grey values {_range(*bounds)}"
     return Volume(found, image.affine, image.location, warnings=[note]), {"region": region}
+
+
+def _grow_organ(image: Volume, seed: str, settings: ImportSettings) -> tuple[Volume, dict[str, Any]]:
+    """Grow the organ from where a seed says that it is: a rough mask, and what it was grown from."""
+    seeds = parse_seeds(seed, image.location)
+    spacing = np.linalg.norm(image.affine[:3, :3], axis=0)
+    grown = grow_region(image.data, spacing, seeds, _slice_axis(image, settings), image.location)
+    tissue = [round(grown.low, 4), round(grown.high, 4)]
+    note = (
+        f"{image.location}: no mask; the organ is grown from seed {'; '.join(map(str, seeds))}: "
+        f"grey values {_range(*tissue)} after smoothing"
+    )
+    facts = {"region": {"seed": [str(one) for one in seeds], "tissue": tissue}}
+    return Volume(grown.mask, image.affine, image.location, warnings=[note]), facts
 
 
 def _range(low: float, high: float) -> str:
@@ -459,7 +486,8 @@ def _crop(scan: _Scan, row: Mapping[str, str], settings: ImportSettings) -> Stru
         )
     annotation = _annotation(scan, first, last, row["location"])
     warnings = warnings + _size_notes(frame, first, last, row["location"])
-    first, last = first - MARGIN_VOXELS, last + MARGIN_VOXELS
+    margin = MARGIN_VOXELS if scan.region is None else _REGION_MARGIN_VOXELS
+    first, last = first - margin, last + margin
     if annotation is not None:
         warnings = [*warnings, annotation_note(annotation, frame, scan.annotated)]
         widest = int(np.diff(annotation.slices).max())
@@ -477,6 +505,14 @@ def _crop(scan: _Scan, row: Mapping[str, str], settings: ImportSettings) -> Stru
         warnings = warnings + _unscored_notes(scan.mask, mask)
     if annotation is not None and mask is not None:
         mask = _on_slices(mask, first, frame, annotation.slices)
+    if row.get("border") == "image" and image is not None and mask is not None:
+        if annotation is not None:
+            problem = "border: image needs a mask of every slice, and some are not annotated"
+            raise InputError(row["location"], problem, "empty border")
+        given = mask if probability is None else probability
+        refined = refine_border(image.astype(np.float32), given, frame.slice_axis)
+        probability = np.where(crop(np.ones(frame.shape, bool), first, last), refined, np.float32(0))
+        mask = probability >= 0.5
     return Structure(
         case=row["case"],
         organ=row["organ"],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -14,7 +14,7 @@ from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd.junctions.energy import Logits
 from cccd.junctions.labelling import Labelled
 from cccd.junctions.observation import ObservedSlice, observe
-from cccd.junctions.stacks import ReadSlice, label_slices
+from cccd.junctions.stacks import ReadSlice, label_slices, region_evidence
 
 __all__ = [
     "PRIOR",
@@ -110,6 +110,7 @@ def predict_slices(
     images: Sequence[RealArray | None],
     numbers: AnyArray,
     parts: int | None = None,
+    regions: Sequence[BoolArray | None] | None = None,
 ) -> Prediction:
     """Fill what each slice's boundary map encloses.
 
@@ -126,10 +127,12 @@ def predict_slices(
         Ascending numbers of the slices; consecutive ones are neighbours (`cccd.junctions.stacks`).
     parts : int, optional
         Pieces of the organ on a slice at most, none of which has a hole.
+    regions : sequence of (I, J) bool arrays or None, optional
+        Where the organ roughly is, of each slice, in the pixels' coordinates: evidence beside the network's.
     """
     if isinstance(predictor, LoopPredictor):
         return Prediction(*_filled(predictor.find_loops(maps)), None)
-    read, labelled = _read_and_labelled(maps, predictor, images, numbers, parts)
+    read, labelled = _read_and_labelled(maps, predictor, images, numbers, parts, regions)
     told = [one.uncertainty for one in labelled if one.uncertainty is not None]
     uncertainty = np.array(told) if predictor is not None and len(told) == len(labelled) else None
     return Prediction(*_filled(_border_loops(read, labelled)), uncertainty)
@@ -153,6 +156,7 @@ def _read_and_labelled(
     images: Sequence[RealArray | None],
     numbers: AnyArray,
     parts: int | None = None,
+    regions: Sequence[BoolArray | None] | None = None,
 ) -> tuple[list[ReadSlice], list[Labelled]]:
     """Read slices batch by batch, and label the triangles of each, its neighbours considered.
 
@@ -164,6 +168,11 @@ def _read_and_labelled(
         batch = slice(begin, begin + SLICES_PER_BATCH)
         slices = [observe(*both) for both in zip(maps[batch], shown[batch], strict=True)]
         read += read_slices(slices, predictor or PRIOR)
+    if regions is not None and predictor is not None:
+        read = [
+            one if region is None else replace(one, evidence=region_evidence(one.graph, region))
+            for one, region in zip(read, regions, strict=True)
+        ]
     return read, label_slices(read, numbers, parts, rerank=predictor is not None)
 
 

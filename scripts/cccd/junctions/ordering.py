@@ -16,7 +16,7 @@ from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels
 from cccd.containers import Boundaries, Curves, Structure
 from cccd.contours import check_closed
 from cccd.errors import InputError
-from cccd.geometry.arrays import FloatArray, IntArray, RealArray, owners_of, sum_per_part
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, RealArray, owners_of, sum_per_part
 from cccd.junctions.decoding import closed_chains
 from cccd.junctions.inference import LoopPredictor, Predictor, predict_slices
 from cccd.junctions.uncertainty import CALIBRATED_WEIGHTS, listed_from
@@ -39,7 +39,7 @@ def order_contours(
     Parameters
     ----------
     structure : Structure
-        Its image is read beside the pixels, where it has one.
+        Its image, and the rough region in it, are read beside the pixels, where it has them.
     boundaries : Boundaries
         Its boundary pixels.
     model : Predictor or LoopPredictor
@@ -65,7 +65,12 @@ def order_contours(
             "its file has changed since the run was planned: run snakemake again",
         )
     curves, report = order_boundaries(
-        boundaries, model, structure.stack("image"), structure.stack_origin, settings
+        boundaries,
+        model,
+        structure.stack("image"),
+        structure.stack_origin,
+        settings,
+        structure.stack("region"),
     )
     return check_closed(curves, structure), {"method": "GNN", **report}
 
@@ -76,6 +81,7 @@ def order_boundaries(
     image: RealArray | None = None,
     image_origin: Sequence[int] | IntArray = (0, 0, 0),
     settings: InferenceSettings = DEFAULTS,
+    region: BoolArray | None = None,
 ) -> tuple[Curves, dict[str, Any]]:
     """Order every slice's boundary pixels into closed, strictly simple 8-connected pixel chains.
 
@@ -90,6 +96,8 @@ def order_boundaries(
         Source index (k, i, j) of the image's first voxel.
     settings : InferenceSettings
         Section ``gnn.inference`` of the configuration.
+    region : (S, I, J) bool array, optional
+        Where the organ roughly is, on the image's grid; read where our network orders.
 
     Returns
     -------
@@ -107,9 +115,8 @@ def order_boundaries(
     filled = [n for n, pixels in enumerate(boundaries) if len(pixels)]
     numbers = boundaries.slice[filled]
     maps = [pixels - corner for pixels in boundaries if len(pixels)]
-    count = 0 if image is None else len(image)
-    images = [image[k - first] if image is not None and 0 <= k - first < count else None for k in numbers]
-    found = predict_slices(maps, model, images, numbers, settings.parts)
+    images, regions = (_slices_of(stack, numbers - first) for stack in (image, region))
+    found = predict_slices(maps, model, images, numbers, settings.parts, regions)
     curves = closed_chains(found.masks, found.origin + corner, numbers, boundaries.frame, settings.parts)
     report = _report(boundaries, curves)
     if found.uncertainty is None:
@@ -119,6 +126,12 @@ def order_boundaries(
     if getattr(model, "weights_sha256", None) != CALIBRATED_WEIGHTS:
         report["unlisted_wrong"] = None
     return replace(curves, uncertainty=own), report
+
+
+def _slices_of(stack: AnyArray | None, layers: IntArray) -> list[AnyArray | None]:
+    """Take slices of a stack by their number, None where it has none."""
+    count = 0 if stack is None else len(stack)
+    return [stack[k] if stack is not None and 0 <= k < count else None for k in layers]
 
 
 def _doubts(numbers: IntArray, uncertainty: FloatArray, unlisted_wrong: float) -> dict[str, Any]:

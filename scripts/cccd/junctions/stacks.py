@@ -2,7 +2,8 @@
 
 The outline that both neighbouring slices imply is the zero of the mean of their signed distances, as in
 shape-based interpolation (Raya and Udupa 1990); how far the two are apart says how sure that is. It counts as
-evidence beside the network's own, so that a slice whose map is clear stays as it is.
+evidence beside the network's own, so that a slice whose map is clear stays as it is. So does the rough region
+around whose border the edges of an image were sought.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import Logits
 from cccd.junctions.labelling import Labelled, label_slice
 
-__all__ = ["ReadSlice", "label_slices"]
+__all__ = ["ReadSlice", "label_slices", "region_evidence"]
 
 
 # Logits that a triangle gains from neighbouring slices per standard deviation from their outline: of 0.5, 1
@@ -32,17 +33,24 @@ _NEIGHBOUR_REACH = 3.0
 # Standard deviation of that outline in pixels where both neighbouring slices agree; 1 and 2.5 did as well.
 _NEIGHBOUR_SPREAD_PX = 1.5
 
+# The same of a rough region's border, within which it is seldom right to a pixel.
+_REGION_SPREAD_PX = 3.0
+
 # All slices are decided again beside their neighbours so often; a third time changes next to nothing.
 _SWEEPS = 2
 
 
 @dataclass(frozen=True, eq=False)
 class ReadSlice:
-    """A slice's graph, its outline, and its logits where the map is no outline already."""
+    """A slice's graph, its outline, and its logits where the map is no outline already.
+
+    ``evidence`` (T,): nats for inside from elsewhere than the slice's pixels, where there is any.
+    """
 
     graph: DelaunayGraph
     outline: Outline
     logits: Logits | None
+    evidence: FloatArray | None = None
 
 
 def label_slices(
@@ -77,10 +85,30 @@ def label_slices(
     return labelled
 
 
+def region_evidence(graph: DelaunayGraph, region: BoolArray) -> FloatArray:
+    """Nats (T,) for inside that a rough region (I, J) gives a slice's triangles; 0 where it is empty.
+
+    The pixels of the graph index the region.
+    """
+    if not region.any():
+        return np.zeros(len(graph.triangles))
+    score = np.clip(_signed_distance(region) / _REGION_SPREAD_PX, -_NEIGHBOUR_REACH, _NEIGHBOUR_REACH)
+    return _NEIGHBOUR_NATS * _over_triangles(graph, score, np.zeros(2, np.int64))
+
+
+def _signed_distance(mask: BoolArray) -> SingleArray:
+    """Signed distance (I, J) in pixels to a mask's border, positive inside."""
+    inside = mask.astype(np.uint8)
+    half = np.where(inside, -0.5, 0.5).astype(np.float32)
+    return distance_to_zero(inside) - distance_to_zero(1 - inside) + half
+
+
 def _label(one: ReadSlice, evidence: FloatArray | None, parts: int | None, rerank: bool) -> Labelled:
-    """Label a slice whose triangles gain some evidence (T,)."""
+    """Label a slice whose triangles gain some evidence (T,) from its neighbours, besides its own."""
     if one.logits is None:
         return Labelled(one.outline.enclosed, 0.0)
+    if one.evidence is not None:
+        evidence = one.evidence if evidence is None else one.evidence + evidence
     return label_slice(one.graph, one.logits, parts, one.outline, evidence, rerank)
 
 
@@ -111,10 +139,7 @@ class _Shapes:
 
     def _distance(self, n: int) -> SingleArray:
         """Signed distance (I, J) in pixels to a slice's outline, positive inside."""
-        mask = fill_loops([self.loops[n]], self.origin, self.shape)[0].astype(np.uint8)
-        return (
-            distance_to_zero(mask) - distance_to_zero(1 - mask) + np.where(mask, -0.5, 0.5).astype(np.float32)
-        )
+        return _signed_distance(fill_loops([self.loops[n]], self.origin, self.shape)[0])
 
     def evidence(self, n: int) -> FloatArray:
         """Nats (T,) for inside that the neighbours of a slice give its triangles."""

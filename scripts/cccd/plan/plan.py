@@ -87,6 +87,10 @@ class Plan:
         settings = validate_config(config)
         sheet = find_file(settings.cohort, root)
         cohort = PlannedCohort.read(sheet, settings.surface.shared_walls, settings.curves.ordering == "gnn")
+        for row in cohort.rows.values():
+            if row["border"] == "image" and row["organ"] in cohort.shared.get(row["case"], []):
+                problem = "border: image cannot be combined with walls that organs share"
+                raise InputError(row["location"], problem, "empty border, or set surface.shared_walls: false")
         junctions = JunctionPlan.choose(settings, cohort, root)
         segmenter = SegmenterPlan.choose(settings, cohort, root)
         return cls(settings.as_config(), settings, root, cohort, junctions, segmenter, _calibration(settings))
@@ -164,7 +168,8 @@ class Plan:
 
     def is_segmented(self, row: Mapping[str, str]) -> bool:
         """Whether a row's mask is made here: it has an image alone, and a segmenter is named."""
-        return self.segmenter.name is not None and row["source"] == "files" and _has_image_alone(row)
+        alone = row["source"] == "files" and _has_image_alone(row) and not row["seed"]
+        return self.segmenter.name is not None and alone
 
     def sheet_row(self, wildcards: OfStructure) -> dict[str, str]:
         """Return a structure's row, with the mask that a segmenter makes for it.
@@ -191,7 +196,8 @@ class Plan:
 
     def _is_region_found(self, row: Mapping[str, str]) -> bool:
         in_file = row["source"] == "files" and not (row["mask"] or row["boundary"])
-        return row["source"] == "mni152_scan" or (in_file and self.segmenter.name is None)
+        searched = row["source"] == "mni152_scan" or bool(row["seed"])
+        return searched or (in_file and self.segmenter.name is None)
 
     @property
     def training_rows(self) -> list[dict[str, str]]:

@@ -36,6 +36,9 @@ __all__ = [
 #: The run's own ordering, the classical decoder that does best in the table of junctions, and no ordering.
 NETWORK, CLASSICAL, THRESHOLD = "network", "skeleton prune + tour + prizes", "region by threshold, traced"
 
+#: No ordering, where the region was grown from a seed.
+GROWN = "region from the seed, traced"
+
 #: Figures of a surface that the table has, where there is something to measure against.
 _FIGURES = (
     "dice_3d", "assd_mm", "hd95_mm", "volume_bias", "closed_manifold", "genus", "genus_true",
@@ -102,7 +105,8 @@ def compare_map_surfaces(
     if structure.region is not None:
         region = structure.required_stack("region")
         traced = trace_stack(region, structure.stack_origin, structure.frame)
-        rows.append({"method": THRESHOLD, "curves": len(traced), **lofted(traced)})
+        grown = "seed" in structure.provenance.get("region", {})
+        rows.append({"method": GROWN if grown else THRESHOLD, "curves": len(traced), **lofted(traced)})
     return pd.DataFrame(rows)
 
 

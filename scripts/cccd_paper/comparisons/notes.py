@@ -20,6 +20,7 @@ from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES, Family
 from cccd_paper.comparisons.cohort_tables import as_smooth, at_best, baseline_rows, figure_11_rows, has_truth
 from cccd_paper.comparisons.paper_k import AUTOMATIC, CCCD, COARSE_K, DISTANCES
 from cccd_paper.comparisons.reconstruction_comparison import DENSE, HARRIS
+from cccd_paper.comparisons.segmenters import REFINED
 
 __all__ = [
     "compactness", "corner_surfaces", "figure_9", "figure_10", "figure_11", "figure_12", "figure_13",
@@ -155,7 +156,8 @@ def _networks_on(organ: str, table: pd.DataFrame) -> str:
     dice = table.groupby(["given", "method"], sort=False)["dice_percent"].mean()
     paper = table.groupby("method")["paper_dice_percent"].first()
     grey = dice["the image"]
-    networks = grey[~grey.index.str.startswith(CCCD)]
+    moved = grey[grey.index.str.endswith(REFINED)]
+    networks = grey.drop(moved.index)
     ranked = networks.sort_values(ascending=False)
     scores = [_percent(score, paper[name]) for name, score in ranked.items()]
     told = listed([f"{name} {score}" for name, score in zip(ranked.index, scores, strict=True)])
@@ -172,14 +174,18 @@ def _networks_on(organ: str, table: pd.DataFrame) -> str:
     if len(quoted):
         above = _beside(above, f"{int((quoted_finest > quoted).sum())} of {len(quoted)}")
     lost = [dice[name, f"{CCCD}, {FINEST}"] - networks[name] for name in networks.index]
-    alone = grey.get(f"{CCCD}, {FINEST}")
+    alone = dice.get(("the image and a seed", f"{CCCD}, {FINEST}"))
     return (
         f"On the same scans ({organ}): {told}. CCCD at {FINEST} on the true mask has "
         f"{_percent(finest, quoted_finest)}, above {above} networks. It is "
         f"given the place of the organ. On the networks' masks it changes their Dice by {min(lost):+.2f} to "
         f"{max(lost):+.2f} points."
         + (f" The paper's order of two holds for {held} of {len(pairs)} pairs." if pairs else "")
-        + (f" Where a threshold stands for a network, CCCD at {FINEST} has {alone:.1f} %." if alone else "")
+        + "".join(
+            f" With its border moved to the image's edges, {name.removesuffix(REFINED)} has {score:.2f} %."
+            for name, score in moved.items()
+        )
+        + (f" From a seed in place of a network, CCCD at {FINEST} has {alone:.1f} %." if alone else "")
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from cccd.containers import Boundaries, Curves
-from cccd.geometry.arrays import IntArray, RealArray
+from cccd.geometry.arrays import BoolArray, IntArray, RealArray
 
 __all__ = ["Orderer", "load_orderers"]
 
@@ -20,8 +20,12 @@ class Orderer(Protocol):
         boundaries: Boundaries,
         image: RealArray | None = None,
         image_origin: Sequence[int] | IntArray = (0, 0, 0),
+        region: BoolArray | None = None,
     ) -> Curves:
-        """Order; an image (S, I, J), whose first voxel is ``image_origin``, is read beside the pixels."""
+        """Order; an image (S, I, J), whose first voxel is ``image_origin``, is read beside the pixels.
+
+        So is a rough region, on the image's grid.
+        """
         ...
 
 
@@ -43,7 +47,8 @@ def _load_orderer(path: str | Path) -> Orderer:
         boundaries: Boundaries,
         image: RealArray | None = None,
         image_origin: Sequence[int] | IntArray = (0, 0, 0),
+        region: BoolArray | None = None,
     ) -> Curves:
-        return order_boundaries(boundaries, model, image, image_origin)[0]
+        return order_boundaries(boundaries, model, image, image_origin, region=region)[0]
 
     return order

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 import pandas as pd
+from scipy import ndimage
 
 from cccd.boundary import extract_boundaries
 from cccd.containers import (
@@ -30,14 +31,16 @@ from cccd.curves import corner_splines, describe_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import bytes_per_slice
 from cccd.errors import InputError
-from cccd.geometry.arrays import BoolArray, IntArray, SingleArray
+from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import Volume
-from cccd.inputs.regions import find_region
+from cccd.inputs.growing import grow_region
+from cccd.inputs.refining import refine_border
 from cccd.metrics import dice, surface_distances
+from cccd.seeds import Seed
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
-from cccd.settings.imports import ImportSettings, PhantomSettings, RegionSettings
+from cccd.settings.imports import ImportSettings, PhantomSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
 from cccd.tracing import level_curves, trace_stack
@@ -49,7 +52,9 @@ if TYPE_CHECKING:  # torch takes seconds to load
     from cccd.segmentation.model import Segmenter
 
 __all__ = [
+    "A_SEED",
     "COLUMNS",
+    "REFINED",
     "THE_IMAGE",
     "TRUE_MASK",
     "ShippedNetworks",
@@ -60,8 +65,12 @@ __all__ = [
 
 _Volume = TypeVar("_Volume", BoolArray, SingleArray)
 
-#: What CCCD starts from where no network made the mask: the mask that is the truth, or no mask at all.
-TRUE_MASK, THE_IMAGE = "the true mask", "the image"
+#: What networks start from, and CCCD where no network made the mask: the image, the mask that is the truth,
+#: or the image and a voxel in the middle of each part of the organ.
+THE_IMAGE, TRUE_MASK, A_SEED = "the image", "the true mask", "the image and a seed"
+
+#: Added to the name of a network whose border was moved to the image's edges.
+REFINED = ", border moved to the image's edges"
 
 COLUMNS = (
     "method", "given", "dice_percent", "assd_mm", "hd95_mm", "parameters", "points_per_slice",
@@ -73,6 +82,9 @@ _DRAWN = "h_denseunet"
 
 #: Probability on an organ's border.
 _LEVEL = 0.5
+
+#: Smaller parts of an organ, as a share of its largest, get no seed.
+_SMALLEST_PART = 0.1
 
 #: Points on each surface whose distances are averaged.
 _SAMPLES = 10_000
@@ -116,7 +128,7 @@ def compare_segmenters(
     lofting: LoftSettings,
     seed: int,
 ) -> pd.DataFrame:
-    """Measure networks on a phantom, and CCCD on its true mask, on each network's mask and on the image.
+    """Measure networks on a phantom, and CCCD on its true mask, on each network's mask and from a seed.
 
     Parameters
     ----------
@@ -135,9 +147,10 @@ def compare_segmenters(
     DataFrame
         Columns as in `COLUMNS`. Masks are compared in 3D on the scan's grid. ``bytes_per_slice`` is a bit per
         pixel of the scan's slices for a mask, and 8 bytes per control point, as the paper counts, for CCCD.
-        The network of the highest Dice alone has ``surface_assd_mm``, the distance between the surface that
-        its mask leads to and the true one, and ``probability_surface_assd_mm``, that of its probabilities at
-        one half.
+        The network of the highest Dice has another row for its probabilities with their border moved to the
+        image's edges (`cccd.inputs.refining`). It alone has ``surface_assd_mm``, the distance between the
+        surface that its mask leads to and the true one, and ``probability_surface_assd_mm``, that of its
+        probabilities at one half.
     """
     if not segmenters.segmenters or structure.provenance.get("source") != "phantom":
         return pd.DataFrame(columns=list(COLUMNS))
@@ -149,8 +162,8 @@ def compare_segmenters(
     if (one := middle_curve(traced)) is not None:
         describe_curves(one, fitting)  # compiled before anything is timed
     rows, _ = _cccd_rows(traced, truth, TRUE_MASK, frame, fitting)
-    if orderers and (curves := _curves_of_image(scan, frame, orderers[0], edges)) is not None:
-        rows += _cccd_rows(curves, truth, THE_IMAGE, frame, fitting)[0]
+    if orderers and (curves := _curves_from_seed(scan, truth, frame, orderers[0], edges)) is not None:
+        rows += _cccd_rows(curves, truth, A_SEED, frame, fitting)[0]
     best, most = None, -1.0  # row, probabilities, curves of the mask
     for model, plan in segmenters.segmenters:
         title = networks()[plan.network].title
@@ -165,6 +178,8 @@ def compare_segmenters(
         rows += [row, *described]
         if row["dice_percent"] > most:
             best, most = (row, chances, fitted), row["dice_percent"]
+    if best is not None:
+        rows.append(_refined_row(best[0], best[1], scan, truth, frame))
     if best is not None and structure.truth is not None:
         row, chances, fitted = best
         row["surface_assd_mm"] = _surface_distance(fitted, structure.truth, lofting)
@@ -245,20 +260,49 @@ def _stack_offset(scan: Volume, frame: Frame) -> IntArray:
     return np.concatenate([index[[frame.slice_axis]], np.delete(index, frame.slice_axis)])
 
 
-def _curves_of_image(scan: Volume, frame: Frame, order: Orderer, edges: BoundarySettings) -> Curves | None:
-    """Curves of a scan without a mask: a threshold's region, edges near its border, the junction network.
+def _curves_from_seed(
+    scan: Volume, truth: BoolArray, frame: Frame, order: Orderer, edges: BoundarySettings
+) -> Curves | None:
+    """Curves of a scan without a mask: a region grown from seeds, edges near it, the junction network.
 
-    None where the threshold finds nothing or no edge closes.
+    None where nothing grows or no edge closes.
     """
     image = np.asarray(scan.data, np.float32)
     try:
-        region, _ = find_region(image, scan.location, RegionSettings(), slice_axis=frame.slice_axis)
-        alone = Structure("", "", frame, np.zeros(3, int), image=image, region=region)
+        grown = grow_region(image, frame.spacing, _middles(truth, frame), frame.slice_axis, scan.location)
+        alone = Structure("", "", frame, np.zeros(3, int), image=image, region=grown.mask)
         boundaries = extract_boundaries(alone, edges)
     except InputError:
         return None
-    curves = order(boundaries, alone.stack("image"), alone.stack_origin)
+    curves = order(boundaries, alone.stack("image"), alone.stack_origin, alone.stack("region"))
     return curves if len(curves) else None
+
+
+def _middles(truth: BoolArray, frame: Frame) -> list[Seed]:
+    """Seeds where a person would point: the voxel of each part that lies deepest in it."""
+    labels, count = ndimage.label(truth)
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
+    seeds: list[Seed] = []
+    for part in 1 + np.flatnonzero(sizes >= _SMALLEST_PART * sizes.max()):
+        depth = cast(AnyArray, ndimage.distance_transform_edt(labels == part, sampling=frame.spacing))
+        i, j, k = (int(index) for index in np.unravel_index(depth.argmax(), depth.shape))
+        seeds.append(Seed((i, j, k), (i + 1, j + 1, k + 1)))
+    return seeds
+
+
+def _refined_row(
+    own: dict[str, Any], chances: SingleArray, scan: Volume, truth: BoolArray, frame: Frame
+) -> dict[str, Any]:
+    """Measure a network's probabilities, their border moved to the image's edges; ``own`` is its row."""
+    begun = time.process_time()
+    moved = refine_border(np.asarray(scan.data, np.float32), chances, frame.slice_axis) >= _LEVEL
+    seconds = (time.process_time() - begun) / scan.shape[frame.slice_axis]
+    return {
+        "method": f"{own['method']}{REFINED}",
+        "given": THE_IMAGE,
+        **_compare(moved, truth, frame),
+        "seconds_per_slice": own["seconds_per_slice"] + seconds,
+    }
 
 
 def _compare(found: BoolArray, truth: BoolArray, frame: Frame) -> dict[str, float]:

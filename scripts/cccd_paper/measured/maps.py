@@ -146,11 +146,11 @@ def _right(name: str, maps: float, correct: float, dice: float) -> dict[str, str
 def segmentation_networks(tables: Tables) -> str:
     """Show what the networks of Table 3 find in the phantoms' images."""
     rows = tables["segmenters"]
-    grey = rows[rows["given"] == "the image"]
+    grey = rows[rows["given"].isin(["the image", "the image and a seed"])]
     shown = [
         {
             "structure": place(row),
-            "found in the image by": row["method"],
+            "found in the image by": row["method"] + ", from a seed" * (row["given"] != "the image"),
             "Dice %": written(row["dice_percent"]),
             "ASSD, mm": written(row["assd_mm"]),
         }
@@ -160,6 +160,8 @@ def segmentation_networks(tables: Tables) -> str:
         "## Segmentation networks",
         "The networks of the paper's Table 3, narrower than published, compared with the phantom's mask. "
         "They were trained on phantoms of the same generator: **in distribution**, so the numbers do not "
-        "hold for real scans. “Proposed CCCD” finds the organ by a threshold and the edges around it.",
+        "hold for real scans. “Proposed CCCD” has no such network. A threshold finds the organ, or, “from a "
+        "seed”, a region grows from a voxel in the middle of each of its parts. The junction network orders "
+        "the edges near the region's border.",
         markdown_table(shown),
     ])  # fmt: skip

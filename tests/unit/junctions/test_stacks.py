@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cccd.geometry.opencv import border_pixels
 from cccd.junctions.decoding import fill_inside, find_outline
 from cccd.junctions.delaunay import build_graph
-from cccd.junctions.stacks import ReadSlice, label_slices
+from cccd.junctions.stacks import ReadSlice, label_slices, region_evidence
 from cccd.metrics import dice
 
 SHAPE = (90, 90)
@@ -48,6 +50,22 @@ def test_of_two_lines_the_one_is_taken_that_the_neighbours_have():
     together = agreement(stack, [3, 4, 5])
     assert alone[1] < 0.9
     assert min(together) > 0.99
+
+
+@pytest.mark.parametrize("true", ["inner", "outer"])
+def test_of_two_lines_the_one_is_taken_that_a_rough_region_has(true):
+    """The region is off by more than a pixel, and of another shape."""
+    read, truth = doubled(25, true, nats=0.3 if true == "inner" else -0.3)
+    assert agreement([(read, truth)], [0])[0] < 0.9
+    i, j = np.indices(SHAPE) - 45
+    rough = np.hypot(1.06 * i, j / 1.06) < {"inner": 24, "outer": 31}[true]
+    told = replace(read, evidence=region_evidence(read.graph, rough))
+    assert agreement([(told, truth)], [0])[0] > 0.99
+
+
+def test_an_empty_region_says_nothing():
+    read, _ = doubled(25, "inner")
+    assert not region_evidence(read.graph, np.zeros(SHAPE, bool)).any()
 
 
 def test_what_both_neighbours_are_far_apart_on_says_little():

@@ -21,6 +21,7 @@ A_BALL = {"case": "a", "organ": "ball"}
 KINDS = [
     ({"mask": "mask.nii.gz"}, "trace_contours"),
     ({"image": "image.nii.gz"}, "trace_contours"),
+    ({"image": "image.nii.gz", "seed": "3,3,3"}, "order_contours"),
     ({"source": "phantom", "organ": "sphere"}, "trace_contours"),
     ({"image": "image.nii.gz", "boundary": "maps.nii.gz"}, "order_contours"),
     ({"mask": "mask.nii.gz", "boundary": "maps.nii.gz"}, "order_contours"),

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from scans import affine_of, full, row, settings, write_nifti
+
+from cccd.errors import InputError
+from cccd.inputs import load_structure
+from cccd.inputs.growing import grow_region
+from cccd.metrics import dice
+from cccd.seeds import parse_seeds
+
+SHAPE = (72, 60, 24)
+SPACING = np.array((1.5, 1.5, 4.0))
+X, Y, Z = np.indices(SHAPE) * SPACING.reshape(3, 1, 1, 1)
+
+
+def ball(i, j, k, radius):
+    """Voxels of a ball, mm."""
+    return np.sqrt((X - i) ** 2 + (Y - j) ** 2 + (Z - k) ** 2) < radius
+
+
+ORGAN = ball(48, 45, 46, 26)
+BODY = ((X - 54) / 50) ** 2 + ((Y - 45) / 42) ** 2 < 1
+
+
+def scan(*tissues, noise=12.0):
+    """Grey values of a body in air, of tissues (mask, value) that cover it, and of noise."""
+    image = np.where(BODY, -100.0, -1000.0)
+    for mask, value in tissues:
+        image[mask] = value
+    return (image + np.random.default_rng(0).normal(0, noise, SHAPE)).astype(np.float32)
+
+
+def grown(image, seed):
+    return grow_region(image, SPACING, parse_seeds(seed, "x"), 2, "x").mask
+
+
+@pytest.mark.parametrize("seed", ["32,30,11", "24:30,26:34,8:12", "40,38,14"])
+def test_a_neighbour_that_a_threshold_takes_along_is_left_out(seed):
+    """It is little brighter than the noise is wide, and touches the organ."""
+    neighbour = ball(86, 45, 46, 16)
+    image = scan((neighbour, 130), (ORGAN, 105))
+    assert dice(grown(image, seed), ORGAN) > 0.95
+
+
+def test_a_neck_of_the_same_tissue_leads_nowhere():
+    other = ball(88, 45, 46, 11)
+    neck = (np.hypot(Y - 45, Z - 46) < 3.5) & (X > 48) & (X < 88)
+    found = grown(scan((other | neck | ORGAN, 105)), "32,30,11")
+    assert dice(found, ORGAN) > 0.95
+    assert not (found & ball(88, 45, 46, 6)).any()
+
+
+def test_a_vessel_inside_is_part_of_the_organ_even_where_the_seed_lies_in_it():
+    vessel = np.hypot(X - 48, Y - 45) < 3.1
+    image = scan((ORGAN, 105), (vessel & ORGAN, 160))
+    assert dice(grown(image, "22,30,11"), ORGAN) > 0.95
+
+
+def test_a_seed_for_each_part():
+    left, right = ball(30, 45, 46, 17), ball(78, 45, 46, 17)
+    image = scan((left | right, 60))
+    assert dice(grown(image, "20,30,11; 52,30,11"), left | right) > 0.94
+    assert dice(grown(image, "20,30,11"), left) > 0.94
+
+
+def test_a_fine_scan_is_looked_at_in_blocks_and_answered_in_voxels():
+    fine = np.repeat(np.repeat(scan((ORGAN, 105)), 3, axis=0), 3, axis=1)[:-1]
+    found = grow_region(fine, SPACING / (3, 3, 1), parse_seeds("96,90,11", "x"), 2, "x").mask
+    assert found.shape == fine.shape
+    assert dice(found, np.repeat(np.repeat(ORGAN, 3, axis=0), 3, axis=1)[:-1]) > 0.95
+
+
+@pytest.mark.parametrize(
+    ("seed", "words"),
+    [
+        ("32,30,24", "lies outside the scan, whose last voxel is 71,59,23; correct the seed"),
+        ("60:80,30,11", "lies outside the scan"),
+        ("1,1,11", "lies in the background"),
+        ("71,30,3", "around seed 71,30,3 is of one tissue; point at the organ's even tissue"),
+    ],
+)
+def test_a_seed_that_cannot_be_meant_is_refused(tmp_path, seed, words):
+    write_nifti(tmp_path / "image.nii", scan((ORGAN, 105)), affine_of(SPACING))
+    with pytest.raises(InputError, match=r"^cohort.tsv row 2: image.nii: .*seed ") as caught:
+        load_structure(row(image="image.nii", seed=seed), tmp_path, settings())
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_row_with_a_seed_is_a_region_with_its_image(tmp_path):
+    write_nifti(tmp_path / "image.nii", scan((ORGAN, 105)), affine_of(SPACING))
+    structure = load_structure(row(image="image.nii", seed="32,30,11"), tmp_path, settings())
+    assert structure.mask is None
+    assert structure.provenance["region"]["seed"] == ["32,30,11"]
+    assert any("no mask; the organ is grown from seed 32,30,11" in note for note in structure.warnings)
+    structure.mask = structure.region
+    assert dice(full(structure), ORGAN) > 0.95
