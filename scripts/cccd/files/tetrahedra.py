@@ -20,8 +20,11 @@ __all__ = ["WRITERS", "write"]
 #: Written wherever a format has room for text.
 _HEAD = "CCCD tetrahedra; unit mm; space RAS"
 
-#: Gmsh's numbers of a triangle and a tetrahedron.
-_TRIANGLE, _TETRAHEDRON = 2, 4
+#: Gmsh's numbers of triangles and tetrahedra, by how many nodes they have.
+_GMSH = {3: 2, 6: 9, 4: 4, 10: 11}
+
+#: Gmsh numbers the last two middle nodes of a tetrahedron the other way round.
+_GMSH_NODES = {4: [0, 1, 2, 3], 10: [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]}
 
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> dict[str, Any]:
@@ -38,13 +41,9 @@ def _write_msh(path: Path, filled: TetrahedralMesh) -> None:
     groups = [(2, n, name) for n, name in enumerate(filled.group_names, 1)]
     groups += [(3, n, name) for n, name in enumerate(filled.names, len(groups) + 1)]
     numbers = np.arange(1, len(filled.vertices) + 1)
-    faces = _elements(1, _TRIANGLE, filled.groups + 1, filled.triangles + 1)
-    solids = _elements(
-        len(faces) + 1,
-        _TETRAHEDRON,
-        filled.regions + 1 + len(filled.group_names),
-        filled.tetrahedra + 1,
-    )
+    nodes = filled.nodes[:, _GMSH_NODES[filled.nodes.shape[1]]]
+    faces = _elements(1, filled.groups + 1, filled.face_nodes + 1)
+    solids = _elements(len(faces) + 1, filled.regions + 1 + len(filled.group_names), nodes + 1)
     parts = [
         f"$Comments\n{_HEAD}\n$EndComments",
         "$MeshFormat\n2.2 0 8\n$EndMeshFormat",
@@ -60,11 +59,11 @@ def _write_msh(path: Path, filled: TetrahedralMesh) -> None:
     path.write_text("\n".join(parts), encoding="ascii")
 
 
-def _elements(first: int, kind: int, tags: IntArray, corners: IntArray) -> IntArray:
-    """Rows of Gmsh's elements: number, kind, two tags (physical group, entity), vertices."""
-    count = len(corners)
-    fixed = [np.arange(first, first + count), np.full(count, kind), np.full(count, 2), tags, tags]
-    return np.column_stack([*fixed, corners])
+def _elements(first: int, tags: IntArray, nodes: IntArray) -> IntArray:
+    """Rows of Gmsh's elements: number, kind, two tags (physical group, entity), nodes."""
+    count, each = nodes.shape
+    fixed = [np.arange(first, first + count), np.full(count, _GMSH[each]), np.full(count, 2), tags, tags]
+    return np.column_stack([*fixed, nodes])
 
 
 def _write_vtu(path: Path, filled: TetrahedralMesh) -> None:
@@ -75,7 +74,13 @@ def _write_vtu(path: Path, filled: TetrahedralMesh) -> None:
     import pyvista  # VTK takes a second to load
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
-    cells = {pyvista.CellType.TETRA: filled.tetrahedra, pyvista.CellType.TRIANGLE: filled.triangles}
+    kinds = pyvista.CellType
+    solid, face = (
+        (kinds.TETRA, kinds.TRIANGLE)
+        if filled.middles is None
+        else (kinds.QUADRATIC_TETRA, kinds.QUADRATIC_TRIANGLE)
+    )
+    cells = {solid: filled.nodes, face: filled.face_nodes}
     grid = cast(Any, pyvista.UnstructuredGrid(cells, filled.vertices))
     faces = np.zeros(len(filled.triangles), np.int32)
     solids = np.zeros(len(filled.tetrahedra), np.int32)
@@ -97,7 +102,7 @@ def _write_vtu(path: Path, filled: TetrahedralMesh) -> None:
 def _write_inp(path: Path, filled: TetrahedralMesh) -> None:
     """Write Abaqus' and CalculiX' format: the mesh and its sets, to be included in a model.
 
-    Of each organ an ``ELSET`` of linear tetrahedra; of each boundary an element surface, for pressures, and
+    Of each organ an ``ELSET`` of tetrahedra; of each boundary an element surface, for pressures, and
     a node set ``N_...``, for supports. Names are in capitals, as CalculiX reads them, without hyphens.
     """
     path.write_text("\n".join(_inp_lines(filled)) + "\n", encoding="ascii")
@@ -109,10 +114,11 @@ def _inp_lines(filled: TetrahedralMesh) -> Iterator[str]:
     yield "*NODE, NSET=NALL"
     yield from (f"{n}, {x:.9g}, {y:.9g}, {z:.9g}" for n, (x, y, z) in enumerate(filled.vertices, 1))
     names = [_plain(name) for name in filled.names]
+    kind = f"C3D{filled.nodes.shape[1]}"
     for n, name in enumerate(names):
         own = filled.regions == n
-        yield f"*ELEMENT, TYPE=C3D4, ELSET={name}"
-        yield rows_as_text(np.column_stack([numbers[own], filled.tetrahedra[own] + 1]), "%d", ", ")
+        yield f"*ELEMENT, TYPE={kind}, ELSET={name}"
+        yield rows_as_text(np.column_stack([numbers[own], filled.nodes[own] + 1]), "%d", ", ")
     yield "*ELSET, ELSET=EALL"
     yield from (f"{name}," for name in names)
     for n, name in enumerate(map(_plain, filled.group_names)):
@@ -120,7 +126,7 @@ def _inp_lines(filled: TetrahedralMesh) -> Iterator[str]:
         yield f"*SURFACE, NAME={name}, TYPE=ELEMENT"
         yield from (f"{element + 1}, S{side + 1}" for element, side in filled.sides[own].tolist())
         yield f"*NSET, NSET=N_{name}"
-        yield from (f"{node + 1}," for node in np.unique(filled.triangles[own]).tolist())
+        yield from (f"{node + 1}," for node in np.unique(filled.face_nodes[own]).tolist())
 
 
 def _plain(name: str) -> str:
