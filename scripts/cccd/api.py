@@ -37,9 +37,9 @@ from cccd.geometry.subdivision import ControlMesh
 from cccd.inputs import load_structure, structure_of_array
 from cccd.inputs.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
 from cccd.inputs.grey_values import image_without_mask
-from cccd.inputs.grid import check_affine, find_slice_axis
+from cccd.inputs.grid import Volume, check_affine, find_slice_axis
 from cccd.inputs.label_maps import list_map
-from cccd.inputs.load import existing, frame_of
+from cccd.inputs.load import existing, frame_of, scan_of
 from cccd.inputs.readers import SUFFIXES, without_suffix
 from cccd.inputs.row_files import list_labels, read_image
 from cccd.project import SHIPPED_WEIGHTS
@@ -97,6 +97,8 @@ class Surface:
         The input, if only some of its slices were annotated: a label map keeps those unchanged.
     given : cccd.surface.LoftedSurface or None
         The mesh that it was made of, on a scan's grid: label maps and DICOM contours are made of that.
+    scan : cccd.inputs.grid.Volume or None
+        The scan around the organ; tetrahedra get its grey values.
 
     See Also
     --------
@@ -109,6 +111,7 @@ class Surface:
     warnings: tuple[str, ...] = field(default=())
     drawn: Structure | None = None
     given: LoftedSurface | None = None
+    scan: Volume | None = None
 
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
@@ -188,8 +191,8 @@ class Surface:
         path : path
             Ends with ``.ply``, ``.stl``, ``.obj``, ``.vtp``, ``.gii``, ``.glb``, ``.3mf``, ``.usd``,
             ``.usda``, ``.usdc`` (the spline itself), ``.step``, ``.iges``, ``.brep`` (closed solids),
-            ``.msh``, ``.vtu``, ``.inp`` (tetrahedra), ``.nii.gz`` (a label map on the scan's grid), ``.dcm``
-            (contours, RTSTRUCT), ``.seg.dcm`` (SEG) or ``.stl.dcm`` (encapsulated STL). If
+            ``.msh``, ``.vtu``, ``.inp``, ``.feb`` (tetrahedra), ``.nii.gz`` (a label map on the scan's
+            grid), ``.dcm`` (contours, RTSTRUCT), ``.seg.dcm`` (SEG) or ``.stl.dcm`` (encapsulated STL). If
             something fails, no file is left.
         contour_spacing_mm : float, optional
             Distance of the RTSTRUCT's planes. Default: that of the scan's slices.
@@ -220,6 +223,7 @@ class Surface:
             self.drawn,
             surface.step_tolerance_mm,
             surface.tetrahedra,
+            self.scan,
         )
         write_surface(path, lofted, options)
         return Path(path)
@@ -470,7 +474,7 @@ def reconstruct(
     lofted = fit_and_loft(structure.sections(curves), settings.curves, settings.surface, tell)
     notes = (*structure.warnings, *missing, *lofted.report.get("warnings", []))
     drawn = None if structure.annotation is None else structure
-    return Surface(lofted, structure.organ, _series(structure), notes, drawn)
+    return Surface(lofted, structure.organ, _series(structure), notes, drawn, scan=scan_of(structure))
 
 
 @needing("cccd.smooth_mesh")
@@ -520,7 +524,7 @@ def smooth_mesh(
         structure = structure_of_mesh(read_closed_mesh(path), name_of(path))
     else:
         structure = structure_of_planes(planes, name_of(path))
-    given, series = None, None
+    given, series, scan = None, None, None
     if like is not None:
         source = existing(Path(like).absolute(), Path(like).name)
         scan = read_image(source, "files", settings.import_.fill_gaps)
@@ -533,7 +537,7 @@ def smooth_mesh(
     lofted = fit_and_loft(structure.sections(curves), settings.curves, settings.surface, tell)
     lofted = replace(lofted, band=None)  # that is of organs in scans
     notes = (*structure.warnings, *lofted.report["warnings"])
-    return Surface(lofted, structure.organ, series, notes, given=given)
+    return Surface(lofted, structure.organ, series, notes, given=given, scan=scan)
 
 
 def _rule(annotated: str) -> str:

@@ -176,9 +176,9 @@ def _add_surface(commands: Any) -> None:
     surface.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
         help="output file, repeatable. The suffix chooses the format: .ply .stl .obj .vtp .gii .glb .3mf "
-        "(mesh), .usd (spline), .step .iges .brep (solid), .msh .vtu .inp (tetrahedra), .nii.gz (label map), "
-        ".dcm .seg.dcm .stl.dcm (RTSTRUCT, SEG, encapsulated STL). Default: the input's name with .ply (with "
-        "--threshold: _threshold.ply), in this folder",
+        "(mesh), .usd (spline), .step .iges .brep (solid), .msh .vtu .inp .feb (tetrahedra), .nii.gz (label "
+        "map), .dcm .seg.dcm .stl.dcm (RTSTRUCT, SEG, encapsulated STL). Default: the input's name with .ply "
+        "(with --threshold: _threshold.ply), in this folder",
     )  # fmt: skip
     surface.add_argument(
         "--like", type=Path, metavar="SCAN",
@@ -191,6 +191,10 @@ def _add_surface(commands: Any) -> None:
         help="a surface of every label; neighbours share their walls",
     )
     _add_band(surface)
+    surface.add_argument(
+        "--materials", metavar="CSV",
+        help="give tetrahedra elastic materials by the scan's grey values, from this table; needs --image",
+    )  # fmt: skip
     surface.add_argument(
         "--configfile", type=Path, metavar="YAML",
         help="your own settings, for example 'surface: {tetrahedra: {mesher: gmsh}}'",
@@ -467,7 +471,23 @@ def _settings_of(given: argparse.Namespace) -> Settings:
     from cccd.settings.root import Settings
     from cccd.settings.validation import read_config
 
-    return read_config(given.configfile) if given.configfile else Settings()
+    settings = read_config(given.configfile) if given.configfile else Settings()
+    return settings if given.materials is None else _with_materials(settings, given)
+
+
+def _with_materials(settings: Settings, given: argparse.Namespace) -> Settings:
+    """Return settings with the table that was named, provided that something is made of it."""
+    from cccd.files.write import format_of
+    from cccd.settings.formats import TETRAHEDRA_FORMATS
+    from cccd.tetrahedra.materials import read_table
+
+    if not any(format_of(path) in TETRAHEDRA_FORMATS for path in given.output):
+        hint = f"write one of {', '.join(f'.{form}' for form in TETRAHEDRA_FORMATS)}"
+        raise InputError("--materials", "no output has tetrahedra", hint)
+    read_table(given.materials)
+    tetrahedra = settings.surface.tetrahedra.model_copy(update={"materials": given.materials})
+    surface = settings.surface.model_copy(update={"tetrahedra": tetrahedra})
+    return settings.model_copy(update={"surface": surface})
 
 
 def _check_outputs(outputs: Sequence[Path], sources: Sequence[Path | None], mesher: str = "ftetwild") -> None:

@@ -81,7 +81,6 @@ def _low_end(values: FloatArray) -> dict[str, float]:
 def warnings_of(report: Mapping[str, Any]) -> list[str]:
     """Say what the tetrahedra of a report fall short of."""
     found: list[str] = []
-    remedy = "energy" if report.get("mesher", "ftetwild") == "ftetwild" else "edge_mm"
     for name, organ in report["organs"].items():
         if abs(organ["volume_ratio"] - 1) > SOLID_VOLUME:
             found.append(
@@ -92,6 +91,6 @@ def warnings_of(report: Mapping[str, Any]) -> list[str]:
         if least < LEAST_DIHEDRAL_DEG:
             found.append(
                 f"the tetrahedra of {name} have angles down to {least:.1f} degrees: "
-                f"lower surface.tetrahedra.{remedy}"
+                "lower surface.tetrahedra.edge_mm"
             )
     return found
