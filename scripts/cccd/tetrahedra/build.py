@@ -11,7 +11,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import Volume
 from cccd.settings.surface import LoftSettings, TetrahedraSettings
 from cccd.tetrahedra.filling import TetrahedralMesh, fill_organs, sizes_in_mm
-from cccd.tetrahedra.materials import assign_materials, read_table
+from cccd.tetrahedra.materials import assign_materials, check_materials
 from cccd.tetrahedra.quality import measure_tetrahedra, warnings_of
 
 __all__ = ["fill_and_measure"]
@@ -43,7 +43,7 @@ def fill_and_measure(
         `measure_tetrahedra` and `assign_materials` find, ``warnings``.
     """
     if settings.materials:
-        read_table(settings.materials)  # refused before the work
+        check_materials(settings.materials, organs, scans or {})
     began = time.perf_counter()
     filled = fill_organs(organs, settings, frames, step_tolerance_mm)
     seconds = time.perf_counter() - began

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -18,12 +18,20 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.inputs.grid import Volume
 from cccd.tetrahedra.filling import TetrahedralMesh
 
-__all__ = ["Materials", "Row", "assign_materials", "bin_materials", "mean_grey_values", "read_table"]
+__all__ = [
+    "Materials",
+    "Row",
+    "assign_materials",
+    "bin_materials",
+    "check_materials",
+    "mean_grey_values",
+    "read_table",
+]
 
 #: Points along an edge at which the scan is sampled, at most: 512 in a tetrahedron.
 MOST_ALONG = 8
 
-#: Materials at most: in bone from 10 to 20,000 MPa one is then mostly within 15 % of a tetrahedron's own modulus.
+#: Materials at most: in bone of 10 to 20,000 MPa, within some 15 % of a tetrahedron's own modulus.
 MOST_MATERIALS = 30
 
 #: Tetrahedra that are sampled at once, times the points in each.
@@ -271,6 +279,21 @@ def bin_materials(
     return Materials(number, *means), off
 
 
+def check_materials(table: str, names: Iterable[str], scans: Mapping[str, Volume]) -> list[Row]:
+    """Read a table of materials for organs, before their tetrahedra are made.
+
+    Raises
+    ------
+    InputError
+        An organ has no scan, or see `read_table`.
+    """
+    for name in names:
+        if name not in scans:
+            hint = "name it (--image ct.nii.gz; column image), or leave surface.tetrahedra.materials out"
+            raise InputError(name, "materials need the grey values of its scan, and there is none", hint)
+    return read_table(table)
+
+
 def assign_materials(
     filled: TetrahedralMesh, scans: Mapping[str, Volume], table: str | None
 ) -> tuple[TetrahedralMesh, dict[str, Any]]:
@@ -295,17 +318,11 @@ def assign_materials(
     Raises
     ------
     InputError
-        An organ has no scan but a table wants it, or see `read_table`, `mean_grey_values`, `bin_materials`.
+        See `check_materials`, `mean_grey_values`, `bin_materials`.
     """
-    missing = [name for name in filled.names if name not in scans]
-    if missing:
-        if table:
-            hint = "name it (--image ct.nii.gz; column image), or leave surface.tetrahedra.materials out"
-            raise InputError(
-                missing[0], "materials need the grey values of its scan, and there is none", hint
-            )
+    rows = check_materials(table, filled.names, scans) if table else None
+    if not all(name in scans for name in filled.names):
         return filled, {}
-    rows = read_table(table) if table else None
     corners = filled.vertices[filled.tetrahedra]
     grey = np.empty(len(corners))
     report: dict[str, Any] = {"grey": {}}

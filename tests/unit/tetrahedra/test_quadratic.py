@@ -1,4 +1,4 @@
-"""Quadratic tetrahedra: curved along the surface, nowhere folded, nearer to Lame's sphere than linear ones."""
+"""Quadratic tetrahedra: curved along the surface, never folded, nearer to Lame's sphere than linear ones."""
 
 import shutil
 import subprocess
