@@ -48,6 +48,7 @@ from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls
 from cccd.surface.surface import LoftedSurface
+from cccd.surface.uniform import with_uniform_triangles
 
 if TYPE_CHECKING:
     import pyvista
@@ -169,6 +170,39 @@ class Surface:
         """Lengths of the mesh's bounding box along x, y and z, mm."""
         x, y, z = (float(length) for length in np.ptp(self.vertices, axis=0))
         return x, y, z
+
+    @_one_thread
+    def uniform(self, triangles: int | None = None, edge_mm: float | None = None) -> Surface:
+        """Return the surface with triangles of about one size.
+
+        Parameters
+        ----------
+        triangles : int, optional
+            How many, to 2 %.
+        edge_mm : float, optional
+            Or how long their edges are on the average, in mm.
+
+        Returns
+        -------
+        Surface
+            Closed, with no triangle through another. ``lofted.report["uniform"]`` has the edges' lengths, and
+            the largest distance of triangles to the spline, ``chord_error_mm``.
+
+        Raises
+        ------
+        InputError
+            Not one of the two is given, so few triangles cannot be, or the organ shares its walls.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cccd import reconstruct
+        >>> at = np.indices((16, 16, 16)) - 7.5
+        >>> even = reconstruct(np.linalg.norm(at, axis=0) <= 6).uniform(triangles=500)
+        >>> len(even.faces), even.mesh.is_watertight
+        (500, True)
+        """
+        return replace(self, lofted=with_uniform_triangles(self.lofted, triangles, edge_mm))
 
     @needing("surface.to_pyvista", "view")
     def to_pyvista(self) -> pyvista.PolyData:

@@ -33,6 +33,9 @@ __all__ = ["main"]
 #: What nibabel's letters of the axes stand for.
 _TOWARDS = {"R": "right", "L": "left", "A": "anterior", "P": "posterior", "S": "superior", "I": "inferior"}
 
+#: What is said of triangles of one size.
+_UNIFORM = ("edge_mm", "chord_error_mm")
+
 _STEPS = ("reading", "contours", "splines", "surface", "writing")
 
 _EXAMPLES = """\
@@ -191,6 +194,12 @@ def _add_surface(commands: Any) -> None:
         help="a surface of every label; neighbours share their walls",
     )
     _add_band(surface)
+    surface.add_argument(
+        "--triangles", type=int, metavar="N", help="the mesh has N triangles of about one size"
+    )  # fmt: skip
+    surface.add_argument(
+        "--edge-mm", type=float, metavar="MM", help="the mesh has triangles whose edges are about this long"
+    )  # fmt: skip
     surface.add_argument(
         "--materials", metavar="CSV",
         help="give tetrahedra elastic materials by the scan's grey values, from this table; needs --image",
@@ -385,6 +394,9 @@ def _surface(given: argparse.Namespace) -> int:
         raise InputError("--threshold", "an image without a mask has no labels", "leave --all-labels out")
     if given.label and given.all_labels:
         raise InputError("--all-labels", "it already takes every label", "leave --label out")
+    for option, value in (("--triangles", given.triangles), ("--edge-mm", given.edge_mm)):
+        if value is not None and given.all_labels:
+            raise InputError(option, "neighbours that share a wall keep its triangles", "choose one --label")
     settings = _settings_of(given)
     _check_outputs(outputs, [given.input, given.image], settings.surface.tetrahedra.mesher)
     failed, apart = 0, []
@@ -434,7 +446,7 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
         if like is None and format_of(path) in {"nii.gz", "seg.dcm"}:
             raise InputError(str(path), "it needs the grid of a scan", "name the scan: --like ct.nii.gz")
     began = time.perf_counter()
-    surface = cccd.smooth_mesh(given.input, like, label=given.label, settings=settings)
+    surface = _uniform(cccd.smooth_mesh(given.input, like, label=given.label, settings=settings), given)
     files = [file for path in outputs for file in _write(surface, path, settings, False)]
     made = _describe_surface(surface, files, time.perf_counter() - began)
     if given.json:
@@ -446,6 +458,13 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
     else:
         _print_surface(made)
     return 0
+
+
+def _uniform(surface: Surface, given: argparse.Namespace) -> Surface:
+    """Return the surface with the number of triangles, or the edges, that were asked for."""
+    if given.triangles is None and given.edge_mm is None:
+        return surface
+    return surface.uniform(given.triangles, given.edge_mm)
 
 
 def _plain_stem(path: Path) -> str:
@@ -617,7 +636,7 @@ def _make_surface(
                 tqdm.write(f"warning: {note}", file=sys.stderr)
         if not _is_compiled():
             tqdm.write("first use: compiling, once, for about a minute ...", file=sys.stderr)
-        surface = cccd.reconstruct(structure, settings=settings, progress=tell)
+        surface = _uniform(cccd.reconstruct(structure, settings=settings, progress=tell), given)
         tell("writing")
         files = [file for path in files for file in _write(surface, path, settings, given.band)]
     return _describe_surface(surface, files, time.perf_counter() - began)
@@ -640,6 +659,11 @@ def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -
         **{name: round(value, 4) for name, value in measure_band(surface.lofted).items()},
         "size_mm": [round(length, 2) for length in surface.size],
         "triangles": len(surface.faces),
+        **{
+            name: surface.lofted.report["uniform"][name]
+            for name in _UNIFORM
+            if "uniform" in surface.lofted.report
+        },
         "control_points": surface.lofted.report["control_points"],
         "warnings": list(surface.warnings),
         "seconds": round(seconds, 2),
@@ -655,6 +679,10 @@ def _print_surface(made: dict[str, Any]) -> None:
             f" ({made['volume_low_ml']:.4g} to {made['volume_high_ml']:.4g}, {made['band']:.0%} interval)"
         )
     print(f"  {volume}, {size} mm, {made['triangles']} triangles, {made['seconds']:.1f} s")
+    if "chord_error_mm" in made:
+        least, mean, most = made["edge_mm"]
+        error = made["chord_error_mm"]
+        print(f"  edges of {mean:.3g} mm ({least:.3g} to {most:.3g}), within {error:.2g} mm of the spline")
     for warning in made["warnings"]:
         if TAKEN_TOGETHER not in warning:  # that was said before
             print(f"  warning: {warning}")
