@@ -2,9 +2,10 @@
 
 from cccd.files.options import ExportOptions
 from cccd.files.write import write_surface
+from cccd.inputs.load import scan_of
 from cccd.job import job
 from cccd.settings.surface import TetrahedraSettings
-from cccd.store import write_json
+from cccd.store import read_structure, write_json
 from cccd.surface.surface import read_surface
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
@@ -14,6 +15,7 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
         snakemake.wildcards.organ,
         tolerance_mm=settings["step_tolerance_mm"],
         tetrahedra=TetrahedraSettings(**settings["tetrahedra"]),
+        scan=scan_of(read_structure(snakemake.input.structure)),
     )
     report = write_surface(snakemake.output.solid, surface, options)
     write_json(snakemake.output.report, report)

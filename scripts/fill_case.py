@@ -4,20 +4,23 @@ from pathlib import Path
 
 from cccd.files.tetrahedra import WRITERS
 from cccd.geometry.ply import read_ply
+from cccd.inputs.load import scan_of
 from cccd.job import job
 from cccd.settings.surface import TetrahedraSettings
-from cccd.store import atomic_path, read_surface_frame, write_json
+from cccd.store import atomic_path, read_structure, read_surface_frame, write_json
 from cccd.tetrahedra.build import fill_and_measure
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     organs = {Path(path).parent.name: read_ply(path) for path in snakemake.input.meshes}
     frames = {Path(path).parent.name: read_surface_frame(path) for path in snakemake.input.surfaces}
+    scans = {Path(path).parent.name: scan_of(read_structure(path)) for path in snakemake.input.structures}
     settings = snakemake.params.settings
     filled, report = fill_and_measure(
         organs,
         TetrahedraSettings(**settings["tetrahedra"]),
         frames,
         settings["step_tolerance_mm"],
+        {name: scan for name, scan in scans.items() if scan is not None},
     )
     for form, write in WRITERS.items():
         with atomic_path(Path(snakemake.output[form])) as temporary:

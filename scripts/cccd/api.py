@@ -37,9 +37,9 @@ from cccd.geometry.subdivision import ControlMesh
 from cccd.inputs import load_structure, structure_of_array
 from cccd.inputs.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
 from cccd.inputs.grey_values import image_without_mask
-from cccd.inputs.grid import check_affine, find_slice_axis
+from cccd.inputs.grid import Volume, check_affine, find_slice_axis
 from cccd.inputs.label_maps import list_map
-from cccd.inputs.load import existing, frame_of
+from cccd.inputs.load import existing, frame_of, scan_of
 from cccd.inputs.readers import SUFFIXES, without_suffix
 from cccd.inputs.row_files import list_labels, read_image
 from cccd.project import SHIPPED_WEIGHTS
@@ -48,6 +48,7 @@ from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls
 from cccd.surface.surface import LoftedSurface
+from cccd.surface.uniform import with_uniform_triangles
 
 if TYPE_CHECKING:
     import pyvista
@@ -97,6 +98,8 @@ class Surface:
         The input, if only some of its slices were annotated: a label map keeps those unchanged.
     given : cccd.surface.LoftedSurface or None
         The mesh that it was made of, on a scan's grid: label maps and DICOM contours are made of that.
+    scan : cccd.inputs.grid.Volume or None
+        The scan around the organ; tetrahedra get its grey values.
 
     See Also
     --------
@@ -109,6 +112,7 @@ class Surface:
     warnings: tuple[str, ...] = field(default=())
     drawn: Structure | None = None
     given: LoftedSurface | None = None
+    scan: Volume | None = None
 
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
@@ -167,6 +171,39 @@ class Surface:
         x, y, z = (float(length) for length in np.ptp(self.vertices, axis=0))
         return x, y, z
 
+    @_one_thread
+    def uniform(self, triangles: int | None = None, edge_mm: float | None = None) -> Surface:
+        """Return the surface with triangles of about one size.
+
+        Parameters
+        ----------
+        triangles : int, optional
+            How many, to 2 %.
+        edge_mm : float, optional
+            Or how long their edges are on the average, in mm.
+
+        Returns
+        -------
+        Surface
+            Closed, with no triangle through another. ``lofted.report["uniform"]`` has the edges' lengths, and
+            the largest distance of triangles to the spline, ``chord_error_mm``.
+
+        Raises
+        ------
+        InputError
+            Not one of the two is given, so few triangles cannot be, or the organ shares its walls.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cccd import reconstruct
+        >>> at = np.indices((16, 16, 16)) - 7.5
+        >>> even = reconstruct(np.linalg.norm(at, axis=0) <= 6).uniform(triangles=500)
+        >>> len(even.faces), even.mesh.is_watertight
+        (500, True)
+        """
+        return replace(self, lofted=with_uniform_triangles(self.lofted, triangles, edge_mm))
+
     @needing("surface.to_pyvista", "view")
     def to_pyvista(self) -> pyvista.PolyData:
         """Return the mesh for PyVista; needs the extra ``view``."""
@@ -188,8 +225,8 @@ class Surface:
         path : path
             Ends with ``.ply``, ``.stl``, ``.obj``, ``.vtp``, ``.gii``, ``.glb``, ``.3mf``, ``.usd``,
             ``.usda``, ``.usdc`` (the spline itself), ``.step``, ``.iges``, ``.brep`` (closed solids),
-            ``.msh``, ``.vtu``, ``.inp`` (tetrahedra), ``.nii.gz`` (a label map on the scan's grid), ``.dcm``
-            (contours, RTSTRUCT), ``.seg.dcm`` (SEG) or ``.stl.dcm`` (encapsulated STL). If
+            ``.msh``, ``.vtu``, ``.inp``, ``.feb`` (tetrahedra), ``.nii.gz`` (a label map on the scan's
+            grid), ``.dcm`` (contours, RTSTRUCT), ``.seg.dcm`` (SEG) or ``.stl.dcm`` (encapsulated STL). If
             something fails, no file is left.
         contour_spacing_mm : float, optional
             Distance of the RTSTRUCT's planes. Default: that of the scan's slices.
@@ -220,6 +257,7 @@ class Surface:
             self.drawn,
             surface.step_tolerance_mm,
             surface.tetrahedra,
+            self.scan,
         )
         write_surface(path, lofted, options)
         return Path(path)
@@ -490,7 +528,7 @@ def reconstruct(
     lofted = fit_and_loft(structure.sections(curves), settings.curves, settings.surface, tell)
     notes = (*structure.warnings, *missing, *lofted.report.get("warnings", []))
     drawn = None if structure.annotation is None else structure
-    return Surface(lofted, structure.organ, _series(structure), notes, drawn)
+    return Surface(lofted, structure.organ, _series(structure), notes, drawn, scan=scan_of(structure))
 
 
 @needing("cccd.smooth_mesh")
@@ -540,7 +578,7 @@ def smooth_mesh(
         structure = structure_of_mesh(read_closed_mesh(path), name_of(path))
     else:
         structure = structure_of_planes(planes, name_of(path))
-    given, series = None, None
+    given, series, scan = None, None, None
     if like is not None:
         source = existing(Path(like).absolute(), Path(like).name)
         scan = read_image(source, "files", settings.import_.fill_gaps)
@@ -553,7 +591,7 @@ def smooth_mesh(
     lofted = fit_and_loft(structure.sections(curves), settings.curves, settings.surface, tell)
     lofted = replace(lofted, band=None)  # that is of organs in scans
     notes = (*structure.warnings, *lofted.report["warnings"])
-    return Surface(lofted, structure.organ, series, notes, given=given)
+    return Surface(lofted, structure.organ, series, notes, given=given, scan=scan)
 
 
 def _rule(annotated: str) -> str:

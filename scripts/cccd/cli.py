@@ -34,6 +34,9 @@ __all__ = ["main"]
 #: What nibabel's letters of the axes stand for.
 _TOWARDS = {"R": "right", "L": "left", "A": "anterior", "P": "posterior", "S": "superior", "I": "inferior"}
 
+#: What is said of triangles of one size.
+_UNIFORM = ("edge_mm", "chord_error_mm")
+
 _STEPS = ("reading", "contours", "splines", "surface", "writing")
 
 _EXAMPLES = """\
@@ -193,9 +196,9 @@ def _add_surface(commands: Any) -> None:
     surface.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
         help="output file, repeatable. The suffix chooses the format: .ply .stl .obj .vtp .gii .glb .3mf "
-        "(mesh), .usd (spline), .step .iges .brep (solid), .msh .vtu .inp (tetrahedra), .nii.gz (label map), "
-        ".dcm .seg.dcm .stl.dcm (RTSTRUCT, SEG, encapsulated STL). Default: the input's name with .ply (with "
-        "--seed: _seeded.ply, with --threshold: _threshold.ply), in this folder",
+        "(mesh), .usd (spline), .step .iges .brep (solid), .msh .vtu .inp .feb (tetrahedra), .nii.gz (label "
+        "map), .dcm .seg.dcm .stl.dcm (RTSTRUCT, SEG, encapsulated STL). Default: the input's name with .ply "
+        "(with --seed: _seeded.ply, with --threshold: _threshold.ply), in this folder",
     )  # fmt: skip
     surface.add_argument(
         "--like", type=Path, metavar="SCAN",
@@ -213,6 +216,16 @@ def _add_surface(commands: Any) -> None:
         help="a surface of every label; neighbours share their walls",
     )
     _add_band(surface)
+    surface.add_argument(
+        "--triangles", type=int, metavar="N", help="the mesh has N triangles of about one size"
+    )  # fmt: skip
+    surface.add_argument(
+        "--edge-mm", type=float, metavar="MM", help="the mesh has triangles whose edges are about this long"
+    )  # fmt: skip
+    surface.add_argument(
+        "--materials", metavar="CSV",
+        help="give tetrahedra elastic materials by the scan's grey values, from this table; needs --image",
+    )  # fmt: skip
     surface.add_argument(
         "--configfile", type=Path, metavar="YAML",
         help="your own settings, for example 'surface: {tetrahedra: {mesher: gmsh}}'",
@@ -492,6 +505,9 @@ def _surface(given: argparse.Namespace) -> int:
         raise InputError(option, "an image without a mask has no labels", "leave --all-labels out")
     if given.label and given.all_labels:
         raise InputError("--all-labels", "it already takes every label", "leave --label out")
+    for option, value in (("--triangles", given.triangles), ("--edge-mm", given.edge_mm)):
+        if value is not None and given.all_labels:
+            raise InputError(option, "neighbours that share a wall keep its triangles", "choose one --label")
     settings = _settings_of(given)
     _check_outputs(outputs, [given.input, given.image], settings.surface.tetrahedra.mesher)
     failed, apart = 0, []
@@ -542,7 +558,7 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
         if like is None and format_of(path) in {"nii.gz", "seg.dcm"}:
             raise InputError(str(path), "it needs the grid of a scan", "name the scan: --like ct.nii.gz")
     began = time.perf_counter()
-    surface = cccd.smooth_mesh(given.input, like, label=given.label, settings=settings)
+    surface = _uniform(cccd.smooth_mesh(given.input, like, label=given.label, settings=settings), given)
     files = [file for path in outputs for file in _write(surface, path, settings, False)]
     made = _describe_surface(surface, files, time.perf_counter() - began)
     if given.json:
@@ -560,7 +576,10 @@ def _surface_of_zarr(given: argparse.Namespace) -> int:
     """Make a surface of a label in an OME-Zarr: of the whole, or slab by slab."""
     from cccd.inputs.zarr_labels import open_zarr
 
-    other = (given.all_labels, given.boundary, given.threshold is not None, given.image, given.like)
+    other = (
+        *(given.all_labels, given.boundary, given.threshold is not None, given.image, given.like),
+        *(given.seed, given.border, given.triangles, given.edge_mm),
+    )
     if any(other):
         problem = "an OME-Zarr is read as a label map, one label at a time"
         raise InputError(given.input.name, problem, "give --label, and leave --all-labels and its like out")
@@ -635,6 +654,13 @@ def _make_slabs(given: argparse.Namespace, outputs: Sequence[Path], settings: Se
     }
 
 
+def _uniform(surface: Surface, given: argparse.Namespace) -> Surface:
+    """Return the surface with the number of triangles, or the edges, that were asked for."""
+    if given.triangles is None and given.edge_mm is None:
+        return surface
+    return surface.uniform(given.triangles, given.edge_mm)
+
+
 def _plain_stem(path: Path) -> str:
     from cccd.api import name_of
 
@@ -658,7 +684,23 @@ def _settings_of(given: argparse.Namespace) -> Settings:
     from cccd.settings.root import Settings
     from cccd.settings.validation import read_config
 
-    return read_config(given.configfile) if given.configfile else Settings()
+    settings = read_config(given.configfile) if given.configfile else Settings()
+    return settings if given.materials is None else _with_materials(settings, given)
+
+
+def _with_materials(settings: Settings, given: argparse.Namespace) -> Settings:
+    """Return settings with the table that was named, provided that something is made of it."""
+    from cccd.files.write import format_of
+    from cccd.settings.formats import TETRAHEDRA_FORMATS
+    from cccd.tetrahedra.materials import read_table
+
+    if not any(format_of(path) in TETRAHEDRA_FORMATS for path in given.output):
+        hint = f"write one of {', '.join(f'.{form}' for form in TETRAHEDRA_FORMATS)}"
+        raise InputError("--materials", "no output has tetrahedra", hint)
+    read_table(given.materials)
+    tetrahedra = settings.surface.tetrahedra.model_copy(update={"materials": given.materials})
+    surface = settings.surface.model_copy(update={"tetrahedra": tetrahedra})
+    return settings.model_copy(update={"surface": surface})
 
 
 def _check_outputs(outputs: Sequence[Path], sources: Sequence[Path | None], mesher: str = "ftetwild") -> None:
@@ -790,7 +832,7 @@ def _make_surface(
                 tqdm.write(f"warning: {note}", file=sys.stderr)
         if not _is_compiled():
             tqdm.write("first use: compiling, once, for about a minute ...", file=sys.stderr)
-        surface = cccd.reconstruct(structure, settings=settings, progress=tell)
+        surface = _uniform(cccd.reconstruct(structure, settings=settings, progress=tell), given)
         tell("writing")
         files = [file for path in files for file in _write(surface, path, settings, given.band)]
     return _describe_surface(surface, files, time.perf_counter() - began)
@@ -813,6 +855,11 @@ def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -
         **{name: round(value, 4) for name, value in measure_band(surface.lofted).items()},
         "size_mm": [round(length, 2) for length in surface.size],
         "triangles": len(surface.faces),
+        **{
+            name: surface.lofted.report["uniform"][name]
+            for name in _UNIFORM
+            if "uniform" in surface.lofted.report
+        },
         "control_points": surface.lofted.report["control_points"],
         "warnings": list(surface.warnings),
         "seconds": round(seconds, 2),
@@ -828,6 +875,10 @@ def _print_surface(made: dict[str, Any]) -> None:
             f" ({made['volume_low_ml']:.4g} to {made['volume_high_ml']:.4g}, {made['band']:.0%} interval)"
         )
     print(f"  {volume}, {size} mm, {made['triangles']} triangles, {made['seconds']:.1f} s")
+    if "chord_error_mm" in made:
+        least, mean, most = made["edge_mm"]
+        error = made["chord_error_mm"]
+        print(f"  edges of {mean:.3g} mm ({least:.3g} to {most:.3g}), within {error:.2g} mm of the spline")
     for warning in made["warnings"]:
         if TAKEN_TOGETHER not in warning:  # that was said before
             print(f"  warning: {warning}")

@@ -163,11 +163,13 @@ use rule export_surface as export_side with:
 
 rule export_solid:
     """The mesh's bodies as closed solids for CAD (STEP, IGES, BREP) or as tetrahedra for simulation (MSH, VTU,
-    INP), and what they are worth.
+    INP, FEB), and what they are worth.
     """
     input:
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",
+        structure="results/{case}/{organ}/structure.h5",
+        materials=plan.materials,
     output:
         solid="results/{case}/{organ}/surface.{solid_format}",
         report="results/{case}/{organ}/solid_{solid_format}.json",
@@ -191,16 +193,19 @@ rule export_solid:
 
 
 rule fill_case:
-    """Tetrahedra through all organs of a case: a region each, named boundaries, walls shared; for Gmsh, VTK, Abaqus
-    and CalculiX.
+    """Tetrahedra through all organs of a case: a region each, named boundaries, walls shared; for Gmsh, VTK,
+    Abaqus, CalculiX and FEBio.
     """
     input:
         surfaces=plan.whole_case("surface.h5"),
         meshes=plan.whole_case("surface.ply"),
+        structures=plan.whole_case("structure.h5"),
+        materials=plan.materials,
     output:
         msh="results/{case}/volume.msh",
         vtu="results/{case}/volume.vtu",
         inp="results/{case}/volume.inp",
+        feb="results/{case}/volume.feb",
         report="results/{case}/volume.json",
     log:
         "logs/{case}/fill_case.log",

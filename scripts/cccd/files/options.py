@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cccd.containers import Structure
+from cccd.inputs.grid import Volume
 from cccd.settings.surface import LoftSettings, TetrahedraSettings
 
 __all__ = ["ExportOptions"]
@@ -33,6 +34,8 @@ class ExportOptions:
         99 % of a solid's surface shall lie so near to the mesh.
     tetrahedra : TetrahedraSettings
         Section ``surface.tetrahedra`` of the configuration.
+    scan : Volume or None
+        Whose grey values tetrahedra get.
     """
 
     organ: str = "surface"
@@ -42,3 +45,4 @@ class ExportOptions:
     drawn: Structure | None = None
     tolerance_mm: float = _DEFAULT.step_tolerance_mm
     tetrahedra: TetrahedraSettings = _DEFAULT.tetrahedra
+    scan: Volume | None = None

@@ -19,6 +19,7 @@ __all__ = [
     "NearTriangles",
     "grid_to_mesh",
     "nearest_faces",
+    "nearest_points",
     "to_mask",
     "to_mesh",
     "to_polygons",
@@ -186,16 +187,26 @@ def _take_over(
 
 def nearest_faces(points: FloatArray, mesh: Mesh) -> IntArray:
     """Faces (P,) of a mesh that are nearest to points (P, 3)."""
+    return _located(points, mesh)[0]
+
+
+def nearest_points(points: FloatArray, mesh: Mesh) -> FloatArray:
+    """Points (P, 3) on a mesh, open or closed, that are nearest to points (P, 3)."""
+    return _located(points, mesh)[1]
+
+
+def _located(points: FloatArray, mesh: Mesh) -> tuple[IntArray, FloatArray]:
     core, data = vtk("vtkCommonCore"), vtk("vtkCommonDataModel")
     tree, cell = data.vtkStaticCellLocator(), data.vtkGenericCell()
     tree.SetDataSet(mesh.to_vtk())
     tree.BuildLocator()
     face, part, squared = core.reference(0), core.reference(0), core.reference(0.0)
-    nearest = np.empty(len(points), np.int64)
+    nearest, foot = np.empty(len(points), np.int64), [0.0, 0.0, 0.0]
+    feet = np.empty((len(points), 3))
     for n, point in enumerate(points):
-        tree.FindClosestPoint(point, [0.0, 0.0, 0.0], cell, face, part, squared)
-        nearest[n] = face.get()
-    return nearest
+        tree.FindClosestPoint(point, foot, cell, face, part, squared)
+        nearest[n], feet[n] = face.get(), foot
+    return nearest, feet
 
 
 def unsigned_to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:

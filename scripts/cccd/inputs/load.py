@@ -47,6 +47,7 @@ __all__ = [
     "existing",
     "frame_of",
     "load_structure",
+    "scan_of",
     "structure_of_array",
     "with_segmentation_notes",
 ]
@@ -411,6 +412,15 @@ def existing(path: Path, column: str) -> Path:
         raise InputError(column, f"{path.name} is not there, nor its folder {folder}", "correct the path")
     names = sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith("."))
     raise InputError(column, f"there is no {path.name} in {folder}", nearest(path.name, names))
+
+
+def scan_of(structure: Structure) -> Volume | None:
+    """Return the grey values around an organ, with where they lie; None where there are none."""
+    if structure.image is None:
+        return None
+    affine = np.array(structure.frame.affine, float)
+    affine[:3, 3] += affine[:3, :3] @ structure.origin
+    return Volume(structure.image, affine, f"the scan of {structure.organ}")
 
 
 # cropping -------------------------------------------------------------------------------------------

@@ -58,6 +58,8 @@ class Plan:
         What makes masks of images.
     calibration : list of str
         The file that ``surface.calibration`` names, if any: surfaces are lofted again when it changes.
+    materials : list of str
+        The table that ``surface.tetrahedra.materials`` names, if any: tetrahedra are made again likewise.
     """
 
     config: dict[str, Any]
@@ -67,6 +69,7 @@ class Plan:
     junctions: JunctionPlan
     segmenter: SegmenterPlan
     calibration: list[str]
+    materials: list[str]
 
     @classmethod
     def make(cls, config: Mapping[str, Any], root: Path) -> Plan:
@@ -93,7 +96,8 @@ class Plan:
                 raise InputError(row["location"], problem, "empty border, or set surface.shared_walls: false")
         junctions = JunctionPlan.choose(settings, cohort, root)
         segmenter = SegmenterPlan.choose(settings, cohort, root)
-        return cls(settings.as_config(), settings, root, cohort, junctions, segmenter, _calibration(settings))
+        tables = (_calibration(settings), _materials(settings))
+        return cls(settings.as_config(), settings, root, cohort, junctions, segmenter, *tables)
 
     # Settings and code of a job: it runs again when they change, and only then.
 
@@ -409,6 +413,16 @@ def _without(value: Any, section: str, unused: Iterable[str]) -> Any:
         return value
     keys = cast("dict[str, Any]", value)
     return {key: part for key, part in keys.items() if f"{section}.{key}" not in unused}
+
+
+def _materials(settings: Settings) -> list[str]:
+    """Find the table of materials that the configuration names, if any; it is read before the first job."""
+    named = settings.surface.tetrahedra.materials
+    if named:
+        from cccd.tetrahedra.materials import read_table  # slow to import
+
+        read_table(named)
+    return [named] if named else []
 
 
 def _calibration(settings: Settings) -> list[str]:

@@ -58,6 +58,7 @@ _ALL = (
     Format("3mf", "mesh for printing: millimetres, colour, thinnest wall", "threemf.write", "print"),
     Format("brep", "closed solids, in OpenCASCADE's own format", "solids.write", "cad", "solids"),
     Format("dcm", "contours on the scan's slices (RTSTRUCT)", "rtstruct.write", "dicom"),
+    Format("feb", "tetrahedra (FEBio)", "tetrahedra.write", "fe", "tetrahedra"),
     Format("gii", "mesh (GIfTI)", "meshes.write_gii"),
     Format("glb", "mesh in metres, y up (binary glTF)", "gltf.write"),
     Format("iges", "closed solids (IGES 5.3)", "solids.write", "cad", "solids"),

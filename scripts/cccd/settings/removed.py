@@ -60,7 +60,10 @@ _REMOVED = {
     "curves.fitting": _FIXED,
     "surface.solid": _FIXED,
     "surface.walls": _FIXED,
-    **{f"surface.tetrahedra.{name}": _FIXED for name in ("bends", "rounds", "sharp_deg", "shortest")},
+    **{
+        f"surface.tetrahedra.{name}": _FIXED
+        for name in ("bends", "energy", "rounds", "sharp_deg", "shortest")
+    },
     "boundaries.grey_ranges": _FIXED,
     "boundaries.hysteresis": _FIXED,
     **{f"import.{name}": _FIXED for name in ("damage", "limits", "margin_voxels", "scan")},

@@ -8,8 +8,10 @@ from typing import Any
 
 from cccd.containers import Frame
 from cccd.geometry.mesh import Mesh
+from cccd.inputs.grid import Volume
 from cccd.settings.surface import LoftSettings, TetrahedraSettings
 from cccd.tetrahedra.filling import TetrahedralMesh, fill_organs, sizes_in_mm
+from cccd.tetrahedra.materials import assign_materials, check_materials
 from cccd.tetrahedra.quality import measure_tetrahedra, warnings_of
 
 __all__ = ["fill_and_measure"]
@@ -22,16 +24,26 @@ def fill_and_measure(
     settings: TetrahedraSettings,
     frames: Mapping[str, Frame],
     step_tolerance_mm: float = _DEFAULT.step_tolerance_mm,
+    scans: Mapping[str, Volume] | None = None,
 ) -> tuple[TetrahedralMesh, dict[str, Any]]:
-    """Fill organs as `fill_organs` does, and report it.
+    """Fill organs as `fill_organs` does, give them the grey values of their scans, and report it.
+
+    Parameters
+    ----------
+    organs, settings, frames, step_tolerance_mm
+        See `fill_organs`.
+    scans : mapping of str to Volume, optional
+        Each organ's scan; a table of materials (``settings.materials``) needs it.
 
     Returns
     -------
     TetrahedralMesh
     dict
         Plain JSON: ``mesher``, ``edge_mm`` and ``tolerance_mm`` as asked for, ``seconds``, what
-        `measure_tetrahedra` finds, ``warnings``.
+        `measure_tetrahedra` and `assign_materials` find, ``warnings``.
     """
+    if settings.materials:
+        check_materials(settings.materials, organs, scans or {})
     began = time.perf_counter()
     filled = fill_organs(organs, settings, frames, step_tolerance_mm)
     seconds = time.perf_counter() - began
@@ -39,4 +51,6 @@ def fill_and_measure(
     report: dict[str, Any] = {"mesher": settings.mesher, "edge_mm": edge, "tolerance_mm": tolerance}
     report["seconds"] = round(seconds, 1)
     report |= measure_tetrahedra(filled, organs)
+    filled, found = assign_materials(filled, scans or {}, settings.materials)
+    report |= found
     return filled, {**report, "warnings": warnings_of(report)}

@@ -10,7 +10,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.tetrahedra.shapes import radius_ratios, signed_volumes
 from cccd.tolerances import TINY
 
-__all__ = ["balance_chords"]
+__all__ = ["balance_chords", "unspoiled"]
 
 #: A tetrahedron keeps at least this share of its radius ratio; otherwise its vertices stay.
 LEAST_SHARE = 0.7
@@ -59,11 +59,11 @@ def balance_chords(
     step = -gathered(outside * area) / np.maximum(gathered(area), TINY)
     step[fixed] = 0.0
     moved = vertices + step[:, None] * along
-    return _unspoiled(vertices, moved, tetrahedra)
+    return unspoiled(vertices, moved, tetrahedra)
 
 
-def _unspoiled(vertices: FloatArray, moved: FloatArray, tetrahedra: IntArray) -> FloatArray:
-    """Leave vertices (V, 3) where they were in tetrahedra that their move would spoil."""
+def unspoiled(vertices: FloatArray, moved: FloatArray, tetrahedra: IntArray) -> FloatArray:
+    """Leave vertices (V, 3) where they were in tetrahedra (N, 4) that their move would invert or flatten."""
     before = radius_ratios(vertices[tetrahedra])
     kept = moved.copy()
     while True:

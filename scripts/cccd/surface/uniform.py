@@ -1,0 +1,194 @@
+"""A surface in a number of triangles of one size: its tessellation, with fewer, evenly spread vertices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from cccd.errors import InputError
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.decimation import collapse_apart, collapse_edges
+from cccd.geometry.distance import nearest_faces, nearest_points, unsigned_to_mesh
+from cccd.geometry.mesh import Mesh
+from cccd.surface.surface import LoftedSurface
+from cccd.tolerances import TINY
+
+__all__ = ["uniform_mesh", "with_uniform_triangles"]
+
+#: The tessellation has at least this many times the triangles asked for: enough to choose from.
+SPARE = 8
+
+#: Times that the spline is subdivided for it, at least and at most.
+FEWEST_TIMES, MOST_TIMES = 2, 6
+
+#: Most triangles: more take minutes and gigabytes.
+MOST = 2_000_000
+
+#: Weight of even edges beside the distance to the surface: edges decide, wherever they cost anything.
+EVENNESS = 10.0
+
+#: Rounds in which vertices move to the middle of their triangles; after five little changes.
+ROUNDS = 5
+
+#: Triangles that meet at more than this angle have a ridge between them, where the scan cuts an organ.
+SHARP_DEG = 40.0
+
+#: Triangles of one size are this much longer, on the average, than equilateral ones of their mean area.
+UNEVEN = 1.015
+
+#: The number of triangles is as asked for to this share.
+EXACT = 0.02
+
+
+def with_uniform_triangles(
+    surface: LoftedSurface, triangles: int | None = None, edge_mm: float | None = None
+) -> LoftedSurface:
+    """Return the surface with a mesh of triangles of about one size.
+
+    Parameters
+    ----------
+    surface : LoftedSurface
+        With the splines that its mesh was made of.
+    triangles : int, optional
+        How many, to 2 %.
+    edge_mm : float, optional
+        Or how long their edges are on the average.
+
+    Returns
+    -------
+    LoftedSurface
+        Vertices lie on the tessellated spline, within .05 voxels of it, and sharp rims stay.
+        ``report["uniform"]`` has the number of ``triangles``, their edges' ``edge_mm`` (least, mean, largest)
+        and ``chord_error_mm``, the largest distance of triangles to the spline.
+
+    Raises
+    ------
+    InputError
+        Neither or both are given, the surface shares its walls, or so few or so many triangles cannot be.
+    """
+    if (triangles is None) == (edge_mm is None):
+        raise InputError("--triangles", "one of --triangles and --edge-mm is needed", "name one of them")
+    option, value = ("--triangles", triangles) if edge_mm is None else ("--edge-mm", edge_mm)
+    if value is None or not value > 0:
+        raise InputError(option, f"{value} is not positive", "give a number above 0")
+    if not surface.bodies:
+        raise InputError(
+            option,
+            "neighbours that share a wall keep its triangles",
+            "choose one --label, or set surface.shared_walls: false",
+        )
+    count = (
+        round(surface.mesh.area / (3**0.5 / 4 * (edge_mm / UNEVEN) ** 2)) if edge_mm else int(triangles or 0)
+    )
+    if count > MOST:
+        raise InputError(option, f"{value:g} makes {count:.2g} triangles", f"ask for {MOST} at most")
+    quads = sum(len(body.quads) for body in surface.bodies)
+    times = int(np.ceil(np.log2(max(1.0, SPARE * count / (2 * quads))) / 2))
+    fine = _joined(
+        [body.tessellate(int(np.clip(times, FEWEST_TIMES, MOST_TIMES))) for body in surface.bodies]
+    )
+    mesh = uniform_mesh(fine, count)
+    if abs(len(mesh.faces) / count - 1) > EXACT:
+        hint = "raise --triangles" if edge_mm is None else "give a shorter --edge-mm"
+        if len(mesh.faces) < count:
+            hint = f"ask for {len(mesh.faces)} at most"
+        raise InputError(option, f"the surface would have {len(mesh.faces)} triangles, not {count}", hint)
+    if len(mesh.self_intersections()):
+        hint = "raise --triangles" if edge_mm is None else "give a shorter --edge-mm"
+        raise InputError(option, f"{len(mesh.faces)} triangles would pass through each other", hint)
+    band = surface.band and surface.band.moved_to(surface.vertices, mesh.vertices)
+    report = surface.report | {"uniform": _measured(mesh, fine)}
+    return replace(surface, mesh=mesh, band=band, report=report)
+
+
+def uniform_mesh(fine: Mesh, count: int) -> Mesh:
+    """Make a closed mesh of so many triangles of about one size of one with many more.
+
+    Parameters
+    ----------
+    fine : Mesh
+        A closed manifold, oriented.
+    count : int
+        Triangles; more where the topology needs them.
+
+    Returns
+    -------
+    Mesh
+        A closed manifold of the same genus, whose vertices lie on ``fine``. Its ridges stay.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> ball = trimesh.creation.icosphere(4, 10.0)
+    >>> even = uniform_mesh(Mesh(np.array(ball.vertices), np.array(ball.faces, np.int64)), 500)
+    >>> len(even.faces), even.is_closed_manifold, even.genus
+    (500, True, 0)
+    """
+    parts = _parts(fine)
+    coarse = collapse_edges(fine, count, EVENNESS, parts=parts)
+    even = _relaxed(coarse, fine, parts)
+    if len(even.self_intersections()) == 0:
+        return even
+    apart = collapse_apart(fine, count)
+    return Mesh(nearest_points(apart.vertices, fine), apart.faces)
+
+
+def _joined(meshes: list[Mesh]) -> Mesh:
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
+
+
+def _parts(mesh: Mesh) -> IntArray:
+    """Tell which part between ridges each face (F,) is of."""
+    bends = mesh.dihedrals
+    first, second = bends.faces[np.degrees(bends.angles) < SHARP_DEG].T
+    count = len(mesh.faces)
+    links = coo_array((np.ones(len(first), bool), (first, second)), shape=(count, count))
+    return np.asarray(connected_components(links, directed=False)[1], np.int64)
+
+
+def _relaxed(coarse: Mesh, fine: Mesh, parts: IntArray) -> Mesh:
+    """Move vertices to the middle of their triangles, and onto the surface; those of ridges stay."""
+    vertices = nearest_points(coarse.vertices, fine)
+    fixed = _on_ridges(Mesh(vertices, coarse.faces), fine, parts)
+    for _ in range(ROUNDS):
+        moved = nearest_points(_middles(Mesh(vertices, coarse.faces)), fine)
+        vertices = np.where(fixed[:, None], vertices, moved)
+    return Mesh(vertices, coarse.faces)
+
+
+def _on_ridges(coarse: Mesh, fine: Mesh, parts: IntArray) -> BoolArray:
+    """Whether vertices (V,) have faces of two parts."""
+    part = parts[nearest_faces(coarse.vertices[coarse.faces].mean(axis=1), fine)]
+    low, high = (np.full(len(coarse.vertices), start) for start in (len(fine.faces), -1))
+    np.minimum.at(low, coarse.faces, part[:, None])
+    np.maximum.at(high, coarse.faces, part[:, None])
+    return low < high
+
+
+def _middles(mesh: Mesh) -> FloatArray:
+    """Means (V, 3) of the centres of the triangles around each vertex, by their areas."""
+    areas, centres = mesh.face_areas, mesh.vertices[mesh.faces].mean(axis=1)
+
+    def gathered(values: FloatArray) -> FloatArray:
+        return np.bincount(mesh.faces.ravel(), np.repeat(values, 3), len(mesh.vertices)).astype(float)
+
+    around = np.maximum(gathered(areas), TINY)
+    return np.stack([gathered(areas * column) for column in centres.T], axis=1) / around[:, None]
+
+
+def _measured(mesh: Mesh, fine: Mesh) -> dict[str, Any]:
+    edges = mesh.dihedrals.edges
+    ends = mesh.vertices[edges]
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    tried = np.concatenate([mesh.vertices[mesh.faces].mean(axis=1), ends.mean(axis=1)])
+    return {
+        "triangles": len(mesh.faces),
+        "edge_mm": [float(lengths.min()), float(lengths.mean()), float(lengths.max())],
+        "chord_error_mm": float(unsigned_to_mesh(tried, fine).max()),
+    }
