@@ -578,7 +578,7 @@ def _surface_of_zarr(given: argparse.Namespace) -> int:
 
     other = (
         *(given.all_labels, given.boundary, given.threshold is not None, given.image, given.like),
-        *(given.seed, given.border, given.triangles, given.edge_mm),
+        *(given.seed, given.border == "image", given.triangles, given.edge_mm),
     )
     if any(other):
         problem = "an OME-Zarr is read as a label map, one label at a time"
