@@ -112,7 +112,9 @@ def test_two_thin_sheets_do_not_cross():
     bent = np.array(plate.vertices)
     bent[:, 2] += 3 * np.sin(bent[:, 0] / 6)
     faces = np.array(plate.faces, np.int64)
-    fine = Mesh(np.concatenate([bent, bent + np.array([0, 0, 4.5])]), np.concatenate([faces, faces + len(bent)]))
+    fine = Mesh(
+        np.concatenate([bent, bent + np.array([0, 0, 4.5])]), np.concatenate([faces, faces + len(bent)])
+    )
     assert fine.is_closed_manifold
     even = uniform_mesh(fine, 2000)
     assert even.is_closed_manifold
