@@ -35,7 +35,7 @@ LAYERS = {
         ("reconstruction", "closed_meshes", "thinning", "tubes"),
         ("next_slice",),
         ("api",),
-        ("pyvista_accessor", "label_survey"),
+        ("pyvista_accessor", "napari_plugin", "paraview_plugin", "label_survey"),
         ("report", "comparison"),
         ("comparison_files", "bids", "doctor", "plan", "workflow_command"),
         ("cli",),

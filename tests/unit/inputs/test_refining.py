@@ -26,7 +26,7 @@ def scan(inside=100.0, outside=0.0, noise=5.0):
 
 
 def rough(by=1.2):
-    """A mask whose border is off by up to so many pixels, to and fro."""
+    """A mask whose border is off by up to so many pixels, in and out."""
     angle = np.arctan2(J_, I_)
     return stack(np.hypot(I_, J_) < RADIUS + by * np.sin(7 * angle))
 
