@@ -27,7 +27,7 @@ class CCCDSurface(ScriptedLoadableModule):
         parent.contributors = ["The CCCD developers"]
         parent.helpText = (
             "Makes a smooth closed surface of a segment, also where slices are thick or only some are drawn. "
-            "The program cccd must be installed in a Python of its own: pip install cccd-surfaces."
+            "The program cccd must be installed in a Python of its own."
         )
 
 
