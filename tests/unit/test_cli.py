@@ -554,3 +554,36 @@ def test_help_is_there_at_once():
     run = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
     assert "cccd surface liver.nii.gz" in run.stdout
     assert "numpy" not in run.stdout.splitlines()[-1].split()
+
+
+def test_triangles_of_one_size_are_counted_and_measured(here, capsys):
+    assert main(["surface", "liver.nii.gz", "--triangles", "1500", "-o", "liver.stl", "--json"]) == 0
+    (made,) = json.loads(capsys.readouterr().out)["surfaces"]
+    assert made["triangles"] == pytest.approx(1500, rel=0.02)
+    assert 0 < made["chord_error_mm"] < 0.3
+    assert main(["surface", "labels.nii.gz", "--all-labels", "--edge-mm", "2", "-o", "all.stl"]) == 1
+    assert "--edge-mm: neighbours that share a wall" in capsys.readouterr().err
+    assert files(here) == {"liver.nii.gz", "labels.nii.gz", "empty.nii.gz", "liver.stl"}
+
+
+def test_materials_come_from_the_scan(here, capsys):
+    pyvista = pytest.importorskip("pyvista")
+    pytest.importorskip("pytetwild", reason="the extra fe is not installed")
+    grey = np.where(ball(), 100, -50).astype(np.int16)
+    nibabel.save(nibabel.Nifti1Image(grey, AFFINE), here / "ct.nii.gz")
+    (here / "tissue.csv").write_text("hu_from,hu_to,density,young_mpa,poisson\n,0,0.9,1,0.4\n0,,1.0,5,0.45\n")
+    (here / "coarse.yaml").write_text(
+        "surface: {tetrahedra: {elements: tet10, edge_mm: 6, tolerance_mm: 0.5}}\n"
+    )
+    asked = ["surface", "liver.nii.gz", "--materials", "tissue.csv", "--configfile", "coarse.yaml"]
+    assert main([*asked, "--image", "ct.nii.gz", "-o", "liver.vtu"]) == 0
+    solid = pyvista.read("liver.vtu").extract_cells_by_type(pyvista.CellType.QUADRATIC_TETRA)
+    inside = np.linalg.norm(solid.cell_centers().points - (12, 12, 15), axis=1) < 4
+    assert solid["grey"][inside] == pytest.approx(100)
+    assert solid["young"][inside] == pytest.approx(5)
+    capsys.readouterr()
+    assert main([*asked, "-o", "liver.feb"]) == 1
+    assert "liver: materials need the grey values of its scan" in capsys.readouterr().err
+    assert main([*asked, "-o", "liver.ply"]) == 1
+    assert "--materials: no output has tetrahedra" in capsys.readouterr().err
+    assert not (here / "liver.feb").exists()

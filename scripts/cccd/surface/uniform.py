@@ -28,6 +28,9 @@ FEWEST_TIMES, MOST_TIMES = 2, 6
 #: Most triangles: more take minutes and gigabytes.
 MOST = 2_000_000
 
+#: Fewest triangles of a body: with less even a ball is a block.
+FEWEST = 60
+
 #: Weight of even edges beside the distance to the surface: edges decide, wherever they cost anything.
 EVENNESS = 10.0
 
@@ -63,7 +66,7 @@ def with_uniform_triangles(
     LoftedSurface
         Vertices lie on the tessellated spline, within .05 voxels of it, and sharp rims stay.
         ``report["uniform"]`` has the number of ``triangles``, their edges' ``edge_mm`` (least, mean, largest)
-        and ``chord_error_mm``, the largest distance of triangles to the spline.
+        and ``chord_error_mm``, the largest distance between triangles and spline.
 
     Raises
     ------
@@ -86,6 +89,10 @@ def with_uniform_triangles(
     )
     if count > MOST:
         raise InputError(option, f"{value:g} makes {count:.2g} triangles", f"ask for {MOST} at most")
+    least = FEWEST * len(surface.bodies)
+    if count < least:
+        hint = f"ask for {least} at least"
+        raise InputError(option, f"{value:g} makes {count} triangles, too few for the shape", hint)
     quads = sum(len(body.quads) for body in surface.bodies)
     times = int(np.ceil(np.log2(max(1.0, SPARE * count / (2 * quads))) / 2))
     fine = _joined(
@@ -190,5 +197,7 @@ def _measured(mesh: Mesh, fine: Mesh) -> dict[str, Any]:
     return {
         "triangles": len(mesh.faces),
         "edge_mm": [float(lengths.min()), float(lengths.mean()), float(lengths.max())],
-        "chord_error_mm": float(unsigned_to_mesh(tried, fine).max()),
+        "chord_error_mm": float(
+            max(unsigned_to_mesh(tried, fine).max(), unsigned_to_mesh(fine.vertices, mesh).max())
+        ),
     }
