@@ -22,6 +22,7 @@ AFTER_CURVES = {
     "compare_isosurfaces",
     "compare_thick_slices",
     "measure_structure",
+    "measure_distances",
     "build_tables",
     "build_report",
 }

@@ -26,8 +26,8 @@ UNPINNED = {
     "usd-core",
     "zarr",
 }
-#: Imported in an environment of its own alone, whose VTK is another: nothing here needs it.
-ELSEWHERE = {"slicer_core"}
+#: Imported in an environment of its own alone, or by a program that brings it: nothing here needs them.
+ELSEWHERE = {"napari", "slicer_core"}
 #: Pinned and no part of the library: what runs it and what tests it.
 TOOLS = {"snakemake", "pytest", "pytest-cov", "pytest-xdist", "hypothesis"}
 #: Distributions whose module has another name.
