@@ -44,7 +44,7 @@ def calls(source: Path):
             yield ast.unparse(node.func), {word.arg: ast.unparse(word.value) for word in node.keywords}, node
 
 
-#: Read what models and nnU-Net say of themselves, by unpicklers that know plain values only; or write archives.
+#: Read what models and nnU-Net say of themselves, by unpicklers that know plain values only, or write a ZIP.
 UNPICKLERS = {
     ROOT / "scripts" / "cccd" / "torch_files.py": {"zipfile"},
     ROOT / "scripts" / "cccd" / "model_header.py": {"pickle", "zipfile"},
