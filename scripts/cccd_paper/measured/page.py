@@ -77,7 +77,8 @@ def _introduction(tables: Tables) -> str:
     return (
         "# Measured\n\n`docs/write_measured.py` writes this page from the tables of one run "
         "(`snakemake --cores 2 evidence`, then `snakemake --cores 2`; program at commit "
-        f"{run['commit']}, {run['machine']}, Python {run['python']}). No figure is typed by hand, and a test compares the page with "
+        f"{run['commit']}, {run['machine']}, Python {run['python']}). "
+        "No figure is typed by hand, and a test compares the page with "
         f"`docs/measured/*.csv`. The run's {len(jobs)} jobs took {seconds:.0f} s of processor time, "
         "including the training of both networks. The run's report has every method of these tables, and "
         "more.\n\n**References.** The phantoms are digitised from known surfaces. Their distances, volumes, "
