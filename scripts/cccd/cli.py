@@ -515,15 +515,7 @@ def _surface(given: argparse.Namespace) -> int:
         made, failed, apart = _make_all_surfaces(given, outputs, settings)
     else:
         made = [_make_surface(given, given.label, outputs, settings)]
-    if not given.json:
-        for surface in made:
-            _print_surface(surface)
-    else:
-        print(
-            json.dumps(
-                {"input": str(given.input), "surfaces": made, "distances": apart, "failed": failed}, indent=2
-            )
-        )
+    _print_surfaces(given, made, apart, failed)
     return 1 if failed else 0
 
 
@@ -561,14 +553,7 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
     surface = _uniform(cccd.smooth_mesh(given.input, like, label=given.label, settings=settings), given)
     files = [file for path in outputs for file in _write(surface, path, settings, False)]
     made = _describe_surface(surface, files, time.perf_counter() - began)
-    if given.json:
-        print(
-            json.dumps(
-                {"input": str(given.input), "surfaces": [made], "distances": [], "failed": 0}, indent=2
-            )
-        )
-    else:
-        _print_surface(made)
+    _print_surfaces(given, [made])
     return 0
 
 
@@ -597,14 +582,7 @@ def _surface_of_zarr(given: argparse.Namespace) -> int:
         files = [file for path in outputs for file in _write(surface, path, settings, given.band)]
         made = _describe_surface(surface, files, time.perf_counter() - began)
         made["organ"] = _zarr_stem(given.input)
-    if given.json:
-        print(
-            json.dumps(
-                {"input": str(given.input), "surfaces": [made], "distances": [], "failed": 0}, indent=2
-            )
-        )
-    else:
-        _print_surface(made)
+    _print_surfaces(given, [made])
     return 0
 
 
@@ -864,6 +842,21 @@ def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -
         "warnings": list(surface.warnings),
         "seconds": round(seconds, 2),
     }
+
+
+def _print_surfaces(
+    given: argparse.Namespace,
+    made: Sequence[dict[str, Any]],
+    apart: Sequence[dict[str, Any]] = (),
+    failed: int = 0,
+) -> None:
+    """Say what was made, as lines or as JSON."""
+    if given.json:
+        told = {"input": str(given.input), "surfaces": list(made), "distances": list(apart), "failed": failed}
+        print(json.dumps(told, indent=2))
+        return
+    for surface in made:
+        _print_surface(surface)
 
 
 def _print_surface(made: dict[str, Any]) -> None:

@@ -120,7 +120,7 @@ def _gltf(path: Path) -> MeshFile:
         if hasattr(scene.geometry[name], "faces"):
             part = _merged(scene.geometry[name].vertices, scene.geometry[name].faces)
             parts.append(part.transformed(np.asarray(affine, float)))
-    mesh = _joined(parts)
+    mesh = Mesh.joined(parts)
     metres = float(np.ptp(mesh.vertices, axis=0).max()) if len(mesh.vertices) else 0.0
     if metres > _MOST_METRES:
         note = f"{path.name}: taken as mm RAS; in metres, glTF's unit, it would be {metres:.4g} m long"
@@ -168,7 +168,7 @@ def _splines(path: Path) -> MeshFile:
     beside = path.with_suffix(".ply")
     if beside.is_file():
         return MeshFile(read_ply(beside))
-    return MeshFile(_joined([body.tessellate(_HALVED) for body in read_bodies(path)]))
+    return MeshFile(Mesh.joined([body.tessellate(_HALVED) for body in read_bodies(path)]))
 
 
 def _solid(path: Path) -> MeshFile:
@@ -193,15 +193,6 @@ MESH_SUFFIXES = tuple(_READERS)
 
 
 # Vertices and faces -----------------------------------------------------------------------------------
-
-
-def _joined(parts: list[Mesh]) -> Mesh:
-    """Put meshes into one; nothing is merged."""
-    if not parts:
-        return Mesh.empty()
-    starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
-    faces = [part.faces + start for part, start in zip(parts, starts, strict=True)]
-    return Mesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
 
 
 def _merged(vertices: Any, faces: Any) -> Mesh:

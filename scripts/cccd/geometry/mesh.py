@@ -201,6 +201,22 @@ class Mesh:
 
     # Other meshes and points from this one
 
+    @classmethod
+    def joined(cls, parts: Sequence[Mesh]) -> Mesh:
+        """Put meshes into one, in their order; nothing is merged.
+
+        Examples
+        --------
+        >>> two = [Mesh(np.eye(3), np.array([[0, 1, 2]])), Mesh(np.eye(3) + 5, np.array([[2, 1, 0]]))]
+        >>> Mesh.joined(two).faces.tolist(), Mesh.joined([]).faces.shape
+        ([[0, 1, 2], [5, 4, 3]], (0, 3))
+        """
+        if not parts:
+            return cls.empty()
+        starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+        faces = [part.faces + start for part, start in zip(parts, starts, strict=True)]
+        return cls(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+
     def pieces(self) -> list[Mesh]:
         """Split the mesh into its connected pieces, without unused vertices."""
         piece = self._pieces()

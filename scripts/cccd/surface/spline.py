@@ -199,9 +199,7 @@ def _without_small(mesh: Mesh, least: float) -> Mesh:
     """Leave out pieces that hold less than so many mm^3, but for the largest."""
     pieces = sorted(mesh.pieces(), key=lambda piece: -abs(piece.volume))
     kept = [piece for n, piece in enumerate(pieces) if n == 0 or abs(piece.volume) >= least]
-    starts = np.cumsum([0, *(len(piece.vertices) for piece in kept)])
-    faces = [piece.faces + start for piece, start in zip(kept, starts, strict=False)]
-    return Mesh(np.concatenate([piece.vertices for piece in kept]), np.concatenate(faces))
+    return Mesh.joined(kept)
 
 
 def _fit_and_refine(

@@ -95,7 +95,7 @@ def with_uniform_triangles(
         raise InputError(option, f"{value:g} makes {count} triangles, too few for the shape", hint)
     quads = sum(len(body.quads) for body in surface.bodies)
     times = int(np.ceil(np.log2(max(1.0, SPARE * count / (2 * quads))) / 2))
-    fine = _joined(
+    fine = Mesh.joined(
         [body.tessellate(int(np.clip(times, FEWEST_TIMES, MOST_TIMES))) for body in surface.bodies]
     )
     mesh = uniform_mesh(fine, count)
@@ -142,12 +142,6 @@ def uniform_mesh(fine: Mesh, count: int) -> Mesh:
         return even
     apart = collapse_apart(fine, count)
     return Mesh(nearest_points(apart.vertices, fine), apart.faces)
-
-
-def _joined(meshes: list[Mesh]) -> Mesh:
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
 
 
 def _parts(mesh: Mesh) -> IntArray:

@@ -88,7 +88,7 @@ def curve_edges(
     >>> curved.boundary, curved.straight, len(curved.vertices)  # so large that the ball is too far away
     (6, 6, 10)
     """
-    surface = _joined(list(surfaces))
+    surface = Mesh.joined(list(surfaces))
     ridges = _ridges_of(surface)
     sides = np.unique(np.sort(_pairs(triangles), axis=1), axis=0)
     sharp = _sharp_edges(vertices, triangles, sides)
@@ -166,12 +166,6 @@ def _nearest_on_segments(points: FloatArray, segments: FloatArray) -> FloatArray
     found = start + np.clip(share, 0, 1)[..., None] * along
     best = np.linalg.norm(found - points[:, None], axis=2).argmin(axis=1)
     return found[np.arange(len(points)), best]
-
-
-def _joined(meshes: list[Mesh]) -> Mesh:
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
 
 
 def _ridges_of(surface: Mesh) -> FloatArray:

@@ -40,9 +40,7 @@ def lofted_distances(structure: Structure) -> Mesh:
     sections = Sections(trace_mask(structure))
     stack = interpolate_slices(lofted_outlines(sections, settings), sections, settings)
     parts = [_zero_level(run, stack.origin, structure.frame) for run in stack.runs]
-    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    faces = [part.faces + start for part, start in zip(parts, starts, strict=False)]
-    return Mesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces)).outwards()
+    return Mesh.joined(parts).outwards()
 
 
 def _zero_level(run: Run, origin: np.ndarray, frame: Frame) -> Mesh:
