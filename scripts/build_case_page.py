@@ -11,7 +11,6 @@ with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.
     build_case_page(
         read_json(snakemake.input.scene),
         {Path(path).parent.name: read_ply(path) for path in snakemake.input.meshes},
-        snakemake.params.viewer_triangles,
         Path(snakemake.input.template).parent,
         Path(snakemake.output[0]),
     )

@@ -62,6 +62,5 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
         metrics["tetrahedra"] = {"seconds": report["seconds"], **report["organs"][structure.organ]}
     write_json(snakemake.output.metrics, metrics)
     boundaries = read_boundaries(snakemake.input.boundaries)
-    triangles = snakemake.params.viewer_triangles
-    view = make_view(structure, boundaries, curves, surface.mesh, triangles, surface.band)
+    view = make_view(structure, boundaries, curves, surface.mesh, surface.band)
     write_view(snakemake.output.view, view)

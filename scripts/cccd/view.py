@@ -33,6 +33,9 @@ __all__ = [
 #: Lines of the error band on slices are kept to this share of a pixel.
 _LINE_PX = 0.05
 
+#: A mesh is simplified to at most this many triangles: then a structure takes some 1.5 MB of its page.
+VIEWER_TRIANGLES = 80_000
+
 
 def voxel_surface(structure: Structure) -> Mesh | None:
     """Run marching cubes on the mask, as the surface stage measures against; None without a whole mask."""
@@ -79,7 +82,6 @@ def make_view(
     boundaries: Boundaries | None,
     curves: Curves,
     surface: Mesh,
-    triangles: int,
     band: Band | None = None,
 ) -> View:
     """Make what the viewer shows of one structure.
@@ -94,13 +96,11 @@ def make_view(
         The ordered curves.
     surface : Mesh
         In mm RAS.
-    triangles : int
-        Each mesh is simplified to at most this many.
     band : Band, optional
         How far off the surface may be.
     """
     whole, cubes = surface.outwards(), voxel_surface(structure)
-    shown, _ = sort_spatially(whole.simplified(triangles))
+    shown, _ = sort_spatially(whole.simplified(VIEWER_TRIANGLES))
     values = {"curvature": mean_curvature(whole, shown.vertices)}
     lines: dict[str, Curves] = {}
     if band is not None:
@@ -114,7 +114,7 @@ def make_view(
         values["distance"] = to_mesh(shown.vertices, reference)
     meshes = {"surface": shown}
     if cubes is not None:
-        meshes["cubes"] = sort_spatially(cubes.simplified(triangles))[0]
+        meshes["cubes"] = sort_spatially(cubes.simplified(VIEWER_TRIANGLES))[0]
     return View(meshes, values, len(whole.faces), name, _stuck(boundaries, curves), lines)
 
 

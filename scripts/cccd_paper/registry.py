@@ -130,7 +130,7 @@ CORNER_SURFACES = Comparison(
     "cccd_paper.comparisons.corner_surfaces.compare_corner_surfaces",
     ("structure", "boundaries", "curves", "orderers"),
     settings={"settings": "comparisons.corner_surfaces", "lofting": "surface"},
-    unused=(*UNREAD, "surface.source", "surface.corner_k"),
+    unused=(*UNREAD, "surface.source"),
     columns=(
         "k", "slices", "control_points", "share", "dice_2d", "dice_3d", "assd_mm", "stack_bytes",
         "image_bytes", "net_bytes", "seconds",
@@ -148,7 +148,7 @@ STAGE_TIMES = Comparison(
         "finding": "boundaries",
         "lofting": "surface",
     },
-    unused=(*UNREAD, "surface.source", "surface.corner_k"),
+    unused=(*UNREAD, "surface.source"),
     columns=(
         "method", "slices", "corner_ms", "curve_ms", "spline_ms", "surface_ms", "total_ms", "closed_share",
         "dice_3d",

@@ -29,7 +29,7 @@ FLAGS = [
     "--ignore-gpu-blocklist",
     "--disable-background-networking",
 ]
-CONFIG = {"seed": 152, "report": {"pages_above": 12, "viewer_triangles": 20_000}}
+CONFIG = {"seed": 152, "report": {"pages_above": 12}}
 TEMPLATES = ROOT / "workflow" / "report"
 STRUCTURES = [("phantom", "liver"), ("phantom", "kidney")]
 

@@ -103,7 +103,7 @@ def test_texts_in_the_report(tiny_copy):
         results=tiny_copy.results,
         structures=[("tiny", "sphere")],
         failures=[f"tiny/sphere: {SCRIPT} {IMAGE}"],
-        config={"report": {"pages_above": 12, "viewer_triangles": 1000}, "cohort": SCRIPT},
+        config={"report": {"pages_above": 12}, "cohort": SCRIPT},
         output=output,
         benchmarks=None,
         template_dir=ROOT / "workflow" / "report",

@@ -75,6 +75,5 @@ rule build_case_page:
         runtime=minutes(15),
     params:
         library=library("build_case_page"),
-        viewer_triangles=4 * config["report"]["viewer_triangles"],
     script:
         "../../scripts/build_case_page.py"

@@ -70,7 +70,6 @@ rule measure_structure:
         runtime=minutes(20),
     params:
         library=library("measure_structure"),
-        viewer_triangles=config["report"]["viewer_triangles"],
         lofting=LOFTING,
     script:
         "../../scripts/measure_structure.py"

@@ -19,10 +19,12 @@ __all__ = ["build_case_page"]
 _STEPS = 65535
 #: An organ keeps this many triangles at least.
 _LEAST = 400
+#: All organs together are simplified to about this many triangles: a page of some 6 MB.
+_TRIANGLES = 320_000
 
 
 def build_case_page(
-    scene: Mapping[str, Any], meshes: Mapping[str, Mesh], triangles: int, template_dir: Path, output: Path
+    scene: Mapping[str, Any], meshes: Mapping[str, Mesh], template_dir: Path, output: Path
 ) -> None:
     """Write the page of a case.
 
@@ -32,8 +34,6 @@ def build_case_page(
         What ``scene.json`` holds.
     meshes : mapping of str to Mesh
         By organ, mm RAS.
-    triangles : int
-        All organs together are simplified to about so many.
     template_dir : path
         ``workflow/report``.
     output : path
@@ -41,7 +41,7 @@ def build_case_page(
     """
     points = np.concatenate([mesh.vertices for mesh in meshes.values()])
     low, size = points.min(axis=0), float(np.ptp(points, axis=0).max())
-    share = min(1.0, triangles / max(1, sum(len(mesh.faces) for mesh in meshes.values())))
+    share = min(1.0, _TRIANGLES / max(1, sum(len(mesh.faces) for mesh in meshes.values())))
     organs = [
         {**organ, **_packed(meshes[organ["organ"]], share, low, size)}
         for organ in sorted(scene["organs"], key=lambda organ: -organ["volume_ml"])

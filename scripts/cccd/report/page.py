@@ -92,7 +92,7 @@ def build_report(
     failures : sequence of str
         One line per structure or stage that failed.
     config : mapping
-        The configuration as merged; its section ``report`` holds ``pages_above`` and ``viewer_triangles``.
+        The configuration as merged; its section ``report`` holds ``pages_above``.
     output : path
         Where the page goes.
     benchmarks : path or None

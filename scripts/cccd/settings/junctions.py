@@ -17,6 +17,10 @@ _PIXEL_LAYERS = 2
 # Channels of a link for each of a pixel: links are three times as many, so they have fewer.
 _LINK_SHARE = 0.75
 
+# The paper's network: channels of a pixel (not in the paper, not swept), and convolutions of eq. (11), with
+# which a pixel sees four links around it (not in the paper either).
+_PAPER_WIDTH, _PAPER_LAYERS = 16, 4
+
 
 class GraphSettings(Section):
     """How many graphs are drawn once and kept, per split."""
@@ -70,22 +74,8 @@ class InferenceSettings(Section):
 
 
 class PaperSettings(Section):
-    """The paper's network: of these the paper prints the dropout alone, the rest is ours."""
+    """The training of the paper's network."""
 
-    width: int = setting(
-        16, "channels of a pixel", why="Not in the paper; not swept.", unit="count", ge=2, le=512
-    )
-    layers: int = setting(
-        4,
-        "convolutions of eq. (11) one after another",
-        why="Not in the paper; a pixel then sees four links around it.",
-        unit="count",
-        ge=1,
-        le=32,
-    )
-    dropout: float = setting(
-        0.5, "share of messages dropped in training", why="The paper's number.", unit="share", ge=0, le=0.9
-    )
     epochs: int = setting(
         8,
         "epochs",
@@ -98,7 +88,7 @@ class PaperSettings(Section):
     @property
     def sizes(self) -> dict[str, int]:
         """What the network's weights are shaped by."""
-        return {"width": self.width, "layers": self.layers}
+        return {"width": _PAPER_WIDTH, "layers": _PAPER_LAYERS}
 
 
 class NetworkSettings(Section):

@@ -46,7 +46,10 @@ _OF_THE_TRAINING = (
     "optimiser",
     "pixel_layers",
     "paper.batch_size",
+    "paper.dropout",
+    "paper.layers",
     "paper.learning_rate",
+    "paper.width",
 )
 #: By the dotted name of a key or of a section.
 _REMOVED = {
@@ -58,6 +61,7 @@ _REMOVED = {
     **{f"gnn.inference.{name}": _FIXED for name in _OF_THE_ORDERING},
     **{f"gnn.{name}": _FIXED for name in _OF_THE_TRAINING},
     "curves.fitting": _FIXED,
+    "surface.corner_k": "curves: {method: corners, k: ...} makes these splines: delete the key",
     "surface.solid": _FIXED,
     "surface.walls": _FIXED,
     **{
@@ -68,6 +72,7 @@ _REMOVED = {
     "boundaries.hysteresis": _FIXED,
     **{f"import.{name}": _FIXED for name in ("damage", "limits", "margin_voxels", "scan")},
     **{f"import.phantom.{name}": _FIXED for name in ("blur_mm", "noise_hu")},
+    "report.viewer_triangles": _FIXED,
     "comparisons.active_contour": _FIXED,
     **{f"comparisons.corners.{name}": _FIXED for name in ("min_contour_px", "on_boundary_px")},
     "comparisons.reconstruction": "its n_slices is that of comparisons.corners now; delete the others",

@@ -18,11 +18,3 @@ class ReportSettings(Section):
         ge=0,
         le=50,
     )
-    viewer_triangles: int = setting(
-        80000,
-        "each mesh in the 3D view is simplified to at most this many triangles",
-        why="At 80000 a structure takes some 1.5 MB of its page, at 150000 some 2.7 MB.",
-        unit="count",
-        ge=1000,
-        le=150000,
-    )

@@ -70,18 +70,10 @@ class TetrahedraSettings(Section):
 class LoftSettings(Section):
     """How curves become a surface (section ``surface``)."""
 
-    source: Literal["splines", "polygons", "corners"] = setting(
+    source: Literal["splines", "polygons"] = setting(
         "splines",
-        "lofted from the curves' closed splines, the curves themselves, or splines through their corners",
-        why="Splines carry no pixel steps into the surface; corners are the paper's way (Definition 4).",
-    )
-    corner_k: int = setting(
-        7,
-        "corners: longest support of the k-cosine whose sharpest points the splines go through",
-        why="The middle of the paper's sweep.",
-        unit="px",
-        ge=1,
-        le=1000,
+        "lofted from the curves' closed splines, or from the curves themselves",
+        why="Splines carry no pixel steps into the surface; curves.method chooses them.",
     )
     smallest_part_voxels: float = setting(
         6.0,

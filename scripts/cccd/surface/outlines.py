@@ -1,4 +1,4 @@
-"""What a surface is lofted from: the curves' closed splines, the paper's corner splines, or the polygons."""
+"""What a surface is lofted from: the curves' closed splines, or the polygons."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cccd.containers import Curves, Sections
-from cccd.curves.corners import k_cosine_corners
-from cccd.curves.fitting import corner_splines, fit_checked, fit_splines, sample_splines
+from cccd.curves.fitting import fit_splines, sample_splines
 from cccd.geometry.arrays import FloatArray, sum_per_part
 from cccd.settings.surface import LoftSettings
 
@@ -49,8 +48,7 @@ def lofted_outlines(sections: Sections, settings: LoftSettings) -> Outlines:
     sections : Sections
         Their splines are fitted here, by the default settings, where they are needed and not given.
     settings : LoftSettings
-        ``source``: ``splines``, ``polygons`` (the curves themselves), or ``corners``, the paper's splines
-        through the sharpest points of support ``corner_k`` (Definitions 3 and 4), but for those that cross.
+        ``source``: ``splines``, or ``polygons`` (the curves themselves).
     """
     curves, splines = sections.curves, sections.splines
     of_pixels = through_pixel_centres(curves)
@@ -58,12 +56,7 @@ def lofted_outlines(sections: Sections, settings: LoftSettings) -> Outlines:
         if of_pixels:
             return Outlines(curves, np.full(len(curves), 0.5), _pixels(curves), True)
         return Outlines(curves, np.zeros(len(curves)), _areas(curves), False)
-    if settings.source == "corners":
-        corners = k_cosine_corners(curves.points, curves.offsets, settings.corner_k)
-        splines = fit_checked(curves, first=corner_splines(curves, corners)).splines
-    elif splines is None:
-        splines = fit_splines(curves)
-    drawn = sample_splines(splines)
+    drawn = sample_splines(fit_splines(curves) if splines is None else splines)
     if of_pixels:
         return Outlines(drawn, *_grown(drawn, _pixels(curves)), True)
     return Outlines(drawn, np.zeros(len(curves)), _areas(drawn), False)

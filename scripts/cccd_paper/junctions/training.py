@@ -29,6 +29,8 @@ __all__ = ["PaperTask", "grid_labels"]
 # network.
 _BATCH_SIZE = 10
 _LEARNING_RATE = 0.01
+# The paper's number.
+_DROPOUT = 0.5
 
 _FLAT = Frame(np.eye(4), 2, (1, 1, 1))
 
@@ -79,8 +81,7 @@ class PaperTask:
 
     def network(self) -> PaperNetwork:
         """Build the network."""
-        paper = self.settings.paper
-        return PaperNetwork(paper.width, paper.layers, paper.dropout)
+        return PaperNetwork(**self.settings.paper.sizes, dropout=_DROPOUT)
 
     def loader(self, epoch: int, threads: int) -> DataLoader[Data]:
         """Batches of the frozen graphs."""

@@ -93,7 +93,7 @@ def test_names_of_labels_are_text_on_a_page(tmp_path):
     mesh = Mesh(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
     told = {"organ": "a", "name": WHO + "</script><script>steal()", "color": "#ffffff", "volume_ml": 1.0}
     scene = {"case": "<b>case</b>", "organs": [told]}
-    build_case_page(scene, {"a": mesh}, 1000, TEMPLATES, tmp_path / "page.html")
+    build_case_page(scene, {"a": mesh}, TEMPLATES, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "&lt;img" in page
     assert "<img src=x" not in page

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 import trimesh
 
 from cccd.bands import Band
@@ -124,14 +125,15 @@ def write_sample_view(folder: Path, triangles: int) -> None:
     """What the viewer shows of the structure in a folder, each mesh of at most so many triangles."""
     mesh = read_ply(folder / "surface.ply")
     inner, outer = (np.full(len(mesh.vertices), side) for side in (BAND["inner"], BAND["outer"]))
-    view = make_view(
-        read_structure(folder / "structure.h5"),
-        read_boundaries(folder / "boundaries.h5"),
-        read_curves(folder / "curves.h5"),
-        mesh,
-        triangles,
-        Band(inner, outer, 0.9, 1.0, False),
-    )
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("cccd.view.VIEWER_TRIANGLES", triangles)
+        view = make_view(
+            read_structure(folder / "structure.h5"),
+            read_boundaries(folder / "boundaries.h5"),
+            read_curves(folder / "curves.h5"),
+            mesh,
+            Band(inner, outer, 0.9, 1.0, False),
+        )
     write_view(folder / "view.h5", view)
 
 

@@ -22,7 +22,7 @@ from cccd.store import write_json, write_table
 from cccd.surface.between import DISTANCES
 
 TEMPLATES = Path(__file__).parents[3] / "workflow" / "report"
-CONFIG = {"seed": 152, "cohort": "cohort.tsv", "report": {"pages_above": 12, "viewer_triangles": 8000}}
+CONFIG = {"seed": 152, "cohort": "cohort.tsv", "report": {"pages_above": 12}}
 STRUCTURES = [("phantom", "liver")]
 
 
@@ -117,7 +117,7 @@ def test_failures_warnings_and_numbers_are_on_the_first_screen(text, results):
 def test_provenance_names_config_checksum_and_time(text):
     page = Reader(text)
     assert "ab" * 32 in page.texts
-    assert any("viewer_triangles: 8000" in part for part in page.texts)
+    assert any("pages_above: 12" in part for part in page.texts)
     assert "loft_surface" in page.texts
     assert "numpy" in page.texts
 
@@ -208,9 +208,8 @@ def test_same_inputs_same_bytes(tmp_path, results):
 
 
 def test_a_structure_takes_less_than_3_mb(tmp_path, results):
-    config = CONFIG | {"report": {"pages_above": 12, "viewer_triangles": 80_000}}
     output = tmp_path / "page.html"
-    build_structure_page(results, "phantom", "liver", config, output, TEMPLATES)
+    build_structure_page(results, "phantom", "liver", CONFIG, output, TEMPLATES)
     assert Reader(output.read_text(encoding="utf-8")).stack == []
     assert output.stat().st_size < 3e6
 

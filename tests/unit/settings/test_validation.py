@@ -173,7 +173,7 @@ GOOD = {"k": 5, "method": "corners", "max_control_points": None, "sweep": [1]}
         st.sampled_from(["seed", "curves", "surface", "x"]),
         values
         | st.just(GOOD)
-        | st.dictionaries(st.sampled_from(["k", "sweep", "formats", "corner_k"]), values, max_size=2),
+        | st.dictionaries(st.sampled_from(["k", "sweep", "formats", "source"]), values, max_size=2),
         max_size=3,
     )
 )

@@ -6,7 +6,7 @@ import trimesh
 from shapes import curves_of, drawn, grid, structure_of
 
 from cccd.containers import Sections
-from cccd.curves import fit_splines
+from cccd.curves import describe_curves, fit_splines
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
@@ -105,10 +105,10 @@ def test_corner_splines_of_a_large_k_give_another_surface():
     x, y, z = grid(70, 60, 30)
     mask = (((x - 35) / 28) ** 4 + ((y - 30) / 22) ** 2 <= 1) & (z >= 3) & (z < 27)
     curves = curves_of(mask)
-    volumes = {
-        k: loft_surface(Sections(curves), LoftSettings(source="corners", corner_k=k)).mesh.volume
-        for k in (7, 20)
-    }
+    volumes = {}
+    for k in (7, 20):
+        splines = describe_curves(curves, CurveSettings(method="corners", k=k)).splines
+        volumes[k] = loft_surface(Sections(curves, splines), LoftSettings()).mesh.volume
     fitted = loft_surface(Sections(curves), LoftSettings()).mesh.volume
     assert fitted == pytest.approx(mask.sum(), rel=0.01)
     assert abs(volumes[20] - fitted) > 2 * abs(volumes[7] - fitted)

@@ -28,7 +28,7 @@ SETTINGS = {
     "learning_rate": 0.003,
     "width": 8,
     "message_layers": 1,
-    "paper": {"width": 4, "layers": 2, "epochs": 3},
+    "paper": {"epochs": 3},
 }
 
 
