@@ -3,7 +3,7 @@
 from operator import attrgetter
 
 from cccd.job import job
-from cccd.lookup import find
+from cccd.lookup import call, find
 from cccd.settings.root import whole_settings
 from cccd.store import write_figures, write_table
 
@@ -19,4 +19,4 @@ with job(snakemake.log[0], f"{case}/{organ}", snakemake.input, snakemake.output)
     names = ["case", "organ"] if len(rows) else []
     write_table(snakemake.output.rows, rows[[*names, *rows.columns.drop(["case", "organ"])]])
     if snakemake.params.figures:
-        write_figures(snakemake.output.figures, find(snakemake.params.figures)(**arguments))
+        write_figures(snakemake.output.figures, call(snakemake.params.figures, arguments))

@@ -75,14 +75,9 @@ def _write_vtp(path: Path, found: Comparison, rows: Sequence[Compared]) -> None:
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
     parts = [_mesh(row) for row in rows]
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh, _ in parts)])
-    whole = Mesh(
-        np.concatenate([mesh.vertices for mesh, _ in parts]),
-        np.concatenate([mesh.faces + start for (mesh, _), start in zip(parts, starts, strict=False)]),
-    )
-    data = cast(Any, whole.to_polydata())
+    data = cast(Any, Mesh.joined([mesh for mesh, _ in parts]).to_polydata())
     data.point_data["distance"] = np.concatenate([distance for _, distance in parts])
-    data.point_data["row"] = np.repeat(np.arange(len(rows)), np.diff(starts))
+    data.point_data["row"] = np.repeat(np.arange(len(rows)), [len(mesh.vertices) for mesh, _ in parts])
     data.field_data["Rows"] = [row.caption for row in rows]
     data.field_data["SpaceUnit"] = ["mm"]
     data.field_data["Space"] = ["RAS"]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+import inspect
+from collections.abc import Callable, Mapping
 from typing import Any
 
-__all__ = ["find"]
+__all__ = ["call", "find"]
 
 
 def find(function: str) -> Callable[..., Any]:
@@ -17,3 +18,13 @@ def find(function: str) -> Callable[..., Any]:
     """
     module, name = function.rsplit(".", 1)
     return getattr(importlib.import_module(module), name)
+
+
+def call(function: str, arguments: Mapping[str, Any]) -> Any:
+    """Call a function with those of the arguments that it has parameters for.
+
+    >>> call("statistics.fmean", {"data": [3, 4], "weights": None, "unused": 1})
+    3.5
+    """
+    found = find(function)
+    return found(**{name: arguments[name] for name in inspect.signature(found).parameters})

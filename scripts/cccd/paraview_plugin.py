@@ -21,7 +21,7 @@ try:
 except ImportError:  # plain VTK
     paraview = None
 
-__all__ = ["SmoothSurface", "voxels_of"]
+__all__ = ["SmoothSurface", "voxel_grid", "voxels_of"]
 
 
 class SmoothSurface(VTKPythonAlgorithmBase):
@@ -88,13 +88,17 @@ def voxels_of(image: Any, label: int) -> tuple[BoolArray, FloatArray]:
         scalars, on_cells = image.GetCellData().GetScalars(), 1
     if scalars is None or scalars.GetNumberOfComponents() != 1:
         raise InputError("the image", "it has no active array of labels", "choose one with a value per voxel")
-    first = image.GetExtent()[::2]
-    shape = tuple(max(n - on_cells, 1) for n in image.GetDimensions())
-    matrix = image.GetIndexToPhysicalMatrix()
-    affine = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
-    affine[:3, 3] += affine[:3, :3] @ (np.array(first) + on_cells / 2)
+    shape, affine = voxel_grid(image, on_cells)
     values = vtk_to_numpy(scalars).reshape(shape, order="F")
     return np.asarray(values == label if label else values != 0), affine
+
+
+def voxel_grid(image: Any, on_cells: int) -> tuple[tuple[int, ...], FloatArray]:
+    """Shape (3,) and affine (4, 4) of the voxels of a ``vtkImageData``: its points, or its cells."""
+    matrix = image.GetIndexToPhysicalMatrix()
+    affine = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+    affine[:3, 3] += affine[:3, :3] @ (np.array(image.GetExtent()[::2]) + on_cells / 2)
+    return tuple(max(n - on_cells, 1) for n in image.GetDimensions()), affine
 
 
 if paraview is not None:  # what ParaView shows of it

@@ -11,6 +11,7 @@ import pyvista as pv
 
 from cccd.api import Surface, reconstruct
 from cccd.errors import InputError
+from cccd.paraview_plugin import voxel_grid
 from cccd.settings.root import Settings
 
 __all__ = ["ImageAccessor"]
@@ -64,12 +65,9 @@ class ImageAccessor:
             raise InputError(str(name), "the image has no such array", f"there are: {known}")
         on_cells = name not in image.point_data
         values = np.asarray((image.cell_data if on_cells else image.point_data)[name])
-        shape = tuple(max(n - on_cells, 1) for n in image.dimensions)
         if values.ndim != 1:
             raise InputError(name, "it has more than one value per voxel", "give a mask or a label map")
-        affine = np.array(image.index_to_physical_matrix, float)
-        if on_cells:  # a voxel's centre lies half a cell beyond its first corner
-            affine[:3, 3] += affine[:3, :3] @ np.full(3, 0.5)
+        shape, affine = voxel_grid(image, int(on_cells))
         voxels = values.reshape(shape, order="F")
         if label is not None:
             voxels = voxels == label

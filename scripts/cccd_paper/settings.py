@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, Field
 
@@ -67,24 +67,7 @@ class IsosurfaceSettings(Section):
     """Surfaces by other methods, measured alike."""
 
     methods: Annotated[tuple[_Method, ...], AfterValidator(without_repeats)] = setting(
-        (
-            "marching cubes",
-            "flying edges + windowed sinc",
-            "surface nets",
-            "signed distance + isosurface",
-            "signed distance + isosurface + windowed sinc",
-            "signed distance + Gaussian + windowed sinc",
-            "anti-aliased binary + windowed sinc",
-            "morphological interpolation + windowed sinc",
-            "CCCD, distances alone + windowed sinc",
-            "niimath",
-            "3D Slicer, flying edges",
-            "3D Slicer, surface nets",
-            "paper's loft, eq. (10)",
-            "ball pivoting",
-            "Poisson",
-            "alpha shape",
-        ),
+        get_args(_Method),
         "methods to run next to ours",
         why="All that there are, where what they need is installed. Those with windowed sinc, and programs, "
         "are shown at their best settings of a grid.",

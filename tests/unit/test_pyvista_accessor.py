@@ -23,6 +23,10 @@ def test_points_and_cells_lie_where_they_are():
     points = pv.ImageData(dimensions=SHAPE, spacing=SPACING, origin=ORIGIN)
     points["organ"] = 3 * ball().ravel(order="F").astype(np.uint8)
     assert np.array_equal(points.cccd.reconstruct(label=3).vertices, expected.vertices)
+    first = (3, 0, -2)  # an extract's indices need not begin at 0
+    points.origin = np.subtract(ORIGIN, np.multiply(SPACING, first))
+    points.SetExtent(*np.column_stack([first, np.add(first, SHAPE) - 1]).ravel())
+    assert points.cccd.reconstruct(label=3).vertices == pytest.approx(expected.vertices, abs=1e-9)
     corner = np.subtract(ORIGIN, np.multiply(SPACING, 0.5))
     cells = pv.ImageData(dimensions=np.add(SHAPE, 1), spacing=SPACING, origin=corner)
     cells.cell_data["organ"] = ball().ravel(order="F").astype(np.uint8)

@@ -132,11 +132,6 @@ class ControlMesh:
         """+1 where the surface encloses a solid, -1 where its outer side is within: a cavity."""
         return 1 if self.tessellate(1).volume > 0 else -1
 
-    @cached_property
-    def valences(self) -> IntArray:
-        """How many quads (V,) meet at each control point."""
-        return np.bincount(self.quads.ravel(), minlength=len(self.vertices))
-
 
 @dataclass(frozen=True, eq=False)
 class SubdivisionStep:

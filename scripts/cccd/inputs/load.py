@@ -122,7 +122,7 @@ def load_structure(
         if row["source"] in ("phantom", "damaged_phantom"):
             return _make_phantom(row, settings, seed)
         scan = _read_source(row, Path(sheet_dir), settings, seed)
-        return _crop(scan, row, settings)
+        return _crop(scan, row)
     except InputError as error:
         if error.location == location:
             raise
@@ -167,7 +167,7 @@ def structure_of_array(
     volume = organ_of_labels(Volume(array, check_affine(affine, name), name), "", name)
     layers = _mask_layers(volume.data)
     scan = _Scan(frame_of(volume, settings), **layers, annotated=annotated, warnings=volume.warnings)
-    return _crop(scan, {"case": name, "organ": name, "location": name}, settings)
+    return _crop(scan, {"case": name, "organ": name, "location": name})
 
 
 def with_segmentation_notes(structure: Structure, report: Mapping[str, Any]) -> Structure:
@@ -476,7 +476,7 @@ def _on_slices(mask: BoolArray, origin: IntArray, frame: Frame, slices: IntArray
     return mask & np.expand_dims(kept, frame.in_plane_axes)
 
 
-def _crop(scan: _Scan, row: Mapping[str, str], settings: ImportSettings) -> Structure:
+def _crop(scan: _Scan, row: Mapping[str, str]) -> Structure:
     """Crop a scan to its organ with a margin on every side.
 
     Beyond the slices that were drawn the organ may go on as far as their widest gap.

@@ -107,7 +107,7 @@ def build_report(
     if cohort is not None:
         found = Results(results, structures, build_tables(cohort), write_notes(cohort))
     index = len(structures) > config["report"]["pages_above"]
-    views = _structure_views(found, index, config)
+    views = _structure_views(found, index)
     _write(
         output,
         template_dir,
@@ -163,7 +163,7 @@ def build_report_of_finished(
     build_report(results, structures, failures, config, output, benchmarks, template_dir, cohort)
 
 
-def _structure_views(results: Results, index: bool, config: Mapping[str, Any]) -> list[StructureView]:
+def _structure_views(results: Results, index: bool) -> list[StructureView]:
     """Collect every structure; an index leaves out what their own pages show."""
     thumbs = len(results.structures) <= _THUMBS_BELOW
     width = _THUMB_WIDTH if index else _CARD_WIDTH

@@ -54,8 +54,8 @@ class Comparison:
     seeded : bool
         Whether the function draws at random.
     figures : str or None
-        Function that returns what the report draws of this structure, by figure; called as ``run`` is. It
-        leaves ``comparisons/<name>.h5``.
+        Function that returns what the report draws of this structure, by figure; it gets those of
+        ``run``'s arguments that it has parameters for. It leaves ``comparisons/<name>.h5``.
     columns : tuple of str
         Columns that the rows have at least, ``case`` and ``organ`` aside.
     memory_mb : (int, int)

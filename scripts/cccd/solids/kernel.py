@@ -7,7 +7,7 @@ The optional package ``cadquery-ocp-novtk`` brings OpenCASCADE.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -362,12 +362,17 @@ def make_solid(shells: Sequence[Any]) -> Any:
     """Make one ``TopoDS_Solid`` of an outer shell and those of its cavities."""
     from OCP import BRep, TopoDS
 
+    return _filled(BRep.BRep_Builder.MakeSolid, TopoDS.TopoDS_Solid(), shells)
+
+
+def _filled(make: Callable[..., None], shape: Any, parts: Sequence[Any]) -> Any:
+    from OCP import BRep
+
     build = BRep.BRep_Builder()
-    solid = TopoDS.TopoDS_Solid()
-    build.MakeSolid(solid)
-    for shell in shells:
-        build.Add(solid, shell)
-    return solid
+    make(build, shape)
+    for part in parts:
+        build.Add(shape, part)
+    return shape
 
 
 def check_solid(solid: Any) -> Checked:
@@ -545,12 +550,7 @@ def _write_brep(path: str, parts: Sequence[Part]) -> bool:
 def _compound(shapes: Sequence[Any]) -> Any:
     from OCP import BRep, TopoDS
 
-    build = BRep.BRep_Builder()
-    compound = TopoDS.TopoDS_Compound()
-    build.MakeCompound(compound)
-    for shape in shapes:
-        build.Add(compound, shape)
-    return compound
+    return _filled(BRep.BRep_Builder.MakeCompound, TopoDS.TopoDS_Compound(), shapes)
 
 
 def _document(parts: Sequence[Part]) -> Any:

@@ -167,21 +167,16 @@ def opened(layers: Sequence[tuple[Mesh, str]], ends: Sequence[End], location: st
             cut[number], rim = _cut_off(mesh, end, required=number == 0, location=location)
             rims.append(rim)
         caps.append(rims)
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in cut)])
-    vertices = [mesh.vertices for mesh in cut]
-    faces = [mesh.faces + start for mesh, start in zip(cut, starts, strict=False)]
-    groups = [np.full(len(mesh.faces), number) for number, mesh in enumerate(cut)]
-    count = int(starts[-1])
-    for number, (end, rims) in enumerate(zip(ends, caps, strict=True), len(cut)):
-        moved = [rim + start for rim, start in zip(rims, starts, strict=False) if len(rim)]
-        inner, cap = _cap(np.concatenate(vertices), moved, end.outward, count)
-        vertices.append(inner)
-        faces.append(cap)
-        groups.append(np.full(len(cap), number))
-        count += len(inner)
-    whole = Mesh(np.concatenate(vertices), np.concatenate(faces))
+    whole = Mesh.joined(cut)
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in cut[:-1])])
+    counts = [len(mesh.faces) for mesh in cut]
+    for end, rims in zip(ends, caps, strict=True):
+        moved = [rim + start for rim, start in zip(rims, starts, strict=True) if len(rim)]
+        inner, cap = _cap(whole.vertices, moved, end.outward)
+        whole = Mesh(np.concatenate([whole.vertices, inner]), np.concatenate([whole.faces, cap]))
+        counts.append(len(cap))
     names = (*(name for _, name in layers), *(end.name for end in ends))
-    return NamedMesh(whole.compact(), np.concatenate(groups), names)
+    return NamedMesh(whole.compact(), np.repeat(np.arange(len(counts)), counts), names)
 
 
 # Cutting ----------------------------------------------------------------------------------------------
@@ -303,17 +298,18 @@ def _rim(mesh: Mesh, first: int) -> IntArray | None:
 # Caps -------------------------------------------------------------------------------------------------
 
 
-def _cap(
-    vertices: FloatArray, rims: Sequence[IntArray], outward: FloatArray, first: int
-) -> tuple[FloatArray, IntArray]:
-    """Points inside a cap (n, 3), numbered from ``first``, and its triangles; the first rim is the outer."""
+def _cap(vertices: FloatArray, rims: Sequence[IntArray], outward: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Points inside a cap (n, 3), numbered after the vertices, and its triangles; the first rim is outer."""
     basis = across(outward)
     origin = vertices[rims[0][0]]
     flat = [(vertices[rim] - origin) @ basis.T for rim in rims]
     polygon = shapely.Polygon(flat[0], flat[1:])
     edge = float(np.mean(np.linalg.norm(np.diff(flat[0], axis=0), axis=1)))
     inner = _lattice(polygon, edge)
-    points, ids = np.concatenate([*flat, inner]), np.concatenate([*rims, first + np.arange(len(inner))])
+    points, ids = (
+        np.concatenate([*flat, inner]),
+        np.concatenate([*rims, len(vertices) + np.arange(len(inner))]),
+    )
     triangles = Delaunay(points).simplices.astype(np.int64)
     x, y = points[triangles].mean(axis=1).T
     triangles = triangles[shapely.contains_xy(polygon, x, y)]

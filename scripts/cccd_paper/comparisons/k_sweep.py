@@ -139,13 +139,8 @@ def _found_again(
     return means.loc[list(named), list(CHANGES)].reset_index(drop=True)
 
 
-def outline_figures(
-    structure: Structure, curves: Curves, ks: Sequence[int], settings: SliceChoice, seed: int
-) -> dict[str, SliceFigure]:
-    """Outline the middle slice for the k of Figures 10, 12 and 14; nothing where there is no outer curve.
-
-    Parameters as in `compare_k`.
-    """
+def outline_figures(curves: Curves) -> dict[str, SliceFigure]:
+    """Outline the middle slice for the k of Figures 10, 12 and 14; nothing where there is no outer curve."""
     curve = middle_curve(curves)
     if curve is None:
         return {}

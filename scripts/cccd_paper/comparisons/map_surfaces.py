@@ -164,14 +164,7 @@ def _link_set(links: np.ndarray) -> set[tuple[tuple[int, int], ...]]:
     return {tuple(sorted(map(tuple, link))) for link in links.astype(int).tolist()}
 
 
-def map_figures(
-    structure: Structure,
-    boundaries: Boundaries,
-    contours: Curves,
-    surface: LoftedSurface,
-    fitting: CurveSettings,
-    lofting: LoftSettings,
-) -> dict[str, SliceFigure]:
+def map_figures(structure: Structure, boundaries: Boundaries, contours: Curves) -> dict[str, SliceFigure]:
     """Draw what the network and the classical decoder made of a few slices that needed a decision.
 
     Parameters as in `compare_map_surfaces`; nothing where every slice is an outline already.

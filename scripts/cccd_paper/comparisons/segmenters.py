@@ -190,15 +190,7 @@ def compare_segmenters(
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def network_figures(
-    structure: Structure,
-    segmenters: ShippedNetworks,
-    orderers: Sequence[Orderer],
-    edges: BoundarySettings,
-    fitting: CurveSettings,
-    lofting: LoftSettings,
-    seed: int,
-) -> dict[str, SliceFigure]:
+def network_figures(structure: Structure, segmenters: ShippedNetworks, seed: int) -> dict[str, SliceFigure]:
     """Outline what a network finds on the slice of Figure 14, its panel (d); nothing where it is not shipped.
 
     Parameters as in `compare_segmenters`.
