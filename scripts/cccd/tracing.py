@@ -128,16 +128,7 @@ def _oriented(
 def _split_at_repeated_pixels(
     points: np.ndarray, offsets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Split closed walks into loops without repeated pixels.
-
-    Returns
-    -------
-    index : (Q,) int64 array
-        The loops' points, as indices of ``points``.
-    offsets : (L + 1,) int64 array
-    walk : (L,) int64 array
-        The walk each loop was part of. Loops of fewer than three pixels enclose nothing: dropped.
-    """
+    """Split closed walks into loops without repeated pixels."""
     if len(points) == 0:
         return np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros(0, np.int64)
     low, high = points.min(axis=0), points.max(axis=0)

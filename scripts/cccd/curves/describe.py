@@ -20,11 +20,6 @@ _MOST_PLACES = 5
 def describe_curves(curves: Curves, settings: CurveSettings) -> FittedCurves:
     """Chain codes, corners and splines of every curve.
 
-    Parameters
-    ----------
-    curves : Curves
-    settings : CurveSettings
-
     Returns
     -------
     FittedCurves

@@ -371,11 +371,9 @@ def _line(control: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 
 def _looks(knots: np.ndarray) -> np.ndarray:
-    """Ascending parameters at which a spline shows its folds, small as they may be.
-
-    Folds sit where knots crowd, so that every span is looked at, and beside sharp corners, where the
-    looks close in on the repeated knot.
-    """
+    """Ascending parameters at which a spline shows its folds, small as they may be."""
+    # Folds sit where knots crowd, so that every span is looked at, and beside sharp corners, where the looks
+    # close in on the repeated knot.
     begin, length = knots[DEGREE : -DEGREE - 1], np.diff(knots[DEGREE:-DEGREE])
     looks = np.where(length > 0, np.maximum(np.ceil(CHECKED_PER_PIXEL * length), CHECKED_PER_SPAN), 0)
     looks = looks.astype(int)

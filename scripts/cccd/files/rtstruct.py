@@ -241,10 +241,8 @@ def _structure_set(
     normal: FloatArray,
     spacing: float,
 ) -> Dataset:
-    """Assemble the RTSTRUCT of loops (n, 3) in LPS mm at heights along the normal.
-
-    UIDs follow from the content, so that equal surfaces have equal bytes.
-    """
+    """Assemble the RTSTRUCT of loops (n, 3) in LPS mm at heights along the normal."""
+    # UIDs follow from the content, so that equal surfaces have equal bytes.
     source = slices[0] if slices else Dataset()
     dataset = identified_dataset(RTStructureSetStorage, "RTSTRUCT", source, _digest(loops, name, source))
     # with explicit types a contour of more than 64 kB has none, and few programs read it

@@ -84,11 +84,9 @@ def write_seg(
 
 
 def _grids(slices: list[Dataset]) -> tuple[list[Dataset], list[tuple[FloatArray, int]]]:
-    """Sort slices along their normal; with them the grids that they lie on, and how many lie on each.
-
-    A grid is an affine (4, 4) from (column, row, slice) to mm LPS. Even slices, tilted ones too, have one;
-    of uneven ones each has its own.
-    """
+    """Sort slices along their normal; with them the grids that they lie on, and how many lie on each."""
+    # A grid is an affine (4, 4) from (column, row, slice) to mm LPS. Even slices, tilted ones too, have one;
+    # of uneven ones each has its own.
     along, down = np.reshape([float(x) for x in slices[0].ImageOrientationPatient], (2, 3))
     positions = np.array([[float(x) for x in image.ImagePositionPatient] for image in slices])
     order = np.argsort(positions @ np.cross(along, down), kind="stable")

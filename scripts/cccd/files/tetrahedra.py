@@ -75,11 +75,9 @@ def _elements(first: int, tags: IntArray, nodes: IntArray) -> IntArray:
 
 
 def _write_vtu(path: Path, filled: TetrahedralMesh) -> None:
-    """Write VTK's unstructured grid: cell data ``region`` (organ, from 1) and ``group`` (of faces, from 1).
-
-    Each is 0 on the cells of the other kind; field data name them. With a scan ``grey`` is its mean in each
-    tetrahedron, and with a table of materials ``material`` (from 1), ``density``, ``young`` and ``poisson``.
-    """
+    """Write VTK's unstructured grid: cell data ``region`` (organ, from 1), ``group`` (of faces, from 1)."""
+    # Each is 0 on the cells of the other kind; field data name them. With a scan grey is its mean in each
+    # tetrahedron, and with a table of materials material (from 1), density, young and poisson.
     import pyvista  # VTK takes a second to load
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
@@ -125,12 +123,9 @@ def _values(filled: TetrahedralMesh) -> dict[str, npt.NDArray[Any]]:
 
 
 def _write_inp(path: Path, filled: TetrahedralMesh) -> None:
-    """Write Abaqus' and CalculiX' format: the mesh and its sets, to be included in a model.
-
-    Of each organ an ``ELSET`` of tetrahedra; of each boundary an element surface, for pressures, and
-    a node set ``N_...``, for supports. Names are in capitals, as CalculiX reads them, without hyphens. With
-    a table of materials, of each an ``ELSET``, its modulus in MPa, density in t/mm^3, and its section.
-    """
+    """Write Abaqus' and CalculiX' format: the mesh and its sets, to be included in a model."""
+    # Of each organ an ELSET of tetrahedra; of each boundary an element surface, for pressures, and a node
+    # set N_..., for supports. CalculiX reads names in capitals, without hyphens.
     path.write_text("\n".join(_inp_lines(filled)) + "\n", encoding="ascii")
 
 
@@ -175,11 +170,9 @@ def _materials(filled: TetrahedralMesh) -> Iterator[tuple[int, str, float, float
 
 
 def _write_feb(path: Path, filled: TetrahedralMesh) -> None:
-    """Write FEBio's format 4.0: mesh, sets, materials and domains, to which loads and steps are added.
-
-    Of each organ and material a part; of each boundary a surface and a node set of its name. Units are mm,
-    MPa and t/mm^3. Without a table of materials each organ has one, with `NO_MATERIAL`'s numbers.
-    """
+    """Write FEBio's format 4.0: mesh, sets, materials and domains, to which loads and steps are added."""
+    # Of each organ and material a part; of each boundary a surface and a node set of its name, in mm, MPa
+    # and t/mm^3.
     path.write_text("\n".join(_feb_lines(filled)) + "\n", encoding="utf-8")
 
 

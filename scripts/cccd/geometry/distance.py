@@ -62,11 +62,9 @@ def to_mask(mask: BoolArray, spacing: FloatArray) -> SingleArray:
 
 
 def _pixels_away(inside: ByteArray) -> FloatArray:
-    """Distance in pixels to the nearest zero.
-
-    OpenCV's last bit depends on where the array lies in memory; the square is a whole number, and the
-    root of that is the same in every run.
-    """
+    """Distance in pixels to the nearest zero."""
+    # OpenCV's last bit depends on where the array lies in memory; the square is a whole number, and the root
+    # of that is the same in every run.
     away = cv2.distanceTransform(inside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE).astype(float)
     return np.sqrt(np.rint(away**2))
 
@@ -166,10 +164,8 @@ def _feet_nearby(
 def _take_over(
     foot: FloatArray, gap: FloatArray, owner: IntArray, i: int, a: int, side: int, spacing: FloatArray
 ) -> None:
-    """Let the pixels of row ``i`` take over nearer points from row ``a``, ``side`` columns beside them.
-
-    A row at a time, because to hand arrays on costs more than to compare two distances.
-    """
+    """Let the pixels of row ``i`` take over nearer points from row ``a``, ``side`` columns beside them."""
+    # A row at a time, because to hand arrays on costs more than to compare two distances.
     width = gap.shape[1]
     for n in range(width - abs(side)):
         j = width - 2 - n if side > 0 else n - side

@@ -341,10 +341,8 @@ def _along_creased(mesh: ControlMesh, links: HalfEdges, corners: FloatArray, inn
 
 
 def _normal_of_sector(mesh: ControlMesh, links: HalfEdges) -> FloatArray:
-    """Find normals (4 Q, 3), of any length, of the limit on the side of a crease that a half-edge is on.
-
-    One derivative is along the crease, the other is what is left of the differences across it in the end.
-    """
+    """Find normals (4 Q, 3), of any length, of the limit on the side of a crease that a half-edge is on."""
+    # One derivative is along the crease, the other is what is left of the differences across it in the end.
     creased = links.creases == 2
     before, after = (np.where(creased, steps, 1) for steps in links.sector)
     first, count = np.arange(len(before)), before + after
@@ -366,11 +364,9 @@ def _normal_of_sector(mesh: ControlMesh, links: HalfEdges) -> FloatArray:
 
 
 def _weights_across(angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Weights of what lies across a crease, for quads of an angle: origin, crease's ends, edges times sine.
-
-    They make up the left eigenvector of one step of subdivision in which edges weigh as the sine of their
-    angle; quads weigh as the sum of the sines beside them.
-    """
+    """Weights of what lies across a crease, for quads of an angle: origin, crease's ends, edges by sine."""
+    # They make up the left eigenvector of one step of subdivision in which edges weigh as the sine of their
+    # angle; quads weigh as the sum of the sines beside them.
     cosine = np.cos(angle)
     half, product = (5 + cosine) / 16, (3 + cosine) / 32 - (1 + cosine) / 32
     eigenvalue = half + np.sqrt(half**2 - product)

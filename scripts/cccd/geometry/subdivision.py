@@ -276,11 +276,9 @@ def _sharpened(
 def _crease_rule(
     edges: IntArray, sharp: FloatArray, count: int, weights: tuple[float, float]
 ) -> tuple[csr_array, FloatArray]:
-    """Matrix (V, V) of the points along creases and at their corners, and how much of it counts (V,).
-
-    On a crease a vertex and its two neighbours along it have the ``weights``; where other than two sharp
-    edges meet the vertex stays where it is, but at the end of a single one, which is smooth.
-    """
+    """Matrix (V, V) of the points along creases and at their corners, and how much of it counts (V,)."""
+    # On a crease a vertex and its two neighbours along it have the weights; where other than two sharp edges
+    # meet the vertex stays where it is, but at the end of a single one, which is smooth.
     kept = sharp > 0
     ends = edges[kept]
     both = np.concatenate([ends, ends[:, ::-1]])

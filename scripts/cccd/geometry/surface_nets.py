@@ -48,11 +48,9 @@ def mixed_cells(labels: LabelArray) -> IntArray:
 
 
 def _pinched(corner_labels: LabelArray) -> list[tuple[IntArray, IntArray]]:
-    """Where a label's nodes touch along an edge or in a corner only: cells (K,), and their corners (K, m).
-
-    Of a face's four corners, two opposite ones are alike and both others differ from them; or, in a cell, two
-    opposite corners are alike and no other, or all but two opposite corners are.
-    """
+    """Where a label's nodes touch along an edge or in a corner only: cells (K,), and their corners (K, m)."""
+    # Of a face's four corners, two opposite ones are alike and both others differ from them; or, in a cell,
+    # two opposite corners are alike and no other, or all but two opposite corners are.
     found: list[tuple[IntArray, IntArray]] = []
     for face in _FACES:
         p, q, r, s = (corner_labels[:, corner] for corner in face)
@@ -117,10 +115,8 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
 def _cheapest(
     corners: IntArray, which: IntArray, labels: LabelArray, changed: BoolArray, cost: NodeCost
 ) -> tuple[IntArray, LabelArray]:
-    """Of each pinched place (K,) the node and the label, of those there, that together cost least.
-
-    ``corners`` (K, 8, 3) and ``labels`` (K, 8) are the cells', ``which`` (K, m) the corners that pinch.
-    """
+    """Of each pinched place (K,) the node and the label, of those there, that together cost least."""
+    # corners (K, 8, 3) and labels (K, 8) are the cells', which (K, m) the corners that pinch.
     rows = np.arange(len(which))[:, None]
     nodes, old = corners[rows, which], labels[rows, which]
     count = which.shape[1]

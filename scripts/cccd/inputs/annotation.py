@@ -42,15 +42,7 @@ EXPLAINED = 0.9
 
 @dataclass(frozen=True, eq=False)
 class _Drawn:
-    """What of a stack was drawn.
-
-    Attributes
-    ----------
-    slices : (D,) int64
-        Positions in the stack, ascending.
-    planes : list of (int, int)
-        Axis (0 for i, 1 for j) and position of every plane across the slices.
-    """
+    """What of a stack was drawn: slices (D,) ascending, and planes across them (axis of i or j, position)."""
 
     slices: IntArray
     planes: list[tuple[int, int]]

@@ -568,10 +568,8 @@ def read_rtstruct(
 
 
 def _coordinates(item: pydicom.Dataset) -> Sequence[str]:
-    """Coordinates of a contour, as text.
-
-    Above 64 kB they have no type in explicit syntax (PS3.5, 6.2.2).
-    """
+    """Coordinates of a contour, as text."""
+    # Above 64 kB they have no type in explicit syntax (PS3.5, 6.2.2).
     data = item.get("ContourData") or []
     return data.decode("ascii").split("\\") if isinstance(data, bytes) else data
 

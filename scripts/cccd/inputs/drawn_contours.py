@@ -143,10 +143,8 @@ def _frame_of_slices(image: Volume, axis: int, keep: slice) -> Frame:
 
 
 def _move_to_planes(affine: FloatArray, axis: int, shape: Sequence[int] | AnyArray, planes: _Planes) -> Frame:
-    """Move a grid's slices into the contours' planes, keeping its pixels.
-
-    Empty slices on either side show that the organ ends there, rather than being cut by the scan's end.
-    """
+    """Move a grid's slices into the contours' planes, keeping its pixels."""
+    # Empty slices on either side show that the organ ends there, rather than being cut by the scan's end.
     affine, sizes = affine.copy(), [int(n) for n in shape]
     normal, heights, spacing, margin = planes
     upwards = affine[:3, axis] @ normal > 0
@@ -234,10 +232,8 @@ def _rings_by_slice(
 
 
 def _simple_rings(points: FloatArray, location: str, where: str) -> list[FloatArray]:
-    """Split a contour (n, 2) that touches itself (a keyhole around a hole) into simple rings.
-
-    No ring where it encloses no area.
-    """
+    """Split a contour (n, 2) that touches itself (a keyhole around a hole) into simple rings."""
+    # No ring where it encloses no area.
     if len(points) < 3 or shapely.MultiPoint(points).convex_hull.area < SAME_POINT_VOXELS:
         return []
     polygon = shapely.Polygon(points)
@@ -253,10 +249,8 @@ def _simple_rings(points: FloatArray, location: str, where: str) -> list[FloatAr
 
 
 def _crosses_itself(points: FloatArray) -> bool:
-    """Whether a closed contour (n, 2) passes through itself elsewhere than in points of its own.
-
-    A keyhole does not, whichever way its hole was drawn.
-    """
+    """Whether a closed contour (n, 2) passes through itself elsewhere than in points of its own."""
+    # A keyhole does not, whichever way its hole was drawn.
     noded = shapely.get_coordinates(shapely.node(shapely.LinearRing(points)))
     return bool(set(map(tuple, noded)) - set(map(tuple, points)))
 

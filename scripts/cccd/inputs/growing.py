@@ -233,10 +233,7 @@ def _valley(density: FloatArray, top: int, way: int) -> int:
 def _own_tissue(
     alike: BoolArray, chosen: BoolArray, middles: IntArray, size: FloatArray
 ) -> tuple[BoolArray, BoolArray]:
-    """Parts of the tissue that hang together with the seed otherwise than by a neck, and its other parts.
-
-    Both without their outer layer, as wide as a neck.
-    """
+    """Parts of the tissue that hang together with the seed otherwise than by a neck, and its other parts."""
     inner = ndimage.distance_transform_edt(np.pad(alike, 1, mode="edge"), sampling=size)
     inner = cast(FloatArray, inner)[1:-1, 1:-1, 1:-1]
     there = inner[chosen & alike]

@@ -477,10 +477,8 @@ def _on_slices(mask: BoolArray, origin: IntArray, frame: Frame, slices: IntArray
 
 
 def _crop(scan: _Scan, row: Mapping[str, str]) -> Structure:
-    """Crop a scan to its organ with a margin on every side.
-
-    Beyond the slices that were drawn the organ may go on as far as their widest gap.
-    """
+    """Crop a scan to its organ with a margin on every side."""
+    # Beyond the slices that were drawn the organ may go on as far as their widest gap.
     frame = scan.frame
     if scan.contours is None:
         first, last, slices = _extent_of_voxels(scan)

@@ -290,10 +290,8 @@ def _bronchi(rng: np.random.Generator) -> Anatomy:
 def _airways(
     rng: np.random.Generator, start: AnyArray, way: AnyArray, side: AnyArray, generation: int
 ) -> list[tuple[AnyArray, AnyArray, float]]:
-    """Branches (start, end, radius) in mm of an airway that forks in two, each time across the last fork.
-
-    Radii and lengths of the generations are about those of Weibel's model of the lung.
-    """
+    """Branches (start, end, radius) in mm of an airway that forks in two, each time across the last fork."""
+    # Radii and lengths of the generations are about those of Weibel's model of the lung.
     way, side = way / np.linalg.norm(way), side / np.linalg.norm(side)
     length, radius = _AIRWAYS_MM[generation]
     end = start + length * rng.uniform(0.9, 1.1) * way

@@ -380,10 +380,7 @@ def _cohort_plots(views: Sequence[StructureView]) -> list[Markup]:
 
 
 def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:
-    """Collect every section of items: anchor, title, introduction and items.
-
-    A run without comparisons has no items but the scores of a network that it trained or named.
-    """
+    """Collect every section of items: anchor, title, introduction and items."""
     views = [_item_view(item, results) for item in items()]
     there = [view for view in views if view.table or view.note]
     if not any(view.item.needed for view in there):

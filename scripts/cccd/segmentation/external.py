@@ -172,13 +172,7 @@ def _model_folder(model: str) -> Path:
 
 
 def _labels_of_dataset(listing: Path, organ: str) -> list[int]:
-    """Label values of an organ in a model's ``dataset.json``.
-
-    Raises
-    ------
-    InputError
-        Not readable, or no such label, or a model that wants several images.
-    """
+    """Label values of an organ in a model's ``dataset.json``."""
     try:
         told = json.loads(listing.read_text(encoding="utf-8"))
         labels = {str(name).lower(): np.atleast_1d(value).tolist() for name, value in told["labels"].items()}

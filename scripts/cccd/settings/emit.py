@@ -280,10 +280,7 @@ def _range(schema: dict[str, Any]) -> str:
 
 
 def _change(key: str, factor: float, sensitivity: list[dict[str, str]]) -> str:
-    """Change of every measured figure against the default's, e.g. ``ASSD +3 %, points -40 %``.
-
-    Empty where nothing was measured, ``none`` where nothing changed.
-    """
+    """Change of every measured figure against the default's, e.g. ``ASSD +3 %, points -40 %``."""
     rows = {float(row["factor"]): row for row in sensitivity if row["key"] == key}
     if 1 not in rows or factor not in rows:
         return ""

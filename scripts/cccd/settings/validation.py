@@ -101,11 +101,9 @@ def _explain(error: ValidationError, config: Mapping[str, Any]) -> InputError:
 def _follow(
     location: tuple[int | str, ...], config: Mapping[str, Any]
 ) -> tuple[list[Any], Any, Mapping[str, Any]]:
-    """Walk along an error's location as far as the configuration goes: path, value there, its schema.
-
-    pydantic appends the names of a union's branches and the like, which lead nowhere. An unknown key ends
-    the path, with the schema of the section that it stands in.
-    """
+    """Walk along an error's location as far as the configuration goes: path, value there, its schema."""
+    # pydantic appends the names of a union's branches and the like, which lead nowhere. An unknown key ends
+    # the path, with the schema of the section that it stands in.
     path: list[Any] = []
     value: Any = config
     schema: Mapping[str, Any] = raw_schema()

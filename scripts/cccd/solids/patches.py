@@ -165,12 +165,10 @@ def patches_within(mesh: Mesh, tolerance: float, first: int, most: int) -> Patch
 
 
 def _fitted(coarse: Mesh, target: Footpoints, tolerance: float) -> tuple[Patches | None, BoolArray]:
-    """Fit patches to a layout on a decimated mesh, and mark its triangles (F,) that should be smaller.
-
-    Triangles whose patches fold stay as flat as in the decimated mesh, until none folds. That mesh does not
-    pass through itself, so there are patches that do not: those that are all flat. None where it does, or
-    where too many patches fold or lie off.
-    """
+    """Fit patches to a layout on a decimated mesh, and mark its triangles (F,) that should be smaller."""
+    # Triangles whose patches fold stay as flat as in the decimated mesh, until none folds. That mesh does
+    # not pass through itself, so there are patches that do not: those that are all flat. None where it does,
+    # or where too many patches fold or lie off.
     flat = np.zeros(len(coarse.faces), np.bool_)
     pairs = coarse.self_intersections()
     if len(pairs):
@@ -193,10 +191,8 @@ def _fitted(coarse: Mesh, target: Footpoints, tolerance: float) -> tuple[Patches
 
 
 def _inspect(fitted: Patches, target: Footpoints, flat: BoolArray) -> tuple[BoolArray, FloatArray]:
-    """Whether the patches of triangles (F,) fold, and how far (F, S) their samples lie from the mesh.
-
-    They fold where they turn away from the mesh, unless they are flat, or pass through others.
-    """
+    """Whether the patches of triangles (F,) fold, and how far (F, S) their samples lie from the mesh."""
+    # They fold where they turn away from the mesh, unless they are flat, or pass through others.
     normals = fitted.normals().reshape(-1, 3)
     size = np.linalg.norm(normals, axis=1, keepdims=True)
     samples = fitted.samples.reshape(-1, 3)

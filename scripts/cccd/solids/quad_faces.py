@@ -215,10 +215,7 @@ def _flat_regions(mesh: ControlMesh, links: HalfEdges) -> tuple[IntArray, FloatA
 
 
 def _fours(mesh: ControlMesh, links: HalfEdges, free: BoolArray) -> tuple[IntArray, int]:
-    """Fours (B, 4) of free quads that are one spline, and which of their corners is the outer one.
-
-    Subdivision and splits have the common corner as the same one of all their quads.
-    """
+    """Fours (B, 4) of free quads that are one spline, and which of their corners is the outer one."""
     complete = [np.bincount(mesh.quads[free, k], minlength=len(mesh.vertices)) == 4 for k in range(4)]
     common = int(np.argmax([found.sum() for found in complete]))
     beside_crease = links.sharp[links.around] & links.sharp[links.back]

@@ -27,10 +27,8 @@ def _thinned(points: FloatArray, reach: float) -> FloatArray:
 
 @jit
 def _weights(points: FloatArray, shape: tuple[int, int, int], reach: float) -> ByteArray:
-    """Weights (A, B, C) in 255ths: full up to half of ``reach`` nodes from the nearest point, none at it.
-
-    Nodes on the grid's faces have none: they stay outside the mesh, and what is meshed is closed.
-    """
+    """Weights (A, B, C) in 255ths: full up to half of ``reach`` nodes from the nearest point, none at it."""
+    # Nodes on the grid's faces have none: they stay outside the mesh, and what is meshed is closed.
     weight = np.zeros(shape, np.uint8)
     for p in range(len(points)):
         x, y, z = points[p]

@@ -85,10 +85,8 @@ def check_surface(mesh: Mesh, stack: SliceStack) -> list[Violation]:
 
 
 def _off_slices(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> list[Violation]:
-    """Find where the surface leaves a slice's outline, or the outline the surface.
-
-    Distances are in space: where the surface lies almost flat on a slice, its outline there says little.
-    """
+    """Find where the surface leaves a slice's outline, or the outline the surface."""
+    # Distances are in space: where the surface lies almost flat on a slice, its outline there says little.
     spacing, most = stack.runs[0].spacing, ON_SLICE * stack.pixel
     points, off, beside = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros((0, 3))]
     across = np.linalg.norm(mesh.vertex_normals[:, :2], axis=1)

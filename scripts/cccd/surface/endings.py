@@ -141,10 +141,8 @@ def _heights(
     depth: FloatArray,
     step: float,
 ) -> FloatArray:
-    """How far (count + 1,) what ends goes on in mm, by how the square of its depth has fallen.
-
-    Where no slice before tells, ends are round; nowhere are they needles.
-    """
+    """How far (count + 1,) what ends goes on in mm, by how the square of its depth has fallen."""
+    # Where no slice before tells, ends are round; nowhere are they needles.
     if before is None:
         return np.clip(ROUND * depth, LOWEST * step, HIGHEST * step)
     highest = np.clip(SLENDER * depth, LOWEST * step, HIGHEST * step)

@@ -143,11 +143,9 @@ def _cubic(
     low_slope: SingleArray,
     high_slope: SingleArray,
 ) -> SingleArray:
-    """Each pixel's distance at a share of the gap: a piecewise cubic Hermite polynomial along z.
-
-    With Fritsch-Carlson slopes; Raya and Udupa 1990 interpolate linearly: the cubic has no kink at the slices
-    and does not overshoot.
-    """
+    """Each pixel's distance at a share of the gap: a piecewise cubic Hermite polynomial along z."""
+    # With Fritsch-Carlson slopes; Raya and Udupa 1990 interpolate linearly: the cubic has no kink at the
+    # slices and does not overshoot.
     plane = (
         (1 + 2 * t) * (1 - t) ** 2 * low
         + t * t * (3 - 2 * t) * high

@@ -73,22 +73,17 @@ def _areas(curves: Curves) -> FloatArray:
 
 
 def _pixels(chains: Curves) -> FloatArray:
-    """Count the pixels (C,) that chains of pixels bound; less than zero in holes, which lie within theirs.
-
-    By Pick's theorem (1899) that is the chain's own area and half a pixel per link, plus one; for a hole half
-    a pixel per link is taken off.
-    """
+    """Count the pixels (C,) that chains of pixels bound; less than zero in holes, which lie within theirs."""
+    # By Pick's theorem (1899) that is the chain's own area and half a pixel per link, plus one; for a hole
+    # half a pixel per link is taken off.
     hole = np.where(chains.hole, -1.0, 1.0)
     return hole * (np.abs(chains.polygons.signed_areas) + hole * np.diff(chains.offsets) / 2 + 1)
 
 
 def _grown(drawn: Curves, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Pixels (C,) by which drawn splines move outwards to enclose so many (C,), and what they enclose then.
-
-    An outline that moves by d, in the norm in which a pixel's border lies half a pixel from its centre, gains
-    d times its extent, the sum of the larger part of every step, and 2 d^2 for turning round once. A straight
-    one moves by one half; one that was smoothed off a small organ, by somewhat more.
-    """
+    """Pixels (C,) by which drawn splines move outwards to enclose so many (C,), and what they enclose."""
+    # An outline that moves by d, in the norm in which a pixel's border lies half a pixel from its centre,
+    # gains d times its extent, the sum of the larger part of every step, and 2 d^2 for turning round once.
     hole, areas = np.where(drawn.hole, -1.0, 1.0), _areas(drawn)
     extent = sum_per_part(np.abs(drawn.polygons.steps).max(axis=1), drawn.offsets)
     root = np.sqrt(np.maximum(extent**2 + hole * 8 * (pixels - areas), 0))

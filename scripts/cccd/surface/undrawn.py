@@ -208,11 +208,9 @@ def _guided(distance: SingleArray, guides: Sequence[GuideLine], k: float, reach:
 
 
 def _stretched(plane: SingleArray, known: Sequence[tuple[int, SingleArray]]) -> SingleArray:
-    """Stretch a plane (I, J) along j until it crosses zero where it does on known rows (row, (J,)).
-
-    Only rows that cross zero as often as they should take part; between them the stretch is interpolated.
-    What lies nearer to a part that no such row meets stays as it is.
-    """
+    """Stretch a plane (I, J) along j until it crosses zero where it does on known rows (row, (J,))."""
+    # Only rows that cross zero as often as they should take part; between them the stretch is interpolated.
+    # What lies nearer to a part that no such row meets stays as it is.
     pulls: dict[int, FloatArray] = {}
     columns = np.arange(plane.shape[1], dtype=np.float64)
     for row, line in known:

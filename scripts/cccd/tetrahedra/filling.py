@@ -203,11 +203,9 @@ def fill_organs(
 
 
 def _refuse_too_many(organs: Mapping[str, Mesh], edge: float, tolerance: float, most: int) -> None:
-    """Raise `InputError` where the sizes ask for more tetrahedra than there is time and memory for.
-
-    A regular one of edge a has the volume a^3 / 6 sqrt 2. Faces are as large as the tolerance allows on a
-    ball of the organ's volume by surface, and each has about five tetrahedra behind it.
-    """
+    """Raise `InputError` where the sizes ask for more tetrahedra than there is time and memory for."""
+    # A regular one of edge a has the volume a^3 / 6 sqrt 2. Faces are as large as the tolerance allows on a
+    # ball of the organ's volume by surface, and each has about five tetrahedra behind it.
     inside = at_surface = 0.0
     for mesh in organs.values():
         radius = 3 * mesh.volume / mesh.area

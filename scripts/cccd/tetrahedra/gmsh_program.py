@@ -249,12 +249,10 @@ class _Found(NamedTuple):
 
 
 def _sizes(organs: Mapping[str, Mesh], edge: float, tolerance: float) -> list[str]:
-    """Lines of a script that set the sizes of elements.
-
-    Gmsh takes the number n of chords to a circle, whatever its radius r; one lies r (pi / n)^2 / 2 off. That
-    is the tolerance where the largest edge is such a chord, and less where the radius is smaller; and no edge
-    is longer than the tolerance allows on a ball as large as all organs.
-    """
+    """Lines of a script that set the sizes of elements."""
+    # Gmsh takes the number n of chords to a circle, whatever its radius r; one lies r (pi / n)^2 / 2 off.
+    # That is the tolerance where the largest edge is such a chord, and less where the radius is smaller; and
+    # no edge is longer than the tolerance allows on a ball as large as all organs.
     points = np.concatenate([mesh.vertices for mesh in organs.values()])
     radius = float(np.ptp(points, axis=0).max()) / 2
     edge = min(edge, (8 * radius * tolerance) ** 0.5)

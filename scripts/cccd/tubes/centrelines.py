@@ -341,10 +341,8 @@ def _filled(points: FloatArray, spacing: float) -> FloatArray:
 
 
 def _owners(mesh: Mesh, points: FloatArray, radii: FloatArray, lines: IntArray) -> IntArray:
-    """Line (F,) to which each triangle belongs: that of the inscribed sphere of the least power distance.
-
-    That is the squared distance less the squared radius: a tree in four dimensions finds it.
-    """
+    """Line (F,) to which each triangle belongs: that of the inscribed sphere of the least power distance."""
+    # That is the squared distance less the squared radius: a tree in four dimensions finds it.
     lift = np.sqrt(np.maximum(radii.max() ** 2 - radii**2, 0))
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     _, nearest = cKDTree(np.column_stack([points, lift])).query(

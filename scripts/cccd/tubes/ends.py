@@ -183,10 +183,8 @@ def opened(layers: Sequence[tuple[Mesh, str]], ends: Sequence[End], location: st
 
 
 def _cut_off(mesh: Mesh, end: End, required: bool, location: str) -> tuple[Mesh, IntArray]:
-    """Cut off what lies beyond an end's plane; the rest, and the vertices along its rim.
-
-    The rest keeps the numbers of its vertices, so that earlier rims stay as they are.
-    """
+    """Cut off what lies beyond an end's plane; the rest, and the vertices along its rim."""
+    # The rest keeps the numbers of its vertices, so that earlier rims stay as they are.
     section = Slicer(mesh).section(end.point, end.outward, end.radius)
     if section is None:
         if required:
@@ -210,10 +208,8 @@ def _bent(end: End, location: str) -> InputError:
 
 
 def _spread(mesh: Mesh, section: Section, end: End) -> tuple[Mesh, FloatArray]:
-    """Move vertices near the plane away from it along its normal; heights (V,) above it, never 0 there.
-
-    Their order stays: heights up to twice the least one are mapped to what lies between the two.
-    """
+    """Move vertices near the plane away from it along its normal; heights (V,) above it, never 0 there."""
+    # Their order stays: heights up to twice the least one are mapped to what lies between the two.
     height = (mesh.vertices - end.point) @ end.outward
     cut = np.zeros(len(mesh.faces), np.bool_)
     cut[section.faces] = True

@@ -198,21 +198,8 @@ def _link_as_found(points: np.ndarray, pixels: Boundaries, orderer: Orderer) -> 
 def _link_along(
     points: np.ndarray, pixels: np.ndarray, chains: np.ndarray, offsets: np.ndarray | None = None
 ) -> np.ndarray:
-    """Join points in the order of their places on closed pixel chains.
-
-    A point's place is that of the nearest of the ``pixels``; where that lies on no chain, it is left out.
-
-    Parameters
-    ----------
-    points, pixels, chains : (N, 2), (P, 2), (Q, 2) float
-    offsets : (C + 1,) int64, optional
-        Of the chains; one where none are given.
-
-    Returns
-    -------
-    (M, 2) int64
-        Links, each once.
-    """
+    """Join points in the order of their places on closed pixel chains."""
+    # A point's place is that of the nearest of the pixels; where that lies on no chain, it is left out.
     bounds = np.array([0, len(chains)]) if offsets is None else offsets
     if not len(chains):
         return np.zeros((0, 2), np.int64)

@@ -255,10 +255,7 @@ def _stack_offset(scan: Volume, frame: Frame) -> IntArray:
 def _curves_from_seed(
     scan: Volume, truth: BoolArray, frame: Frame, order: Orderer, edges: BoundarySettings
 ) -> Curves | None:
-    """Curves of a scan without a mask: a region grown from seeds, edges near it, the junction network.
-
-    None where nothing grows or no edge closes.
-    """
+    """Curves of a scan without a mask: a region grown from seeds, edges near it, the junction network."""
     image = np.asarray(scan.data, np.float32)
     try:
         grown = grow_region(image, frame.spacing, _middles(truth, frame), frame.slice_axis, scan.location)

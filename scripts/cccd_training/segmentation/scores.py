@@ -53,10 +53,8 @@ def volume_scores(found: AnyArray, truth: AnyArray, spacing: AnyArray) -> dict[s
 
 
 def _distances(from_edge: BoolArray, to_edge: BoolArray, spacing: AnyArray) -> SingleArray:
-    """Distances from the voxels of one surface to the nearest of another, by a distance transform.
-
-    MONAI's tree takes five times as long where surfaces are far apart.
-    """
+    """Distances from the voxels of one surface to the nearest of another, by a distance transform."""
+    # MONAI's tree takes five times as long where surfaces are far apart.
     import SimpleITK as sitk  # noqa: N813 (its own name for itself); it takes a moment to load
 
     volume: Any = sitk.GetImageFromArray(to_edge.astype(np.uint8))
