@@ -319,7 +319,7 @@ def complete_row(row: Mapping[str, str], folder: Path) -> tuple[dict[str, str], 
 
 
 def _complete_decathlon(row: dict[str, str], folder: Path) -> tuple[dict[str, str], tuple[int, ...]]:
-    """Fill in what the folders of the Medical Segmentation Decathlon imply: a row's mask, its organ's labels."""
+    """Fill in what the Medical Segmentation Decathlon's folders imply: a row's mask, its organ's labels."""
     image = Path(row["image"])
     if not row["mask"]:
         if image.parent.name != "imagesTr":
