@@ -1,36 +1,3 @@
-from cccd.api import (
-    ControlMesh,
-    Curves,
-    FittedCurves,
-    InputError,
-    Settings,
-    Structure,
-    Surface,
-    fit_contours,
-    labels,
-    order,
-    read,
-    reconstruct,
-    reconstruct_labels,
-    smooth_mesh,
-)
+from cccd.api import *  # noqa: F403 - the names of its __all__
 
 __version__: str
-
-__all__ = [
-    "ControlMesh",
-    "Curves",
-    "FittedCurves",
-    "InputError",
-    "Settings",
-    "Structure",
-    "Surface",
-    "__version__",
-    "fit_contours",
-    "labels",
-    "order",
-    "read",
-    "reconstruct",
-    "reconstruct_labels",
-    "smooth_mesh",
-]

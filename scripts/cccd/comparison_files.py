@@ -13,6 +13,7 @@ from cccd.containers import View
 from cccd.errors import InputError
 from cccd.extras import check_extra
 from cccd.files.gltf import TO_GLTF
+from cccd.geometry._vtk import xml_of
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.project import PROJECT
@@ -72,8 +73,6 @@ def _mesh(row: Compared) -> tuple[Mesh, Any]:
 
 
 def _write_vtp(path: Path, found: Comparison, rows: Sequence[Compared]) -> None:
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
-
     parts = [_mesh(row) for row in rows]
     data = cast(Any, Mesh.joined([mesh for mesh, _ in parts]).to_polydata())
     data.point_data["distance"] = np.concatenate([distance for _, distance in parts])
@@ -81,12 +80,7 @@ def _write_vtp(path: Path, found: Comparison, rows: Sequence[Compared]) -> None:
     data.field_data["Rows"] = [row.caption for row in rows]
     data.field_data["SpaceUnit"] = ["mm"]
     data.field_data["Space"] = ["RAS"]
-    writer = cast(Any, vtkXMLPolyDataWriter())
-    writer.SetInputData(data)
-    writer.SetDataModeToBinary()
-    writer.WriteToOutputStringOn()  # on a full disk VTK leaves an empty file and reports nothing
-    writer.Write()
-    path.write_text(writer.GetOutputString(), encoding="ascii")
+    path.write_text(xml_of(data), encoding="ascii")
 
 
 def _write_glb(path: Path, found: Comparison, rows: Sequence[Compared]) -> None:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
+from typing import cast
 
+import contourpy
 import cv2
 import numpy as np
 from scipy import ndimage
 
 from cccd.containers import Curves, Frame, ProbabilityStack, Structure
 from cccd.geometry._jit import jit
-from cccd.geometry.arrays import concatenate_ragged, split_ragged
-from cccd.geometry.contour_lines import zero_contours
+from cccd.geometry.arrays import FloatArray, RealArray, concatenate_ragged, split_ragged
 from cccd.geometry.polygons import RaggedPolygons
 
 __all__ = ["left_out", "level_curves", "trace_mask", "trace_stack"]
@@ -205,3 +207,27 @@ def _wholly_missing(mask: np.ndarray, missing: np.ndarray) -> np.ndarray:
     size = np.bincount(labels[mask], minlength=count + 1)
     lost = np.bincount(labels[missing], minlength=count + 1)
     return size[(lost == size) & (lost > 0)]
+
+
+def zero_contours(plane: RealArray) -> list[FloatArray]:
+    """Contours (n, 2) in pixels along which a plane (I, J) is zero, each with its first point once more.
+
+    Around what is negative they run counter-clockwise in (i, j), around holes in it clockwise.
+
+    Examples
+    --------
+    >>> plane = np.ones((3, 3))
+    >>> plane[1, 1] = -1
+    >>> zero_contours(plane)[0].tolist()
+    [[0.5, 1.0], [1.0, 0.5], [1.5, 1.0], [1.0, 1.5], [0.5, 1.0]]
+    """
+    rows, columns = _pixel_grid(*plane.shape)
+    generator = contourpy.contour_generator(columns, rows, plane)
+    return [line[:, ::-1] for line in cast("list[FloatArray]", generator.lines(0.0))]
+
+
+@lru_cache(maxsize=4)
+def _pixel_grid(height: int, width: int) -> tuple[FloatArray, FloatArray]:
+    """Rows and columns (H, W) of a plane's pixels, which contourpy would make anew for every plane."""
+    rows, columns = np.indices((height, width), float)
+    return rows, columns

@@ -262,7 +262,7 @@ ITEMS = (
         plots=_PLOTS + "figure_8",
         captions=(
             "Algorithm 1 with its lines. Here a mask is traced and asks no network, and the surface is "
-            "lofted from automatic splines unless surface.source is corners.",
+            "lofted from automatic splines unless curves.method is corners.",
         ),
     ),
     Item(

@@ -43,7 +43,7 @@ LAYERS = {
     ),
     "cccd_training": (("bands", "checkpoints", "filling"), ("junctions", "segmentation")),
     "cccd_paper": (
-        ("contradictions", "settings", "registry", "phantom_files", "junctions", "segmentation"),
+        ("settings", "registry", "phantom_files", "junctions", "segmentation"),
         ("comparisons",),
         ("figures", "measured"),
         ("registration",),

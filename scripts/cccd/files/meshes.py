@@ -7,19 +7,24 @@ from typing import Any, cast
 
 import numpy as np
 from nibabel.gifti.gifti import GiftiCoordSystem, GiftiDataArray, GiftiImage, GiftiMetaData
+from scipy.spatial import cKDTree
 
 from cccd.files.options import ExportOptions
 from cccd.files.stl import binary_stl
+from cccd.geometry._vtk import xml_of
+from cccd.geometry.arrays import IntArray
 from cccd.geometry.curvature import mean_curvature
 from cccd.geometry.ply import write_ply as write_mesh
 from cccd.settings.formats import NOTE
-from cccd.surface.coordinates import body_numbers
 from cccd.surface.surface import LoftedSurface
 
 __all__ = ["write_gii", "write_obj", "write_ply", "write_stl", "write_vtp"]
 
 #: NIfTI's code of the scanner's space.
 _SCANNER = 1
+
+#: Bodies are subdivided so often where vertices look for the nearest.
+_SUBDIVIDED = 2
 
 
 def write_ply(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
@@ -43,25 +48,25 @@ def write_vtp(path: Path, surface: LoftedSurface, options: ExportOptions) -> Non
 
     At its vertices are curvature (1/mm), the error band (mm) and, where no wall is shared, the body's number.
     """
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter  # VTK takes a second to load
-
     mesh = surface.mesh.to_polydata()
     mesh.point_data["curvature"] = mean_curvature(surface.mesh, surface.vertices)
     if surface.bodies:
-        mesh.point_data["body"] = body_numbers(surface.vertices, surface.bodies)
+        mesh.point_data["body"] = _body_numbers(surface)
     if surface.band is not None:
         mesh.point_data["inner_mm"] = surface.band.inner
         mesh.point_data["outer_mm"] = surface.band.outer
         mesh.field_data["band"] = [surface.band.share]
     mesh.field_data["SpaceUnit"] = ["mm"]
     mesh.field_data["Space"] = ["RAS"]
-    # to a string first: on a full disk VTK leaves an empty file and says nothing
-    writer = cast(Any, vtkXMLPolyDataWriter())
-    writer.SetInputData(mesh)
-    writer.SetDataModeToBinary()
-    writer.WriteToOutputStringOn()
-    writer.Write()
-    path.write_text(writer.GetOutputString(), encoding="ascii")
+    path.write_text(xml_of(mesh), encoding="ascii")
+
+
+def _body_numbers(surface: LoftedSurface) -> IntArray:
+    """Which body (V,) is the nearest, by its samples, to each vertex."""
+    samples = [body.tessellate(_SUBDIVIDED).vertices for body in surface.bodies]
+    owner = np.repeat(np.arange(len(samples)), [len(part) for part in samples])
+    _, nearest = cKDTree(np.concatenate(samples)).query(surface.vertices)
+    return owner[nearest]
 
 
 def write_gii(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cccd.files.options import ExportOptions
+from cccd.geometry._vtk import xml_of
 from cccd.geometry.arrays import IntArray
 from cccd.surface.surface import LoftedSurface
 from cccd.tetrahedra.build import fill_and_measure
@@ -79,7 +80,6 @@ def _write_vtu(path: Path, filled: TetrahedralMesh) -> None:
     # Each is 0 on the cells of the other kind; field data name them. With a scan grey is its mean in each
     # tetrahedron, and with a table of materials material (from 1), density, young and poisson.
     import pyvista  # VTK takes a second to load
-    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
     kinds = pyvista.CellType
     solid, face = (
@@ -100,13 +100,7 @@ def _write_vtu(path: Path, filled: TetrahedralMesh) -> None:
     grid.field_data["group_names"] = list(filled.group_names)
     grid.field_data["SpaceUnit"] = ["mm"]
     grid.field_data["Space"] = ["RAS"]
-    # to a string first: on a full disk VTK leaves an empty file and says nothing
-    writer = cast(Any, vtkXMLUnstructuredGridWriter())
-    writer.SetInputData(grid)
-    writer.SetDataModeToBinary()
-    writer.WriteToOutputStringOn()
-    writer.Write()
-    path.write_text(writer.GetOutputString(), encoding="ascii")
+    path.write_text(xml_of(grid), encoding="ascii")
 
 
 def _values(filled: TetrahedralMesh) -> dict[str, npt.NDArray[Any]]:

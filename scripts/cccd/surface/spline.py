@@ -29,7 +29,6 @@ from cccd.surface.sampled import SampledDistance
 from cccd.surface.spline_fit import Curvature, SplineFit, fit_spline
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
 from cccd.surface.surface import LoftedSurface
-from cccd.surface.told import left_out_warnings
 from cccd.tolerances import CONTROL_POINT_PIXELS, SHRUNK_PART
 
 __all__ = ["SplineSolid", "loft_spline"]
@@ -115,11 +114,23 @@ class SplineSolid:
             "cavities": sum(volume < 0 for volume in volumes),
             "cut_ends": int(np.isfinite(stack.cut_heights).sum()),
             "warnings": [
-                *left_out_warnings(self.left_out, self.smallest_voxels),
+                *_left_out_warnings(self.left_out, self.smallest_voxels),
                 *stack.warnings,
                 *violations,
             ],
         }
+
+
+def _left_out_warnings(volumes: Sequence[float], smallest_voxels: float) -> list[str]:
+    """Report the parts, in mm^3, that were left out as smaller than a number of voxels."""
+    if not volumes:
+        return []
+    count, volume = len(volumes), f"{sum(volumes):.3g} mm³" + (" in total" if len(volumes) > 1 else "")
+    fragments = "1 fragment" if count == 1 else f"{count} fragments"
+    return [
+        f"dropped {fragments} smaller than {smallest_voxels:g} voxels ({volume}); lower "
+        "surface.smallest_part_voxels to keep them"
+    ]
 
 
 def _rounded(spline: ControlMesh, tolerance: float) -> tuple[ControlMesh, Mesh]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cccd.errors import InputError
-from cccd.geometry._vtk import vtk
+from cccd.geometry._vtk import vtk, xml_of
 from cccd.geometry.arrays import AnyArray
 from cccd.store import atomic_path
 from cccd.tubes.centrelines import Branch, Centrelines
@@ -164,13 +164,7 @@ def vtp_text(
         for text in texts:
             array.InsertNextValue(text)
         mesh.GetFieldData().AddArray(array)
-    # to a string first: on a full disk VTK leaves an empty file and reports nothing
-    writer = vtk("vtkIOXML").vtkXMLPolyDataWriter()
-    writer.SetInputData(mesh)
-    writer.SetDataModeToBinary()
-    writer.WriteToOutputStringOn()
-    writer.Write()
-    return str(writer.GetOutputString())
+    return xml_of(mesh)
 
 
 _WRITERS: dict[str, Callable[[Centrelines], str]] = {".csv": _csv, ".vtp": _vtp, ".swc": _swc}

@@ -94,51 +94,35 @@ class Program:
             yield str(setting), mesh, seconds
 
 
-def _marching_cubes(structure: Structure, curves: Curves) -> Mesh:
-    return volume_meshes.marching_cubes(structure)
+def _of_mask(run: Callable[[Structure], Mesh]) -> Callable[[Structure, Curves], Mesh]:
+    return lambda structure, _: run(structure)
 
 
-def _surface_nets(structure: Structure, curves: Curves) -> Mesh:
-    return volume_meshes.surface_nets(structure)
-
-
-def _distance_isosurface(structure: Structure, curves: Curves) -> Mesh:
-    return volume_meshes.distance_isosurface(structure)
-
-
-def _tensor_product_loft(structure: Structure, curves: Curves) -> Mesh:
-    return tensor_product_loft(curves)
-
-
-def _ball_pivoting(structure: Structure, curves: Curves) -> Mesh:
-    return point_meshes.ball_pivoting(curves)
-
-
-def _poisson(structure: Structure, curves: Curves) -> Mesh:
-    return point_meshes.poisson(curves)
-
-
-def _alpha_shape(structure: Structure, curves: Curves) -> Mesh:
-    return point_meshes.alpha_shape(curves)
-
-
-def _of_points(title: str, run: Callable[[Structure, Curves], Mesh], publication: str) -> Baseline:
+def _of_points(title: str, run: Callable[[Curves], Mesh], publication: str) -> Baseline:
     """Name a method that sees the curves' points alone; it is Open3D's."""
     note = f"{publication}: Open3D"
-    return Baseline(title, run, note, point_meshes.has_open3d, point_meshes.OPEN3D)
+    return Baseline(title, lambda _, curves: run(curves), note, point_meshes.has_open3d, point_meshes.OPEN3D)
 
 
 #: By the names that the configuration and the tables use.
 SURFACES = {
     method.title: method
     for method in (
-        Baseline("marching cubes", _marching_cubes, "scikit-image"),
-        Baseline("surface nets", _surface_nets, "VTK"),
-        Baseline("signed distance + isosurface", _distance_isosurface, "slices interpolated by shape, VTK"),
-        Baseline("paper's loft, eq. (10)", _tensor_product_loft, "one tube through the corners of k = 7"),
-        _of_points("ball pivoting", _ball_pivoting, "Bernardini et al. (1999)"),
-        _of_points("Poisson", _poisson, "Kazhdan et al. (2006)"),
-        _of_points("alpha shape", _alpha_shape, "Edelsbrunner and Mücke (1994)"),
+        Baseline("marching cubes", _of_mask(volume_meshes.marching_cubes), "scikit-image"),
+        Baseline("surface nets", _of_mask(volume_meshes.surface_nets), "VTK"),
+        Baseline(
+            "signed distance + isosurface",
+            _of_mask(volume_meshes.distance_isosurface),
+            "slices interpolated by shape, VTK",
+        ),
+        Baseline(
+            "paper's loft, eq. (10)",
+            lambda _, curves: tensor_product_loft(curves),
+            "one tube through the corners of k = 7",
+        ),
+        _of_points("ball pivoting", point_meshes.ball_pivoting, "Bernardini et al. (1999)"),
+        _of_points("Poisson", point_meshes.poisson, "Kazhdan et al. (2006)"),
+        _of_points("alpha shape", point_meshes.alpha_shape, "Edelsbrunner and Mücke (1994)"),
     )
 }
 
