@@ -10,15 +10,20 @@ import numpy as np
 
 from cccd.bands.scale import shipped_scale
 from cccd.bands.signs import Signs
-from cccd.containers import Annotation, Frame, Sections, Structure
+from cccd.containers import Frame, Sections, Structure
 from cccd.curves import describe_curves
 from cccd.errors import InputError
+from cccd.geometry.arrays import IntArray
 from cccd.reconstruction import find_contours
 from cccd.settings.root import Settings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_in_plane
 
 __all__ = ["Gain", "rank_slices", "rank_unannotated"]
+
+#: What a slice beyond the last of evenly spaced ones is worth. The organ ends somewhere before the next of
+#: them, or that would have been drawn, so the slice half way is empty as often as not.
+BEYOND_EVEN = 0.5
 
 
 class Gain(NamedTuple):
@@ -51,7 +56,8 @@ def rank_slices(structure: Structure, settings: Settings) -> list[Gain]:
     -----
     Errors between slices grow with the square of their distance. A slice at a share :math:`t` of a gap leaves
     parts of :math:`t` and :math:`1 - t`, so :math:`3 t (1 - t)` of the gap's band, integrated over the
-    surface, is gone: most in the middle. Beyond either end the gap is the median one.
+    surface, is gone: most in the middle. Beyond either end the gap is the median one. There the gain counts
+    half (`BEYOND_EVEN`) if no gap is wider than the median one.
     """
     if structure.annotation is None:
         problem = "no slice is left to draw: every slice counts as annotated"
@@ -71,18 +77,23 @@ def rank_unannotated(sections: Sections, settings: LoftSettings) -> list[Gain]:
     signs, scale = Signs.of(solid.mesh, solid.stack.slices), shipped_scale()
     band = solid.mesh.vertex_areas * (scale(signs.outer) + scale(signs.inner))
     at = solid.mesh.vertices[:, 2] / frame.slice_spacing
-    gains: list[Gain] = []
-    for low, high in _gaps(annotation, frame):
+    drawn, gains = annotation.slices, list[Gain]()
+    beyond = BEYOND_EVEN if np.diff(drawn).max() <= _usual(drawn) else 1.0
+    for low, high in _gaps(drawn, frame):
         middle = (low + high) // 2
         share = (middle - low) / (high - low)
         within = float(band[(at > low) & (at < high)].sum() / band.sum())
-        gains.append(Gain(middle, 3 * share * (1 - share) * within))
+        worth = 1.0 if drawn[0] < middle < drawn[-1] else beyond
+        gains.append(Gain(middle, worth * 3 * share * (1 - share) * within))
     return sorted(gains, key=lambda gain: -gain.shrinks)
 
 
-def _gaps(annotation: Annotation, frame: Frame) -> Sequence[tuple[int, int]]:
+def _usual(drawn: IntArray) -> int:
+    return int(np.median(np.diff(drawn)))
+
+
+def _gaps(drawn: IntArray, frame: Frame) -> Sequence[tuple[int, int]]:
     """Neighbouring drawn slices with others between them, and as much beyond both ends."""
-    drawn = annotation.slices
-    step, count = int(np.median(np.diff(drawn))), frame.shape[frame.slice_axis]
+    step, count = _usual(drawn), frame.shape[frame.slice_axis]
     ends = [max(int(drawn[0]) - step, -1), *map(int, drawn), min(int(drawn[-1]) + step, count)]
     return [(low, high) for low, high in itertools.pairwise(ends) if high - low > 1]

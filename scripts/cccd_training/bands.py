@@ -44,7 +44,13 @@ MOST_VOXELS = 6_000_000
 WIDTH, QUANTILE = 32, 0.75
 #: Offsets of fewer pixels count as this many.
 LEAST_OFFSET = 0.02
-STEPS, BATCH, RATE, DECAY = 2500, 4096, 8e-3, 1e-4
+STEPS, RATE, DECAY = 1200, 8e-3, 1e-4
+#: Stacks of a step, and points of each: widths are ranked among points of one stack.
+BATCH_STACKS, BATCH_POINTS = 16, 160
+#: Weight of pairs in the wrong order next to the quantile's loss, and how steeply it rises with their widths.
+RANKING, STEEPNESS = 0.5, 2.0
+#: Logarithms of errors, of so many pixels at least, whose difference counts up to so much.
+LEAST_DIFFERENCE, MOST_DIFFERENCE = 0.05, 2.0
 #: Points of each stack that are trained with, with repeats.
 PER_STACK = 1000
 #: Points of the true surface weigh so much more in training: they are fewer.
@@ -140,28 +146,40 @@ def train(stacks: Sequence[Thinned], seed: int = 0) -> Scale:
     for stack in stacks:
         some = rng.choice(len(stack.offset), PER_STACK)
         true = some >= stack.of_surface
-        signs += [stack.outer[some], stack.inner[some]]
-        offset += [stack.offset[some], -stack.offset[some]]
-        weight += 2 * [np.where(true, TRUE_WEIGHT, 1.0) / names.count(stack.organ)]
-    signs, offset, weight = (np.concatenate(parts) for parts in (signs, offset, weight))
-    mean, spread = signs.mean(axis=0).astype(float), signs.std(axis=0).astype(float) + 1e-3
-    x = torch.tensor((signs - mean) / spread, dtype=torch.float32).clamp(-FARTHEST, FARTHEST)
-    y = torch.tensor(np.log(np.maximum(offset, LEAST_OFFSET)), dtype=torch.float32)
+        signs.append((stack.outer[some], stack.inner[some]))
+        offset.append((stack.offset[some], -stack.offset[some]))
+        weight.append(np.where(true, TRUE_WEIGHT, 1.0) / names.count(stack.organ))
+    found, off, weight = np.array(signs), np.array(offset), np.array(weight)
+    flat = found.reshape(-1, found.shape[-1])
+    mean, spread = flat.mean(axis=0).astype(float), flat.std(axis=0).astype(float) + 1e-3
+    x = torch.tensor((found - mean) / spread, dtype=torch.float32).clamp(-FARTHEST, FARTHEST)
+    y = torch.tensor(np.log(np.maximum(off, LEAST_OFFSET)), dtype=torch.float32)
+    error = torch.tensor(np.log(np.abs(off[:, 0]) + LEAST_DIFFERENCE), dtype=torch.float32)
     w = torch.tensor(weight / weight.mean(), dtype=torch.float32)
-    layers = [nn.Linear(x.shape[1], WIDTH), nn.Linear(WIDTH, 1)]
+    layers = [nn.Linear(x.shape[-1], WIDTH), nn.Linear(WIDTH, 1)]
     network = nn.Sequential(layers[0], nn.Tanh(), layers[1])
     optimiser = torch.optim.AdamW(network.parameters(), lr=RATE / 2, weight_decay=DECAY)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=STEPS)
     for _ in range(STEPS):
-        some = torch.randint(0, len(y), (BATCH,))
-        off = y[some] - network(x[some])[:, 0]
-        loss = (w[some] * torch.maximum(QUANTILE * off, (QUANTILE - 1) * off)).mean()
+        which = torch.randint(0, len(x), (BATCH_STACKS, 1))
+        some = torch.randint(0, PER_STACK, (BATCH_STACKS, BATCH_POINTS))
+        scale = network(x[which, :, some])[..., 0]  # stacks, points, sides
+        miss = y[which, :, some] - scale
+        loss = (w[which, some][..., None] * torch.maximum(QUANTILE * miss, (QUANTILE - 1) * miss)).mean()
+        loss = loss + RANKING * _misranked(scale.logsumexp(dim=2), error[which, some])
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
         schedule.step()
     learnt = [(layer.weight.detach().numpy().T, layer.bias.detach().numpy()) for layer in layers]
     return Scale(mean, spread, tuple((a.astype(float), b.astype(float)) for a, b in learnt), "")
+
+
+def _misranked(width: torch.Tensor, error: torch.Tensor) -> torch.Tensor:
+    """How many pairs of a stack's points (S, P) are in the wrong order, smooth; alike errors count less."""
+    wider, larger = (part[:, ::2] - part[:, 1::2] for part in (width, error))
+    weight = larger.abs().clamp(max=MOST_DIFFERENCE)
+    return (weight * nn.functional.softplus(-STEEPNESS * larger.sign() * wider)).mean()
 
 
 def kin(organ: str) -> str:

@@ -204,6 +204,24 @@ def test_of_equal_gaps_those_where_the_surface_bends_come_before_straight_ones(t
     assert min(shrinks[39], shrinks[33]) > max(shrinks[k] for k in (9, 15, 21, 27))
 
 
+def test_of_evenly_spaced_slices_one_beyond_the_end_counts_half(tmp_path, capsys):
+    x, y, z = np.indices((34, 34, 52)) - np.array([16.5, 16.5, 25]).reshape(3, 1, 1, 1)
+    mask = np.sqrt(x**2 + y**2 + z**2) < 15  # slices 11 to 39
+
+    def ranked(keep):
+        kept = np.zeros_like(mask)
+        kept[:, :, keep] = mask[:, :, keep]
+        path = save(tmp_path / "ball.nii.gz", kept, np.eye(4))
+        assert main(["next", str(path), "--annotated", "nonempty", "--json"]) == 0
+        slices = json.loads(capsys.readouterr().out)["slices"]
+        return {one["slice"]: one["shrinks_band"] for one in slices}
+
+    even, uneven = ranked([12, 18, 24, 30, 36]), ranked([12, 18, 30, 36])
+    assert next(iter(even)) in (15, 33)  # between the slices nearest to the poles
+    # a wider gap changes nothing at the poles, but nobody drew every n-th slice: more may follow
+    assert uneven[39] / uneven[33] > 1.8 * even[39] / even[33]
+
+
 def test_nothing_is_left_to_draw(tmp_path, capsys):
     path = save(tmp_path / "ball.nii.gz", *body((9, 9, 9), (1, 1, 2)))
     assert main(["next", str(path)]) == 1
