@@ -35,10 +35,9 @@ from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.subdivision import ControlMesh
 from cccd.inputs import load_structure, structure_of_array
-from cccd.inputs.annotation import AUTO, NONEMPTY, RULES, with_undrawn_filled
+from cccd.inputs.annotation import AUTO, NONEMPTY, RULES
 from cccd.inputs.grey_values import image_without_mask
 from cccd.inputs.grid import Volume, check_affine, find_slice_axis
-from cccd.inputs.label_maps import list_map
 from cccd.inputs.load import existing, frame_of, scan_of
 from cccd.inputs.readers import SUFFIXES, without_suffix
 from cccd.inputs.row_files import list_labels, read_image
@@ -46,7 +45,6 @@ from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, fit_and_loft, order_maps
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
-from cccd.solids.shared_walls import Organ, share_walls
 from cccd.surface.surface import LoftedSurface
 from cccd.surface.uniform import with_uniform_triangles
 
@@ -602,7 +600,6 @@ def _rule(annotated: str) -> str:
 
 
 @needing("cccd.reconstruct_labels")
-@_one_thread
 def reconstruct_labels(
     path: str | Path,
     *,
@@ -610,6 +607,7 @@ def reconstruct_labels(
     image: str | Path | None = None,
     annotated: str = AUTO,
     settings: Settings | None = None,
+    n_jobs: int = 1,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[list[Surface], list[str]]:
     """Make smooth closed surfaces of all labels of a map; neighbours share their walls.
@@ -626,6 +624,9 @@ def reconstruct_labels(
         Which slices of each label are annotated, see `read`.
     settings : Settings, optional
         ``surface.shared_walls: false`` smooths each organ alone. Drawn contours are always smoothed alone.
+    n_jobs : int
+        Processes that work at once; each needs up to a gigabyte. With more than one, a script needs
+        ``if __name__ == "__main__":`` around what it does.
     progress : callable, optional
         Called with the name of each organ as its surface begins.
 
@@ -645,47 +646,12 @@ def reconstruct_labels(
     --------
     reconstruct : one organ.
     """
-    settings = settings or _DEFAULTS
-    tell = progress or (lambda step: None)
-    source = existing(Path(path).absolute(), "mask")
-    refuse_image(source)
-    failures: list[str] = []
-    structures: dict[int, Structure] = {}
-    surfaces: dict[int, Surface] = {}
-    for number, label in enumerate(list_map(source, None if table is None else Path(table)), 1):
-        tell(label.organ)
-        if label.left_out:
-            failures.append(f"label {label.label}: {label.left_out}: too small for a surface; it is left out")
-            continue
-        try:
-            structure = read(path, label.label, image=image, annotated=annotated, settings=settings)
-            surfaces[number] = replace(reconstruct(structure, settings=settings), name=label.organ)
-        except InputError as error:
-            failures.append(f"label {label.label}: {error}")
-        else:
-            structures[number] = structure
-    shared = settings.surface.shared_walls is not False
-    if len(surfaces) > 1 and shared and all(part.mask is not None for part in structures.values()):
-        tell("shared walls")
-        organs = {
-            number: Organ(
-                surface.name,
-                with_undrawn_filled(structures[number], surface.lofted.mesh),
-                surface.lofted.mesh,
-            )
-            for number, surface in surfaces.items()
-        }
-        walls = share_walls(organs)
-        for number, surface in list(surfaces.items()):
-            if number in walls.warnings:
-                failures += walls.warnings[number]
-                del surfaces[number]
-            else:
-                mesh, band = walls.surface.mesh_of(number), surface.lofted.band
-                band = band and band.moved_to(surface.vertices, mesh.vertices)
-                joined = replace(surface.lofted, mesh=mesh, bodies=[], band=band)
-                surfaces[number] = replace(surface, lofted=joined)
-    return list(surfaces.values()), failures
+    from cccd.whole_map import WholeMap  # it takes `read` and `reconstruct` from here
+
+    given = None if table is None else Path(table)
+    whole = WholeMap.read(path, given, image, annotated, settings or _DEFAULTS)
+    found = {one.number: one.surface for one in whole.surfaces(n_jobs, progress or (lambda organ: None))}
+    return [found[number] for number in sorted(found)], whole.failures
 
 
 def _series(structure: Structure) -> Path | None:

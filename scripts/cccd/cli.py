@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from cccd.inputs.regions import DrawnLabels
     from cccd.label_survey import SurveyedLabel
     from cccd.settings.root import Settings
+    from cccd.whole_map import LabelSurface
 
 __all__ = ["main"]
 
@@ -36,6 +37,12 @@ _TOWARDS = {"R": "right", "L": "left", "A": "anterior", "P": "posterior", "S": "
 
 #: What is said of triangles of one size.
 _UNIFORM = ("edge_mm", "chord_error_mm")
+
+#: Processes for a whole map where nobody says: each may need a gigabyte.
+_MOST_CORES = 4
+
+#: What is shown while the labels of a map are made: which one, how much is done, how long it takes yet.
+_ALL_BAR = "{desc:<32} {percentage:3.0f}% {bar:20} {elapsed}, {remaining} left"
 
 _STEPS = ("reading", "contours", "splines", "surface", "writing")
 
@@ -213,8 +220,18 @@ def _add_surface(commands: Any) -> None:
     surface.add_argument(
         "--all-labels",
         action="store_true",
-        help="a surface of every label; neighbours share their walls",
+        help="a surface of every label; neighbours share their walls. A .glb is one scene of all",
     )
+    surface.add_argument(
+        "--names", type=Path, metavar="TABLE",
+        help="with --all-labels: names of the labels, lines of label,name below a header (.csv, .tsv), a "
+        "FreeSurfer colour table, or a dataset.json",
+    )  # fmt: skip
+    surface.add_argument(
+        "--cores", type=int, default=min(os.cpu_count() or 1, _MOST_CORES), metavar="N",
+        help="with --all-labels: processes at once, each with up to a gigabyte of memory; default: all "
+        f"cores, at most {_MOST_CORES}",
+    )  # fmt: skip
     _add_band(surface)
     surface.add_argument(
         "--triangles", type=int, metavar="N", help="the mesh has N triangles of about one size"
@@ -505,18 +522,19 @@ def _surface(given: argparse.Namespace) -> int:
         raise InputError(option, "an image without a mask has no labels", "leave --all-labels out")
     if given.label and given.all_labels:
         raise InputError("--all-labels", "it already takes every label", "leave --label out")
+    if given.names is not None and not given.all_labels:
+        raise InputError("--names", "it names the labels of a whole map", "add --all-labels")
+    if given.cores < 1:
+        raise InputError("--cores", f"{given.cores} is no number of processes", "give 1 or more")
     for option, value in (("--triangles", given.triangles), ("--edge-mm", given.edge_mm)):
         if value is not None and given.all_labels:
             raise InputError(option, "neighbours that share a wall keep its triangles", "choose one --label")
     settings = _settings_of(given)
     _check_outputs(outputs, [given.input, given.image], settings.surface.tetrahedra.mesher)
-    failed, apart = 0, []
     if given.all_labels:
-        made, failed, apart = _make_all_surfaces(given, outputs, settings)
-    else:
-        made = [_make_surface(given, given.label, outputs, settings)]
-    _print_surfaces(given, made, apart, failed)
-    return 1 if failed else 0
+        return _make_all_surfaces(given, outputs, settings)
+    _print_surfaces(given, [_make_surface(given, given.label, outputs, settings)])
+    return 0
 
 
 def _is_shape(path: Path, label: str) -> bool:
@@ -735,35 +753,72 @@ def _with_name(path: Path, organ: str) -> Path:
     return path.with_name(f"{path.name[: -len(suffix)]}_{organ}{suffix}")
 
 
-def _make_all_surfaces(
-    given: argparse.Namespace, outputs: Sequence[Path], settings: Settings
-) -> tuple[list[dict[str, Any]], int, list[dict[str, Any]]]:
-    """Make and write a surface of every label: descriptions, how many failed, distances of neighbours."""
+def _make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], settings: Settings) -> int:
+    """Make a surface of every label, and write and report each when it is ready: the exit status."""
     from tqdm import tqdm
 
-    import cccd
+    from cccd.files.write import format_of
     from cccd.surface.between import near_pairs
+    from cccd.whole_map import WholeMap
 
-    began = time.perf_counter()
+    scenes = [path for path in outputs if format_of(path) == "glb"]
     with tqdm(disable=None, leave=False, bar_format="{desc:<40} {elapsed}") as bar:
-        surfaces, failures = cccd.reconstruct_labels(
-            given.input,
-            image=given.image,
-            annotated=given.annotated,
-            settings=settings,
-            progress=bar.set_description_str,
-        )
-    for line in failures:
+        bar.set_description_str("reading")
+        whole = WholeMap.read(given.input, given.names, given.image, given.annotated, settings)
+    voxels, told = whole.voxels, 0
+    made: dict[int, dict[str, Any]] = {}
+    found: dict[int, LabelSurface] = {}
+    with tqdm(total=sum(voxels.values()), disable=None, leave=False, bar_format=_ALL_BAR) as bar:
+
+        def done(number: int) -> None:
+            bar.update(voxels[number])
+
+        for one in whole.surfaces(given.cores, bar.set_description_str, done):
+            files = [_with_name(path, one.surface.name) for path in outputs if path not in scenes]
+            files = [file for path in files for file in _write(one.surface, path, settings, given.band)]
+            found[one.number] = one
+            made[one.number] = _describe_surface(one.surface, files, one.seconds)
+            with tqdm.external_write_mode():
+                told = _fail_each(whole.failures, told)
+                if not given.json:
+                    _print_surface(made[one.number])
+    _fail_each(whole.failures, told)
+    ordered = [found[number] for number in sorted(found)]
+    files = [str(file) for path in scenes for file in _write_scene(path, ordered, given.band)]
+    if given.json:
+        apart = near_pairs({one.surface.name: one.surface.lofted for one in ordered})
+        distances = [{"between": pair, **between._asdict()} for pair, between in apart.items()]
+        described = [made[number] for number in sorted(made)]
+        _print_json(given, described, scenes=files, distances=distances, failed=len(whole.failures))
+    else:
+        print(*files, sep="\n", end="\n" if files else "")
+    return 1 if whole.failures else 0
+
+
+def _fail_each(failures: Sequence[str], told: int) -> int:
+    """Report the failures that were not told yet; how many there are now."""
+    for line in failures[told:]:
         _fail(line)
-    seconds = (time.perf_counter() - began) / max(len(surfaces), 1)
-    made: list[dict[str, Any]] = []
-    for surface in surfaces:
-        files = [_with_name(path, surface.name) for path in outputs]
-        files = [file for path in files for file in _write(surface, path, settings, given.band)]
-        made.append(_describe_surface(surface, files, seconds))
-    apart = near_pairs({surface.name: surface.lofted for surface in surfaces}) if given.json else {}
-    distances = [{"between": pair, **between._asdict()} for pair, between in apart.items()]
-    return made, len(failures), distances
+    return len(failures)
+
+
+def _write_scene(path: Path, organs: Sequence[LabelSurface], band: bool) -> list[Path]:
+    """Write all organs of a map as one scene and, with ``band``, those of their error bands beside it."""
+    from dataclasses import asdict
+
+    from cccd.files.scene import name_organs, write_scene
+    from cccd.store import atomic_path
+
+    labels = {one.surface.name: asdict(one.label) for one in organs}
+    scenes = {path: {one.surface.name: one.surface.lofted.mesh for one in organs}}
+    for side in ("inner", "outer") if band else ():
+        moved = {one.surface.name: one.surface.sides[side] for one in organs if side in one.surface.sides}
+        scenes[_with_name(path, side)] = {name: surface.lofted.mesh for name, surface in moved.items()}
+    scenes = {file: meshes for file, meshes in scenes.items() if meshes}
+    for file, meshes in scenes.items():
+        with atomic_path(file) as temporary:
+            write_scene(temporary, name_organs(meshes, labels))
+    return list(scenes)
 
 
 def _write(surface: Surface, path: Path, settings: Settings, band: bool) -> list[Path]:
@@ -844,24 +899,22 @@ def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -
     }
 
 
-def _print_surfaces(
-    given: argparse.Namespace,
-    made: Sequence[dict[str, Any]],
-    apart: Sequence[dict[str, Any]] = (),
-    failed: int = 0,
-) -> None:
+def _print_surfaces(given: argparse.Namespace, made: Sequence[dict[str, Any]]) -> None:
     """Say what was made, as lines or as JSON."""
     if given.json:
-        told = {"input": str(given.input), "surfaces": list(made), "distances": list(apart), "failed": failed}
-        print(json.dumps(told, indent=2))
+        _print_json(given, made, distances=[], failed=0)
         return
     for surface in made:
         _print_surface(surface)
 
 
+def _print_json(given: argparse.Namespace, made: Sequence[dict[str, Any]], **more: object) -> None:
+    print(json.dumps({"input": str(given.input), "surfaces": list(made), **more}, indent=2))
+
+
 def _print_surface(made: dict[str, Any]) -> None:
     size = " x ".join(f"{length:.1f}" for length in made["size_mm"])
-    print(*made["files"], sep="\n")
+    print(*(made["files"] or [made["organ"]]), sep="\n")
     volume = f"{made['volume_ml']:.4g} ml"
     if "band" in made:
         volume += (

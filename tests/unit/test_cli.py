@@ -10,6 +10,7 @@ from pathlib import Path
 import nibabel
 import numpy as np
 import pytest
+import trimesh
 from matplotlib.image import imread
 
 import cccd
@@ -71,6 +72,21 @@ def test_every_label_a_file_in_every_format_that_was_asked_for(here, capsys):
     kinds = ("stl", "nii.gz")
     assert files(here / "out") == {f"organ_label_{label}.{kind}" for label in (5, 7) for kind in kinds}
     assert [surface["volume_ml"] for surface in made] == pytest.approx([2.145, 0.21], rel=0.1)
+
+
+def test_a_whole_map_by_names_from_a_table_as_files_and_as_one_scene(here, capsys):
+    (here / "names.csv").write_text("label,name,color\n5,liver,#ff0000\n7,spleen,#0000ff\n")
+    asked = ["surface", "labels.nii.gz", "--all-labels", "--names", "names.csv"]
+    assert main([*asked, "-o", "organs.glb", "-o", "organ.ply"]) == 0
+    assert files(here) >= {"organs.glb", "organ_liver.ply", "organ_spleen.ply"}
+    assert not [name for name in files(here) if name.startswith("organs_")]
+    scene = trimesh.load(here / "organs.glb")
+    assert set(scene.graph.nodes_geometry) == {"liver", "spleen"}
+    for name, mesh in scene.geometry.items():
+        alone = trimesh.load(here / f"organ_{name}.ply")
+        assert mesh.volume == pytest.approx(alone.volume, rel=1e-3)
+    assert tuple(scene.geometry["liver"].visual.material.main_color[:3]) == (255, 0, 0)
+    assert "organs.glb" in capsys.readouterr().out.splitlines()
 
 
 def test_labels_that_become_one_organ_are_told_before_any_work_and_once(here, capsys, monkeypatch):
@@ -256,6 +272,8 @@ WRONG = {
     ),
     "one output twice": (["surface", "liver.nii.gz", "-o", "a.ply", "-o", "a.ply"], "named twice"),
     "a label of one mask": (["surface", "liver.nii.gz", "--label", "liver"], "no label 'liver'"),
+    "names of one label": (["surface", "labels.nii.gz", "--names", "names.csv"], "add --all-labels"),
+    "no process": (["surface", "labels.nii.gz", "--all-labels", "--cores", "0"], "give 1 or more"),
     "one label and all": (["surface", "labels.nii.gz", "--label", "5", "--all-labels"], "leave --label out"),
     "a threshold upside down": (
         ["surface", "liver.nii.gz", "--threshold", "300:100"],

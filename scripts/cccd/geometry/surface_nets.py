@@ -106,7 +106,9 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
         labels[tuple(nodes.T)] = new
         changed[tuple(nodes.T)] = True
         near = (nodes[:, None] - _CORNERS).reshape(-1, 3)  # cells that a changed node is a corner of
-        cells = np.unique(np.concatenate([cells, near]), axis=0)
+        # as numbers: rows would sort twenty times as slowly
+        keys = [np.ravel_multi_index(tuple(some.T), labels.shape) for some in (cells, near)]
+        cells = np.column_stack(np.unravel_index(np.union1d(*keys), labels.shape))
     corners = cells[:, None] + _CORNERS
     here = labels[tuple(corners.reshape(-1, 3).T)].reshape(-1, 8)
     return labels, sum(len(found) for found, _ in _pinched(here))

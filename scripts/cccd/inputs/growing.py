@@ -12,10 +12,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, cast
 
 import numpy as np
-import SimpleITK as sitk  # noqa: N813
 from scipy import ndimage
-from skimage.filters import threshold_otsu
-from skimage.segmentation import watershed
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
@@ -100,6 +97,8 @@ def grow_region(
     InputError
         A seed lies outside the image, in the background, or where nothing is even around it.
     """
+    from skimage.segmentation import watershed  # slow to import
+
     for seed in seeds:
         _check_inside(seed, image.shape, location)
     every = _blocks(image.shape, spacing)
@@ -182,6 +181,8 @@ def _seeded(seeds: Sequence[Seed], every: AnyArray, shape: tuple[int, ...], size
 
 def _smoothed(image: SingleArray) -> SingleArray:
     """Smooth even tissue and keep edges (modified curvature diffusion, Whitaker and Xue 2001)."""
+    import SimpleITK as sitk  # noqa: N813  # slow to import
+
     if image.min() == image.max():
         return image
     given = sitk.GetImageFromArray(image)
@@ -272,6 +273,8 @@ def _closed(mask: BoolArray, size: FloatArray) -> BoolArray:
 
 def _is_background(grown: BoolArray, image: SingleArray, slice_axis: int) -> bool:
     """Whether a region is dark and lies in a corner of many slices."""
+    from skimage.filters import threshold_otsu  # slow to import
+
     slices = np.moveaxis(grown, slice_axis, 0)
     corners = slices[:, :: slices.shape[1] - 1 or 1, :: slices.shape[2] - 1 or 1]
     in_corner = corners.mean(axis=0).max() > _BACKGROUND_CORNERS

@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import SimpleITK as sitk  # noqa: N813
 from nibabel.analyze import AnalyzeImage
 from nibabel.loadsave import load as load_image
 from nibabel.spatialimages import SpatialImage
@@ -201,6 +200,8 @@ def read_itk(path: Path, limits: Limits = LIMITS) -> Volume:
     InputError
         Not readable, not 3-D, or with an unusable grid.
     """
+    import SimpleITK as sitk  # noqa: N813  # slow to import, and NIfTI does without
+
     location = path.name
     reader = sitk.ImageFileReader()
     reader.SetFileName(str(path))

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from nibabel.orientations import aff2axcodes
 from scipy import ndimage
-from skimage.filters import threshold_otsu
 
 from cccd.containers import (
     BoundaryMaps,
@@ -66,6 +65,8 @@ def find_region(
     """
     if image.min() == image.max():
         raise InputError(location, f"all its grey values are {image.min():g}", "give another scan, or a mask")
+    from skimage.filters import threshold_otsu  # slow to import
+
     low, high = (float(threshold_otsu(image)), None) if settings.window == "otsu" else settings.window
     low, high = (-np.inf if low is None else low), (np.inf if high is None else high)
     labels, count = ndimage.label((image >= low) & (image <= high))

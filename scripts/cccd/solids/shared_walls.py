@@ -32,7 +32,7 @@ from cccd.inputs.annotation import with_undrawn_filled
 from cccd.solids.seams import seam_weights
 from cccd.store import read_structure
 
-__all__ = ["Organ", "SharedWalls", "read_organs", "share_walls", "surface_of"]
+__all__ = ["Organ", "SharedWalls", "read_organs", "share_walls", "surface_of", "touching_groups"]
 
 #: Distances to an organ's surface are kept up to so many cells to either side of it.
 BAND_CELLS = 2.0
@@ -164,8 +164,9 @@ def share_walls(organs: Mapping[int, Organ]) -> SharedWalls:
     InputError
         Without a mask, or where the scans' grids differ.
     """
-    frame = _common_frame(list(organs.values()))
-    groups = _touching_groups(organs)
+    structures = {label: organ.structure for label, organ in organs.items()}
+    groups = touching_groups(structures)
+    frame = next(iter(structures.values())).frame
     parts = [_share_walls({label: organs[label] for label in group}, frame) for group in groups]
     offsets = offsets_of([len(part.surface.vertices) for part in parts])
     surface = ConformingSurface(
@@ -212,10 +213,26 @@ def _share_walls(organs: Mapping[int, Organ], frame: Frame) -> SharedWalls:
     return SharedWalls(surface, {}, pinched, passing)
 
 
-def _touching_groups(organs: Mapping[int, Organ]) -> list[list[int]]:
-    """Labels in groups, so that between voxels of two groups there are two others at least."""
-    labels = sorted(organs)
-    voxels = _Voxels.of([organs[label].structure for label in labels], organs[labels[0]].structure.frame)
+def touching_groups(structures: Mapping[int, Structure]) -> list[list[int]]:
+    """Group labels, so that between voxels of two groups there are two others at least.
+
+    Parameters
+    ----------
+    structures : mapping of int to Structure
+        By label, from 1.
+
+    Returns
+    -------
+    list of list of int
+        Labels of each group, ascending.
+
+    Raises
+    ------
+    InputError
+        One has no mask, or their grids differ.
+    """
+    labels = sorted(structures)
+    voxels = _Voxels.of([structures[label] for label in labels], _common_frame(structures))
     size = 2 * GROUP_VOXELS + 1
     largest = ndimage.maximum_filter(voxels.labels, size)
     # of two numbers in the window that are not 0 the smaller one: the largest of their reversed order
@@ -227,18 +244,18 @@ def _touching_groups(organs: Mapping[int, Organ]) -> list[list[int]]:
     return [[labels[n] for n in np.flatnonzero(group == number)] for number in range(group.max() + 1)]
 
 
-def _common_frame(organs: Sequence[Organ]) -> Frame:
+def _common_frame(structures: Mapping[int, Structure]) -> Frame:
     """Return the grid of voxels that all organs lie on."""
-    frame = organs[0].structure.frame
-    for organ in organs:
-        other = organ.structure.frame
-        if organ.structure.mask is None:
-            raise InputError(organ.name, "it has no mask", "walls are shared by labels of one map")
-        if other.shape != frame.shape or not np.allclose(other.affine, frame.affine, atol=1e-4):
+    first, *others = structures.values()
+    for structure in (first, *others):
+        other = structure.frame
+        if structure.mask is None:
+            raise InputError(structure.organ, "it has no mask", "walls are shared by labels of one map")
+        if other.shape != first.frame.shape or not np.allclose(other.affine, first.frame.affine, atol=1e-4):
             raise InputError(
-                organ.name, f"its grid is not that of {organs[0].name}", "give labels of one map"
+                structure.organ, f"its grid is not that of {first.organ}", "give labels of one map"
             )
-    return frame
+    return first.frame
 
 
 def _world_to_mm(frame: Frame) -> FloatArray:

@@ -1,0 +1,213 @@
+"""All labels of a map: read one by one, lofted in several processes, and given out when each is ready."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from multiprocessing import get_context
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from cccd.api import Surface, read, reconstruct, refuse_image
+from cccd.containers import Structure
+from cccd.errors import InputError
+from cccd.inputs.annotation import with_undrawn_filled
+from cccd.inputs.label_maps import MapLabel, list_map
+from cccd.inputs.load import existing
+from cccd.settings.root import Settings
+from cccd.solids.shared_walls import Organ, share_walls, touching_groups
+
+__all__ = ["LabelSurface", "WholeMap"]
+
+#: A process starts and loads its code in the time of some eight small organs.
+ORGANS_OF_A_PROCESS = 8
+
+
+def _nothing(number: int) -> None:
+    """Tell nobody."""
+
+
+class LabelSurface(NamedTuple):
+    """The surface of one label of a map."""
+
+    number: int  # of the label, in the order of the map, from 1
+    label: MapLabel
+    surface: Surface
+    seconds: float  # that it took alone
+
+
+class _Lofted(NamedTuple):
+    surface: Surface
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class WholeMap:
+    """The organs of a map, before they have surfaces.
+
+    Attributes
+    ----------
+    labels : dict of int to MapLabel
+        By number, from 1 in the order of the map.
+    structures : dict of int to Structure
+        Of the labels that can be read and are large enough.
+    failures : list of str
+        A line for each label without a surface; `surfaces` adds to it.
+    settings : Settings
+    """
+
+    labels: dict[int, MapLabel]
+    structures: dict[int, Structure]
+    settings: Settings
+    failures: list[str] = field(default_factory=list[str])
+
+    @classmethod
+    def read(
+        cls,
+        path: str | Path,
+        table: Path | None,
+        image: str | Path | None,
+        annotated: str,
+        settings: Settings,
+    ) -> WholeMap:
+        """Read all labels; see `cccd.reconstruct_labels` for what is taken.
+
+        Raises
+        ------
+        InputError
+            The file is not readable, has no label, or its masks lie on several grids.
+        """
+        source = existing(Path(path).absolute(), "mask")
+        refuse_image(source)
+        whole = cls(dict(enumerate(list_map(source, table), 1)), {}, settings)
+        for number, label in whole.labels.items():
+            if label.left_out:
+                why = f"{label.left_out}: too small for a surface; it is left out"
+                whole.failures.append(f"label {label.label}: {why}")
+                continue
+            try:
+                organ = read(path, label.label, image=image, annotated=annotated, settings=settings)
+            except InputError as error:
+                whole.failures.append(f"label {label.label}: {error}")
+            else:
+                whole.structures[number] = replace(organ, organ=label.organ)
+        return whole
+
+    @property
+    def voxels(self) -> dict[int, int]:
+        """How many voxels, or points of drawn contours, each structure has: the time that it takes."""
+        return {number: _size(structure) for number, structure in self.structures.items()}
+
+    def surfaces(
+        self, n_jobs: int, tell: Callable[[str], None], done: Callable[[int], object] = _nothing
+    ) -> Iterator[LabelSurface]:
+        """Make the surfaces, those of many voxels first; organs that touch are ready together.
+
+        Parameters
+        ----------
+        n_jobs : int
+            Processes that work at once.
+        tell : callable
+            Called with the name of each organ as its surface begins, and before walls are shared.
+        done : callable
+            Called with an organ's number when its own surface is made, before its walls are shared.
+        """
+        group_of = {number: group for group in self._groups() for number in group}
+        lofted: dict[int, _Lofted] = {}
+        finished: set[int] = set()
+        for number, result in self._lofted(n_jobs, tell):
+            finished.add(number)
+            done(number)
+            if isinstance(result, InputError):
+                self.failures.append(f"label {self.labels[number].label}: {result}")
+            else:
+                lofted[number] = result
+            group = group_of[number]
+            if finished.issuperset(group):
+                yield from self._with_walls({n: lofted.pop(n) for n in group if n in lofted}, tell)
+
+    def _groups(self) -> list[list[int]]:
+        """Numbers of the organs that have to wait for each other."""
+        parts = self.structures.values()
+        if self.settings.surface.shared_walls is False or any(part.mask is None for part in parts):
+            return [[number] for number in self.structures]
+        if any(
+            part.annotation is not None for part in parts
+        ):  # what lies between its slices is not known yet
+            return [list(self.structures)]
+        return touching_groups(self.structures) if self.structures else []
+
+    def _lofted(self, n_jobs: int, tell: Callable[[str], None]) -> Iterator[tuple[int, _Lofted | InputError]]:
+        """Give each organ's own surface, or why it has none, when it is ready."""
+        voxels = self.voxels
+        order = iter(sorted(self.structures, key=lambda number: -voxels[number]))
+        processes = min(n_jobs, -(-len(self.structures) // ORGANS_OF_A_PROCESS))
+        if processes <= 1:
+            for number in order:
+                tell(self.labels[number].organ)
+                yield number, _loft(self.structures[number], self.settings)
+            return
+        running: dict[Future[_Lofted | InputError], int] = {}
+        # spawned: a fork of a process with threads may hang
+        with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+            while True:
+                for number in islice(order, processes - len(running)):
+                    tell(self.labels[number].organ)
+                    running[pool.submit(_loft, self.structures[number], self.settings)] = number
+                if not running:
+                    return
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    yield running.pop(future), future.result()
+
+    @threadpool_limits.wrap(limits=1)
+    def _shared(self, lofted: Mapping[int, _Lofted]) -> tuple[dict[int, Surface], list[str]]:
+        """Give organs that touch their shared walls, and say which have nothing left."""
+        surfaces = {number: one.surface for number, one in lofted.items()}
+        organs: dict[int, Organ] = {}
+        for number, surface in surfaces.items():
+            mesh = surface.lofted.mesh
+            organs[number] = Organ(surface.name, with_undrawn_filled(self.structures[number], mesh), mesh)
+        walls = share_walls(organs)
+        failures = [line for number in surfaces for line in walls.warnings.get(number, [])]
+        joined: dict[int, Surface] = {}
+        for number in surfaces.keys() - walls.warnings.keys():
+            own = surfaces[number]
+            mesh, band = walls.surface.mesh_of(number), own.lofted.band
+            band = band and band.moved_to(own.vertices, mesh.vertices)
+            joined[number] = replace(own, lofted=replace(own.lofted, mesh=mesh, bodies=[], band=band))
+        return joined, failures
+
+    def _with_walls(
+        self, lofted: Mapping[int, _Lofted], tell: Callable[[str], None]
+    ) -> Iterator[LabelSurface]:
+        """Give the final surfaces of organs of which all neighbours have their own."""
+        surfaces = {number: one.surface for number, one in lofted.items()}
+        if len(lofted) > 1:
+            tell("shared walls")
+            surfaces, failures = self._shared(lofted)
+            self.failures.extend(failures)
+        for number in sorted(surfaces):
+            seconds = lofted[number].seconds
+            yield LabelSurface(number, self.labels[number], surfaces[number], seconds)
+
+
+def _loft(structure: Structure, settings: Settings) -> _Lofted | InputError:
+    """Make one organ's own surface, in this process or another."""
+    began = time.perf_counter()
+    try:
+        surface = reconstruct(structure, settings=settings)
+    except InputError as error:
+        return error
+    return _Lofted(surface, time.perf_counter() - began)
+
+
+def _size(structure: Structure) -> int:
+    if structure.mask is not None:
+        return int(np.count_nonzero(structure.mask))
+    return 1 if structure.contours is None else len(structure.contours.points)

@@ -1,0 +1,59 @@
+"""All labels of a map: the same surfaces however many processes make them, each when it is ready."""
+
+import nibabel
+import numpy as np
+import pytest
+
+import cccd
+from cccd.whole_map import WholeMap
+
+#: Corners of cubes of 8 voxels: the first two touch, the others stand alone.
+CORNERS = [(3, 3, 3), (11, 3, 3), *((i, j, 20) for i in (3, 16, 29) for j in (3, 16, 29))]
+
+
+@pytest.fixture(scope="module")
+def cubes(tmp_path_factory):
+    labels = np.zeros((40, 40, 31), np.uint8)
+    for number, corner in enumerate(CORNERS, 1):
+        labels[tuple(slice(start, start + 8) for start in corner)] = number
+    labels[38, 38, 2] = 20  # a single voxel
+    path = tmp_path_factory.mktemp("cubes") / "cubes.nii.gz"
+    nibabel.save(nibabel.Nifti1Image(labels, np.eye(4)), path)
+    return path
+
+
+def whole_map(path):
+    return WholeMap.read(path, None, None, "auto", cccd.Settings())
+
+
+def test_processes_change_no_byte(cubes):
+    (alone, failed), (together, also_failed) = (cccd.reconstruct_labels(cubes, n_jobs=n) for n in (1, 2))
+    assert [surface.name for surface in alone] == [f"label_{n}" for n in range(1, len(CORNERS) + 1)]
+    assert [surface.name for surface in together] == [surface.name for surface in alone]
+    for one, other in zip(alone, together, strict=True):
+        assert one.vertices.tobytes() == other.vertices.tobytes()
+        assert one.faces.tobytes() == other.faces.tobytes()
+    assert failed == also_failed
+    assert "a single voxel" in failed[0]
+
+
+def test_what_touches_nothing_is_ready_at_once_and_keeps_its_spline(cubes):
+    whole, events = whole_map(cubes), []
+    for one in whole.surfaces(1, events.append):
+        events.append(one.number)
+        touching = one.number <= 2
+        assert bool(one.surface.bodies) != touching
+        if not touching:
+            own = cccd.reconstruct(cccd.read(cubes, one.number))
+            assert one.surface.vertices.tobytes() == own.vertices.tobytes()
+    begun, ready = events.index("label_11"), events.index(10)
+    assert ready < begun
+    assert events.index("shared walls") < events.index(1) < events.index(2)
+    assert sorted(event for event in events if isinstance(event, int)) == list(whole.structures)
+
+
+def test_done_counts_every_organ_once(cubes):
+    whole, done = whole_map(cubes), []
+    assert len(list(whole.surfaces(1, str, done.append))) == len(CORNERS)
+    assert sorted(done) == list(whole.structures)
+    assert set(whole.voxels.values()) == {8**3}
