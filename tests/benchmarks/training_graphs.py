@@ -12,7 +12,7 @@ is docs/training_graphs.csv.
 (`cccd_training.junctions.families`; `DAMAGE` is the training's own generator). One family is left out at a
 time and scored beside those seen, as are the maps of `out_of_distribution`, which no family draws. All take
 as many steps; some start from the shipped weights, which know `DAMAGE` alone. The table is
-docs/training_families.csv; it takes some eight minutes of one core, and a killed run goes on from the models
+docs/training_families.csv; it takes some five minutes of one core, and a killed run goes on from the models
 in FOLDER.
 """
 
@@ -59,11 +59,11 @@ VALIDATION = 10
 DAMAGE = "damage"
 ALL = (DAMAGE, *FAMILIES)
 #: Maps of a training in all, drawn evenly from its families, and passes over maps that each training takes.
-SIZES, PASSES = (240, 1200), 1200
+SIZES, PASSES = (120, 600), 600
 #: Peak rate of those that go on from the shipped weights, whose last stage peaked at 0.0011.
 RATE = 0.0008
 #: Maps on which each family is scored.
-SCORED = 80
+SCORED = 60
 SHIPPED = ROOT / "workflow" / "models" / "junctions.pt"
 
 

@@ -19,13 +19,12 @@ family           a map is
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import cast
+from typing import Any, cast
 
 import cv2
 import numpy as np
 from scipy import ndimage
-from skimage.filters import apply_hysteresis_threshold
-from skimage.morphology import skeletonize
+from skimage import filters, morphology
 
 from cccd.boundary import gradient_ridges, outline
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, SingleArray
@@ -104,11 +103,15 @@ def elastic(rng: np.random.Generator, mask: ByteArray) -> _Drawn:
     grey = grey + near * np.float32(rng.uniform(0, 0.12)) * speckle / max(float(speckle.std()), CONTRAST)
     level = np.quantile(grey[_outline(mask) > 0], rng.uniform(0.04, 0.3))
     found = grey > max(float(level), CONTRAST)
-    return (skeletonize(found) if rng.random() < 0.6 else found), None
+    return (_thinned(found) if rng.random() < 0.6 else found), None
 
 
 def _outline(mask: ByteArray) -> SingleArray:
     return outline(mask[None] > 0)[0].astype(np.float32)
+
+
+def _thinned(found: BoolArray) -> BoolArray:
+    return np.asarray(cast(Any, morphology).skeletonize(found), bool)
 
 
 def _displaced(rng: np.random.Generator, line: SingleArray, far: float, size: float) -> SingleArray:
@@ -137,8 +140,8 @@ def gradients(rng: np.random.Generator, image: SingleArray) -> BoolArray:
     )
     steep = np.hypot(*slopes)
     low, high = np.quantile(steep, np.sort(rng.uniform(0.75, 0.95, 2)))
-    found = apply_hysteresis_threshold(steep, low, high)
-    return skeletonize(found) if rng.random() < 0.8 else found
+    found = np.asarray(cast(Any, filters).apply_hysteresis_threshold(steep, low, high), bool)
+    return _thinned(found) if rng.random() < 0.8 else found
 
 
 def zero_crossings(rng: np.random.Generator, image: SingleArray) -> BoolArray:
@@ -175,15 +178,14 @@ def opencv_canny(rng: np.random.Generator, image: SingleArray) -> BoolArray:
     low, high = np.percentile(image, (1, 99))
     scaled = np.clip(255 * (image - low) / max(float(high - low), CONTRAST), 0, 255).astype(np.uint8)
     if rng.random() < 0.5:
-        scaled = cv2.medianBlur(scaled, int(rng.choice([3, 5, 7])))
+        kept = cv2.medianBlur(scaled, int(rng.choice([3, 5, 7])))
     else:
-        scaled = cv2.bilateralFilter(scaled, 7, rng.uniform(20, 80), rng.uniform(1, 4))
+        kept = cv2.bilateralFilter(scaled, 7, rng.uniform(20, 80), rng.uniform(1, 4))
     aperture = int(rng.choice([3, 5]))
     size = 4.0 if aperture == 3 else 48.0  # the sum of a kernel's weights on one side
     strong = rng.uniform(20, 70) * size
-    return (
-        cast(AnyArray, cv2.Canny(scaled, rng.uniform(0.2, 0.6) * strong, strong, apertureSize=aperture)) > 0
-    )
+    weak = rng.uniform(0.2, 0.6) * strong
+    return cast(AnyArray, cv2.Canny(cast(ByteArray, kept), weak, strong, apertureSize=aperture)) > 0
 
 
 DETECTORS: dict[str, _Detector] = {
