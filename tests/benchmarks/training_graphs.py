@@ -10,10 +10,10 @@ is docs/training_graphs.csv.
 
 ``--families`` asks instead how our network's score depends on how many maps it saw, and of how many families
 (`cccd_training.junctions.families`; `DAMAGE` is the training's own generator). One family is left out at a
-time and scored beside those seen, as are the maps of `out_of_distribution`, which no family draws. All take
-as many steps; some start from the shipped weights, which know `DAMAGE` alone. The table is
-docs/training_families.csv; it takes some five minutes of one core, and a killed run goes on from the models
-in FOLDER.
+time and scored beside those seen, as are the maps of `out_of_distribution`, which no family draws. Some start
+from the shipped weights, which know `DAMAGE` alone. “True labels” is what the decoder would give of a network
+without fault. The table is docs/training_families.csv; it takes some five minutes of one core, and a killed
+run goes on from the models in FOLDER.
 """
 
 import argparse
@@ -60,8 +60,8 @@ VALIDATION = 10
 #: The training's own generator as a family, and all of them.
 DAMAGE = "damage"
 ALL = (DAMAGE, *FAMILIES)
-#: Maps of a training in all, drawn evenly from its families, and passes over maps that each training takes.
-SIZES, PASSES = (120, 600), 600
+#: Maps of a training in all, drawn evenly from its families; each is seen once.
+SIZES = (600, 1800)
 #: Peak rate of those that go on from the shipped weights, whose last stage peaked at 0.0011.
 RATE = 0.0008
 #: Maps on which each family is scored.
@@ -119,17 +119,17 @@ def family_trainings() -> list[tuple[tuple[str, ...], int, bool]]:
 
     The shipped weights know `DAMAGE`, so what leaves that out starts from nothing.
     """
-    fewer, most = SIZES
+    fewer, more = SIZES
     without = {left: tuple(family for family in ALL if family != left) for left in ALL}
-    on = [(ALL, most, True), ((DAMAGE,), most, True), *((without[left], most, True) for left in FAMILIES)]
-    fresh = [(ALL, most, False), (without[DAMAGE], most, False), ((DAMAGE,), most, False)]
-    return [*on, *fresh, (ALL, fewer, True), ((DAMAGE,), fewer, True)]
+    on = [(ALL, fewer, True), ((DAMAGE,), fewer, True), *((without[left], fewer, True) for left in FAMILIES)]
+    fresh = [(ALL, fewer, False), (without[DAMAGE], fewer, False), ((DAMAGE,), fewer, False)]
+    return [*on, *fresh, (ALL, more, True)]
 
 
 def trained_on(seen: tuple[str, ...], count: int, further: bool, path: Path) -> JunctionNetwork:
     """Train on so many maps, as many of each family, unless the model is there."""
     if not path.exists():
-        seed, settings = Settings().seed, NetworkSettings(fresh_maps=0, epochs=PASSES // count)
+        seed, settings = Settings().seed, NetworkSettings(fresh_maps=0, epochs=1)
         if further:
             layers = read_model(SHIPPED)["sizes"]["message_layers"]
             start = {"start": str(SHIPPED), "learning_rate": RATE, "message_layers": layers}
