@@ -178,14 +178,16 @@ def opencv_canny(rng: np.random.Generator, image: SingleArray) -> BoolArray:
     low, high = np.percentile(image, (1, 99))
     scaled = np.clip(255 * (image - low) / max(float(high - low), CONTRAST), 0, 255).astype(np.uint8)
     if rng.random() < 0.5:
-        kept = cv2.medianBlur(scaled, int(rng.choice([3, 5, 7])))
+        kept = cast(ByteArray, cast(Any, cv2).medianBlur(scaled, int(rng.choice([3, 5, 7]))))
     else:
-        kept = cv2.bilateralFilter(scaled, 7, rng.uniform(20, 80), rng.uniform(1, 4))
+        kept = cast(
+            ByteArray, cast(Any, cv2).bilateralFilter(scaled, 7, rng.uniform(20, 80), rng.uniform(1, 4))
+        )
     aperture = int(rng.choice([3, 5]))
     size = 4.0 if aperture == 3 else 48.0  # the sum of a kernel's weights on one side
     strong = rng.uniform(20, 70) * size
     weak = rng.uniform(0.2, 0.6) * strong
-    return cast(AnyArray, cv2.Canny(cast(ByteArray, kept), weak, strong, apertureSize=aperture)) > 0
+    return cast(AnyArray, cv2.Canny(kept, weak, strong, apertureSize=aperture)) > 0
 
 
 DETECTORS: dict[str, _Detector] = {
