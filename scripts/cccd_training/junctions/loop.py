@@ -24,7 +24,7 @@ from cccd_training.junctions.frozen_graphs import SPLITS, read_maps
 from cccd_training.junctions.start import fingerprint, start_from
 from cccd_training.junctions.tasks import Plan, Task, make_task
 
-__all__ = ["train_model"]
+__all__ = ["train_model", "train_task"]
 
 logger = logging.getLogger(__name__)
 
@@ -102,6 +102,16 @@ def train_model(
     with atomic_path(history_path) as temporary:
         history.to_csv(temporary, index=False)
     logger.info("best epoch %d; %.0f s in this process", run.best["epoch"], time.perf_counter() - started)
+
+
+def train_task(task: Task, seed: int, threads: int = 1) -> Any:
+    """Train a task's network for all of its epochs and return it: no validation, no checkpoints."""
+    torch.set_num_threads(1)
+    cast(Any, torch).manual_seed(seed)
+    run = _Run.start(task, task.plan, len(task.loader(0, threads)))
+    for epoch in range(task.plan.epochs):
+        logger.info("epoch %d: loss %.4f", epoch, _run_epoch(run, task, epoch, threads))
+    return run.model
 
 
 def _score(row: Mapping[str, Any]) -> float:

@@ -8,9 +8,10 @@ from enum import IntEnum
 
 import numpy as np
 
-from cccd.geometry.arrays import AnyArray, ByteArray, SingleArray
-from cccd.geometry.opencv import border_pixels
+from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, SingleArray
+from cccd.geometry.opencv import border_pixels, distance_to_zero
 from cccd.inputs.corruptions import KINDS, corrupt
+from cccd_training.junctions.families import FAMILIES
 from cccd_training.junctions.labels import fill_contours
 from cccd_training.junctions.random_masks import draw_mask
 from cccd_training.junctions.synthetic_images import canny_map, draw_image
@@ -48,8 +49,12 @@ KIND_WEIGHTS: dict[str, float] = {
 # Larger maps (edge maps of noise, mostly) teach nothing and cost much.
 _MOST_PIXELS = 2500
 
-# Edge detectors blur away organs whose border is shorter.
+# Edge detectors blur away organs whose border is shorter; kinds that are found by one.
 _SHORTEST_SEEN = 60
+_SEEN = {"canny", "canny_whole", "label_maps", "detectors"}
+
+# Share of the true border that has pixels so near by, at least, in maps of a family.
+_LEAST_SHOWN, _BESIDE_PX = 0.75, 2.0
 
 
 class RandomStream(IntEnum):
@@ -74,7 +79,7 @@ class SyntheticMap:
     contours : sequence of (n, 2) int32
         True borders, outer ones and holes.
     kind : str
-        One of `ALL_KINDS`.
+        One of `ALL_KINDS`, or of `cccd_training.junctions.families.FAMILIES`.
     shape : (2,) tuple of int
         Of the slice.
     image : (I, J) float32 or None
@@ -91,7 +96,8 @@ class SyntheticMap:
 def draw_map(rng: np.random.Generator, kind: str, severity: float | None = None) -> SyntheticMap:
     """Draw a mask and a boundary map of one kind; ``severity`` is drawn too when it is ``None``.
 
-    Edge maps come with their grey slice; three in ten of the others do as well.
+    A kind is one of `ALL_KINDS` or a family, which has no severity. Edge maps come with their grey slice;
+    three in ten of the other kinds do as well.
     """
     while True:
         mask = draw_mask(rng)
@@ -99,9 +105,13 @@ def draw_map(rng: np.random.Generator, kind: str, severity: float | None = None)
         image = None
         contours = [contour.astype(np.int32) for contour in border_pixels(mask)]
         length = sum(len(contour) for contour in contours)
-        if kind.startswith("canny"):
-            if length < _SHORTEST_SEEN:
+        if kind in _SEEN and length < _SHORTEST_SEEN:
+            continue
+        if kind in FAMILIES:
+            observed, image = FAMILIES[kind](rng, mask)
+            if not _shows(observed, contours):
                 continue
+        elif kind.startswith("canny"):
             image = draw_image(rng, mask)
             band = None if kind == "canny_whole" else 6.0 if severity is not None else rng.uniform(4, 9)
             observed = canny_map(rng, image, mask, band)
@@ -112,6 +122,13 @@ def draw_map(rng: np.random.Generator, kind: str, severity: float | None = None)
         pixels = np.argwhere(observed).astype(np.int32)
         if 0.45 * length <= len(pixels) <= _MOST_PIXELS:
             return SyntheticMap(pixels, contours, kind, (mask.shape[0], mask.shape[1]), image)
+
+
+def _shows(observed: BoolArray, contours: Sequence[AnyArray]) -> bool:
+    """Whether a map has pixels beside most of the true border: nobody could tell where another one is."""
+    away = distance_to_zero((~observed).astype(np.uint8))
+    near = np.concatenate([away[tuple(contour.T)] for contour in contours]) <= _BESIDE_PX
+    return bool(observed.any() and near.mean() >= _LEAST_SHOWN)
 
 
 def draw_large_map(rng: np.random.Generator, nodes: int) -> SyntheticMap:

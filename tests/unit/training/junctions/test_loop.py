@@ -15,8 +15,9 @@ from cccd.store import read_graphs
 from cccd_training.junctions import loop
 from cccd_training.junctions.data import FrozenMaps, label_map
 from cccd_training.junctions.frozen_graphs import generate_graphs, pack_graphs, read_maps
-from cccd_training.junctions.loop import train_model
+from cccd_training.junctions.loop import train_model, train_task
 from cccd_training.junctions.synthetic_maps import draw_large_map
+from cccd_training.junctions.tasks import make_task
 
 SETTINGS = {
     "graphs": {"training": 6, "validation": 3, "test": 3},
@@ -201,3 +202,11 @@ def test_a_file_that_is_no_model_is_named(tmp_path):
     path.write_bytes(b"not a model")
     with pytest.raises(InputError, match=r"model\.pt"):
         load_model(path)
+
+
+def test_training_without_files_gives_the_last_epochs_weights(graphs, tmp_path):
+    train(graphs, tmp_path)
+    newest = max((tmp_path / "checkpoints").glob("epoch_*.pt"))
+    kept = torch.load(newest, weights_only=True)["model"]
+    alone = train_task(make_task(read_maps(graphs, "training"), NETWORK, 3), 3)
+    assert same(alone.state_dict(), kept)
