@@ -29,9 +29,9 @@ SCHEMA = PROJECT / "workflow" / "schemas" / "cohort.schema.yaml"
 
 _FROM_FILES = ("files", "lits17", "rider_lung", "upenn_gbm", "msd")
 #: Sources whose boundary pixels need ordering; a mask that they bring is ground truth only.
-_UNORDERED = ("mni152_scan", "damaged_phantom")
+_UNORDERED = ("mni152_scan", "mni152_head", "phantom_scan", "damaged_phantom")
 #: Sources with an image in which a seed can say where the organ is.
-_SEEDED = ("files", "rider_lung", "mni152_scan")
+_SEEDED = ("files", "rider_lung", "mni152_scan", "mni152_head", "phantom_scan")
 _TUMOUR = ("tumour", "tumor", "lesion")
 
 
