@@ -36,8 +36,8 @@ _SEED_MM = 6.0
 #: A voxel is even where its slope is below this share of the noise; of 0.25, 0.5 and 1 as good as any.
 _EVEN = 0.5
 
-#: A box may show several tissues of the organ: all of its grey values but for this share at either end.
-_BOX_SHARE = 0.05
+#: A box may show several tissues of the organ: their range begins and ends between these quantiles of it.
+_BOX_SHARES = (0.001, 0.05, 0.95, 0.999)
 
 #: Grey values are smoothed to this width, in noise, before their valleys are sought. On phantoms, 0.2 took in
 #: the heart beside a liver, 15 HU brighter, and 0.08 lost the mode of some seeds.
@@ -50,7 +50,7 @@ _VALLEY_RISE, _VALLEY_FLOOR, _INTO_EMPTY = 1.5, 0.002, 0.25
 
 #: Connections thinner than twice this share of the organ's depth are necks: of 0.08, 0.12, 0.16 and 0.2 on
 #: phantoms, the first is best for lungs, the last for a liver beside muscle and for a brain in its head.
-_NECK_SHARE = 0.16
+_NECK_SHARE = 0.2
 
 #: Voxels within this distance of the organ's even tissue may be partly of it, mm.
 _PARTIAL_MM = 8.0
@@ -115,9 +115,9 @@ def grow_region(
     slope = np.sqrt(sum(np.square(ndimage.sobel(smooth, axis, mode="nearest") / 32) for axis in range(3)))
     boxes = [part for part, seed in zip(parts, seeds, strict=True) if not _is_voxel(seed)]
     low, high, even = _tissue(coarse, smooth, slope, chosen)
-    for box in boxes:
-        darkest, brightest = np.quantile(smooth[box], (_BOX_SHARE, 1 - _BOX_SHARE))
-        low, high = min(low, float(darkest)), max(high, float(brightest))
+    if boxes:
+        shown = np.quantile(smooth[np.logical_or.reduce(boxes)], _BOX_SHARES)
+        low, high = float(np.clip(low, *shown[:2])), float(np.clip(high, *shown[2:]))
     alike = (smooth >= low) & (smooth <= high)
     own, others, neck = _own_tissue(alike, parts, middles, size)
     away = _distance_to(own, size) - neck
@@ -242,7 +242,7 @@ def _valley(density: FloatArray, top: int, way: int) -> int:
 def _own_tissue(
     alike: BoolArray, parts: Sequence[BoolArray], middles: IntArray, size: FloatArray
 ) -> tuple[BoolArray, BoolArray, float]:
-    """Parts of the tissue that hang together with the seeds otherwise than by a neck, its other parts, the neck.
+    """Parts of the tissue that hang together with seeds otherwise than by a neck, other parts, the neck, mm.
 
     Both without their outer layer, half as wide as a neck.
     """

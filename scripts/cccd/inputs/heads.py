@@ -33,7 +33,7 @@ _NERVE, _GLAND, _SKIN = 0.8, 0.7, 0.55
 #: White matter has the largest grey values of a brain: above this quantile.
 _WHITE_QUANTILE = 0.8
 
-# Shells from the brain outwards: value, mean thickness in mm, and its standard deviation as a share; and those
+# Shells from the brain outwards: value, mean thickness in mm and its standard deviation as a share; and those
 # that lie on the skull where no muscle or face does.
 _SHELLS = (
     (_FLUID, 2.2, 0.6),
@@ -115,7 +115,7 @@ def _soft_tissues() -> list[Tissue]:
 
 
 def _through_the_skull() -> list[Tissue]:
-    """Parts near the brain that no shell has: sinuses of blood and air, orbits, nerves, the pituitary gland."""
+    """Parts near the brain that no shell has: sinuses of blood and air, orbits, nerves, the pituitary."""
     sides = (1, -1)
     sagittal = union(
         capsule((0, 68, 20), (0, 20, 84), 4),
