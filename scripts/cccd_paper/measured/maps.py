@@ -66,7 +66,8 @@ def image_alone(tables: Tables) -> str:
         sentences.append(
             f"On {case}/{organ}, from an image and a seed, the network {verb} the best "
             f"threshold: ASSD {assd[NETWORK]:.2f} against {assd[THRESHOLD]:.2f} mm, HD95 {hd95[NETWORK]:.1f} "
-            f"against {hd95[THRESHOLD]:.1f} mm. The {decoder} has {assd[decoder]:.2f} and {hd95[decoder]:.1f} mm."
+            f"against {hd95[THRESHOLD]:.1f} mm. The {decoder} has {assd[decoder]:.2f} and "
+            f"{hd95[decoder]:.1f} mm."
         )
     return " ".join(sentences)
 
