@@ -224,12 +224,12 @@ def _component(inside: BoolArray, opening_px: float, seeds: IntArray) -> BoolArr
     labels, count = ndimage.label(inside)
     if not count:
         return inside
+    chosen = [1 + int(np.bincount(labels.ravel())[1:].argmax())]
     if len(seeds):
         there = np.argwhere(inside)
-        chosen = {labels[tuple(there[((there - seed) ** 2).sum(axis=1).argmin()])] for seed in seeds}
-    else:
-        chosen = {1 + np.bincount(labels.ravel())[1:].argmax()}
-    found = np.isin(labels, list(chosen))
+        nearest = [((there - seed) ** 2).sum(axis=1).argmin() for seed in seeds]
+        chosen = [int(label) for label in labels[tuple(there[nearest].T)]]
+    found = np.isin(labels, chosen)
     outside, _ = ndimage.label(np.pad(~found, 1, constant_values=True))
     return (outside != outside[0, 0, 0])[1:-1, 1:-1, 1:-1]
 

@@ -60,7 +60,7 @@ def test_a_wall_of_the_same_tissue_is_left_out_but_where_it_touches():
 def test_a_box_shows_all_tissues_of_an_organ_and_a_voxel_one():
     core = ball(48, 45, 46, 16)
     image = scan((ORGAN, 105), (core, 205))
-    assert dice(grown(image, "18:46,26:34,10:13"), ORGAN) > 0.95
+    assert dice(grown(image, "18:46,26:34,10:13"), ORGAN) > 0.93
     assert dice(grown(image, "32,30,11"), core) > 0.9
 
 

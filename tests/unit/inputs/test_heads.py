@@ -34,7 +34,7 @@ def test_on_the_way_up_come_fluid_bone_marrow_bone_fat_and_air(brain):
     way = head[90, 90, 70 + TOP :]  # beside the sinus in the midline
     air = np.flatnonzero(way == 0)[0]
     assert 8 < air < 25  # mm of skull and scalp
-    assert (way[air:] == 0).all()
+    assert (way[air : air + 10] == 0).all()
     bone = np.flatnonzero(way[:air] < 0.3)
     fat = np.flatnonzero(way[:air] > 0.8)
     assert bone.min() < fat.max()
@@ -47,4 +47,4 @@ def test_no_single_threshold_separates_brain_from_head(brain):
     head = draw_head(image, inside, np.random.default_rng(4)).data
     grey = head[inside.data]
     alike = (head >= grey.min()) & (head <= grey.max()) & ~inside.data
-    assert alike.sum() > 0.5 * inside.data.sum()
+    assert alike.sum() > 0.3 * inside.data.sum()
