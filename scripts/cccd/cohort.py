@@ -22,16 +22,18 @@ from cccd.project import PROJECT
 from cccd.seeds import parse_seeds
 from cccd.settings.messages import choices, nearest
 
-__all__ = ["SCHEMA", "brings_maps", "complete_row", "naming_row", "read_cohort"]
+__all__ = ["IMAGES_ALONE", "SCHEMA", "brings_maps", "complete_row", "naming_row", "read_cohort"]
 
 #: The sheet's columns, their defaults and what they may hold.
 SCHEMA = PROJECT / "workflow" / "schemas" / "cohort.schema.yaml"
 
 _FROM_FILES = ("files", "lits17", "rider_lung", "upenn_gbm", "msd")
-#: Sources whose boundary pixels need ordering; a mask that they bring is ground truth only.
-_UNORDERED = ("mni152_scan", "damaged_phantom")
+#: Sources of an image alone, in which the organ is found; the mask that they bring is ground truth only.
+IMAGES_ALONE = ("mni152_scan", "mni152_head", "phantom_scan")
+#: Sources whose boundary pixels need ordering.
+_UNORDERED = (*IMAGES_ALONE, "damaged_phantom")
 #: Sources with an image in which a seed can say where the organ is.
-_SEEDED = ("files", "rider_lung", "mni152_scan")
+_SEEDED = ("files", "rider_lung", *IMAGES_ALONE)
 _TUMOUR = ("tumour", "tumor", "lesion")
 
 

@@ -601,10 +601,10 @@ ITEMS = (
         "map_surfaces",
         "Surfaces from boundary maps",
         "Structures that come without a mask: their boundary pixels are edges of an image or a damaged map, "
-        "and the network orders them. A second row is the surface by a classical decoder of the table above, "
-        "the pruned skeleton with its tour, from the map's pixels alone. (The network also reads the image, "
-        "if there is one, and the neighbouring slices.) For an image, a third row is the surface of the "
-        "region that a threshold finds. All are compared with a mask that none of them got. Maps of a "
+        "and the network orders them. A second row is the surface by the classical decoder of the table "
+        "above that is nearest to the reference, from the map's pixels alone. (The network also reads the "
+        "image, if there is one, and the neighbouring slices.) For an image, further rows are the region in "
+        "which edges are sought, and the threshold that is nearest to the reference. Maps of a "
         "phantom have the damage of the network's training, so such a row is in distribution.",
         rows=(MAP_SURFACES,),
         table="map_surfaces",

@@ -38,11 +38,12 @@ def test_default_sheet():
         ("mni152", "brain"),
         ("phantom", "liver"),
         ("phantom", "lungs"),
-        ("mni152_scan", "brain"),
+        ("mni152_head", "brain"),
+        ("phantom_scan", "liver"),
         ("damaged_phantom", "kidney"),
         *(("phantom", letter) for letter in "AHX"),
     ]
-    assert [row["role"] for row in rows] == 5 * ["reconstruct"] + 3 * ["measure"]
+    assert [row["role"] for row in rows] == 6 * ["reconstruct"] + 3 * ["measure"]
 
 
 def test_every_sheet_in_config_is_sound():

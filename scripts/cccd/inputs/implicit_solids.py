@@ -10,7 +10,7 @@ https://iquilezles.org/articles/distfunctions.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -22,12 +22,14 @@ from cccd.tolerances import PROJECTION_MM
 
 __all__ = [
     "ImplicitFunction",
+    "Tissue",
     "capsule",
     "ellipsoid",
     "half_space",
     "interpolate_lattice",
     "intersection",
     "mesh_zero_set",
+    "paint_tissues",
     "sample_lattice",
     "subtraction",
     "torus",
@@ -37,6 +39,9 @@ __all__ = [
 
 #: Maps points (3, ...) in world mm to values (...) of the same precision, negative inside.
 ImplicitFunction = Callable[[AnyArray], AnyArray]
+
+#: What fills a solid, and its grey value (HU for CT).
+Tissue = tuple[ImplicitFunction, float]
 
 #: Newton steps that put vertices onto a zero set, and the half-width of their central differences.
 _NEWTON_STEPS, _SHIFT_MM = 8, 1e-3
@@ -294,6 +299,27 @@ def sample_lattice(
         near = np.nonzero(np.abs(values) < 0.8 * coarse)
         values[near] = _evaluate(solid, origin, step, np.stack(near))
     return values
+
+
+def paint_tissues(
+    image: AnyArray, tissues: Sequence[Tissue], origin: npt.ArrayLike, step: npt.ArrayLike
+) -> AnyArray:
+    """Paint tissues that cover one another in their order, each with an edge one pixel wide.
+
+    Parameters
+    ----------
+    image : (a, b, c) float32
+        What they are painted on; it changes, and is returned.
+    tissues : sequence of Tissue
+    origin, step : (3,) float
+        The image's first voxel and signed spacing, mm.
+    """
+    step = np.asarray(step, float)
+    for solid, value in tissues:
+        depths = sample_lattice(solid, origin, step, image.shape, exact=False)
+        share = np.clip(0.5 - depths / abs(step[0]), 0, 1)
+        image += share * (np.float32(value) - image)
+    return image
 
 
 def mesh_zero_set(

@@ -8,8 +8,8 @@ the neighbours that a CT shows around the organ. The mask holds the voxels whose
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
@@ -20,12 +20,14 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.implicit_solids import (
     ImplicitFunction,
+    Tissue,
     capsule,
     ellipsoid,
     half_space,
     interpolate_lattice,
     intersection,
     mesh_zero_set,
+    paint_tissues,
     sample_lattice,
     subtraction,
     torus,
@@ -46,13 +48,37 @@ BLUR_MM, NOISE_HU = 0.7, 12.0
 #: Attenuation in HU.
 _AIR, _LUNG, _FAT, _MUSCLE, _LIVER, _BLOOD, _BONE = -1000.0, -850.0, -95.0, 50.0, 105.0, 155.0, 380.0
 
+#: Attenuation in HU of organs of the upper abdomen, with contrast agent and without.
+_ENHANCED = {
+    "liver": _LIVER,
+    "vessels": _BLOOD,
+    "heart": 120.0,
+    "spleen": 115.0,
+    "kidneys": 165.0,
+    "pancreas": 85.0,
+    "stomach": 35.0,
+    "gallbladder": 12.0,
+    "bowel": 30.0,
+    "aorta": 190.0,
+}
+_PLAIN = {
+    "liver": _MUSCLE,
+    "vessels": 38.0,
+    "heart": 40.0,
+    "spleen": 45.0,
+    "kidneys": 30.0,
+    "pancreas": 38.0,
+    "stomach": 25.0,
+    "gallbladder": 8.0,
+    "bowel": 25.0,
+    "aorta": 40.0,
+}
+
+#: Thickness of the diaphragm, mm.
+_DIAPHRAGM_MM = 3.0
 
 #: Length and radius in mm of the airways' generations, from the trachea on.
 _AIRWAYS_MM = ((60.0, 8.0), (42.0, 6.0), (26.0, 4.4), (19.0, 3.2), (14.0, 2.4), (10.0, 1.8))
-
-
-#: What fills a solid, and its attenuation in HU.
-Tissue = tuple[ImplicitFunction, float]
 
 
 @dataclass(frozen=True)
@@ -129,7 +155,7 @@ def _tree(rng: np.random.Generator, root: AnyArray, tips: AnyArray, radius: floa
     return union(*pieces, radius=2)
 
 
-def _liver(rng: np.random.Generator) -> Anatomy:
+def _liver(rng: np.random.Generator, hu: Mapping[str, float] = _ENHANCED) -> Anatomy:
     size = rng.normal(1, 0.04, (2, 3))
     shift = rng.normal(0, 3, (2, 3))
     lean = Rotation.from_rotvec([0, np.deg2rad(rng.normal(-14, 3)), 0]).as_matrix()
@@ -153,15 +179,35 @@ def _liver(rng: np.random.Generator) -> Anatomy:
         rng, np.array((22.0, -40, 58)), np.array([(75.0, 10, 35), (20, 50, 40), (95, -40, 45)]), 5.5
     )
     gallbladder = ellipsoid(np.array((44, 36, -58)) + shift[0], (13, 22, 24))
-    around = _trunk(142, 90) + _liver_neighbours(gallbladder)
-    within = [(portal, _BLOOD), (hepatic, _BLOOD)]
+    around = _trunk(142, 90) + _liver_neighbours(gallbladder, hu)
+    within = [(portal, hu["vessels"]), (hepatic, hu["vessels"])]
     return Anatomy(
-        organ, np.array((-120, -100, -110)), np.array((160, 105, 115)), 2.0, _LIVER, around, within
+        organ, np.array((-120, -100, -110)), np.array((160, 105, 115)), 2.0, hu["liver"], around, within
     )
 
 
-def _liver_neighbours(gallbladder: ImplicitFunction) -> list[Tissue]:
-    """Organs of the upper abdomen, the lower lungs and the heart."""
+def _plain_liver(rng: np.random.Generator) -> Anatomy:
+    """Liver without contrast agent, as grey as the muscle that it touches.
+
+    The abdominal wall lies on its right side and its back, elsewhere fat is in between; the diaphragm covers
+    it as far as the lungs and the heart reach down.
+    """
+    whole = _liver(rng, _PLAIN)
+
+    def thicker(points: AnyArray) -> AnyArray:
+        return whole.organ(points) - points.dtype.type(_DIAPHRAGM_MM)
+
+    trunk = _trunk(142, 90)
+    wall = [(ellipsoid((0, 5, 0), (142, 90, 900)), _MUSCLE), (ellipsoid((-6, 8, 0), (139, 87, 900)), _FAT)]
+    lungs, heart, *others = whole.around[len(trunk) :]
+    diaphragm = (intersection(thicker, half_space((0, 0, 10), (0, 0, -1))), _MUSCLE)
+    cage = 1 + next(n for n, (_, value) in enumerate(trunk) if value == _BONE)  # the fat inside the ribs
+    around = [*trunk[:cage], *wall, *trunk[cage + 1 :], lungs, heart, diaphragm, *others]
+    return replace(whole, around=around)
+
+
+def _liver_neighbours(gallbladder: ImplicitFunction, hu: Mapping[str, float]) -> list[Tissue]:
+    """Lower lungs, heart, and organs of the upper abdomen."""
     stomach = ellipsoid((-62, 18, 5), (46, 36, 58))
     lungs = subtraction(
         intersection(ellipsoid((0, 5, 0), (139, 87, 900)), half_space((0, 0, 12), (0, 0, -1))),
@@ -173,18 +219,18 @@ def _liver_neighbours(gallbladder: ImplicitFunction) -> list[Tissue]:
     )
     return [
         (lungs, _LUNG),
-        (ellipsoid((-20, 30, 120), (58, 44, 58)), 120.0),  # heart
-        (spleen, 115.0),
-        (ellipsoid((-66, -58, -52), (27, 24, 50)), 165.0),  # kidney
-        (ellipsoid((64, -58, -62), (27, 25, 50)), 165.0),  # the other kidney
+        (ellipsoid((-20, 30, 120), (58, 44, 58)), hu["heart"]),
+        (spleen, hu["spleen"]),
+        (ellipsoid((-66, -58, -52), (27, 24, 50)), hu["kidneys"]),
+        (ellipsoid((64, -58, -62), (27, 25, 50)), hu["kidneys"]),
         (ellipsoid((64, -54, -62), (11, 12, 26)), _FAT),
-        (ellipsoid((-5, 8, -45), (60, 16, 14)), 85.0),  # pancreas
-        (stomach, 35.0),
+        (ellipsoid((-5, 8, -45), (60, 16, 14)), hu["pancreas"]),
+        (stomach, hu["stomach"]),
         (intersection(stomach, half_space((0, 34, 0), (0, -1, 0))), _AIR),
-        (gallbladder, 12.0),
-        (ellipsoid((0, 20, -95), (95, 40, 26)), 30.0),  # bowel
-        (capsule((-12, -52, -300), (-10, -52, 300), 10), 190.0),  # aorta
-        (capsule((22, -46, -300), (22, -42, 300), 12), _BLOOD),  # vena cava
+        (gallbladder, hu["gallbladder"]),
+        (ellipsoid((0, 20, -95), (95, 40, 26)), hu["bowel"]),
+        (capsule((-12, -52, -300), (-10, -52, 300), 10), hu["aorta"]),
+        (capsule((22, -46, -300), (22, -42, 300), 12), hu["vessels"]),  # vena cava
     ]
 
 
@@ -359,6 +405,9 @@ def _letter(name: str) -> Callable[[np.random.Generator], ImplicitFunction]:
     return shape
 
 
+#: Organs whose neighbours differ in a scan without contrast agent.
+_WITHOUT_CONTRAST = {"liver": _plain_liver}
+
 #: What ``organ`` may be when ``source`` is ``phantom``.
 ORGANS: dict[str, Callable[[np.random.Generator], Anatomy]] = {
     "liver": _liver,
@@ -379,22 +428,6 @@ def _generator(seed: int, case: str, organ: str) -> np.random.Generator:
     return np.random.default_rng([seed, *words.tolist()])
 
 
-def _paint(
-    background: float,
-    tissues: list[Tissue],
-    origin: AnyArray,
-    step: AnyArray,
-    shape: AnyArray,
-) -> AnyArray:
-    """HU (shape) of tissues that cover one another in their order, each with an edge one pixel wide."""
-    image = np.full(shape, background, np.float32)
-    for solid, hu in tissues:
-        values = sample_lattice(solid, origin, step, shape, exact=False)
-        share = np.clip(0.5 - values / abs(step[0]), 0, 1)
-        image += share * (np.float32(hu) - image)
-    return image
-
-
 def _scan(anatomy: Anatomy, frame: Frame, first: AnyArray, shape: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Noise-free HU and mask of the crop that starts at ``first``, on the frame's grid."""
     step = np.diag(frame.affine)[:3]
@@ -410,7 +443,9 @@ def _scan(anatomy: Anatomy, frame: Frame, first: AnyArray, shape: AnyArray) -> t
     half = np.array([2, 2, 1])
     rough_shape = -(-shape // half)
     around, within = (
-        interpolate_lattice(_paint(hu, tissues, origin, step * half, rough_shape), half, shape)
+        interpolate_lattice(
+            paint_tissues(np.full(rough_shape, hu, np.float32), tissues, origin, step * half), half, shape
+        )
         for hu, tissues in ((_AIR, anatomy.around), (anatomy.hu, anatomy.within))
     )
     return around + share * (within - around), mask
@@ -432,6 +467,7 @@ def make_phantom(
     location: str,
     blur_mm: float = BLUR_MM,
     noise_hu: float = NOISE_HU,
+    contrast: bool = True,
 ) -> Structure:
     """Make a phantom's scan, its mask and its true surface.
 
@@ -449,6 +485,8 @@ def make_phantom(
         What an error names, e.g. ``"cohort.tsv row 3"``.
     blur_mm, noise_hu : float
         Standard deviations of the scanner's in-plane point spread, and of the noise.
+    contrast : bool
+        Whether contrast agent was given; without it a liver is as grey as muscle, which touches it.
 
     Returns
     -------
@@ -463,7 +501,7 @@ def make_phantom(
     if organ not in ORGANS:
         raise InputError(location, f"there is no phantom of organ {organ!r}", nearest(organ, ORGANS))
     rng = _generator(seed, case, organ)
-    anatomy = ORGANS[organ](rng)
+    anatomy = (ORGANS if contrast else ORGANS | _WITHOUT_CONTRAST)[organ](rng)
     spacing = np.asarray(spacing_mm)
     step = spacing * (-1, -1, 1)
     margin = np.broadcast_to(margin_voxels, 3)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from cccd.additions import packages, registrations
+from cccd.cohort import IMAGES_ALONE
 from cccd.errors import InputError
 from cccd.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
 from cccd.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find_file
@@ -200,7 +201,7 @@ class Plan:
 
     def _is_region_found(self, row: Mapping[str, str]) -> bool:
         in_file = row["source"] == "files" and not (row["mask"] or row["boundary"])
-        searched = row["source"] == "mni152_scan" or bool(row["seed"])
+        searched = row["source"] in IMAGES_ALONE or bool(row["seed"])
         return searched or (in_file and self.segmenter.name is None)
 
     @property

@@ -68,6 +68,8 @@ def decode(decoder: Callable, pixels: np.ndarray, seed: np.ndarray) -> np.ndarra
         A point inside the organ.
     """
     pixels = np.asarray(pixels, np.int64)
+    if np.linalg.matrix_rank(pixels - pixels[0]) < 2:  # on a line, which encloses nothing
+        return np.zeros((0, 2))
     polygon = decoder(pixels, seed)
     if len(polygon) < 3:
         return np.zeros((0, 2))

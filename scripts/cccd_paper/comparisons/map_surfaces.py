@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 
+import cv2
 import numpy as np
 import pandas as pd
+from scipy import ndimage
 
 from cccd.containers import Boundaries, Curves, Panel, Sections, SliceFigure, Structure
 from cccd.curves import describe_curves
-from cccd.geometry.arrays import offsets_of
+from cccd.geometry.arrays import BoolArray, IntArray, offsets_of
 from cccd.junctions.ordering import count_changes
 from cccd.metrics import dice
+from cccd.seeds import parse_seeds
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import LoftedSurface, loft_surface
@@ -24,20 +28,34 @@ from cccd_paper.comparisons.samples import between
 from cccd_paper.junctions.grid import build_grid
 
 __all__ = [
-    "CLASSICAL",
+    "FOUND",
+    "GROWN",
     "NETWORK",
     "THRESHOLD",
+    "best_decoded",
+    "best_threshold",
     "compare_map_surfaces",
-    "decoded_curves",
+    "is_classical",
     "map_figures",
     "map_links",
 ]
 
-#: The run's own ordering, the classical decoder that does best in the table of junctions, and no ordering.
-NETWORK, CLASSICAL, THRESHOLD = "network", "skeleton prune + tour + prizes", "region by threshold, traced"
+#: The run's own ordering, and no ordering: the region in which edges were sought, found by a threshold or
+#: grown from a seed, and the threshold that is best of many.
+NETWORK, FOUND, GROWN, THRESHOLD = (
+    "network",
+    "region by threshold, traced",
+    "region from the seed, traced",
+    "best threshold, traced",
+)
 
-#: No ordering, where the region was grown from a seed.
-GROWN = "region from the seed, traced"
+# Before the name of the classical decoder that is best on the structure.
+_BEST = "best classical decoder: "
+
+#: Thresholds that are tried: blurs and radii of openings in pixels, and the quantiles of the organ's own grey
+#: values at which windows begin and end.
+_BLURS_PX, _OPENINGS_PX = (0.0, 1.0), (0, 1, 2, 3, 4, 6)
+_FIRST, _LAST = (0.01, 0.05, 0.1, 0.2), (0.9, 0.97, 0.995, 1.0)
 
 #: Figures of a surface that the table has, where there is something to measure against.
 _FIGURES = (
@@ -76,8 +94,9 @@ def compare_map_surfaces(
     Returns
     -------
     DataFrame
-        One row per way: the network, the classical decoder, and of an image the region that a threshold
-        found, traced. ``slices`` with boundary pixels, ``decided`` (those whose map is no outline already)
+        One row per way: the network, the classical decoder and, of an image, the region in which edges were
+        sought and the threshold, both traced. Decoder and threshold are those of the largest Dice, so they
+        know the mask. ``slices`` with boundary pixels, ``decided`` (those whose map is no outline already)
         and ``without_curve``; ``pixels`` of the maps and how many are ``kept`` and ``dropped``, and pixels
         that were ``bridged``; ``curves``; Dice, ASSD and 95 % Hausdorff distance in mm, and volume bias. Of
         the traced region what concerns the maps is missing.
@@ -93,20 +112,23 @@ def compare_map_surfaces(
             return {}
         return measured(loft_surface(Sections(curves, describe_curves(curves, fitting).splines), lofting))
 
-    decoded = decoded_curves(boundaries)
+    name, decoded = best_decoded(structure, boundaries)
     decided = len(decided_slices(boundaries))
     rows = [
         {"method": method, "decided": decided, **_counts(boundaries, curves), **figures}
         for method, curves, figures in (
             (NETWORK, contours, measured(surface)),
-            (CLASSICAL, decoded, lofted(decoded)),
+            (f"{_BEST}{name}", decoded, lofted(decoded)),
         )
     ]
     if structure.region is not None:
-        region = structure.required_stack("region")
-        traced = trace_stack(region, structure.stack_origin, structure.frame)
-        grown = "seed" in structure.provenance.get("region", {})
-        rows.append({"method": GROWN if grown else THRESHOLD, "curves": len(traced), **lofted(traced)})
+        seeded = "seed" in structure.provenance.get("region", {})
+        found = {GROWN if seeded else FOUND: structure.required_stack("region")}
+        if structure.mask is not None and structure.image is not None:
+            found[THRESHOLD] = best_threshold(structure)
+        for method, region in found.items():
+            traced = trace_stack(region, structure.stack_origin, structure.frame)
+            rows.append({"method": method, "curves": len(traced), **lofted(traced)})
     return pd.DataFrame(rows)
 
 
@@ -121,15 +143,95 @@ def _counts(boundaries: Boundaries, curves: Curves) -> dict[str, int]:
     }
 
 
-def decoded_curves(boundaries: Boundaries) -> Curves:
-    """Order every slice's pixels by the classical decoder, which finds one outer curve, or none."""
-    run: Callable[..., np.ndarray] = DECODERS[CLASSICAL].run
+def is_classical(method: str) -> bool:
+    """Whether a row of the table is that of a classical decoder."""
+    return method.startswith(_BEST)
+
+
+def best_decoded(structure: Structure, boundaries: Boundaries) -> tuple[str, Curves]:
+    """Order every slice's pixels by the classical decoder that is nearest to the mask: its name, its curves.
+
+    Each finds one outer curve on a slice, or none. Without a mask, the first of them.
+    """
+    truth = structure.stack("mask")
+    if truth is None:
+        name = next(iter(DECODERS))
+        return name, _decoded_curves(boundaries, name)
+    made = {name: _decoded_curves(boundaries, name) for name in DECODERS}
+    near = {
+        name: float(dice(truth, curves.rasterise(structure.stack_origin, truth.shape)))
+        for name, curves in made.items()
+    }
+    best = max(near, key=lambda name: near[name])
+    return best, made[best]
+
+
+def _decoded_curves(boundaries: Boundaries, name: str) -> Curves:
+    run: Callable[..., np.ndarray] = DECODERS[name].run
     chains = [decode(run, pixels, pixels.mean(axis=0)) for pixels in boundaries]
     found = [n for n, chain in enumerate(chains) if len(chain)]
     points = np.concatenate([np.zeros((0, 2)), *(chains[n] for n in found)])
     offsets = offsets_of([len(chains[n]) for n in found])
     slices = boundaries.slice[found]
     return Curves(points, offsets, slices, np.zeros(len(found), bool), boundaries.frame)
+
+
+# The best threshold -------------------------------------------------------------------------------------
+
+
+def best_threshold(structure: Structure) -> BoolArray:
+    """Find the mask (S, I, J) of the window of grey values that is nearest to a structure's own.
+
+    After a blur and an opening of the slices, or none, the component that a seed lies in, or the largest; its
+    holes filled. All of these are chosen by the largest Dice, as nobody could without the mask.
+    """
+    image, truth = structure.required_stack("image"), structure.required_stack("mask")
+    seeds = _seeds_in_stack(structure)
+    blurred = {blur: ndimage.gaussian_filter(image, (0, blur, blur)) for blur in _BLURS_PX}
+    windows = {
+        blur: [*np.quantile(grey[truth], (*_FIRST, *_LAST[:-1])), np.inf] for blur, grey in blurred.items()
+    }
+
+    def found(blur: float, first: int, last: int, radius: int) -> BoolArray:
+        grey, bounds = blurred[blur], windows[blur]
+        return _component((grey >= bounds[first]) & (grey <= bounds[len(_FIRST) + last]), radius, seeds)
+
+    options = product(_BLURS_PX, range(len(_FIRST)), range(len(_LAST)), _OPENINGS_PX)
+    return found(*max(options, key=lambda chosen: float(dice(found(*chosen), truth))))
+
+
+def _seeds_in_stack(structure: Structure) -> IntArray:
+    """Middles (n, 3) of the seeds that a structure's region was grown from, as indices (s, i, j)."""
+    named = structure.provenance.get("region", {}).get("seed", [])
+    seeds = [seed for text in named for seed in parse_seeds(text, structure.organ)]
+    if not seeds:
+        return np.zeros((0, 3), np.int64)
+    middles = np.array([np.add(seed.first, seed.end) // 2 for seed in seeds])
+    axis = structure.frame.slice_axis
+    return middles[:, [axis, *structure.frame.in_plane_axes]] - structure.stack_origin
+
+
+def _component(inside: BoolArray, opening_px: float, seeds: IntArray) -> BoolArray:
+    """Components (S, I, J) nearest to seeds (n, 3), or the largest, of what is left by an opening; filled."""
+    if opening_px >= 0.5:
+        reach = int(np.ceil(opening_px))
+        disc = (np.hypot(*np.mgrid[-reach : reach + 1, -reach : reach + 1]) <= opening_px + 0.5).astype(
+            np.uint8
+        )
+        inside = (
+            np.stack([cv2.morphologyEx(part, cv2.MORPH_OPEN, disc) for part in inside.astype(np.uint8)]) > 0
+        )
+    labels, count = ndimage.label(inside)
+    if not count:
+        return inside
+    chosen = [1 + int(np.bincount(labels.ravel())[1:].argmax())]
+    if len(seeds):
+        there = np.argwhere(inside)
+        nearest = [((there - seed) ** 2).sum(axis=1).argmin() for seed in seeds]
+        chosen = [int(label) for label in labels[tuple(there[nearest].T)]]
+    found = np.isin(labels, chosen)
+    outside, _ = ndimage.label(np.pad(~found, 1, constant_values=True))
+    return (outside != outside[0, 0, 0])[1:-1, 1:-1, 1:-1]
 
 
 # What was decided ---------------------------------------------------------------------------------------
@@ -176,10 +278,11 @@ def map_figures(structure: Structure, boundaries: Boundaries, contours: Curves) 
     shown = decided[np.minimum(places, len(decided) - 1)]
     maps = [between(boundaries, range(k, k + 1), boundaries.frame) for k in shown.tolist()]
     ordered = [between(contours, range(k, k + 1), contours.frame) for k in shown.tolist()]
-    decoded = [decoded_curves(pixels) for pixels in maps]
+    name, whole = best_decoded(structure, boundaries)
+    decoded = [between(whole, range(k, k + 1), whole.frame) for k in shown.tolist()]
     panels = [
         _panel(structure, pixels, curves, int(k), method)
-        for method, stack in ((NETWORK, ordered), (CLASSICAL, decoded))
+        for method, stack in ((NETWORK, ordered), (name, decoded))
         for k, pixels, curves in zip(shown, maps, stack, strict=True)
     ]
     return {"map_surfaces": SliceFigure(panels, len(shown))}

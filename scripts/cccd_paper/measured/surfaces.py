@@ -48,13 +48,13 @@ def full_resolution(tables: Tables) -> str:
             "marching cubes' mesh by it": written(row["compactness"], ".0f"),
             "CPU s": written(float(lofted[place(row)]), ".0f") if place(row) in lofted else "–",
         })  # fmt: skip
-    scan, damaged = ("scan/brain", "damaged/kidney")
     text = [
         "## Surfaces",
         "CCCD's surface of every structure. The surface is a spline; distances are measured on its "
         "tessellation, and bytes are those of the stored spline. CPU seconds are those of the whole job, "
         "with reading and writing, and with compiling in the first jobs of a cold run. "
-        f"`{scan}` (edges of an image) and `{damaged}` (damaged maps) were reconstructed without their "
+        "`head/brain`, `phantom_scan/liver` (edges of images) and `damaged/kidney` (damaged maps) were "
+        "reconstructed without their "
         "masks, which serve only as the reference.",
         markdown_table(rows),
         _soundness(structures),

@@ -50,6 +50,20 @@ def test_a_neck_of_the_same_tissue_leads_nowhere():
     assert not (found & ball(88, 45, 46, 6)).any()
 
 
+def test_a_wall_of_the_same_tissue_is_left_out_but_where_it_touches():
+    wall = (np.abs(X - 77) < 4) & BODY
+    found = grown(scan((wall | ORGAN, 105)), "32,30,11")
+    assert dice(found, ORGAN) > 0.93
+    assert not (found & wall & ~ball(48, 45, 46, 40)).any()
+
+
+def test_a_box_shows_all_tissues_of_an_organ_and_a_voxel_one():
+    core = ball(48, 45, 46, 16)
+    image = scan((ORGAN, 105), (core, 205))
+    assert dice(grown(image, "18:46,26:34,10:13"), ORGAN) > 0.93
+    assert dice(grown(image, "32,30,11"), core) > 0.9
+
+
 def test_a_vessel_inside_is_part_of_the_organ_even_where_the_seed_lies_in_it():
     vessel = np.hypot(X - 48, Y - 45) < 3.1
     image = scan((ORGAN, 105), (vessel & ORGAN, 160))

@@ -172,3 +172,28 @@ def test_bronchi_are_one_tree_that_grows_thinner_and_branches_downwards(case):
     assert counts[-10] == 1  # the trachea, below its upper end
     assert slices[-10].sum() == pytest.approx(np.pi * 8**2, rel=0.25)
     assert max(counts) > 8
+
+
+def test_without_contrast_agent_a_liver_is_as_grey_as_the_muscle_it_touches():
+    with_it, without = (
+        make_phantom(
+            "a", "liver", COARSE, seed=1, margin_voxels=8, location="x", noise_hu=0, contrast=contrast
+        )
+        for contrast in (True, False)
+    )
+    np.testing.assert_array_equal(with_it.mask, without.mask)
+    share = []
+    for phantom in (with_it, without):
+        mask, image = phantom.mask, phantom.image
+        rim = ndimage.binary_dilation(mask, iterations=3) & ~ndimage.binary_dilation(mask, iterations=2)
+        share.append(np.mean(np.abs(image[rim] - np.median(image[mask])) < 5))
+    assert 0.05 < share[1] < 0.6  # part of the border, and not most of it
+    assert share[0] < share[1] / 3
+
+
+def test_a_scan_of_a_phantom_is_found_by_its_seed_alone():
+    asked = settings(phantom={"spacing_mm": (1.0, 1.0, 4.0)})
+    whole = row(source="phantom_scan", organ="sphere", seed="33,33,17")
+    made = load_structure(whole, ".", asked, seed=1)
+    assert made.truth is not None
+    assert 2 * (made.region & made.mask).sum() / (made.region.sum() + made.mask.sum()) > 0.9

@@ -26,6 +26,8 @@ KINDS = [
     ({"image": "image.nii.gz", "boundary": "maps.nii.gz"}, "order_contours"),
     ({"mask": "mask.nii.gz", "boundary": "maps.nii.gz"}, "order_contours"),
     ({"source": "mni152_scan", "organ": "brain"}, "order_contours"),
+    ({"source": "mni152_head", "organ": "brain", "seed": "9,9,9"}, "order_contours"),
+    ({"source": "phantom_scan", "organ": "liver", "seed": "9,9,9"}, "order_contours"),
 ]
 
 

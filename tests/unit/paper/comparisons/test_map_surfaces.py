@@ -14,11 +14,12 @@ from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
 from cccd_paper.comparisons.map_surfaces import (
-    CLASSICAL,
+    FOUND,
     NETWORK,
-    THRESHOLD,
+    best_decoded,
+    best_threshold,
     compare_map_surfaces,
-    decoded_curves,
+    is_classical,
     map_figures,
     map_links,
 )
@@ -73,7 +74,7 @@ def test_surfaces_are_scored_beside_the_classical_decoder_s():
     surface = loft_surface(Sections(contours, fit_splines(contours)), lofting)
     asked = (structure, whole, contours, surface, CurveSettings(), lofting)
     table = compare_map_surfaces(*asked).set_index("method")
-    assert list(table.index) == [NETWORK, CLASSICAL, THRESHOLD]
+    assert [table.index[0], is_classical(table.index[1]), *table.index[2:]] == [NETWORK, True, FOUND]
     slices = len(contours)
     assert table.loc[NETWORK, ["slices", "decided", "without_curve", "bridged"]].tolist() == [
         slices,
@@ -82,9 +83,7 @@ def test_surfaces_are_scored_beside_the_classical_decoder_s():
         0,
     ]
     assert table.loc[NETWORK, "dropped"] == count_changes(whole, contours)["dropped"] == 4 * slices
-    np.testing.assert_allclose(
-        table.loc[NETWORK, "assd_mm"], table.loc[THRESHOLD, "assd_mm"]
-    )  # the same curves
+    np.testing.assert_allclose(table.loc[NETWORK, "assd_mm"], table.loc[FOUND, "assd_mm"])  # the same curves
     assert table["dice_3d"].min() > 0.97
     (figure,) = map_figures(*asked[:3]).values()
     assert len(figure.panels) == 2 * figure.columns == 8
@@ -96,7 +95,7 @@ def test_a_slice_that_no_chain_closes_has_no_curve_and_keeps_no_link():
     line = np.array([[3, 3], [3, 4]], np.int32)
     frame = Frame(np.eye(4), 2, (8, 8, 1))
     alone = Boundaries(line, np.array([0, 2]), np.zeros(1, np.int32), frame)
-    curves = decoded_curves(alone)
+    _, curves = best_decoded(Structure("a", "b", frame, np.zeros(3, int)), alone)
     assert len(curves) == 0
     assert {name: len(links) for name, links in map_links(line, curves).items()} == {
         "dropped": 1,
@@ -104,3 +103,17 @@ def test_a_slice_that_no_chain_closes_has_no_curve_and_keeps_no_link():
         "bridged": 0,
     }
     assert not curves.rasterise((0, 0, 0), (1, 8, 8)).any()
+
+
+def test_the_best_threshold_is_the_seed_s_component_without_a_bridge():
+    """A ball and a slab of one grey value, a bridge two pixels wide, and a brighter body around."""
+    structure = ball()
+    image = np.where(structure.mask, 50.0, 100.0)
+    image[:8] = 50
+    image[8:13, 29:31] = 50
+    rng = np.random.default_rng(0)
+    noisy = (image + rng.normal(0, 3, image.shape)).astype(np.float32)
+    seeded = replace(structure, image=noisy, provenance={"region": {"seed": ["30,30,5"]}})
+    found = np.moveaxis(best_threshold(seeded), 0, 2)
+    overlap = 2 * (found & structure.mask).sum() / (found.sum() + structure.mask.sum())
+    assert overlap > 0.98
