@@ -42,7 +42,7 @@ MOST_STEP = 0.2
 DAMPING = 0.05
 #: ... and goes by this share towards its neighbours' mean along the surface: quads stay even.
 EVENING = 0.5
-#: Rounds in which what crosses moves half way back to where it began: the first control mesh does not cross.
+#: Rounds in which what crosses moves half way back to where it began, and rounds in which it evens out.
 UNTANGLING_ROUNDS = 6
 #: ... at so many subdivisions, as the mesh that is written has.
 CHECKED = 2
@@ -123,17 +123,31 @@ class SplineFit:
         self.points = self.points + by * self._normals(samples)[: len(self.points)]
 
     def untangle(self) -> None:
-        """Move control points back towards where they began, where the surface passes through itself."""
+        """Move control points where the surface passes through itself; the best of some rounds stays.
+
+        They go back to where they began and, where it crosses there too, towards their neighbours' means.
+        """
+        fewest, best = np.inf, self.points
+        for target in (lambda _: self.wall.vertices, lambda points: self.neighbours @ points):
+            points, moving = best, np.zeros(len(best), np.bool_)
+            for _ in range(1 + UNTANGLING_ROUNDS):
+                number, near = self._crossings(points)
+                if number < fewest:
+                    fewest, best = number, points
+                if not number:
+                    self.points = best
+                    return
+                moving |= near
+                points = np.where(moving[:, None], (points + target(points)) / 2, points)
+        self.points = best
+
+    def _crossings(self, points: FloatArray) -> tuple[int, BoolArray]:
+        """How many pairs of triangles pass through each other, and which control points (V,) move them."""
         sampler = self.wall.sampler(CHECKED)
-        near = np.zeros(len(self.points), np.bool_)
-        for _ in range(UNTANGLING_ROUNDS):
-            pairs = Mesh(sampler.matrix @ self.points, sampler.triangles).self_intersections()
-            if not len(pairs):
-                return
-            crossing = np.zeros(len(sampler.matrix.indptr) - 1)
-            crossing[sampler.triangles[pairs.ravel()]] = 1
-            near |= sampler.matrix.T @ crossing > 0
-            self.points = np.where(near[:, None], (self.points + self.wall.vertices) / 2, self.points)
+        pairs = Mesh(sampler.matrix @ points, sampler.triangles).self_intersections()
+        crossing = np.zeros(len(sampler.matrix.indptr) - 1)
+        crossing[sampler.triangles[pairs.ravel()]] = 1
+        return len(pairs), np.asarray(sampler.matrix.T @ crossing > 0, np.bool_)
 
     def _normals(self, samples: FloatArray) -> FloatArray:
         """Give unit normals (P, 3), on a rim within the plane of its cap."""

@@ -18,8 +18,12 @@ from cccd.surface import loft_surface
 from cccd.surface.control_mesh import control_mesh, join_in_pairs, split_to_quads
 from cccd.surface.endings import round_ends
 from cccd.surface.fields import LevelField
+from cccd.surface.sampled import SampledDistance
+from cccd.surface.spline_fit import SplineFit
 
 NOWHERE = (-np.inf, np.inf)
+#: Distances that nothing reads but their pixel.
+NOTHING = SampledDistance(np.ones((2, 2, 2), np.float32), np.arange(2.0), np.ones(2), NOWHERE)
 
 
 def lofted(mask, spacing=(1.0, 1.0, 1.0)):
@@ -118,6 +122,32 @@ def test_branches_are_one_body():
     assert len(surface.bodies) == 1
     assert surface.mesh.genus == 0
     assert surface.mesh.volume == pytest.approx(fork().sum(), rel=0.001)
+
+
+def test_a_branch_of_two_voxels_across_keeps_its_tip():
+    """A rod of a radius of 1.1 voxels that leans out of a ball; its end is a half ball."""
+    x, y, z = grid(60, 40, 60)
+    points = np.stack([x, y, z], axis=-1).astype(float)
+    start, way = np.array([18.0, 20.0, 18.0]), np.array([0.6, 0.2, 0.77])
+    way /= np.linalg.norm(way)
+    along = np.clip((points - start) @ way, 0, 34)
+    rod = np.linalg.norm(points - start - along[..., None] * way, axis=-1) <= 1.1
+    surface = lofted(rod | (np.linalg.norm(points - start, axis=-1) <= 9))
+    assert_sound(surface)
+    assert len(surface.bodies) == 1
+    assert ((surface.vertices - start) @ way).max() == pytest.approx(34 + 1.1, abs=1.0)
+
+
+def test_what_crosses_in_the_control_mesh_too_evens_out():
+    """Points where it began are no cure there: the neighbours' means are."""
+    solid = creation.icosphere(3, 10.0)
+    wall, _ = control_mesh(Mesh(np.array(solid.vertices), np.array(solid.faces, np.int64)), 200, NOWHERE)
+    folded = wall.vertices.copy()
+    folded[0] *= -6
+    fit = SplineFit(wall.moved(folded), NOTHING, lambda points: np.full(len(points), 0.2))
+    assert len(fit.spline.tessellate(2).self_intersections())
+    fit.untangle()
+    assert not len(fit.spline.tessellate(2).self_intersections())
 
 
 def test_world_coordinates_follow_the_spacing():
