@@ -128,7 +128,7 @@ class SplineFit:
         They go back to where they began and, where it crosses there too, towards their neighbours' means.
         """
         fewest, best = np.inf, self.points
-        for target in (lambda _: self.wall.vertices, lambda points: self.neighbours @ points):
+        for back in (True, False):
             points, moving = best, np.zeros(len(best), np.bool_)
             for _ in range(1 + UNTANGLING_ROUNDS):
                 number, near = self._crossings(points)
@@ -138,7 +138,8 @@ class SplineFit:
                     self.points = best
                     return
                 moving |= near
-                points = np.where(moving[:, None], (points + target(points)) / 2, points)
+                target = self.wall.vertices if back else self.neighbours @ points
+                points = np.where(moving[:, None], (points + target) / 2, points)
         self.points = best
 
     def _crossings(self, points: FloatArray) -> tuple[int, BoolArray]:
