@@ -36,7 +36,7 @@ LAYERS = {
         ("next_slice",),
         ("api",),
         ("paraview_plugin",),
-        ("pyvista_accessor", "napari_plugin", "label_survey"),
+        ("pyvista_accessor", "napari_plugin", "label_survey", "whole_map"),
         ("report", "comparison"),
         ("comparison_files", "bids", "doctor", "plan", "workflow_command"),
         ("cli",),

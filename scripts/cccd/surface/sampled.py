@@ -24,8 +24,6 @@ __all__ = ["SampledDistance"]
 NODE_MARGIN = 1e-4
 #: Distances of more pixels count as this far.
 FAR_PIXELS = 6.0
-#: Smoothing takes at most so many pixels off the organ: branches of one to two pixels would fade.
-MOST_FADED_PIXELS = 0.15
 #: Slopes are taken between points so many pixels before and behind.
 SLOPE_PIXELS = 0.5
 
@@ -59,8 +57,7 @@ class SampledDistance:
         z, spacing = outlines.z, outlines.spacing
         if target is outlines:
             planes = _in_space(np.stack(outlines.planes), z, FAR_PIXELS * stack.pixel)
-            faded = np.float32(MOST_FADED_PIXELS * stack.pixel)
-            values = np.minimum(_smoothed(planes, z, outlines.knot, stack.pixel), planes + faded)
+            values = _smoothed(planes, z, outlines.knot, stack.pixel)
         else:
             shape = outlines.planes[0].shape
             pixels = np.indices(shape).reshape(2, -1).T * spacing

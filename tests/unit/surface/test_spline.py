@@ -124,20 +124,6 @@ def test_branches_are_one_body():
     assert surface.mesh.volume == pytest.approx(fork().sum(), rel=0.001)
 
 
-def test_a_branch_of_two_voxels_across_keeps_its_tip():
-    """A rod of a radius of 1.1 voxels that leans out of a ball; its end is a half ball."""
-    x, y, z = grid(60, 40, 60)
-    points = np.stack([x, y, z], axis=-1).astype(float)
-    start, way = np.array([18.0, 20.0, 18.0]), np.array([0.6, 0.2, 0.77])
-    way /= np.linalg.norm(way)
-    along = np.clip((points - start) @ way, 0, 34)
-    rod = np.linalg.norm(points - start - along[..., None] * way, axis=-1) <= 1.1
-    surface = lofted(rod | (np.linalg.norm(points - start, axis=-1) <= 9))
-    assert_sound(surface)
-    assert len(surface.bodies) == 1
-    assert ((surface.vertices - start) @ way).max() == pytest.approx(34 + 1.1, abs=1.0)
-
-
 def test_what_crosses_in_the_control_mesh_too_evens_out():
     """Points where it began are no cure there: the neighbours' means are."""
     solid = creation.icosphere(3, 10.0)
