@@ -45,6 +45,9 @@ __all__ = [
     "smooth_mesh",
 ]
 
+# Where those are that `cccd.api` does not have.
+_HOMES = {"reconstruct_labels": "cccd.whole_map"}
+
 
 def __getattr__(name: str) -> object:
     """Load a public name when it is first asked for (PEP 562); the types stand in ``__init__.pyi``."""
@@ -53,7 +56,7 @@ def __getattr__(name: str) -> object:
     from importlib import import_module
 
     # by name, so that no job of the workflow counts all of the library among its own
-    value = getattr(import_module("cccd.api"), name)
+    value = getattr(import_module(_HOMES.get(name, "cccd.api")), name)
     globals()[name] = value
     return value
 

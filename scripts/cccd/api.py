@@ -65,7 +65,6 @@ __all__ = [
     "order",
     "read",
     "reconstruct",
-    "reconstruct_labels",
     "smooth_mesh",
 ]
 
@@ -597,61 +596,6 @@ def _rule(annotated: str) -> str:
     if annotated not in RULES:
         raise InputError("annotated", f"{annotated!r} is not known", nearest(annotated, RULES))
     return annotated
-
-
-@needing("cccd.reconstruct_labels")
-def reconstruct_labels(
-    path: str | Path,
-    *,
-    table: str | Path | None = None,
-    image: str | Path | None = None,
-    annotated: str = AUTO,
-    settings: Settings | None = None,
-    n_jobs: int = 1,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[list[Surface], list[str]]:
-    """Make smooth closed surfaces of all labels of a map; neighbours share their walls.
-
-    Parameters
-    ----------
-    path : path
-        A label map, a DICOM SEG or RTSTRUCT, or a folder of one-organ masks.
-    table : path, optional
-        Names of the labels: ``label,name`` below a header, FreeSurfer's colour table, a ``dataset.json``.
-    image : path, optional
-        The scan, if it is in another file or folder.
-    annotated : {"auto", "nonempty", "every slice"}
-        Which slices of each label are annotated, see `read`.
-    settings : Settings, optional
-        ``surface.shared_walls: false`` smooths each organ alone. Drawn contours are always smoothed alone.
-    n_jobs : int
-        Processes that work at once; each needs up to a gigabyte. With more than one, a script needs
-        ``if __name__ == "__main__":`` around what it does.
-    progress : callable, optional
-        Called with the name of each organ as its surface begins.
-
-    Returns
-    -------
-    surfaces : list of Surface
-        Named after the organs.
-    failures : list of str
-        A line for each label that has no surface.
-
-    Raises
-    ------
-    InputError
-        The file is not readable or has no label.
-
-    See Also
-    --------
-    reconstruct : one organ.
-    """
-    from cccd.whole_map import WholeMap  # it takes `read` and `reconstruct` from here
-
-    given = None if table is None else Path(table)
-    whole = WholeMap.read(path, given, image, annotated, settings or _DEFAULTS)
-    found = {one.number: one.surface for one in whole.surfaces(n_jobs, progress or (lambda organ: None))}
-    return [found[number] for number in sorted(found)], whole.failures
 
 
 def _series(structure: Structure) -> Path | None:

@@ -17,13 +17,14 @@ from threadpoolctl import threadpool_limits
 from cccd.api import Surface, read, reconstruct, refuse_image
 from cccd.containers import Structure
 from cccd.errors import InputError
-from cccd.inputs.annotation import with_undrawn_filled
+from cccd.extras import needing
+from cccd.inputs.annotation import AUTO, with_undrawn_filled
 from cccd.inputs.label_maps import MapLabel, list_map
 from cccd.inputs.load import existing
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls, touching_groups
 
-__all__ = ["LabelSurface", "WholeMap"]
+__all__ = ["LabelSurface", "WholeMap", "reconstruct_labels"]
 
 #: A process starts and loads its code in the time of some eight small organs.
 ORGANS_OF_A_PROCESS = 8
@@ -211,3 +212,56 @@ def _size(structure: Structure) -> int:
     if structure.mask is not None:
         return int(np.count_nonzero(structure.mask))
     return 1 if structure.contours is None else len(structure.contours.points)
+
+
+@needing("cccd.reconstruct_labels")
+def reconstruct_labels(
+    path: str | Path,
+    *,
+    table: str | Path | None = None,
+    image: str | Path | None = None,
+    annotated: str = AUTO,
+    settings: Settings | None = None,
+    n_jobs: int = 1,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[list[Surface], list[str]]:
+    """Make smooth closed surfaces of all labels of a map; neighbours share their walls.
+
+    Parameters
+    ----------
+    path : path
+        A label map, a DICOM SEG or RTSTRUCT, or a folder of one-organ masks.
+    table : path, optional
+        Names of the labels: ``label,name`` below a header, FreeSurfer's colour table, a ``dataset.json``.
+    image : path, optional
+        The scan, if it is in another file or folder.
+    annotated : {"auto", "nonempty", "every slice"}
+        Which slices of each label are annotated, see `read`.
+    settings : Settings, optional
+        ``surface.shared_walls: false`` smooths each organ alone. Drawn contours are always smoothed alone.
+    n_jobs : int
+        Processes that work at once; each needs up to a gigabyte. With more than one, a script needs
+        ``if __name__ == "__main__":`` around what it does.
+    progress : callable, optional
+        Called with the name of each organ as its surface begins.
+
+    Returns
+    -------
+    surfaces : list of Surface
+        Named after the organs.
+    failures : list of str
+        A line for each label that has no surface.
+
+    Raises
+    ------
+    InputError
+        The file is not readable or has no label.
+
+    See Also
+    --------
+    reconstruct : one organ.
+    """
+    given = None if table is None else Path(table)
+    whole = WholeMap.read(path, given, image, annotated, settings or Settings())
+    found = {one.number: one.surface for one in whole.surfaces(n_jobs, progress or (lambda organ: None))}
+    return [found[number] for number in sorted(found)], whole.failures
