@@ -138,10 +138,8 @@ class WholeMap:
         parts = self.structures.values()
         if self.settings.surface.shared_walls is False or any(part.mask is None for part in parts):
             return [[number] for number in self.structures]
-        if any(
-            part.annotation is not None for part in parts
-        ):  # what lies between its slices is not known yet
-            return [list(self.structures)]
+        if any(part.annotation is not None for part in parts):
+            return [list(self.structures)]  # what lies between annotated slices is not known yet
         return touching_groups(self.structures) if self.structures else []
 
     def _lofted(self, n_jobs: int, tell: Callable[[str], None]) -> Iterator[tuple[int, _Lofted | InputError]]:
