@@ -15,5 +15,5 @@ with job(snakemake.log[0], case, snakemake.input, snakemake.output):
     with atomic_path(snakemake.output.scene) as path:
         write_scene(path, organs)
     with atomic_path(snakemake.output.segmentation) as path:
-        write_segmentation(path, organs, frame)
+        write_segmentation(path, organs, frame.of_file)
     write_json(snakemake.output.list, describe_scene(case, organs))

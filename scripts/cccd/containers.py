@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,7 @@ __all__ = [
     "FittedCurves",
     "Frame",
     "GreyImage",
+    "Grid",
     "Guide",
     "MaskStack",
     "Panel",
@@ -42,6 +43,13 @@ __all__ = [
     "Structure",
     "View",
 ]
+
+
+class Grid(NamedTuple):
+    """Voxels of a file: ``world_mm (RAS) = affine @ (a, b, c, 1)``."""
+
+    affine: np.ndarray  # (4, 4)
+    shape: tuple[int, int, int]
 
 
 @dataclass(frozen=True)
@@ -56,11 +64,31 @@ class Frame:
         The axis along which slices run: 0, 1 or 2.
     shape : (3,) tuple of int
         Shape of the source volume.
+    copied_to : Grid or None
+        The file's own grid, where its voxels are copies of this one's, which is coarser.
     """
 
     affine: np.ndarray
     slice_axis: int
     shape: tuple[int, int, int]
+    copied_to: Grid | None = None
+
+    @property
+    def of_file(self) -> Frame:
+        """The file's own grid: what is written for other programs lies on it."""
+        return (
+            self
+            if self.copied_to is None
+            else Frame(self.copied_to.affine, self.slice_axis, self.copied_to.shape)
+        )
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Where the scan begins and ends along the slice axis, in mm from the first slice."""
+        file, axis = self.of_file, self.slice_axis
+        first = float((file.affine[:3, 3] - self.affine[:3, 3]) @ self.normal) if file is not self else 0.0
+        step = file.slice_spacing
+        return first - step / 2, first + (file.shape[axis] - 0.5) * step
 
     @property
     def in_plane_axes(self) -> tuple[int, int]:

@@ -29,6 +29,7 @@ from cccd.containers import (
     Curves,
     FittedCurves,
     Frame,
+    Grid,
     Guide,
     Panel,
     Sections,
@@ -209,11 +210,22 @@ def _put_frame(group: h5py.Group, frame: Frame) -> None:
     group.attrs["shape"] = np.asarray(frame.shape, np.int64)
     group.attrs["space"] = "RAS"
     group.attrs["unit"] = "mm"
+    if frame.copied_to is not None:
+        group.attrs["file_affine"] = np.asarray(frame.copied_to.affine, float)
+        group.attrs["file_shape"] = np.asarray(frame.copied_to.shape, np.int64)
 
 
 def _get_frame(group: h5py.Group) -> Frame:
-    first, second, third = (int(n) for n in group.attrs["shape"])
-    return Frame(np.array(group.attrs["affine"]), int(group.attrs["slice_axis"]), (first, second, third))
+    grid = _get_grid(group, "")
+    assert grid is not None
+    return Frame(grid.affine, int(group.attrs["slice_axis"]), grid.shape, _get_grid(group, "file_"))
+
+
+def _get_grid(group: h5py.Group, prefix: str) -> Grid | None:
+    if f"{prefix}affine" not in group.attrs:
+        return None
+    first, second, third = (int(n) for n in group.attrs[f"{prefix}shape"])
+    return Grid(np.array(group.attrs[f"{prefix}affine"]), (first, second, third))
 
 
 def read_report(path: str | Path) -> dict[str, Any]:

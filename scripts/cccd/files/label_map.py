@@ -17,7 +17,7 @@ __all__ = ["write"]
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write the voxels inside as 1; slices that were drawn, where only some were, as they were drawn."""
-    frame = surface.frame
+    frame = surface.frame.of_file
     if options.drawn is None:
         mask = voxelise(surface.mesh, frame.affine, frame.shape)
     else:

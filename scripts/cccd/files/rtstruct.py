@@ -52,7 +52,7 @@ def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     write_rtstruct(
         path,
         surface.mesh,
-        surface.frame,
+        surface.frame.of_file,
         name=options.organ,
         spacing_mm=options.contour_spacing_mm,
         reference=options.series,

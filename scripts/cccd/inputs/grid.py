@@ -14,6 +14,7 @@ from scipy import ndimage
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from cccd.inputs.coarser_grid import CoarserGrid
 from cccd.tolerances import FLATTEST, ORTHOGONALITY, SAME_GRID_VOXELS, SAME_SPACING
 
 __all__ = [
@@ -53,6 +54,8 @@ class Volume:
         DICOM frame of reference UID.
     uneven : bool
         Some slices of the grid were not scanned: nothing is known about them.
+    coarser : CoarserGrid or None
+        The grid that a mask's voxels were copied from.
     warnings : list of str
         What the reader noticed.
     """
@@ -64,6 +67,7 @@ class Volume:
     instances: tuple[str, ...] = ()
     frame_of_reference: str = ""
     uneven: bool = False
+    coarser: CoarserGrid | None = None
     warnings: list[str] = field(default_factory=list)
 
     @property

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 
 from cccd.cohort import IMAGES_ALONE, complete_row
-from cccd.containers import Annotation, Curves, Frame, Structure
+from cccd.containers import Annotation, Curves, Frame, Grid, Structure
 from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
+from cccd.inputs.coarser_grid import CoarserGrid
 from cccd.inputs.degraded import BIAS, EVERY, NOISE, damage_maps, rescan
 from cccd.inputs.drawn_contours import assemble_contours, contour_frame
 from cccd.inputs.grey_values import image_without_mask
@@ -31,6 +32,7 @@ from cccd.inputs.grid import (
     find_slice_axis,
     interpolate_on_grid,
     on_grid,
+    same_grid,
 )
 from cccd.inputs.growing import grow_region
 from cccd.inputs.heads import draw_head
@@ -92,6 +94,7 @@ class _Scan:
     boundary: BoolArray | None = None
     contours: Curves | None = None
     truth: Mesh | None = None
+    coarser: CoarserGrid | None = None
     annotated: str = EVERY_SLICE
     provenance: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
@@ -173,7 +176,8 @@ def structure_of_array(
         raise InputError(name, f"its values are no real numbers ({array.dtype})", "give a mask of numbers")
     volume = organ_of_labels(Volume(array, check_affine(affine, name), name), "", name)
     layers = _mask_layers(volume.data)
-    scan = _Scan(frame_of(volume, settings), **layers, annotated=annotated, warnings=volume.warnings)
+    frame, coarser = frame_of(volume, settings), volume.coarser
+    scan = _Scan(frame, **layers, coarser=coarser, annotated=annotated, warnings=volume.warnings)
     return _crop(scan, {"case": name, "organ": name, "location": name})
 
 
@@ -357,6 +361,8 @@ def _scan_of_voxels(
         rule = row.get("annotated", AUTO)
         uneven = any(volume is not None and volume.uneven for volume in (mask, image))
         layers["annotated"] = NONEMPTY if rule == AUTO and uneven else rule
+        if mask is not None and mask.shape == grid.shape and same_grid(mask.affine, grid.affine, grid.shape):
+            layers["coarser"] = mask.coarser
     return _Scan(frame_of(grid, settings), **layers, provenance=provenance, warnings=warnings)
 
 
@@ -511,8 +517,26 @@ def _on_slices(mask: BoolArray, origin: IntArray, frame: Frame, slices: IntArray
     return mask & np.expand_dims(kept, frame.in_plane_axes)
 
 
+def _on_coarser_grid(scan: _Scan, row: Mapping[str, str]) -> _Scan:
+    """Read a mask whose voxels are copies at those that they were copied from."""
+    grid, mask, frame = scan.coarser, scan.mask, scan.frame
+    refined = row.get("border") == "image"  # by pixels of the image
+    if grid is None or mask is None or scan.probability is not None or refined:
+        return scan
+    first, last, _ = _extent_of_voxels(scan)
+    if _annotation(scan, first, last, row["location"]) is not None:
+        return scan
+    a, b, c = (len(index) for index in grid.index)
+    coarse = Frame(frame.affine @ grid.affine, frame.slice_axis, (a, b, c), Grid(frame.affine, frame.shape))
+    size = " x ".join(f"{mm:.3g}" for mm in coarse.spacing)
+    note = f"the mask was copied to this grid from voxels of {size} mm; the surface is made of those"
+    image = None if scan.image is None else grid.of(scan.image)
+    return replace(scan, frame=coarse, mask=grid.of(mask), image=image, warnings=[*scan.warnings, note])
+
+
 def _crop(scan: _Scan, row: Mapping[str, str]) -> Structure:
     """Crop a scan to its organ with a margin on every side."""
+    scan = _on_coarser_grid(scan, row)
     # Beyond the slices that were drawn the organ may go on as far as their widest gap.
     frame = scan.frame
     if scan.contours is None:

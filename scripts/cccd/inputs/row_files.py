@@ -12,6 +12,7 @@ from cccd.dicom_objects import dicom_modality
 from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray
+from cccd.inputs.coarser_grid import find_coarser_grid
 from cccd.inputs.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilities, refuse_grey_values
 from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.labels import choose_labels
@@ -144,7 +145,8 @@ def read_mask(
             raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
         from cccd.inputs.dicom import read_seg  # slow to import
 
-        return read_seg(path, label, organ, image)
+        mask = read_seg(path, label, organ, image)
+        return _with_coarser_grid(mask, mask.data)
     if is_nnunet(path):
         return _field_or_mask(read_classes(path).of_organ(label, organ))
     return organ_of_labels(read_volume(path), label, organ, implied)
@@ -231,7 +233,7 @@ def _read_mask_folder(folder: Path, label: str) -> Volume:
             )
         warnings = united.warnings + volume.warnings
         united = replace(aligned, data=np.maximum(united.data, aligned.data), warnings=warnings)
-    return united
+    return united if len(names) == 1 else _with_coarser_grid(united, united.data)
 
 
 def _read_named(folder: Path, files: Mapping[str, Path], name: str) -> Volume:
@@ -265,7 +267,16 @@ def organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, 
         chosen = present
         if len(present) > 1:
             warnings = [*warnings, f"{location}: {TAKEN_TOGETHER} {_as_one_organ(names)}"]
-    return replace(volume, data=np.isin(data, chosen), warnings=volume.warnings + warnings)
+    mask = replace(volume, data=np.isin(data, chosen), warnings=volume.warnings + warnings)
+    return _with_coarser_grid(mask, data)
+
+
+def _with_coarser_grid(mask: Volume, labels: AnyArray) -> Volume:
+    """Note which grid a mask, and all labels (a, b, c) of its file, were copied from."""
+    if mask.data.dtype != bool:
+        return mask
+    spacing = np.linalg.norm(mask.affine[:3, :3], axis=0)
+    return replace(mask, coarser=find_coarser_grid(labels, spacing))
 
 
 #: So many labels are named in a message.

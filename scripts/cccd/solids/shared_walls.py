@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -164,7 +165,8 @@ def share_walls(organs: Mapping[int, Organ]) -> SharedWalls:
     InputError
         Without a mask, or where the scans' grids differ.
     """
-    structures = {label: organ.structure for label, organ in organs.items()}
+    structures = _on_one_grid({label: organ.structure for label, organ in organs.items()})
+    organs = {label: organ._replace(structure=structures[label]) for label, organ in organs.items()}
     groups = touching_groups(structures)
     frame = next(iter(structures.values())).frame
     parts = [_share_walls({label: organs[label] for label in group}, frame) for group in groups]
@@ -232,7 +234,8 @@ def touching_groups(structures: Mapping[int, Structure]) -> list[list[int]]:
         One has no mask, or their grids differ.
     """
     labels = sorted(structures)
-    voxels = _Voxels.of([structures[label] for label in labels], _common_frame(structures))
+    structures = _on_one_grid(structures)
+    voxels = _Voxels.of([structures[label] for label in labels], structures[labels[0]].frame)
     size = 2 * GROUP_VOXELS + 1
     largest = ndimage.maximum_filter(voxels.labels, size)
     # of two numbers in the window that are not 0 the smaller one: the largest of their reversed order
@@ -244,18 +247,41 @@ def touching_groups(structures: Mapping[int, Structure]) -> list[list[int]]:
     return [[labels[n] for n in np.flatnonzero(group == number)] for number in range(group.max() + 1)]
 
 
-def _common_frame(structures: Mapping[int, Structure]) -> Frame:
-    """Return the grid of voxels that all organs lie on."""
-    first, *others = structures.values()
-    for structure in (first, *others):
-        other = structure.frame
+def _on_one_grid(structures: Mapping[int, Structure]) -> dict[int, Structure]:
+    """Give the masks of one scan one grid: the coarsest of those that their voxels were copied from."""
+    first = next(iter(structures.values()))
+    for structure in structures.values():
+        file = structure.frame.of_file
         if structure.mask is None:
             raise InputError(structure.organ, "it has no mask", "walls are shared by labels of one map")
-        if other.shape != first.frame.shape or not np.allclose(other.affine, first.frame.affine, atol=1e-4):
+        if not _same(file, first.frame.of_file):
             raise InputError(
                 structure.organ, f"its grid is not that of {first.organ}", "give labels of one map"
             )
-    return first.frame
+    frame = min((structure.frame for structure in structures.values()), key=lambda one: prod(one.shape))
+    return {
+        label: structure if _same(structure.frame, frame) else _moved(structure, frame)
+        for label, structure in structures.items()
+    }
+
+
+def _same(one: Frame, other: Frame) -> bool:
+    return one.shape == other.shape and np.allclose(one.affine, other.affine, atol=1e-4)
+
+
+def _moved(structure: Structure, frame: Frame) -> Structure:
+    """Read a mask at the nearest voxels to those of another grid of the same scan."""
+    mask = np.asarray(structure.mask, bool)
+    relation = np.linalg.solve(structure.frame.affine, frame.affine)
+    ratios, shift = relation.diagonal()[:3], relation[:3, 3] - structure.origin
+    origin = np.floor(-shift / ratios).astype(np.int64)
+    index = [
+        np.rint(ratio * np.arange(first, first + np.ceil(size / ratio) + 2) + start).astype(int)
+        for ratio, start, first, size in zip(ratios, shift, origin, mask.shape, strict=True)
+    ]
+    # beyond its margin, which is background, a mask goes on
+    inside = [np.clip(along, 0, size - 1) for along, size in zip(index, mask.shape, strict=True)]
+    return replace(structure, frame=frame, origin=origin, mask=mask[np.ix_(*inside)])
 
 
 def _world_to_mm(frame: Frame) -> FloatArray:
@@ -297,9 +323,7 @@ class _Voxels:
             block = tuple(slice(a, a + n) for a, n in zip(first, mask.shape, strict=True))
             labels[block][mask] = number
         axis = frame.slice_axis
-        step = float(frame.spacing[axis])
-        ends = (axis, -step / 2, (frame.shape[axis] - 0.5) * step)
-        return cls(labels, low, frame.spacing, ends)
+        return cls(labels, low, frame.spacing, (axis, *frame.ends))
 
     def at(self, low: FloatArray, cell: float, shape: Sequence[int]) -> LabelArray:
         """Labels of the voxels in which the nodes of a block (A, B, C) of a grid lie."""

@@ -57,6 +57,8 @@ class Run:
         Half the distance between the scan's slices in mm: how far what it cuts reaches beyond its last slice.
     scan_range : (float, float)
         Heights in mm of the volume's first and last slice: an organ that reaches them was cut by the scan.
+    overhang : (float, float)
+        How much less that is in mm, below and above, where the file's own grid ends before.
     """
 
     fields: Sequence[LevelField]
@@ -64,6 +66,7 @@ class Run:
     step: float
     half_step: float
     scan_range: tuple[float, float]
+    overhang: tuple[float, float]
 
     @property
     def fields_of_slices(self) -> list[LevelField]:
@@ -126,8 +129,12 @@ class SliceStack:
         first, last = self.runs[0], self.runs[-1]
         low, high = first.fields_of_slices[0].z, last.fields_of_slices[-1].z
         return (
-            low - first.half_step if abs(low - first.scan_range[0]) < first.half_step else -np.inf,
-            high + last.half_step if abs(high - last.scan_range[1]) < last.half_step else np.inf,
+            low - first.half_step + first.overhang[0]
+            if abs(low - first.scan_range[0]) < first.half_step
+            else -np.inf,
+            high + last.half_step - last.overhang[1]
+            if abs(high - last.scan_range[1]) < last.half_step
+            else np.inf,
         )
 
     def plane_to_world(self, frame: Frame) -> FloatArray:
@@ -188,6 +195,11 @@ def interpolate_slices(outlines: Outlines, sections: Sections, settings: LoftSet
     step = every * frame.slice_spacing
     scan_range = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
     half_step = (step if annotation is None else frame.slice_spacing) / 2
+    low_face, high_face = frame.ends
+    overhang = (
+        low_face - (scan_range[0] - frame.slice_spacing / 2),
+        scan_range[1] + frame.slice_spacing / 2 - high_face,
+    )
     breaks = (
         np.flatnonzero(gaps > every * settings.bridge_slices) + 1 if annotation is None else np.array([], int)
     )
@@ -213,13 +225,16 @@ def interpolate_slices(outlines: Outlines, sections: Sections, settings: LoftSet
             below = [level for level in rounded if level.z < fields[0].z]
             above = [level for level in rounded if level.z > fields[-1].z]
             fields, warnings = shape_undrawn([*below, *fields, *above], guides, frame)
-        runs.append(Run(fields, spacing, step, half_step, scan_range))
+        runs.append(Run(fields, spacing, step, half_step, scan_range, overhang))
     if not np.any(distance < 0):
         raise InputError(
             "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"
         )
     voxel, voxel_faces = np.array([step, *spacing]), _voxel_faces(distance < 0)
-    volume = _volume(slices, _areas(outlines, slices), frame.slice_spacing, step, breaks)
+    areas = _areas(outlines, slices)
+    volume = _volume(slices, areas, frame.slice_spacing, step, breaks)
+    at_ends = np.array([slices[0] == 0, slices[-1] == frame.shape[frame.slice_axis] - 1])
+    volume -= float(areas[[0, -1]] @ (at_ends * overhang))
     widest = settings.bridge_slices * step + pixel
     smallest = settings.smallest_part_voxels * float(voxel.prod())
     run_on = RUN_ON_PIXELS * pixel

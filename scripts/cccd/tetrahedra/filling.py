@@ -345,6 +345,7 @@ def _bounding_sides(tetrahedra: IntArray, regions: IntArray) -> tuple[IntArray, 
 
 def _at_the_end_of(frame: Frame, corners: FloatArray) -> BoolArray:
     """Whether triangles (T, 3, 3) lie on a side of the scan's box, and face its way."""
+    frame = frame.of_file
     inverse = np.linalg.inv(frame.affine)
     index = corners @ inverse[:3, :3].T + inverse[:3, 3]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
