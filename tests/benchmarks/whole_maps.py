@@ -34,8 +34,8 @@ from cccd.containers import Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.geometry.raster import voxelise  # noqa: E402
 from cccd.metrics import surface_distances  # noqa: E402
-from cccd.solids.shared_walls import Organ, SharedWalls, share_walls  # noqa: E402
-from cccd.surface.measure import mask_surface  # noqa: E402
+from cccd.solids.shared_walls import Organ, SharedWalls, on_one_grid, share_walls  # noqa: E402
+from cccd.surface.measure import mask_surface, voxel_volume  # noqa: E402
 
 BRAIN = ROOT.parent / "shared" / "data" / "brain_tcga_du7294" / "mask_brain.nii.gz"
 PARCELS = 29
@@ -77,10 +77,11 @@ def organs_of(path: Path) -> dict[int, Organ]:
 
 def overlap_and_gap(meshes: Mapping[int, Mesh], organs: Mapping[int, Organ]) -> tuple[float, float]:
     """Volumes in ml that lie in two organs, and between organs in none."""
-    frame = next(iter(organs.values())).structure.frame
+    structures = on_one_grid({label: organ.structure for label, organ in organs.items()}).values()
+    frame = next(iter(structures)).frame
     labels = np.zeros(frame.shape, bool)
-    for organ in organs.values():
-        labels |= whole(organ.structure)
+    for structure in structures:
+        labels |= whole(structure)
     halves = np.diag([0.5, 0.5, 0.5, 1.0])
     halves[:3, 3] = -0.25  # the first two lie in the first voxel
     affine = frame.affine @ halves
@@ -100,10 +101,6 @@ def whole(structure: Structure) -> np.ndarray:
     index = np.argwhere(structure.mask) + structure.origin
     found[tuple(index.T)] = True
     return found
-
-
-def voxel_volume(structure: Structure) -> float:
-    return float(np.count_nonzero(structure.mask) * np.prod(structure.frame.spacing))
 
 
 def distance(mesh: Mesh, truth: Mesh) -> float:

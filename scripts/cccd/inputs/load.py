@@ -524,14 +524,16 @@ def _on_coarser_grid(scan: _Scan, row: Mapping[str, str]) -> _Scan:
     if grid is None or mask is None or scan.probability is not None or refined:
         return scan
     first, last, _ = _extent_of_voxels(scan)
-    if _annotation(scan, first, last, row["location"]) is not None:
+    coarse_mask = grid.of(mask)
+    in_slices = int(coarse_mask.any(axis=frame.in_plane_axes).sum())
+    if in_slices < MIN_SLICES or _annotation(scan, first, last, row["location"]) is not None:
         return scan
     a, b, c = (len(index) for index in grid.index)
     coarse = Frame(frame.affine @ grid.affine, frame.slice_axis, (a, b, c), Grid(frame.affine, frame.shape))
     size = " x ".join(f"{mm:.3g}" for mm in coarse.spacing)
     note = f"the mask was copied to this grid from voxels of {size} mm; the surface is made of those"
     image = None if scan.image is None else grid.of(scan.image)
-    return replace(scan, frame=coarse, mask=grid.of(mask), image=image, warnings=[*scan.warnings, note])
+    return replace(scan, frame=coarse, mask=coarse_mask, image=image, warnings=[*scan.warnings, note])
 
 
 def _crop(scan: _Scan, row: Mapping[str, str]) -> Structure:

@@ -33,7 +33,15 @@ from cccd.inputs.annotation import with_undrawn_filled
 from cccd.solids.seams import seam_weights
 from cccd.store import read_structure
 
-__all__ = ["Organ", "SharedWalls", "read_organs", "share_walls", "surface_of", "touching_groups"]
+__all__ = [
+    "Organ",
+    "SharedWalls",
+    "on_one_grid",
+    "read_organs",
+    "share_walls",
+    "surface_of",
+    "touching_groups",
+]
 
 #: Distances to an organ's surface are kept up to so many cells to either side of it.
 BAND_CELLS = 2.0
@@ -165,7 +173,7 @@ def share_walls(organs: Mapping[int, Organ]) -> SharedWalls:
     InputError
         Without a mask, or where the scans' grids differ.
     """
-    structures = _on_one_grid({label: organ.structure for label, organ in organs.items()})
+    structures = on_one_grid({label: organ.structure for label, organ in organs.items()})
     organs = {label: organ._replace(structure=structures[label]) for label, organ in organs.items()}
     groups = touching_groups(structures)
     frame = next(iter(structures.values())).frame
@@ -234,7 +242,7 @@ def touching_groups(structures: Mapping[int, Structure]) -> list[list[int]]:
         One has no mask, or their grids differ.
     """
     labels = sorted(structures)
-    structures = _on_one_grid(structures)
+    structures = on_one_grid(structures)
     voxels = _Voxels.of([structures[label] for label in labels], structures[labels[0]].frame)
     size = 2 * GROUP_VOXELS + 1
     largest = ndimage.maximum_filter(voxels.labels, size)
@@ -247,8 +255,19 @@ def touching_groups(structures: Mapping[int, Structure]) -> list[list[int]]:
     return [[labels[n] for n in np.flatnonzero(group == number)] for number in range(group.max() + 1)]
 
 
-def _on_one_grid(structures: Mapping[int, Structure]) -> dict[int, Structure]:
-    """Give the masks of one scan one grid: the coarsest of those that their voxels were copied from."""
+def on_one_grid(structures: Mapping[int, Structure]) -> dict[int, Structure]:
+    """Give the masks of one scan one grid: the coarsest of those that their voxels were copied from.
+
+    Parameters
+    ----------
+    structures : mapping of int to Structure
+        By label.
+
+    Raises
+    ------
+    InputError
+        One has no mask, or they are of several scans.
+    """
     first = next(iter(structures.values()))
     for structure in structures.values():
         file = structure.frame.of_file

@@ -30,6 +30,7 @@ __all__ = [
     "volume_warnings",
     "voxel_dice",
     "voxel_surface",
+    "voxel_volume",
 ]
 
 #: Points on each of two surfaces by which their distances are measured.
@@ -40,7 +41,22 @@ def mask_surface(structure: Structure) -> Mesh:
     """Marching cubes at one half on the mask of a structure that has one, in mm RAS."""
     if structure.mask is None:
         raise ValueError("the structure has no mask")
-    return voxel_surface(structure.mask, structure.frame.affine, structure.origin)
+    frame = structure.frame
+    mesh = voxel_surface(structure.mask, frame.affine, structure.origin)
+    if frame.copied_to is None:
+        return mesh
+    height = (mesh.vertices - frame.affine[:3, 3]) @ frame.normal
+    beyond = height - np.clip(height, *frame.ends)
+    return Mesh(mesh.vertices - beyond[:, None] * frame.normal, mesh.faces)
+
+
+def voxel_volume(structure: Structure) -> float:
+    """Volume in mm^3 of the voxels of a structure's mask, as far as they lie within the file's grid."""
+    frame, counts = structure.frame, np.count_nonzero(structure.required_stack("mask"), axis=(1, 2))
+    if frame.copied_to is None:
+        return float(counts.sum() * np.prod(frame.spacing))
+    faces = (np.arange(len(counts) + 1) + int(structure.stack_origin[0]) - 0.5) * frame.slice_spacing
+    return float(counts @ np.diff(np.clip(faces, *frame.ends)) * np.prod(frame.pixel_spacing))
 
 
 def voxel_surface(mask: BoolArray, affine: FloatArray, origin: RealArray) -> Mesh:
@@ -64,8 +80,7 @@ class Reference(NamedTuple):
         """Take it from a structure that has a mask or a truth."""
         if structure.truth is not None:
             return cls(structure.truth, structure.truth.volume)
-        voxel = float(np.prod(structure.frame.spacing))
-        return cls(mask_surface(structure), np.count_nonzero(structure.required_stack("mask")) * voxel)
+        return cls(mask_surface(structure), voxel_volume(structure))
 
 
 def measure_mesh(
