@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cccd.geometry.arrays import AnyArray, FloatArray, IntArray
+from cccd.geometry.arrays import AnyArray, FloatArray, IntArray, SingleArray
 
 __all__ = ["CoarserGrid", "find_coarser_grid"]
 
@@ -55,6 +55,16 @@ class CoarserGrid:
     def of(self, array: AnyArray) -> AnyArray:
         """Read an array (a, b, c) on the mask's grid at the coarser grid's voxels."""
         return array[np.ix_(*self.index)]
+
+    def mean_of(self, image: SingleArray) -> SingleArray:
+        """Average grey values (a, b, c) on the mask's grid over each voxel of the coarser grid."""
+        for axis, index in enumerate(self.index):
+            middle = self.affine[axis, 3] + self.affine[axis, axis] * np.arange(len(index))
+            first = np.ceil(middle - self.affine[axis, axis] / 2).clip(0, index).astype(np.int64)
+            counts = np.diff([*first, image.shape[axis]])
+            sums = np.add.reduceat(image, first, axis, np.float64)
+            image = np.float32(sums / np.expand_dims(counts, [other for other in range(3) if other != axis]))
+        return image
 
 
 @dataclass(frozen=True)

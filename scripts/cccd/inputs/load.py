@@ -20,7 +20,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
-from cccd.inputs.coarser_grid import CoarserGrid
+from cccd.inputs.coarser_grid import CoarserGrid, find_coarser_grid
 from cccd.inputs.degraded import BIAS, EVERY, NOISE, damage_maps, rescan
 from cccd.inputs.drawn_contours import assemble_contours, contour_frame
 from cccd.inputs.grey_values import image_without_mask
@@ -361,9 +361,16 @@ def _scan_of_voxels(
         rule = row.get("annotated", AUTO)
         uneven = any(volume is not None and volume.uneven for volume in (mask, image))
         layers["annotated"] = NONEMPTY if rule == AUTO and uneven else rule
-        if mask is not None and mask.shape == grid.shape and same_grid(mask.affine, grid.affine, grid.shape):
-            layers["coarser"] = mask.coarser
+        if mask is not None:
+            layers["coarser"] = _coarser(mask, layers["mask"], grid)
     return _Scan(frame_of(grid, settings), **layers, provenance=provenance, warnings=warnings)
+
+
+def _coarser(mask: Volume, moved: AnyArray, grid: Volume) -> CoarserGrid | None:
+    """Give the voxels that a mask was copied from, where it was moved to the grid of its image."""
+    if mask.coarser is None or (mask.shape == grid.shape and same_grid(mask.affine, grid.affine, grid.shape)):
+        return mask.coarser
+    return find_coarser_grid(moved, np.linalg.norm(grid.affine[:3, :3], axis=0))
 
 
 def _mask_layers(mask: AnyArray) -> dict[str, Any]:
@@ -532,7 +539,7 @@ def _on_coarser_grid(scan: _Scan, row: Mapping[str, str]) -> _Scan:
     coarse = Frame(frame.affine @ grid.affine, frame.slice_axis, (a, b, c), Grid(frame.affine, frame.shape))
     size = " x ".join(f"{mm:.3g}" for mm in coarse.spacing)
     note = f"the mask was copied to this grid from voxels of {size} mm; the surface is made of those"
-    image = None if scan.image is None else grid.of(scan.image)
+    image = None if scan.image is None else grid.mean_of(scan.image)
     return replace(scan, frame=coarse, mask=coarse_mask, image=image, warnings=[*scan.warnings, note])
 
 

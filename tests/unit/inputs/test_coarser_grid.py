@@ -140,6 +140,27 @@ def test_all_labels_of_a_file_get_the_grid_that_the_file_was_copied_from(tmp_pat
     np.testing.assert_array_equal(one.frame.affine, two.frame.affine)
 
 
+def test_grey_values_are_averaged_over_the_voxels_that_were_copied(tmp_path):
+    mask, _ = ball(VOXEL)
+    places = np.moveaxis(np.indices(np.array(mask.shape) * 3), 0, -1)
+    grey = (places @ (1.0, 2.0, -0.5)).astype(np.float32)
+    fine = np.kron(mask, np.ones((3, 3, 3))).astype(np.uint8)
+    write_nifti(tmp_path / "mask.nii.gz", np.flip(fine, 1), np.eye(4))
+    write_nifti(tmp_path / "image.nii.gz", grey, np.diag([1.0, -1.0, 1.0, 1.0]) @ shifted(fine.shape[1] - 1))
+    structure = load_structure(row(mask="mask.nii.gz", image="image.nii.gz"), tmp_path, import_settings())
+    assert structure.frame.copied_to.shape == grey.shape
+    centres = 3 * (np.moveaxis(np.indices(structure.image.shape), 0, -1) + structure.origin) + 1
+    inside = structure.mask
+    np.testing.assert_allclose(structure.image[inside], (centres @ (1.0, 2.0, -0.5))[inside], rtol=1e-5)
+
+
+def shifted(last):
+    """Affine of an axis that starts at its last voxel."""
+    affine = np.eye(4)
+    affine[1, 3] = -last
+    return affine
+
+
 def test_drawn_slices_are_no_copies():
     mask, affine = ball(1.0)
     mask[:, :, np.arange(mask.shape[2]) % 4 > 0] = False
