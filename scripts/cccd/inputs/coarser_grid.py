@@ -63,7 +63,9 @@ class CoarserGrid:
             first = np.ceil(middle - self.affine[axis, axis] / 2).clip(0, index).astype(np.int64)
             counts = np.diff([*first, image.shape[axis]])
             sums = np.add.reduceat(image, first, axis, np.float64)
-            image = np.float32(sums / np.expand_dims(counts, [other for other in range(3) if other != axis]))
+            image = (sums / np.expand_dims(counts, [other for other in range(3) if other != axis])).astype(
+                np.float32
+            )
         return image
 
 
