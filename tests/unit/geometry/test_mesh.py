@@ -22,10 +22,8 @@ def test_volume_area_and_bending_of_a_sphere():
     assert mesh.reversed().volume < 0
     assert mesh.area == pytest.approx(4 * np.pi * 100, rel=5e-3)
     assert mesh.curvature_per_area == pytest.approx(2 / 10, rel=1e-3)
-    # k1 = k2 = 1 / R: the integrand is 2 / R^2 everywhere.
-    assert mesh.bending_per_area == pytest.approx(
-        2 / 100, rel=0.035
-    )  # 3.2 % too much: its triangles are not alike
+    # k1 = k2 = 1 / R: the integrand is 2 / R^2 everywhere; 3.2 % more, as triangles are not alike
+    assert mesh.bending_per_area == pytest.approx(2 / 100, rel=0.035)
 
 
 @pytest.mark.parametrize("scale", [0.5, 3.0])
@@ -180,9 +178,7 @@ def test_a_low_pass_takes_ripples_off_a_ball_and_keeps_its_volume():
     smooth = rough.low_passed(0.05, 30)
     assert smooth.volume == pytest.approx(4 / 3 * np.pi * 0.8**3, rel=4e-3)
     assert np.linalg.norm(smooth.vertices, axis=1).std() < 0.3 * np.linalg.norm(rough.vertices, axis=1).std()
-    assert smooth.curvature_per_area == pytest.approx(
-        2 / 0.8, rel=0.3
-    )  # of the ball; that of the ripples is 8 times it
+    assert smooth.curvature_per_area == pytest.approx(2 / 0.8, rel=0.3)  # the ripples' is eight times it
     assert smooth.is_closed_manifold
 
 
