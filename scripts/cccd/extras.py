@@ -10,6 +10,7 @@ from cccd.errors import InputError
 
 __all__ = ["EXTRAS", "MESHER_EXTRAS", "check_extra", "how_to_install", "missing_extra", "needing"]
 
+_NRRD = ("SimpleITK",)
 _VIEW = ("pyvista",)
 _REPORT = (*_VIEW, "matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification")
 
@@ -17,18 +18,19 @@ _REPORT = (*_VIEW, "matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_
 #: nobody says what a module was needed for, the first extra that brings it is named.
 EXTRAS: dict[str, tuple[str, ...]] = {
     "dicom": ("pydicom", "highdicom"),
+    "nrrd": _NRRD,
     "view": _VIEW,
     "report": _REPORT,
-    "gnn": ("torch", "torch_geometric", "pandas"),
+    "gnn": (*_NRRD, "torch", "torch_geometric", "pandas"),
     "segment": ("monai", "torch", "pandas", "matplotlib"),
-    "comparisons": (*_REPORT, "itk", "open3d"),
+    "comparisons": (*_NRRD, *_REPORT, "itk", "open3d"),
     "s3": ("boto3", "botocore"),
     "cad": (*_VIEW, "OCP"),
     "fe": (*_VIEW, "pytetwild"),
     "print": (*_VIEW, "lib3mf"),
     "usd": ("pxr",),
     "zarr": ("zarr",),
-    "run": (*_REPORT, "snakemake", "jsonschema", "nilearn"),
+    "run": (*_NRRD, *_REPORT, "snakemake", "jsonschema", "nilearn"),
 }
 
 #: The extra that each mesher of tetrahedra needs; gmsh is a program.

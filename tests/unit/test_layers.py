@@ -177,23 +177,31 @@ def test_a_job_calls_the_packages_alone():
         ), script.name
 
 
+#: Neither the other packages are there, nor what any extra brings.
 ALONE = """
-import numpy as np, cccd
+import sys, nibabel, numpy as np
+from cccd.extras import EXTRAS
+sys.modules.update(dict.fromkeys(sum(EXTRAS.values(), ())))
+import cccd
+from cccd.cli import main
 from cccd.additions import packages
 from cccd.report.registry import items
 from cccd.settings.validation import validate_config
 assert len(packages()) == 1
 ball = np.indices((20, 20, 20)).astype(float) - 10
-surface = cccd.reconstruct(np.hypot(np.hypot(*ball[:2]), ball[2]) <= 7, np.eye(4))
+mask = np.hypot(np.hypot(*ball[:2]), ball[2]) <= 7
+nibabel.save(nibabel.Nifti1Image(mask.astype(np.uint8), np.eye(4)), "ball.nii.gz")
+names = ["ball.stl", "ball.ply", "ball.obj", "ball.glb", "ball.gii", "filled.nii.gz"]
+assert main(["surface", "ball.nii.gz", *(word for name in names for word in ("-o", name))]) == 0
+surface = cccd.reconstruct(mask, np.eye(4))
 assert 1300 < surface.mesh.volume < 1550
-surface.write("ball.stl")
 assert [item.key for item in items()] == ["structures", "distances"]
 assert not hasattr(validate_config({}), "comparisons")
 """
 
 
-def test_the_product_makes_a_surface_of_a_mask_without_the_others(tmp_path):
+def test_the_product_makes_a_surface_of_a_mask_without_the_others_and_without_extras(tmp_path):
     shutil.copytree(SCRIPTS / "cccd", tmp_path / "cccd")  # with what Numba compiled
     run = subprocess.run([sys.executable, "-c", ALONE], cwd=tmp_path, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
-    assert (tmp_path / "ball.stl").is_file()
+    assert {path.suffix for path in tmp_path.iterdir()} >= {".stl", ".ply", ".obj", ".glb", ".gii"}

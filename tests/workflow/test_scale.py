@@ -3,10 +3,11 @@
 import subprocess
 import sys
 
-MEGABYTES = 1000
-#: A job's planning costs at most so many times that of a bare one (2.7 measured). Seconds by themselves say
+#: 524 measured; Snakemake keeps some 20 KB of each job.
+MEGABYTES = 600
+#: A job's planning costs at most so many times that of a bare one (1.9 measured). Seconds by themselves say
 #: little: 0.1 took 22 of the processor on one machine and 38 on another.
-TIMES_BARE = 3.5
+TIMES_BARE = 2.3
 
 #: Fourteen rules in a row for each of a thousand structures: the peer, planned in the same run.
 BARE = """

@@ -17,6 +17,7 @@ from cccd.cohort import IMAGES_ALONE, complete_row
 from cccd.containers import Annotation, Curves, Frame, Grid, Structure
 from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError
+from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
@@ -398,7 +399,8 @@ def _grow_organ(image: Volume, seed: str, settings: ImportSettings) -> tuple[Vol
     """Grow the organ from where a seed says that it is: a rough mask, and what it was grown from."""
     seeds = parse_seeds(seed, image.location)
     spacing = np.linalg.norm(image.affine[:3, :3], axis=0)
-    grown = grow_region(image.data, spacing, seeds, _slice_axis(image, settings), image.location)
+    with needing(image.location, "gnn"):  # its boundary is ordered by the network anyway
+        grown = grow_region(image.data, spacing, seeds, _slice_axis(image, settings), image.location)
     tissue = [round(grown.low, 4), round(grown.high, 4)]
     note = (
         f"{image.location}: no mask; the organ is grown from seed {'; '.join(map(str, seeds))}: "

@@ -22,6 +22,7 @@ _NEEDS = {
     "adopt_gnn": "gnn",
     "evaluate_gnn": "gnn",
     "train_segmenter": "segment",
+    "build_scene": "nrrd",
     "export_solid": "cad",
     "export_scene": "cad",
     "render_surface": "view",

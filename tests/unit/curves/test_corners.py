@@ -88,7 +88,7 @@ def test_detectors_find_a_rectangle_s_corners_wherever_it_starts(name):
         moved = np.roll(points, -shift, axis=0)
         found = DETECTORS[name](moved, np.array([0, len(points)]))
         for vertex in points[vertices]:
-            assert np.linalg.norm(moved[found] - vertex, axis=1).min() <= 2
+            assert np.linalg.norm(moved[found] - vertex, axis=1).min() == 0
 
 
 @pytest.mark.parametrize("name", [name for name in DETECTORS if name != "k-cosine"])
@@ -96,7 +96,7 @@ def test_detectors_leave_straight_sides_alone(name):
     points, vertices = rectangle(40, 60)
     found = DETECTORS[name](points, np.array([0, len(points)]))
     away = np.linalg.norm(points[found][:, None] - points[vertices][None], axis=2).min(axis=1)
-    assert away.max() <= 8
+    assert away.max() == 0
 
 
 @pytest.mark.parametrize("name", DETECTORS)

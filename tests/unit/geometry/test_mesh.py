@@ -21,9 +21,9 @@ def test_volume_area_and_bending_of_a_sphere():
     assert mesh.volume == pytest.approx(4 / 3 * np.pi * 1000, rel=5e-3)
     assert mesh.reversed().volume < 0
     assert mesh.area == pytest.approx(4 * np.pi * 100, rel=5e-3)
-    assert mesh.curvature_per_area == pytest.approx(2 / 10, rel=0.02)
-    # k1 = k2 = 1 / R: the integrand is 2 / R^2 everywhere.
-    assert mesh.bending_per_area == pytest.approx(2 / 100, rel=0.1)
+    assert mesh.curvature_per_area == pytest.approx(2 / 10, rel=1e-3)
+    # k1 = k2 = 1 / R: the integrand is 2 / R^2 everywhere; 3.2 % more, as triangles are not alike
+    assert mesh.bending_per_area == pytest.approx(2 / 100, rel=0.035)
 
 
 @pytest.mark.parametrize("scale", [0.5, 3.0])
@@ -137,8 +137,8 @@ def test_simplified_keeps_size_and_volume():
     mesh = sphere(10, subdivisions=5)
     small = mesh.simplified(3000)
     assert 500 < len(small.faces) <= 3000
-    assert small.volume == pytest.approx(mesh.volume, rel=0.01)
-    np.testing.assert_allclose(np.ptp(small.vertices, axis=0), 20, atol=1.0)
+    assert small.volume == pytest.approx(mesh.volume, rel=2e-3)
+    np.testing.assert_allclose(np.ptp(small.vertices, axis=0), 20, atol=0.01)
     assert mesh.simplified(len(mesh.faces)) is mesh
 
 
@@ -176,9 +176,9 @@ def test_a_low_pass_takes_ripples_off_a_ball_and_keeps_its_volume():
     rng = np.random.default_rng(0)
     rough = Mesh(ball.vertices * (1 + 0.004 * rng.standard_normal((len(ball.vertices), 1))), ball.faces)
     smooth = rough.low_passed(0.05, 30)
-    assert smooth.volume == pytest.approx(4 / 3 * np.pi * 0.8**3, rel=0.01)
+    assert smooth.volume == pytest.approx(4 / 3 * np.pi * 0.8**3, rel=4e-3)
     assert np.linalg.norm(smooth.vertices, axis=1).std() < 0.3 * np.linalg.norm(rough.vertices, axis=1).std()
-    assert smooth.curvature_per_area < 0.6 * rough.curvature_per_area
+    assert smooth.curvature_per_area == pytest.approx(2 / 0.8, rel=0.3)  # the ripples' is eight times it
     assert smooth.is_closed_manifold
 
 
@@ -199,5 +199,5 @@ def test_averaging_spreads_a_value_by_half_an_edge_each_time():
     edge = np.sqrt(4 / np.sqrt(3) * ball.area / len(ball.faces))
     square = ((ball.vertices - ball.vertices[start]) ** 2).sum(axis=1)
     assert np.sqrt((weight * square).sum() / weight.sum() / 2) == pytest.approx(
-        0.5 * edge * np.sqrt(40), rel=0.1
+        0.5 * edge * np.sqrt(40), rel=0.01
     )

@@ -170,7 +170,7 @@ def test_bronchi_are_one_tree_that_grows_thinner_and_branches_downwards(case):
     slices = [part for part in airways.stack("mask") if part.any()]
     counts = [ndimage.label(part)[1] for part in slices]
     assert counts[-10] == 1  # the trachea, below its upper end
-    assert slices[-10].sum() == pytest.approx(np.pi * 8**2, rel=0.25)
+    assert slices[-10].sum() == pytest.approx(np.pi * 8**2, rel=0.2)
     assert max(counts) > 8
 
 

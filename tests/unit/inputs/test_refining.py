@@ -46,7 +46,7 @@ def off(probability):
 def test_the_border_moves_to_the_edge_below_the_pixel(inside, outside):
     found = refine_border(scan(inside, outside), rough(), 2)
     assert off(rough()) > 0.6
-    assert off(found) < 0.2
+    assert off(found) < 0.1
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -59,7 +59,7 @@ def test_slices_lie_along_any_axis(axis):
 def test_where_the_image_shows_nothing_the_mask_stays():
     mask = rough()
     found = refine_border(scan(50, 50), mask, 2) >= 0.5
-    assert dice(found, mask) > 0.99
+    assert dice(found, mask) == 1
     flat = np.full(mask.shape, 7, np.float32)
     assert np.array_equal(refine_border(flat, mask, 2) >= 0.5, mask)
 
@@ -67,7 +67,7 @@ def test_where_the_image_shows_nothing_the_mask_stays():
 def test_an_edge_that_is_further_away_is_another_organ_s():
     mask = stack(np.hypot(I_, J_) < RADIUS - 6)
     found = refine_border(scan(), mask, 2) >= 0.5
-    assert dice(found, mask) > 0.99
+    assert dice(found, mask) == 1
 
 
 def test_probabilities_are_the_evidence_where_the_image_has_none():
@@ -93,8 +93,7 @@ def test_a_row_asks_for_it(folder):
     truth = crop(frame, moved.origin, moved.origin + moved.mask.shape - 1)
     beyond = ~crop(np.ones(frame.shape, bool), moved.origin, moved.origin + moved.mask.shape - 1)
     truth &= ~beyond
-    before, after = (dice(one.mask & ~beyond, truth) for one in (given, moved))
-    assert after > before + 0.01
+    assert dice(moved.mask & ~beyond, truth) > 0.997
     assert beyond.any()
     assert not moved.probability[beyond].any()
 

@@ -76,4 +76,4 @@ def test_memory_grows_with_the_number_of_links():
     small, large = build_graph(ring(50)), build_graph(ring(400))
     per_link = [graph.nbytes / len(graph.links) for graph in (small, large)]
     assert len(large.links) > 7 * len(small.links)
-    assert per_link[1] == pytest.approx(per_link[0], rel=0.1)
+    assert per_link[1] == pytest.approx(per_link[0], rel=0.01)

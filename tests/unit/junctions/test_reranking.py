@@ -112,7 +112,7 @@ def test_shipped_weights_are_those_that_are_named():
     assert hashlib.sha256(WEIGHTS.read_bytes()).hexdigest() == WEIGHTS_SHA256
 
 
-def test_more_maps_are_right_with_it_than_without():
+def test_four_of_five_damaged_maps_are_read_without_a_mistake():
     model = load_model(SHIPPED)
     rng = np.random.default_rng(77)
     maps = [draw_map(rng, kind, 2.0) for kind in ("pinch", "gaps", "double", "thick") for _ in range(25)]
@@ -122,14 +122,12 @@ def test_more_maps_are_right_with_it_than_without():
         for n in range(0, len(slices), SLICES_PER_BATCH)
         for one in read_slices(slices[n : n + SLICES_PER_BATCH], model)
     ]
-    right = {}
-    for rerank in (False, True):
-        labelled = label_slices(read, 2 * np.arange(len(read)), rerank=rerank)
-        right[rerank] = sum(
-            score_labels(one.graph, found.inside, drawn.contours).correct
-            for one, found, drawn in zip(read, labelled, maps, strict=True)
-        )
-    assert right[True] > right[False]
+    labelled = label_slices(read, 2 * np.arange(len(read)))
+    right = [
+        score_labels(one.graph, found.inside, drawn.contours).correct
+        for one, found, drawn in zip(read, labelled, maps, strict=True)
+    ]
+    assert np.mean(right) >= 0.8
 
 
 def test_training_finds_what_tells_right_from_wrong_and_its_file_comes_back(tmp_path):

@@ -242,6 +242,7 @@ def test_memory_grows_with_inputs_and_attempts():
         ("export_solid", {"case": "a", "organ": "ball", "solid_format": "step"}, "cad"),
         ("export_solid", {"case": "a", "organ": "ball", "solid_format": "msh"}, "fe"),
         ("fill_case", {"case": "a"}, "fe"),
+        ("build_scene", {"case": "a"}, "nrrd"),
         ("segment_structure", {"case": "c", "organ": "ball"}, None),
         ("build_report", {}, "report"),
     ],

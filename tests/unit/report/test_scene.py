@@ -48,7 +48,7 @@ def test_meshes_and_net_share_the_world(folder):
     k = np.repeat(arrays["curve_slice"].ravel(), np.diff(arrays["curve_offsets"].ravel()))
     curve = np.column_stack([pixels, k, np.ones(len(k))]) @ np.array(meta["stack_affine"]).T
     np.testing.assert_allclose(
-        (curve[:, :3].min(axis=0) + curve[:, :3].max(axis=0)) / 2, centres["surface"], atol=2.5
+        (curve[:, :3].min(axis=0) + curve[:, :3].max(axis=0)) / 2, centres["surface"], atol=0.5
     )
     assert len(arrays["surface_faces"]) <= 4000
     assert any("Simplified" in note for note in scene.notes)
@@ -87,7 +87,7 @@ def test_the_bands_lines_lie_as_far_from_the_surface_as_the_band_says(folder):
         k = np.repeat(arrays[f"{side}_slice"].ravel(), np.diff(arrays[f"{side}_offsets"].ravel()))
         points = np.column_stack([pixels, k, np.ones(len(k))]) @ np.array(meta["stack_affine"]).T
         away = to_mesh(points[:, :3], surface)
-        np.testing.assert_allclose(away, sign * BAND[side], atol=0.15)  # mm; the sphere has 5000 triangles
+        np.testing.assert_allclose(away, sign * BAND[side], atol=0.06)  # mm; the sphere has 5000 triangles
         middle = {k for k in drawn if min(drawn) + 2 < k < max(drawn) - 2}
         assert middle <= set(k.tolist()) <= drawn
     legend = next(one for one in build_scene(StructureFiles(folder)).legends if one.name == "band")

@@ -160,7 +160,7 @@ def test_organs_that_touch_in_an_edge_or_a_corner_only_stay_closed(shift):
 def test_a_spinal_cord_in_its_vertebra():
     """Two labels of TotalSegmentator, one around the other, cut by the scan at both ends."""
     image = load(REAL)
-    whole = np.asarray(image.dataobj)
+    whole = np.asarray(image.dataobj)[:, :, :10]
     labels = np.where(whole == 32, 1, np.where(whole == 79, 2, 0))
     organs = organs_of(labels, image.affine)
     shared = share_walls(organs)

@@ -81,8 +81,7 @@ def test_a_csl_file_becomes_a_surface(tmp_path, monkeypatch, capsys):
     write_csl(tmp_path / "egg.csl", SLANTED)
     assert main(["surface", "egg.csl", "-o", "egg.stl"]) == 0
     assert " ml" in capsys.readouterr().out
-    surface = cccd.smooth_mesh("egg.csl")
-    assert surface.volume == pytest.approx(egg().volume, rel=0.03)
+    assert trimesh.load("egg.stl").volume == pytest.approx(egg().volume, rel=0.03)
     write_csl(tmp_path / "parallel.csl", cut(egg(), [(0, 0, 1)], np.arange(-25.5, 26, 1.5)))
     assert cccd.smooth_mesh("parallel.csl").volume == pytest.approx(egg().volume, rel=0.01)
     (tmp_path / "broken.csl").write_text("CSLC\n3 2\n")

@@ -29,11 +29,11 @@ def test_outlines_enclose_the_area_of_their_pixels(radius):
     mask = disc(radius)
     outlines = lofted_outlines(Sections(curves_of(mask)), LoftSettings())
     assert outlines.of_pixels
-    assert outlines.outwards == pytest.approx(0.5, abs=0.1)
+    assert outlines.outwards == pytest.approx(0.5, abs=0.03)
     _, distance, _ = distance_fields(outlines)
-    # the area of the zero contour, by a tenth of a pixel's share of each pixel
+    # the area of the zero contour, by each pixel's share
     share = np.clip(0.5 - distance[2], 0, 1).sum()
-    assert share == pytest.approx(mask[:, :, 2].sum(), rel=0.01, abs=1)
+    assert share == pytest.approx(mask[:, :, 2].sum(), abs=1)
     assert outlines.areas == pytest.approx(mask.sum(axis=(0, 1)), rel=1e-9)
 
 
@@ -48,22 +48,20 @@ def test_a_hole_closes_as_much_as_its_outline_opens():
     mask = disc(30) & ~disc(12.2)
     curves = curves_of(mask)
     outlines = lofted_outlines(Sections(curves), LoftSettings())
-    assert np.all(outlines.outwards > 0.4)
+    assert outlines.outwards == pytest.approx(0.5, abs=0.03)
     _, distance, _ = distance_fields(outlines)
-    assert np.clip(0.5 - distance[2], 0, 1).sum() == pytest.approx(mask[:, :, 2].sum(), rel=0.01)
+    assert np.clip(0.5 - distance[2], 0, 1).sum() == pytest.approx(mask[:, :, 2].sum(), abs=1)
 
 
-def test_distances_of_a_disc_are_nearer_to_the_circle_than_its_pixels():
+def test_distances_of_a_disc_are_those_to_its_circle():
     radius, centre = 25.37, (40.3, 39.8)
-    curves = curves_of(disc(radius, centre))
-    errors = {}
-    for source in ("splines", "polygons"):
-        _, distance, origin = distance_fields(lofted_outlines(Sections(curves), lofted_from(source)))
-        i, j = np.indices(distance[0].shape)
-        true = np.hypot(i + origin[0] - centre[0], j + origin[1] - centre[1]) - radius
-        errors[source] = np.abs(distance[2] - true)[np.abs(true) < 15].mean()
-    assert errors["splines"] < 0.13
-    assert errors["splines"] < 0.6 * errors["polygons"]
+    _, distance, origin = distance_fields(
+        lofted_outlines(Sections(curves_of(disc(radius, centre))), LoftSettings())
+    )
+    i, j = np.indices(distance[0].shape)
+    true = np.hypot(i + origin[0] - centre[0], j + origin[1] - centre[1]) - radius
+    # a third of what rounding to pixels costs, 1 / sqrt(12)
+    assert np.abs(distance[2] - true)[np.abs(true) < 15].mean() < 0.09
 
 
 def test_drawn_contours_are_not_moved():
@@ -76,21 +74,18 @@ def test_drawn_contours_are_not_moved():
     assert radii == pytest.approx(20, abs=CurveSettings().tolerance_px + 0.01)
 
 
-def test_normals_of_a_stack_of_ellipses_are_nearer_to_the_true_ones():
+def test_normals_of_a_stack_of_ellipses_are_the_true_ones_to_two_degrees():
     x, y, z = grid(70, 60, 41)
     mask = ((x - 34.6) / 27) ** 2 + ((y - 29.7) / 21) ** 2 + ((z - 20) / 18.4) ** 2 <= 1
     structure = structure_of(mask[:, :, ::4], (1.0, 1.0, 4.0))
-    wrong = {}
-    for source in ("splines", "polygons"):
-        surface = reconstruct_mask(structure, CurveSettings(), lofted_from(source))
-        mesh = trimesh.Trimesh(surface.vertices, surface.faces)
-        away = mesh.triangles_center - (34.6, 29.7, 20.0)
-        true = away / np.array([27, 21, 18.4]) ** 2
-        true /= np.linalg.norm(true, axis=1, keepdims=True)
-        angle = np.degrees(np.arccos(np.clip((mesh.face_normals * true).sum(axis=1), -1, 1)))
-        wrong[source] = np.median(angle)
-        assert mesh.is_watertight
-    assert wrong["splines"] < 0.95 * wrong["polygons"]
+    surface = reconstruct_mask(structure, CurveSettings(), LoftSettings())
+    mesh = trimesh.Trimesh(surface.vertices, surface.faces)
+    away = mesh.triangles_center - (34.6, 29.7, 20.0)
+    true = away / np.array([27, 21, 18.4]) ** 2
+    true /= np.linalg.norm(true, axis=1, keepdims=True)
+    angle = np.degrees(np.arccos(np.clip((mesh.face_normals * true).sum(axis=1), -1, 1)))
+    assert mesh.is_watertight
+    assert np.median(angle) < 2
 
 
 def test_a_cylinder_keeps_its_cross_section():

@@ -53,7 +53,7 @@ def vessels(slices=90):
 def test_slabs_join_to_the_surface_of_the_whole(spacing):
     mask = vessels()
     whole, _ = made(mask, WHOLE, spacing)
-    for slab in (16, 25, 41):
+    for slab in (16, 25):
         joined, pieces = made(mask, slab, spacing)
         assert len(pieces) > 1
         assert joined.is_closed_manifold
@@ -130,7 +130,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 def test_memory_does_not_grow_with_the_slices(tmp_path):
     peaks = []
-    for slices in (100, 200, 400):
+    for slices in (100, 300):
         run = subprocess.run(
             [sys.executable, "-c", PEAK, str(slices), str(tmp_path)],
             env={"PYTHONPATH": str(ROOT / "scripts"), "OMP_NUM_THREADS": "1"},

@@ -31,7 +31,7 @@ def shapes_of(mesh):
     return 4 * 3**0.5 * mesh.face_areas / sides.sum(axis=(1, 2))
 
 
-@pytest.mark.parametrize("count", [600, 3000, 30000])
+@pytest.mark.parametrize("count", [600, 3000, 12000])
 def test_as_many_triangles_as_asked_for(ring, count):
     even = ring.uniform(triangles=count).lofted
     mesh, said = even.mesh, even.report["uniform"]
