@@ -29,6 +29,8 @@ BEYOND_EVEN = 0.5
 USED = ("linear", "slope")
 #: Slices that their neighbours foretell exactly still surprise by this share of the mean.
 LEAST_SURPRISE = 0.03
+#: What is divided by is at least this.
+TINY = 1e-12
 
 
 class Gain(NamedTuple):
@@ -99,13 +101,13 @@ def _errors(solid: SplineSolid, gaps: FloatArray) -> FloatArray:
     """Each gap's share (G,) of the error between the slices; gaps (G, 2) from height to height in mm."""
     mesh, slices = solid.mesh, solid.stack.slices
     order = np.argsort(mesh.vertices[:, 2])
-    signs = Signs.of(mesh, slices).outer[np.ix_(order, [SIGNS.index(name) for name in USED])]
-    below = np.cumsum(mesh.vertex_areas[order, None] * np.exp(signs), axis=0)
+    signs = Signs.of(mesh, slices).outer[:, [SIGNS.index(name) for name in USED]]
+    below = np.cumsum((mesh.vertex_areas[:, None] * np.exp(signs))[order], axis=0)
     ends = np.searchsorted(mesh.vertices[order, 2], gaps)
     linear, slope = np.diff(np.vstack([np.zeros(2), below])[ends], axis=1)[:, 0].T
     surprise = np.interp(gaps, *_surprise(slices)).mean(axis=1) * np.diff(gaps)[:, 0] ** 2
     errors = np.cbrt(linear * slope * surprise)
-    return errors / errors.sum()
+    return errors / max(errors.sum(), TINY)
 
 
 def _surprise(slices: Slices) -> tuple[FloatArray, FloatArray]:
@@ -122,7 +124,7 @@ def _surprise(slices: Slices) -> tuple[FloatArray, FloatArray]:
         (plane,) = interpolated_planes(z[near], distance[near], z[n : n + 1])
         apart = np.abs(_inside(plane, slices.pixel) - _inside(distance[n], slices.pixel)).sum()
         found[n - 1] = apart / ((z[n] - z[n - 1]) * (z[n + 1] - z[n]))
-    return z[1:-1], found / max(found.mean(), np.finfo(float).tiny) + LEAST_SURPRISE
+    return z[1:-1], found / max(found.mean(), TINY) + LEAST_SURPRISE
 
 
 def _inside(distance: SingleArray, pixel: float) -> SingleArray:
