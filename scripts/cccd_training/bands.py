@@ -153,7 +153,7 @@ def train(stacks: Sequence[Thinned], seed: int = 0) -> Scale:
         weight.append(np.where(true, TRUE_WEIGHT, 1.0) / names.count(stack.organ))
     found, off, weight = np.array(signs), np.array(offset), np.array(weight)
     flat = found.reshape(-1, found.shape[-1])
-    mean, spread = flat.mean(axis=0).astype(float), flat.std(axis=0).astype(float) + 1e-3
+    mean, spread = flat.mean(axis=0), flat.std(axis=0) + np.float32(1e-3)
     x = torch.tensor((found - mean) / spread, dtype=torch.float32).clamp(-FARTHEST, FARTHEST)
     y = torch.tensor(np.log(np.maximum(off, LEAST_OFFSET)), dtype=torch.float32)
     error = torch.tensor(np.log(np.abs(off[:, 0]) + LEAST_DIFFERENCE), dtype=torch.float32)
@@ -173,8 +173,8 @@ def train(stacks: Sequence[Thinned], seed: int = 0) -> Scale:
         loss.backward()
         optimiser.step()
         schedule.step()
-    learnt = [(layer.weight.detach().numpy().T, layer.bias.detach().numpy()) for layer in layers]
-    return Scale(mean, spread, tuple((a.astype(float), b.astype(float)) for a, b in learnt), "")
+    learnt = tuple((layer.weight.detach().numpy().T, layer.bias.detach().numpy()) for layer in layers)
+    return Scale(mean, spread, learnt, "")
 
 
 def _misranked(width: torch.Tensor, error: torch.Tensor) -> torch.Tensor:
@@ -248,8 +248,7 @@ def main(sheet: Path, cache: Path) -> None:
     plain = {"mean": scale.mean, "spread": scale.spread}
     for number, (matrix, offsets) in enumerate(scale.layers):
         plain |= {f"matrix{number}": matrix, f"offsets{number}": offsets}
-    single: dict[str, Any] = {name: values.astype(np.float32) for name, values in plain.items()}
-    np.savez(WEIGHTS, **single)
+    cast(Any, np).savez(WEIGHTS, **plain)
     kinds = sorted(Counter(map(kin, organs)).items())
     made_of = f"{len(stacks)} thinned stacks of {len(organs)} organs: "
     made_of += ", ".join(f"{kind} ({count})" if count > 1 else kind for kind, count in kinds)
