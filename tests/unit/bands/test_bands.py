@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 import cccd
-from cccd.bands import Band, Calibration
+from cccd.bands import Band, Calibration, estimate_band
 from cccd.bands.calibration import SHIPPED, SHIPPED_SHA256
 from cccd.bands.scale import WEIGHTS, WEIGHTS_SHA256
+from cccd.bands.signs import Slices
 from cccd.cli import main
 from cccd.errors import InputError
 from cccd.files.write import write_surface
+from cccd.geometry.distance import to_mask
+from cccd.geometry.mesh import Mesh
 from cccd.inputs.load import structure_of_array
 from cccd.settings.root import Settings
 from cccd.store import write_control_meshes
@@ -78,11 +81,15 @@ def test_the_band_is_wider_between_slices_than_on_them(ellipsoid):
 
 def test_a_band_scales_with_the_scan():
     mask, affine = body((14, 14, 14), (1, 1, 4))
-    larger = affine.copy()
-    larger[:3] *= 3
-    one, three = cccd.reconstruct(mask, affine), cccd.reconstruct(mask, larger)
-    ratio = [(s.lofted.mesh.vertex_areas @ s.lofted.band.outer) / s.lofted.mesh.area for s in (one, three)]
-    assert np.isclose(ratio[1] / ratio[0], 3, rtol=0.02)
+    mesh, k = cccd.reconstruct(mask, affine).lofted.mesh, np.flatnonzero(mask.any((0, 1)))
+    bands = []
+    for times in (1.0, 3.0):
+        spacing = np.full(2, times)
+        distance = np.stack([to_mask(mask[:, :, one], spacing) for one in k])
+        moved = Mesh(times * (mesh.vertices - affine[:3, 3]), mesh.faces)
+        bands.append(estimate_band(moved, Slices(4 * times * k, distance, spacing), 0.9, Calibration.read()))
+    assert np.allclose(bands[1].outer, 3 * bands[0].outer, rtol=1e-3)
+    assert np.allclose(bands[1].inner, 3 * bands[0].inner, rtol=1e-3)
 
 
 def test_a_larger_share_is_a_wider_band():
