@@ -84,6 +84,23 @@ def heat_map(name: str, most_mm: float, pixels: int = 420) -> str:
     return _screenshot(plotter, f"{name}, coloured by the distance to the other surface")
 
 
+def band(name: str, pixels: int = 620) -> str:
+    """Draw what ``cccd surface -o`` wrote as VTP, coloured by the width of its error band."""
+    import numpy as np
+    import pyvista
+
+    surface = pyvista.read(FOLDER / name)
+    width = surface["inner_mm"] + surface["outer_mm"]
+    surface["width"] = width
+    plotter = pyvista.Plotter(off_screen=True, window_size=(pixels, 2 * pixels // 3))
+    bar = {"title": "width, mm", "color": "black", "vertical": True, "position_x": 0.86, "position_y": 0.1}
+    shown = {"scalars": "width", "cmap": "YlOrRd", "clim": (0, np.percentile(width, 98))}
+    plotter.add_mesh(surface, **shown, smooth_shading=True, scalar_bar_args=bar)
+    plotter.view_vector((0.4, -0.9, 0.15), (0, 0, 1))
+    plotter.camera.zoom(1.3)
+    return _screenshot(plotter, f"{name}, coloured by the width of its error band")
+
+
 def tree(surface: str, lines: str, pixels: int = 520) -> str:
     """Draw what ``cccd centrelines -o`` wrote as VTP, coloured by the radius, in its surface."""
     import pyvista

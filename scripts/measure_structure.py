@@ -51,7 +51,7 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
     ranked = rank_unannotated(sections, LoftSettings(**snakemake.params.lofting))
     if ranked:
         metrics["next_slices"] = [
-            {"slice": gain.slice, "shrinks_band": round(gain.shrinks, 4)} for gain in ranked[:NAMED]
+            {"slice": gain.slice, "lowers_error": round(gain.lowers, 4)} for gain in ranked[:NAMED]
         ]
     if solids:
         metrics["solids"] = {

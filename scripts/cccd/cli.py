@@ -473,8 +473,8 @@ def _add_next(commands: Any) -> None:
     following = commands.add_parser(
         "next",
         help="name the slice to annotate next",
-        description="Rank the slices of a partly annotated mask by how much annotating one would shrink the "
-        "error band of the surface.",
+        description="Rank the slices of a partly annotated mask by how much annotating one is expected to "
+        "lower the error of the surface.",
     )
     _add_input(following)
     following.set_defaults(run=_next)
@@ -1336,15 +1336,15 @@ def _next(given: argparse.Namespace) -> int:
     )
     gains = rank_slices(structure, Settings())
     if given.json:
-        slices = [{"slice": gain.slice, "shrinks_band": round(gain.shrinks, 4)} for gain in gains]
+        slices = [{"slice": gain.slice, "lowers_error": round(gain.lowers, 4)} for gain in gains]
         axis = structure.frame.slice_axis
         print(json.dumps({"input": str(given.input), "axis": axis, "slices": slices}, indent=2))
         return 0
     best, *others = gains[:4]
     print(f"annotate slice {best.slice} next (axis {structure.frame.slice_axis}, counted from 0):")
-    print(f"  it shrinks the error band by {best.shrinks:.1%}")
+    print(f"  it is expected to lower the error by {best.lowers:.1%}")
     for gain in others:
-        print(f"  slice {gain.slice}: {gain.shrinks:.1%}")
+        print(f"  slice {gain.slice}: {gain.lowers:.1%}")
     return 0
 
 

@@ -15,7 +15,7 @@ __all__ = ["Scale", "shipped_scale"]
 
 #: Weights that `cccd_training.bands` wrote, and their SHA-256: the workflow lofts again when they change.
 WEIGHTS = Path(__file__).with_name("scale.npz")
-WEIGHTS_SHA256 = "f7a32b6fa2f39fdd260d5c1955c54f4f6ad88279dad177ab7a1048cc0c6e869f"
+WEIGHTS_SHA256 = "6d36137ee54622e88996ed34cf37b1bf1324d3855f7a693cbdeacba656e68fbe"
 #: Signs further than this many standard deviations from their mean count as that far.
 FARTHEST = 4.0
 
@@ -26,25 +26,25 @@ class Scale:
 
     Attributes
     ----------
-    mean, spread : (F,) float64
+    mean, spread : (F,) float32
         Of the signs that it was trained on.
-    layers : tuple of ((A, B) float64, (B,) float64)
+    layers : tuple of ((A, B) float32, (B,) float32)
         Matrix and offsets of each layer; the last has one output, the scale's logarithm in pixels.
     name : str
         SHA-256 of the weights: factors hold for one scale only.
     """
 
-    mean: FloatArray
-    spread: FloatArray
-    layers: tuple[tuple[FloatArray, FloatArray], ...]
+    mean: SingleArray
+    spread: SingleArray
+    layers: tuple[tuple[SingleArray, SingleArray], ...]
     name: str
 
     def __call__(self, signs: FloatArray | SingleArray) -> FloatArray:
         """Return the scale (V,) in pixels at signs (V, F)."""
-        values: FloatArray = np.clip((signs - self.mean) / self.spread, -FARTHEST, FARTHEST)
+        values = np.clip((signs.astype(np.float32) - self.mean) / self.spread, -FARTHEST, FARTHEST)
         for number, (matrix, offsets) in enumerate(self.layers):
             values = (np.tanh(values) if number else values) @ matrix + offsets
-        return np.exp(values[:, 0])
+        return np.exp(values[:, 0]).astype(float)
 
 
 @cache
@@ -53,8 +53,5 @@ def shipped_scale(path: Path = WEIGHTS) -> Scale:
     content = path.read_bytes()
     with np.load(path) as file:
         count = sum(name.startswith("matrix") for name in file)
-        layers = tuple(
-            (file[f"matrix{n}"].astype(float), file[f"offsets{n}"].astype(float)) for n in range(count)
-        )
-        mean, spread = file["mean"].astype(float), file["spread"].astype(float)
-    return Scale(mean, spread, layers, hashlib.sha256(content).hexdigest())
+        layers = tuple((file[f"matrix{n}"], file[f"offsets{n}"]) for n in range(count))
+        return Scale(file["mean"], file["spread"], layers, hashlib.sha256(content).hexdigest())

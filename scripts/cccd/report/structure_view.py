@@ -54,7 +54,7 @@ class StructureView:
     def next_slices(self) -> list[tuple[int, str]]:
         """Slices whose annotation would shrink the error band most, and by what share of it."""
         found = self.metrics.get("next_slices", [])
-        return [(row["slice"], f"{row['shrinks_band']:.1%}") for row in found]
+        return [(row["slice"], f"{row['lowers_error']:.1%}") for row in found]
 
     @property
     def measured(self) -> list[tuple[str, str]]:
