@@ -540,7 +540,7 @@ def _on_coarser_grid(scan: _Scan, row: Mapping[str, str]) -> _Scan:
     a, b, c = (len(index) for index in grid.index)
     coarse = Frame(frame.affine @ grid.affine, frame.slice_axis, (a, b, c), Grid(frame.affine, frame.shape))
     size = " x ".join(f"{mm:.3g}" for mm in coarse.spacing)
-    note = f"the mask was copied to this grid from voxels of {size} mm; the surface is made of those"
+    note = f"the mask's voxels are copies of coarser ones, {size} mm; the surface is made of those"
     image = None if scan.image is None else grid.mean_of(scan.image)
     return replace(scan, frame=coarse, mask=coarse_mask, image=image, warnings=[*scan.warnings, note])
 
