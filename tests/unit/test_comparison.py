@@ -27,7 +27,7 @@ def ball(radius, centre=(0, 0, 0)):
 
 
 def sphere(radius, centre=(0, 0, 0)):
-    mesh = trimesh.creation.icosphere(5, radius)
+    mesh = trimesh.creation.icosphere(4, radius)
     mesh.apply_translation(centre)
     return mesh
 
@@ -58,7 +58,7 @@ def test_concentric_spheres_have_the_figures_of_formulas(here):
     for name in ("assd_mm", "hd95_mm", "hausdorff_mm"):
         assert figures[name] == pytest.approx(1, abs=0.02)
     assert figures["surface_dice"] == 0
-    assert figures["volume_a_ml"] == pytest.approx(4 / 3 * np.pi, rel=2e-3)
+    assert figures["volume_a_ml"] == pytest.approx(sphere(10).volume / 1000)
     assert figures["volume_bias"] == pytest.approx(10**3 / 9**3 - 1, rel=1e-3)
     assert figures["normals_median_deg"] < 2
     (near,) = compare("ten.ply", "nine.stl", tolerance_mm=1.1).rows
@@ -130,7 +130,7 @@ def test_a_mask_with_another_value_is_still_the_one_organ(here):
 
 def test_an_open_mesh_has_distances_alone(here):
     mesh = sphere(10)
-    Mesh_ = trimesh.Trimesh(mesh.vertices, mesh.faces[:-4000], process=False)
+    Mesh_ = trimesh.Trimesh(mesh.vertices, mesh.faces[:-1000], process=False)
     Mesh_.export("open.ply")
     (row,) = compare("open.ply", "ten.ply").rows
     assert row.figures["dice"] is None
