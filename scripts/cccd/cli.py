@@ -776,7 +776,8 @@ def _make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], setti
         for one in whole.surfaces(given.cores, bar.set_description_str, done):
             files = [_with_name(path, one.surface.name) for path in outputs if path not in scenes]
             files = [file for path in files for file in _write(one.surface, path, settings, given.band)]
-            found[one.number] = one
+            if scenes or given.json:  # what is read of all together at the end
+                found[one.number] = one
             made[one.number] = _describe_surface(one.surface, files, one.seconds)
             with tqdm.external_write_mode():
                 told = _fail_each(whole.failures, told)

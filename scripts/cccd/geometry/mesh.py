@@ -375,7 +375,7 @@ def _count_fans(faces: IntArray) -> int:
     vertex = faces.ravel()
     leaving = vertex * count + vertex[following]
     arriving = vertex * count + vertex[preceding]
-    order = np.argsort(leaving)
-    partner = order[np.searchsorted(leaving[order], arriving)]
+    partner = np.empty_like(corner)
+    partner[np.argsort(arriving)] = np.argsort(leaving)  # both hold all edges, each once
     links = coo_array((np.ones(faces.size, bool), (corner, partner)), shape=(faces.size, faces.size))
     return int(connected_components(links, directed=False)[0])

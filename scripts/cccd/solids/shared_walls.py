@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import ndimage
-from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from cccd.containers import Frame, Structure
@@ -249,8 +248,9 @@ def touching_groups(structures: Mapping[int, Structure]) -> list[list[int]]:
     # of two numbers in the window that are not 0 the smaller one: the largest of their reversed order
     reverse = np.where(voxels.labels > 0, len(labels) + 1 - voxels.labels, 0)
     least = len(labels) + 1 - ndimage.maximum_filter(reverse, size)
-    pairs = np.unique(np.column_stack([least.ravel(), largest.ravel()])[largest.ravel() > 0], axis=0) - 1
-    links = coo_array((np.ones(len(pairs), bool), tuple(pairs.T)), shape=(len(labels), len(labels)))
+    beside = np.zeros((len(labels) + 2, len(labels) + 1), bool)
+    beside[least, largest] = True
+    links = beside[1 : len(labels) + 1, 1:]  # without the windows that hold no organ
     group = connected_components(links, directed=False)[1]
     return [[labels[n] for n in np.flatnonzero(group == number)] for number in range(group.max() + 1)]
 

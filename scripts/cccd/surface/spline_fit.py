@@ -84,6 +84,7 @@ class SplineFit:
         laplacian, self.mass = _cotangent(samples, self.triangles)
         free = diags_array((~self.rim).astype(float))
         self.bending = csr_array(free @ laplacian @ self.sampling)
+        self.bending_transposed = csr_array(self.bending.T)
         radius = 1 / np.maximum(curvature(samples), LEAST_CURVATURE)
         self.stiffness = np.minimum(STIFF_PIXELS * distance.pixel, STIFF_SHARE * radius) ** 4
 
@@ -101,12 +102,11 @@ class SplineFit:
         weight = self.mass * np.where(slope > 0, np.clip(slope / STEEP[1], 0.01, 1) ** 2, 0)
         seen = _scaled(self.sampling, normals, along)
         self._soften(value / np.maximum(slope, 1), weight)
-        plate = csr_array(self.bending.T @ (diags_array(self.stiffness / self.mass) @ self.bending))
+        plate = _product(self.bending_transposed, _weighted(self.bending, self.stiffness / self.mass))
         moving = np.any(along != 0, axis=1)
         held = np.where(moving, DAMPING * (self.sampling.T @ self.mass), 1.0)
-        matrix = csr_array(
-            seen.T @ (diags_array(weight) @ seen) + _scaled(plate, along, along) + diags_array(held)
-        )
+        data = _product(csr_array(seen.T), _weighted(seen, weight))
+        matrix = csr_array(data + _scaled(plate, along, along) + diags_array(held, format="csr"))
         right = seen.T @ (-weight * value / np.maximum(slope, STEEP[0]))
         right -= np.einsum("vc,vc->v", along, plate @ self.points)
         scale = diags_array(1 / np.maximum(matrix.diagonal(), 1e-12))
@@ -199,9 +199,22 @@ def fit_spline(wall: ControlMesh, distance: SampledDistance, curvature: Curvatur
 
 def _scaled(matrix: csr_array, rows: FloatArray, columns: FloatArray) -> csr_array:
     """Multiply each entry by the scalar product of its row's and its column's vectors."""
-    row = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
-    data = matrix.data * np.einsum("kc,kc->k", rows[row], columns[matrix.indices])
+    number = np.diff(matrix.indptr)
+    x, y, z = (np.repeat(r, number) * c[matrix.indices] for r, c in zip(rows.T, columns.T, strict=True))
+    return csr_array((matrix.data * (x + z + y), matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
+def _weighted(matrix: csr_array, weights: FloatArray) -> csr_array:
+    """Multiply each row by its weight."""
+    data = matrix.data * np.repeat(weights, np.diff(matrix.indptr))
     return csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
+def _product(left: csr_array, right: csr_array) -> csr_array:
+    """Multiply two matrices; a product in rows' order is added and applied in half the time."""
+    product = csr_array(left @ right)
+    product.sort_indices()
+    return product
 
 
 def _neighbour_means(edges: IntArray, wall: ControlMesh, rim: BoolArray) -> csr_array:
