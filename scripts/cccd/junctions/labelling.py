@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cccd.geometry.arrays import BoolArray, FloatArray
+from cccd.geometry.arrays import BoolArray
 from cccd.junctions.alternatives import FEATURES, alternatives, describe, pieces
 from cccd.junctions.decoding import Outline, find_outline
 from cccd.junctions.delaunay import DelaunayGraph
@@ -46,7 +46,7 @@ def label_slice(
     logits: Logits,
     parts: int | None = None,
     outline: Outline | None = None,
-    evidence: FloatArray | None = None,
+    evidence: Logits | None = None,
     rerank: bool = True,
 ) -> Labelled:
     """Label the triangles of one slice, inside in as many pieces as there may be.
@@ -61,8 +61,8 @@ def label_slice(
         Pieces at most, none of which has a hole.
     outline : Outline, optional
         Is found where it is not given.
-    evidence : (T,) float64, optional
-        Nats for inside from elsewhere, as from neighbouring slices.
+    evidence : tuple of (T,) and (L,) arrays, optional
+        Nats for inside, and for a border along links, from elsewhere, as from neighbouring slices.
     rerank : bool
         Whether alternatives of the least cut are weighed as a whole, and what they say of errors is told.
         Half of the wrong maps have a right alternative, and half of these are found by it.
@@ -70,8 +70,8 @@ def label_slice(
     outline = find_outline(graph) if outline is None else outline
     if outline.exact:
         return Labelled(outline.enclosed, 0.0)
-    evidence = np.zeros(len(graph.triangles)) if evidence is None else evidence
-    logits = logits[0] + evidence, logits[1]
+    inside_nats, link_nats = (0.0, 0.0) if evidence is None else evidence
+    logits = logits[0] + inside_nats, logits[1] + link_nats
     energy = inference_energy(graph, logits)
     cut = limit_parts(graph, energy, least_energy(graph, energy), parts)
     if not cut.any():
@@ -83,7 +83,7 @@ def label_slice(
     features = describe(graph, logits, energy, labels)
     reranker = shipped_reranker()
     own = reranker.scores(features)
-    scores = own + _EVIDENCE_SCORE * (labels @ (weights.unary * evidence))
+    scores = own + _EVIDENCE_SCORE * (labels @ (weights.unary * inside_nats))
     if parts is not None:
         found, holes = pieces(features)
         scores[1:][(found[1:] > parts) | (holes[1:] > 0)] = -np.inf

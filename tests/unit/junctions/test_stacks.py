@@ -17,14 +17,18 @@ def disc(radius):
     return (np.hypot(i, j) < radius).astype(np.uint8)
 
 
-def doubled(radius, true, nats=0.3):
-    """A map of two circles, of which the network believes the outer one by so many nats; its true mask."""
+def doubled(radius, true, nats=0.3, links=0.0):
+    """A map of two circles, of which the network believes the outer one by so many nats; its true mask.
+
+    Links between neighbouring pixels it believes by ``links``.
+    """
     chains = [border_pixels(disc(r))[0] for r in (radius, radius + 5)]
     line = np.column_stack([np.arange(2, 10), np.full(8, 45)])  # without it the map were a ring's outline
     graph = build_graph(np.unique(np.vstack([*chains, line]), axis=0))
     centre = np.hypot(*(graph.points[graph.triangles].mean(axis=1) - 45).T)
     within = np.where(centre < radius - 0.5, 4.0, np.where(centre < radius + 4.5, nats, -4.0))
-    read = ReadSlice(graph, find_outline(graph), (within, np.zeros(len(graph.links))))
+    along = np.where(graph.link_lengths < 2, links, -links)
+    read = ReadSlice(graph, find_outline(graph), (within, along))
     return read, disc(radius if true == "inner" else radius + 5)
 
 
@@ -65,7 +69,7 @@ def test_of_two_lines_the_one_is_taken_that_a_rough_region_has(true):
 
 def test_an_empty_region_says_nothing():
     read, _ = doubled(25, "inner")
-    assert not region_evidence(read.graph, np.zeros(SHAPE, bool)).any()
+    assert not any(nats.any() for nats in region_evidence(read.graph, np.zeros(SHAPE, bool)))
 
 
 def test_what_both_neighbours_are_far_apart_on_says_little():
@@ -75,11 +79,27 @@ def test_what_both_neighbours_are_far_apart_on_says_little():
 
 @pytest.mark.parametrize("numbers", [[0, 2, 4], [0, 1, 3]])
 def test_only_slices_next_to_each_other_are_neighbours(numbers):
-    stack = [clear(26), doubled(25, "inner"), clear(24)]
+    stack = [clear(26), doubled(25, "inner", links=1.0), clear(24)]
     if numbers == [0, 2, 4]:
         assert agreement(stack, numbers) == [agreement([one], [0])[0] for one in stack]
     else:  # one neighbour says something, too
         assert agreement(stack, numbers)[1] > 0.99
+
+
+def test_of_two_ways_across_a_gap_that_is_taken_which_the_neighbours_have():
+    """Both ways enclose as much, and the network does not know what is inside: links alone decide."""
+    i, j = np.indices(SHAPE) - 45
+    upper, lower = (np.hypot(i, j + side * 12) < 24 for side in (-1, 1))
+    masks = {"upper": upper, "lower": lower}
+    graph = build_graph(
+        np.unique(np.vstack([border_pixels(m.astype(np.uint8))[0] for m in masks.values()]), axis=0)
+    )
+    logits = np.zeros(len(graph.triangles)), np.where(graph.link_lengths < 2, 1.0, -1.0)
+    doubted = ReadSlice(graph, find_outline(graph), logits)
+    for truth in masks.values():
+        chain = build_graph(border_pixels(truth.astype(np.uint8))[0])
+        beside = ReadSlice(chain, find_outline(chain), None), truth
+        assert agreement([beside, (doubted, truth), beside], [0, 1, 2])[1] > 0.97
 
 
 def test_a_part_that_stands_on_both_sides_is_there_in_between():
