@@ -2,9 +2,9 @@
 
 The outline that both neighbouring slices imply is the zero of the mean of their signed distances, as in
 shape-based interpolation (Raya and Udupa 1990); how far the two are apart says how sure that is. It counts as
-evidence beside the network's own, for what is inside and for where the border runs, so that a slice whose map
-is clear stays as it is. So does, for what is inside, the rough region around whose border the edges of an
-image were sought. docs/research/stacks.md has what else was tried.
+evidence beside the network's own, so that a slice whose map is clear stays as it is: for what is inside, and,
+where alternatives are ranked, for where the border runs. So does, for what is inside, the rough region around
+whose border the edges of an image were sought. docs/research/stacks.md has what else was tried.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cccd.geometry.opencv import distance_to_zero
 from cccd.junctions.decoding import Outline, border_loops, fill_loops
 from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import Logits
-from cccd.junctions.labelling import Labelled, label_slice
+from cccd.junctions.labelling import Labelled, label_slice, no_evidence
 
 __all__ = ["ReadSlice", "label_slices", "region_evidence"]
 
@@ -32,7 +32,7 @@ _NEIGHBOUR_NATS = 1.0
 _NEIGHBOUR_REACH = 3.0
 
 # Nats that a link gains on that outline; with the distance from it this falls as the logarithm of a normal
-# density, down to the second number. On 59 stacks of phantoms 3 did as well as 2, and 1 gained half.
+# density, down to the second number. On 59 stacks of phantoms 3 did as well as 2.
 _BORDER_NATS = (2.0, -4.0)
 
 # Standard deviation of that outline in pixels where both neighbouring slices agree; 1 and 2.5 did as well.
@@ -49,14 +49,13 @@ _SWEEPS = 2
 class ReadSlice:
     """A slice's graph, its outline, and its logits where the map is no outline already.
 
-    ``evidence``: nats for inside (T,) and for links (L,) from elsewhere than the slice's pixels, where there is
-    any.
+    ``evidence`` (T,): nats for inside from elsewhere than the slice's pixels, where there is any.
     """
 
     graph: DelaunayGraph
     outline: Outline
     logits: Logits | None
-    evidence: Logits | None = None
+    evidence: FloatArray | None = None
 
 
 def label_slices(
@@ -91,16 +90,14 @@ def label_slices(
     return labelled
 
 
-def region_evidence(graph: DelaunayGraph, region: BoolArray) -> Logits:
-    """Nats for inside (T,) that a rough region (I, J) gives a slice's triangles; 0 where it is empty.
+def region_evidence(graph: DelaunayGraph, region: BoolArray) -> FloatArray:
+    """Nats (T,) for inside that a rough region (I, J) gives a slice's triangles; 0 where it is empty.
 
-    The pixels of the graph index the region. For links (L,) it gives none.
+    The pixels of the graph index the region.
     """
-    nothing = np.zeros(len(graph.triangles)), np.zeros(len(graph.links))
     if not region.any():
-        return nothing
-    deviations = _signed_distance(region) / _REGION_SPREAD_PX
-    return _inside_nats(graph, deviations, np.zeros(2, np.int64)), nothing[1]
+        return np.zeros(len(graph.triangles))
+    return _inside_nats(graph, _signed_distance(region) / _REGION_SPREAD_PX, np.zeros(2, np.int64))
 
 
 def _signed_distance(mask: BoolArray) -> SingleArray:
@@ -114,11 +111,9 @@ def _label(one: ReadSlice, evidence: Logits | None, parts: int | None, rerank: b
     """Label a slice that gains some evidence from its neighbours, besides its own."""
     if one.logits is None:
         return Labelled(one.outline.enclosed, 0.0)
-    if one.evidence is not None and evidence is not None:
-        evidence = one.evidence[0] + evidence[0], one.evidence[1] + evidence[1]
-    elif evidence is None:
-        evidence = one.evidence
-    return label_slice(one.graph, one.logits, parts, one.outline, evidence, rerank)
+    inside, border = no_evidence(one.graph) if evidence is None else evidence
+    inside = inside if one.evidence is None else one.evidence + inside
+    return label_slice(one.graph, one.logits, parts, one.outline, (inside, border), rerank)
 
 
 class _Shapes:

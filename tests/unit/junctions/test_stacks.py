@@ -6,6 +6,7 @@ import pytest
 from cccd.geometry.opencv import border_pixels
 from cccd.junctions.decoding import fill_inside, find_outline
 from cccd.junctions.delaunay import build_graph
+from cccd.junctions.labelling import label_slice
 from cccd.junctions.stacks import ReadSlice, label_slices, region_evidence
 from cccd.metrics import dice
 
@@ -17,18 +18,14 @@ def disc(radius):
     return (np.hypot(i, j) < radius).astype(np.uint8)
 
 
-def doubled(radius, true, nats=0.3, links=0.0):
-    """A map of two circles, of which the network believes the outer one by so many nats; its true mask.
-
-    Links between neighbouring pixels it believes by ``links``.
-    """
+def doubled(radius, true, nats=0.3):
+    """A map of two circles, of which the network believes the outer one by so many nats; its true mask."""
     chains = [border_pixels(disc(r))[0] for r in (radius, radius + 5)]
     line = np.column_stack([np.arange(2, 10), np.full(8, 45)])  # without it the map were a ring's outline
     graph = build_graph(np.unique(np.vstack([*chains, line]), axis=0))
     centre = np.hypot(*(graph.points[graph.triangles].mean(axis=1) - 45).T)
     within = np.where(centre < radius - 0.5, 4.0, np.where(centre < radius + 4.5, nats, -4.0))
-    along = np.where(graph.link_lengths < 2, links, -links)
-    read = ReadSlice(graph, find_outline(graph), (within, along))
+    read = ReadSlice(graph, find_outline(graph), (within, np.zeros(len(graph.links))))
     return read, disc(radius if true == "inner" else radius + 5)
 
 
@@ -37,15 +34,19 @@ def clear(radius):
     return ReadSlice(graph, find_outline(graph), None), disc(radius)
 
 
+def agreed(graph, inside, truth):
+    masks, origin = fill_inside(graph, inside)
+    drawn = np.zeros(SHAPE, bool)
+    drawn[tuple((np.argwhere(masks[0]) + origin).T)] = True
+    return float(dice(truth > 0, drawn))
+
+
 def agreement(stack, numbers):
-    found = []
     slices = label_slices([read for read, _ in stack], np.array(numbers))
-    for (read, truth), labelled in zip(stack, slices, strict=True):
-        masks, origin = fill_inside(read.graph, labelled.inside)
-        drawn = np.zeros(SHAPE, bool)
-        drawn[tuple((np.argwhere(masks[0]) + origin).T)] = True
-        found.append(float(dice(truth > 0, drawn)))
-    return found
+    return [
+        agreed(read.graph, labelled.inside, truth)
+        for (read, truth), labelled in zip(stack, slices, strict=True)
+    ]
 
 
 def test_of_two_lines_the_one_is_taken_that_the_neighbours_have():
@@ -67,9 +68,22 @@ def test_of_two_lines_the_one_is_taken_that_a_rough_region_has(true):
     assert agreement([(told, truth)], [0])[0] > 0.99
 
 
+@pytest.mark.parametrize(("true", "nats"), [("inner", 0.3), ("outer", -0.3)])
+def test_of_two_alternatives_the_one_is_taken_along_which_a_border_is_expected(true, nats):
+    """The inside says the other one, and nothing is known of it from elsewhere."""
+    read, truth = doubled(25, true, nats)
+    graph = read.graph
+    radius = np.hypot(*(graph.points[graph.links].mean(axis=1) - 45).T)
+    deviations = (radius - {"inner": 24.5, "outer": 29.5}[true]) / 1.5
+    nothing = np.zeros(len(graph.triangles)), np.zeros(len(graph.links))
+    for border, right in ((nothing[1], False), (np.maximum(2 - deviations**2, -4), True)):
+        labelled = label_slice(graph, read.logits, evidence=(nothing[0], border))
+        assert (agreed(graph, labelled.inside, truth) > 0.99) == right
+
+
 def test_an_empty_region_says_nothing():
     read, _ = doubled(25, "inner")
-    assert not any(nats.any() for nats in region_evidence(read.graph, np.zeros(SHAPE, bool)))
+    assert not region_evidence(read.graph, np.zeros(SHAPE, bool)).any()
 
 
 def test_what_both_neighbours_are_far_apart_on_says_little():
@@ -79,27 +93,11 @@ def test_what_both_neighbours_are_far_apart_on_says_little():
 
 @pytest.mark.parametrize("numbers", [[0, 2, 4], [0, 1, 3]])
 def test_only_slices_next_to_each_other_are_neighbours(numbers):
-    stack = [clear(26), doubled(25, "inner", links=1.0), clear(24)]
+    stack = [clear(26), doubled(25, "inner"), clear(24)]
     if numbers == [0, 2, 4]:
         assert agreement(stack, numbers) == [agreement([one], [0])[0] for one in stack]
     else:  # one neighbour says something, too
         assert agreement(stack, numbers)[1] > 0.99
-
-
-def test_of_two_ways_across_a_gap_that_is_taken_which_the_neighbours_have():
-    """Both ways enclose as much, and the network does not know what is inside: links alone decide."""
-    i, j = np.indices(SHAPE) - 45
-    upper, lower = (np.hypot(i, j + side * 12) < 24 for side in (-1, 1))
-    masks = {"upper": upper, "lower": lower}
-    graph = build_graph(
-        np.unique(np.vstack([border_pixels(m.astype(np.uint8))[0] for m in masks.values()]), axis=0)
-    )
-    logits = np.zeros(len(graph.triangles)), np.where(graph.link_lengths < 2, 1.0, -1.0)
-    doubted = ReadSlice(graph, find_outline(graph), logits)
-    for truth in masks.values():
-        chain = build_graph(border_pixels(truth.astype(np.uint8))[0])
-        beside = ReadSlice(chain, find_outline(chain), None), truth
-        assert agreement([beside, (doubted, truth), beside], [0, 1, 2])[1] > 0.97
 
 
 def test_a_part_that_stands_on_both_sides_is_there_in_between():
