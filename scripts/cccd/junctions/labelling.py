@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cccd.geometry.arrays import BoolArray
+from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.junctions.alternatives import FEATURES, alternatives, describe, pieces
 from cccd.junctions.decoding import Outline, find_outline
 from cccd.junctions.delaunay import DelaunayGraph
@@ -15,7 +15,7 @@ from cccd.junctions.parts import limit_parts
 from cccd.junctions.reranking import shipped_reranker
 from cccd.junctions.uncertainty import areas_between, chance_of_error, doubt_facts
 
-__all__ = ["Labelled", "label_slice", "no_evidence"]
+__all__ = ["Labelled", "label_slice"]
 
 # What evidence from elsewhere, by the weights of its inside triangles, adds to the score of an alternative:
 # of 0, 0.01, 0.02, 0.03, 0.05 and 0.1 the best on nine stacks of a development seed.
@@ -46,7 +46,7 @@ def label_slice(
     logits: Logits,
     parts: int | None = None,
     outline: Outline | None = None,
-    evidence: Logits | None = None,
+    evidence: FloatArray | None = None,
     rerank: bool = True,
 ) -> Labelled:
     """Label the triangles of one slice, inside in as many pieces as there may be.
@@ -61,9 +61,8 @@ def label_slice(
         Pieces at most, none of which has a hole.
     outline : Outline, optional
         Is found where it is not given.
-    evidence : tuple of (T,) and (L,) arrays, optional
-        Nats from elsewhere, as from neighbouring slices: for inside, and for a border along links, which
-        count where alternatives are weighed.
+    evidence : (T,) float64, optional
+        Nats for inside from elsewhere, as from neighbouring slices.
     rerank : bool
         Whether alternatives of the least cut are weighed as a whole, and what they say of errors is told.
         Half of the wrong maps have a right alternative, and half of these are found by it.
@@ -71,8 +70,8 @@ def label_slice(
     outline = find_outline(graph) if outline is None else outline
     if outline.exact:
         return Labelled(outline.enclosed, 0.0)
-    inside, border = no_evidence(graph) if evidence is None else evidence
-    logits = logits[0] + inside, logits[1]
+    evidence = np.zeros(len(graph.triangles)) if evidence is None else evidence
+    logits = logits[0] + evidence, logits[1]
     energy = inference_energy(graph, logits)
     cut = limit_parts(graph, energy, least_energy(graph, energy), parts)
     if not cut.any():
@@ -81,12 +80,10 @@ def label_slice(
         return Labelled(cut, None)
     weights = energy_weights(graph)
     labels = alternatives(graph, energy, weights, cut)
-    # in the cut itself, a border that is cheap between two lines would run from one to the other
-    logits = logits[0], logits[1] + border
-    features = describe(graph, logits, inference_energy(graph, logits), labels)
+    features = describe(graph, logits, energy, labels)
     reranker = shipped_reranker()
     own = reranker.scores(features)
-    scores = own + _EVIDENCE_SCORE * (labels @ (weights.unary * inside))
+    scores = own + _EVIDENCE_SCORE * (labels @ (weights.unary * evidence))
     if parts is not None:
         found, holes = pieces(features)
         scores[1:][(found[1:] > parts) | (holes[1:] > 0)] = -np.inf
@@ -94,8 +91,3 @@ def label_slice(
     size = float(features[0, FEATURES.index("size")])
     facts = doubt_facts(scores, float(own[0]), areas_between(graph, labels, chosen), size)
     return Labelled(labels[chosen], float(chance_of_error(facts, reranker.doubt)))
-
-
-def no_evidence(graph: DelaunayGraph) -> Logits:
-    """Nats for a graph's triangles and links where nothing is known from elsewhere."""
-    return np.zeros(len(graph.triangles)), np.zeros(len(graph.links))

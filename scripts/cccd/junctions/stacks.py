@@ -2,9 +2,8 @@
 
 The outline that both neighbouring slices imply is the zero of the mean of their signed distances, as in
 shape-based interpolation (Raya and Udupa 1990); how far the two are apart says how sure that is. It counts as
-evidence beside the network's own, so that a slice whose map is clear stays as it is: for what is inside, and,
-where alternatives are ranked, for where the border runs. So does, for what is inside, the rough region around
-whose border the edges of an image were sought. docs/research/stacks.md has what else was tried.
+evidence beside the network's own, so that a slice whose map is clear stays as it is. So does the rough region
+around whose border the edges of an image were sought.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from cccd.geometry.opencv import distance_to_zero
 from cccd.junctions.decoding import Outline, border_loops, fill_loops
 from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import Logits
-from cccd.junctions.labelling import Labelled, label_slice, no_evidence
+from cccd.junctions.labelling import Labelled, label_slice
 
 __all__ = ["ReadSlice", "label_slices", "region_evidence"]
 
@@ -30,10 +29,6 @@ __all__ = ["ReadSlice", "label_slices", "region_evidence"]
 # slice's own map could not say otherwise.
 _NEIGHBOUR_NATS = 1.0
 _NEIGHBOUR_REACH = 3.0
-
-# Nats that a link gains on that outline; with the distance from it this falls as the logarithm of a normal
-# density, down to the second number. On 59 stacks of phantoms 3 did as well as 2.
-_BORDER_NATS = (2.0, -4.0)
 
 # Standard deviation of that outline in pixels where both neighbouring slices agree; 1 and 2.5 did as well.
 _NEIGHBOUR_SPREAD_PX = 1.5
@@ -97,7 +92,8 @@ def region_evidence(graph: DelaunayGraph, region: BoolArray) -> FloatArray:
     """
     if not region.any():
         return np.zeros(len(graph.triangles))
-    return _inside_nats(graph, _signed_distance(region) / _REGION_SPREAD_PX, np.zeros(2, np.int64))
+    score = np.clip(_signed_distance(region) / _REGION_SPREAD_PX, -_NEIGHBOUR_REACH, _NEIGHBOUR_REACH)
+    return _NEIGHBOUR_NATS * _over_triangles(graph, score, np.zeros(2, np.int64))
 
 
 def _signed_distance(mask: BoolArray) -> SingleArray:
@@ -107,13 +103,13 @@ def _signed_distance(mask: BoolArray) -> SingleArray:
     return distance_to_zero(inside) - distance_to_zero(1 - inside) + half
 
 
-def _label(one: ReadSlice, evidence: Logits | None, parts: int | None, rerank: bool) -> Labelled:
-    """Label a slice that gains some evidence from its neighbours, besides its own."""
+def _label(one: ReadSlice, evidence: FloatArray | None, parts: int | None, rerank: bool) -> Labelled:
+    """Label a slice whose triangles gain some evidence (T,) from its neighbours, besides its own."""
     if one.logits is None:
         return Labelled(one.outline.enclosed, 0.0)
-    inside, border = no_evidence(one.graph) if evidence is None else evidence
-    inside = inside if one.evidence is None else one.evidence + inside
-    return label_slice(one.graph, one.logits, parts, one.outline, (inside, border), rerank)
+    if one.evidence is not None:
+        evidence = one.evidence if evidence is None else one.evidence + evidence
+    return label_slice(one.graph, one.logits, parts, one.outline, evidence, rerank)
 
 
 class _Shapes:
@@ -122,9 +118,9 @@ class _Shapes:
     def __init__(self, slices: Sequence[ReadSlice], inside: Sequence[BoolArray], numbers: IntArray):
         self.slices, self.numbers = slices, numbers
         loops = [border_loops(one.graph, within) for one, within in zip(slices, inside, strict=True)]
-        nodes = np.concatenate([one.graph.points[~one.graph.ghost] for one in slices]).astype(np.int64)
-        self.origin = nodes.min(axis=0) - 1
-        self.loops, self.shape = loops, nodes.max(axis=0) + 2 - self.origin
+        corners = np.concatenate([np.zeros((0, 2), np.int64), *(part for around in loops for part in around)])
+        self.origin = corners.min(axis=0, initial=0) - 1
+        self.loops, self.shape = loops, corners.max(axis=0, initial=0) + 2 - self.origin
         self.distance = lru_cache(maxsize=4)(self._distance)
 
     def _next_to(self, n: int, step: int) -> int | None:
@@ -145,8 +141,8 @@ class _Shapes:
         """Signed distance (I, J) in pixels to a slice's outline, positive inside."""
         return _signed_distance(fill_loops([self.loops[n]], self.origin, self.shape)[0])
 
-    def evidence(self, n: int) -> Logits:
-        """Nats for inside (T,) and for links (L,) that the neighbours of a slice give it."""
+    def evidence(self, n: int) -> FloatArray:
+        """Nats (T,) for inside that the neighbours of a slice give its triangles."""
         known = self.known(n)
         first = self.distance(known[0])
         other = self.distance(known[1]) if len(known) > 1 else first
@@ -154,36 +150,14 @@ class _Shapes:
         expected = (first + other) / 2 if around else first
         apart = np.abs(first - other) * (0.5 if around else 1.0)
         spread = np.hypot(_NEIGHBOUR_SPREAD_PX * (1.0 if around else 2.0), apart)
-        graph, deviations = self.slices[n].graph, expected / spread
-        return (
-            _inside_nats(graph, deviations, self.origin),
-            _border_nats(graph, deviations, self.origin),
-        )
-
-
-def _inside_nats(graph: DelaunayGraph, deviations: SingleArray, origin: IntArray) -> FloatArray:
-    """Nats (T,) for inside: the mean over a triangle of the deviations (I, J) from an outline."""
-    score = np.clip(deviations, -_NEIGHBOUR_REACH, _NEIGHBOUR_REACH)
-    return _NEIGHBOUR_NATS * _over_triangles(graph, score, origin)
-
-
-def _border_nats(graph: DelaunayGraph, deviations: SingleArray, origin: IntArray) -> FloatArray:
-    """Nats (L,) for a border along links, by the deviations (I, J) of their middles from an outline."""
-    most, least = _BORDER_NATS
-    nats = np.maximum(most * (1 - deviations**2 / 2), least)
-    return _nearest(nats, graph.points[graph.links].mean(axis=1) - origin).astype(float)
+        score = np.clip(expected / spread, -_NEIGHBOUR_REACH, _NEIGHBOUR_REACH)
+        return _NEIGHBOUR_NATS * _over_triangles(self.slices[n].graph, score, self.origin)
 
 
 def _over_triangles(graph: DelaunayGraph, values: AnyArray, origin: IntArray) -> FloatArray:
     """Mean (T,) of a raster's values (I, J) at four places of each triangle; beyond it, of its border."""
     corners = graph.points[graph.triangles] - origin
     centre = corners.mean(axis=1, keepdims=True)
-    places = np.concatenate([centre, (corners + centre) / 2], axis=1)
-    return _nearest(values, places).mean(axis=1).astype(float)
-
-
-def _nearest(values: AnyArray, places: AnyArray) -> AnyArray:
-    """Values (I, J) of a raster at places (..., 2); beyond it, of its border."""
-    at = np.rint(places).astype(np.int64)
+    at = np.rint(np.concatenate([centre, (corners + centre) / 2], axis=1)).astype(np.int64)
     i, j = (np.clip(at[..., axis], 0, values.shape[axis] - 1) for axis in range(2))
-    return values[i, j]
+    return values[i, j].mean(axis=1).astype(float)

@@ -6,7 +6,6 @@ import pytest
 from cccd.geometry.opencv import border_pixels
 from cccd.junctions.decoding import fill_inside, find_outline
 from cccd.junctions.delaunay import build_graph
-from cccd.junctions.labelling import label_slice
 from cccd.junctions.stacks import ReadSlice, label_slices, region_evidence
 from cccd.metrics import dice
 
@@ -34,19 +33,15 @@ def clear(radius):
     return ReadSlice(graph, find_outline(graph), None), disc(radius)
 
 
-def agreed(graph, inside, truth):
-    masks, origin = fill_inside(graph, inside)
-    drawn = np.zeros(SHAPE, bool)
-    drawn[tuple((np.argwhere(masks[0]) + origin).T)] = True
-    return float(dice(truth > 0, drawn))
-
-
 def agreement(stack, numbers):
+    found = []
     slices = label_slices([read for read, _ in stack], np.array(numbers))
-    return [
-        agreed(read.graph, labelled.inside, truth)
-        for (read, truth), labelled in zip(stack, slices, strict=True)
-    ]
+    for (read, truth), labelled in zip(stack, slices, strict=True):
+        masks, origin = fill_inside(read.graph, labelled.inside)
+        drawn = np.zeros(SHAPE, bool)
+        drawn[tuple((np.argwhere(masks[0]) + origin).T)] = True
+        found.append(float(dice(truth > 0, drawn)))
+    return found
 
 
 def test_of_two_lines_the_one_is_taken_that_the_neighbours_have():
@@ -66,19 +61,6 @@ def test_of_two_lines_the_one_is_taken_that_a_rough_region_has(true):
     rough = np.hypot(1.06 * i, j / 1.06) < {"inner": 24, "outer": 31}[true]
     told = replace(read, evidence=region_evidence(read.graph, rough))
     assert agreement([(told, truth)], [0])[0] > 0.99
-
-
-@pytest.mark.parametrize(("true", "nats"), [("inner", 0.3), ("outer", -0.3)])
-def test_of_two_alternatives_the_one_is_taken_along_which_a_border_is_expected(true, nats):
-    """The inside says the other one, and nothing is known of it from elsewhere."""
-    read, truth = doubled(25, true, nats)
-    graph = read.graph
-    radius = np.hypot(*(graph.points[graph.links].mean(axis=1) - 45).T)
-    deviations = (radius - {"inner": 24.5, "outer": 29.5}[true]) / 1.5
-    nothing = np.zeros(len(graph.triangles)), np.zeros(len(graph.links))
-    for border, right in ((nothing[1], False), (np.maximum(2 - deviations**2, -4), True)):
-        labelled = label_slice(graph, read.logits, evidence=(nothing[0], border))
-        assert (agreed(graph, labelled.inside, truth) > 0.99) == right
 
 
 def test_an_empty_region_says_nothing():
