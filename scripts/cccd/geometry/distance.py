@@ -28,6 +28,8 @@ __all__ = [
 
 #: Distances to polygons are exact within this many pixels of them.
 NEAR_PIXELS = 2.0
+#: A squared distance is known up to this share of itself.
+_ROUNDING = 1e-6
 
 _Point = tuple[float, float, float]
 
@@ -295,14 +297,22 @@ def _nearest_triangle(
     """Distance (A, B, C) from each node to the nearest triangle, at most ``band`` nodes."""
     field = np.full(shape, np.float32(band * spacing))
     first, last = np.empty(3, np.int64), np.empty(3, np.int64)
+    low, high = np.empty(3), np.empty(3)
+    unit = (1 - _ROUNDING) * spacing * spacing
     for f in range(len(faces)):
         a, b, c = _point(vertices, faces[f, 0]), _point(vertices, faces[f, 1]), _point(vertices, faces[f, 2])
         for axis in range(3):
-            first[axis] = max(0, int(np.ceil(min(a[axis], b[axis], c[axis]) - band)))
-            last[axis] = min(field.shape[axis] - 1, int(max(a[axis], b[axis], c[axis]) + band))
+            low[axis], high[axis] = min(a[axis], b[axis], c[axis]), max(a[axis], b[axis], c[axis])
+            first[axis] = max(0, int(np.ceil(low[axis] - band)))
+            last[axis] = min(field.shape[axis] - 1, int(high[axis] + band))
         for i in range(first[0], last[0] + 1):
+            x = max(low[0] - i, i - high[0], 0.0)
             for j in range(first[1], last[1] + 1):
+                y = max(low[1] - j, j - high[1], 0.0)
                 for k in range(first[2], last[2] + 1):
+                    z = max(low[2] - k, k - high[2], 0.0)
+                    if unit * (x * x + y * y + z * z) >= field[i, j, k] ** 2:
+                        continue  # even the triangle's box is no nearer than what was found
                     point = (float(i), float(j), float(k))
                     distance = spacing * np.sqrt(_squared_distance(point, a, b, c))
                     if distance < field[i, j, k]:

@@ -376,6 +376,6 @@ def _count_fans(faces: IntArray) -> int:
     leaving = vertex * count + vertex[following]
     arriving = vertex * count + vertex[preceding]
     partner = np.empty_like(corner)
-    partner[np.argsort(arriving)] = np.argsort(leaving)  # of a closed mesh: both hold the same edges, once each
+    partner[np.argsort(arriving)] = np.argsort(leaving)  # both hold all edges, each once
     links = coo_array((np.ones(faces.size, bool), (corner, partner)), shape=(faces.size, faces.size))
     return int(connected_components(links, directed=False)[0])
