@@ -93,11 +93,8 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
     for _ in range(MOST_ROUNDS):
         corners = cells[:, None] + _CORNERS
         here = labels[tuple(corners.reshape(-1, 3).T)].reshape(-1, 8)
-        moves = [
-            _cheapest(corners[found], which, here[found], changed, cost)
-            for found, which in _pinched(here)
-            if len(found)
-        ]
+        pinched = [(found, which) for found, which in _pinched(here) if len(found)]
+        moves = [_cheapest(corners[found], which, here[found], changed, cost) for found, which in pinched]
         if not moves:
             return labels, 0
         nodes, new = (np.concatenate(part) for part in zip(*moves, strict=True))
@@ -106,8 +103,9 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
         labels[tuple(nodes.T)] = new
         changed[tuple(nodes.T)] = True
         near = (nodes[:, None] - _CORNERS).reshape(-1, 3)  # cells that a changed node is a corner of
+        still = cells[np.concatenate([found for found, _ in pinched])]  # no others can be
         # as numbers: rows would sort twenty times as slowly
-        keys = [np.ravel_multi_index(tuple(some.T), labels.shape) for some in (cells, near)]
+        keys = [np.ravel_multi_index(tuple(some.T), labels.shape) for some in (still, near)]
         cells = np.column_stack(np.unravel_index(np.union1d(*keys), labels.shape))
     corners = cells[:, None] + _CORNERS
     here = labels[tuple(corners.reshape(-1, 3).T)].reshape(-1, 8)
