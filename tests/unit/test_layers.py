@@ -41,6 +41,7 @@ LAYERS = {
         ("report", "comparison"),
         ("comparison_files", "bids", "doctor", "plan", "workflow_command"),
         ("cli",),
+        ("__main__",),
     ),
     "cccd_training": (("bands", "checkpoints", "filling"), ("junctions", "segmentation")),
     "cccd_paper": (
