@@ -33,6 +33,9 @@ _ROUND_MM = 0.25
 # The share of a grid's planes, from the first border to the last, at which borders lie.
 _DENSE = 0.5
 
+# Of so many lines along an axis one is looked at first: an organ on its own voxels has borders all along it.
+_FEW = 8
+
 # Rounding of a position by single precision, voxels.
 _ROUNDED = 1e-4
 
@@ -139,9 +142,17 @@ def find_coarser_grid(labels: AnyArray, spacing: FloatArray) -> CoarserGrid | No
 
 
 def _borders(labels: AnyArray, axis: int) -> IntArray:
-    """Voxels (B,) along an axis of which any differs from its next."""
-    lines = np.moveaxis(labels, axis, 0)
-    return np.flatnonzero([(line != after).any() for line, after in pairwise(lines)])
+    """Voxels (B,) along an axis of which any differs from its next; none where they are too dense to tell."""
+    layers = np.moveaxis(labels, axis, 0)
+    few = _changes(layers[:, ::_FEW, ::_FEW])
+    if len(few) and len(few) > 1 + (few[-1] - few[0] + 1) / _LEAST_RATIO:
+        return few[:0]
+    return _changes(layers)
+
+
+def _changes(layers: AnyArray) -> IntArray:
+    """Layers of which any voxel differs from the next layer's."""
+    return np.flatnonzero([(layer != after).any() for layer, after in pairwise(layers)])
 
 
 def _grids_of(borders: IntArray, size: int, mm: float) -> list[_Axis]:
