@@ -27,8 +27,8 @@ _SURE, _LIKELY = 14.0, 4.0
 # Sizes that differ by less than this share are one: a whole number of voxels rounds them.
 _SAME_SIZE = 0.1
 
-# Segmenters compute at multiples of this size, mm.
-_ROUND_MM = 0.25
+# Segmenters compute at multiples of the first of these sizes, up to the second, mm.
+_ROUND_MM, _COARSEST_MM = 0.25, 10.0
 
 # The share of a grid's planes, from the first border to the last, at which borders lie.
 _DENSE = 0.5
@@ -164,7 +164,7 @@ def _grids_of(borders: IntArray, size: int, mm: float) -> list[_Axis]:
     for count in range(2, int(size / _LEAST_RATIO) + 1):
         faces, centres = size / count, (size - 1) / (count - 1)
         tried += [_Axis(count, centres, 0.0), _Axis(count, faces, (faces - 1) / 2)]
-    for size_mm in _ROUND_MM * np.arange(1, size * mm / 2 / _ROUND_MM):
+    for size_mm in _ROUND_MM * np.arange(1, min(size * mm / 2, _COARSEST_MM) / _ROUND_MM):
         ratio = float(size_mm / mm)
         tried.append(_Axis(int((size - 1) / ratio) + 1, ratio, 0.0))
     found: list[_Axis] = []
