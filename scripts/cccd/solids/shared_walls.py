@@ -218,9 +218,7 @@ def _share_walls(organs: Mapping[int, Organ], frame: Frame) -> SharedWalls:
     return SharedWalls(surface, {}, pinched, passing)
 
 
-def _rough(
-    meshes: Sequence[Mesh], voxels: _Voxels, cell: float
-) -> tuple[ConformingSurface, FloatArray, int]:
+def _rough(meshes: Sequence[Mesh], voxels: _Voxels, cell: float) -> tuple[ConformingSurface, FloatArray, int]:
     """Let organs meet on a grid; all in mm along the scan's axes.
 
     Returns the walls with the grid's ripples, the means of their cells' cuts (V, 3), between which nothing
