@@ -37,7 +37,8 @@ class MovingTriangles:
     >>> points = np.array([(0.0, 0, 0), (2, 0, 0), (0, 2, 0), (0.5, 0.5, -1), (0.5, 0.5, 1), (9, 9, 0)])
     >>> triangles.passing_pairs(points).tolist()
     [[0, 1]]
-    >>> triangles.passing_pairs(points + [(0, 0, 0)] * 3 + [(9, 0, 0)] * 3).tolist()
+    >>> points[3:] += (9, 0, 0)
+    >>> triangles.passing_pairs(points).tolist()
     []
     """
 
