@@ -429,6 +429,8 @@ def _range(low: float, high: float) -> str:
 
 def _move_to_grid(volume: Volume, grid: Volume, interpolate: bool) -> tuple[AnyArray, list[str]]:
     """Voxels of ``volume`` on the grid of another, by interpolation only if allowed, which is a warning."""
+    if volume is grid:
+        return volume.data, []
     binary = volume.data.dtype == bool
     moved = on_grid(volume, grid.affine, grid.shape, fill=False if binary else None)
     if moved is not None:
