@@ -40,7 +40,7 @@ from cccd.inputs.grey_values import image_without_mask
 from cccd.inputs.grid import Volume, check_affine, find_slice_axis
 from cccd.inputs.load import existing, frame_of, scan_of
 from cccd.inputs.readers import SUFFIXES, without_suffix
-from cccd.inputs.row_files import list_labels, read_image
+from cccd.inputs.row_files import EACH_ITS_OWN, RowFiles, list_labels, read_image
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, fit_and_loft, order_maps
 from cccd.settings.messages import nearest
@@ -285,7 +285,6 @@ def labels(path: str | Path) -> dict[str, str]:
     return list_labels(object_in(path))
 
 
-@needing("cccd.read")
 def read(
     path: str | Path,
     label: str | int | Iterable[int] = "",
@@ -347,7 +346,36 @@ def read(
     labels : what a file contains.
     reconstruct : the surface of the result.
     """
-    settings = settings or _DEFAULTS
+    structure = read_organ(
+        path,
+        label,
+        settings or _DEFAULTS,
+        EACH_ITS_OWN,
+        image=image,
+        boundary=boundary,
+        annotated=annotated,
+        threshold=threshold,
+        seed=seed,
+        border=border,
+    )
+    return _told(structure, 3)
+
+
+@needing("cccd.read")
+def read_organ(
+    path: str | Path,
+    label: str | int | Iterable[int],
+    settings: Settings,
+    files: RowFiles,
+    *,
+    image: str | Path | None = None,
+    boundary: bool = False,
+    annotated: str = AUTO,
+    threshold: bool | tuple[float | None, float | None] = False,
+    seed: str = "",
+    border: str = "mask",
+) -> Structure:
+    """Read one organ as `read` does, of files that may be shared, and without its Python warning."""
     path = Path(path).absolute()
     existing(path, path.name)
     name = name_of(path)
@@ -382,8 +410,7 @@ def read(
         organ = {"seed": "seeded", "threshold": "threshold"}[alone]
     row = {"case": name, "organ": organ, "source": "files", "label": chosen, "location": path.name}
     row |= {"seed": seed, "border": border, "annotated": _rule(annotated), **columns}
-    structure = load_structure(row, path.parent, settings.import_, settings.seed)
-    return _told(structure, 4)  # one frame is the decorator's
+    return load_structure(row, path.parent, settings.import_, settings.seed, files)
 
 
 def _chosen(label: str | int | Iterable[int]) -> str:

@@ -14,13 +14,14 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cccd.api import Surface, read, reconstruct, refuse_image
+from cccd.api import Surface, read_organ, reconstruct, refuse_image
 from cccd.containers import Structure
 from cccd.errors import InputError
 from cccd.extras import needing
 from cccd.inputs.annotation import AUTO, with_undrawn_filled
 from cccd.inputs.label_maps import MapLabel, list_map
 from cccd.inputs.load import existing
+from cccd.inputs.row_files import RowFiles
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls, touching_groups
 
@@ -87,13 +88,14 @@ class WholeMap:
         source = existing(Path(path).absolute(), "mask")
         refuse_image(source)
         whole = cls(dict(enumerate(list_map(source, table), 1)), {}, settings)
+        files = RowFiles.shared()
         for number, label in whole.labels.items():
             if label.left_out:
                 why = f"{label.left_out}: too small for a surface; it is left out"
                 whole.failures.append(f"label {label.label}: {why}")
                 continue
             try:
-                organ = read(path, label.label, image=image, annotated=annotated, settings=settings)
+                organ = read_organ(path, label.label, settings, files, image=image, annotated=annotated)
             except InputError as error:
                 whole.failures.append(f"label {label.label}: {error}")
             else:

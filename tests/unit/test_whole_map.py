@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import cccd
+from cccd.inputs import readers
 from cccd.whole_map import WholeMap
 
 #: Corners of cubes of 8 voxels: the first two touch, the others stand alone.
@@ -57,3 +58,16 @@ def test_done_counts_every_organ_once(cubes):
     assert len(list(whole.surfaces(1, str, done.append))) == len(CORNERS)
     assert sorted(done) == list(whole.structures)
     assert set(whole.voxels.values()) == {8**3}
+
+
+def test_labels_of_one_file_share_what_was_read(cubes, monkeypatch):
+    opened = []
+    nibabel_load = readers.load_image
+    monkeypatch.setattr(readers, "load_image", lambda path: (opened.append(path), nibabel_load(path))[1])
+    whole = whole_map(cubes)
+    assert len(opened) <= 2  # the list of its labels, and the voxels
+    for number, structure in whole.structures.items():
+        alone = cccd.read(cubes, number)
+        np.testing.assert_array_equal(structure.mask, alone.mask)
+        np.testing.assert_array_equal(structure.origin, alone.origin)
+        assert (structure.provenance, structure.warnings) == (alone.provenance, alone.warnings)

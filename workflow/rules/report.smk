@@ -92,7 +92,8 @@ rule build_report:
         "../../envs/cccd.yaml"
     threads: 1
     resources:
-        mem_mb=memory(2500, 10),
+        # 440 MB of 2 structures, 540 of 12 on one page, 370 and 410 of 100 and 400 in an index
+        mem_mb=memory(1000 + len(cohort.reconstructed) // 2),
         runtime=minutes(30),
     params:
         library=library("build_report", *plan.report_code),

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from cccd.geometry._jit import jit
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["passing_pairs"]
+__all__ = ["MovingTriangles", "passing_pairs"]
 
 #: Volumes below this share of the cube of a triangle's size count as none: the triangles only touch.
 _TOUCHING = 1e-12
@@ -24,7 +24,42 @@ _CELL = 1.5
 _Point = tuple[float, float, float]
 
 
-def passing_pairs(vertices: FloatArray, faces: IntArray) -> IntArray:
+class MovingTriangles:
+    """Triangles whose vertices move a few at a time: pairs of which neither has moved are not tested again.
+
+    Parameters
+    ----------
+    faces : (F, 3) int64
+
+    Examples
+    --------
+    >>> triangles = MovingTriangles(np.arange(6).reshape(2, 3))
+    >>> points = np.array([(0.0, 0, 0), (2, 0, 0), (0, 2, 0), (0.5, 0.5, -1), (0.5, 0.5, 1), (9, 9, 0)])
+    >>> triangles.passing_pairs(points).tolist()
+    [[0, 1]]
+    >>> points[3:] += (9, 0, 0)
+    >>> triangles.passing_pairs(points).tolist()
+    []
+    """
+
+    def __init__(self, faces: IntArray) -> None:
+        self.faces = faces
+        self._vertices: FloatArray | None = None
+        self._pairs = np.zeros((0, 2), np.int64)
+
+    def passing_pairs(self, vertices: FloatArray) -> IntArray:
+        """Find the pairs (K, 2) that pass through each other, with the vertices (V, 3) as they are now."""
+        if self._vertices is None:
+            moved = np.ones(len(self.faces), np.bool_)
+        else:
+            moved = (vertices != self._vertices).any(axis=1)[self.faces].any(axis=1)
+        still = self._pairs[~moved[self._pairs].any(axis=1)]
+        self._vertices = vertices.copy()
+        self._pairs = np.concatenate([still, passing_pairs(vertices, self.faces, moved)])
+        return self._pairs
+
+
+def passing_pairs(vertices: FloatArray, faces: IntArray, of: BoolArray | None = None) -> IntArray:
     """Find the pairs (K, 2) of triangles that pass through each other.
 
     Pairs that share an edge are not looked at; of pairs that share a vertex, the opposite edges are.
@@ -33,17 +68,23 @@ def passing_pairs(vertices: FloatArray, faces: IntArray) -> IntArray:
     Parameters
     ----------
     vertices, faces : (V, 3) float64, (F, 3) int64
+    of : (F,) bool, optional
+        Triangles of which each pair has one at least; by default all.
     """
     if len(faces) == 0:
         return np.zeros((0, 2), np.int64)
+    of = np.ones(len(faces), np.bool_) if of is None else of
     vertices, faces = np.ascontiguousarray(vertices, float), np.ascontiguousarray(faces, np.int64)
     boxes = _boxes(vertices, faces)
     cells = boxes[:, 3:].max(axis=0).astype(np.int64) + 1
     cell, member = _grid_entries(boxes, cells)
     cell, member = np.divmod(np.sort(cell * len(faces) + member), len(faces))  # faster than any argsort
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(cell)) + 1, [len(cell)]])
-    places = np.column_stack(np.unravel_index(cell[starts[:-1]], tuple(cells)))
-    pairs = _pairs_in_cells(vertices, faces, boxes, member, starts, places)
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(cell)) + 1])
+    ends = np.append(starts[1:], len(cell))
+    several = (ends - starts > 1) & np.logical_or.reduceat(of[member], starts)
+    starts, ends = starts[several], ends[several]
+    places = np.column_stack(np.unravel_index(cell[starts], tuple(cells)))
+    pairs = _pairs_in_cells(vertices, faces, of, boxes, member, np.column_stack([starts, ends]), places)
     return np.array(pairs, np.int64).reshape(-1, 2)
 
 
@@ -92,19 +133,24 @@ def _grid_entries(boxes: FloatArray, cells: IntArray) -> tuple[IntArray, IntArra
 def _pairs_in_cells(
     vertices: FloatArray,
     faces: IntArray,
+    of: BoolArray,
     boxes: FloatArray,
     member: IntArray,
-    starts: IntArray,
+    ends: IntArray,
     places: IntArray,
 ) -> Sequence[tuple[np.int64, np.int64]]:
-    """Pairs that pass through each other; members from ``starts[n]`` to the next start reach one cell."""
+    """Pairs that pass through each other; members from ``ends[n, 0]`` up to ``ends[n, 1]`` reach one cell."""
     found = [(np.int64(0), np.int64(0)) for _ in range(0)]  # typed and empty
-    for n in range(len(starts) - 1):
-        here = member[starts[n] : starts[n + 1]]
+    for n in range(len(ends)):
+        here = member[ends[n, 0] : ends[n, 1]]
         for m in range(len(here)):
             for o in range(m + 1, len(here)):
                 f, g = here[m], here[o]
-                if _meet_first_in(boxes, f, g, places, n) and _pass(vertices, faces, f, g):
+                if (
+                    (of[f] or of[g])
+                    and _meet_first_in(boxes, f, g, places, n)
+                    and _pass(vertices, faces, f, g)
+                ):
                     found.append((f, g))
     return found
 

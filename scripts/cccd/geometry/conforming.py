@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import LinearOperator, cg
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
@@ -137,8 +137,7 @@ def faired(
     rounds : int
         Steps of conjugate gradients at most.
     """
-    bending = _bending(surface)
-    matrix = diags_array(trust) + bending.T @ (diags_array(stiffness) @ bending)
+    matrix = diags_array(trust) + _squared(_bending(surface), stiffness)
     diagonal = matrix.diagonal()
     scale = LinearOperator(matrix.shape, matvec=lambda x: x / diagonal, dtype=np.float64)
     right = trust[:, None] * surface.vertices
@@ -147,6 +146,11 @@ def faired(
         for axis in range(3)
     ]
     return np.column_stack(smooth)
+
+
+def _squared(matrix: csr_array, weights: FloatArray) -> csc_array:
+    """Multiply a matrix, its rows weighted, by its transpose; the parts are not kept."""
+    return matrix.T @ (diags_array(weights) @ matrix)
 
 
 def _bending(surface: ConformingSurface) -> csr_array:

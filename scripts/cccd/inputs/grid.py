@@ -313,6 +313,7 @@ def crop(array: AnyArray, first: IntArray, last: IntArray) -> AnyArray:
     first, last, shape = np.asarray(first), np.asarray(last), np.array(array.shape)
     inside = tuple(slice(max(a, 0), b + 1) for a, b in zip(first, last, strict=True))
     beyond = [(max(-a, 0), max(b + 1 - n, 0)) for a, b, n in zip(first, last, shape, strict=True)]
+    kept = np.ascontiguousarray(array[inside])  # in the same order however the file has its voxels
     if array.dtype == bool:
-        return np.pad(array[inside], beyond)
-    return np.pad(array[inside], beyond, mode="edge")
+        return np.pad(kept, beyond)
+    return np.pad(kept, beyond, mode="edge")

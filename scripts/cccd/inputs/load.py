@@ -7,6 +7,7 @@ import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,7 @@ from cccd.inputs.heads import draw_head
 from cccd.inputs.phantoms import make_phantom
 from cccd.inputs.refining import refine_border
 from cccd.inputs.regions import find_region
-from cccd.inputs.row_files import organ_of_labels, read_boundary_maps, read_image, read_mask
+from cccd.inputs.row_files import EACH_ITS_OWN, LabelMap, RowFiles, read_boundary_maps, read_mask
 from cccd.inputs.sources import brain_of_stripped, read_mni152, read_whole_body_ct
 from cccd.seeds import parse_seeds
 from cccd.settings.imports import ImportSettings
@@ -102,7 +103,11 @@ class _Scan:
 
 
 def load_structure(
-    row: Mapping[str, str], sheet_dir: str | Path, settings: ImportSettings, seed: int = 0
+    row: Mapping[str, str],
+    sheet_dir: str | Path,
+    settings: ImportSettings,
+    seed: int = 0,
+    files: RowFiles = EACH_ITS_OWN,
 ) -> Structure:
     """Read one structure, cropped to its organ with a margin.
 
@@ -116,6 +121,8 @@ def load_structure(
         How it is read.
     seed : int
         Determines everything random in a phantom, a scan and its damage.
+    files : RowFiles
+        Rows of the same files share what was read of them by ``RowFiles.shared()``.
 
     Returns
     -------
@@ -132,7 +139,7 @@ def load_structure(
     try:
         if row["source"] in ("phantom", "damaged_phantom"):
             return _make_phantom(row, settings, seed)
-        scan = _read_source(row, Path(sheet_dir), settings, seed)
+        scan = _read_source(row, Path(sheet_dir), settings, seed, files)
         return _crop(scan, row)
     except InputError as error:
         if error.location == location:
@@ -175,7 +182,7 @@ def structure_of_array(
         raise InputError(name, f"it has {array.ndim} dimensions", "give a three-dimensional array")
     if array.dtype.kind not in "biuf":
         raise InputError(name, f"its values are no real numbers ({array.dtype})", "give a mask of numbers")
-    volume = organ_of_labels(Volume(array, check_affine(affine, name), name), "", name)
+    volume = LabelMap.of(Volume(array, check_affine(affine, name), name)).organ("", name)
     layers = _mask_layers(volume.data)
     frame, coarser = frame_of(volume, settings), volume.coarser
     scan = _Scan(frame, **layers, coarser=coarser, annotated=annotated, warnings=volume.warnings)
@@ -206,7 +213,9 @@ def _make_phantom(row: Mapping[str, str], settings: ImportSettings, seed: int) -
 # one grid -------------------------------------------------------------------------------------------
 
 
-def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings, seed: int) -> _Scan:
+def _read_source(
+    row: Mapping[str, str], folder: Path, settings: ImportSettings, seed: int, files: RowFiles
+) -> _Scan:
     """Read what a row stands for, except a phantom."""
     if row["source"] in IMAGES_ALONE:
         scan = _scan_phantom if row["source"] == "phantom_scan" else _scan_brain
@@ -217,7 +226,7 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings,
         return _Scan(frame_of(mask, settings), image.data, mask.data, provenance=provenance)
     row, implied = complete_row(row, folder)
     paths = {name: existing(folder / row[name], name) for name in ("image", "mask", "boundary") if row[name]}
-    image = read_image(paths["image"], row["source"], settings.fill_gaps) if "image" in paths else None
+    image = files.image(paths["image"], row["source"], settings.fill_gaps) if "image" in paths else None
     if "mask" in paths:
         paths["mask"] = object_in(paths["mask"])
     if "mask" in paths and paths["mask"].is_file() and dicom_modality(paths["mask"]) == "RTSTRUCT":
@@ -227,12 +236,12 @@ def _read_source(row: Mapping[str, str], folder: Path, settings: ImportSettings,
             )
         scan = _scan_of_contours(paths["mask"], row, image, settings)
     else:
-        scan = _scan_of_voxels(paths, row, implied, image, settings)
+        scan = _scan_of_voxels(paths, row, implied, image, settings, files)
     provenance = {
         "source": row["source"],
         "label": row["label"],
         "files": _checksums(row, folder),
-        "versions": _versions(),
+        "versions": dict(_versions()),
         **scan.provenance,
     }
     warnings = [] if image is None else image.warnings
@@ -326,9 +335,10 @@ def _scan_of_voxels(
     implied: tuple[int, ...],
     image: Volume | None,
     settings: ImportSettings,
+    files: RowFiles,
 ) -> _Scan:
     """Read mask and boundary maps, or find the organ in the image, and move all to one grid."""
-    mask = read_mask(paths["mask"], row, implied, image) if "mask" in paths else None
+    mask = read_mask(paths["mask"], row, implied, image, files.label_map) if "mask" in paths else None
     boundary = read_boundary_maps(paths["boundary"]) if "boundary" in paths else None
     provenance: dict[str, Any] = {}
     drawn = mask if boundary is None else boundary
@@ -419,6 +429,8 @@ def _range(low: float, high: float) -> str:
 
 def _move_to_grid(volume: Volume, grid: Volume, interpolate: bool) -> tuple[AnyArray, list[str]]:
     """Voxels of ``volume`` on the grid of another, by interpolation only if allowed, which is a warning."""
+    if volume is grid:
+        return volume.data, []
     binary = volume.data.dtype == bool
     moved = on_grid(volume, grid.affine, grid.shape, fill=False if binary else None)
     if moved is not None:
@@ -645,6 +657,7 @@ def _unscored_notes(truth: BoolArray, mask: BoolArray) -> list[str]:
 # provenance -----------------------------------------------------------------------------------------
 
 
+@cache
 def _versions() -> dict[str, str]:
     """Versions of the readers that are installed."""
     found: dict[str, str] = {}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from cccd.dicom_objects import dicom_modality
 from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray
-from cccd.inputs.coarser_grid import find_coarser_grid
+from cccd.inputs.coarser_grid import CoarserGrid, find_coarser_grid
 from cccd.inputs.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilities, refuse_grey_values
 from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.labels import choose_labels
@@ -22,11 +23,14 @@ from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE, PROBABILITY
 
 __all__ = [
+    "EACH_ITS_OWN",
+    "LabelMap",
+    "RowFiles",
     "label_values",
     "list_labels",
-    "organ_of_labels",
     "read_boundary_maps",
     "read_image",
+    "read_label_map",
     "read_mask",
     "read_masks",
 ]
@@ -111,6 +115,7 @@ def read_mask(
     row: Mapping[str, str],
     implied: tuple[int, ...],
     image: Volume | None,
+    label_map: Callable[[Path], LabelMap],
 ) -> Volume:
     """Read an organ's mask.
 
@@ -125,6 +130,8 @@ def read_mask(
         Labels that the cohort's layout implies, of which some may be missing; empty where it implies none.
     image : Volume, optional
         The image, to which a SEG has to refer.
+    label_map : callable
+        How a label map is read: `read_label_map`, or one of `RowFiles`.
 
     Returns
     -------
@@ -149,7 +156,7 @@ def read_mask(
         return _with_coarser_grid(mask, mask.data)
     if is_nnunet(path):
         return _field_or_mask(read_classes(path).of_organ(label, organ))
-    return organ_of_labels(read_volume(path), label, organ, implied)
+    return label_map(path).organ(label, organ, implied)
 
 
 def list_labels(path: Path) -> dict[str, str]:
@@ -186,7 +193,7 @@ def label_values(path: Path) -> Volume | None:
 
 def _label_map(path: Path) -> Volume:
     volume = read_volume(path)
-    return replace(volume, data=_whole_numbers(volume.data, volume.location, labelled=False)[0])
+    return replace(volume, data=_whole_numbers(volume.data, volume.location)[0])
 
 
 def _mask_files(folder: Path) -> dict[str, Path]:
@@ -240,35 +247,105 @@ def _read_named(folder: Path, files: Mapping[str, Path], name: str) -> Volume:
     """Read one mask of a folder."""
     if name not in files:
         raise InputError(folder.name, f"no mask of {name!r} in this folder", nearest(name, files))
-    return organ_of_labels(read_volume(files[name]), "", name)
+    return read_label_map(files[name]).organ("", name)
 
 
-def organ_of_labels(volume: Volume, label: str, organ: str, implied: tuple[int, ...] = ()) -> Volume:
-    """Turn a label map or a binary mask into the organ's boolean mask; probabilities stay what they are."""
-    location = volume.location
-    data, probable = _whole_numbers(volume.data, location, bool(label))
-    present = [int(value) for value in np.unique(data) if value > 0]
-    if not present:
-        raise InputError(location, "the mask is empty", "check that it belongs to this organ")
-    if probable:
-        return _field_or_mask(replace(volume, data=np.clip(volume.data, 0, 1).astype(np.float32)))
-    warnings: list[str] = []
-    names = {value: volume.names.get(value, "") for value in present}
-    called = [value for value, name in names.items() if name.lower() == organ.lower()]
-    if implied:
-        chosen = [value for value in present if value in implied]
-        if not chosen:
-            raise InputError(
-                location, f"it has none of the labels {', '.join(map(str, implied))}", choices(present)
-            )
-    elif label or len(called) == 1:
-        chosen = choose_labels(names, label, organ, location, "label")
-    else:
-        chosen = present
-        if len(present) > 1:
-            warnings = [*warnings, f"{location}: {TAKEN_TOGETHER} {_as_one_organ(names)}"]
-    mask = replace(volume, data=np.isin(data, chosen), warnings=volume.warnings + warnings)
-    return _with_coarser_grid(mask, data)
+@dataclass(frozen=True, eq=False)
+class LabelMap:
+    """A label map or a mask as its file has it, looked through once for all its labels.
+
+    Attributes
+    ----------
+    volume : Volume
+        As it was read.
+    data : (a, b, c) int
+        Labels; of probabilities where they are one half and above.
+    probable : bool
+        Whether the volume holds probabilities.
+    present : list of int
+        Labels above 0.
+    """
+
+    volume: Volume
+    data: AnyArray
+    probable: bool
+    present: list[int]
+
+    @classmethod
+    def of(cls, volume: Volume) -> LabelMap:
+        """Check that a volume holds labels or probabilities, and any at all."""
+        data, probable = _whole_numbers(volume.data, volume.location)
+        present = [int(value) for value in np.unique(data) if value > 0]
+        if not present:
+            raise InputError(volume.location, "the mask is empty", "check that it belongs to this organ")
+        return cls(volume, data, probable, present)
+
+    @cached_property
+    def coarser(self) -> CoarserGrid | None:
+        """The grid that all labels were copied from."""
+        return find_coarser_grid(self.data, np.linalg.norm(self.volume.affine[:3, :3], axis=0))
+
+    def organ(self, label: str, organ: str, implied: tuple[int, ...] = ()) -> Volume:
+        """Take an organ's boolean mask; probabilities stay what they are."""
+        volume, location, present = self.volume, self.volume.location, self.present
+        if self.probable:
+            if label:
+                raise InputError(
+                    location, "it contains probabilities of one organ, not labels", "leave the label out"
+                )
+            return _field_or_mask(replace(volume, data=np.clip(volume.data, 0, 1).astype(np.float32)))
+        warnings: list[str] = []
+        names = {value: volume.names.get(value, "") for value in present}
+        called = [value for value, name in names.items() if name.lower() == organ.lower()]
+        if implied:
+            chosen = [value for value in present if value in implied]
+            if not chosen:
+                raise InputError(
+                    location, f"it has none of the labels {', '.join(map(str, implied))}", choices(present)
+                )
+        elif label or len(called) == 1:
+            chosen = choose_labels(names, label, organ, location, "label")
+        else:
+            chosen = present
+            if len(present) > 1:
+                warnings = [f"{location}: {TAKEN_TOGETHER} {_as_one_organ(names)}"]
+        # one label is found in a fifth of the time of several
+        data = self.data == chosen[0] if len(chosen) == 1 else np.isin(self.data, chosen)
+        return replace(volume, data=data, coarser=self.coarser, warnings=volume.warnings + warnings)
+
+
+def read_label_map(path: Path) -> LabelMap:
+    """Read a label map or a mask from a file that is neither DICOM's nor nnU-Net's.
+
+    Raises
+    ------
+    InputError
+        Not readable, neither labels nor probabilities, or empty.
+    """
+    return LabelMap.of(read_volume(path))
+
+
+@dataclass(frozen=True)
+class RowFiles:
+    """How the files that rows name are read: each row reads its own, or rows of the same file share it.
+
+    Attributes
+    ----------
+    label_map, image : callable
+        `read_label_map` and `read_image`, or such as remember what they have read.
+    """
+
+    label_map: Callable[[Path], LabelMap] = read_label_map
+    image: Callable[[Path, str, bool], Volume] = read_image
+
+    @classmethod
+    def shared(cls) -> RowFiles:
+        """Read every file once, and keep it as long as this is kept."""
+        return cls(cache(read_label_map), cache(read_image))
+
+
+#: Every row reads its own files.
+EACH_ITS_OWN = RowFiles()
 
 
 def _with_coarser_grid(mask: Volume, labels: AnyArray) -> Volume:
@@ -317,8 +394,8 @@ def _field_or_mask(volume: Volume) -> Volume:
     return replace(volume, data=volume.data >= 0.5, warnings=[*volume.warnings, note])
 
 
-def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyArray, bool]:
-    """Labels as integers, and whether they are probabilities, then cut; none are beside a row's label."""
+def _whole_numbers(data: AnyArray, location: str) -> tuple[AnyArray, bool]:
+    """Labels as integers, and whether they are probabilities, then cut."""
     if data.dtype == bool:
         refuse_grey_values(data, location)
         return data.astype(np.uint8), False
@@ -339,10 +416,6 @@ def _whole_numbers(data: AnyArray, location: str, labelled: bool) -> tuple[AnyAr
             location,
             f"its values, {data.min():.4g} to {data.max():.4g}, are neither labels nor probabilities",
             f"give a label map, or probabilities from 0 to 1; of a grey image: {HOW_TO_GIVE_AN_IMAGE}",
-        )
-    if labelled:
-        raise InputError(
-            location, "it contains probabilities of one organ, not labels", "leave the label out"
         )
     refuse_grey_probabilities(data, location)
     return (data >= 0.5).astype(np.int32), True

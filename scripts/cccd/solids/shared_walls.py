@@ -22,7 +22,7 @@ from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, LabelArray, SingleArray, offsets_of
 from cccd.geometry.averaging import averaging_rounds
-from cccd.geometry.collisions import passing_pairs
+from cccd.geometry.collisions import MovingTriangles
 from cccd.geometry.conforming import ConformingSurface, faired
 from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.mesh import Mesh, given_back
@@ -200,26 +200,35 @@ def _share_walls(organs: Mapping[int, Organ], frame: Frame) -> SharedWalls:
         regions = np.tile([labels[0], 0], (len(alone.faces), 1))
         return SharedWalls(ConformingSurface(alone.vertices, alone.faces, regions), {}, 0, 0)
     to_mm = _world_to_mm(frame)
-    meshes = [organs[label].mesh.transformed(to_mm) for label in labels]
     voxels = _Voxels.of([organs[label].structure for label in labels], frame)
     cell = CELL_PIXELS * _edge(frame)
-    fields = _Fields.of(meshes, voxels, cell)
-    fields = fields.with_outside(voxels)
-    regions, pinched = well_composed(fields.owners(voxels), fields.distance)
-    net = surface_nets(regions, fields.cut)
-    in_mm = replace(net, vertices=fields.low + cell * fields.on_walls(net))
+    rough, before, pinched = _rough([organs[label].mesh.transformed(to_mm) for label in labels], voxels, cell)
     pixel = float(np.sqrt(frame.pixel_spacing.prod()))
-    smooth = _smoothed(in_mm, voxels.ends, cell, pixel)
-    most = MOST_OFFSET_PIXELS * _edge(frame)
-    smooth = _with_volumes(replace(in_mm, vertices=smooth), voxels, cell, most)
-    smooth, passing = _unfolded(replace(in_mm, vertices=smooth), fields.low + cell * net.vertices)
+    # each surface takes the place of the last, whose edges and averages are as large as everything else
+    walls = replace(rough, vertices=_smoothed(rough, voxels.ends, cell, pixel))
+    del rough
+    walls = replace(walls, vertices=_with_volumes(walls, voxels, cell, MOST_OFFSET_PIXELS * _edge(frame)))
+    smooth, passing = _unfolded(walls, before)
     axis, begin, end = voxels.ends
     smooth[:, axis] = np.clip(smooth[:, axis], begin, end)
-    vertices = Mesh(smooth, in_mm.triangles).transformed(_mm_to_world(frame)).vertices
+    vertices = Mesh(smooth, walls.triangles).transformed(_mm_to_world(frame)).vertices
     numbers = np.array([0, *labels])
-    triangles = in_mm.triangles if np.linalg.det(to_mm[:3, :3]) > 0 else in_mm.triangles[:, ::-1]
-    surface = ConformingSurface(vertices, np.ascontiguousarray(triangles), numbers[in_mm.regions])
+    triangles = walls.triangles if np.linalg.det(to_mm[:3, :3]) > 0 else walls.triangles[:, ::-1]
+    surface = ConformingSurface(vertices, np.ascontiguousarray(triangles), numbers[walls.regions])
     return SharedWalls(surface, {}, pinched, passing)
+
+
+def _rough(meshes: Sequence[Mesh], voxels: _Voxels, cell: float) -> tuple[ConformingSurface, FloatArray, int]:
+    """Let organs meet on a grid; all in mm along the scan's axes.
+
+    Returns the walls with the grid's ripples, the means of their cells' cuts (V, 3), between which nothing
+    crosses, and the number of pinched places.
+    """
+    fields = _Fields.of(meshes, voxels, cell).with_outside(voxels)
+    regions, pinched = well_composed(fields.owners(voxels), fields.distance)
+    net = surface_nets(regions, fields.cut)
+    rough = replace(net, vertices=fields.low + cell * fields.on_walls(net))
+    return rough, fields.low + cell * net.vertices, pinched
 
 
 def touching_groups(structures: Mapping[int, Structure]) -> list[list[int]]:
@@ -648,8 +657,9 @@ def _unfolded(surface: ConformingSurface, before: FloatArray) -> tuple[FloatArra
     Returns them and how many pairs of triangles still do.
     """
     vertices = surface.vertices.copy()
+    moving = MovingTriangles(surface.triangles)
     for _ in range(UNFOLDING_ROUNDS):
-        pairs = passing_pairs(vertices, surface.triangles)
+        pairs = moving.passing_pairs(vertices)
         if len(pairs) == 0:
             return vertices, 0
         folded = np.zeros(len(vertices), bool)
@@ -657,7 +667,7 @@ def _unfolded(surface: ConformingSurface, before: FloatArray) -> tuple[FloatArra
         around = surface.triangles[folded[surface.triangles].any(axis=1)]
         folded[around] = True
         vertices[folded] = (vertices[folded] + before[folded]) / 2
-    return vertices, len(passing_pairs(vertices, surface.triangles))
+    return vertices, len(moving.passing_pairs(vertices))
 
 
 def _warnings(surface: ConformingSurface, organs: Mapping[int, Organ]) -> dict[int, list[str]]:

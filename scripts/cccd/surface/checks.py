@@ -56,7 +56,7 @@ class Violation:
         return f"{self.problem} at ({x:.1f}, {y:.1f}, {z:.1f}) mm"
 
 
-def check_surface(mesh: Mesh, stack: SliceStack) -> list[Violation]:
+def check_surface(mesh: Mesh, stack: SliceStack, pairs: IntArray | None = None) -> list[Violation]:
     """Find what is wrong with a surface.
 
     It is closed and passes nowhere through itself. On every slice it lies within `ON_SLICE` pixels of the
@@ -69,11 +69,13 @@ def check_surface(mesh: Mesh, stack: SliceStack) -> list[Violation]:
         In the plane's mm and height in mm.
     stack : SliceStack
         What the slices hold.
+    pairs : (K, 2) int64, optional
+        Triangles that pass through each other, where that is known.
     """
     found: list[Violation] = []
     if not mesh.is_closed_manifold:
         found.append(Violation("the surface is not closed"))
-    pairs = mesh.self_intersections()
+    pairs = mesh.self_intersections() if pairs is None else pairs
     if len(pairs):
         places = mesh.vertices[mesh.faces[pairs[:, 0]]].mean(axis=1)
         text = f"the surface intersects itself in {_counted(len(pairs), 'place')}, the first"

@@ -92,9 +92,11 @@ class SplineSolid:
     def to_world(self, frame: Frame) -> LoftedSurface:
         """Return the splines and their mesh in mm RAS."""
         affine = self.stack.plane_to_world(frame)
-        spline, mesh = _rounded(self.spline.transformed(affine), CONTROL_POINT_PIXELS * self.stack.pixel)
+        spline, mesh, pairs = _rounded(
+            self.spline.transformed(affine), CONTROL_POINT_PIXELS * self.stack.pixel
+        )
         # what is written is checked: rounding alone may make a surface pass through itself
-        found = check_surface(mesh.transformed(np.asarray(np.linalg.inv(affine), float)), self.stack)
+        found = check_surface(mesh.transformed(np.asarray(np.linalg.inv(affine), float)), self.stack, pairs)
         told = [violation.line(affine) for violation in found]
         return LoftedSurface(spline.pieces(), mesh, frame, self.report(told))
 
@@ -133,16 +135,21 @@ def _left_out_warnings(volumes: Sequence[float], smallest_voxels: float) -> list
     ]
 
 
-def _rounded(spline: ControlMesh, tolerance: float) -> tuple[ControlMesh, Mesh]:
-    """Round control points, finer where the surface would pass through itself; its tessellation too."""
+def _rounded(spline: ControlMesh, tolerance: float) -> tuple[ControlMesh, Mesh, IntArray]:
+    """Round control points, finer where the surface would pass through itself.
+
+    Returns the tessellation too, and the pairs (K, 2) of its triangles that still do.
+    """
     rounded = spline.rounded(tolerance)
     mesh = rounded.tessellate(DRAWN)
-    if len(mesh.self_intersections()):
+    pairs = mesh.self_intersections()
+    if len(pairs):
         finer = spline.rounded(tolerance / FINER)
         fine = finer.tessellate(DRAWN)
-        if not len(fine.self_intersections()):
-            return finer, fine
-    return rounded, mesh
+        none = fine.self_intersections()
+        if not len(none):
+            return finer, fine, none
+    return rounded, mesh, pairs
 
 
 def loft_spline(stack: SliceStack, smallest_voxels: float) -> SplineSolid:

@@ -14,8 +14,10 @@ from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import cg
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.collisions import MovingTriangles
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.subdivision import ControlMesh, quad_edges
+from cccd.geometry.squared_pattern import SquaredPattern
+from cccd.geometry.subdivision import ControlMesh, Sampler, quad_edges
 from cccd.surface.control_mesh import open_edges
 from cccd.surface.sampled import SampledDistance
 
@@ -84,7 +86,8 @@ class SplineFit:
         laplacian, self.mass = _cotangent(samples, self.triangles)
         free = diags_array((~self.rim).astype(float))
         self.bending = csr_array(free @ laplacian @ self.sampling)
-        self.bending_transposed = csr_array(self.bending.T)
+        self.bending_squared = SquaredPattern(self.bending)
+        self.sampling_squared = SquaredPattern(self.sampling)
         radius = 1 / np.maximum(curvature(samples), LEAST_CURVATURE)
         self.stiffness = np.minimum(STIFF_PIXELS * distance.pixel, STIFF_SHARE * radius) ** 4
 
@@ -102,10 +105,10 @@ class SplineFit:
         weight = self.mass * np.where(slope > 0, np.clip(slope / STEEP[1], 0.01, 1) ** 2, 0)
         seen = _scaled(self.sampling, normals, along)
         self._soften(value / np.maximum(slope, 1), weight)
-        plate = _product(self.bending_transposed, _weighted(self.bending, self.stiffness / self.mass))
+        plate = self.bending_squared.product(self.bending.data, self.stiffness / self.mass)
         moving = np.any(along != 0, axis=1)
         held = np.where(moving, DAMPING * (self.sampling.T @ self.mass), 1.0)
-        data = _product(csr_array(seen.T), _weighted(seen, weight))
+        data = self.sampling_squared.product(seen.data, weight)
         matrix = csr_array(data + _scaled(plate, along, along) + diags_array(held, format="csr"))
         right = seen.T @ (-weight * value / np.maximum(slope, STEEP[0]))
         right -= np.einsum("vc,vc->v", along, plate @ self.points)
@@ -127,11 +130,14 @@ class SplineFit:
 
         They go back to where they began and, where it crosses there too, towards their neighbours' means.
         """
+        sampler = self.wall.sampler(CHECKED)
+        triangles = MovingTriangles(sampler.triangles)
         fewest, best = np.inf, self.points
         for back in (True, False):
             points, moving = best, np.zeros(len(best), np.bool_)
             for _ in range(1 + UNTANGLING_ROUNDS):
-                number, near = self._crossings(points)
+                pairs = triangles.passing_pairs(sampler.matrix @ points)
+                number, near = len(pairs), _moving(sampler, pairs)
                 if number < fewest:
                     fewest, best = number, points
                 if not number:
@@ -141,14 +147,6 @@ class SplineFit:
                 target = self.wall.vertices if back else self.neighbours @ points
                 points = np.where(moving[:, None], (points + target) / 2, points)
         self.points = best
-
-    def _crossings(self, points: FloatArray) -> tuple[int, BoolArray]:
-        """How many pairs of triangles pass through each other, and which control points (V,) move them."""
-        sampler = self.wall.sampler(CHECKED)
-        pairs = Mesh(sampler.matrix @ points, sampler.triangles).self_intersections()
-        crossing = np.zeros(len(sampler.matrix.indptr) - 1)
-        crossing[sampler.triangles[pairs.ravel()]] = 1
-        return len(pairs), np.asarray(sampler.matrix.T @ crossing > 0, np.bool_)
 
     def _normals(self, samples: FloatArray) -> FloatArray:
         """Give unit normals (P, 3), on a rim within the plane of its cap."""
@@ -197,24 +195,18 @@ def fit_spline(wall: ControlMesh, distance: SampledDistance, curvature: Curvatur
     return fit
 
 
+def _moving(sampler: Sampler, pairs: IntArray) -> BoolArray:
+    """Control points (V,) that move any of some pairs (K, 2) of a sampler's triangles."""
+    chosen = np.zeros(len(sampler.matrix.indptr) - 1)
+    chosen[sampler.triangles[pairs.ravel()]] = 1
+    return np.asarray(sampler.matrix.T @ chosen > 0, np.bool_)
+
+
 def _scaled(matrix: csr_array, rows: FloatArray, columns: FloatArray) -> csr_array:
     """Multiply each entry by the scalar product of its row's and its column's vectors."""
     number = np.diff(matrix.indptr)
     x, y, z = (np.repeat(r, number) * c[matrix.indices] for r, c in zip(rows.T, columns.T, strict=True))
     return csr_array((matrix.data * (x + z + y), matrix.indices, matrix.indptr), shape=matrix.shape)
-
-
-def _weighted(matrix: csr_array, weights: FloatArray) -> csr_array:
-    """Multiply each row by its weight."""
-    data = matrix.data * np.repeat(weights, np.diff(matrix.indptr))
-    return csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
-
-
-def _product(left: csr_array, right: csr_array) -> csr_array:
-    """Multiply two matrices; a product in rows' order is added and applied in half the time."""
-    product = csr_array(left @ right)
-    product.sort_indices()
-    return product
 
 
 def _neighbour_means(edges: IntArray, wall: ControlMesh, rim: BoolArray) -> csr_array:
