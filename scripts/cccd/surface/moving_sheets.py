@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import AnyArray, FloatArray, IntArray, SingleArray
 from cccd.surface.fields import LevelField, sampled
+from cccd.tolerances import TINY
 
 __all__ = ["Displacements", "MiddleLine", "find_middle_line", "follow", "move_sheets"]
 
@@ -43,6 +44,11 @@ STEEPEST = 2.2
 KEPT = (0.2, 0.5)
 #: They are found over so much of two distances between slices along them; vessels at lungs' roots are not.
 LEAST_LENGTH = 0.5
+#: A sheet that goes on as it came opens into the outside where, so far on, only one of its walls is left, at
+#: its half width but for so many pixels and this share of the way.
+_WALL_PIXELS, _WALL_SHARE = 1.0, 0.25
+#: Ends of ways that are so many pixels away are of the same place of a line.
+_SAME_PIXELS = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +67,10 @@ class MiddleLine:
     normals: FloatArray
     half_widths: FloatArray
 
+    def take(self, chosen: AnyArray) -> MiddleLine:
+        """Leave some of them."""
+        return MiddleLine(self.points[chosen], self.normals[chosen], self.half_widths[chosen])
+
 
 @dataclass(frozen=True, eq=False)
 class Displacements:
@@ -75,12 +85,19 @@ class Displacements:
     half_widths : (N,) float64
     lost : (N,) float64
         How much of the sheet is lost half way where distances are interpolated as they lie, from 0 to 1.
+    signs : (N,) float64
+        1 for slits, -1 for plates.
+    opens : (N,) float64
+        1 where only the lower slice has the sheet, which then opens into the outside (a plate: into the
+        inside) on its way up, -1 where only the upper one has it, 0 where both do.
     """
 
     middles: FloatArray
     shifts: FloatArray
     half_widths: FloatArray
     lost: FloatArray
+    signs: FloatArray
+    opens: FloatArray
 
     @property
     def reach(self) -> FloatArray:
@@ -89,9 +106,14 @@ class Displacements:
 
     def take(self, chosen: AnyArray) -> Displacements:
         """Leave some of them."""
-        return Displacements(
-            self.middles[chosen], self.shifts[chosen], self.half_widths[chosen], self.lost[chosen]
-        )
+        return Displacements(*(getattr(self, name)[chosen] for name in _COLUMNS))
+
+    def ends(self, upwards: bool) -> FloatArray:
+        """Where (N, 2) they end on the upper slice, or on the lower one."""
+        return self.middles + (0.5 if upwards else -0.5) * self.shifts
+
+
+_COLUMNS = tuple(column.name for column in dataclass_fields(Displacements))
 
 
 def move_sheets(fields: Sequence[LevelField], spacing: FloatArray) -> list[LevelField]:
@@ -115,11 +137,20 @@ def move_sheets(fields: Sequence[LevelField], spacing: FloatArray) -> list[Level
         return moved
     widest = max(fields[high].z - fields[low].z for low, high in itertools.pairwise(slices))
     sheets = [_Sheets.on(fields[n], spacing, widest) for n in slices]
-    for (low, high), (below, above) in zip(
-        itertools.pairwise(slices), itertools.pairwise(sheets), strict=True
-    ):
-        around = _around(_ways_between(below, above, spacing), below.distance.shape, spacing)
-        for n in range(low + 1, high) if len(around.pixels) else ():
+    gaps = list(itertools.pairwise(sheets))
+    seen = [_ways_between(below, above, spacing) for below, above in gaps]
+    for g, (below, above) in enumerate(gaps):
+        opening = [
+            _opening(below, above, known, seen[g], way, spacing)
+            for known, way in (
+                (seen[g - 1] if g else None, 1),
+                (seen[g + 1] if g + 1 < len(gaps) else None, -1),
+            )
+            if known is not None
+        ]
+        ways = _averaged(_joined([seen[g], *opening]), above.z - below.z, spacing)
+        around = _around(ways, below.distance.shape, spacing)
+        for n in range(slices[g] + 1, slices[g + 1]) if len(around.pixels) else ():
             share = (fields[n].z - below.z) / (above.z - below.z)
             moved[n] = replace(fields[n], distance=around.moved(fields[n], below, above, share))
     return moved
@@ -231,25 +262,79 @@ def _ways_between(low: _Sheets, high: _Sheets, spacing: FloatArray) -> Displacem
     for sign, *lines in zip((1, -1), low.lines, high.lines, strict=True):
         for way, (line, other) in zip((1, -1), (lines, lines[::-1]), strict=True):
             chosen, onto = follow(line, other, reach, pixel)
-            points, normals = line.points[chosen], line.normals[chosen]
-            square = ((other.points[onto] - points) * normals).sum(axis=1, keepdims=True)
-            shifts, middles = way * square * normals, points + square * normals / 2
+            square = ((other.points[onto] - line.points[chosen]) * line.normals[chosen]).sum(axis=1)
             half_widths = np.minimum(line.half_widths[chosen], other.half_widths[onto])
-            both = sampled(low.distance, middles / spacing) + sampled(high.distance, middles / spacing)
-            kept = sign * both / (2 * half_widths)
-            lost = 1 - np.interp(kept, KEPT, (0.0, 1.0))
-            found.append(Displacements(middles, shifts, half_widths, lost))
-    return _averaged(_joined(found), gap, LEAST_LENGTH * 4 * gap / pixel)
+            taken = replace(line.take(chosen), half_widths=half_widths)
+            found.append(_ways(taken, square, low, high, spacing, sign, way))
+    return _joined(found)
+
+
+def _ways(
+    line: MiddleLine,
+    square: FloatArray,
+    low: _Sheets,
+    high: _Sheets,
+    spacing: FloatArray,
+    sign: int,
+    way: int,
+    opens: int = 0,
+) -> Displacements:
+    """Ways of a line's points, ``square`` (N,) mm along its normals, up (``way`` 1) or down (-1)."""
+    moves = square[:, None] * line.normals
+    middles = line.points + moves / 2
+    both = sampled(low.distance, middles / spacing) + sampled(high.distance, middles / spacing)
+    lost = 1 - np.interp(sign * both / (2 * line.half_widths), KEPT, (0.0, 1.0))
+    signs, opening = (np.full(len(square), value, float) for value in (sign, opens))
+    return Displacements(middles, way * moves, line.half_widths, lost, signs, opening)
+
+
+def _opening(
+    low: _Sheets,
+    high: _Sheets,
+    known: Displacements,
+    seen: Displacements,
+    way: int,
+    spacing: FloatArray,
+) -> Displacements:
+    """Follow sheets that only one slice has on as they came, ``way`` 1 up or -1 down.
+
+    Where a sheet leaves the organ, what lay on one side of it has ended and the other side's wall is the outline.
+    """
+    here, there = (low, high) if way > 0 else (high, low)
+    gap, pixel = high.z - low.z, float(np.sqrt(spacing.prod()))
+    known = _averaged(known, gap, spacing)
+    parts = [known.take([])]
+    if len(known.middles) == 0:
+        return parts[0]
+    came, gone = cKDTree(known.ends(way > 0)), cKDTree(seen.ends(way < 0)) if len(seen.middles) else None
+    for sign, line in zip((1, -1), here.lines, strict=True):
+        if len(line.points) == 0:
+            continue
+        away, near = came.query(line.points)
+        loose = np.asarray(away) <= _SAME_PIXELS * pixel
+        if gone is not None:
+            loose &= np.asarray(gone.query(line.points)[0]) > _SAME_PIXELS * pixel
+        line = line.take(loose)
+        square = way * (known.shifts[near[loose]] * line.normals).sum(axis=1)
+        onto = line.points + square[:, None] * line.normals
+        off = line.half_widths - sign * sampled(there.distance, onto / spacing)
+        agrees = np.abs(off) <= _WALL_PIXELS * pixel + _WALL_SHARE * np.abs(square)
+        within = (onto >= 0) & (onto <= spacing * (np.array(there.distance.shape) - 1))
+        agrees &= within.all(axis=1)
+        square = (square + np.sign(square) * off)[agrees]
+        # as many as a line that is followed there and back gives
+        parts += 2 * [_ways(line.take(agrees), square, low, high, spacing, sign, way, way)]
+    return _joined(parts)
 
 
 def _joined(parts: Sequence[Displacements]) -> Displacements:
     """Join ways of several lines."""
-    names = [field.name for field in dataclass_fields(Displacements)]
-    return Displacements(*(np.concatenate([getattr(ways, name) for ways in parts]) for name in names))
+    return Displacements(*(np.concatenate([getattr(ways, name) for ways in parts]) for name in _COLUMNS))
 
 
-def _averaged(ways: Displacements, gap: float, fewest: float) -> Displacements:
+def _averaged(ways: Displacements, gap: float, spacing: FloatArray) -> Displacements:
     """Average ways over their neighbours; leave out what has few within ``gap`` mm, or unlike ones."""
+    fewest = LEAST_LENGTH * 4 * gap / float(np.sqrt(spacing.prod()))
     if len(ways.middles) < max(fewest, 1):
         return ways.take(np.zeros(0, np.int64))
     many = cKDTree(ways.middles).query_ball_point(ways.middles, gap, return_length=True) >= fewest
@@ -264,11 +349,27 @@ def _averaged(ways: Displacements, gap: float, fewest: float) -> Displacements:
 
 @dataclass(frozen=True, eq=False)
 class _Around:
-    """Pixels (P, 2) around moving sheets, the pixels (P, 2) by which they move, and how much they do (P,)."""
+    """Pixels (P, 2) around moving sheets.
+
+    Attributes
+    ----------
+    pixels : (P, 2) int64
+    shifts : (P, 2) float64
+        Pixels by which they move.
+    weight : (P,) float32
+        How much they do.
+    passed : (P,) float64
+        At which share of the way up the sheet's middle passes the pixel.
+    signs, opens : (P,) float32
+        As of `Displacements`, and between them.
+    """
 
     pixels: IntArray
     shifts: FloatArray
     weight: SingleArray
+    passed: FloatArray
+    signs: SingleArray
+    opens: SingleArray
 
     def moved(self, plane: LevelField, below: _Sheets, above: _Sheets, share: float) -> SingleArray:
         """Distances (I, J) of a level at a share of the way up, interpolated along the way."""
@@ -276,6 +377,11 @@ class _Around:
         high = sampled(above.distance, self.pixels + (1 - share) * self.shifts)
         along = np.float32(1 - share) * low + np.float32(share) * high
         distance, at = plane.distance.copy(), tuple(self.pixels.T)
+        # what a sheet that opens has not passed stays where it is until then
+        for way, sheet, level in ((1, low, below.distance[at]), (-1, high, above.distance[at])):
+            ahead = np.clip(way * self.opens, 0, 1) * (way * (self.passed - share) > 0)
+            stays = np.where(self.signs > 0, np.maximum(sheet, level), np.minimum(sheet, level))
+            along += ahead * (stays - along)
         distance[at] += self.weight * (along - distance[at])
         return distance
 
@@ -283,7 +389,8 @@ class _Around:
 def _around(ways: Displacements, shape: tuple[int, ...], spacing: FloatArray) -> _Around:
     """Spread ways over the pixels that the sheets cover, and less and less as far again."""
     if not np.any(ways.lost > 0):
-        return _Around(np.zeros((0, 2), np.int64), np.zeros((0, 2)), np.zeros(0, np.float32))
+        none = np.zeros(0, np.float32)
+        return _Around(np.zeros((0, 2), np.int64), np.zeros((0, 2)), none, np.zeros(0), none, none)
     furthest = 2 * float(ways.reach.max())
     first = np.maximum(np.floor((ways.middles.min(axis=0) - furthest) / spacing).astype(int), 0)
     last = np.minimum(np.ceil((ways.middles.max(axis=0) + furthest) / spacing).astype(int), shape)
@@ -292,11 +399,23 @@ def _around(ways: Displacements, shape: tuple[int, ...], spacing: FloatArray) ->
     close = np.isfinite(away[:, 0])
     pixels, away, near = pixels[close], away[close], near[close]
     weight = _summing_to_one(1 / (away + spacing.min() / 2) ** 2)
-    reach, lost = (np.einsum("pk,pk->p", weight, values[near]) for values in (ways.reach, ways.lost))
-    shifts = np.einsum("pk,pkx->px", weight, ways.shifts[near])
+    columns = (ways.reach, ways.lost, ways.signs, ways.opens)
+    reach, lost, signs, opens = (np.einsum("pk,pk->p", weight, values[near]) for values in columns)
+    shifts, middles = (
+        np.einsum("pk,pkx->px", weight, values[near]) for values in (ways.shifts, ways.middles)
+    )
     share: FloatArray = lost * np.clip(2 - away[:, 0] / reach, 0, 1)
+    way = ((pixels * spacing - middles) * shifts).sum(axis=1)
+    passed = 0.5 + way / np.maximum((shifts**2).sum(axis=1), TINY)
     some = share > 0
-    return _Around(pixels[some], shifts[some] / spacing, share[some].astype(np.float32))
+    return _Around(
+        pixels[some],
+        shifts[some] / spacing,
+        share[some].astype(np.float32),
+        passed[some],
+        signs[some].astype(np.float32),
+        opens[some].astype(np.float32),
+    )
 
 
 def _nearest(
