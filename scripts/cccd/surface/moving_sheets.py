@@ -377,11 +377,11 @@ class _Around:
         high = sampled(above.distance, self.pixels + (1 - share) * self.shifts)
         along = np.float32(1 - share) * low + np.float32(share) * high
         distance, at = plane.distance.copy(), tuple(self.pixels.T)
-        # what a sheet that opens has not passed stays where it is until then
-        for way, sheet, level in ((1, low, below.distance[at]), (-1, high, above.distance[at])):
+        # what a sheet that opens has not passed yet is interpolated as it lies
+        for way, sheet in ((1, low), (-1, high)):
             ahead = np.clip(way * self.opens, 0, 1) * (way * (self.passed - share) > 0)
-            stays = np.where(self.signs > 0, np.maximum(sheet, level), np.minimum(sheet, level))
-            along += ahead * (stays - along)
+            beside = self.signs * np.maximum(self.signs * sheet, self.signs * distance[at])
+            along += ahead * (beside - along)
         distance[at] += self.weight * (along - distance[at])
         return distance
 
