@@ -3,6 +3,7 @@
 Where one has moved by more than it is wide, distances that are interpolated pixel by pixel break it into a
 chain of pearls. So its middle line on a slice is followed to that on the next, and between the two slices
 what lies around it is interpolated along that way. Only ways square to the line are seen, and needed.
+Where a sheet opens into the outside between two slices, its line ends, and it goes on as it came.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ LEAST_LENGTH = 0.5
 #: its half width but for so many pixels and this share of the way.
 _WALL_PIXELS, _WALL_SHARE = 1.0, 0.25
 #: Ends of ways that are so many pixels away are of the same place of a line.
-_SAME_PIXELS = 2.0
+_SAME_PIXELS = 2.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +109,9 @@ class Displacements:
         """Leave some of them."""
         return Displacements(*(getattr(self, name)[chosen] for name in _COLUMNS))
 
-    def ends(self, upwards: bool) -> FloatArray:
-        """Where (N, 2) they end on the upper slice, or on the lower one."""
-        return self.middles + (0.5 if upwards else -0.5) * self.shifts
+    def ends(self, way: int) -> FloatArray:
+        """Where (N, 2) they end on the upper slice (``way`` 1), or on the lower one (-1)."""
+        return self.middles + way * self.shifts / 2
 
 
 _COLUMNS = tuple(column.name for column in dataclass_fields(Displacements))
@@ -137,22 +138,12 @@ def move_sheets(fields: Sequence[LevelField], spacing: FloatArray) -> list[Level
         return moved
     widest = max(fields[high].z - fields[low].z for low, high in itertools.pairwise(slices))
     sheets = [_Sheets.on(fields[n], spacing, widest) for n in slices]
-    gaps = list(itertools.pairwise(sheets))
-    seen = [_ways_between(below, above, spacing) for below, above in gaps]
-    for g, (below, above) in enumerate(gaps):
-        opening = [
-            _opening(below, above, known, seen[g], way, spacing)
-            for known, way in (
-                (seen[g - 1] if g else None, 1),
-                (seen[g + 1] if g + 1 < len(gaps) else None, -1),
-            )
-            if known is not None
-        ]
-        ways = _averaged(_joined([seen[g], *opening]), above.z - below.z, spacing)
-        around = _around(ways, below.distance.shape, spacing)
+    gaps = [_Gap.between(low, high, spacing) for low, high in itertools.pairwise(sheets)]
+    for g, gap in enumerate(gaps):
+        ways = _with_opening(gap, gaps[max(g - 1, 0) : g + 2], spacing)
+        around = _around(ways, gap.low.distance.shape, spacing)
         for n in range(slices[g] + 1, slices[g + 1]) if len(around.pixels) else ():
-            share = (fields[n].z - below.z) / (above.z - below.z)
-            moved[n] = replace(fields[n], distance=around.moved(fields[n], below, above, share))
+            moved[n] = replace(fields[n], distance=around.moved(fields[n], gap))
     return moved
 
 
@@ -254,26 +245,40 @@ class _Sheets:
         return cls(field.z, field.distance, (lines[0], lines[1]))
 
 
-def _ways_between(low: _Sheets, high: _Sheets, spacing: FloatArray) -> Displacements:
-    """Follow slits and plates from a slice to the next one above and back; leave what is alike."""
-    gap, pixel = high.z - low.z, float(np.sqrt(spacing.prod()))
-    reach = STEEPEST * gap
-    found: list[Displacements] = []
-    for sign, *lines in zip((1, -1), low.lines, high.lines, strict=True):
-        for way, (line, other) in zip((1, -1), (lines, lines[::-1]), strict=True):
-            chosen, onto = follow(line, other, reach, pixel)
-            square = ((other.points[onto] - line.points[chosen]) * line.normals[chosen]).sum(axis=1)
-            half_widths = np.minimum(line.half_widths[chosen], other.half_widths[onto])
-            taken = replace(line.take(chosen), half_widths=half_widths)
-            found.append(_ways(taken, square, low, high, spacing, sign, way))
-    return _joined(found)
+@dataclass(frozen=True, eq=False)
+class _Gap:
+    """Two slices, the ways between them as their lines are followed one by one, and averaged ones."""
+
+    low: _Sheets
+    high: _Sheets
+    found: Displacements
+    ways: Displacements
+
+    @property
+    def height(self) -> float:
+        """Distance between the slices in mm."""
+        return self.high.z - self.low.z
+
+    @classmethod
+    def between(cls, low: _Sheets, high: _Sheets, spacing: FloatArray) -> _Gap:
+        """Follow slits and plates from a slice to the next one above and back; leave what is alike."""
+        reach, pixel = STEEPEST * (high.z - low.z), float(np.sqrt(spacing.prod()))
+        parts: list[Displacements] = []
+        for sign, *lines in zip((1, -1), low.lines, high.lines, strict=True):
+            for way, (line, other) in zip((1, -1), (lines, lines[::-1]), strict=True):
+                chosen, onto = follow(line, other, reach, pixel)
+                square = ((other.points[onto] - line.points[chosen]) * line.normals[chosen]).sum(axis=1)
+                half_widths = np.minimum(line.half_widths[chosen], other.half_widths[onto])
+                taken = replace(line.take(chosen), half_widths=half_widths)
+                parts.append(_ways(taken, square, (low, high), spacing, sign, way))
+        found = _joined(parts)
+        return cls(low, high, found, _averaged(found, high.z - low.z, spacing))
 
 
 def _ways(
     line: MiddleLine,
     square: FloatArray,
-    low: _Sheets,
-    high: _Sheets,
+    slices: tuple[_Sheets, _Sheets],
     spacing: FloatArray,
     sign: int,
     way: int,
@@ -282,48 +287,48 @@ def _ways(
     """Ways of a line's points, ``square`` (N,) mm along its normals, up (``way`` 1) or down (-1)."""
     moves = square[:, None] * line.normals
     middles = line.points + moves / 2
-    both = sampled(low.distance, middles / spacing) + sampled(high.distance, middles / spacing)
-    lost = 1 - np.interp(sign * both / (2 * line.half_widths), KEPT, (0.0, 1.0))
-    signs, opening = (np.full(len(square), value, float) for value in (sign, opens))
+    below, above = (sampled(sheets.distance, middles / spacing) for sheets in slices)
+    lost = 1 - np.interp(sign * (below + above) / (2 * line.half_widths), KEPT, (0.0, 1.0))
+    signs, opening = (np.full(len(square), float(value)) for value in (sign, opens))
     return Displacements(middles, way * moves, line.half_widths, lost, signs, opening)
 
 
-def _opening(
-    low: _Sheets,
-    high: _Sheets,
-    known: Displacements,
-    seen: Displacements,
-    way: int,
-    spacing: FloatArray,
-) -> Displacements:
-    """Follow sheets that only one slice has on as they came, ``way`` 1 up or -1 down.
+def _with_opening(gap: _Gap, around: Sequence[_Gap], spacing: FloatArray) -> Displacements:
+    """Add the ways of sheets that only one of a gap's slices has, by those before it and after it."""
+    opening = [
+        _opening(gap, other, spacing) for other in around if other is not gap and len(other.ways.middles)
+    ]
+    if not any(len(ways.middles) for ways in opening):
+        return gap.ways
+    # as many as of a line that is followed there and back
+    return _averaged(_joined([gap.found, *opening, *opening]), gap.height, spacing)
 
-    Where a sheet leaves the organ, what lay on one side of it has ended and the other side's wall is the outline.
+
+def _opening(gap: _Gap, beside: _Gap, spacing: FloatArray) -> Displacements:
+    """Let sheets that end on a slice go on as they came, where the next slice shows that they open.
+
+    Where a sheet leaves the organ, what lay on one side of it ends, and the wall on its other side becomes
+    the outline.
     """
-    here, there = (low, high) if way > 0 else (high, low)
-    gap, pixel = high.z - low.z, float(np.sqrt(spacing.prod()))
-    known = _averaged(known, gap, spacing)
-    parts = [known.take([])]
-    if len(known.middles) == 0:
-        return parts[0]
-    came, gone = cKDTree(known.ends(way > 0)), cKDTree(seen.ends(way < 0)) if len(seen.middles) else None
+    way = 1 if beside.high is gap.low else -1
+    here, there = (gap.low, gap.high) if way > 0 else (gap.high, gap.low)
+    pixel = float(np.sqrt(spacing.prod()))
+    came, gone = beside.ways.ends(way), gap.found.ends(-way)
+    last = spacing * (np.array(there.distance.shape) - 1)
+    parts: list[Displacements] = []
     for sign, line in zip((1, -1), here.lines, strict=True):
-        if len(line.points) == 0:
-            continue
-        away, near = came.query(line.points)
-        loose = np.asarray(away) <= _SAME_PIXELS * pixel
-        if gone is not None:
-            loose &= np.asarray(gone.query(line.points)[0]) > _SAME_PIXELS * pixel
-        line = line.take(loose)
-        square = way * (known.shifts[near[loose]] * line.normals).sum(axis=1)
+        away, near = _nearest(came, line.points, 1, _SAME_PIXELS * pixel)
+        taken = np.isfinite(_nearest(gone, line.points, 1, _SAME_PIXELS * pixel)[0])
+        ends = np.flatnonzero(np.isfinite(away[:, 0]) & ~taken[:, 0])
+        line = line.take(ends)
+        move = way * gap.height / beside.height * beside.ways.shifts[near[ends, 0]]
+        square = (move * line.normals).sum(axis=1)
         onto = line.points + square[:, None] * line.normals
         off = line.half_widths - sign * sampled(there.distance, onto / spacing)
-        agrees = np.abs(off) <= _WALL_PIXELS * pixel + _WALL_SHARE * np.abs(square)
-        within = (onto >= 0) & (onto <= spacing * (np.array(there.distance.shape) - 1))
-        agrees &= within.all(axis=1)
-        square = (square + np.sign(square) * off)[agrees]
-        # as many as a line that is followed there and back gives
-        parts += 2 * [_ways(line.take(agrees), square, low, high, spacing, sign, way, way)]
+        opens = np.abs(off) <= _WALL_PIXELS * pixel + _WALL_SHARE * np.abs(square)
+        opens &= np.all((onto >= 0) & (onto <= last), axis=1)
+        square += np.sign(square) * off
+        parts.append(_ways(line.take(opens), square[opens], (gap.low, gap.high), spacing, sign, way, way))
     return _joined(parts)
 
 
@@ -371,10 +376,11 @@ class _Around:
     signs: SingleArray
     opens: SingleArray
 
-    def moved(self, plane: LevelField, below: _Sheets, above: _Sheets, share: float) -> SingleArray:
-        """Distances (I, J) of a level at a share of the way up, interpolated along the way."""
-        low = sampled(below.distance, self.pixels - share * self.shifts)
-        high = sampled(above.distance, self.pixels + (1 - share) * self.shifts)
+    def moved(self, plane: LevelField, gap: _Gap) -> SingleArray:
+        """Distances (I, J) of a level between two slices, interpolated along the way."""
+        share = (plane.z - gap.low.z) / gap.height
+        low = sampled(gap.low.distance, self.pixels - share * self.shifts)
+        high = sampled(gap.high.distance, self.pixels + (1 - share) * self.shifts)
         along = np.float32(1 - share) * low + np.float32(share) * high
         distance, at = plane.distance.copy(), tuple(self.pixels.T)
         # what a sheet that opens has not passed yet is interpolated as it lies
@@ -422,6 +428,8 @@ def _nearest(
     points: FloatArray, places: FloatArray, count: int, within: float
 ) -> tuple[FloatArray, IntArray]:
     """Distances (N, count) from places to the nearest points, infinite beyond ``within``; which they are."""
+    if not (len(points) and len(places)):
+        return np.full((len(places), count), np.inf), np.zeros((len(places), count), np.int64)
     away, near = map(
         np.asarray, cKDTree(points).query(places, range(1, count + 1), distance_upper_bound=within)
     )
