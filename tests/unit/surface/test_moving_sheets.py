@@ -45,13 +45,10 @@ def test_a_sheet_that_moves_by_more_than_its_width_is_where_it_should_be_between
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("upwards", [True, False])
 def test_a_sheet_that_opens_between_two_slices_keeps_its_width_and_what_it_parts_apart(sign, upwards):
-    face = np.float32(np.indices(SHAPE)[0] * 0.75 - 24)
-
-    def level(z):
-        return sign * np.maximum(face, slit(12 + 1.3 * z))
-
-    lower, upper = stack(level(0.0), level(GAP)), stack(level(GAP), level(2 * GAP))
-    fields = [*lower, *(replace(field, z=field.z + GAP) for field in upper[1:])]
+    x = np.float32(np.indices(SHAPE)[0] * 0.75)
+    first, second = (sign * np.maximum(x - 24, slit(12 + 1.3 * z)) for z in (0, GAP))
+    last = sign * (x - 23)  # the slit's one wall: the other one would lie at 27, and the organ ends at 24
+    fields = [*stack(first, second), *(replace(f, z=f.z + GAP) for f in stack(second, last)[1:])]
     fields = [replace(field, source_slice=None if n % 4 else n // 4) for n, field in enumerate(fields)]
     if not upwards:
         fields = [replace(field, z=2 * GAP - field.z) for field in fields[::-1]]
@@ -60,7 +57,7 @@ def test_a_sheet_that_opens_between_two_slices_keeps_its_width_and_what_it_parts
         z = field.z if upwards else 2 * GAP - field.z
         if 0 < z < 2 * GAP:
             true = slit(12 + 1.3 * z)[:, 8:-8]
-            beside = (true < 2) & (np.indices(true.shape)[0] * 0.75 < 12 + 1.3 * z) & (np.abs(true) < 1.5)
+            beside = (x[:, 8:-8] < 12 + 1.3 * z) & (np.abs(true) < 1.5)
             assert np.abs(sign * field.distance[:, 8:-8] - true)[beside].max() < 0.1
             assert (sign * field.distance[:, 8:-8][true > 1]).min() > 0
 
