@@ -324,8 +324,13 @@ def _opening(gap: _Gap, beside: _Gap, spacing: FloatArray) -> Displacements:
         move = way * gap.height / beside.height * beside.ways.shifts[near[ends, 0]]
         square = (move * line.normals).sum(axis=1)
         onto = line.points + square[:, None] * line.normals
-        off = line.half_widths - sign * sampled(there.distance, onto / spacing)
+        ahead = np.sign(square)[:, None] * line.normals * pixel
+        behind, at, before = (
+            sign * sampled(there.distance, (onto + side * ahead) / spacing) for side in (-1, 0, 1)
+        )
+        off = line.half_widths - at
         opens = np.abs(off) <= _WALL_PIXELS * pixel + _WALL_SHARE * np.abs(square)
+        opens &= before - behind > _OPPOSED * 2 * pixel  # there is no other wall
         opens &= np.all((onto >= 0) & (onto <= last), axis=1)
         square += np.sign(square) * off
         parts.append(_ways(line.take(opens), square[opens], (gap.low, gap.high), spacing, sign, way, way))
