@@ -3,6 +3,7 @@
 Where one has moved by more than it is wide, distances that are interpolated pixel by pixel break it into a
 chain of pearls. So its middle line on a slice is followed to that on the next, and between the two slices
 what lies around it is interpolated along that way. Only ways square to the line are seen, and needed.
+Where a sheet opens into the outside between two slices, its line ends, and it goes on as it came.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import AnyArray, FloatArray, IntArray, SingleArray
 from cccd.surface.fields import LevelField, sampled
+from cccd.tolerances import TINY
 
 __all__ = ["Displacements", "MiddleLine", "find_middle_line", "follow", "move_sheets"]
 
@@ -43,6 +45,11 @@ STEEPEST = 2.2
 KEPT = (0.2, 0.5)
 #: They are found over so much of two distances between slices along them; vessels at lungs' roots are not.
 LEAST_LENGTH = 0.5
+#: A sheet that goes on as it came opens into the outside where, so far on, only one of its walls is left, at
+#: its half width but for so many pixels and this share of the way.
+_WALL_PIXELS, _WALL_SHARE = 1.0, 0.25
+#: Ends of ways that are so many pixels away are of the same place of a line.
+_SAME_PIXELS = 2.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +68,10 @@ class MiddleLine:
     normals: FloatArray
     half_widths: FloatArray
 
+    def take(self, chosen: AnyArray) -> MiddleLine:
+        """Leave some of them."""
+        return MiddleLine(self.points[chosen], self.normals[chosen], self.half_widths[chosen])
+
 
 @dataclass(frozen=True, eq=False)
 class Displacements:
@@ -75,12 +86,19 @@ class Displacements:
     half_widths : (N,) float64
     lost : (N,) float64
         How much of the sheet is lost half way where distances are interpolated as they lie, from 0 to 1.
+    signs : (N,) float64
+        1 for slits, -1 for plates.
+    opens : (N,) float64
+        1 where only the lower slice has the sheet, which then opens into the outside (a plate: into the
+        inside) on its way up, -1 where only the upper one has it, 0 where both do.
     """
 
     middles: FloatArray
     shifts: FloatArray
     half_widths: FloatArray
     lost: FloatArray
+    signs: FloatArray
+    opens: FloatArray
 
     @property
     def reach(self) -> FloatArray:
@@ -89,9 +107,14 @@ class Displacements:
 
     def take(self, chosen: AnyArray) -> Displacements:
         """Leave some of them."""
-        return Displacements(
-            self.middles[chosen], self.shifts[chosen], self.half_widths[chosen], self.lost[chosen]
-        )
+        return Displacements(*(getattr(self, name)[chosen] for name in _COLUMNS))
+
+    def ends(self, way: int) -> FloatArray:
+        """Where (N, 2) they end on the upper slice (``way`` 1), or on the lower one (-1)."""
+        return self.middles + way * self.shifts / 2
+
+
+_COLUMNS = tuple(column.name for column in dataclass_fields(Displacements))
 
 
 def move_sheets(fields: Sequence[LevelField], spacing: FloatArray) -> list[LevelField]:
@@ -115,13 +138,12 @@ def move_sheets(fields: Sequence[LevelField], spacing: FloatArray) -> list[Level
         return moved
     widest = max(fields[high].z - fields[low].z for low, high in itertools.pairwise(slices))
     sheets = [_Sheets.on(fields[n], spacing, widest) for n in slices]
-    for (low, high), (below, above) in zip(
-        itertools.pairwise(slices), itertools.pairwise(sheets), strict=True
-    ):
-        around = _around(_ways_between(below, above, spacing), below.distance.shape, spacing)
-        for n in range(low + 1, high) if len(around.pixels) else ():
-            share = (fields[n].z - below.z) / (above.z - below.z)
-            moved[n] = replace(fields[n], distance=around.moved(fields[n], below, above, share))
+    gaps = [_Gap.between(low, high, spacing) for low, high in itertools.pairwise(sheets)]
+    for g, gap in enumerate(gaps):
+        ways = _with_opening(gap, gaps[max(g - 1, 0) : g + 2], spacing)
+        around = _around(ways, gap.low.distance.shape, spacing)
+        for n in range(slices[g] + 1, slices[g + 1]) if len(around.pixels) else ():
+            moved[n] = replace(fields[n], distance=around.moved(fields[n], gap))
     return moved
 
 
@@ -223,33 +245,106 @@ class _Sheets:
         return cls(field.z, field.distance, (lines[0], lines[1]))
 
 
-def _ways_between(low: _Sheets, high: _Sheets, spacing: FloatArray) -> Displacements:
-    """Follow slits and plates from a slice to the next one above and back; leave what is alike."""
-    gap, pixel = high.z - low.z, float(np.sqrt(spacing.prod()))
-    reach = STEEPEST * gap
-    found: list[Displacements] = []
-    for sign, *lines in zip((1, -1), low.lines, high.lines, strict=True):
-        for way, (line, other) in zip((1, -1), (lines, lines[::-1]), strict=True):
-            chosen, onto = follow(line, other, reach, pixel)
-            points, normals = line.points[chosen], line.normals[chosen]
-            square = ((other.points[onto] - points) * normals).sum(axis=1, keepdims=True)
-            shifts, middles = way * square * normals, points + square * normals / 2
-            half_widths = np.minimum(line.half_widths[chosen], other.half_widths[onto])
-            both = sampled(low.distance, middles / spacing) + sampled(high.distance, middles / spacing)
-            kept = sign * both / (2 * half_widths)
-            lost = 1 - np.interp(kept, KEPT, (0.0, 1.0))
-            found.append(Displacements(middles, shifts, half_widths, lost))
-    return _averaged(_joined(found), gap, LEAST_LENGTH * 4 * gap / pixel)
+@dataclass(frozen=True, eq=False)
+class _Gap:
+    """Two slices, the ways between them as their lines are followed one by one, and averaged ones."""
+
+    low: _Sheets
+    high: _Sheets
+    found: Displacements
+    ways: Displacements
+
+    @property
+    def height(self) -> float:
+        """Distance between the slices in mm."""
+        return self.high.z - self.low.z
+
+    @classmethod
+    def between(cls, low: _Sheets, high: _Sheets, spacing: FloatArray) -> _Gap:
+        """Follow slits and plates from a slice to the next one above and back; leave what is alike."""
+        reach, pixel = STEEPEST * (high.z - low.z), float(np.sqrt(spacing.prod()))
+        parts: list[Displacements] = []
+        for sign, *lines in zip((1, -1), low.lines, high.lines, strict=True):
+            for way, (line, other) in zip((1, -1), (lines, lines[::-1]), strict=True):
+                chosen, onto = follow(line, other, reach, pixel)
+                square = ((other.points[onto] - line.points[chosen]) * line.normals[chosen]).sum(axis=1)
+                half_widths = np.minimum(line.half_widths[chosen], other.half_widths[onto])
+                taken = replace(line.take(chosen), half_widths=half_widths)
+                parts.append(_ways(taken, square, (low, high), spacing, sign, way))
+        found = _joined(parts)
+        return cls(low, high, found, _averaged(found, high.z - low.z, spacing))
+
+
+def _ways(
+    line: MiddleLine,
+    square: FloatArray,
+    slices: tuple[_Sheets, _Sheets],
+    spacing: FloatArray,
+    sign: int,
+    way: int,
+    opens: int = 0,
+) -> Displacements:
+    """Ways of a line's points, ``square`` (N,) mm along its normals, up (``way`` 1) or down (-1)."""
+    moves = square[:, None] * line.normals
+    middles = line.points + moves / 2
+    below, above = (sampled(sheets.distance, middles / spacing) for sheets in slices)
+    lost = 1 - np.interp(sign * (below + above) / (2 * line.half_widths), KEPT, (0.0, 1.0))
+    signs, opening = (np.full(len(square), float(value)) for value in (sign, opens))
+    return Displacements(middles, way * moves, line.half_widths, lost, signs, opening)
+
+
+def _with_opening(gap: _Gap, around: Sequence[_Gap], spacing: FloatArray) -> Displacements:
+    """Add the ways of sheets that only one of a gap's slices has, by those before it and after it."""
+    opening = [
+        _opening(gap, other, spacing) for other in around if other is not gap and len(other.ways.middles)
+    ]
+    if not any(len(ways.middles) for ways in opening):
+        return gap.ways
+    # as many as of a line that is followed there and back
+    return _averaged(_joined([gap.found, *opening, *opening]), gap.height, spacing)
+
+
+def _opening(gap: _Gap, beside: _Gap, spacing: FloatArray) -> Displacements:
+    """Let sheets that end on a slice go on as they came, where the next slice shows that they open.
+
+    Where a sheet leaves the organ, what lay on one side of it ends, and the wall on its other side becomes
+    the outline.
+    """
+    way = 1 if beside.high is gap.low else -1
+    here, there = (gap.low, gap.high) if way > 0 else (gap.high, gap.low)
+    pixel = float(np.sqrt(spacing.prod()))
+    came, gone = beside.ways.ends(way), gap.found.ends(-way)
+    last = spacing * (np.array(there.distance.shape) - 1)
+    parts: list[Displacements] = []
+    for sign, line in zip((1, -1), here.lines, strict=True):
+        away, near = _nearest(came, line.points, 1, _SAME_PIXELS * pixel)
+        taken = np.isfinite(_nearest(gone, line.points, 1, _SAME_PIXELS * pixel)[0])
+        ends = np.flatnonzero(np.isfinite(away[:, 0]) & ~taken[:, 0])
+        line = line.take(ends)
+        move = way * gap.height / beside.height * beside.ways.shifts[near[ends, 0]]
+        square = (move * line.normals).sum(axis=1)
+        onto = line.points + square[:, None] * line.normals
+        ahead = np.sign(square)[:, None] * line.normals * pixel
+        behind, at, before = (
+            sign * sampled(there.distance, (onto + side * ahead) / spacing) for side in (-1, 0, 1)
+        )
+        off = line.half_widths - at
+        opens = np.abs(off) <= _WALL_PIXELS * pixel + _WALL_SHARE * np.abs(square)
+        opens &= before - behind > _OPPOSED * 2 * pixel  # there is no other wall
+        opens &= np.all((onto >= 0) & (onto <= last), axis=1)
+        square += np.sign(square) * off
+        parts.append(_ways(line.take(opens), square[opens], (gap.low, gap.high), spacing, sign, way, way))
+    return _joined(parts)
 
 
 def _joined(parts: Sequence[Displacements]) -> Displacements:
     """Join ways of several lines."""
-    names = [field.name for field in dataclass_fields(Displacements)]
-    return Displacements(*(np.concatenate([getattr(ways, name) for ways in parts]) for name in names))
+    return Displacements(*(np.concatenate([getattr(ways, name) for ways in parts]) for name in _COLUMNS))
 
 
-def _averaged(ways: Displacements, gap: float, fewest: float) -> Displacements:
+def _averaged(ways: Displacements, gap: float, spacing: FloatArray) -> Displacements:
     """Average ways over their neighbours; leave out what has few within ``gap`` mm, or unlike ones."""
+    fewest = LEAST_LENGTH * 4 * gap / float(np.sqrt(spacing.prod()))
     if len(ways.middles) < max(fewest, 1):
         return ways.take(np.zeros(0, np.int64))
     many = cKDTree(ways.middles).query_ball_point(ways.middles, gap, return_length=True) >= fewest
@@ -264,18 +359,40 @@ def _averaged(ways: Displacements, gap: float, fewest: float) -> Displacements:
 
 @dataclass(frozen=True, eq=False)
 class _Around:
-    """Pixels (P, 2) around moving sheets, the pixels (P, 2) by which they move, and how much they do (P,)."""
+    """Pixels (P, 2) around moving sheets.
+
+    Attributes
+    ----------
+    pixels : (P, 2) int64
+    shifts : (P, 2) float64
+        Pixels by which they move.
+    weight : (P,) float32
+        How much they do.
+    passed : (P,) float64
+        At which share of the way up the sheet's middle passes the pixel.
+    signs, opens : (P,) float32
+        As of `Displacements`, and between them.
+    """
 
     pixels: IntArray
     shifts: FloatArray
     weight: SingleArray
+    passed: FloatArray
+    signs: SingleArray
+    opens: SingleArray
 
-    def moved(self, plane: LevelField, below: _Sheets, above: _Sheets, share: float) -> SingleArray:
-        """Distances (I, J) of a level at a share of the way up, interpolated along the way."""
-        low = sampled(below.distance, self.pixels - share * self.shifts)
-        high = sampled(above.distance, self.pixels + (1 - share) * self.shifts)
+    def moved(self, plane: LevelField, gap: _Gap) -> SingleArray:
+        """Distances (I, J) of a level between two slices, interpolated along the way."""
+        share = (plane.z - gap.low.z) / gap.height
+        low = sampled(gap.low.distance, self.pixels - share * self.shifts)
+        high = sampled(gap.high.distance, self.pixels + (1 - share) * self.shifts)
         along = np.float32(1 - share) * low + np.float32(share) * high
         distance, at = plane.distance.copy(), tuple(self.pixels.T)
+        # what a sheet that opens has not passed yet is interpolated as it lies
+        for way, sheet in ((1, low), (-1, high)):
+            ahead = np.clip(way * self.opens, 0, 1) * (way * (self.passed - share) > 0)
+            beside = self.signs * np.maximum(self.signs * sheet, self.signs * distance[at])
+            along += ahead * (beside - along)
         distance[at] += self.weight * (along - distance[at])
         return distance
 
@@ -283,7 +400,8 @@ class _Around:
 def _around(ways: Displacements, shape: tuple[int, ...], spacing: FloatArray) -> _Around:
     """Spread ways over the pixels that the sheets cover, and less and less as far again."""
     if not np.any(ways.lost > 0):
-        return _Around(np.zeros((0, 2), np.int64), np.zeros((0, 2)), np.zeros(0, np.float32))
+        none = np.zeros(0, np.float32)
+        return _Around(np.zeros((0, 2), np.int64), np.zeros((0, 2)), none, np.zeros(0), none, none)
     furthest = 2 * float(ways.reach.max())
     first = np.maximum(np.floor((ways.middles.min(axis=0) - furthest) / spacing).astype(int), 0)
     last = np.minimum(np.ceil((ways.middles.max(axis=0) + furthest) / spacing).astype(int), shape)
@@ -292,17 +410,31 @@ def _around(ways: Displacements, shape: tuple[int, ...], spacing: FloatArray) ->
     close = np.isfinite(away[:, 0])
     pixels, away, near = pixels[close], away[close], near[close]
     weight = _summing_to_one(1 / (away + spacing.min() / 2) ** 2)
-    reach, lost = (np.einsum("pk,pk->p", weight, values[near]) for values in (ways.reach, ways.lost))
-    shifts = np.einsum("pk,pkx->px", weight, ways.shifts[near])
+    columns = (ways.reach, ways.lost, ways.signs, ways.opens)
+    reach, lost, signs, opens = (np.einsum("pk,pk->p", weight, values[near]) for values in columns)
+    shifts, middles = (
+        np.einsum("pk,pkx->px", weight, values[near]) for values in (ways.shifts, ways.middles)
+    )
     share: FloatArray = lost * np.clip(2 - away[:, 0] / reach, 0, 1)
+    way = ((pixels * spacing - middles) * shifts).sum(axis=1)
+    passed = 0.5 + way / np.maximum((shifts**2).sum(axis=1), TINY)
     some = share > 0
-    return _Around(pixels[some], shifts[some] / spacing, share[some].astype(np.float32))
+    return _Around(
+        pixels[some],
+        shifts[some] / spacing,
+        share[some].astype(np.float32),
+        passed[some],
+        signs[some].astype(np.float32),
+        opens[some].astype(np.float32),
+    )
 
 
 def _nearest(
     points: FloatArray, places: FloatArray, count: int, within: float
 ) -> tuple[FloatArray, IntArray]:
     """Distances (N, count) from places to the nearest points, infinite beyond ``within``; which they are."""
+    if not (len(points) and len(places)):
+        return np.full((len(places), count), np.inf), np.zeros((len(places), count), np.int64)
     away, near = map(
         np.asarray, cKDTree(points).query(places, range(1, count + 1), distance_upper_bound=within)
     )

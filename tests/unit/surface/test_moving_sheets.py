@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from shapes import curves_of
@@ -38,6 +40,37 @@ def test_a_sheet_that_moves_by_more_than_its_width_is_where_it_should_be_between
         true = sign * slit(19.0 + 6.5 * n / 4, tilt=tilt)[inner]
         near = np.abs(true) < 1.5
         assert np.abs(moved[n].distance[inner] - true)[near].max() < 0.02
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("upwards", [True, False])
+def test_a_sheet_that_opens_between_two_slices_keeps_its_width_and_what_it_parts_apart(sign, upwards):
+    x = np.float32(np.indices(SHAPE)[0] * 0.75)
+    first, second = (sign * np.maximum(x - 24, slit(12 + 1.3 * z)) for z in (0, GAP))
+    last = sign * (x - 23)  # the slit's one wall: the other one would lie at 27, and the organ ends at 24
+    fields = [*stack(first, second), *(replace(f, z=f.z + GAP) for f in stack(second, last)[1:])]
+    fields = [replace(field, source_slice=None if n % 4 else n // 4) for n, field in enumerate(fields)]
+    if not upwards:
+        fields = [replace(field, z=2 * GAP - field.z) for field in fields[::-1]]
+    moved = move_sheets(fields, PIXEL)
+    for field in moved:
+        z = field.z if upwards else 2 * GAP - field.z
+        if 0 < z < 2 * GAP:
+            true = slit(12 + 1.3 * z)[:, 8:-8]
+            beside = (x[:, 8:-8] < 12 + 1.3 * z) & (np.abs(true) < 1.5)
+            assert np.abs(sign * field.distance[:, 8:-8] - true)[beside].max() < 0.1
+            assert (sign * field.distance[:, 8:-8][true > 1]).min() > 0
+
+
+def test_a_slit_that_ends_within_the_organ_between_two_slices_is_interpolated_as_it_lies():
+    whole = np.full(SHAPE, -4, np.float32)
+    fields = [
+        *stack(slit(12.0), slit(18.5)),
+        *(replace(f, z=f.z + GAP) for f in stack(slit(18.5), whole)[1:]),
+    ]
+    fields = [replace(field, source_slice=None if n % 4 else n // 4) for n, field in enumerate(fields)]
+    for before, after in zip(fields[4:], move_sheets(fields, PIXEL)[4:], strict=True):
+        np.testing.assert_array_equal(after.distance, before.distance)
 
 
 def test_slices_stay_and_so_does_what_overlaps_itself_or_only_grows():
