@@ -27,7 +27,7 @@ from cccd.geometry.conforming import ConformingSurface, faired
 from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.mesh import Mesh, given_back
 from cccd.geometry.ply import read_ply
-from cccd.geometry.surface_nets import surface_nets, well_composed
+from cccd.geometry.surface_nets import split_again, surface_nets, well_composed
 from cccd.inputs.annotation import with_undrawn_filled
 from cccd.solids.seams import seam_weights
 from cccd.store import read_structure
@@ -209,9 +209,9 @@ def _share_walls(organs: Mapping[int, Organ], frame: Frame) -> SharedWalls:
     net = surface_nets(regions, fields.cut)
     in_mm = replace(net, vertices=fields.low + cell * fields.on_walls(net))
     pixel = float(np.sqrt(frame.pixel_spacing.prod()))
-    smooth = _smoothed(in_mm, voxels.ends, cell, pixel)
+    in_mm = split_again(replace(in_mm, vertices=_smoothed(in_mm, voxels.ends, cell, pixel)))
     most = MOST_OFFSET_PIXELS * _edge(frame)
-    smooth = _with_volumes(replace(in_mm, vertices=smooth), voxels, cell, most)
+    smooth = _with_volumes(in_mm, voxels, cell, most)
     smooth, passing = _unfolded(replace(in_mm, vertices=smooth), fields.low + cell * net.vertices)
     axis, begin, end = voxels.ends
     smooth[:, axis] = np.clip(smooth[:, axis], begin, end)
