@@ -9,14 +9,16 @@ parts of a region would touch along an edge or in a corner only go over to a nei
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, LabelArray
 from cccd.geometry.conforming import ConformingSurface
+from cccd.geometry.mesh import Mesh
 
-__all__ = ["Cut", "NodeCost", "surface_nets", "well_composed"]
+__all__ = ["Cut", "NodeCost", "split_again", "surface_nets", "well_composed"]
 
 #: Takes nodes (P, 3) and labels (P,); what it returns (P,) is smaller for labels that suit the nodes better.
 NodeCost = Callable[[IntArray, LabelArray], FloatArray]
@@ -182,7 +184,37 @@ def surface_nets(labels: LabelArray, cut: Cut) -> ConformingSurface:
 def split_quads(vertices: FloatArray, quads: IntArray) -> IntArray:
     """Triangles (2 Q, 3) of quadrilaterals (Q, 4), split along their shorter diagonals."""
     a, b, c, d = (vertices[quads[:, corner]] for corner in range(4))
-    along = np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1)
-    first = np.where(along[:, None], quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])
-    second = np.where(along[:, None], quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
+    return _halves(quads, np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1))
+
+
+def split_again(surface: ConformingSurface) -> ConformingSurface:
+    """Split the quadrilaterals of `surface_nets` along the diagonals at which their triangles turn less.
+
+    Smoothing straightens lines between walls: where three corners lie on one, the diagonal that was the
+    shorter one may come to lie outside of the quadrilateral, and its triangles fold.
+
+    Parameters
+    ----------
+    surface : ConformingSurface
+        With the triangles of `surface_nets`, in their order.
+    """
+    pairs = surface.triangles.reshape(-1, 2, 3)
+    at_first = pairs[:, 0, 2] == pairs[:, 1, 1]  # split from the first corner, as in `_halves`
+    quads = np.where(
+        at_first[:, None],
+        np.column_stack([pairs[:, 0], pairs[:, 1, 2]]),
+        np.column_stack([pairs[:, 0, 0], pairs[:, 1]]),
+    )
+    cosines: list[FloatArray] = []
+    for choice in (True, False):
+        halves = _halves(quads, np.full(len(quads), choice))
+        normals = Mesh(surface.vertices, halves).unit_normals.reshape(-1, 2, 3)
+        cosines.append((normals[:, 0] * normals[:, 1]).sum(axis=1))
+    return replace(surface, triangles=_halves(quads, cosines[0] >= cosines[1]))
+
+
+def _halves(quads: IntArray, at_first: BoolArray) -> IntArray:
+    """Triangles (2 Q, 3) of quadrilaterals, split from the first corner or from the second."""
+    first = np.where(at_first[:, None], quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])
+    second = np.where(at_first[:, None], quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
     return np.stack([first, second], axis=1).reshape(-1, 3)

@@ -27,7 +27,7 @@ from cccd.geometry.conforming import ConformingSurface, faired
 from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.mesh import Mesh, given_back
 from cccd.geometry.ply import read_ply
-from cccd.geometry.surface_nets import surface_nets, well_composed
+from cccd.geometry.surface_nets import split_again, surface_nets, well_composed
 from cccd.inputs.annotation import with_undrawn_filled
 from cccd.solids.seams import seam_weights
 from cccd.store import read_structure
@@ -205,7 +205,7 @@ def _share_walls(organs: Mapping[int, Organ], frame: Frame) -> SharedWalls:
     rough, before, pinched = _rough([organs[label].mesh.transformed(to_mm) for label in labels], voxels, cell)
     pixel = float(np.sqrt(frame.pixel_spacing.prod()))
     # each surface takes the place of the last, whose edges and averages are as large as everything else
-    walls = replace(rough, vertices=_smoothed(rough, voxels.ends, cell, pixel))
+    walls = split_again(replace(rough, vertices=_smoothed(rough, voxels.ends, cell, pixel)))
     del rough
     walls = replace(walls, vertices=_with_volumes(walls, voxels, cell, MOST_OFFSET_PIXELS * _edge(frame)))
     smooth, passing = _unfolded(walls, before)

@@ -3,7 +3,8 @@
 import numpy as np
 
 from cccd.geometry.conforming import ConformingSurface
-from cccd.geometry.surface_nets import surface_nets
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.surface_nets import split_again, split_quads, surface_nets
 from cccd.store import read_conforming, write_conforming
 
 
@@ -57,3 +58,18 @@ def test_values_are_averaged_within_walls_and_stay_along_their_lines():
         alone = net.averages(np.where(side | lines, values, 0.0), [1])[0]
         inner = side & (np.abs(middle - middle[lines].mean()) > 1.5)
         np.testing.assert_allclose(alone[inner], net.averages(values, [1])[0][inner])
+
+
+def test_quads_whose_corners_moved_are_split_where_they_do_not_fold():
+    # a square whose last corner went beyond the diagonal between its neighbours, in every order of corners
+    corners = np.array([(0.0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)])
+    for turn in range(4):
+        quad = np.roll(np.arange(4), turn)[None]
+        flat = ConformingSurface(corners, split_quads(corners, quad), np.array([(1, 0), (1, 0)]))
+        bent = corners.copy()
+        bent[3] = (1.2, 0.8, 0)  # below the line from the first to the third
+        mesh = split_again(ConformingSurface(bent, flat.triangles, flat.regions))
+        normals = Mesh(bent, mesh.triangles).face_normals[:, 2]
+        assert (normals > 0).all()
+        assert np.array_equal(np.sort(np.unique(mesh.triangles)), np.arange(4))
+        np.testing.assert_allclose(normals.sum() / 2, 1.6)  # the area of its outline

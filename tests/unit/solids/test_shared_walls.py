@@ -100,6 +100,12 @@ def test_both_sides_of_a_wall_have_the_very_same_points(joined):
             assert wall <= {point.tobytes() for point in shared.surface.mesh_of(label).vertices}
 
 
+def test_walls_are_smooth_up_to_the_lines_where_they_meet(joined):
+    surface = joined[1].surface
+    for low, high in surface.pairs:
+        assert np.abs(surface.wall(high, low).dihedrals.angles).max() < 1
+
+
 def test_a_wall_between_half_balls_is_a_plane():
     shared = share_walls(organs_of(half_balls()))
     wall = shared.surface.wall(2, 1).vertices - CENTRE
