@@ -90,11 +90,18 @@ def test_a_fine_scan_is_looked_at_in_blocks_and_answered_in_voxels():
         ("32,30,24", "lies outside the scan, whose last voxel is 71,59,23; correct the seed"),
         ("60:80,30,11", "lies outside the scan"),
         ("1,1,11", "lies in the background"),
-        ("71,30,3", "around seed 71,30,3 is of one tissue; point at the organ's even tissue"),
+        ("71,30,3", "lies in the background"),
+        ("32,30,11; 1,1,11", "seed 1,1,11 lies in the background"),
+        (
+            "31:33,29:31,16:18",
+            "around seed 31:33,29:31,16:18 is of one tissue; point at the organ's even tissue",
+        ),
     ],
 )
 def test_a_seed_that_cannot_be_meant_is_refused(tmp_path, seed, words):
-    write_nifti(tmp_path / "image.nii", scan((ORGAN, 105)), affine_of(SPACING))
+    image = scan((ORGAN, 105))
+    image[31:33, 29:31, 16:18] = 900
+    write_nifti(tmp_path / "image.nii", image, affine_of(SPACING))
     with pytest.raises(InputError, match=r"^cohort.tsv row 2: image.nii: .*seed ") as caught:
         load_structure(row(image="image.nii", seed=seed), tmp_path, settings())
     assert words in str(caught.value)
