@@ -65,17 +65,21 @@ _CLOSING_MM = 6.0
 #: An organ has at least so many voxels.
 _LEAST_VOXELS = 27
 
+#: An organ fills at most this share of a scan.
+_MOST_OF_SCAN = 0.9
+
 #: What is darker than Otsu's threshold, and lies in a corner of this share of the slices, is background.
 _BACKGROUND_CORNERS = 0.25
 
 
 class _Tissue(NamedTuple):
-    """Blocks (a, b, c) of an image, smoothed ones, their slope, and the blocks' size (3,) in mm."""
+    """Blocks (a, b, c) of an image, smoothed ones, their slope, their size (3,) in mm, the slices' axis."""
 
     image: SingleArray
     smooth: SingleArray
     slope: SingleArray
     size: FloatArray
+    slice_axis: int
 
 
 class GrownRegion(NamedTuple):
@@ -123,11 +127,16 @@ def grow_region(
     coarse, size = _averaged(image, every), spacing * every
     smooth = _smoothed(coarse)
     slope = np.sqrt(sum(np.square(ndimage.sobel(smooth, axis, mode="nearest") / 32) for axis in range(3)))
-    tissue = _Tissue(coarse, smooth, slope, size)
+    tissue = _Tissue(coarse, smooth, slope, size, slice_axis)
     found = [_grown_from(seed, tissue, every) for seed in seeds]
     for seed, one in zip(seeds, found, strict=True):
         if np.count_nonzero(one.mask) < _LEAST_VOXELS:
             problem = f"almost nothing around seed {seed} is of one tissue"
+            raise InputError(
+                location, problem, "point at the organ's even tissue, away from vessels and edges"
+            )
+        if one.mask.mean() > _MOST_OF_SCAN:
+            problem = f"around seed {seed}, grey values vary as much as in the whole scan"
             raise InputError(
                 location, problem, "point at the organ's even tissue, away from vessels and edges"
             )
@@ -254,7 +263,10 @@ def _on_edges(grown: BoolArray, tissue: _Tissue, noise: float) -> float:
     size = tissue.size
     for axis in range(3):
         inside, grey = np.moveaxis(grown, axis, 0), np.moveaxis(tissue.smooth, axis, 0)
-        grey = np.pad(grey, ((1, 1), (0, 0), (0, 0)), mode="edge")
+        # at a slice's rim a border lies on no edge; but the slices may end within the organ
+        rim = "edge" if axis == tissue.slice_axis else "constant"
+        inside = np.pad(inside, ((1, 1), (0, 0), (0, 0)), mode=rim)
+        grey = np.pad(grey, ((2, 2), (0, 0), (0, 0)), mode="edge")
         border = inside[1:] != inside[:-1]
         across = (grey[3:] - grey[:-3])[border] / (_EDGE * noise)  # a border's voxels are partly of both
         face = float(size.prod() / size[axis])

@@ -108,6 +108,13 @@ def test_a_seed_that_cannot_be_meant_is_refused(tmp_path, seed, words):
     assert "\n" not in str(caught.value)
 
 
+def test_a_seed_where_grey_values_vary_as_in_the_whole_scan_is_refused():
+    image = scan((ORGAN, 105))
+    image[50:70, 20:40, 19:22] = np.random.default_rng(1).normal(0, 3000, (20, 20, 3))
+    with pytest.raises(InputError, match="vary as much as in the whole scan; point at the organ"):
+        grown(image, "50:70,20:40,19:22")
+
+
 def test_a_row_with_a_seed_is_a_region_with_its_image(tmp_path):
     write_nifti(tmp_path / "image.nii", scan((ORGAN, 105)), affine_of(SPACING))
     structure = load_structure(row(image="image.nii", seed="32,30,11"), tmp_path, settings())
