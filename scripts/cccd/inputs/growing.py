@@ -119,7 +119,8 @@ def grow_region(
     Raises
     ------
     InputError
-        A seed lies outside the image, in the background, or where nothing is even around it.
+        A seed lies outside the image, in the background, or where nothing is even around it; or what grows
+        from it fills the scan.
     """
     for seed in seeds:
         _check_inside(seed, image.shape, location)
@@ -130,19 +131,7 @@ def grow_region(
     tissue = _Tissue(coarse, smooth, slope, size, slice_axis)
     found = [_grown_from(seed, tissue, every) for seed in seeds]
     for seed, one in zip(seeds, found, strict=True):
-        if np.count_nonzero(one.mask) < _LEAST_VOXELS:
-            problem = f"almost nothing around seed {seed} is of one tissue"
-            raise InputError(
-                location, problem, "point at the organ's even tissue, away from vessels and edges"
-            )
-        if one.mask.mean() > _MOST_OF_SCAN:
-            problem = f"around seed {seed}, grey values vary as much as in the whole scan"
-            raise InputError(
-                location, problem, "point at the organ's even tissue, away from vessels and edges"
-            )
-        if _is_background(one.mask, coarse, slice_axis):
-            problem = f"seed {seed} lies in the background (grey values near {one.low:.4g})"
-            raise InputError(location, problem, "give a voxel within the organ")
+        _check_grown(one, seed, tissue, location)
     grown = np.logical_or.reduce([one.mask for one in found])
     low, high = min(one.low for one in found), max(one.high for one in found)
     return GrownRegion(_refined(grown, every, image.shape), low, high)
@@ -154,6 +143,19 @@ def _check_inside(seed: Seed, shape: tuple[int, ...], location: str) -> None:
         raise InputError(
             location, f"seed {seed} lies outside the scan, whose last voxel is {last}", "correct the seed"
         )
+
+
+def _check_grown(grown: GrownRegion, seed: Seed, tissue: _Tissue, location: str) -> None:
+    """Refuse what is no organ: next to nothing, the whole scan, or the background."""
+    cure = "point at the organ's even tissue, away from vessels and edges"
+    if np.count_nonzero(grown.mask) < _LEAST_VOXELS:
+        raise InputError(location, f"almost nothing around seed {seed} is of one tissue", cure)
+    if grown.mask.mean() > _MOST_OF_SCAN:
+        problem = f"around seed {seed}, grey values vary as much as in the whole scan"
+        raise InputError(location, problem, cure)
+    if _is_background(grown.mask, tissue.image, tissue.slice_axis):
+        problem = f"seed {seed} lies in the background (grey values near {grown.low:.4g})"
+        raise InputError(location, problem, "give a voxel within the organ")
 
 
 # The grid ---------------------------------------------------------------------------------------------
