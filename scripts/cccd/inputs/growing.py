@@ -150,7 +150,7 @@ def _check_grown(grown: GrownRegion, seed: Seed, tissue: _Tissue, location: str)
     cure = "point at the organ's even tissue, away from vessels and edges"
     if np.count_nonzero(grown.mask) < _LEAST_VOXELS:
         raise InputError(location, f"almost nothing around seed {seed} is of one tissue", cure)
-    if grown.mask.mean() > _MOST_OF_SCAN:
+    if grown.mask.mean() > _MOST_OF_SCAN and grown.high > _otsu(tissue.image):  # else background, holes filled
         problem = f"around seed {seed}, grey values vary as much as in the whole scan"
         raise InputError(location, problem, cure)
     if _is_background(grown.mask, tissue.image, tissue.slice_axis):
@@ -333,9 +333,13 @@ def _closed(mask: BoolArray, size: FloatArray) -> BoolArray:
 
 def _is_background(grown: BoolArray, image: SingleArray, slice_axis: int) -> bool:
     """Whether a region is dark and lies in a corner of many slices."""
-    from skimage.filters import threshold_otsu  # slow to import
-
     slices = np.moveaxis(grown, slice_axis, 0)
     corners = slices[:, :: slices.shape[1] - 1 or 1, :: slices.shape[2] - 1 or 1]
     in_corner = corners.mean(axis=0).max() > _BACKGROUND_CORNERS
-    return bool(in_corner and np.median(image[grown]) <= threshold_otsu(image))
+    return bool(in_corner and np.median(image[grown]) <= _otsu(image))
+
+
+def _otsu(image: SingleArray) -> float:
+    from skimage.filters import threshold_otsu  # slow to import
+
+    return float(threshold_otsu(image))
