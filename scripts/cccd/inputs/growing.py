@@ -150,7 +150,8 @@ def _check_grown(grown: GrownRegion, seed: Seed, tissue: _Tissue, location: str)
     cure = "point at the organ's even tissue, away from vessels and edges"
     if np.count_nonzero(grown.mask) < _LEAST_VOXELS:
         raise InputError(location, f"almost nothing around seed {seed} is of one tissue", cure)
-    if grown.mask.mean() > _MOST_OF_SCAN and grown.high > _otsu(tissue.image):  # else background, holes filled
+    # dark alone: a background whose holes, the body, were filled
+    if grown.mask.mean() > _MOST_OF_SCAN and grown.high > _otsu(tissue.image):
         problem = f"around seed {seed}, grey values vary as much as in the whole scan"
         raise InputError(location, problem, cure)
     if _is_background(grown.mask, tissue.image, tissue.slice_axis):

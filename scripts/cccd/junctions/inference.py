@@ -111,6 +111,7 @@ def predict_slices(
     numbers: AnyArray,
     parts: int | None = None,
     regions: Sequence[BoolArray | None] | None = None,
+    pixel_mm: float = 1.0,
 ) -> Prediction:
     """Fill what each slice's boundary map encloses.
 
@@ -129,10 +130,12 @@ def predict_slices(
         Pieces of the organ on a slice at most, none of which has a hole.
     regions : sequence of (I, J) bool arrays or None, optional
         Where the organ roughly is, of each slice, in the pixels' coordinates: evidence beside the network's.
+    pixel_mm : float
+        Size of a pixel, by which the evidence of regions fades with the distance from their border.
     """
     if isinstance(predictor, LoopPredictor):
         return Prediction(*_filled(predictor.find_loops(maps)), None)
-    read, labelled = _read_and_labelled(maps, predictor, images, numbers, parts, regions)
+    read, labelled = _read_and_labelled(maps, predictor, images, numbers, parts, regions, pixel_mm)
     told = [one.uncertainty for one in labelled if one.uncertainty is not None]
     uncertainty = np.array(told) if predictor is not None and len(told) == len(labelled) else None
     return Prediction(*_filled(_border_loops(read, labelled)), uncertainty)
@@ -157,6 +160,7 @@ def _read_and_labelled(
     numbers: AnyArray,
     parts: int | None = None,
     regions: Sequence[BoolArray | None] | None = None,
+    pixel_mm: float = 1.0,
 ) -> tuple[list[ReadSlice], list[Labelled]]:
     """Read slices batch by batch, and label the triangles of each, its neighbours considered.
 
@@ -170,7 +174,7 @@ def _read_and_labelled(
         read += read_slices(slices, predictor or PRIOR)
     if regions is not None and predictor is not None:
         read = [
-            one if region is None else replace(one, evidence=region_evidence(one.graph, region))
+            one if region is None else replace(one, evidence=region_evidence(one.graph, region, pixel_mm))
             for one, region in zip(read, regions, strict=True)
         ]
     return read, label_slices(read, numbers, parts, rerank=predictor is not None)

@@ -116,7 +116,8 @@ def order_boundaries(
     numbers = boundaries.slice[filled]
     maps = [pixels - corner for pixels in boundaries if len(pixels)]
     images, regions = (_slices_of(stack, numbers - first) for stack in (image, region))
-    found = predict_slices(maps, model, images, numbers, settings.parts, regions)
+    pixel_mm = float(np.sqrt(np.prod(boundaries.frame.spacing[list(boundaries.frame.in_plane_axes)])))
+    found = predict_slices(maps, model, images, numbers, settings.parts, regions, pixel_mm)
     curves = closed_chains(found.masks, found.origin + corner, numbers, boundaries.frame, settings.parts)
     report = _report(boundaries, curves)
     if found.uncertainty is None:

@@ -59,13 +59,13 @@ def test_of_two_lines_the_one_is_taken_that_a_rough_region_has(true):
     assert agreement([(read, truth)], [0])[0] < 0.9
     i, j = np.indices(SHAPE) - 45
     rough = np.hypot(1.06 * i, j / 1.06) < {"inner": 24, "outer": 31}[true]
-    told = replace(read, evidence=region_evidence(read.graph, rough))
+    told = replace(read, evidence=region_evidence(read.graph, rough, 2.0))
     assert agreement([(told, truth)], [0])[0] > 0.99
 
 
 def test_an_empty_region_says_nothing():
     read, _ = doubled(25, "inner")
-    assert not region_evidence(read.graph, np.zeros(SHAPE, bool)).any()
+    assert not region_evidence(read.graph, np.zeros(SHAPE, bool), 2.0).any()
 
 
 def test_what_both_neighbours_are_far_apart_on_says_little():
