@@ -68,6 +68,10 @@ _LEAST_VOXELS = 27
 #: An organ fills at most this share of a scan.
 _MOST_OF_SCAN = 0.9
 
+#: A region is doubtful whose score is below this, or that fills more than half of the scan. Of 54 regions of
+#: CT, MR and phantoms, 17 are: their mean Dice is 0.55, and 8 have less than 0.7; no other has less than 0.78.
+_DOUBTFUL, _HALF = -0.5, 0.5
+
 #: What is darker than Otsu's threshold, and lies in a corner of this share of the slices, is background.
 _BACKGROUND_CORNERS = 0.25
 
@@ -91,11 +95,15 @@ class GrownRegion(NamedTuple):
         Roughly the organ.
     low, high : float
         Grey values of its tissue, of the smoothed image.
+    doubtful : tuple of Seed
+        Those around which the region's border lies on few edges or moves with the range of grey values, or
+        fills half of the scan.
     """
 
     mask: BoolArray
     low: float
     high: float
+    doubtful: tuple[Seed, ...]
 
 
 def grow_region(
@@ -134,7 +142,8 @@ def grow_region(
         _check_grown(one, seed, tissue, location)
     grown = np.logical_or.reduce([one.mask for one in found])
     low, high = min(one.low for one in found), max(one.high for one in found)
-    return GrownRegion(_refined(grown, every, image.shape), low, high)
+    doubtful = tuple(seed for one in found for seed in one.doubtful)
+    return GrownRegion(_refined(grown, every, image.shape), low, high, doubtful)
 
 
 def _check_inside(seed: Seed, shape: tuple[int, ...], location: str) -> None:
@@ -228,11 +237,13 @@ def _grown_from(seed: Seed, tissue: _Tissue, every: AnyArray) -> GrownRegion:
     for beyond in _BEYOND:
         low, high = float(own[0] - beyond * noise), float(own[1] + beyond * noise)
         grown = _region(tissue, (smooth >= low) & (smooth <= high), even, chosen, middle)
-        tried.append(GrownRegion(grown, low, high))
+        tried.append(GrownRegion(grown, low, high, ()))
     volumes = np.array([max(np.count_nonzero(one.mask), 1) for one in tried])
     leaks = np.minimum(np.abs(np.diff(np.log(volumes))), _LEAK)
     scores = [_on_edges(one.mask, tissue, noise) for one in tried[:-1]] - leaks
-    return tried[int(np.argmax(scores))]
+    best = int(np.argmax(scores))
+    doubtful = scores[best] < _DOUBTFUL or tried[best].mask.mean() > _HALF
+    return tried[best]._replace(doubtful=(seed,) if doubtful else ())
 
 
 def _noise(tissue: _Tissue, chosen: BoolArray) -> float:

@@ -416,8 +416,13 @@ def _grow_organ(image: Volume, seed: str, settings: ImportSettings) -> tuple[Vol
         f"{image.location}: no mask; the organ is grown from seed {'; '.join(map(str, seeds))}: "
         f"grey values {_range(*tissue)} after smoothing"
     )
+    doubts = [
+        f"{image.location}: the image shows no clear border around seed {seed}, so the region may be wrong; "
+        "cccd check draws it; another voxel, a box or a mask may help"
+        for seed in grown.doubtful
+    ]
     facts = {"region": {"seed": [str(one) for one in seeds], "tissue": tissue}}
-    return Volume(grown.mask, image.affine, image.location, warnings=[note]), facts
+    return Volume(grown.mask, image.affine, image.location, warnings=[note, *doubts]), facts
 
 
 def _range(low: float, high: float) -> str:

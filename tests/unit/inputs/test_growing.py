@@ -123,3 +123,12 @@ def test_a_row_with_a_seed_is_a_region_with_its_image(tmp_path):
     assert any("no mask; the organ is grown from seed 32,30,11" in note for note in structure.warnings)
     structure.mask = structure.region
     assert dice(full(structure), ORGAN) > 0.95
+
+
+def test_a_region_whose_border_lies_on_no_edges_is_doubtful():
+    """A part of a large organ that is as grey as all around it in noise; and an organ with clear borders."""
+    alike = scan((BODY, 100), (ORGAN, 104), noise=30.0)
+    clear = scan((ORGAN, 205))
+    (seed,) = parse_seeds("32,30,11", "x")
+    assert grow_region(clear, SPACING, [seed], 2, "x").doubtful == ()
+    assert grow_region(alike, SPACING, [seed], 2, "x").doubtful == (seed,)
