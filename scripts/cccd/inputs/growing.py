@@ -69,7 +69,7 @@ _LEAST_VOXELS = 27
 _MOST_OF_SCAN = 0.9
 
 #: A region is doubtful whose score is below this, or that fills more than half of the scan. Of 54 regions of
-#: CT, MR and phantoms, 17 are: their mean Dice is 0.55, and 8 have less than 0.7; no other has less than 0.78.
+#: CT, MR and phantoms, 17 are: their mean Dice is 0.55, and 8 have less than 0.7; no other has under 0.78.
 _DOUBTFUL, _HALF = -0.5, 0.5
 
 #: What is darker than Otsu's threshold, and lies in a corner of this share of the slices, is background.
