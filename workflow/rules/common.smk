@@ -32,9 +32,9 @@ from cccd.plan.checks import PlannedJob, check_jobs
 from cccd.plan.cohort import near
 from cccd.plan.networks import MODEL, PAPER_MODEL
 from cccd.plan.outcome import report_failed_run, report_good_run
-from cccd.plan.plan import SHOWN, Plan
+from cccd.plan.plan import SHOWN, Plan, files_of_comparison
 from cccd.plan.resources import memory, minutes
-from cccd.report.registry import comparisons, inputs, tables
+from cccd.report.registry import comparison_jobs, tables
 from cccd.segmentation.networks import networks
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
