@@ -22,6 +22,9 @@ configfile: f"{workflow.basedir}/config/config.yaml"
 include: "workflow/rules/common.smk"
 
 
+look_up_once()
+
+
 wildcard_constraints:
     case=NAME,
     organ=NAME,

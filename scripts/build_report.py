@@ -14,5 +14,5 @@ with job(snakemake.log[0], "report", snakemake.input, snakemake.output):
         config=snakemake.params.config,
         output=output,
         benchmarks=Path(snakemake.params.benchmarks),
-        template_dir=Path(snakemake.input.templates[0]).parent,
+        template_dir=Path(snakemake.scriptdir).parent / "workflow" / "report",
     )

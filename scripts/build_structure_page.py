@@ -14,6 +14,6 @@ with job(snakemake.log[0], f"{case}/{organ}", snakemake.input, snakemake.output)
         organ,
         config=snakemake.params.config,
         output=Path(snakemake.output[0]),
-        template_dir=Path(snakemake.input.templates[0]).parent,
+        template_dir=Path(snakemake.scriptdir).parent / "workflow" / "report",
         index=results / "report.html",
     )

@@ -1,4 +1,4 @@
-"""One comparison on one structure: its rows, and what the report draws of it."""
+"""The comparisons that a job makes on one structure: their rows, and what the report draws of them."""
 
 from operator import attrgetter
 
@@ -8,15 +8,18 @@ from cccd.settings.root import whole_settings
 from cccd.store import write_figures, write_table
 
 case, organ = snakemake.wildcards.case, snakemake.wildcards.organ
-with job(snakemake.log[0], f"{case}/{organ}", snakemake.input, snakemake.output):
-    arguments = {
-        name: find(read)(*snakemake.input.get(name)) for name, read in snakemake.params.readers.items()
-    }
-    settings = whole_settings()(**snakemake.params.settings)
-    arguments |= {name: attrgetter(section)(settings) for name, section in snakemake.params.sections.items()}
-    arguments |= snakemake.params.seed
-    rows = find(snakemake.params.run)(**arguments).assign(case=case, organ=organ)
-    names = ["case", "organ"] if len(rows) else []
-    write_table(snakemake.output.rows, rows[[*names, *rows.columns.drop(["case", "organ"])]])
-    if snakemake.params.figures:
-        write_figures(snakemake.output.figures, call(snakemake.params.figures, arguments))
+inputs = {}
+for name, wanted in snakemake.params.calls.items():
+    with job(snakemake.log[0], f"{case}/{organ}, {name}", snakemake.input, snakemake.output):
+        for key in wanted["readers"].keys() - inputs.keys():
+            inputs[key] = find(wanted["readers"][key])(*snakemake.input.get(key))
+        arguments = {key: inputs[key] for key in wanted["readers"]}
+        settings = whole_settings()(**wanted["settings"])
+        arguments |= {key: attrgetter(section)(settings) for key, section in wanted["sections"].items()}
+        arguments |= wanted["seed"]
+        rows = find(wanted["run"])(**arguments).assign(case=case, organ=organ)
+        names = ["case", "organ"] if len(rows) else []
+        table, *drawn = snakemake.output.get(name)
+        write_table(table, rows[[*names, *rows.columns.drop(["case", "organ"])]])
+        for file in drawn:
+            write_figures(file, call(wanted["figures"], arguments))

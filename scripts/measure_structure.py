@@ -1,9 +1,12 @@
-"""Everything measured on one structure, and what the page's viewer shows of it."""
+"""Everything measured on one structure, what the page's viewer shows of it, and a picture of its surface."""
+
+import logging
 
 from cccd.contours import doubtful_slices, missing_parts
 from cccd.curves import measure_curves
 from cccd.job import job
 from cccd.next_slice import rank_unannotated
+from cccd.report.render import render_surface
 from cccd.settings.surface import LoftSettings
 from cccd.store import (
     read_boundaries,
@@ -23,7 +26,8 @@ from cccd.view import make_view
 #: Slices to annotate next that are named.
 NAMED = 5
 
-with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
+name = "{case}/{organ}".format(**snakemake.wildcards)
+with job(snakemake.log[0], name, snakemake.input, snakemake.output):
     structure = read_structure(snakemake.input.structure)
     curves, splines = read_curves(snakemake.input.curves), read_splines(snakemake.input.curves)
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
@@ -64,3 +68,5 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
     boundaries = read_boundaries(snakemake.input.boundaries)
     view = make_view(structure, boundaries, curves, surface.mesh, surface.band)
     write_view(snakemake.output.view, view)
+with job(snakemake.log[0], f"{name}, picture", snakemake.input, snakemake.output):
+    logging.info("drawn with %s", render_surface(snakemake.input.mesh, snakemake.output.picture))

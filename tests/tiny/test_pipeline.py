@@ -16,9 +16,7 @@ STRUCTURES = [("tiny", "sphere"), ("tiny", "two_spheres")]
 LOFT = "scripts/cccd/surface/loft.py"
 AFTER_CURVES = {
     "loft_surface",
-    "render_surface",
-    "compare_corner_surfaces",
-    "compare_stage_times",
+    "compare_corners_to_surface",
     "compare_isosurfaces",
     "compare_thick_slices",
     "measure_structure",
@@ -152,7 +150,7 @@ def test_another_sweep_fits_nothing_again(tiny_copy):
     with (tiny_copy.folder / "tiny.yaml").open("a") as configuration:
         configuration.write("curves: {sweep: [3, 9]}\n")
     planned = set(tiny_copy.planned())
-    assert "compare_k_sweep" in planned
+    assert "compare_curves" in planned
     assert planned.isdisjoint({*BEFORE_CURVES, "fit_curves", "loft_surface", "compare_thick_slices"})
 
 

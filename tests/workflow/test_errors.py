@@ -76,3 +76,13 @@ def test_one_bad_structure_keeps_no_other_from_its_surface(tiny_copy):
     assert "1 failed:" in run.stderr
     page = (tiny_copy.results / "report.html").read_text()
     assert "not_there.nii.gz" in page
+
+
+def test_a_comparison_that_fails_in_a_job_of_several_is_named(tiny_copy):
+    registry = tiny_copy.folder / "scripts" / "cccd_paper" / "registry.py"
+    registry.write_text(registry.read_text().replace("k_sweep.compare_k", "k_sweep.compare_no_k"))
+    run = tiny_copy.snakemake("results/tiny/sphere/comparisons/corners.csv", check=False)
+    assert run.returncode != 0
+    (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
+    assert line.startswith("Error: tiny/sphere, k_sweep: AttributeError: ")
+    assert line.endswith("; see logs/tiny/sphere/compare_curves.log")

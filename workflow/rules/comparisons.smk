@@ -1,49 +1,43 @@
 """Comparisons: the methods that the paper names and today's, on the same structures, in the same run."""
 
-#: One rule per comparison of the registry: compare_corners, compare_reconstruction and so on.
-for comparison in comparisons().values():
+#: One rule per job of the registry: compare_curves, compare_isosurfaces and so on.
+for name, together in comparison_jobs().items():
 
     rule:
         name:
-            f"compare_{comparison.name}"
+            f"compare_{name}"
         input:
-            **plan.comparison_inputs(comparison),
+            **plan.comparison_inputs(together),
         output:
-            **(
-                {
-                    "figures": f"results/{{case}}/{{organ}}/comparisons/{comparison.name}.h5"
-                }
-                if comparison.figures
-                else {}
-            ),
-            rows=f"results/{{case}}/{{organ}}/comparisons/{comparison.name}.csv",
+            **{
+                comparison.name: files_of_comparison(
+                    "results/{case}/{organ}", comparison
+                )
+                for comparison in together
+            },
         log:
-            f"logs/{{case}}/{{organ}}/compare_{comparison.name}.log",
+            f"logs/{{case}}/{{organ}}/compare_{name}.log",
         benchmark:
-            f"benchmarks/{{case}}/{{organ}}/compare_{comparison.name}.tsv"
-        priority: comparison.minutes  # the longest first, so that none is left alone at the end
+            f"benchmarks/{{case}}/{{organ}}/compare_{name}.tsv"
+        # the longest first, so that none is left alone at the end
+        priority: max(comparison.minutes for comparison in together)
         group:
             "structure"
         conda:
             "../../envs/cccd.yaml"
         threads: 1
         resources:
-            mem_mb=memory(*comparison.memory_mb),
-            runtime=minutes(comparison.minutes),
+            mem_mb=memory(*map(max, zip(*(one.memory_mb for one in together)))),
+            runtime=minutes(sum(comparison.minutes for comparison in together)),
         params:
-            library=plan.comparison_library(comparison),
-            run=comparison.run,
-            figures=comparison.figures,
-            readers={name: inputs()[name].read for name in comparison.inputs},
-            settings=plan.comparison_settings(comparison),
-            sections=comparison.settings,
-            seed={"seed": config["seed"]} if comparison.seeded else {},
+            library=plan.comparison_library(together),
+            calls={one.name: plan.comparison_call(one) for one in together},
         script:
             "../../scripts/compare_structure.py"
 
 
 rule measure_structure:
-    """Everything measured on one structure, in one JSON, and what the page's viewer shows of it."""
+    """Everything measured on one structure, in one JSON, what the page's viewer shows of it, and a picture."""
     input:
         structure="results/{case}/{organ}/structure.h5",
         boundaries="results/{case}/{organ}/boundaries.h5",
@@ -56,6 +50,12 @@ rule measure_structure:
     output:
         metrics="results/{case}/{organ}/metrics.json",
         view="results/{case}/{organ}/view.h5",
+        picture=report(
+            "results/{case}/{organ}/picture.png",
+            caption="../report/surface.rst",
+            category="Surfaces",
+            labels={"case": "{case}", "organ": "{organ}"},
+        ),
     log:
         "logs/{case}/{organ}/measure_structure.log",
     benchmark:
@@ -67,7 +67,7 @@ rule measure_structure:
     threads: 1
     resources:
         mem_mb=memory(2500, 60),
-        runtime=minutes(20),
+        runtime=minutes(30),
     params:
         library=library("measure_structure"),
         lofting=LOFTING,

@@ -37,7 +37,6 @@ rule build_tables:
 rule build_structure_page:
     """A page of one structure, where the cohort is too large for one page."""
     input:
-        templates=plan.templates,
         files=[f"results/{{case}}/{{organ}}/{name}" for name in SHOWN],
         comparisons=plan.comparison_files,
     output:
@@ -61,6 +60,7 @@ rule build_structure_page:
         runtime=minutes(15),
     params:
         library=library("build_structure_page", *registrations()),
+        templates=plan.templates,
         config=config,
     script:
         "../../scripts/build_structure_page.py"
@@ -69,13 +69,11 @@ rule build_structure_page:
 rule build_report:
     """The report: one self-contained page, or for a large cohort an index of the structures' pages."""
     input:
-        templates=plan.templates,
         tables=[f"results/tables/{name}.csv" for name in tables()],
         notes="results/tables/notes.json",
         junctions=plan.junctions.score_files,
         training=plan.junctions.training_files,
-        files=plan.shown_files(),
-        comparisons=plan.all_comparison_files,
+        files=plan.reported_files,
         cases=[f"results/{case}/scene.html" for case in cohort.shared],
     output:
         report(
@@ -97,6 +95,7 @@ rule build_report:
         runtime=minutes(30),
     params:
         library=library("build_report", *plan.report_code),
+        templates=plan.templates,
         # The jobs' times. Not an input: where somebody deletes them, no job should run again to measure its own.
         benchmarks="benchmarks",
         structures=[tuple(name) for name in cohort.reconstructed],

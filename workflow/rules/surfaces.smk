@@ -1,4 +1,4 @@
-"""Surfaces: curves -> closed spline surface -> meshes for viewers and CAD, and a picture."""
+"""Surfaces: curves -> closed spline surface -> meshes for viewers and CAD."""
 
 #: What of the section decides on each organ alone.
 LOFTING = leave(
@@ -248,32 +248,3 @@ rule export_scene:
         tolerance_mm=config["surface"]["step_tolerance_mm"],
     script:
         "../../scripts/export_scene.py"
-
-
-rule render_surface:
-    """A picture of the surface from three sides; drawn another way where OpenGL is missing."""
-    input:
-        mesh="results/{case}/{organ}/surface.ply",
-    output:
-        report(
-            "results/{case}/{organ}/picture.png",
-            caption="../report/surface.rst",
-            category="Surfaces",
-            labels={"case": "{case}", "organ": "{organ}"},
-        ),
-    log:
-        "logs/{case}/{organ}/render_surface.log",
-    benchmark:
-        "benchmarks/{case}/{organ}/render_surface.tsv"
-    group:
-        "structure"
-    conda:
-        "../../envs/cccd.yaml"
-    threads: 1
-    resources:
-        mem_mb=memory(1500, 20),
-        runtime=minutes(10),
-    params:
-        library=library("render_surface"),
-    script:
-        "../../scripts/render_surface.py"

@@ -25,7 +25,7 @@ _NEEDS = {
     "build_scene": "nrrd",
     "export_solid": "cad",
     "export_scene": "cad",
-    "render_surface": "view",
+    "measure_structure": "view",
     "build_tables": "report",
     "build_structure_page": "report",
     "build_report": "report",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -14,7 +14,7 @@ from cccd.cohort import IMAGES_ALONE
 from cccd.errors import InputError
 from cccd.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
 from cccd.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find_file
-from cccd.plan.resources import digest
+from cccd.plan.resources import digest, digest_files
 from cccd.project import shipped_weights
 from cccd.report.registry import Comparison, comparisons, inputs, items
 from cccd.segmentation.networks import networks
@@ -22,7 +22,7 @@ from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FOR
 from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config
 
-__all__ = ["Plan"]
+__all__ = ["Plan", "files_of_comparison"]
 
 #: What a structure's page and the report read of it.
 SHOWN = (
@@ -271,9 +271,9 @@ class Plan:
 
     # Comparisons.
 
-    def comparison_inputs(self, comparison: Comparison) -> dict[str, Any]:
-        """Return the files of each input of a comparison; without a network an optional one has none."""
-        return {name: self._input_files(name) for name in comparison.inputs}
+    def comparison_inputs(self, together: Sequence[Comparison]) -> dict[str, Any]:
+        """Return the files of each input of some comparisons; without a network an optional one has none."""
+        return {name: self._input_files(name) for comparison in together for name in comparison.inputs}
 
     def _input_files(self, name: str) -> list[str] | Callable[[OfStructure], list[str]]:
         """Patterns of the files of an input of comparisons."""
@@ -285,14 +285,26 @@ class Plan:
         folder = "results" if asked.shared else "results/{case}/{organ}"
         return [f"{folder}/{file}" for file in asked.files]
 
-    def comparison_library(self, comparison: Comparison) -> str:
-        """Digest a comparison's code, with the classes of the networks that it is given."""
-        given = [inputs()[name] for name in comparison.inputs]
+    def comparison_library(self, together: Sequence[Comparison]) -> str:
+        """Digest the code of some comparisons, with the classes of the networks that they are given."""
+        given = [inputs()[name] for comparison in together for name in comparison.inputs]
         shipped = any(one.shipped for one in given)
         classes = [network.build for network in networks().values()] if shipped else []
         if any("gnn/model.pt" in one.files for one in given):
             classes += self.junctions.code
-        return self.library("compare_structure", *comparison.functions, *classes)
+        functions = dict.fromkeys(function for comparison in together for function in comparison.functions)
+        return self.library("compare_structure", *functions, *classes)
+
+    def comparison_call(self, comparison: Comparison) -> dict[str, Any]:
+        """Return what a job calls for a comparison, and with what."""
+        return {
+            "run": comparison.run,
+            "figures": comparison.figures,
+            "readers": {name: inputs()[name].read for name in comparison.inputs},
+            "settings": self.comparison_settings(comparison),
+            "sections": comparison.settings,
+            "seed": {"seed": self.config["seed"]} if comparison.seeded else {},
+        }
 
     def comparison_settings(self, comparison: Comparison) -> dict[str, Any]:
         """Return the sections of the configuration that a comparison names, in their places, and no other."""
@@ -314,7 +326,7 @@ class Plan:
         return [
             file
             for comparison in self._possible_comparisons(wildcards)
-            for file in self._files_of_comparison(wildcards, comparison)
+            for file in files_of_comparison(_folder(wildcards), comparison)
             if self._is_shown(comparison, file)
         ]
 
@@ -330,7 +342,7 @@ class Plan:
             for name in self.cohort.reconstructed
             for comparison in self._possible_comparisons(name)
             if comparison.further
-            for file in self._files_of_comparison(name, comparison)
+            for file in files_of_comparison(_folder(name), comparison)
         ]
 
     def _possible_comparisons(self, wildcards: OfStructure) -> list[Comparison]:
@@ -349,11 +361,6 @@ class Plan:
             "phantoms": row["source"] == "phantom" and bool(shipped_weights(wildcards.organ)),
         }
         return [comparison for comparison in comparisons().values() if made[comparison.of]]
-
-    @staticmethod
-    def _files_of_comparison(wildcards: OfStructure, comparison: Comparison) -> list[str]:
-        stem = f"{_folder(wildcards)}/comparisons/{comparison.name}"
-        return [f"{stem}.csv"] + [f"{stem}.h5"] * (comparison.figures is not None)
 
     def all_comparison_files(self, wildcards: object = None) -> list[str]:
         """Return what the comparisons of all structures leave."""
@@ -374,10 +381,14 @@ class Plan:
         large = len(self.cohort.reconstructed) > self.settings.report.pages_above
         return self.files("report.html") if large else []
 
+    def reported_files(self, wildcards: object = None) -> list[str]:
+        """Return what the report waits for: all that it shows, or the pages that are made of the same."""
+        return self.structure_pages() or [*self.shown_files(), *self.all_comparison_files()]
+
     @property
-    def templates(self) -> list[str]:
-        """Files that pages are made from."""
-        return sorted(near(path) for path in (self.root / "workflow" / "report").glob("*.*"))
+    def templates(self) -> str:
+        """Digest of the files that pages are made from."""
+        return digest_files(sorted((self.root / "workflow" / "report").glob("*.*")))
 
     @property
     def table_code(self) -> list[str]:
@@ -389,6 +400,12 @@ class Plan:
     def report_code(self) -> list[str]:
         """Functions that the report is made by: those of the tables and the plots."""
         return [*self.table_code, *(item.plots for item in items() if item.plots)]
+
+
+def files_of_comparison(folder: str, comparison: Comparison) -> list[str]:
+    """Return what a comparison leaves in a structure's folder: its rows, and what the report draws."""
+    stem = f"{folder}/comparisons/{comparison.name}"
+    return [f"{stem}.csv"] + [f"{stem}.h5"] * (comparison.figures is not None)
 
 
 def _files(names: Iterable[StructureName], file: str) -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 
 from cccd.dependencies import imported_files
 
-__all__ = ["digest", "memory", "minutes"]
+__all__ = ["digest", "digest_files", "memory", "minutes"]
 
 #: Every further attempt gets so many times the memory of the one before.
 _GROWTH = 1.5
@@ -88,5 +88,9 @@ def digest(script: Path, libraries: tuple[Path, ...], functions: tuple[str, ...]
         Dotted paths of functions and classes that the script is given to call: their modules count too.
     """
     modules = [function.rpartition(".")[0] for function in functions]
-    files = imported_files(script, libraries, modules)
+    return digest_files(imported_files(script, libraries, modules))
+
+
+def digest_files(files: Iterable[Path]) -> str:
+    """Return the SHA-256 of what some files hold."""
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()

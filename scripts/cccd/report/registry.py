@@ -15,7 +15,17 @@ from dataclasses import dataclass, field
 
 from cccd.additions import added
 
-__all__ = ["Comparison", "Input", "Item", "comparisons", "inputs", "items", "sections", "tables"]
+__all__ = [
+    "Comparison",
+    "Input",
+    "Item",
+    "comparison_jobs",
+    "comparisons",
+    "inputs",
+    "items",
+    "sections",
+    "tables",
+]
 
 
 @dataclass(frozen=True)
@@ -36,12 +46,12 @@ class Input:
 
 @dataclass(frozen=True)
 class Comparison:
-    """An experiment on one structure: a job of its own, which leaves ``comparisons/<name>.csv``.
+    """An experiment on one structure, which leaves ``comparisons/<name>.csv``.
 
     Attributes
     ----------
     name : str
-        Of its files, and of its rule: ``compare_<name>``.
+        Of its files.
     run : str
         Function that returns the rows. It gets ``inputs`` and ``settings`` by name, and ``seed`` when it is
         seeded.
@@ -69,6 +79,9 @@ class Comparison:
     further : bool
         For a closer look: ``snakemake evidence`` makes it, and the next report shows it; a run makes it with
         the rest only where ``compare`` is true.
+    job : str
+        Its job is ``compare_<job>``; its own ``name`` if empty. Comparisons that read the same files of the
+        same structures share a job and run again together: the time to plan grows with the number of jobs.
     """
 
     name: str
@@ -83,6 +96,7 @@ class Comparison:
     minutes: int = 20
     of: str = "outlines"
     further: bool = False
+    job: str = ""
 
     @property
     def functions(self) -> tuple[str, ...]:
@@ -188,6 +202,14 @@ def items() -> list[Item]:
 def comparisons() -> dict[str, Comparison]:
     """Every experiment by its name, in the order of the items that stand on them."""
     return {comparison.name: comparison for item in items() for comparison in item.rows}
+
+
+def comparison_jobs() -> dict[str, list[Comparison]]:
+    """Comparisons of a structure that one job makes, by its name."""
+    jobs: dict[str, list[Comparison]] = {}
+    for comparison in comparisons().values():
+        jobs.setdefault(comparison.job or comparison.name, []).append(comparison)
+    return jobs
 
 
 def inputs() -> dict[str, Input]:

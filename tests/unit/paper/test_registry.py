@@ -9,7 +9,7 @@ from typing import get_args
 from cccd.additions import packages
 from cccd.dependencies import imported_files
 from cccd.lookup import find
-from cccd.report.registry import comparisons, inputs, items, sections, tables
+from cccd.report.registry import comparison_jobs, comparisons, inputs, items, sections, tables
 from cccd.settings.root import whole_settings
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
 from cccd_paper.settings import IsosurfaceSettings
@@ -17,9 +17,9 @@ from cccd_paper.settings import IsosurfaceSettings
 SCRIPTS = Path(__file__).parents[3] / "scripts"
 
 
-def closure(comparison) -> set[str]:
-    """Library files whose edit runs a comparison again."""
-    modules = [function.rpartition(".")[0] for function in comparison.functions]
+def closure(together) -> set[str]:
+    """Library files whose edit runs a job's comparisons again."""
+    modules = [function.rpartition(".")[0] for one in together for function in one.functions]
     files = imported_files(SCRIPTS / "compare_structure.py", packages(), modules)
     return {path.relative_to(SCRIPTS).as_posix() for path in files}
 
@@ -86,7 +86,12 @@ def test_reading_the_registry_loads_nothing_heavy():
     assert {"numpy", "pandas", "scipy", "torch"}.isdisjoint(run.stdout.split())
 
 
-def test_a_change_of_one_comparison_runs_no_other():
+def test_comparisons_share_a_job_where_they_are_made_of_the_same_structures_in_the_same_run():
+    assert sorted(one.name for job in comparison_jobs().values() for one in job) == sorted(comparisons())
+    assert all(len({(one.of, one.further) for one in job}) == 1 for job in comparison_jobs().values())
+
+
+def test_a_change_of_one_comparison_runs_no_other_job():
     own = {
         "corners": "cccd_paper/comparisons/corner_comparison.py",
         "k_sweep": "cccd_paper/comparisons/k_sweep.py",
@@ -97,10 +102,10 @@ def test_a_change_of_one_comparison_runs_no_other():
         "thick_slices": "cccd_paper/comparisons/thick_slices.py",
     }
     for name, module in own.items():
-        holders = {other for other, comparison in comparisons().items() if module in closure(comparison)}
-        assert holders == {name}
-    for comparison in comparisons().values():  # a caption is no reason to compare again
-        assert {"cccd_paper/registry.py", "cccd/report/summary.py"}.isdisjoint(closure(comparison))
+        holders = [job for job, together in comparison_jobs().items() if module in closure(together)]
+        assert holders == [comparisons()[name].job or name]
+    for together in comparison_jobs().values():  # a caption is no reason to compare again
+        assert {"cccd_paper/registry.py", "cccd/report/summary.py"}.isdisjoint(closure(together))
 
 
 def test_the_configuration_knows_every_surface():

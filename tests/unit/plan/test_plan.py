@@ -122,6 +122,12 @@ def test_pages_of_their_own_are_made_above_a_number_of_structures():
     assert pages == ["results/a/ball/report.html", "results/b/ball/report.html"]
 
 
+def test_the_report_waits_for_the_pages_or_for_all_that_they_show():
+    plans = [plan_of(MASK, MAPS, compare=True, report={"pages_above": above}) for above in (1, 2)]
+    assert plans[0].reported_files() == plans[0].structure_pages()
+    assert plans[1].reported_files() == [*plans[1].shown_files(), *plans[1].all_comparison_files()]
+
+
 @pytest.mark.parametrize(
     ("rows", "name", "kinds"),
     [
@@ -182,12 +188,21 @@ def test_a_comparison_gets_the_settings_that_it_names_and_no_other():
     assert settings["gnn"] == plan.pick("gnn", "inference")
 
 
+def test_comparisons_of_a_job_keep_their_own_settings_and_share_what_they_read():
+    one = Comparison("one", "m.run", ("structure",), {"curves": "curves"}, unused=("curves.k",), job="both")
+    two = Comparison("two", "n.run", ("structure", "curves"), {"ks": "curves.sweep"}, job="both")
+    plan = plan_of(MASK)
+    assert list(plan.comparison_inputs([one, two])) == ["structure", "curves"]
+    settings = [plan.comparison_call(comparison)["settings"] for comparison in (one, two)]
+    assert settings == [{"curves": plan.leave("curves", "k")}, {"curves": plan.pick("curves", "sweep")}]
+
+
 def test_a_comparison_does_without_the_network_in_a_run_that_uses_none():
     optional = {name for name, one in added("report input").items() if one.optional}
     assert optional
     comparison = Comparison("c", "m.run", (*optional,))
-    assert set(map(tuple, plan_of(MASK).comparison_inputs(comparison).values())) == {()}
-    assert all(plan_of(MAPS).comparison_inputs(comparison).values())
+    assert set(map(tuple, plan_of(MASK).comparison_inputs([comparison]).values())) == {()}
+    assert all(plan_of(MAPS).comparison_inputs([comparison]).values())
 
 
 def test_a_section_is_picked_by_its_keys():
@@ -220,7 +235,7 @@ def test_a_network_that_is_compared_is_part_of_the_comparison_s_code():
     using = [one for one in comparisons().values() if given & set(one.inputs)]
     others = [one for one in comparisons().values() if not given & set(one.inputs)]
     assert using
-    assert all(ours.comparison_library(one) == paper.comparison_library(one) for one in others)
+    assert all(ours.comparison_library([one]) == paper.comparison_library([one]) for one in others)
     assert ours.contour_library(named("b/ball")) != paper.contour_library(named("b/ball"))
 
 

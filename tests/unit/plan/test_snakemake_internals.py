@@ -72,6 +72,22 @@ STRIKE = """
     keep()
 """
 
+#: How often a script is looked up that is asked for twice, and the parameters of what evaluates a resource.
+COUNT = """
+    from inspect import signature
+    from snakemake.common import get_function_params
+    from snakemake.sourcecache import infer_source_file
+
+    entry, looked = workflow.sourcecache._cache_entry, []
+    workflow.sourcecache._cache_entry = lambda file: looked.append(file) or entry(file)
+    for _ in range(2):
+        workflow.sourcecache.get_path(infer_source_file("sheet.tsv"))
+    evaluate = Resource("mem_mb", 1).evaluate
+    inspect.signature = lambda function: looked.append(function) or signature(function)
+    FACTS["same"] = get_function_params(evaluate) == signature(evaluate).parameters
+    FACTS["looked up"] = len(looked)
+"""
+
 
 def run(folder, changes=(), at_start="pass"):
     """Run the three jobs with some of the hooks' changes: exit status, and what happened."""
@@ -98,6 +114,13 @@ def test_the_console_has_a_line_for_each_job_in_place_of_snakemake_s_account(tmp
     _, facts = run(tmp_path, changes)
     assert (re.search(r"\[\d/4\] one 2: ", facts["console"]) is not None) == short
     assert ("reason: " in facts["console"]) != short
+
+
+@pytest.mark.parametrize(("changes", "times"), [([], 3), (["look_up_once"], 1)])
+def test_scripts_and_the_parameters_of_a_resource_are_looked_up_once(tmp_path, changes, times):
+    _, facts = run(tmp_path, changes, COUNT)
+    assert facts["same"]
+    assert facts["looked up"] == times
 
 
 def test_sigterm_is_answered_where_the_main_thread_holds_the_scheduler_s_lock(tmp_path):
