@@ -14,16 +14,8 @@ import numpy as np
 from scipy import ndimage
 
 from cccd.curves.periodic import least_squares, project, tangent_least_squares
-from cccd.geometry._jit import jit, jit_dividing_by_zero
-from cccd.geometry.closed_splines import (
-    DEGREE,
-    extend_knots,
-    pieces,
-    slope_at,
-    span_of,
-    value_at,
-    values_of_basis,
-)
+from cccd.geometry._jit import jit, jit_dividing_by_zero, jit_within
+from cccd.geometry.closed_splines import DEGREE, basis, extend_knots, pieces, slope_at, value_at
 from cccd.tolerances import LEAST_SPACING_PX, LEAST_SPAN_PX, RIDGE, STILL, TINY
 
 __all__ = ["FEWEST", "FEWEST_SAMPLES", "SPACING_PX", "STAIRCASE_PX", "fit_closed_spline", "reference"]
@@ -119,7 +111,7 @@ class _Task(NamedTuple):
     sliding: float  # weight of the tangential distance
 
 
-@jit
+@jit_within
 def _third_derivative(knots, s, row):
     """Third derivative on a span as a combination (4,) of its control points."""
     first = np.zeros((3, 4))
@@ -136,8 +128,7 @@ def _third_derivative(knots, s, row):
         row[q] = (second[1, q] - second[0, q]) / width
 
 
-@jit_dividing_by_zero  # knots that coincide cost inf, and stay
-def _removal_costs(knots, control, points, parameters, kept):
+def _removal_costs(fit: _Fit, points: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Predict what the removal of each knot would do to the distances.
 
     Returns
@@ -147,20 +138,25 @@ def _removal_costs(knots, control, points, parameters, kept):
     peak : (n,) float array
         Largest distance near the knot afterwards.
     """
-    count, total = len(control), len(points)
-    value = np.empty((total, 4))
-    normal = np.empty((total, 2))
-    distance = np.empty(total)
-    begin = np.full(count + 1, total, np.int64)  # first point of each span
+    count, total = len(fit.control), len(points)
+    span, value = basis(fit.knots, fit.parameters)
+    into = fit.parameters - fit.knots[span + 3]
+    normal, distance = np.empty((total, 2)), np.empty(total)
     cyclic = np.zeros((count, 4))  # cyclic[a, d] = N[a, a - d]
-    curve = pieces(knots, control)
-    s = 0
-    for m in range(total):
-        s = span_of(knots, count, parameters[m], s)
-        if begin[s] == total:
-            begin[s] = m
-        values_of_basis(knots, s, parameters[m], value[m])
-        piece, h = curve[s], parameters[m] - knots[s + 3]
+    _measure(pieces(fit.knots, fit.control), points, into, span, value, normal, distance, cyclic)
+    factor = np.zeros((count + 2 * _RUN_IN, 4))
+    _unrolled_factor(cyclic, RIDGE * total / count, factor)
+    begin = np.searchsorted(span, np.arange(count + 1))  # first point of each span
+    cost, peak = np.full(count, np.inf), np.full(count, np.inf)
+    _remove_each(fit.knots, fit.control, kept, factor, begin, value, normal, distance, cost, peak)
+    return cost, peak
+
+
+@jit
+def _measure(curve, points, into, span, value, normal, distance, cyclic):
+    """Normals and signed distances of the curve at the points, and the normal equations of plain least squares."""
+    for m in range(len(points)):
+        s, piece, h = span[m], curve[span[m]], into[m]
         slope_x, slope_y = slope_at(piece, h, 0), slope_at(piece, h, 1)
         speed = max(np.sqrt(slope_x * slope_x + slope_y * slope_y), STILL)
         normal[m, 0], normal[m, 1] = -slope_y / speed, slope_x / speed
@@ -168,14 +164,13 @@ def _removal_costs(knots, control, points, parameters, kept):
         distance[m] += (points[m, 1] - value_at(piece, h, 1)) * normal[m, 1]
         for p in range(4):
             for q in range(p + 1):
-                cyclic[(s + p) % count, p - q] += value[m, p] * value[m, q]
-    for s in range(count - 1, -1, -1):
-        if begin[s] == total:
-            begin[s] = begin[s + 1]
-    factor = _unrolled_factor(cyclic, RIDGE * total / count)
+                cyclic[(s + p) % len(curve), p - q] += value[m, p] * value[m, q]
 
-    cost = np.full(count, np.inf)
-    peak = np.full(count, np.inf)
+
+@jit_dividing_by_zero  # knots that coincide cost inf, and stay
+def _remove_each(knots, control, kept, factor, begin, value, normal, distance, cost, peak):
+    """Write the cost and the peak of each knot's removal."""
+    count = len(control)
     before, after = np.empty(4), np.empty(4)
     jump = np.empty(5)
     size = 2 * _REACH + 5
@@ -218,17 +213,14 @@ def _removal_costs(knots, control, points, parameters, kept):
                 cost[k] += new - old
                 peak[k] = max(peak[k], new)
         peak[k] = np.sqrt(peak[k])
-    return cost, peak
 
 
 @jit
-def _unrolled_factor(cyclic, ridge):
-    """Cholesky factor of the closed band, unrolled by a run-in at either end."""
+def _unrolled_factor(cyclic, ridge, factor):
+    """Write the Cholesky factor of the closed band, unrolled by a run-in at either end."""
     count = len(cyclic)
-    size = count + 2 * _RUN_IN
-    factor = np.zeros((size, 4))
     bending = (6.0 * ridge, -4.0 * ridge, ridge, 0.0)
-    for a in range(size):
+    for a in range(len(factor)):
         for d in range(min(a, 3), -1, -1):
             total = cyclic[(a - _RUN_IN) % count, d] + bending[d]
             for e in range(d + 1, min(a, 3) + 1):
@@ -237,7 +229,6 @@ def _unrolled_factor(cyclic, ridge):
                 factor[a, 0] = np.sqrt(max(total, TINY))
             else:
                 factor[a, d] = total / factor[a - d, 0]
-    return factor
 
 
 def _fit(task: _Task, breaks: np.ndarray, parameters: np.ndarray, rounds: int) -> _Fit:
@@ -279,13 +270,12 @@ def _insert(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> tuple
 
 
 @jit
-def _choose(cost, order, peak, most, limit):
-    """Cheapest knots to remove (n,) bool: at most ``most``, four apart, none with a peak above the limit.
+def _choose(cost, order, peak, most, limit, gone):
+    """Mark the cheapest knots to remove in ``gone`` (n,): at most ``most``, four apart, none with a peak above the limit.
 
     ``order`` (n,) sorts the costs; a sort within would take three times as long to compile.
     """
     count = len(cost)
-    gone = np.zeros(count, np.bool_)
     taken = 0
     for k in order:
         if taken >= most or not np.isfinite(cost[k]):
@@ -296,13 +286,14 @@ def _choose(cost, order, peak, most, limit):
         if free:
             gone[k] = True
             taken += 1
-    return gone
 
 
 def _cheapest(task: _Task, fit: _Fit, kept: np.ndarray, most: int, limit: float) -> np.ndarray:
     """Knots (n,) bool whose removal costs least: at most ``most``, none that would leave the limit."""
-    cost, peak = _removal_costs(fit.knots, fit.control, task.points, fit.parameters, kept)
-    return _choose(cost, np.argsort(cost), peak, most, limit)
+    cost, peak = _removal_costs(fit, task.points, kept)
+    gone = np.zeros(len(cost), np.bool_)
+    _choose(cost, np.argsort(cost), peak, most, limit, gone)
+    return gone
 
 
 def _within(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _Fit:
