@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from cccd.geometry._jit import jit, jit_within
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, ranks_of
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["MovingTriangles", "passing_pairs"]
 
@@ -75,7 +75,7 @@ def passing_pairs(vertices: FloatArray, faces: IntArray, of: BoolArray | None = 
         return np.zeros((0, 2), np.int64)
     of = np.ones(len(faces), np.bool_) if of is None else of
     vertices, faces = np.ascontiguousarray(vertices, float), np.ascontiguousarray(faces, np.int64)
-    boxes = _boxes(vertices[faces])
+    boxes = _boxes(vertices, faces)
     cells = boxes[:, 3:].max(axis=0).astype(np.int64) + 1
     cell, member = _grid_entries(boxes, cells)
     cell, member = np.divmod(np.sort(cell * len(faces) + member), len(faces))  # faster than any argsort
@@ -91,11 +91,12 @@ def passing_pairs(vertices: FloatArray, faces: IntArray, of: BoolArray | None = 
     return pairs[:found]
 
 
-def _boxes(corners: FloatArray) -> FloatArray:
-    """Bounding boxes (F, 6) of triangles (F, 3, 3) in cells of the grid: the lower corner, then the upper."""
-    lower, upper = corners.min(axis=1), corners.max(axis=1)
+def _boxes(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Bounding boxes (F, 6) in cells of the grid: the lower corner, then the upper."""
+    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
+    lower, upper = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
     width = np.cumsum(upper - lower)[-1]  # in their order: `sum` adds in pairs
-    width = _CELL * width / (3 * len(corners)) + 1e-12
+    width = _CELL * width / (3 * len(faces)) + 1e-12
     lowest = lower.min(axis=0)
     return np.hstack([(lower - lowest) / width, (upper - lowest) / width])
 
@@ -103,13 +104,22 @@ def _boxes(corners: FloatArray) -> FloatArray:
 def _grid_entries(boxes: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]:
     """Every cell that a triangle's box reaches, and the triangle."""
     first, last = boxes[:, :3].astype(np.int64), boxes[:, 3:].astype(np.int64)
-    size = last - first + 1
-    member = np.repeat(np.arange(len(boxes)), size.prod(axis=1))
-    rank = ranks_of(size.prod(axis=1))
-    rank, z = np.divmod(rank, size[member, 2])
-    x, y = np.divmod(rank, size[member, 1])
-    x, y, z = x + first[member, 0], y + first[member, 1], z + first[member, 2]
-    return (x * cells[1] + y) * cells[2] + z, member
+    reached = last - first + 1
+    member = np.repeat(np.arange(len(boxes)), reached[:, 0] * reached[:, 1] * reached[:, 2])
+    cell = np.empty(len(member), np.int64)
+    _write_cells(first, last, cells, cell)
+    return cell, member
+
+
+@jit
+def _write_cells(first: IntArray, last: IntArray, cells: IntArray, cell: IntArray) -> None:
+    at = 0
+    for f in range(len(first)):
+        for x in range(first[f, 0], last[f, 0] + 1):
+            for y in range(first[f, 1], last[f, 1] + 1):
+                for z in range(first[f, 2], last[f, 2] + 1):
+                    cell[at] = (x * cells[1] + y) * cells[2] + z
+                    at += 1
 
 
 @jit
