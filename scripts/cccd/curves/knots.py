@@ -111,21 +111,26 @@ class _Task(NamedTuple):
     sliding: float  # weight of the tangential distance
 
 
-@jit_within
-def _third_derivative(knots, s, row):
-    """Third derivative on a span as a combination (4,) of its control points."""
-    first = np.zeros((3, 4))
-    second = np.zeros((2, 4))
-    for r in range(3):
-        width = knots[s + r + 4] - knots[s + r + 1]
-        first[r, r], first[r, r + 1] = -3.0 / width, 3.0 / width
-    for r in range(2):
-        width = knots[s + r + 4] - knots[s + r + 2]
+def _third_derivatives(knots: np.ndarray, count: int) -> np.ndarray:
+    """Third derivative on each span as a combination (n, 4) of its control points."""
+    third = np.empty((count, 4))
+    _write_third(knots, np.zeros((3, 4)), np.empty((2, 4)), third)
+    return third
+
+
+@jit_dividing_by_zero  # where knots coincide
+def _write_third(knots, first, second, third):
+    for s in range(len(third)):
+        for r in range(3):
+            width = knots[s + r + 4] - knots[s + r + 1]
+            first[r, r], first[r, r + 1] = -3.0 / width, 3.0 / width
+        for r in range(2):
+            width = knots[s + r + 4] - knots[s + r + 2]
+            for q in range(4):
+                second[r, q] = 2.0 * (first[r + 1, q] - first[r, q]) / width
+        width = knots[s + 4] - knots[s + 3]
         for q in range(4):
-            second[r, q] = 2.0 * (first[r + 1, q] - first[r, q]) / width
-    width = knots[s + 4] - knots[s + 3]
-    for q in range(4):
-        row[q] = (second[1, q] - second[0, q]) / width
+            third[s, q] = (second[1, q] - second[0, q]) / width
 
 
 def _removal_costs(fit: _Fit, points: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -148,13 +153,14 @@ def _removal_costs(fit: _Fit, points: np.ndarray, kept: np.ndarray) -> tuple[np.
     _unrolled_factor(cyclic, RIDGE * total / count, factor)
     begin = np.searchsorted(span, np.arange(count + 1))  # first point of each span
     cost, peak = np.full(count, np.inf), np.full(count, np.inf)
-    _remove_each(fit.knots, fit.control, kept, factor, begin, value, normal, distance, cost, peak)
+    third, change = _third_derivatives(fit.knots, count), np.empty(2 * _REACH + 5)
+    _remove_each(fit.control, kept, factor, third, begin, value, normal, distance, change, cost, peak)
     return cost, peak
 
 
 @jit
 def _measure(curve, points, into, span, value, normal, distance, cyclic):
-    """Normals and signed distances of the curve at the points, and the normal equations of plain least squares."""
+    """Write normals and signed distances at the points, and the normal equations of least squares."""
     for m in range(len(points)):
         s, piece, h = span[m], curve[span[m]], into[m]
         slope_x, slope_y = slope_at(piece, h, 0), slope_at(piece, h, 1)
@@ -168,23 +174,15 @@ def _measure(curve, points, into, span, value, normal, distance, cyclic):
 
 
 @jit_dividing_by_zero  # knots that coincide cost inf, and stay
-def _remove_each(knots, control, kept, factor, begin, value, normal, distance, cost, peak):
-    """Write the cost and the peak of each knot's removal."""
-    count = len(control)
-    before, after = np.empty(4), np.empty(4)
-    jump = np.empty(5)
-    size = 2 * _REACH + 5
-    change = np.empty(size)
+def _remove_each(control, kept, factor, third, begin, value, normal, distance, change, cost, peak):
+    """Write cost and peak of each knot's removal; ``change`` is room for what the control points do."""
+    count, size = len(control), len(change)
     for k in range(1, count):
         if kept[k]:
             continue
-        _third_derivative(knots, k - 1, before)
-        _third_derivative(knots, k, after)
-        for q in range(5):  # the condition acts on the control points k - 1 .. k + 3
-            jump[q] = (after[q - 1] if q > 0 else 0.0) - (before[q] if q < 4 else 0.0)
         low = k - 1 + _RUN_IN - _REACH
         for n in range(size):
-            total_n = jump[n - _REACH] if 0 <= n - _REACH < 5 else 0.0
+            total_n = _jump(third, k, n - _REACH)
             for d in range(1, min(n, 3) + 1):
                 total_n -= factor[low + n, d] * change[n - d]
             change[n] = total_n / factor[low + n, 0]
@@ -195,9 +193,10 @@ def _remove_each(knots, control, kept, factor, begin, value, normal, distance, c
             change[n] = total_n / factor[low + n, 0]
         jump_x, jump_y, norm = 0.0, 0.0, 0.0
         for q in range(5):
-            jump_x += jump[q] * control[(k - 1 + q) % count, 0]
-            jump_y += jump[q] * control[(k - 1 + q) % count, 1]
-            norm += jump[q] * change[_REACH + q]
+            jump = _jump(third, k, q)
+            jump_x += jump * control[(k - 1 + q) % count, 0]
+            jump_y += jump * control[(k - 1 + q) % count, 1]
+            norm += jump * change[_REACH + q]
         jump_x, jump_y = jump_x / norm, jump_y / norm
         cost[k], peak[k] = 0.0, 0.0
         for shift in range(-_NEAR - 3, min(_NEAR + 3, count - _NEAR - 3)):
@@ -213,6 +212,14 @@ def _remove_each(knots, control, kept, factor, begin, value, normal, distance, c
                 cost[k] += new - old
                 peak[k] = max(peak[k], new)
         peak[k] = np.sqrt(peak[k])
+
+
+@jit_within
+def _jump(third, k, q):
+    """How the third derivative's jump at a knot depends on control point ``k - 1 + q``."""
+    after = third[k, q - 1] if 1 <= q < 5 else 0.0
+    before = third[k - 1, q] if 0 <= q < 4 else 0.0
+    return after - before
 
 
 @jit
@@ -271,7 +278,7 @@ def _insert(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> tuple
 
 @jit
 def _choose(cost, order, peak, most, limit, gone):
-    """Mark the cheapest knots to remove in ``gone`` (n,): at most ``most``, four apart, none with a peak above the limit.
+    """Mark the cheapest knots, at most ``most``, four apart, none with a peak above the limit, as ``gone``.
 
     ``order`` (n,) sorts the costs; a sort within would take three times as long to compile.
     """

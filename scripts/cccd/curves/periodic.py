@@ -149,29 +149,26 @@ def _add_bending(band, border, weight, stride):
 def _solve(band, border, right):
     """Solve a symmetric system of a band and a few last rows (Cholesky, Schur complement).
 
+    All three are overwritten.
+
     Parameters
     ----------
     band : (n - b, w + 1) float array
-        ``band[a, d] = N[a, a - d]``; overwritten.
+        ``band[a, d] = N[a, a - d]``.
     border : (b, n) float array
         The last b rows of N.
     right : (n, c) float array
+        Becomes the solution, which is returned.
     """
-    body, sides = len(band), right.shape[1]
-    columns = np.empty((body, sides + len(border)))  # the right-hand sides, then the border's columns
-    schur, rest = border[:, body:].copy(), right[body:].copy()
-    solution = np.empty(right.shape)
-    _reduce(band, border, right, columns)
-    _eliminate(columns, schur, rest)
-    _substitute(band, columns, schur, rest, solution)
-    return solution
+    _reduce(band, border, right, np.empty((len(band), right.shape[1] + len(border))))
+    return right
 
 
 @jit
 def _reduce(band, border, right, columns):
-    """Turn the band into its Cholesky factor, and divide the columns by it."""
+    """Solve in place; ``columns`` is room for the right-hand sides, then the border's columns."""
     body, width = band.shape[0], band.shape[1] - 1
-    sides = right.shape[1]
+    edge, sides = len(border), right.shape[1]
     for a in range(body):
         for d in range(min(a, width), -1, -1):
             total = band[a, d]
@@ -179,52 +176,39 @@ def _reduce(band, border, right, columns):
                 total -= band[a, e] * band[a - d, e - d]
             band[a, d] = np.sqrt(max(total, TINY)) if d == 0 else total / band[a - d, 0]
     for a in range(body):
-        for c in range(columns.shape[1]):
+        for c in range(sides + edge):
             total = right[a, c] if c < sides else border[c - sides, a]
             for d in range(1, min(a, width) + 1):
                 total -= band[a, d] * columns[a - d, c]
             columns[a, c] = total / band[a, 0]
-
-
-@jit
-def _eliminate(columns, schur, rest):
-    """Form the Schur complement, small and positive definite, and make it triangular by plain elimination."""
-    edge, sides = rest.shape
-    for a in range(len(columns)):
+    for a in range(body):  # the last rows become the Schur complement
         for r in range(edge):
             lever = columns[a, sides + r]
             for c in range(edge):
-                schur[r, c] -= lever * columns[a, sides + c]
+                border[r, body + c] -= lever * columns[a, sides + c]
             for c in range(sides):
-                rest[r, c] -= lever * columns[a, c]
-    for r in range(edge):
+                right[body + r, c] -= lever * columns[a, c]
+    for r in range(edge):  # it is small and positive definite: plain elimination
         for a in range(r + 1, edge):
-            lever = schur[a, r] / schur[r, r]
+            lever = border[a, body + r] / border[r, body + r]
             for c in range(r, edge):
-                schur[a, c] -= lever * schur[r, c]
+                border[a, body + c] -= lever * border[r, body + c]
             for c in range(sides):
-                rest[a, c] -= lever * rest[r, c]
-
-
-@jit
-def _substitute(band, columns, schur, rest, solution):
-    """Solve for the last unknowns, then for those of the band."""
-    body, width = band.shape[0], band.shape[1] - 1
-    edge, sides = rest.shape
+                right[body + a, c] -= lever * right[body + r, c]
     for r in range(edge - 1, -1, -1):
         for c in range(sides):
-            total = rest[r, c]
+            total = right[body + r, c]
             for a in range(r + 1, edge):
-                total -= schur[r, a] * solution[body + a, c]
-            solution[body + r, c] = total / schur[r, r]
+                total -= border[r, body + a] * right[body + a, c]
+            right[body + r, c] = total / border[r, body + r]
     for a in range(body - 1, -1, -1):
         for c in range(sides):
             total = columns[a, c]
             for r in range(edge):
-                total -= columns[a, sides + r] * solution[body + r, c]
+                total -= columns[a, sides + r] * right[body + r, c]
             for d in range(1, min(body - 1 - a, width) + 1):
-                total -= band[a + d, d] * solution[a + d, c]
-            solution[a, c] = total / band[a, 0]
+                total -= band[a + d, d] * right[a + d, c]
+            right[a, c] = total / band[a, 0]
 
 
 def project(knots, control, points, parameters, steps):

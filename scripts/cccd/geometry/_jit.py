@@ -17,17 +17,20 @@ __all__ = ["jit", "jit_dividing_by_zero", "jit_within"]
 P = ParamSpec("P")
 R = TypeVar("R")
 
+#: No function is handed to compiled code as a pointer, for which Numba would compile a wrapper of each.
+_FEWER_WRAPPERS = {"no_cfunc_wrapper": True}
+
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function when it is first called, and keep the machine code beside its file."""
-    return njit(cache=True)(function)
+    return njit(cache=True, **_FEWER_WRAPPERS)(function)
 
 
 def jit_dividing_by_zero(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function likewise; division by zero gives infinity or NaN in it, as in NumPy."""
-    return njit(cache=True, error_model="numpy")(function)
+    return njit(cache=True, **_FEWER_WRAPPERS, error_model="numpy")(function)
 
 
 def jit_within(function: Callable[P, R]) -> Callable[P, R]:
-    """Let compiled functions call this one: it is compiled with them, without what Python needs to call it."""
-    return register_jitable(function)
+    """Let compiled functions call this one: it is compiled with them, without what Python calls it by."""
+    return register_jitable(**_FEWER_WRAPPERS)(function)

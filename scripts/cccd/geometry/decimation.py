@@ -348,7 +348,8 @@ def _keeps_sides(fans: _Fans, vertices: _Vertices, u: int, v: int, to: _Candidat
     """Whether no triangle around the two turns over or becomes a sliver when they move."""
     p = (to[1], to[2], to[3])
     joined = _unit(_added(_at(vertices.normals, u), _at(vertices.normals, v)))
-    for x, y in ((u, v), (v, u)):
+    for x in (u, v):
+        y = u + v - x
         corner = fans.first[x]
         while corner >= 0:
             f = corner // 3

@@ -72,7 +72,7 @@ def _write_values(
     values: FloatArray,
     total: FloatArray,
 ) -> None:
-    """Write the values of a product of two sparse matrices, starts of rows, columns and values, where they are.
+    """Write the values of a product of two sparse matrices: starts of rows, columns, values, where they are.
 
     ``total`` has a zero for each column.
     """
