@@ -865,7 +865,7 @@ def _make_surface(
             if TAKEN_TOGETHER in note:
                 tqdm.write(f"warning: {note}", file=sys.stderr)
         if not _is_compiled():
-            tqdm.write("first use: compiling, once, for about 20 seconds ...", file=sys.stderr)
+            tqdm.write("first use: compiling, once, for about 10 seconds ...", file=sys.stderr)
         surface = _uniform(cccd.reconstruct(structure, settings=settings, progress=tell), given)
         tell("writing")
         files = [file for path in files for file in _write(surface, path, settings, given.band)]

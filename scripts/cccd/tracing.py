@@ -135,18 +135,14 @@ def _split_at_repeated_pixels(
         return np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros(0, np.int64)
     low, high = points.min(axis=0), points.max(axis=0)
     place = np.full(high - low + 1, -1, np.int64)
-    index, ends, walks = _loops(points - low, offsets, place)
-    return index, np.concatenate([[0], ends]), walks
+    index, ends, walks, stack = np.empty((4, len(points)), np.int64)
+    written, loops = _write_loops(points - low, offsets, place, stack, index, ends, walks)
+    return index[:written], np.concatenate([[0], ends[:loops]]), walks[:loops]
 
 
 @jit
-def _loops(points, offsets, place):
+def _write_loops(points, offsets, place, stack, index, ends, walks):
     # `place` holds where on the stack a pixel of the current walk stands
-    total = len(points)
-    index = np.empty(total, np.int64)
-    ends = np.empty(total, np.int64)
-    walks = np.empty(total, np.int64)
-    stack = np.empty(total, np.int64)
     written, loops = 0, 0
     for walk in range(len(offsets) - 1):
         height = 0
@@ -169,7 +165,7 @@ def _loops(points, offsets, place):
                 place[points[n, 0], points[n, 1]] = height
                 stack[height] = n
                 height += 1
-    return index[:written], ends[:loops], walks[:loops]
+    return written, loops
 
 
 def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curves) -> dict[str, int]:

@@ -14,16 +14,8 @@ import numpy as np
 from scipy import ndimage
 
 from cccd.curves.periodic import least_squares, project, tangent_least_squares
-from cccd.geometry._jit import jit, jit_dividing_by_zero
-from cccd.geometry.closed_splines import (
-    DEGREE,
-    extend_knots,
-    pieces,
-    slope_at,
-    span_of,
-    value_at,
-    values_of_basis,
-)
+from cccd.geometry._jit import jit, jit_dividing_by_zero, jit_within
+from cccd.geometry.closed_splines import DEGREE, basis, extend_knots, pieces, slope_at, value_at
 from cccd.tolerances import LEAST_SPACING_PX, LEAST_SPAN_PX, RIDGE, STILL, TINY
 
 __all__ = ["FEWEST", "FEWEST_SAMPLES", "SPACING_PX", "STAIRCASE_PX", "fit_closed_spline", "reference"]
@@ -119,25 +111,29 @@ class _Task(NamedTuple):
     sliding: float  # weight of the tangential distance
 
 
-@jit
-def _third_derivative(knots, s, row):
-    """Third derivative on a span as a combination (4,) of its control points."""
-    first = np.zeros((3, 4))
-    second = np.zeros((2, 4))
-    for r in range(3):
-        width = knots[s + r + 4] - knots[s + r + 1]
-        first[r, r], first[r, r + 1] = -3.0 / width, 3.0 / width
-    for r in range(2):
-        width = knots[s + r + 4] - knots[s + r + 2]
+def _third_derivatives(knots: np.ndarray, count: int) -> np.ndarray:
+    """Third derivative on each span as a combination (n, 4) of its control points."""
+    third = np.empty((count, 4))
+    _write_third(knots, np.zeros((3, 4)), np.empty((2, 4)), third)
+    return third
+
+
+@jit_dividing_by_zero  # where knots coincide
+def _write_third(knots, first, second, third):
+    for s in range(len(third)):
+        for r in range(3):
+            width = knots[s + r + 4] - knots[s + r + 1]
+            first[r, r], first[r, r + 1] = -3.0 / width, 3.0 / width
+        for r in range(2):
+            width = knots[s + r + 4] - knots[s + r + 2]
+            for q in range(4):
+                second[r, q] = 2.0 * (first[r + 1, q] - first[r, q]) / width
+        width = knots[s + 4] - knots[s + 3]
         for q in range(4):
-            second[r, q] = 2.0 * (first[r + 1, q] - first[r, q]) / width
-    width = knots[s + 4] - knots[s + 3]
-    for q in range(4):
-        row[q] = (second[1, q] - second[0, q]) / width
+            third[s, q] = (second[1, q] - second[0, q]) / width
 
 
-@jit_dividing_by_zero  # knots that coincide cost inf, and stay
-def _removal_costs(knots, control, points, parameters, kept):
+def _removal_costs(fit: _Fit, points: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Predict what the removal of each knot would do to the distances.
 
     Returns
@@ -147,20 +143,26 @@ def _removal_costs(knots, control, points, parameters, kept):
     peak : (n,) float array
         Largest distance near the knot afterwards.
     """
-    count, total = len(control), len(points)
-    value = np.empty((total, 4))
-    normal = np.empty((total, 2))
-    distance = np.empty(total)
-    begin = np.full(count + 1, total, np.int64)  # first point of each span
+    count, total = len(fit.control), len(points)
+    span, value = basis(fit.knots, fit.parameters)
+    into = fit.parameters - fit.knots[span + 3]
+    normal, distance = np.empty((total, 2)), np.empty(total)
     cyclic = np.zeros((count, 4))  # cyclic[a, d] = N[a, a - d]
-    curve = pieces(knots, control)
-    s = 0
-    for m in range(total):
-        s = span_of(knots, count, parameters[m], s)
-        if begin[s] == total:
-            begin[s] = m
-        values_of_basis(knots, s, parameters[m], value[m])
-        piece, h = curve[s], parameters[m] - knots[s + 3]
+    _measure(pieces(fit.knots, fit.control), points, into, span, value, normal, distance, cyclic)
+    factor = np.zeros((count + 2 * _RUN_IN, 4))
+    _unrolled_factor(cyclic, RIDGE * total / count, factor)
+    begin = np.searchsorted(span, np.arange(count + 1))  # first point of each span
+    cost, peak = np.full(count, np.inf), np.full(count, np.inf)
+    third, change = _third_derivatives(fit.knots, count), np.empty(2 * _REACH + 5)
+    _remove_each(fit.control, kept, factor, third, begin, value, normal, distance, change, cost, peak)
+    return cost, peak
+
+
+@jit
+def _measure(curve, points, into, span, value, normal, distance, cyclic):
+    """Write normals and signed distances at the points, and the normal equations of least squares."""
+    for m in range(len(points)):
+        s, piece, h = span[m], curve[span[m]], into[m]
         slope_x, slope_y = slope_at(piece, h, 0), slope_at(piece, h, 1)
         speed = max(np.sqrt(slope_x * slope_x + slope_y * slope_y), STILL)
         normal[m, 0], normal[m, 1] = -slope_y / speed, slope_x / speed
@@ -168,28 +170,19 @@ def _removal_costs(knots, control, points, parameters, kept):
         distance[m] += (points[m, 1] - value_at(piece, h, 1)) * normal[m, 1]
         for p in range(4):
             for q in range(p + 1):
-                cyclic[(s + p) % count, p - q] += value[m, p] * value[m, q]
-    for s in range(count - 1, -1, -1):
-        if begin[s] == total:
-            begin[s] = begin[s + 1]
-    factor = _unrolled_factor(cyclic, RIDGE * total / count)
+                cyclic[(s + p) % len(curve), p - q] += value[m, p] * value[m, q]
 
-    cost = np.full(count, np.inf)
-    peak = np.full(count, np.inf)
-    before, after = np.empty(4), np.empty(4)
-    jump = np.empty(5)
-    size = 2 * _REACH + 5
-    change = np.empty(size)
+
+@jit_dividing_by_zero  # knots that coincide cost inf, and stay
+def _remove_each(control, kept, factor, third, begin, value, normal, distance, change, cost, peak):
+    """Write cost and peak of each knot's removal; ``change`` is room for what the control points do."""
+    count, size = len(control), len(change)
     for k in range(1, count):
         if kept[k]:
             continue
-        _third_derivative(knots, k - 1, before)
-        _third_derivative(knots, k, after)
-        for q in range(5):  # the condition acts on the control points k - 1 .. k + 3
-            jump[q] = (after[q - 1] if q > 0 else 0.0) - (before[q] if q < 4 else 0.0)
         low = k - 1 + _RUN_IN - _REACH
         for n in range(size):
-            total_n = jump[n - _REACH] if 0 <= n - _REACH < 5 else 0.0
+            total_n = _jump(third, k, n - _REACH)
             for d in range(1, min(n, 3) + 1):
                 total_n -= factor[low + n, d] * change[n - d]
             change[n] = total_n / factor[low + n, 0]
@@ -200,9 +193,10 @@ def _removal_costs(knots, control, points, parameters, kept):
             change[n] = total_n / factor[low + n, 0]
         jump_x, jump_y, norm = 0.0, 0.0, 0.0
         for q in range(5):
-            jump_x += jump[q] * control[(k - 1 + q) % count, 0]
-            jump_y += jump[q] * control[(k - 1 + q) % count, 1]
-            norm += jump[q] * change[_REACH + q]
+            jump = _jump(third, k, q)
+            jump_x += jump * control[(k - 1 + q) % count, 0]
+            jump_y += jump * control[(k - 1 + q) % count, 1]
+            norm += jump * change[_REACH + q]
         jump_x, jump_y = jump_x / norm, jump_y / norm
         cost[k], peak[k] = 0.0, 0.0
         for shift in range(-_NEAR - 3, min(_NEAR + 3, count - _NEAR - 3)):
@@ -218,17 +212,22 @@ def _removal_costs(knots, control, points, parameters, kept):
                 cost[k] += new - old
                 peak[k] = max(peak[k], new)
         peak[k] = np.sqrt(peak[k])
-    return cost, peak
+
+
+@jit_within
+def _jump(third, k, q):
+    """How the third derivative's jump at a knot depends on control point ``k - 1 + q``."""
+    after = third[k, q - 1] if 1 <= q < 5 else 0.0
+    before = third[k - 1, q] if 0 <= q < 4 else 0.0
+    return after - before
 
 
 @jit
-def _unrolled_factor(cyclic, ridge):
-    """Cholesky factor of the closed band, unrolled by a run-in at either end."""
+def _unrolled_factor(cyclic, ridge, factor):
+    """Write the Cholesky factor of the closed band, unrolled by a run-in at either end."""
     count = len(cyclic)
-    size = count + 2 * _RUN_IN
-    factor = np.zeros((size, 4))
     bending = (6.0 * ridge, -4.0 * ridge, ridge, 0.0)
-    for a in range(size):
+    for a in range(len(factor)):
         for d in range(min(a, 3), -1, -1):
             total = cyclic[(a - _RUN_IN) % count, d] + bending[d]
             for e in range(d + 1, min(a, 3) + 1):
@@ -237,7 +236,6 @@ def _unrolled_factor(cyclic, ridge):
                 factor[a, 0] = np.sqrt(max(total, TINY))
             else:
                 factor[a, d] = total / factor[a - d, 0]
-    return factor
 
 
 def _fit(task: _Task, breaks: np.ndarray, parameters: np.ndarray, rounds: int) -> _Fit:
@@ -279,13 +277,12 @@ def _insert(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> tuple
 
 
 @jit
-def _choose(cost, order, peak, most, limit):
-    """Cheapest knots to remove (n,) bool: at most ``most``, four apart, none with a peak above the limit.
+def _choose(cost, order, peak, most, limit, gone):
+    """Mark the cheapest knots, at most ``most``, four apart, none with a peak above the limit, as ``gone``.
 
     ``order`` (n,) sorts the costs; a sort within would take three times as long to compile.
     """
     count = len(cost)
-    gone = np.zeros(count, np.bool_)
     taken = 0
     for k in order:
         if taken >= most or not np.isfinite(cost[k]):
@@ -296,13 +293,14 @@ def _choose(cost, order, peak, most, limit):
         if free:
             gone[k] = True
             taken += 1
-    return gone
 
 
 def _cheapest(task: _Task, fit: _Fit, kept: np.ndarray, most: int, limit: float) -> np.ndarray:
     """Knots (n,) bool whose removal costs least: at most ``most``, none that would leave the limit."""
-    cost, peak = _removal_costs(fit.knots, fit.control, task.points, fit.parameters, kept)
-    return _choose(cost, np.argsort(cost), peak, most, limit)
+    cost, peak = _removal_costs(fit, task.points, kept)
+    gone = np.zeros(len(cost), np.bool_)
+    _choose(cost, np.argsort(cost), peak, most, limit, gone)
+    return gone
 
 
 def _within(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _Fit:

@@ -12,21 +12,12 @@ from __future__ import annotations
 import numpy as np
 
 from cccd.geometry._jit import jit
-from cccd.geometry.closed_splines import (
-    DEGREE,
-    bend_at,
-    pieces,
-    slope_at,
-    span_of,
-    value_at,
-    values_of_basis,
-)
+from cccd.geometry.closed_splines import DEGREE, basis, bend_at, pieces, slope_at, span_of, value_at
 from cccd.tolerances import RIDGE, TINY
 
 __all__ = ["least_squares", "project", "tangent_least_squares"]
 
 
-@jit
 def least_squares(knots, count, points, parameters):
     """Control points (n, 2) that minimise the squared distances to ``points`` (m, 2).
 
@@ -39,32 +30,32 @@ def least_squares(knots, count, points, parameters):
     parameters : (m,) float array
         Ascending within one period.
     """
-    body = count - DEGREE  # unknowns in the band; the other three close the curve
-    band = np.zeros((body, 4))  # band[a, d] = N[a, a - d]
-    border = np.zeros((3, count))  # last three rows of N
+    band = np.zeros((count - DEGREE, 4))  # band[a, d] = N[a, a - d]
+    border = np.zeros((3, count))  # last three rows of N, which close the curve
     right = np.zeros((count, 2))
-    value = np.empty(4)
-    s = 0
-    for m in range(len(points)):
-        s = span_of(knots, count, parameters[m], s)
-        values_of_basis(knots, s, parameters[m], value)
-        for p in range(4):
-            a = s + p
-            a -= count if a >= count else 0
-            right[a, 0] += value[p] * points[m, 0]
-            right[a, 1] += value[p] * points[m, 1]
-            for q in range(4):
-                b = s + q
-                b -= count if b >= count else 0
-                if a >= body:
-                    border[a - body, b] += value[p] * value[q]
-                elif b <= a:
-                    band[a, a - b] += value[p] * value[q]
+    _add_points(points, *basis(knots, parameters), band, border, right)
     _add_bending(band, border, RIDGE * len(points) / count, 1)
     return _solve(band, border, right)
 
 
 @jit
+def _add_points(points, span, value, band, border, right):
+    body, count = len(band), len(right)
+    for m in range(len(points)):
+        for p in range(4):
+            a = span[m] + p
+            a -= count if a >= count else 0
+            right[a, 0] += value[m, p] * points[m, 0]
+            right[a, 1] += value[m, p] * points[m, 1]
+            for q in range(4):
+                b = span[m] + q
+                b -= count if b >= count else 0
+                if a >= body:
+                    border[a - body, b] += value[m, p] * value[m, q]
+                elif b <= a:
+                    band[a, a - b] += value[m, p] * value[m, q]
+
+
 def tangent_least_squares(knots, control, points, weights, parameters, sliding):
     """Control points (n, 2) one Gauss-Newton step on: distances are measured along the curve's normals.
 
@@ -84,18 +75,22 @@ def tangent_least_squares(knots, control, points, weights, parameters, sliding):
         Weight of the squared tangential distance against the normal one's, above 0.
     """
     count = len(control)
-    body = 2 * (count - DEGREE)
-    band = np.zeros((body, 8))
-    border = np.zeros((6, 2 * count))
+    band, border = np.zeros((2 * (count - DEGREE), 8)), np.zeros((6, 2 * count))
     right = np.zeros((2 * count, 1))
-    curve = pieces(knots, control)
-    value = np.empty(4)
-    s = 0
+    curve, (span, value) = pieces(knots, control), basis(knots, parameters)
+    into = parameters - knots[span + 3]
+    _add_tangents(points, weights, sliding, curve, into, span, value, band, border, right)
+    total = float(np.cumsum(weights)[-1])  # in their order: `sum` adds in pairs
+    _add_bending(band, border, RIDGE * total / count, 2)
+    return _solve(band, border, right).reshape((count, 2))
+
+
+@jit
+def _add_tangents(points, weights, sliding, curve, into, span, value, band, border, right):
+    count = len(curve)
     for m in range(len(points)):
-        s = span_of(knots, count, parameters[m], s)
-        values_of_basis(knots, s, parameters[m], value)
-        into = parameters[m] - knots[s + 3]
-        dx, dy = slope_at(curve[s], into, 0), slope_at(curve[s], into, 1)
+        s = span[m]
+        dx, dy = slope_at(curve[s], into[m], 0), slope_at(curve[s], into[m], 1)
         squared = max(dx * dx + dy * dy, TINY)
         slack = weights[m] * (1.0 - sliding) / squared
         weight_xx = weights[m] * sliding + slack * dy * dy
@@ -106,14 +101,14 @@ def tangent_least_squares(knots, control, points, weights, parameters, sliding):
         for p in range(4):
             a = s + p
             a -= count if a >= count else 0
-            right[2 * a, 0] += value[p] * pull_x
-            right[2 * a + 1, 0] += value[p] * pull_y
+            right[2 * a, 0] += value[m, p] * pull_x
+            right[2 * a + 1, 0] += value[m, p] * pull_y
             for q in range(4):
                 b = s + q
                 b -= count if b >= count else 0
                 if b > a and a < count - DEGREE:
                     continue  # the upper half is not kept
-                shared = value[p] * value[q]
+                shared = value[m, p] * value[m, q]
                 xx, xy, yy = shared * weight_xx, shared * weight_xy, shared * weight_yy
                 if a >= count - DEGREE:
                     row = 2 * (a - count + DEGREE)
@@ -128,8 +123,6 @@ def tangent_least_squares(knots, control, points, weights, parameters, sliding):
                     band[2 * a + 1, gap] += yy
                     if gap > 0:
                         band[2 * a, gap - 1] += xy
-    _add_bending(band, border, RIDGE * weights.sum() / count, 2)
-    return _solve(band, border, right).reshape((count, 2))
 
 
 @jit
@@ -153,74 +146,71 @@ def _add_bending(band, border, weight, stride):
                         band[a, a - b] += term
 
 
-@jit
 def _solve(band, border, right):
     """Solve a symmetric system of a band and a few last rows (Cholesky, Schur complement).
+
+    All three are overwritten.
 
     Parameters
     ----------
     band : (n - b, w + 1) float array
-        ``band[a, d] = N[a, a - d]``; overwritten.
+        ``band[a, d] = N[a, a - d]``.
     border : (b, n) float array
         The last b rows of N.
     right : (n, c) float array
+        Becomes the solution, which is returned.
     """
+    _reduce(band, border, right, np.empty((len(band), right.shape[1] + len(border))))
+    return right
+
+
+@jit
+def _reduce(band, border, right, columns):
+    """Solve in place; ``columns`` is room for the right-hand sides, then the border's columns."""
     body, width = band.shape[0], band.shape[1] - 1
-    edge, count = border.shape
-    sides = right.shape[1]
+    edge, sides = len(border), right.shape[1]
     for a in range(body):
         for d in range(min(a, width), -1, -1):
             total = band[a, d]
             for e in range(d + 1, min(a, width) + 1):
                 total -= band[a, e] * band[a - d, e - d]
             band[a, d] = np.sqrt(max(total, TINY)) if d == 0 else total / band[a - d, 0]
-    columns = np.empty((body, sides + edge))  # the right-hand sides, then the border's columns
     for a in range(body):
         for c in range(sides + edge):
             total = right[a, c] if c < sides else border[c - sides, a]
             for d in range(1, min(a, width) + 1):
                 total -= band[a, d] * columns[a - d, c]
             columns[a, c] = total / band[a, 0]
-    schur = np.empty((edge, edge))
-    rest = np.empty((edge, sides))
-    for r in range(edge):
-        for c in range(edge):
-            schur[r, c] = border[r, body + c]
-        for c in range(sides):
-            rest[r, c] = right[body + r, c]
-    for a in range(body):
+    for a in range(body):  # the last rows become the Schur complement
         for r in range(edge):
             lever = columns[a, sides + r]
             for c in range(edge):
-                schur[r, c] -= lever * columns[a, sides + c]
+                border[r, body + c] -= lever * columns[a, sides + c]
             for c in range(sides):
-                rest[r, c] -= lever * columns[a, c]
-    solution = np.empty((count, sides))
-    for r in range(edge):  # the Schur complement is small and positive definite: plain elimination
+                right[body + r, c] -= lever * columns[a, c]
+    for r in range(edge):  # it is small and positive definite: plain elimination
         for a in range(r + 1, edge):
-            lever = schur[a, r] / schur[r, r]
+            lever = border[a, body + r] / border[r, body + r]
             for c in range(r, edge):
-                schur[a, c] -= lever * schur[r, c]
+                border[a, body + c] -= lever * border[r, body + c]
             for c in range(sides):
-                rest[a, c] -= lever * rest[r, c]
+                right[body + a, c] -= lever * right[body + r, c]
     for r in range(edge - 1, -1, -1):
         for c in range(sides):
-            total = rest[r, c]
+            total = right[body + r, c]
             for a in range(r + 1, edge):
-                total -= schur[r, a] * solution[body + a, c]
-            solution[body + r, c] = total / schur[r, r]
+                total -= border[r, body + a] * right[body + a, c]
+            right[body + r, c] = total / border[r, body + r]
     for a in range(body - 1, -1, -1):
         for c in range(sides):
             total = columns[a, c]
             for r in range(edge):
-                total -= columns[a, sides + r] * solution[body + r, c]
+                total -= columns[a, sides + r] * right[body + r, c]
             for d in range(1, min(body - 1 - a, width) + 1):
-                total -= band[a + d, d] * solution[a + d, c]
-            solution[a, c] = total / band[a, 0]
-    return solution
+                total -= band[a + d, d] * right[a + d, c]
+            right[a, c] = total / band[a, 0]
 
 
-@jit
 def project(knots, control, points, parameters, steps):
     """Move each parameter towards the foot point of its point: Newton steps, order kept.
 
@@ -239,11 +229,15 @@ def project(knots, control, points, parameters, steps):
     (m,) float array
         Distances from the points to the curve at their parameters: upper bounds of the true ones.
     """
-    count = len(control)
-    begin, end = knots[3], knots[count + 3]
-    last = np.nextafter(end, begin)
-    curve = pieces(knots, control)
+    last = np.nextafter(knots[-4], knots[3])
     distance = np.empty(len(points))
+    _step(knots, pieces(knots, control), points, parameters, last, steps, distance)
+    return distance
+
+
+@jit
+def _step(knots, curve, points, parameters, last, steps, distance):
+    count, begin = len(curve), knots[3]
     for step in range(steps):
         s, before = 0, begin
         for m in range(len(points)):
@@ -263,4 +257,3 @@ def project(knots, control, points, parameters, steps):
             u = min(max(u + min(max(move, -reach), reach), before), last)
             parameters[m] = u
             before = u
-    return distance

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cccd.geometry._jit import jit
+from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import FloatArray, IntArray
 
 __all__ = [
     "DEGREE",
+    "basis",
     "bend_at",
     "evaluate",
     "extend_knots",
@@ -22,7 +23,6 @@ __all__ = [
     "slope_at",
     "span_of",
     "value_at",
-    "values_of_basis",
 ]
 
 #: Cubic throughout (equations 6-9).
@@ -35,7 +35,7 @@ def extend_knots(breaks: FloatArray, period: float) -> FloatArray:
     return breaks[index] + turn * period
 
 
-@jit
+@jit_within
 def span_of(knots: FloatArray, count: int, u: float, guess: int) -> int:
     """Span of ``u``, sought from a guess onwards (parameters ascend, so it is near)."""
     s = guess
@@ -46,9 +46,25 @@ def span_of(knots: FloatArray, count: int, u: float, guess: int) -> int:
     return s
 
 
+def basis(knots: FloatArray, parameters: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Spans (m,) of ascending parameters, and their four cubic basis functions (m, 4)."""
+    span, value = np.empty(len(parameters), np.int64), np.empty((len(parameters), 4))
+    _write_basis(knots, parameters, span, value)
+    return span, value
+
+
 @jit
-def values_of_basis(knots: FloatArray, s: int, u: float, value: FloatArray) -> None:
-    """Write the four cubic basis functions of a span into ``value`` by the recurrence of eq. (8)."""
+def _write_basis(knots: FloatArray, parameters: FloatArray, span: IntArray, value: FloatArray) -> None:
+    s = 0
+    for m in range(len(parameters)):
+        s = span_of(knots, len(knots) - 7, parameters[m], s)
+        span[m] = s
+        _write_values(knots, s, parameters[m], value[m])
+
+
+@jit_within
+def _write_values(knots: FloatArray, s: int, u: float, value: FloatArray) -> None:
+    """Write the basis functions of a span into ``value`` (4,) by the recurrence of eq. (8)."""
     value[0] = 1.0
     for degree in range(1, 4):
         saved = 0.0
@@ -62,11 +78,16 @@ def values_of_basis(knots: FloatArray, s: int, u: float, value: FloatArray) -> N
         value[degree] = saved
 
 
-@jit
 def pieces(knots: FloatArray, control: FloatArray) -> FloatArray:
     """Polynomials (n, 4, 2) of all spans: coefficients of the powers of ``u - knots[s + 3]``."""
+    out = np.zeros((len(control), 4, 2))
+    _write_pieces(knots, control, out)
+    return out
+
+
+@jit
+def _write_pieces(knots: FloatArray, control: FloatArray, out: FloatArray) -> None:
     count = len(control)
-    out = np.zeros((count, 4, 2))
     x, first, second = np.empty(4), np.empty(3), np.empty(2)
     for s in range(count):
         u, reach = knots[s + 3], knots[s + 4] - knots[s + 3]
@@ -89,38 +110,40 @@ def pieces(knots: FloatArray, control: FloatArray) -> FloatArray:
                     low, high = knots[s + r + 1], knots[s + r + 4 - level]
                     first[r] += ((u - low) / (high - low) - 1.0) * (first[r] - first[r - 1])
             out[s, 0, axis], out[s, 1, axis], out[s, 2, axis] = x[3], first[2], second[0] / 2.0
-    return out
 
 
-@jit
+@jit_within
 def value_at(piece: FloatArray, h: float, axis: int) -> float:
     """One coordinate at distance ``h`` into a span."""
     return piece[0, axis] + h * (piece[1, axis] + h * (piece[2, axis] + h * piece[3, axis]))
 
 
-@jit
+@jit_within
 def slope_at(piece: FloatArray, h: float, axis: int) -> float:
     """Its first derivative."""
     return piece[1, axis] + h * (2.0 * piece[2, axis] + h * 3.0 * piece[3, axis])
 
 
-@jit
+@jit_within
 def bend_at(piece: FloatArray, h: float, axis: int) -> float:
     """Its second derivative."""
     return 2.0 * piece[2, axis] + 6.0 * h * piece[3, axis]
 
 
-@jit
 def evaluate(knots: FloatArray, control: FloatArray, parameters: FloatArray) -> FloatArray:
     """Points (m, 2) at ascending parameters within the base period."""
-    curve = pieces(knots, control)
     out = np.empty((len(parameters), 2))
+    _write_points(knots, pieces(knots, control), parameters, out)
+    return out
+
+
+@jit
+def _write_points(knots: FloatArray, curve: FloatArray, parameters: FloatArray, out: FloatArray) -> None:
     s = 0
     for m in range(len(parameters)):
-        s = span_of(knots, len(control), parameters[m], s)
+        s = span_of(knots, len(curve), parameters[m], s)
         h = parameters[m] - knots[s + 3]
         out[m, 0], out[m, 1] = value_at(curve[s], h, 0), value_at(curve[s], h, 1)
-    return out
 
 
 def sample_ragged(control: FloatArray, offsets: IntArray, knots: FloatArray, counts: IntArray) -> FloatArray:

@@ -6,11 +6,9 @@ are tested, each pair in the lowest cell that both reach.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from cccd.geometry._jit import jit
+from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["MovingTriangles", "passing_pairs"]
@@ -20,6 +18,8 @@ _TOUCHING = 1e-12
 #: Width of a cell by the mean extent of the triangles' boxes: fewer pairs share a narrower one, but more
 #: triangles reach several.
 _CELL = 1.5
+#: Pairs for which there is room at first: where there are more, all are sought again.
+_FIRST_PAIRS = 1024
 
 _Point = tuple[float, float, float]
 
@@ -84,49 +84,42 @@ def passing_pairs(vertices: FloatArray, faces: IntArray, of: BoolArray | None = 
     several = (ends - starts > 1) & np.logical_or.reduceat(of[member], starts)
     starts, ends = starts[several], ends[several]
     places = np.column_stack(np.unravel_index(cell[starts], tuple(cells)))
-    pairs = _pairs_in_cells(vertices, faces, of, boxes, member, np.column_stack([starts, ends]), places)
-    return np.array(pairs, np.int64).reshape(-1, 2)
+    pairs = np.empty((_FIRST_PAIRS, 2), np.int64)
+    ranges = np.column_stack([starts, ends])
+    while (found := _pairs_in_cells(vertices, faces, of, boxes, member, ranges, places, pairs)) > len(pairs):
+        pairs = np.empty((found, 2), np.int64)
+    return pairs[:found]
 
 
-@jit
 def _boxes(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Bounding boxes (F, 6) in cells of the grid: the lower corner, then the upper."""
-    boxes = np.empty((len(faces), 6))
-    lowest, width = np.full(3, np.inf), 0.0
-    for f in range(len(faces)):
-        a, b, c = faces[f]
-        for axis in range(3):
-            p, q, r = vertices[a, axis], vertices[b, axis], vertices[c, axis]
-            boxes[f, axis], boxes[f, axis + 3] = min(p, q, r), max(p, q, r)
-            lowest[axis] = min(lowest[axis], boxes[f, axis])
-            width += boxes[f, axis + 3] - boxes[f, axis]
+    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
+    lower, upper = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    width = np.cumsum(upper - lower)[-1]  # in their order: `sum` adds in pairs
     width = _CELL * width / (3 * len(faces)) + 1e-12
-    for f in range(len(faces)):
-        for side in range(6):
-            boxes[f, side] = (boxes[f, side] - lowest[side % 3]) / width
-    return boxes
+    lowest = lower.min(axis=0)
+    return np.hstack([(lower - lowest) / width, (upper - lowest) / width])
+
+
+def _grid_entries(boxes: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]:
+    """Every cell that a triangle's box reaches, and the triangle."""
+    first, last = boxes[:, :3].astype(np.int64), boxes[:, 3:].astype(np.int64)
+    reached = last - first + 1
+    member = np.repeat(np.arange(len(boxes)), reached[:, 0] * reached[:, 1] * reached[:, 2])
+    cell = np.empty(len(member), np.int64)
+    _write_cells(first, last, cells, cell)
+    return cell, member
 
 
 @jit
-def _grid_entries(boxes: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]:
-    """Every cell that a triangle's box reaches, and the triangle."""
-    entries = 0
-    for f in range(len(boxes)):
-        reached = 1
-        for axis in range(3):
-            reached *= int(boxes[f, axis + 3]) - int(boxes[f, axis]) + 1
-        entries += reached
-    cell = np.empty(entries, np.int64)
-    member = np.empty(entries, np.int64)
+def _write_cells(first: IntArray, last: IntArray, cells: IntArray, cell: IntArray) -> None:
     at = 0
-    for f in range(len(boxes)):
-        for x in range(int(boxes[f, 0]), int(boxes[f, 3]) + 1):
-            for y in range(int(boxes[f, 1]), int(boxes[f, 4]) + 1):
-                for z in range(int(boxes[f, 2]), int(boxes[f, 5]) + 1):
+    for f in range(len(first)):
+        for x in range(first[f, 0], last[f, 0] + 1):
+            for y in range(first[f, 1], last[f, 1] + 1):
+                for z in range(first[f, 2], last[f, 2] + 1):
                     cell[at] = (x * cells[1] + y) * cells[2] + z
-                    member[at] = f
                     at += 1
-    return cell, member
 
 
 @jit
@@ -136,26 +129,31 @@ def _pairs_in_cells(
     of: BoolArray,
     boxes: FloatArray,
     member: IntArray,
-    ends: IntArray,
+    ranges: IntArray,
     places: IntArray,
-) -> Sequence[tuple[np.int64, np.int64]]:
-    """Pairs that pass through each other; members from ``ends[n, 0]`` up to ``ends[n, 1]`` reach one cell."""
-    found = [(np.int64(0), np.int64(0)) for _ in range(0)]  # typed and empty
-    for n in range(len(ends)):
-        here = member[ends[n, 0] : ends[n, 1]]
-        for m in range(len(here)):
-            for o in range(m + 1, len(here)):
-                f, g = here[m], here[o]
+    pairs: IntArray,
+) -> int:
+    """Write the pairs that pass through each other, as far as there is room, and return their number.
+
+    Members from ``ranges[n, 0]`` up to ``ranges[n, 1]`` reach one cell.
+    """
+    found = 0
+    for n in range(len(ranges)):
+        for m in range(ranges[n, 0], ranges[n, 1]):
+            for o in range(m + 1, ranges[n, 1]):
+                f, g = member[m], member[o]
                 if (
                     (of[f] or of[g])
                     and _meet_first_in(boxes, f, g, places, n)
                     and _pass(vertices, faces, f, g)
                 ):
-                    found.append((f, g))
+                    if found < len(pairs):
+                        pairs[found, 0], pairs[found, 1] = f, g
+                    found += 1
     return found
 
 
-@jit
+@jit_within
 def _meet_first_in(boxes: FloatArray, f: int, g: int, places: IntArray, n: int) -> bool:
     """Whether two boxes overlap, and this is the lowest cell that both reach."""
     for axis in range(3):
@@ -166,7 +164,7 @@ def _meet_first_in(boxes: FloatArray, f: int, g: int, places: IntArray, n: int) 
     return True
 
 
-@jit
+@jit_within
 def _pass(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
     """Whether an edge of one of two triangles pierces the other."""
     shared, own_f, own_g = 0, -1, -1
@@ -190,7 +188,7 @@ def _pass(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
     return False
 
 
-@jit
+@jit_within
 def _on_one_side(vertices: FloatArray, faces: IntArray, f: int, g: int, shared: int) -> bool:
     """Whether the corners of ``g``, but for a shared one, lie on one side of the plane of ``f``."""
     p, q, r = _corners(vertices, faces, f)
@@ -202,10 +200,10 @@ def _on_one_side(vertices: FloatArray, faces: IntArray, f: int, g: int, shared: 
     return not (above and below)
 
 
-@jit
+@jit_within
 def _extent(vertices: FloatArray, faces: IntArray, f: int) -> float:
     """Longest side of a triangle's box."""
-    a, b, c = faces[f]
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
     extent = 0.0
     for axis in range(3):
         p, q, r = vertices[a, axis], vertices[b, axis], vertices[c, axis]
@@ -213,7 +211,7 @@ def _extent(vertices: FloatArray, faces: IntArray, f: int) -> float:
     return extent
 
 
-@jit
+@jit_within
 def _edge_pierces(vertices: FloatArray, faces: IntArray, f: int, x: int, g: int, tiny: float) -> bool:
     """Whether edge ``x`` of one triangle passes through the inside of another."""
     a, b = _point(vertices, faces[f, x]), _point(vertices, faces[f, (x + 1) % 3])
@@ -227,17 +225,17 @@ def _edge_pierces(vertices: FloatArray, faces: IntArray, f: int, x: int, g: int,
     return (s > 0) == (t > 0) == (w > 0)
 
 
-@jit
+@jit_within
 def _corners(vertices: FloatArray, faces: IntArray, f: int) -> tuple[_Point, _Point, _Point]:
     return _point(vertices, faces[f, 0]), _point(vertices, faces[f, 1]), _point(vertices, faces[f, 2])
 
 
-@jit
+@jit_within
 def _point(vertices: FloatArray, n: int) -> _Point:
     return (vertices[n, 0], vertices[n, 1], vertices[n, 2])
 
 
-@jit
+@jit_within
 def _six_volumes(a: _Point, b: _Point, c: _Point, d: _Point) -> float:
     """Six times the signed volume of a tetrahedron."""
     ax, ay, az = a[0] - d[0], a[1] - d[1], a[2] - d[2]

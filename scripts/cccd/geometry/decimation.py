@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cccd.geometry._jit import jit
+from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
@@ -49,21 +49,29 @@ _DEARER_ROUNDS = 8
 _Candidate = tuple[float, float, float, float]
 _Point = tuple[float, float, float]
 
+#: The cost of joining two vertices, they, and how often they had moved.
+_Offer = tuple[float, int, int, int, int]
 
-class _Net(NamedTuple):
-    """Triangles that change, and what is known at their vertices."""
 
-    points: FloatArray  # (V, 3)
+class _Fans(NamedTuple):
+    """Triangles that change, and the lists of their corners (3 * face + 0, 1, 2) at each vertex."""
+
     faces: IntArray  # (F, 3)
     alive: BoolArray  # (F,)
+    part: IntArray  # (F,)
+    first: IntArray  # (V,), first corner at each vertex
+    last: IntArray  # (V,)
+    following: IntArray  # (3 F,), next corner at the same vertex, or -1
+
+
+class _Vertices(NamedTuple):
+    """What is known at the vertices, which move."""
+
+    points: FloatArray  # (V, 3)
     quadrics: FloatArray  # (V, 10), upper triangle of the 4 x 4 matrix
     areas: FloatArray  # (V,)
     normals: FloatArray  # (V, 3), weighted by area
-    first: IntArray  # (V,), first corner (3 * face + 0, 1, 2) at each vertex
-    last: IntArray  # (V,)
-    following: IntArray  # (3 F,), next corner at the same vertex, or -1
     changes: IntArray  # (V,), how often the vertex moved; -1 when it is gone
-    part: IntArray  # (F,)
     on_line: BoolArray  # (V,), whether faces of two parts meet there
 
 
@@ -108,12 +116,14 @@ def collapse_edges(
     middle = mesh.vertices.mean(axis=0)
     scale = float(np.abs(mesh.vertices - middle).max())
     part = np.zeros(len(mesh.faces), np.int64) if parts is None else np.asarray(parts, np.int64)
-    net = _start((mesh.vertices - middle) / scale, mesh.faces.copy(), mesh.face_normals / scale**2, part)
+    fans = _fans(mesh.faces.copy(), part, len(mesh.vertices))
+    vertices = _vertices((mesh.vertices - middle) / scale, mesh.faces, mesh.face_normals / scale**2, part)
     if weights is not None:
-        net.quadrics[:] *= weights[:, None]
-        net.areas[:] *= weights
-    _collapse(net, most, evenness)
-    return Mesh(net.points * scale + middle, net.faces[net.alive].astype(np.int64)).compact()
+        vertices.quadrics[:] *= weights[:, None]
+        vertices.areas[:] *= weights
+    ring, other = np.empty((2, _NEIGHBOURS), np.int64)
+    _collapse(fans, vertices, ring, other, most, evenness)
+    return Mesh(vertices.points * scale + middle, fans.faces[fans.alive].astype(np.int64)).compact()
 
 
 def collapse_apart(mesh: Mesh, most: int) -> Mesh:
@@ -162,8 +172,21 @@ def weigh_more(weights: FloatArray, mesh: Mesh, fewer: Mesh, where: BoolArray) -
     weights[where[nearest_faces(mesh.vertices, fewer)]] *= _DEARER
 
 
-def _start(points: FloatArray, faces: IntArray, doubled: FloatArray, part: IntArray) -> _Net:
-    """Quadrics, areas and normals at the vertices, and the list of each vertex's corners."""
+def _fans(faces: IntArray, part: IntArray, count: int) -> _Fans:
+    """List each vertex's corners."""
+    corners = faces.ravel()
+    order = np.argsort(corners, kind="stable")
+    following = np.full(faces.size, -1)
+    same = corners[order[1:]] == corners[order[:-1]]
+    following[order[:-1][same]] = order[1:][same]
+    vertices = np.arange(count)
+    first = order[np.searchsorted(corners[order], vertices)]
+    last = order[np.searchsorted(corners[order], vertices, side="right") - 1]
+    return _Fans(np.ascontiguousarray(faces), np.ones(len(faces), np.bool_), part, first, last, following)
+
+
+def _vertices(points: FloatArray, faces: IntArray, doubled: FloatArray, part: IntArray) -> _Vertices:
+    """Quadrics, areas and normals at the vertices."""
     count, corners = len(points), faces.ravel()
     area = np.linalg.norm(doubled, axis=1) / 2
     unit = doubled / np.maximum(2 * area, TINY)[:, None]
@@ -173,35 +196,25 @@ def _start(points: FloatArray, faces: IntArray, doubled: FloatArray, part: IntAr
     at_vertices = np.zeros((count, 14))
     for n, column in enumerate(of_faces.T):
         at_vertices[:, n] = np.bincount(corners, np.repeat(column, 3), count)
-    order = np.argsort(corners, kind="stable")
-    following = np.full(faces.size, -1)
-    same = corners[order[1:]] == corners[order[:-1]]
-    following[order[:-1][same]] = order[1:][same]
-    vertices = np.arange(count)
     least, most = np.full(count, part.max()), np.full(count, part.min())
     np.minimum.at(least, corners, np.repeat(part, 3))
     np.maximum.at(most, corners, np.repeat(part, 3))
-    return _Net(
+    return _Vertices(
         np.ascontiguousarray(points),
-        np.ascontiguousarray(faces),
-        np.ones(len(faces), np.bool_),
         np.ascontiguousarray(at_vertices[:, :10]),
         np.ascontiguousarray(at_vertices[:, 10]),
         np.ascontiguousarray(at_vertices[:, 11:]),
-        order[np.searchsorted(corners[order], vertices)],
-        order[np.searchsorted(corners[order], vertices, side="right") - 1],
-        following,
         np.zeros(count, np.int64),
-        part,
         least < most,
     )
 
 
 @jit
-def _collapse(net: _Net, most: int, evenness: float) -> None:
+def _collapse(
+    fans: _Fans, vertices: _Vertices, ring: IntArray, other: IntArray, most: int, evenness: float
+) -> None:
     """Collapse the cheapest edges; what was refused once is tried again while anything else gives way."""
-    left, before = len(net.faces), len(net.faces) + 1
-    ring, other = np.empty(_NEIGHBOURS, np.int64), np.empty(_NEIGHBOURS, np.int64)
+    left, before = len(fans.faces), len(fans.faces) + 1
     heap = [(0.0, 0, 0, 0, 0)]
     heap.pop()
     while left > most:
@@ -209,45 +222,63 @@ def _collapse(net: _Net, most: int, evenness: float) -> None:
             if left == before:
                 break
             before = left
-            _offer_all(net, heap, evenness)
+            _offer_all(fans, vertices, heap, evenness)
             if len(heap) == 0:
                 break
         _, u, v, changes_u, changes_v = heapq.heappop(heap)
-        if net.changes[u] != changes_u or net.changes[v] != changes_v:
+        if left <= 4 or vertices.changes[u] != changes_u or vertices.changes[v] != changes_v:
             continue
-        to = _candidate(net, u, v, evenness)
-        if net.on_line[u] and net.on_line[v] and not _along_line(net, u, v):
-            continue
-        if left <= 4 or not _keeps_topology(net, u, v, ring, other) or not _keeps_sides(net, u, v, to):
-            continue
-        left -= _merge(net, u, v, to)
-        for n in range(_neighbours(net, v, ring)):
-            _offer(net, heap, v, ring[n], evenness)
+        gone = _join(fans, vertices, u, v, ring, other, evenness)
+        if gone:
+            left -= gone
+            _offer_around(fans, vertices, heap, v, ring, evenness)
 
 
-@jit
-def _offer_all(net: _Net, heap: list[tuple[float, int, int, int, int]], evenness: float) -> None:
-    for f in range(len(net.faces)):
-        if net.alive[f]:
+@jit_within
+def _join(
+    fans: _Fans, vertices: _Vertices, u: int, v: int, ring: IntArray, other: IntArray, evenness: float
+) -> int:
+    """Join ``u`` to ``v`` where the surface allows it, and return how many triangles that takes away."""
+    if vertices.on_line[u] and vertices.on_line[v] and not _along_line(fans, u, v):
+        return 0
+    to = _candidate(vertices, u, v, evenness)
+    if not _keeps_topology(fans, u, v, ring, other) or not _keeps_sides(fans, vertices, u, v, to):
+        return 0
+    return _merge(fans, vertices, u, v, to)
+
+
+@jit_within
+def _offer_all(fans: _Fans, vertices: _Vertices, heap: list[_Offer], evenness: float) -> None:
+    for f in range(len(fans.faces)):
+        if fans.alive[f]:
             for k in range(3):
-                u, v = net.faces[f, k], net.faces[f, (k + 1) % 3]
+                u, v = fans.faces[f, k], fans.faces[f, (k + 1) % 3]
                 if u < v:
-                    _offer(net, heap, u, v, evenness)
+                    _offer(vertices, heap, u, v, evenness)
 
 
-@jit
-def _offer(net: _Net, heap: list[tuple[float, int, int, int, int]], u: int, v: int, evenness: float) -> None:
-    heapq.heappush(heap, (_candidate(net, u, v, evenness)[0], u, v, net.changes[u], net.changes[v]))
+@jit_within
+def _offer_around(
+    fans: _Fans, vertices: _Vertices, heap: list[_Offer], u: int, ring: IntArray, evenness: float
+) -> None:
+    for n in range(_neighbours(fans, u, ring)):
+        _offer(vertices, heap, u, ring[n], evenness)
 
 
-@jit
-def _candidate(net: _Net, u: int, v: int, evenness: float) -> _Candidate:
+@jit_within
+def _offer(vertices: _Vertices, heap: list[_Offer], u: int, v: int, evenness: float) -> None:
+    cost = _candidate(vertices, u, v, evenness)[0]
+    heapq.heappush(heap, (cost, u, v, vertices.changes[u], vertices.changes[v]))
+
+
+@jit_within
+def _candidate(vertices: _Vertices, u: int, v: int, evenness: float) -> _Candidate:
     """Cost of joining two vertices, and the point of least quadric error that they would move to."""
-    m, n = net.quadrics[u], net.quadrics[v]
+    m, n = vertices.quadrics[u], vertices.quadrics[v]
     q = (m[0] + n[0], m[1] + n[1], m[2] + n[2], m[3] + n[3], m[4] + n[4])
     r = (m[5] + n[5], m[6] + n[6], m[7] + n[7], m[8] + n[8], m[9] + n[9])
-    area = net.areas[u] + net.areas[v]
-    a, b = net.points[u], net.points[v]
+    area = vertices.areas[u] + vertices.areas[v]
+    a, b = vertices.points[u], vertices.points[v]
     pull = _TO_THE_MIDDLE * area + TINY
     rx = pull * (a[0] + b[0]) / 2 - q[3]
     ry = pull * (a[1] + b[1]) / 2 - r[1]
@@ -258,9 +289,9 @@ def _candidate(net: _Net, u: int, v: int, evenness: float) -> _Candidate:
     x = (i * rx + j * ry + k * rz) / determinant
     y = (j * rx + (xx * zz - xz * xz) * ry + (xy * xz - xx * yz) * rz) / determinant
     z = (k * rx + (xy * xz - xx * yz) * ry + (xx * yy - xy * xy) * rz) / determinant
-    if net.on_line[u]:
+    if vertices.on_line[u]:
         x, y, z = a[0], a[1], a[2]
-    if net.on_line[v]:
+    if vertices.on_line[v]:
         x, y, z = b[0], b[1], b[2]
     squares = q[0] * x * x + q[4] * y * y + r[2] * z * z + r[4]
     error = squares + 2 * (xy * x * y + xz * x * z + yz * y * z + q[3] * x + r[1] * y + r[3] * z)
@@ -268,40 +299,40 @@ def _candidate(net: _Net, u: int, v: int, evenness: float) -> _Candidate:
     return error + evenness * area * length2, x, y, z
 
 
-@jit
-def _neighbours(net: _Net, u: int, ring: IntArray) -> int:
+@jit_within
+def _neighbours(fans: _Fans, u: int, ring: IntArray) -> int:
     """Write the vertices beside one into ``ring`` and return their number; past the ring they are dropped."""
     count = 0
-    corner = net.first[u]
+    corner = fans.first[u]
     while corner >= 0:
         f = corner // 3
-        if net.alive[f] and count < len(ring):
+        if fans.alive[f] and count < len(ring):
             # each neighbour follows the vertex in exactly one triangle around it
-            ring[count] = net.faces[f, (corner + 1) % 3]
+            ring[count] = fans.faces[f, (corner + 1) % 3]
             count += 1
-        corner = net.following[corner]
+        corner = fans.following[corner]
     return count
 
 
-@jit
-def _along_line(net: _Net, u: int, v: int) -> bool:
+@jit_within
+def _along_line(fans: _Fans, u: int, v: int) -> bool:
     """Whether the edge of two vertices on lines between parts is itself of one."""
     found, first = 0, 0
-    corner = net.first[u]
+    corner = fans.first[u]
     while corner >= 0:
         f = corner // 3
-        if net.alive[f] and (net.faces[f, 0] == v or net.faces[f, 1] == v or net.faces[f, 2] == v):
-            if found and net.part[f] != first:
+        if fans.alive[f] and (fans.faces[f, 0] == v or fans.faces[f, 1] == v or fans.faces[f, 2] == v):
+            if found and fans.part[f] != first:
                 return True
-            found, first = found + 1, net.part[f]
-        corner = net.following[corner]
+            found, first = found + 1, fans.part[f]
+        corner = fans.following[corner]
     return False
 
 
-@jit
-def _keeps_topology(net: _Net, u: int, v: int, ring: IntArray, other: IntArray) -> bool:
+@jit_within
+def _keeps_topology(fans: _Fans, u: int, v: int, ring: IntArray, other: IntArray) -> bool:
     """Whether two neighbours share two others and no more, and will not have too many together."""
-    a, b = _neighbours(net, u, ring), _neighbours(net, v, other)
+    a, b = _neighbours(fans, u, ring), _neighbours(fans, v, other)
     if a >= _NEIGHBOURS or b >= _NEIGHBOURS or a + b - 4 > _MOST_AROUND:
         return False
     shared = 0
@@ -312,38 +343,39 @@ def _keeps_topology(net: _Net, u: int, v: int, ring: IntArray, other: IntArray) 
     return shared == 2
 
 
-@jit
-def _keeps_sides(net: _Net, u: int, v: int, to: _Candidate) -> bool:
+@jit_within
+def _keeps_sides(fans: _Fans, vertices: _Vertices, u: int, v: int, to: _Candidate) -> bool:
     """Whether no triangle around the two turns over or becomes a sliver when they move."""
     p = (to[1], to[2], to[3])
-    joined = _unit(_added(_at(net.normals, u), _at(net.normals, v)))
-    for x, y in ((u, v), (v, u)):
-        corner = net.first[x]
+    joined = _unit(_added(_at(vertices.normals, u), _at(vertices.normals, v)))
+    for x in (u, v):
+        y = u + v - x
+        corner = fans.first[x]
         while corner >= 0:
             f = corner // 3
-            g, h = int(net.faces[f, (corner + 1) % 3]), int(net.faces[f, (corner + 2) % 3])
-            if net.alive[f] and g != y and h != y and not _faces_right(net, p, x, g, h, joined):
+            g, h = int(fans.faces[f, (corner + 1) % 3]), int(fans.faces[f, (corner + 2) % 3])
+            if fans.alive[f] and g != y and h != y and not _faces_right(vertices, p, x, g, h, joined):
                 return False
-            corner = net.following[corner]
+            corner = fans.following[corner]
     return True
 
 
-@jit
-def _faces_right(net: _Net, p: _Point, x: int, g: int, h: int, joined: _Point) -> bool:
+@jit_within
+def _faces_right(vertices: _Vertices, p: _Point, x: int, g: int, h: int, joined: _Point) -> bool:
     """Whether the triangle of two vertices and a third that moves to ``p`` stays as it should."""
-    a, b = _at(net.points, g), _at(net.points, h)
+    a, b = _at(vertices.points, g), _at(vertices.points, h)
     normal, edges = _doubled(p, a, b)
     size = np.sqrt(_dot(normal, normal))
-    there = _added(joined, _added(_unit(_at(net.normals, g)), _unit(_at(net.normals, h))))
+    there = _added(joined, _added(_unit(_at(vertices.normals, g)), _unit(_at(vertices.normals, h))))
     if _dot(normal, there) < _LEAST_COSINE * size * np.sqrt(_dot(there, there)):
         return False
     if size >= _SLIVER * edges:
         return True
-    old, old_edges = _doubled(_at(net.points, x), a, b)
+    old, old_edges = _doubled(_at(vertices.points, x), a, b)
     return bool(size * old_edges >= np.sqrt(_dot(old, old)) * edges)
 
 
-@jit
+@jit_within
 def _doubled(a: _Point, b: _Point, c: _Point) -> tuple[_Point, float]:
     """Return the normal of a triangle, as long as twice its area, and the sum of its squared edges."""
     ab = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
@@ -357,66 +389,66 @@ def _doubled(a: _Point, b: _Point, c: _Point) -> tuple[_Point, float]:
     return normal, _dot(ab, ab) + _dot(ac, ac) + _dot(bc, bc)
 
 
-@jit
+@jit_within
 def _at(values: FloatArray, n: int) -> _Point:
     return (values[n, 0], values[n, 1], values[n, 2])
 
 
-@jit
+@jit_within
 def _added(a: _Point, b: _Point) -> _Point:
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
-@jit
+@jit_within
 def _dot(a: _Point, b: _Point) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@jit
+@jit_within
 def _unit(a: _Point) -> _Point:
     size = np.sqrt(_dot(a, a)) + TINY
     return (a[0] / size, a[1] / size, a[2] / size)
 
 
-@jit
-def _merge(net: _Net, u: int, v: int, to: _Candidate) -> int:
+@jit_within
+def _merge(fans: _Fans, vertices: _Vertices, u: int, v: int, to: _Candidate) -> int:
     """Join ``u`` to ``v`` and return how many triangles that takes away."""
     gone = 0
-    corner = net.first[u]
+    corner = fans.first[u]
     while corner >= 0:
         f = corner // 3
-        if net.alive[f]:
-            if net.faces[f, 0] == v or net.faces[f, 1] == v or net.faces[f, 2] == v:
-                net.alive[f] = False
+        if fans.alive[f]:
+            if fans.faces[f, 0] == v or fans.faces[f, 1] == v or fans.faces[f, 2] == v:
+                fans.alive[f] = False
                 gone += 1
             else:
-                net.faces[f, corner % 3] = v
-        corner = net.following[corner]
-    net.following[net.last[v]] = net.first[u]
+                fans.faces[f, corner % 3] = v
+        corner = fans.following[corner]
+    fans.following[fans.last[v]] = fans.first[u]
     for k in range(10):  # number by number: to add rows takes Numba 1.6 s more to compile
-        net.quadrics[v, k] += net.quadrics[u, k]
+        vertices.quadrics[v, k] += vertices.quadrics[u, k]
     for k in range(3):
-        net.normals[v, k] += net.normals[u, k]
-    net.areas[v] += net.areas[u]
-    net.points[v, 0], net.points[v, 1], net.points[v, 2] = to[1], to[2], to[3]
-    net.on_line[v] = net.on_line[u] or net.on_line[v]
-    net.changes[u] = -1
-    net.changes[v] += 1
-    _drop_dead(net, v)
+        vertices.normals[v, k] += vertices.normals[u, k]
+    vertices.areas[v] += vertices.areas[u]
+    vertices.points[v, 0], vertices.points[v, 1], vertices.points[v, 2] = to[1], to[2], to[3]
+    vertices.on_line[v] = vertices.on_line[u] or vertices.on_line[v]
+    vertices.changes[u] = -1
+    vertices.changes[v] += 1
+    _drop_dead(fans, v)
     return gone
 
 
-@jit
-def _drop_dead(net: _Net, v: int) -> None:
+@jit_within
+def _drop_dead(fans: _Fans, v: int) -> None:
     """Keep only live triangles' corners in a vertex's list."""
-    corner, first, last = net.first[v], -1, -1
+    corner, first, last = fans.first[v], -1, -1
     while corner >= 0:
-        if net.alive[corner // 3]:
+        if fans.alive[corner // 3]:
             if last < 0:
                 first = corner
             else:
-                net.following[last] = corner
+                fans.following[last] = corner
             last = corner
-        corner = net.following[corner]
-    net.following[last] = -1
-    net.first[v], net.last[v] = first, last
+        corner = fans.following[corner]
+    fans.following[last] = -1
+    fans.first[v], fans.last[v] = first, last

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from cccd.geometry._jit import jit
+from cccd.geometry._jit import jit, jit_within
 from cccd.geometry._vtk import vtk
 from cccd.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.grid import ScalarGrid
@@ -101,15 +101,18 @@ def to_polygons(
     >>> to_polygons(inside, square, np.ones(2), np.full(1, 0.5))[2].tolist()
     [0.5, -0.5, -1.5, -0.5, 0.5]
     """
-    return _swept(inside, polygons.points, polygons.offsets, spacing, outwards)
+    foot, gap = np.full((*inside.shape, 2), np.inf), np.full(inside.shape, np.inf)
+    owner, distance = np.zeros(inside.shape, np.int64), np.empty(inside.shape, np.float32)
+    _find_nearby(polygons.points, polygons.offsets, spacing, foot, gap, owner)
+    _sweep(foot, gap, owner, spacing)
+    _sign(inside, foot, gap, owner, spacing, outwards, distance)
+    return distance
 
 
 @jit
-def _swept(
-    inside: BoolArray, points: FloatArray, offsets: IntArray, spacing: FloatArray, outwards: FloatArray
-) -> SingleArray:
-    height, width = inside.shape
-    foot, gap, owner = _feet_nearby(height, width, points, offsets, spacing)
+def _sweep(foot: FloatArray, gap: FloatArray, owner: IntArray, spacing: FloatArray) -> None:
+    """Hand the nearest points on, down and up the plane."""
+    height = len(gap)
     for way in (1, -1):
         for step in range(height):
             i = step if way > 0 else height - 1 - step
@@ -118,29 +121,44 @@ def _swept(
                     _take_over(foot, gap, owner, i, i - way, side, spacing)
             for side in (-1, 1):
                 _take_over(foot, gap, owner, i, i, side, spacing)
-    distance = np.empty((height, width), np.float32)
+
+
+@jit
+def _sign(
+    inside: BoolArray,
+    foot: FloatArray,
+    gap: FloatArray,
+    owner: IntArray,
+    spacing: FloatArray,
+    outwards: FloatArray,
+    distance: SingleArray,
+) -> None:
+    """Write the signed distances from the nearest points, each polygon moved outwards."""
+    height, width = inside.shape
     for i in range(height):
         for j in range(width):
             away = np.sqrt(gap[i, j])
             x, y = abs(i * spacing[0] - foot[i, j, 0]), abs(j * spacing[1] - foot[i, j, 1])
             pixel = max(spacing[0] * x, spacing[1] * y) / away if away > 0 else min(spacing[0], spacing[1])
             distance[i, j] = (-away if inside[i, j] else away) - outwards[owner[i, j]] * pixel
-    return distance
 
 
 @jit
-def _feet_nearby(
-    height: int, width: int, points: FloatArray, offsets: IntArray, spacing: FloatArray
-) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Nearest point, its squared distance and its polygon, for pixels near a polygon's edges."""
-    foot = np.full((height, width, 2), np.inf)
-    gap = np.full((height, width), np.inf)
-    owner = np.zeros((height, width), np.int64)
+def _find_nearby(
+    points: FloatArray,
+    offsets: IntArray,
+    spacing: FloatArray,
+    foot: FloatArray,
+    gap: FloatArray,
+    owner: IntArray,
+) -> None:
+    """Write the nearest point, its squared distance and its polygon, for pixels near a polygon's edges."""
+    height, width = gap.shape
     for polygon in range(len(offsets) - 1):
         first, last = offsets[polygon], offsets[polygon + 1]
         for n in range(first, last):
-            ax, ay = points[n]
-            bx, by = points[n + 1] if n + 1 < last else points[first]
+            after = n + 1 if n + 1 < last else first
+            ax, ay, bx, by = points[n, 0], points[n, 1], points[after, 0], points[after, 1]
             dx, dy = bx - ax, by - ay
             length2 = dx * dx + dy * dy
             i0 = max(0, int(np.ceil(min(ax, bx) / spacing[0] - NEAR_PIXELS)))
@@ -159,10 +177,9 @@ def _feet_nearby(
                         gap[i, j] = ex * ex + ey * ey
                         foot[i, j, 0], foot[i, j, 1] = ax + share * dx, ay + share * dy
                         owner[i, j] = polygon
-    return foot, gap, owner
 
 
-@jit
+@jit_within
 def _take_over(
     foot: FloatArray, gap: FloatArray, owner: IntArray, i: int, a: int, side: int, spacing: FloatArray
 ) -> None:
@@ -247,7 +264,7 @@ def _to_faces(points: FloatArray, vertices: FloatArray, faces: IntArray, tried: 
     for n in range(len(points)):
         point = _point(points, n)
         for f in tried[n]:
-            a, b, c = faces[f]
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
             squared = _squared_distance(point, _point(vertices, a), _point(vertices, b), _point(vertices, c))
             distance[n] = min(distance[n], np.sqrt(squared))
     return distance
@@ -320,23 +337,23 @@ def _nearest_triangle(
     return field
 
 
-@jit
+@jit_within
 def _point(vertices: FloatArray, n: int) -> _Point:
     return (vertices[n, 0], vertices[n, 1], vertices[n, 2])
 
 
-@jit
+@jit_within
 def _along(a: _Point, share: float, b: _Point) -> _Point:
     """Return ``a + share * b``."""
     return (a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2])
 
 
-@jit
+@jit_within
 def _dot(a: _Point, b: _Point) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@jit
+@jit_within
 def _squared_distance(point: _Point, a: _Point, b: _Point, c: _Point) -> float:
     """Squared distance from a point to a triangle (Ericson 2005, section 5.1.5)."""
     ab, ac, ap = _along(b, -1.0, a), _along(c, -1.0, a), _along(point, -1.0, a)

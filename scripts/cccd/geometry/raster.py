@@ -161,19 +161,20 @@ def _add_crossings(index: FloatArray, faces: IntArray, crossings: npt.NDArray[np
     """Mark where the lines along the third axis pass through the triangles: 1 where they enter, -1 after."""
     na, nb, nc = crossings.shape
     for f in range(len(faces)):
-        p, q, r = index[faces[f, 0]], index[faces[f, 1]], index[faces[f, 2]]
-        area = (q[0] - p[0]) * (r[1] - p[1]) - (r[0] - p[0]) * (q[1] - p[1])
+        p, q, r = faces[f, 0], faces[f, 1], faces[f, 2]
+        pa, pb, qa, qb, ra, rb = index[p, 0], index[p, 1], index[q, 0], index[q, 1], index[r, 0], index[r, 1]
+        area = (qa - pa) * (rb - pb) - (ra - pa) * (qb - pb)
         if area == 0.0:
             continue
-        a0 = max(0, int(np.ceil(min(p[0], q[0], r[0]))))
-        a1 = min(na - 1, int(np.floor(max(p[0], q[0], r[0]))))
-        b0 = max(0, int(np.ceil(min(p[1], q[1], r[1]))))
-        b1 = min(nb - 1, int(np.floor(max(p[1], q[1], r[1]))))
+        a0 = max(0, int(np.ceil(min(pa, qa, ra))))
+        a1 = min(na - 1, int(np.floor(max(pa, qa, ra))))
+        b0 = max(0, int(np.ceil(min(pb, qb, rb))))
+        b1 = min(nb - 1, int(np.floor(max(pb, qb, rb))))
         for a in range(a0, a1 + 1):
             for b in range(b0, b1 + 1):
-                wr = ((q[0] - p[0]) * (b - p[1]) - (a - p[0]) * (q[1] - p[1])) / area
-                wp = ((r[0] - q[0]) * (b - q[1]) - (a - q[0]) * (r[1] - q[1])) / area
-                wq = ((p[0] - r[0]) * (b - r[1]) - (a - r[0]) * (p[1] - r[1])) / area
+                wr = ((qa - pa) * (b - pb) - (a - pa) * (qb - pb)) / area
+                wp = ((ra - qa) * (b - qb) - (a - qa) * (rb - qb)) / area
+                wq = ((pa - ra) * (b - rb) - (a - ra) * (pb - rb)) / area
                 if wp >= 0 and wq >= 0 and wr >= 0:
-                    c = int(np.ceil(wp * p[2] + wq * q[2] + wr * r[2]))
+                    c = int(np.ceil(wp * index[p, 2] + wq * index[q, 2] + wr * index[r, 2]))
                     crossings[a, b, min(max(c, 0), nc - 1)] += -1 if area > 0 else 1

@@ -53,23 +53,30 @@ class SquaredPattern:
         """
         weighted = data * np.repeat(weights, np.diff(self.rows))
         there, squared = self.transposed, self.squared
-        values = _values(
+        values, total = np.empty(squared.nnz), np.zeros(squared.shape[1])
+        _write_values(
             (self.rows, self.columns, weighted),
             (there.indptr, there.indices, data[there.data]),
             (squared.indptr, squared.indices),
+            values,
+            total,
         )
         return csr_array((values, squared.indices, squared.indptr), shape=squared.shape)
 
 
 @jit
-def _values(
+def _write_values(
     right: tuple[AnyArray, AnyArray, FloatArray],
     left: tuple[AnyArray, AnyArray, FloatArray],
     there: tuple[AnyArray, AnyArray],
-) -> FloatArray:
-    """Values of a product of two sparse matrices, starts of rows, columns and values, where they are."""
+    values: FloatArray,
+    total: FloatArray,
+) -> None:
+    """Write the values of a product of two sparse matrices: starts of rows, columns, values, where they are.
+
+    ``total`` has a zero for each column.
+    """
     starts, columns = there
-    values, total = np.empty(len(columns)), np.zeros(len(starts) - 1)
     for i in range(len(starts) - 1):
         for n in range(left[0][i], left[0][i + 1]):
             row, factor = left[1][n], left[2][n]
@@ -78,4 +85,3 @@ def _values(
         for n in range(starts[i], starts[i + 1]):
             values[n] = total[columns[n]]
             total[columns[n]] = 0.0
-    return values

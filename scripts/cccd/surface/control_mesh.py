@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_array, diags_array
 
-from cccd.geometry._jit import jit
+from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.decimation import collapse_edges
 from cccd.geometry.mesh import Mesh
@@ -201,7 +201,8 @@ def join_in_pairs(mesh: Mesh) -> tuple[IntArray, IntArray]:
     owner[inner] = np.column_stack([f, g])
     allowed[inner] = np.isfinite(cost)
     best = inner[np.argsort(cost, kind="stable")[: int(allowed.sum())]]
-    partner = _pairs(best, owner, side.reshape(-1, 3), allowed)
+    partner = np.full(len(faces), -1)
+    _pair(best, owner, side.reshape(-1, 3), allowed, partner)
     chosen = np.flatnonzero((partner[f] == g) & np.isfinite(cost))
     # two triangles may share more than one edge: one pair, one quad
     _, once = np.unique(f[chosen] * len(faces) + g[chosen], return_index=True)
@@ -224,9 +225,8 @@ def _cost_of_quads(corners: FloatArray) -> FloatArray:
 
 
 @jit
-def _pairs(best: IntArray, owner: IntArray, side: IntArray, allowed: BoolArray) -> IntArray:
-    """Partner (F,) of each triangle, or -1: greedily, then by changing one pair to make two."""
-    partner = np.full(len(side), -1)
+def _pair(best: IntArray, owner: IntArray, side: IntArray, allowed: BoolArray, partner: IntArray) -> None:
+    """Write the partner (F,) of each triangle, or -1: greedily, then by changing one pair to make two."""
     for edge in best:
         x, y = owner[edge, 0], owner[edge, 1]
         if x != y and partner[x] < 0 and partner[y] < 0:
@@ -238,10 +238,9 @@ def _pairs(best: IntArray, owner: IntArray, side: IntArray, allowed: BoolArray) 
                 gained = True
         if not gained:
             break
-    return partner
 
 
-@jit
+@jit_within
 def _pair_by_changing(x: int, partner: IntArray, owner: IntArray, side: IntArray, allowed: BoolArray) -> bool:
     """Give a triangle a neighbour whose partner finds another one."""
     for k in range(3):
