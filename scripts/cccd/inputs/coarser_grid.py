@@ -166,7 +166,7 @@ def _grids_of(borders: IntArray, size: int, mm: float) -> list[_Axis]:
         tried += [_Axis(count, centres, 0.0), _Axis(count, faces, (faces - 1) / 2)]
     for size_mm in _ROUND_MM * np.arange(1, min(size * mm / 2, _COARSEST_MM) / _ROUND_MM):
         ratio = float(size_mm / mm)
-        tried.append(_Axis(int((size - 1) / ratio) + 1, ratio, 0.0))
+        tried.append(_Axis(int((size - 1) / ratio + 0.5) + 1, ratio, 0.0))  # up to the mask's last voxel
     found: list[_Axis] = []
     for grid in tried:
         if grid.ratio < _LEAST_RATIO or len(borders) * grid.ratio < _DENSE * span:
