@@ -237,13 +237,14 @@ def _grown_from(seed: Seed, tissue: _Tissue, every: AnyArray) -> GrownRegion:
     for beyond in _BEYOND:
         low, high = float(own[0] - beyond * noise), float(own[1] + beyond * noise)
         grown = _region(tissue, (smooth >= low) & (smooth <= high), even, chosen, middle)
-        tried.append(GrownRegion(grown, low, high, ()))
-    volumes = np.array([max(np.count_nonzero(one.mask), 1) for one in tried])
+        tried.append((grown, low, high))
+    volumes = np.array([max(np.count_nonzero(grown), 1) for grown, _, _ in tried])
     leaks = np.minimum(np.abs(np.diff(np.log(volumes))), _LEAK)
-    scores = [_on_edges(one.mask, tissue, noise) for one in tried[:-1]] - leaks
+    scores = [_on_edges(grown, tissue, noise) for grown, _, _ in tried[:-1]] - leaks
     best = int(np.argmax(scores))
-    doubtful = scores[best] < _DOUBTFUL or tried[best].mask.mean() > _HALF
-    return tried[best]._replace(doubtful=(seed,) if doubtful else ())
+    grown, low, high = tried[best]
+    doubtful = scores[best] < _DOUBTFUL or grown.mean() > _HALF
+    return GrownRegion(grown, low, high, (seed,) if doubtful else ())
 
 
 def _noise(tissue: _Tissue, chosen: BoolArray) -> float:

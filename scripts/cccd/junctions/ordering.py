@@ -116,7 +116,7 @@ def order_boundaries(
     numbers = boundaries.slice[filled]
     maps = [pixels - corner for pixels in boundaries if len(pixels)]
     images, regions = (_slices_of(stack, numbers - first) for stack in (image, region))
-    pixel_mm = float(np.sqrt(np.prod(boundaries.frame.spacing[list(boundaries.frame.in_plane_axes)])))
+    pixel_mm = float(np.sqrt(boundaries.frame.pixel_spacing.prod()))
     found = predict_slices(maps, model, images, numbers, settings.parts, regions, pixel_mm)
     curves = closed_chains(found.masks, found.origin + corner, numbers, boundaries.frame, settings.parts)
     report = _report(boundaries, curves)

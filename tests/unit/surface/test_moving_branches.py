@@ -111,8 +111,8 @@ def test_a_section_tells_how_its_branch_leans(steep, direction, half_width):
     assert sections.half_widths[0] == pytest.approx(half_width, abs=0.35)  # half a pixel at most
     found = sections.leans[0]
     assert np.hypot(1, np.linalg.norm(found)) == pytest.approx(np.hypot(1, steep), rel=0.12)
-    if steep > 0.8:  # its direction to 14 degrees (10 is the worst of 6,000 random sections)
-        assert abs(found @ lean) > 0.97 * np.linalg.norm(found) * steep
+    if steep > 0.8:  # its direction to 8 degrees, or 14 where it leans little (10 measured)
+        assert abs(found @ lean) > (0.99 if steep > 1 else 0.97) * np.linalg.norm(found) * steep
 
 
 def test_slices_stay_and_so_does_what_overlaps_itself_stands_upright_or_lies_where_it_does_not_lean():
