@@ -207,7 +207,8 @@ def _make_phantom(row: Mapping[str, str], settings: ImportSettings, seed: int) -
     )
     if row["source"] == "phantom":
         return phantom
-    return damage_maps(phantom, np.random.default_rng(seed))
+    with needing(row["location"], "run"):
+        return damage_maps(phantom, np.random.default_rng(seed))
 
 
 # one grid -------------------------------------------------------------------------------------------

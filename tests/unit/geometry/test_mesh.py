@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from solids import box, sphere, torus
-from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
@@ -143,6 +142,7 @@ def test_simplified_keeps_size_and_volume():
 
 
 def test_vtk_s_mesh_outlives_ours():
+    vtk_to_numpy = pytest.importorskip("vtkmodules.util.numpy_support").vtk_to_numpy
     known = sphere(10)
     apart = [sphere(10).to_vtk() for _ in range(20)]
     over = [np.full(3 * len(known.faces), n) for n in range(100)]  # takes the memory that is free by now
