@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from cccd.errors import InputError
+from cccd.extras import check_extra
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
@@ -178,7 +179,7 @@ def find_centrelines(
     Raises
     ------
     InputError
-        There is no tube in it.
+        There is no tube in it, or the extra ``centrelines`` is not installed.
 
     Examples
     --------
@@ -188,6 +189,7 @@ def find_centrelines(
     >>> round(branch.length, 1), round(branch.mean_radius, 1)
     (40.0, 3.0)
     """
+    check_extra("centrelines", location)
     step = voxel_mm / _PER_VOXEL if voxel_mm else wall_thickness(mesh, 0.02) / _PER_THICKNESS
     lines = without_spurs(skeleton_lines(mesh, step))
     slicer, notes = Slicer(mesh), []
