@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cccd.errors import TAKEN_TOGETHER, InputError
-from cccd.extras import missing_extra
+from cccd.extras import check_extra, missing_extra
 
 if TYPE_CHECKING:
     from cccd.api import Surface
@@ -1163,6 +1163,7 @@ def _centrelines(given: argparse.Namespace) -> int:
     from cccd.tubes.files import check_suffix, describe, write_centrelines
 
     outputs = given.output or [Path(f"{_plain_stem(given.input)}_centrelines.csv")]
+    check_extra("centrelines", given.input.name)
     for path in outputs:
         check_suffix(path)
     _check_files(outputs, [given.input])
@@ -1217,6 +1218,8 @@ def _cut(given: argparse.Namespace, layers: Callable[[Mesh], list[tuple[Mesh, st
     from cccd.tubes.ends import clear_ends, find_ends, opened
     from cccd.tubes.named import check_named, write_named
 
+    if open_:
+        check_extra("centrelines", given.input.name)
     for path in given.output:
         check_named(path)
     _check_files(given.output, [given.input])

@@ -11,7 +11,7 @@ from cccd.errors import InputError
 __all__ = ["EXTRAS", "MESHER_EXTRAS", "check_extra", "how_to_install", "missing_extra", "needing"]
 
 _NRRD = ("SimpleITK",)
-_VIEW = ("pyvista",)
+_VIEW = ("pyvista", "vtkmodules")
 _REPORT = (*_VIEW, "matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification")
 
 #: Modules of each extra, by what they are imported as; ``pyproject.toml`` names their distributions. Where
@@ -21,16 +21,17 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "nrrd": _NRRD,
     "view": _VIEW,
     "report": _REPORT,
-    "gnn": (*_NRRD, "torch", "torch_geometric", "pandas"),
+    "gnn": (*_NRRD, "cv2", "skimage", "torch", "torch_geometric", "pandas"),
     "segment": ("monai", "torch", "pandas", "matplotlib"),
-    "comparisons": (*_NRRD, *_REPORT, "itk", "open3d"),
+    "comparisons": (*_NRRD, *_REPORT, "itk", "open3d", "cv2", "skimage"),
     "s3": ("boto3", "botocore"),
+    "centrelines": ("skimage",),
     "cad": (*_VIEW, "OCP"),
     "fe": (*_VIEW, "pytetwild"),
     "print": (*_VIEW, "lib3mf"),
     "usd": ("pxr",),
     "zarr": ("zarr",),
-    "run": (*_NRRD, *_REPORT, "snakemake", "jsonschema", "nilearn"),
+    "run": (*_NRRD, *_REPORT, "snakemake", "jsonschema", "nilearn", "cv2", "skimage"),
 }
 
 #: The extra that each mesher of tetrahedra needs; gmsh is a program.

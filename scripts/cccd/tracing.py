@@ -7,12 +7,11 @@ from functools import lru_cache
 from typing import cast
 
 import contourpy
-import cv2
 import numpy as np
 from scipy import ndimage
 
 from cccd.containers import Curves, Frame, ProbabilityStack, Structure
-from cccd.geometry._jit import jit
+from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import FloatArray, RealArray, concatenate_ragged, split_ragged
 from cccd.geometry.polygons import RaggedPolygons
 
@@ -20,6 +19,8 @@ __all__ = ["left_out", "level_curves", "trace_mask", "trace_stack"]
 
 #: Probabilities count as no nearer to one half than this: their level passes no pixel's centre.
 NEAREST_HALF = 0.02
+#: Steps (i, j) down, right, up and left: each a left turn from the last.
+_HEADINGS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
 
 
 def trace_mask(structure: Structure) -> Curves:
@@ -52,28 +53,89 @@ def trace_stack(mask: np.ndarray, origin: Sequence[int] | np.ndarray, frame: Fra
     walk is split there into loops that touch in that pixel only; what was walked back and forth (spurs,
     lines, single pixels) encloses nothing and is dropped. The signed area is kept exactly.
     """
-    chains: list[np.ndarray] = []
-    layers: list[int] = []
-    holes: list[bool] = []
-    for layer in np.flatnonzero(mask.any(axis=(1, 2))):
-        contours, hierarchy = cv2.findContours(
-            mask[layer].astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE
-        )
-        chains += [contour[:, 0, ::-1] for contour in contours]
-        layers += [int(layer)] * len(contours)
-        holes += (hierarchy[0, :, 3] >= 0).tolist()
-    pixels, offsets = concatenate_ragged(chains)
-    whole = pixels.astype(np.int64)
+    whole, offsets, layers, holes = _border_walks(mask)
     loop_points, loop_offsets, chain = _split_at_repeated_pixels(whole, offsets)
     points = whole[loop_points].astype(float)
-    layer, within_hole = np.array(layers, np.int64)[chain], np.array(holes, bool)[chain]
+    layer, within_hole = layers[chain], holes[chain]
 
-    # OpenCV walks outer borders and holes in opposite senses; turn each chain so that the organ lies on
+    # Outer borders and holes are walked in opposite senses; turn each chain so that the organ lies on
     # the side that `Curves` wants. A loop around tissue that hangs into a hole is an outer curve.
     chain_area = RaggedPolygons(whole.astype(float), offsets).signed_areas[chain]
     area = RaggedPolygons(points, loop_offsets).signed_areas
     area *= np.where((chain_area > 0) == within_hole, -1, 1)
     return _oriented(points, loop_offsets, layer, area, np.asarray(origin), frame)
+
+
+def _border_walks(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Walk around the borders of a mask (S, I, J); in the order in which OpenCV's ``findContours`` does.
+
+    Returns
+    -------
+    pixels : (P, 2) int64
+    offsets : (C + 1,) int64
+    layers : (C,) int64
+    holes : (C,) bool
+    """
+    inside = np.pad(np.asarray(mask, bool), ((0, 0), (1, 1), (1, 1)))
+    sides = sum(int(np.count_nonzero(np.diff(inside, axis=axis))) for axis in (1, 2))
+    pixels, walks = np.empty((sides, 2), np.int64), np.empty((sides, 4), np.int64)
+    walked = np.empty((2, *inside.shape[1:]), np.int64)
+    count = _follow(inside, walked, _HEADINGS, pixels, walks)
+    ends, layers, parts, holes = walks[:count].T
+    starts = np.concatenate([[0], ends])[:-1]
+    order = np.lexsort((-starts, holes, -parts, layers))  # the last part first, its holes after its border
+    chains, offsets = concatenate_ragged([pixels[starts[n] : ends[n]] - 1 for n in order])
+    return chains, offsets, layers[order], holes[order] > 0
+
+
+@jit
+def _follow(inside, walked, headings, pixels, walks):
+    # Along the sides of pixels, the organ on the left: from a left side downwards, of holes from a right side
+    # upwards. `walked` holds for both sides of a layer's pixels which part's border was walked there.
+    written, count = 0, 0
+    for layer in range(inside.shape[0]):
+        walked[:] = -1
+        for i in range(1, inside.shape[1] - 1):
+            part = -1
+            for j in range(1, inside.shape[2] - 1):
+                if not inside[layer, i, j]:
+                    continue
+                for hole in range(2):
+                    if inside[layer, i, j - 1 + 2 * hole]:
+                        continue
+                    if walked[hole, i, j] < 0:
+                        part = part if hole else count
+                        written = _walk(inside, layer, walked, headings, pixels, written, i, j, hole, part)
+                        walks[count, 0], walks[count, 1] = written, layer
+                        walks[count, 2], walks[count, 3] = part, hole
+                        count += 1
+                    part = walked[hole, i, j]
+    return count
+
+
+@jit_within
+def _walk(inside, layer, walked, headings, pixels, first, i, j, hole, part):
+    """Write the pixels along one border, and return how many are written by then."""
+    written, heading, a, b = first, 2 * hole, i, j
+    while True:
+        if heading % 2 == 0:
+            walked[heading // 2, a, b] = part
+        if written == first or pixels[written - 1, 0] != a or pixels[written - 1, 1] != b:
+            pixels[written, 0], pixels[written, 1] = a, b
+            written += 1
+        right = (heading + 3) % 4
+        c, d = a + headings[heading, 0], b + headings[heading, 1]
+        if inside[layer, c + headings[right, 0], d + headings[right, 1]]:  # by a corner, too
+            a, b, heading = c + headings[right, 0], d + headings[right, 1], right
+        elif inside[layer, c, d]:
+            a, b = c, d
+        else:
+            heading = (heading + 1) % 4
+        if a == i and b == j and heading == 2 * hole:
+            break
+    # it may have begun amid the sides of its first pixel
+    again = written > first + 1 and pixels[written - 1, 0] == i and pixels[written - 1, 1] == j
+    return written - 1 if again else written
 
 
 def level_curves(stack: ProbabilityStack, frame: Frame) -> Curves:

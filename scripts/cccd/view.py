@@ -6,10 +6,8 @@ boundary pixels and curve points carry whether a greedy chain code gets stuck on
 
 from __future__ import annotations
 
-from typing import cast
-
-import cv2
 import numpy as np
+import shapely
 
 from cccd.bands import Band
 from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels, on_pixel_chain
@@ -132,8 +130,7 @@ def lines_on_slices(mesh: Mesh, frame: Frame, slices: IntArray) -> Curves:
 
 def _thinned(loop: FloatArray) -> FloatArray:
     """Leave out points (n, 2) by the algorithm of Douglas and Peucker (1973)."""
-    kept = cast("FloatArray", cv2.approxPolyDP(loop.astype(np.float32), _LINE_PX, True))
-    return kept[:, 0].astype(float)
+    return shapely.get_coordinates(shapely.simplify(shapely.linearrings(loop), _LINE_PX))[:-1]
 
 
 def _stuck(boundaries: Boundaries | None, curves: Curves) -> dict[str, np.ndarray]:

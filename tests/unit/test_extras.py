@@ -10,6 +10,7 @@ from pathlib import Path
 import nibabel
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from cccd.extras import EXTRAS, check_extra, missing_extra, needing
 
@@ -17,14 +18,14 @@ ROOT = Path(__file__).parents[2]
 SCANS = runpy.run_path(str(Path(__file__).parent / "inputs" / "scans.py"))
 AFFINE = np.diag([1.0, 1.0, 2.5, 1.0])
 
-#: Runs commands and expressions where a module is not: nothing finds it, as where it was never installed.
+#: Runs commands and expressions where modules are not: nothing finds them, as where it was never installed.
 PROGRAM = """
 import contextlib, importlib.machinery, io, json, shlex, sys
 
 missing, *asked = sys.argv[1:]
 find = importlib.machinery.PathFinder.find_spec
 importlib.machinery.PathFinder.find_spec = lambda name, path=None, target=None: (
-    None if name.split(".")[0] == missing else find(name, path, target)
+    None if name.split(".")[0] in missing.split(",") else find(name, path, target)
 )
 
 import nibabel, numpy as np, cccd, cccd.remote
@@ -68,11 +69,25 @@ OF_DICOM = (
     "cccd surface seg.dcm --all-labels",
 )
 
+TUBES = ("centrelines mask.nii.gz", "lumen mask.nii.gz -o a.stl")
+
 #: By module and extra: what cannot be done without it.
 WITHOUT = {
     "SimpleITK": {
         "nrrd": ["cccd surface mask.nrrd", "cccd check mask.mha", "cccd.read('mask.nrrd')"],
         "gnn": ["cccd surface grey.nii.gz --seed 12,12,6", "cccd.read('grey.nii.gz', seed='12,12,6')"],
+    },
+    "cv2": {"gnn": ORDERING, "run": ["cccd check damaged.tsv"]},
+    "skimage": {
+        "centrelines": [f"cccd {of}" for of in TUBES],
+        "gnn": ["cccd surface grey.nii.gz --seed 12,12,6"],
+    },
+    "vtkmodules": {
+        "view": [
+            *writing("vtp"),
+            *("cccd surface mesh.vtp", "cccd.smooth_mesh('mesh.vtp')"),
+            *("cccd centrelines mask.nii.gz -o a.vtp", "cccd hollow mask.nii.gz --thickness 2 -o a.vtp"),
+        ],
     },
     "torch": {"gnn": ORDERING, "segment": [SEGMENTING]},
     "torch_geometric": {"gnn": ORDERING},
@@ -128,6 +143,8 @@ def inputs(tmp_path_factory):
     sphere = trimesh.creation.icosphere(3, 8.0)
     mesh = Mesh(sphere.vertices + (grid @ (12, 12, 6, 1))[:3], np.asarray(sphere.faces, np.int64))
     write_seg(folder / "seg.dcm", mesh, name="ball", reference=folder / "series")
+    (folder / "mesh.vtp").write_text("<VTKFile/>")
+    (folder / "damaged.tsv").write_text("case\torgan\tsource\na\tliver\tdamaged_phantom\n")
     (folder / "sheet.tsv").write_text("case\torgan\tmask\na\tball\tmask.nii.gz\n")
     for name, source, organ in (("mni", "mni152", "brain"), ("ct", "whole_body_ct", "liver")):
         (folder / f"{name}.tsv").write_text(f"case\torgan\tsource\na\t{organ}\t{source}\n")
@@ -153,6 +170,30 @@ def test_one_line_names_the_extra_of_what_was_asked_for(inputs, module):
         assert len(lines) == 1, (one, said)
         assert f"{module} is not installed" in said, (one, said)
         assert f"[{named[one]}]" in said, (one, said)
+
+
+def test_without_any_extra_masks_probabilities_and_label_maps_become_surfaces(inputs, tmp_path):
+    inside = np.asarray(nibabel.load(inputs / "mask.nii.gz").dataobj, np.float32)
+    nibabel.save(nibabel.Nifti1Image(ndimage.gaussian_filter(inside, 0.7), AFFINE), tmp_path / "maps.nii.gz")
+    nibabel.save(nibabel.Nifti1Image((2 * inside).astype(np.uint8), AFFINE), tmp_path / "mask.nii.gz")
+    commands = (
+        "cccd surface mask.nii.gz -o a.ply -o a.stl -o a.obj -o a.glb -o a.gii -o a.nii.gz",
+        "cccd surface maps.nii.gz -o b.ply",
+        "cccd surface mask.nii.gz --all-labels -o c.glb",
+        "cccd surface a.stl -o d.ply",
+        "cccd compare a.ply mask.nii.gz",
+        "cccd hollow mask.nii.gz --thickness 2 -o e.stl",
+        "cccd surface mask.nii.gz --triangles 2000 -o f.ply",
+    )
+    modules = ",".join(sorted({module for brought in EXTRAS.values() for module in brought}))
+    env = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
+    run = subprocess.run(
+        [sys.executable, "-c", PROGRAM, modules, *commands],
+        cwd=tmp_path, env=env, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    for line in run.stdout.splitlines():
+        one, code, said = json.loads(line)
+        assert code == 0, (one, said)
 
 
 def test_every_module_of_an_extra_is_named_with_one_that_brings_it():

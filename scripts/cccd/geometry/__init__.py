@@ -16,6 +16,9 @@ module             holds
 ``opencv``         OpenCV's operations on images, typed
 ``sections``       the loops in which a mesh meets parallel planes
 ``distance``       signed distances of masks, polygons and meshes
+``triangles``      single triangles: how far points are, where lines meet them
+``triangle_tree``  `TriangleTree`: the nearest triangle of a mesh, and the first that a line meets
+``low_pass``       smoothing of meshes by a windowed sinc filter
 ``grid``           `ScalarGrid`: values on a grid and their isosurface
 ``bsplines``       knots and basis functions of B-splines
 ``closed_splines`` closed cubic curves, compiled: basis, pieces, values and derivatives

@@ -10,6 +10,7 @@ import numpy as np
 
 from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.triangles import Point, corners_of, point_of
 
 __all__ = ["MovingTriangles", "passing_pairs"]
 
@@ -20,8 +21,6 @@ _TOUCHING = 1e-12
 _CELL = 1.5
 #: Pairs for which there is room at first: where there are more, all are sought again.
 _FIRST_PAIRS = 1024
-
-_Point = tuple[float, float, float]
 
 
 class MovingTriangles:
@@ -191,11 +190,11 @@ def _pass(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
 @jit_within
 def _on_one_side(vertices: FloatArray, faces: IntArray, f: int, g: int, shared: int) -> bool:
     """Whether the corners of ``g``, but for a shared one, lie on one side of the plane of ``f``."""
-    p, q, r = _corners(vertices, faces, f)
+    p, q, r = corners_of(vertices, faces, f)
     above, below = False, False
     for x in range(3):
         if x != shared:
-            side = _six_volumes(p, q, r, _point(vertices, faces[g, x]))
+            side = _six_volumes(p, q, r, point_of(vertices, faces[g, x]))
             above, below = above or side > 0, below or side < 0
     return not (above and below)
 
@@ -214,8 +213,8 @@ def _extent(vertices: FloatArray, faces: IntArray, f: int) -> float:
 @jit_within
 def _edge_pierces(vertices: FloatArray, faces: IntArray, f: int, x: int, g: int, tiny: float) -> bool:
     """Whether edge ``x`` of one triangle passes through the inside of another."""
-    a, b = _point(vertices, faces[f, x]), _point(vertices, faces[f, (x + 1) % 3])
-    p, q, r = _corners(vertices, faces, g)
+    a, b = point_of(vertices, faces[f, x]), point_of(vertices, faces[f, (x + 1) % 3])
+    p, q, r = corners_of(vertices, faces, g)
     start, end = _six_volumes(p, q, r, a), _six_volumes(p, q, r, b)
     if start * end >= 0 or abs(start) < tiny or abs(end) < tiny:
         return False
@@ -226,17 +225,7 @@ def _edge_pierces(vertices: FloatArray, faces: IntArray, f: int, x: int, g: int,
 
 
 @jit_within
-def _corners(vertices: FloatArray, faces: IntArray, f: int) -> tuple[_Point, _Point, _Point]:
-    return _point(vertices, faces[f, 0]), _point(vertices, faces[f, 1]), _point(vertices, faces[f, 2])
-
-
-@jit_within
-def _point(vertices: FloatArray, n: int) -> _Point:
-    return (vertices[n, 0], vertices[n, 1], vertices[n, 2])
-
-
-@jit_within
-def _six_volumes(a: _Point, b: _Point, c: _Point, d: _Point) -> float:
+def _six_volumes(a: Point, b: Point, c: Point, d: Point) -> float:
     """Six times the signed volume of a tetrahedron."""
     ax, ay, az = a[0] - d[0], a[1] - d[1], a[2] - d[2]
     bx, by, bz = b[0] - d[0], b[1] - d[1], b[2] - d[2]

@@ -17,6 +17,7 @@ from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.triangles import Point, dot, point_of
 from cccd.tolerances import TINY
 
 __all__ = ["collapse_apart", "collapse_edges", "weigh_more"]
@@ -47,7 +48,6 @@ _DEARER_ROUNDS = 8
 
 #: A cost, and the point that it is of.
 _Candidate = tuple[float, float, float, float]
-_Point = tuple[float, float, float]
 
 #: The cost of joining two vertices, they, and how often they had moved.
 _Offer = tuple[float, int, int, int, int]
@@ -347,7 +347,7 @@ def _keeps_topology(fans: _Fans, u: int, v: int, ring: IntArray, other: IntArray
 def _keeps_sides(fans: _Fans, vertices: _Vertices, u: int, v: int, to: _Candidate) -> bool:
     """Whether no triangle around the two turns over or becomes a sliver when they move."""
     p = (to[1], to[2], to[3])
-    joined = _unit(_added(_at(vertices.normals, u), _at(vertices.normals, v)))
+    joined = _unit(_added(point_of(vertices.normals, u), point_of(vertices.normals, v)))
     for x in (u, v):
         y = u + v - x
         corner = fans.first[x]
@@ -361,22 +361,22 @@ def _keeps_sides(fans: _Fans, vertices: _Vertices, u: int, v: int, to: _Candidat
 
 
 @jit_within
-def _faces_right(vertices: _Vertices, p: _Point, x: int, g: int, h: int, joined: _Point) -> bool:
+def _faces_right(vertices: _Vertices, p: Point, x: int, g: int, h: int, joined: Point) -> bool:
     """Whether the triangle of two vertices and a third that moves to ``p`` stays as it should."""
-    a, b = _at(vertices.points, g), _at(vertices.points, h)
+    a, b = point_of(vertices.points, g), point_of(vertices.points, h)
     normal, edges = _doubled(p, a, b)
-    size = np.sqrt(_dot(normal, normal))
-    there = _added(joined, _added(_unit(_at(vertices.normals, g)), _unit(_at(vertices.normals, h))))
-    if _dot(normal, there) < _LEAST_COSINE * size * np.sqrt(_dot(there, there)):
+    size = np.sqrt(dot(normal, normal))
+    there = _added(joined, _added(_unit(point_of(vertices.normals, g)), _unit(point_of(vertices.normals, h))))
+    if dot(normal, there) < _LEAST_COSINE * size * np.sqrt(dot(there, there)):
         return False
     if size >= _SLIVER * edges:
         return True
-    old, old_edges = _doubled(_at(vertices.points, x), a, b)
-    return bool(size * old_edges >= np.sqrt(_dot(old, old)) * edges)
+    old, old_edges = _doubled(point_of(vertices.points, x), a, b)
+    return bool(size * old_edges >= np.sqrt(dot(old, old)) * edges)
 
 
 @jit_within
-def _doubled(a: _Point, b: _Point, c: _Point) -> tuple[_Point, float]:
+def _doubled(a: Point, b: Point, c: Point) -> tuple[Point, float]:
     """Return the normal of a triangle, as long as twice its area, and the sum of its squared edges."""
     ab = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
     ac = (c[0] - a[0], c[1] - a[1], c[2] - a[2])
@@ -386,27 +386,17 @@ def _doubled(a: _Point, b: _Point, c: _Point) -> tuple[_Point, float]:
         ab[2] * ac[0] - ab[0] * ac[2],
         ab[0] * ac[1] - ab[1] * ac[0],
     )
-    return normal, _dot(ab, ab) + _dot(ac, ac) + _dot(bc, bc)
+    return normal, dot(ab, ab) + dot(ac, ac) + dot(bc, bc)
 
 
 @jit_within
-def _at(values: FloatArray, n: int) -> _Point:
-    return (values[n, 0], values[n, 1], values[n, 2])
-
-
-@jit_within
-def _added(a: _Point, b: _Point) -> _Point:
+def _added(a: Point, b: Point) -> Point:
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 @jit_within
-def _dot(a: _Point, b: _Point) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@jit_within
-def _unit(a: _Point) -> _Point:
-    size = np.sqrt(_dot(a, a)) + TINY
+def _unit(a: Point) -> Point:
+    size = np.sqrt(dot(a, a)) + TINY
     return (a[0] / size, a[1] / size, a[2] / size)
 
 

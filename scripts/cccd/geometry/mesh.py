@@ -15,6 +15,7 @@ from cccd.geometry._vtk import vtk
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.averaging import averages
 from cccd.geometry.collisions import passing_pairs
+from cccd.geometry.low_pass import low_passed
 
 if TYPE_CHECKING:
     import pyvista
@@ -270,17 +271,7 @@ class Mesh:
         rounds : int
             Degree of the filter's polynomial.
         """
-        filter_ = vtk("vtkFiltersCore").vtkWindowedSincPolyDataFilter()
-        filter_.SetInputData(self.to_vtk())
-        filter_.SetNumberOfIterations(rounds)
-        filter_.SetPassBand(band)
-        filter_.NormalizeCoordinatesOn()
-        filter_.FeatureEdgeSmoothingOff()
-        filter_.BoundarySmoothingOn()  # an open edge as a line by itself
-        filter_.NonManifoldSmoothingOff()
-        filter_.Update()
-        moved = vtk("util.numpy_support").vtk_to_numpy(filter_.GetOutput().GetPoints().GetData())
-        return Mesh(moved.astype(float), self.faces)
+        return Mesh(low_passed(self.vertices, self.faces, band, rounds), self.faces)
 
     def averages(self, values: FloatArray, rounds: Sequence[int]) -> list[FloatArray]:
         """Average values (V,) of a closed mesh's vertices; see `cccd.geometry.averaging.averages`."""

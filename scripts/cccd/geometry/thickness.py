@@ -1,16 +1,13 @@
-"""How thick the walls of a closed mesh are, and where lines meet it."""
+"""How thick the walls of a closed mesh are."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from cccd.geometry._vtk import vtk
-from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.triangle_tree import TriangleTree
 
-__all__ = ["first_hit", "locator", "wall_thickness"]
+__all__ = ["wall_thickness"]
 
 #: Rays that are cast into a mesh.
 RAYS = 2000
@@ -35,27 +32,5 @@ def wall_thickness(mesh: Mesh, share: float) -> float:
     inwards = -mesh.unit_normals[face]
     start = mesh.vertices[mesh.faces[face]].mean(axis=1) + BELOW_MM * inwards
     reach = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-    tree = locator(mesh)
     ends = start + reach * inwards
-    hits = [first_hit(tree, point, end) for point, end in zip(start, ends, strict=True)]
-    return float(np.quantile(np.linalg.norm(hits - start, axis=1), share))
-
-
-def locator(mesh: Mesh) -> Any:
-    """Put the triangles of a mesh into a tree for `first_hit`."""
-    tree = vtk("vtkCommonDataModel").vtkStaticCellLocator()
-    tree.SetDataSet(mesh.to_vtk())
-    tree.BuildLocator()
-    return tree
-
-
-def first_hit(tree: Any, start: FloatArray, end: FloatArray) -> FloatArray:
-    """Point (3,) at which a line first meets a located mesh; its end where it meets none."""
-    share, found, parameters = _reference(0.0), [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
-    met = tree.IntersectWithLine(start, end, 0.0, share, found, parameters, _reference(0))
-    return np.array(found) if met else end
-
-
-def _reference(value: float) -> Any:
-    """Return a number that VTK can write to."""
-    return vtk("vtkCommonCore").reference(value)
+    return float(np.quantile(reach * TriangleTree(mesh).first_hits(start, ends), share))

@@ -13,7 +13,6 @@ from scipy import ndimage
 
 from cccd.containers import Structure
 from cccd.geometry.arrays import FloatArray
-from cccd.inputs.corruptions import KINDS, corrupt
 from cccd.inputs.grid import Volume
 
 __all__ = ["BIAS", "EVERY", "NOISE", "bias_field", "coarser", "damage_maps", "rescan"]
@@ -24,8 +23,7 @@ EVERY = (2, 2, 5)
 #: BrainWeb's middle level of noise, 3 %, and its stronger field, 40 %: factors from 0.8 to 1.2.
 NOISE, BIAS = 0.03, 0.4
 
-#: How maps are damaged: as in the comparison of the decoders, by all that it has but for undamaged maps.
-DAMAGE = tuple(kind for kind in KINDS if kind not in ("clean", "everything"))
+#: How much maps are damaged, as in the comparison of the decoders.
 SEVERITY = 1.0
 
 #: Values along each axis between which the bias field runs smoothly.
@@ -104,7 +102,7 @@ def bias_field(rng: np.random.Generator, shape: tuple[int, int, int], spread: fl
 
 
 def damage_maps(
-    structure: Structure, rng: np.random.Generator, kinds: Sequence[str] = DAMAGE, severity: float = SEVERITY
+    structure: Structure, rng: np.random.Generator, kinds: Sequence[str] = (), severity: float = SEVERITY
 ) -> Structure:
     """Take a masked structure's boundary maps, each slice's damaged in one way, in place of its image.
 
@@ -114,7 +112,7 @@ def damage_maps(
         With a mask, which stays as ground truth, and so does a true surface.
     rng : Generator
     kinds : sequence of str
-        Of which each slice has one, drawn by chance.
+        Of which each slice has one, drawn by chance: all but for undamaged maps by default.
     severity : float
 
     Returns
@@ -122,6 +120,9 @@ def damage_maps(
     Structure
         With ``boundary``, without an image; ``provenance["damaged"]`` says which slice was damaged how.
     """
+    from cccd.inputs.corruptions import KINDS, corrupt  # OpenCV draws them
+
+    kinds = kinds or [kind for kind in KINDS if kind not in ("clean", "everything")]
     axis = structure.frame.slice_axis
     room = [(0, 0) if along == axis else (_ROOM_PX, _ROOM_PX) for along in range(3)]
     roomy = replace(

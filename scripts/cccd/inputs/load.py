@@ -207,7 +207,8 @@ def _make_phantom(row: Mapping[str, str], settings: ImportSettings, seed: int) -
     )
     if row["source"] == "phantom":
         return phantom
-    return damage_maps(phantom, np.random.default_rng(seed))
+    with needing(row["location"], "run"):
+        return damage_maps(phantom, np.random.default_rng(seed))
 
 
 # one grid -------------------------------------------------------------------------------------------
@@ -398,7 +399,8 @@ def _find_organ(
     if row["source"] == "upenn_gbm":
         return brain_of_stripped(image), {}
     axis = _slice_axis(image, settings)
-    found, bounds = find_region(image.data, image.location, settings.region, slice_axis=axis)
+    with needing(image.location, "gnn"):  # Otsu's threshold
+        found, bounds = find_region(image.data, image.location, settings.region, slice_axis=axis)
     window = [None if np.isinf(bound) else bound for bound in bounds]
     region = settings.region.as_config() | {"window": window}
     note = f"{image.location}: no mask; the organ is found by a threshold: grey values {_range(*bounds)}"

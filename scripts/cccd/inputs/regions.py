@@ -65,9 +65,12 @@ def find_region(
     """
     if image.min() == image.max():
         raise InputError(location, f"all its grey values are {image.min():g}", "give another scan, or a mask")
-    from skimage.filters import threshold_otsu  # slow to import
+    if settings.window == "otsu":
+        from skimage.filters import threshold_otsu  # slow to import
 
-    low, high = (float(threshold_otsu(image)), None) if settings.window == "otsu" else settings.window
+        low, high = float(threshold_otsu(image)), None
+    else:
+        low, high = settings.window
     low, high = (-np.inf if low is None else low), (np.inf if high is None else high)
     labels, count = ndimage.label((image >= low) & (image <= high))
     sizes = np.bincount(labels.ravel(), minlength=count + 1)

@@ -19,10 +19,12 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from cccd.errors import InputError
+from cccd.extras import check_extra
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.thickness import first_hit, locator, wall_thickness
+from cccd.geometry.thickness import wall_thickness
+from cccd.geometry.triangle_tree import TriangleTree
 from cccd.tubes.sections import Section, Slicer
 from cccd.tubes.skeleton import Line, degrees, joined, skeleton_lines, without_spurs
 
@@ -177,7 +179,7 @@ def find_centrelines(
     Raises
     ------
     InputError
-        There is no tube in it.
+        There is no tube in it, or the extra ``centrelines`` is not installed.
 
     Examples
     --------
@@ -187,6 +189,7 @@ def find_centrelines(
     >>> round(branch.length, 1), round(branch.mean_radius, 1)
     (40.0, 3.0)
     """
+    check_extra("centrelines", location)
     step = voxel_mm / _PER_VOXEL if voxel_mm else wall_thickness(mesh, 0.02) / _PER_THICKNESS
     lines = without_spurs(skeleton_lines(mesh, step))
     slicer, notes = Slicer(mesh), []
@@ -366,7 +369,7 @@ def _without_sections(moved: Sequence[_Moved]) -> list[Line]:
 def _centred(moved: Sequence[_Moved], mesh: Mesh) -> list[Line]:
     """Lines through the middles of their sections, their ends at the surface or where axes meet."""
     forks = _forks(moved, mesh)
-    tree = locator(mesh)
+    tree = TriangleTree(mesh)
     lines: list[Line] = []
     for one in moved:
         centres, radii = one.centres.reshape(-1, 3), one.radius[one.own]
@@ -381,8 +384,9 @@ def _centred(moved: Sequence[_Moved], mesh: Mesh) -> list[Line]:
                 ends.append(forks[node])
             elif len(centres):
                 away = np.linalg.norm(one.points[end] - centres[end]) + one.inscribed[end]
-                ahead = centres[end] + _END_REACH * away * one.direction(end)
-                ends.append(first_hit(tree, centres[end], ahead))
+                ahead = _END_REACH * away * one.direction(end)
+                share = tree.first_hits(centres[[end]], (centres[end] + ahead)[None])
+                ends.append(centres[end] + share * ahead)
             else:
                 ends.append(one.points[end])
         if not len(centres):  # as where two forks are near: straight, if not along another such line

@@ -4,7 +4,7 @@ import pytest
 from cccd.containers import Curves
 from cccd.curves import corner_splines, describe_curves, fit_splines, measure_curves, sample_splines, sweep_k
 from cccd.curves.corners import k_cosine_corners
-from cccd.curves.measures import area_dice, bytes_per_slice, distances
+from cccd.curves.measures import _png_size, area_dice, bytes_per_slice, distances
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.metrics import dice
 from cccd.settings.curves import CurveSettings
@@ -56,6 +56,14 @@ def test_bytes_are_what_the_formats_need(curves_of, blob):
     assert sizes["chain_code"] == pytest.approx(4 + 8 + np.ceil(3 * links / 8))
     assert np.all(sizes["png"] < sizes["raw"])
     assert np.all(sizes["spline_16_bit"] < sizes["spline"])
+
+
+def test_a_png_file_is_as_large_as_opencv_makes_it(blob):
+    cv2 = pytest.importorskip("cv2")
+    for seed in range(4):
+        picture = np.tile(blob(seed)[0][0], (1 + 4 * seed, 3)).astype(np.uint8)
+        encoded = cv2.imencode(".png", 255 * picture, [cv2.IMWRITE_PNG_BILEVEL, 1])[1]
+        assert _png_size(picture > 0) == len(encoded)
 
 
 def test_sweep_has_the_paper_s_shape(blob):

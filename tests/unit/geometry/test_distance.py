@@ -5,14 +5,18 @@ import pytest
 from solids import box, sphere
 
 from cccd.geometry.distance import (
+    by_steps_to_zero,
     grid_to_mesh,
     nearest_faces,
+    nearest_points,
     to_mask,
     to_mesh,
     to_polygons,
     unsigned_to_mesh,
 )
+from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.triangle_tree import TriangleTree
 
 
 def disc(radius, spacing, shape=(61, 61)):
@@ -62,6 +66,34 @@ def test_the_nearest_face_of_a_point_above_a_face_is_that_face(monkeypatch):
     ball = sphere(20.0)
     above = ball.vertices[ball.faces].mean(axis=1) + 0.1 * ball.unit_normals
     assert np.array_equal(nearest_faces(above, ball), np.arange(len(ball.faces)))
+
+
+def test_distances_to_a_mesh_are_those_of_vtk_signs_included():
+    filters = pytest.importorskip("vtkmodules.vtkFiltersCore")
+    rng = np.random.default_rng(0)
+    plate, ball = box((4.0, 6.0, 0.5)), sphere(3.0)
+    mesh = Mesh.joined([plate, Mesh(ball.vertices + np.array((0, 0, 5)), ball.faces)])
+    points = np.concatenate([rng.uniform(-9, 9, (2000, 3)), 1.2 * mesh.vertices, 0.9 * plate.vertices])
+    theirs = filters.vtkImplicitPolyDataDistance()
+    theirs.SetInput(mesh.to_vtk())
+    distance = [theirs.FunctionValue(point) for point in points]
+    np.testing.assert_allclose(to_mesh(points, mesh), distance, atol=1e-12)
+    off = np.linalg.norm(points - nearest_points(points, mesh), axis=1)
+    np.testing.assert_allclose(off, np.abs(distance), atol=1e-12)
+
+
+def test_lines_meet_a_box_where_they_enter_or_leave_it():
+    tree = TriangleTree(box((4.0, 6.0, 5.0)))
+    starts = np.array([(-10, 0.3, 0.2), (0.1, 0.3, 0.2), (-10, 0.3, 0.2), (-10, 9.0, 0.0)])
+    ends = np.array([(10, 0.3, 0.2), (0.1, 10.3, 0.2), (-3, 0.3, 0.2), (10, 9.0, 0.0)])
+    np.testing.assert_allclose(tree.first_hits(starts, ends), [0.4, 0.27, 1, 1])
+
+
+def test_distance_by_steps_is_that_of_opencv():
+    cv2 = pytest.importorskip("cv2")
+    mask = np.random.default_rng(0).random((40, 50)) < 0.95
+    theirs = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
+    np.testing.assert_allclose(by_steps_to_zero(mask), theirs, atol=1e-4)
 
 
 def test_distance_on_a_grid_is_that_of_the_box_within_the_band():

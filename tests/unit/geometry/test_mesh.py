@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from solids import box, sphere, torus
-from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
@@ -143,6 +142,7 @@ def test_simplified_keeps_size_and_volume():
 
 
 def test_vtk_s_mesh_outlives_ours():
+    vtk_to_numpy = pytest.importorskip("vtkmodules.util.numpy_support").vtk_to_numpy
     known = sphere(10)
     apart = [sphere(10).to_vtk() for _ in range(20)]
     over = [np.full(3 * len(known.faces), n) for n in range(100)]  # takes the memory that is free by now
@@ -180,6 +180,21 @@ def test_a_low_pass_takes_ripples_off_a_ball_and_keeps_its_volume():
     assert np.linalg.norm(smooth.vertices, axis=1).std() < 0.3 * np.linalg.norm(rough.vertices, axis=1).std()
     assert smooth.curvature_per_area == pytest.approx(2 / 0.8, rel=0.3)  # the ripples' is eight times it
     assert smooth.is_closed_manifold
+
+
+def test_a_low_pass_is_that_of_vtk_also_along_open_edges():
+    filters = pytest.importorskip("vtkmodules.vtkFiltersCore")
+    arrays = pytest.importorskip("vtkmodules.util.numpy_support")
+    ball = sphere(10)
+    cut = Mesh(ball.vertices, ball.faces[ball.vertices[ball.faces].mean(axis=1) @ (1, 0.5, 0) < 4]).compact()
+    sinc = filters.vtkWindowedSincPolyDataFilter()
+    sinc.SetInputData(cut.to_vtk())
+    sinc.SetNumberOfIterations(30)
+    sinc.SetPassBand(0.1)
+    sinc.NormalizeCoordinatesOn()
+    sinc.Update()
+    theirs = arrays.vtk_to_numpy(sinc.GetOutput().GetPoints().GetData())
+    assert np.abs(cut.low_passed(0.1, 30).vertices - theirs).max() < 1e-12
 
 
 def test_normals_of_a_ball_point_away_from_its_centre():
