@@ -553,8 +553,9 @@ def _on_coarser_grid(scan: _Scan, row: Mapping[str, str]) -> _Scan:
         return scan
     first, last, _ = _extent_of_voxels(scan)
     coarse_mask = grid.of(mask)
-    in_slices = int(coarse_mask.any(axis=frame.in_plane_axes).sum())
-    if in_slices < MIN_SLICES or _annotation(scan, first, last, row["location"]) is not None:
+    # of so few voxels it is as likely an organ with flat sides of its own
+    voxels_wide = [int(coarse_mask.any(axis=tuple({0, 1, 2} - {axis})).sum()) for axis in range(3)]
+    if min(voxels_wide) < MIN_SLICES or _annotation(scan, first, last, row["location"]) is not None:
         return scan
     a, b, c = (len(index) for index in grid.index)
     coarse = Frame(frame.affine @ grid.affine, frame.slice_axis, (a, b, c), Grid(frame.affine, frame.shape))

@@ -199,7 +199,7 @@ def _of_other_topology(mesh: Mesh, slices: Sequence[LevelField], stack: SliceSta
     least = stack.smallest
     # what touches at a corner, or across a missing slice, may be one part or two
     bodies = sum(volume >= least for volume in stack.part_volumes)
-    separate = _separate(_with_missing(slices, stack.step), least, stack)
+    separate = max(bodies, _separate(_with_missing(slices, stack.step), least, stack))
     found = sum(volume >= least for volume in volumes)
     at_most = sum(volume >= SHRUNK_PART * least for volume in volumes)
     problems: list[Violation] = []

@@ -60,8 +60,14 @@ CROSSING_REFINEMENTS = 3
 FOLD = 1.6
 #: Area of a triangle whose edges are 1.
 EQUILATERAL = np.sqrt(3) / 4
-#: The mesh has this many subdivisions: 32 triangles for each quad.
+#: The mesh has this many subdivisions: 32 triangles for each quad ...
 DRAWN = 2
+#: ... and one less (8 for each) where there are more quads than this, which would give 2 million triangles:
+#: only large organs with noise at the pixel have so many, each about as small as a pixel.
+LARGE = 62_500
+#: Such organs begin with an nth of the grid's triangles, where these are not too few by `COARSER` already:
+#: finer quads come where the fit is off, not where noise is.
+COARSER_LARGE = 12
 #: Moves that hold the volume.
 VOLUME_ROUNDS = 2
 #: Control points are rounded so many times finer where that keeps the surface from crossing itself.
@@ -141,11 +147,11 @@ def _rounded(spline: ControlMesh, tolerance: float) -> tuple[ControlMesh, Mesh, 
     Returns the tessellation too, and the pairs (K, 2) of its triangles that still do.
     """
     rounded = spline.rounded(tolerance)
-    mesh = rounded.tessellate(DRAWN)
+    mesh = rounded.tessellate(_drawn(rounded))
     pairs = mesh.self_intersections()
     if len(pairs):
         finer = spline.rounded(tolerance / FINER)
-        fine = finer.tessellate(DRAWN)
+        fine = finer.tessellate(_drawn(finer))
         none = fine.self_intersections()
         if not len(none):
             return finer, fine, none
@@ -173,7 +179,11 @@ def loft_spline(stack: SliceStack, smallest_voxels: float) -> SplineSolid:
     least = np.full(len(area), ACROSS / (distance.ends[1] - distance.ends[0]) ** 2)
     density = np.maximum(least, np.maximum(DENSITY * bent / distance.pixel, AROUND * bent**2))
     finest = max(FEWEST, len(rough.faces) // COARSER, _triangles(wall, rim, area, least))
-    most = min(max(FEWEST, _triangles(wall, rim, area, density)), finest)
+    most = max(FEWEST, _triangles(wall, rim, area, density))
+    if most > finest:  # thin all over
+        most = finest
+    else:  # two quads come of a triangle
+        most = min(most, max(LARGE // 2, len(rough.faces) // COARSER_LARGE))
     fine = fewer_triangles(rough, SPARE * most, distance.ends)
     tree = cKDTree(wall.vertices)
     volume = None if stack.of_probability or stack.of_some_slices else stack.volume
@@ -181,7 +191,12 @@ def loft_spline(stack: SliceStack, smallest_voxels: float) -> SplineSolid:
     spline = _fit_and_refine(
         fine, (most, finest), distance, volume, lambda points: bent[tree.query(points)[1]]
     )
-    return SplineSolid(spline, spline.tessellate(DRAWN), left_out, stack, smallest_voxels)
+    return SplineSolid(spline, spline.tessellate(_drawn(spline)), left_out, stack, smallest_voxels)
+
+
+def _drawn(spline: ControlMesh) -> int:
+    """How many subdivisions the mesh of a spline has."""
+    return DRAWN - 1 if len(spline.quads) > LARGE else DRAWN
 
 
 def _curvature(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
@@ -240,16 +255,23 @@ def _fit_and_refine(
         if best is None or found < best[0]:
             best = found, fit
         amiss = crossing | off | folded if attempt < REFINEMENTS else crossing
-        if not (amiss & (crossing | off)).any() or most >= finest:
-            break
+        done = not (amiss & (crossing | off)).any() or most >= finest
+        # moving what crosses takes seconds, another fit of so many quads half a minute
+        if done or (len(wall.quads) > LARGE and not off.any()):
+            closed, simple = _of_volume(best[1], volume)
+            if simple or not crossing.any():
+                return closed
+            amiss = crossing
         there = np.zeros(len(coarse.faces), np.bool_)
         there[nearest_faces(mesh.vertices[np.unique(mesh.faces[amiss])], coarse)] = True
-        if attempt >= REFINEMENTS:
+        if attempt >= REFINEMENTS or done:
             there = np.asarray(np.isin(coarse.faces, coarse.faces[there]).any(axis=1), np.bool_)
         weigh_more(weights, fine, coarse, there)
-        most = min(len(coarse.faces) + 3 * int(there.sum()), finest)
+        finer = len(coarse.faces) + 3 * int(there.sum())
+        finest = max(finest, finer) if done else finest  # else it would keep crossing itself
+        most = min(finer, finest)
     assert best is not None
-    return _of_volume(best[1], volume)
+    return _of_volume(best[1], volume)[0]
 
 
 def _amiss(mesh: Mesh, distance: SampledDistance) -> tuple[BoolArray, BoolArray, BoolArray]:
@@ -265,11 +287,12 @@ def _amiss(mesh: Mesh, distance: SampledDistance) -> tuple[BoolArray, BoolArray,
     return crossing, off[mesh.faces].any(axis=1) & ~cap, folded
 
 
-def _of_volume(fit: SplineFit, volume: float | None) -> ControlMesh:
-    """Close a fitted wall, moved by a little to hold a volume in mm^3."""
+def _of_volume(fit: SplineFit, volume: float | None) -> tuple[ControlMesh, bool]:
+    """Close a fitted wall, moved to hold a volume in mm^3, and say whether it nowhere crosses itself."""
     ends = fit.distance.ends
     if volume is not None:
         for _ in range(VOLUME_ROUNDS):
-            fit.hold_volume(volume - with_caps(fit.spline, ends).tessellate(DRAWN).volume)
-    fit.untangle()
-    return with_caps(fit.spline, ends)
+            closed = with_caps(fit.spline, ends)
+            fit.hold_volume(volume - closed.tessellate(_drawn(closed)).volume)
+    simple = fit.untangle(_drawn(fit.wall))
+    return with_caps(fit.spline, ends), simple

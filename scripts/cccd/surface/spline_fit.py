@@ -13,7 +13,8 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import cg
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry._jit import jit
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from cccd.geometry.collisions import MovingTriangles
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.squared_pattern import SquaredPattern
@@ -46,8 +47,6 @@ DAMPING = 0.05
 EVENING = 0.5
 #: Rounds in which what crosses moves half way back to where it began, and rounds in which it evens out.
 UNTANGLING_ROUNDS = 6
-#: ... at so many subdivisions, as the mesh that is written has.
-CHECKED = 2
 #: The surface is moved at most by so many pixels to hold the slices' volume.
 MOST_OFFSET = 0.5
 #: Cotangents are kept between these: needles would weigh too much.
@@ -125,12 +124,22 @@ class SplineFit:
         by = np.clip(missing / max(Mesh(samples, self.triangles).area, 1e-9), -most, most)
         self.points = self.points + by * self._normals(samples)[: len(self.points)]
 
-    def untangle(self) -> None:
+    def untangle(self, times: int) -> bool:
         """Move control points where the surface passes through itself; the best of some rounds stays.
 
         They go back to where they began and, where it crosses there too, towards their neighbours' means.
+
+        Parameters
+        ----------
+        times : int
+            Subdivisions at which it is looked at: as many as the mesh that is written has.
+
+        Returns
+        -------
+        bool
+            Whether it passes nowhere through itself any more.
         """
-        sampler = self.wall.sampler(CHECKED)
+        sampler = self.wall.sampler(times)
         triangles = MovingTriangles(sampler.triangles)
         fewest, best = np.inf, self.points
         for back in (True, False):
@@ -142,11 +151,12 @@ class SplineFit:
                     fewest, best = number, points
                 if not number:
                     self.points = best
-                    return
+                    return True
                 moving |= near
                 target = self.wall.vertices if back else self.neighbours @ points
                 points = np.where(moving[:, None], (points + target) / 2, points)
         self.points = best
+        return False
 
     def _normals(self, samples: FloatArray) -> FloatArray:
         """Give unit normals (P, 3), on a rim within the plane of its cap."""
@@ -204,9 +214,21 @@ def _moving(sampler: Sampler, pairs: IntArray) -> BoolArray:
 
 def _scaled(matrix: csr_array, rows: FloatArray, columns: FloatArray) -> csr_array:
     """Multiply each entry by the scalar product of its row's and its column's vectors."""
-    number = np.diff(matrix.indptr)
-    x, y, z = (np.repeat(r, number) * c[matrix.indices] for r, c in zip(rows.T, columns.T, strict=True))
-    return csr_array((matrix.data * (x + z + y), matrix.indices, matrix.indptr), shape=matrix.shape)
+    values = np.empty_like(matrix.data)
+    _write_scaled((matrix.indptr, matrix.indices, matrix.data), rows, columns, values)
+    return csr_array((values, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
+@jit
+def _write_scaled(
+    matrix: tuple[AnyArray, AnyArray, FloatArray], rows: FloatArray, columns: FloatArray, values: FloatArray
+) -> None:
+    """Write the entries of a sparse matrix (starts of rows, columns, values), multiplied."""
+    for i in range(len(matrix[0]) - 1):
+        for n in range(matrix[0][i], matrix[0][i + 1]):
+            j = matrix[1][n]
+            product = rows[i, 0] * columns[j, 0] + rows[i, 2] * columns[j, 2] + rows[i, 1] * columns[j, 1]
+            values[n] = matrix[2][n] * product
 
 
 def _neighbour_means(edges: IntArray, wall: ControlMesh, rim: BoolArray) -> csr_array:

@@ -206,3 +206,10 @@ def test_organs_in_files_of_their_own_share_walls(tmp_path):
         voxels = structure.mask.sum() * abs(np.linalg.det(structure.frame.affine))
         assert mesh.volume == pytest.approx(voxels, rel=0.25 if number == 3 else 0.03)
     assert set(map(tuple, np.sort(walls.surface.regions, axis=1))) >= {(1, 2), (1, 3), (2, 3)}
+
+
+def test_two_boxes_that_touch_at_an_edge_are_no_copies_of_two_voxels():
+    mask = np.zeros((32, 32, 32), bool)
+    mask[6:16, 6:16, 6:26] = mask[16:26, 16:26, 6:26] = True
+    structure = structure_of_array(mask, np.diag((0.8, 0.8, 4.0, 1.0)), ImportSettings(), "boxes")
+    assert structure.frame.copied_to is None
