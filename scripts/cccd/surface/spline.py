@@ -66,8 +66,8 @@ DRAWN = 2
 #: large organs with noise at the pixel and cortices have so many, each about as small as a pixel.
 LARGE = 62_500
 #: Such organs begin with an nth of the grid's triangles, where these are not too few by `COARSER` already:
-#: finer quads come where the fit is off, not where noise is. Rough lungs bend .85 times as much by that, and a
-#: cortex's distance to its voxels grows by 2 %.
+#: finer quads come where the fit is off, not where noise is. Rough lungs bend .85 times as much by that, and
+#: a cortex's distance to its voxels grows by 2 %.
 COARSER_LARGE = 12
 #: Moves that hold the volume.
 VOLUME_ROUNDS = 2
