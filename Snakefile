@@ -26,7 +26,7 @@ look_up_once()
 
 
 wildcard_constraints:
-    case=NAME,
+    case=CASE,
     organ=NAME,
 
 

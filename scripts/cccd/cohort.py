@@ -35,6 +35,8 @@ _UNORDERED = (*IMAGES_ALONE, "damaged_phantom")
 #: Sources with an image in which a seed can say where the organ is.
 _SEEDED = ("files", "rider_lung", *IMAGES_ALONE)
 _TUMOUR = ("tumour", "tumor", "lesion")
+#: The folder of `results/` that is no case's.
+_TABLES = "tables"
 
 
 @functools.cache
@@ -216,6 +218,8 @@ def _check_name(row: Mapping[str, str], seen: dict[str, tuple[str, str]]) -> Non
     """Refuse a structure whose folder is another's, and note its folders in ``seen`` in lower case."""
     case, structure = row["case"], f"{row['case']}/{row['organ']}"
     location = row["location"]
+    if case.lower() == _TABLES:
+        raise InputError(location, f"results/{_TABLES} holds the tables of all cases", "rename the case")
     for name in (case, structure):
         first, where = seen.setdefault(name.lower(), (name, location))
         if first != name:

@@ -79,6 +79,7 @@ BAD = {
         "row 4: a/liver is already in",
     ),
     "capitals": ("case\torgan\tmask\na\tliver\tm\na\tLiver\tm\n", "a/Liver and a/liver of sheet.tsv row 2"),
+    "folder of tables": ("case\torgan\tmask\ntables\tliver\tm\n", "row 2: results/tables holds the tables"),
     "capitals of a case": ("case\torgan\tmask\na\tliver\tm\nA\tlungs\tm\n", "row 3: A and a of"),
     "too many fields": ("case\torgan\tmask\na\tliver\tm\textra\n", "4 fields under 3 columns"),
     "open quote": ('case\torgan\tmask\na\tliver\t"m\n', "quote"),

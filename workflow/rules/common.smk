@@ -61,9 +61,11 @@ cohort, library, pick, leave = plan.cohort, plan.library, plan.pick, plan.leave
 #: The wildcards case and organ. Not the sheet's own names: a pattern that lists a thousand of them is searched
 #: for every file of every job, and planning would take time that grows with the cohort squared.
 NAME = "[A-Za-z0-9_-]+"
+#: A case; `results/tables` holds the tables of all.
+CASE = f"(?!tables/){NAME}"
 #: Cases whose organs share their walls, and all others.
 SHARING = "|".join(map(re.escape, cohort.shared)) or "(?!)."
-APART = f"(?!(?:{SHARING})/){NAME}" if cohort.shared else NAME
+APART = f"(?!(?:{SHARING})/){CASE}" if cohort.shared else CASE
 
 #: Priorities: first what the longest chain of jobs begins with, as structures wait for the trained network; then
 #: the way to each surface, which comparisons wait for; comparisons, by their length; and all else.

@@ -183,7 +183,7 @@ class PlannedCohort:
         """
         names = [name for name in self.reconstructed if name.case == case]
         if not names:
-            known = nearest(case, [name.case for name in self.reconstructed])
+            known = nearest(case, list(dict.fromkeys(name.case for name in self.reconstructed)))
             raise InputError(self.sheet.name, f"no case {case}", known)
         return names
 
