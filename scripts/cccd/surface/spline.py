@@ -69,6 +69,9 @@ LARGE = 62_500
 #: finer quads come where the fit is off, not where noise is. Rough lungs bend .85 times as much by that, and
 #: a cortex's distance to its voxels grows by 2 %.
 COARSER_LARGE = 12
+#: Quads may be so many times more than the finest where that keeps the surface from crossing itself: an
+#: airway needs 1.03. Where much crosses, as in noise, finer ones take minutes.
+PAST_FINEST = 1.1
 #: Moves that hold the volume.
 VOLUME_ROUNDS = 2
 #: Control points are rounded so many times finer where that keeps the surface from crossing itself.
@@ -257,6 +260,7 @@ def _fit_and_refine(
             best = found, fit
         amiss = crossing | off | folded if attempt < REFINEMENTS else crossing
         done = not (amiss & (crossing | off)).any() or most >= finest
+        closed = None
         # moving what crosses takes seconds, another fit of so many quads half a minute
         if done or (len(wall.quads) > LARGE and not off.any()):
             closed, simple = _of_volume(best[1], volume)
@@ -269,8 +273,12 @@ def _fit_and_refine(
             there = np.asarray(np.isin(coarse.faces, coarse.faces[there]).any(axis=1), np.bool_)
         weigh_more(weights, fine, coarse, there)
         finer = len(coarse.faces) + 3 * int(there.sum())
-        finest = max(finest, finer) if done else finest  # else it would keep crossing itself
-        most = min(finer, finest)
+        if closed is None:
+            most = min(finer, finest)
+        elif finer <= PAST_FINEST * finest:
+            most = finer
+        else:
+            return closed
     assert best is not None
     return _of_volume(best[1], volume)[0]
 

@@ -165,4 +165,7 @@ def morphological_isosurface(structure: Structure) -> Mesh:
 
 def windowed_sinc(mesh: Mesh, iterations: int = SINC_ITERATIONS, pass_band: float = SINC_PASS_BAND) -> Mesh:
     """Smooth a mesh by the windowed-sinc filter (Taubin et al. 1996) with VTK's usual settings."""
-    return mesh.low_passed(pass_band, iterations).outwards()
+    smooth = mesh.to_polydata().smooth_taubin(
+        n_iter=iterations, pass_band=pass_band, boundary_smoothing=True, normalize_coordinates=True
+    )
+    return Mesh(np.asarray(smooth.points, float), mesh.faces).outwards()
