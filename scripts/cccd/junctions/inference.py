@@ -14,7 +14,7 @@ from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd.junctions.energy import Logits
 from cccd.junctions.labelling import Labelled
 from cccd.junctions.observation import ObservedSlice, observe
-from cccd.junctions.stacks import ReadSlice, label_slices, region_evidence
+from cccd.junctions.stacks import ReadSlice, label_slices, region_evidence, without_lone_parts
 
 __all__ = [
     "PRIOR",
@@ -138,7 +138,10 @@ def predict_slices(
     read, labelled = _read_and_labelled(maps, predictor, images, numbers, parts, regions, pixel_mm)
     told = [one.uncertainty for one in labelled if one.uncertainty is not None]
     uncertainty = np.array(told) if predictor is not None and len(told) == len(labelled) else None
-    return Prediction(*_filled(_border_loops(read, labelled)), uncertainty)
+    masks, origin = _filled(_border_loops(read, labelled))
+    if regions is not None and predictor is not None:
+        masks = without_lone_parts(masks, origin, regions, numbers, pixel_mm)
+    return Prediction(masks, origin, uncertainty)
 
 
 def predict_masks(

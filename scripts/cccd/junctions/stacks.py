@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy import ndimage
 
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.opencv import distance_to_zero
@@ -21,7 +22,7 @@ from cccd.junctions.delaunay import DelaunayGraph
 from cccd.junctions.energy import Logits
 from cccd.junctions.labelling import Labelled, label_slice
 
-__all__ = ["ReadSlice", "label_slices", "region_evidence"]
+__all__ = ["ReadSlice", "label_slices", "region_evidence", "without_lone_parts"]
 
 
 # Logits that a triangle gains from neighbouring slices per standard deviation from their outline: of 0.5, 1
@@ -36,6 +37,10 @@ _NEIGHBOUR_SPREAD_PX = 1.5
 # The same of a rough region's border, mm. Of 3, 4, 5, 6, 8 and 12, small ones are better on coarse pixels (CT
 # of 3 mm) and large ones on fine pixels (CT and MR of 1 mm).
 _REGION_SPREAD_MM = 6.0
+
+# What one slice has alone is left out where it reaches so far, mm, from the region and both neighbours. Of 3,
+# 4, 6 and 8 on 14 stacks: heads are 1 to 6 % closer (97 of 100 pixels that go are wrong), none is further off.
+_LONE_MM = 4.0
 
 # All slices are decided again beside their neighbours so often; a third time changes next to nothing.
 _SWEEPS = 2
@@ -96,6 +101,68 @@ def region_evidence(graph: DelaunayGraph, region: BoolArray, pixel_mm: float) ->
     distance = _signed_distance(region) * pixel_mm
     score = np.clip(distance / _REGION_SPREAD_MM, -_NEIGHBOUR_REACH, _NEIGHBOUR_REACH)
     return _NEIGHBOUR_NATS * _over_triangles(graph, score, np.zeros(2, np.int64))
+
+
+def without_lone_parts(
+    masks: BoolArray,
+    origin: IntArray,
+    regions: Sequence[BoolArray | None],
+    numbers: AnyArray,
+    pixel_mm: float,
+) -> BoolArray:
+    """Leave out of every slice what neither the rough region nor a neighbouring slice has near it.
+
+    Parameters
+    ----------
+    masks : (S, I, J) bool array
+        What each slice encloses.
+    origin : (2,) int array
+        Pixel of ``masks[:, 0, 0]``.
+    regions : sequence of (A, B) bool arrays or None
+        From pixel (0, 0); slices without one stay as they are.
+    numbers : (S,) int array
+        Ascending; consecutive slices are neighbours.
+    pixel_mm : float
+        Width of a pixel.
+
+    Returns
+    -------
+    (S, I, J) bool array
+
+    Examples
+    --------
+    >>> masks = np.zeros((3, 20, 20), bool)
+    >>> masks[:, 5:10, 5:10] = True
+    >>> region = masks[0].copy()
+    >>> masks[1, 6, 10:19] = True
+    >>> found = without_lone_parts(masks, np.zeros(2, int), 3 * [region], np.arange(3), 1.0)
+    >>> bool((found == region).all())
+    True
+    """
+    kept = masks.copy()
+    for n, region in enumerate(regions):
+        if region is None or not region.any():
+            continue
+        beside = [m for m in (n - 1, n + 1) if 0 <= m < len(masks) and abs(numbers[m] - numbers[n]) == 1]
+        around = _moved(region, origin, masks.shape[1:]) | masks[beside].any(axis=0)
+        alone = masks[n] & ~around
+        if not alone.any() or not around.any():
+            continue
+        away = distance_to_zero((~around).astype(np.uint8)) * pixel_mm
+        parts, count = ndimage.label(alone, np.ones((3, 3)))
+        farthest = np.asarray(ndimage.maximum(away, parts, np.arange(count + 1)))
+        kept[n] &= ~(alone & (farthest > _LONE_MM)[parts])
+    return kept
+
+
+def _moved(region: BoolArray, origin: IntArray, shape: Sequence[int]) -> BoolArray:
+    """Take a window (I, J) of a region; beyond it is nothing."""
+    window = np.zeros(tuple(shape), bool)
+    low = np.maximum(origin, 0)
+    high = np.maximum(np.minimum(np.add(origin, shape), region.shape), low)
+    place = tuple(slice(a - o, b - o) for a, b, o in zip(low, high, origin, strict=True))
+    window[place] = region[tuple(slice(a, b) for a, b in zip(low, high, strict=True))]
+    return window
 
 
 def _signed_distance(mask: BoolArray) -> SingleArray:

@@ -6,7 +6,7 @@ import pytest
 from cccd.geometry.opencv import border_pixels
 from cccd.junctions.decoding import fill_inside, find_outline
 from cccd.junctions.delaunay import build_graph
-from cccd.junctions.stacks import ReadSlice, label_slices, region_evidence
+from cccd.junctions.stacks import ReadSlice, label_slices, region_evidence, without_lone_parts
 from cccd.metrics import dice
 
 SHAPE = (90, 90)
@@ -98,3 +98,27 @@ def test_a_stack_may_be_turned_upside_down_and_have_one_slice():
     backwards = agreement(stack[::-1], [0, 1, 2, 3])[::-1]
     assert agreement(stack, [0, 1, 2, 3]) == backwards
     assert agreement(stack[:1], [7]) == agreement([stack[0]], [0])
+
+
+@pytest.mark.parametrize(
+    ("slices", "reach", "pixel_mm", "kept"),
+    [
+        pytest.param([2], 9, 1.0, False, id="one slice alone"),
+        pytest.param([2, 3], 9, 1.0, True, id="two slices"),
+        pytest.param([2], 3, 1.0, True, id="near the region"),
+        pytest.param([2], 3, 2.0, False, id="of larger pixels not near"),
+        pytest.param([0], 9, 1.0, False, id="the first slice"),
+    ],
+)
+def test_what_one_slice_has_alone_far_from_the_region_is_left_out(slices, reach, pixel_mm, kept):
+    organ = np.zeros((5, 30, 30), bool)
+    organ[:, 8:16, 8:16] = True
+    masks = organ.copy()
+    masks[slices, 10, 16 : 16 + reach] = True
+    region = np.pad(organ[0, 9:15, 9:15], 9)  # one pixel less to all sides, and on a smaller raster
+    found = without_lone_parts(
+        masks[:, 4:, 4:], np.array([4, 4]), 5 * [region], np.array([7, 8, 9, 10, 11]), pixel_mm
+    )
+    assert (found == (masks if kept else organ)[:, 4:, 4:]).all()
+    alone = without_lone_parts(masks, np.zeros(2, int), 5 * [None], np.arange(5), pixel_mm)
+    assert (alone == masks).all()
