@@ -42,9 +42,10 @@ from cccd.inputs.load import existing, frame_of, scan_of
 from cccd.inputs.readers import SUFFIXES, without_suffix
 from cccd.inputs.row_files import EACH_ITS_OWN, RowFiles, list_labels, read_image
 from cccd.project import SHIPPED_WEIGHTS
-from cccd.reconstruction import find_contours, fit_and_loft, order_maps
+from cccd.reconstruction import Loft, find_contours, fit_and_loft, order_maps
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
+from cccd.surface.loft import loft_surface
 from cccd.surface.surface import LoftedSurface
 from cccd.surface.uniform import with_uniform_triangles
 
@@ -548,8 +549,18 @@ def reconstruct(
         grid = np.eye(4) if affine is None else np.asarray(affine, float)
         structure = structure_of_array(organ, grid, settings.import_, annotated=_rule(annotated))
         _told(structure, 5)  # two frames are the decorators'
+    return reconstruct_structure(structure, settings, tell)
+
+
+def reconstruct_structure(
+    structure: Structure,
+    settings: Settings,
+    tell: Callable[[str], None] = lambda step: None,
+    loft: Loft = loft_surface,
+) -> Surface:
+    """Make a surface as `reconstruct` does, by `loft_surface` or another way to loft."""
     curves, missing = find_contours(structure, settings.boundaries, settings.gnn.inference)
-    lofted = fit_and_loft(structure.sections(curves), settings.curves, settings.surface, tell)
+    lofted = fit_and_loft(structure.sections(curves), settings.curves, settings.surface, tell, loft)
     notes = (*structure.warnings, *missing, *lofted.report.get("warnings", []))
     drawn = None if structure.annotation is None else structure
     return Surface(lofted, structure.organ, _series(structure), notes, drawn, scan=scan_of(structure))

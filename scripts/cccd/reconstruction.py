@@ -25,7 +25,10 @@ from cccd.settings.junctions import InferenceSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import LoftedSurface, loft_surface
 
-__all__ = ["find_contours", "fit_and_loft", "order_maps", "reconstruct_mask"]
+__all__ = ["Loft", "find_contours", "fit_and_loft", "order_maps", "reconstruct_mask"]
+
+
+Loft = Callable[[Sections, LoftSettings], LoftedSurface]
 
 
 def _silent(step: str) -> None:
@@ -91,6 +94,7 @@ def fit_and_loft(
     fitting: CurveSettings,
     lofting: LoftSettings,
     tell: Callable[[str], None] = _silent,
+    loft: Loft = loft_surface,
 ) -> LoftedSurface:
     """Fit closed splines to ordered curves and loft them.
 
@@ -102,6 +106,8 @@ def fit_and_loft(
         Sections ``curves`` and ``surface`` of the configuration.
     tell : callable
         Gets the name of each step as it begins.
+    loft : callable
+        `loft_surface`, or `loft_before_walls` for an organ that will share its walls.
 
     Returns
     -------
@@ -111,7 +117,7 @@ def fit_and_loft(
     tell("splines")
     fitted = describe_curves(sections.curves, fitting)
     tell("surface")
-    surface = loft_surface(replace(sections, curves=fitted.curves, splines=fitted.splines), lofting)
+    surface = loft(replace(sections, curves=fitted.curves, splines=fitted.splines), lofting)
     surface.report["warnings"] = [*fitted.report["warnings"], *surface.report["warnings"]]
     return surface
 

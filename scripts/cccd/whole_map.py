@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cccd.api import Surface, read_organ, reconstruct, refuse_image
+from cccd.api import Surface, read_organ, reconstruct_structure, refuse_image
 from cccd.containers import Structure
 from cccd.errors import InputError
 from cccd.extras import needing
@@ -22,8 +22,10 @@ from cccd.inputs.annotation import AUTO, with_undrawn_filled
 from cccd.inputs.label_maps import MapLabel, list_map
 from cccd.inputs.load import existing
 from cccd.inputs.row_files import RowFiles
+from cccd.reconstruction import Loft
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls, touching_groups
+from cccd.surface.loft import loft_before_walls, loft_surface
 
 __all__ = ["LabelSurface", "WholeMap", "reconstruct_labels"]
 
@@ -31,7 +33,7 @@ __all__ = ["LabelSurface", "WholeMap", "reconstruct_labels"]
 ORGANS_OF_A_PROCESS = 8
 
 
-def _nothing(number: int) -> None:
+def _nothing(_: object) -> None:
     """Tell nobody."""
 
 
@@ -122,9 +124,12 @@ class WholeMap:
             Called with an organ's number when its own surface is made, before its walls are shared.
         """
         group_of = {number: group for group in self._groups() for number in group}
+        sharing = {number for number, group in group_of.items() if len(group) > 1}
+        if any(structure.annotation is not None for structure in self.structures.values()):
+            sharing = set()  # which touch is known once they are lofted
         lofted: dict[int, _Lofted] = {}
         finished: set[int] = set()
-        for number, result in self._lofted(n_jobs, tell):
+        for number, result in self._lofted(n_jobs, sharing, tell):
             finished.add(number)
             done(number)
             if isinstance(result, InputError):
@@ -133,7 +138,10 @@ class WholeMap:
                 lofted[number] = result
             group = group_of[number]
             if finished.issuperset(group):
-                yield from self._with_walls({n: lofted.pop(n) for n in group if n in lofted}, tell)
+                ready = {n: lofted.pop(n) for n in group if n in lofted}
+                if len(ready) < len(group):
+                    ready |= self._left_alone(ready)
+                yield from self._with_walls(ready, tell)
 
     def _groups(self) -> list[list[int]]:
         """Numbers of the organs that have to wait for each other."""
@@ -144,15 +152,18 @@ class WholeMap:
             return [list(self.structures)]  # what lies between annotated slices is not known yet
         return touching_groups(self.structures) if self.structures else []
 
-    def _lofted(self, n_jobs: int, tell: Callable[[str], None]) -> Iterator[tuple[int, _Lofted | InputError]]:
-        """Give each organ's own surface, or why it has none, when it is ready."""
+    def _lofted(
+        self, n_jobs: int, sharing: Container[int], tell: Callable[[str], None]
+    ) -> Iterator[tuple[int, _Lofted | InputError]]:
+        """Give each organ's own surface when it is ready, or why it has none; ``sharing`` get no spline."""
         voxels = self.voxels
+        ways = {n: loft_before_walls if n in sharing else loft_surface for n in self.structures}
         order = iter(sorted(self.structures, key=lambda number: -voxels[number]))
         processes = min(n_jobs, -(-len(self.structures) // ORGANS_OF_A_PROCESS))
         if processes <= 1:
             for number in order:
                 tell(self.labels[number].organ)
-                yield number, _loft(self.structures[number], self.settings)
+                yield number, _loft(self.structures[number], self.settings, ways[number])
             return
         running: dict[Future[_Lofted | InputError], int] = {}
         # spawned: a fork of a process with threads may hang
@@ -160,11 +171,19 @@ class WholeMap:
             while True:
                 for number in islice(order, processes - len(running)):
                     tell(self.labels[number].organ)
-                    running[pool.submit(_loft, self.structures[number], self.settings)] = number
+                    job = pool.submit(_loft, self.structures[number], self.settings, ways[number])
+                    running[job] = number
                 if not running:
                     return
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     yield running.pop(future), future.result()
+
+    def _left_alone(self, lofted: Mapping[int, _Lofted]) -> dict[int, _Lofted]:
+        """Loft organs again, with splines, whose neighbours have no surface to share walls with."""
+        groups = touching_groups({number: self.structures[number] for number in lofted}) if lofted else []
+        alone = [group[0] for group in groups if len(group) == 1 and not lofted[group[0]].surface.bodies]
+        again = {number: _loft(self.structures[number], self.settings, loft_surface) for number in alone}
+        return {number: result for number, result in again.items() if isinstance(result, _Lofted)}
 
     @threadpool_limits.wrap(limits=1)
     def _shared(self, lofted: Mapping[int, _Lofted]) -> tuple[dict[int, Surface], list[str]]:
@@ -181,7 +200,9 @@ class WholeMap:
             own = surfaces[number]
             mesh, band = walls.surface.mesh_of(number), own.lofted.band
             band = band and band.moved_to(own.vertices, mesh.vertices)
-            joined[number] = replace(own, lofted=replace(own.lofted, mesh=mesh, bodies=[], band=band))
+            # what touches no other is the spline's mesh as before
+            bodies = own.bodies if np.array_equal(mesh.vertices, own.vertices) else []
+            joined[number] = replace(own, lofted=replace(own.lofted, mesh=mesh, bodies=bodies, band=band))
         return joined, failures
 
     def _with_walls(
@@ -198,11 +219,12 @@ class WholeMap:
             yield LabelSurface(number, self.labels[number], surfaces[number], seconds)
 
 
-def _loft(structure: Structure, settings: Settings) -> _Lofted | InputError:
+@threadpool_limits.wrap(limits=1)
+def _loft(structure: Structure, settings: Settings, way: Loft) -> _Lofted | InputError:
     """Make one organ's own surface, in this process or another."""
     began = time.perf_counter()
     try:
-        surface = reconstruct(structure, settings=settings)
+        surface = reconstruct_structure(structure, settings, loft=way)
     except InputError as error:
         return error
     return _Lofted(surface, time.perf_counter() - began)

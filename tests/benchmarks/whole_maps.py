@@ -30,11 +30,14 @@ from scipy import ndimage  # noqa: E402
 from scipy.spatial import cKDTree  # noqa: E402
 
 import cccd  # noqa: E402
+from cccd.api import reconstruct_structure  # noqa: E402
 from cccd.containers import Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.geometry.raster import voxelise  # noqa: E402
 from cccd.metrics import surface_distances  # noqa: E402
+from cccd.settings.root import Settings  # noqa: E402
 from cccd.solids.shared_walls import Organ, SharedWalls, on_one_grid, share_walls  # noqa: E402
+from cccd.surface import loft_before_walls  # noqa: E402
 from cccd.surface.measure import mask_surface, voxel_volume  # noqa: E402
 
 BRAIN = ROOT.parent / "shared" / "data" / "brain_tcga_du7294" / "mask_brain.nii.gz"
@@ -64,14 +67,16 @@ def parcelled_brain() -> nibabel.Nifti1Image:
 
 
 def organs_of(path: Path) -> dict[int, Organ]:
-    """Loft every label of a map alone."""
+    """Loft every label of a map as it is before walls are shared."""
     organs: dict[int, Organ] = {}
     for number, (label, name) in enumerate(cccd.labels(path).items(), 1):
         try:
             structure = cccd.read(path, label)
-            organs[number] = Organ(name or label, structure, cccd.reconstruct(structure).lofted.mesh)
+            surface = reconstruct_structure(structure, Settings(), loft=loft_before_walls)
         except cccd.InputError as error:
             print(f"label {label}: {error}")
+        else:
+            organs[number] = Organ(name or label, structure, surface.lofted.mesh)
     return organs
 
 
@@ -110,7 +115,7 @@ def distance(mesh: Mesh, truth: Mesh) -> float:
 def report(organs: Mapping[int, Organ], walls: SharedWalls) -> None:
     """Print what is in the table."""
     together = {label: walls.surface.mesh_of(label) for label in organs}
-    alone = {label: organ.mesh for label, organ in organs.items()}
+    alone = {label: cccd.reconstruct(organ.structure).lofted.mesh for label, organ in organs.items()}
     truths = {label: mask_surface(organ.structure) for label, organ in organs.items()}
     apart = np.array([distance(alone[label], truths[label]) for label in organs])
     shared = np.array([distance(together[label], truths[label]) for label in organs])

@@ -8,7 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import cccd
 from cccd.geometry.ply import read_ply
+from cccd.store import read_bodies
 
 #: Files of whole cases, by the module that they need and their format.
 CASE_FORMATS = {
@@ -50,6 +52,16 @@ def test_a_row_for_all_labels_leaves_organs_that_share_their_walls(fresh_project
     assert right.is_closed_manifold
     common = {point.tobytes() for point in left.vertices} & {point.tobytes() for point in right.vertices}
     assert len(common) > 100
+    # the library makes the same, and neither keeps a spline that is not the surface
+    alone, _ = cccd.reconstruct_labels(folder / "map.nii.gz", table=folder / "names.csv")
+    for surface, mesh in zip(alone, (left, right), strict=True):
+        assert np.array_equal(surface.vertices, mesh.vertices)
+        assert (
+            surface.bodies == read_bodies(fresh_project.results / "ball" / surface.name / "surface.h5") == []
+        )
+    metrics = json.loads((fresh_project.results / "ball" / "Left_half" / "metrics.json").read_text())
+    assert metrics["surface"]["control_bytes"] == 0
+    assert "compactness" not in metrics["surface"]
     between = pd.read_csv(fresh_project.results / "ball" / "distances.csv").iloc[0]
     assert list(between[:3]) == ["ball", "Left_half", "Right_half"]
     assert between["low_mm"] == between["distance_mm"] == 0 < between["high_mm"]

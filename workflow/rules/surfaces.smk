@@ -54,7 +54,36 @@ rule loft_surface:
         "../../scripts/loft_surface.py"
 
 
+rule find_neighbours:
+    """Which organs of a case touch others: these share their walls and have no spline."""
+    input:
+        plan.sharing_organs("structure.h5"),
+    output:
+        "results/{case}/neighbours.json",
+    log:
+        "logs/{case}/find_neighbours.log",
+    benchmark:
+        "benchmarks/{case}/find_neighbours.tsv"
+    wildcard_constraints:
+        case=SHARING,
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(1500, 30),
+        runtime=minutes(20),
+    params:
+        library=library("find_neighbours"),
+    script:
+        "../../scripts/find_neighbours.py"
+
+
 use rule loft_surface as loft_apart with:
+    input:
+        curves="results/{case}/{organ}/curves.h5",
+        structure="results/{case}/{organ}/structure.h5",
+        calibration=plan.calibration,
+        neighbours="results/{case}/neighbours.json",
     output:
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/apart.ply",
@@ -65,7 +94,7 @@ use rule loft_surface as loft_apart with:
     wildcard_constraints:
         case=SHARING,
     group:
-        "apart"
+        "lofted"
 
 
 rule share_walls:

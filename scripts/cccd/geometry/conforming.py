@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import LinearOperator, cg
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
@@ -137,20 +137,20 @@ def faired(
     rounds : int
         Steps of conjugate gradients at most.
     """
-    matrix = diags_array(trust) + _squared(_bending(surface), stiffness)
-    diagonal = matrix.diagonal()
-    scale = LinearOperator(matrix.shape, matvec=lambda x: x / diagonal, dtype=np.float64)
-    right = trust[:, None] * surface.vertices
-    smooth = [
-        cg(matrix, right[:, axis], surface.vertices[:, axis], rtol=1e-6, maxiter=rounds, M=scale)[0]
-        for axis in range(3)
-    ]
-    return np.column_stack(smooth)
+    bending, shape = _bending(surface), surface.vertices.shape
+    back, trust = csr_array(bending.T), trust[:, None]
+    diagonal = trust + (bending.power(2).T @ stiffness)[:, None]
 
+    def matrix(x: FloatArray) -> FloatArray:  # of all three coordinates at once; its entries are never made
+        x = x.reshape(shape)
+        return (trust * x + back @ (stiffness[:, None] * (bending @ x))).ravel()
 
-def _squared(matrix: csr_array, weights: FloatArray) -> csc_array:
-    """Multiply a matrix, its rows weighted, by its transpose; the parts are not kept."""
-    return matrix.T @ (diags_array(weights) @ matrix)
+    size = (surface.vertices.size,) * 2
+    whole = LinearOperator(size, matvec=matrix, dtype=np.float64)
+    scale = LinearOperator(size, matvec=lambda x: (x.reshape(shape) / diagonal).ravel(), dtype=np.float64)
+    right, begin = (trust * surface.vertices).ravel(), surface.vertices.ravel()
+    smooth, _ = cg(whole, right, begin, rtol=1e-6, maxiter=rounds, M=scale)
+    return smooth.reshape(shape)
 
 
 def _bending(surface: ConformingSurface) -> csr_array:

@@ -79,7 +79,9 @@ class Mesh:
     def face_normals(self) -> FloatArray:
         """Normals (F, 3), as long as twice the area of their face."""
         a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
-        return np.cross(b - a, c - a)
+        b -= a  # in place: meshes of label maps have millions of faces
+        c -= a
+        return np.cross(b, c)
 
     @property
     def face_areas(self) -> FloatArray:

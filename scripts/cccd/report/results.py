@@ -58,9 +58,9 @@ class StructureFiles:
         return _if_there(store.read_corners, self.folder / "curves.h5")
 
     def net(self) -> ControlNet | None:
-        """Read the surface's control points and the lines between them."""
-        file = self.folder / "surface.h5"
-        return ControlNet.of(store.read_bodies(file)) if file.is_file() else None
+        """Read the surface's control points and the lines between them; None where it has none."""
+        bodies = _if_there(store.read_bodies, self.folder / "surface.h5")
+        return ControlNet.of(bodies) if bodies else None
 
     def view(self):
         """Read the small meshes and what colours them."""

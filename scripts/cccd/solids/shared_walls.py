@@ -37,9 +37,11 @@ __all__ = [
     "SharedWalls",
     "on_one_grid",
     "read_organs",
+    "read_structures",
     "share_walls",
     "surface_of",
     "touching_groups",
+    "with_neighbours",
 ]
 
 #: Distances to an organ's surface are kept up to so many cells to either side of it.
@@ -125,21 +127,28 @@ class SharedWalls:
         }
 
 
-def read_organs(structures: Sequence[str | Path], meshes: Sequence[str | Path]) -> dict[int, Organ]:
-    """Read what `share_walls` takes from the files ``structure.h5`` and PLY of every organ of a case.
+def read_structures(files: Sequence[str | Path]) -> dict[int, Structure]:
+    """Read the files ``structure.h5`` of every organ of a case, without their images.
 
     Labels are those of the map where each organ has one of its own, and count from 1 otherwise.
     """
-    organs: list[Organ] = []
-    for structure_file, mesh_file in zip(structures, meshes, strict=True):
-        structure = read_structure(structure_file)
-        structure.image = None  # as large as the mask four times over
-        mesh = read_ply(mesh_file)
-        organs.append(Organ(structure.organ, with_undrawn_filled(structure, mesh), mesh))
-    labels = [str(organ.structure.provenance.get("label", "")) for organ in organs]
+    structures: list[Structure] = []
+    for file in files:
+        structures.append(read_structure(file))
+        structures[-1].image = None  # as large as the mask four times over
+    labels = [str(structure.provenance.get("label", "")) for structure in structures]
     if len(set(labels)) == len(labels) and all(label.isdecimal() for label in labels):
-        return {int(label): organ for label, organ in zip(labels, organs, strict=True)}
-    return dict(enumerate(organs, 1))
+        return {int(label): structure for label, structure in zip(labels, structures, strict=True)}
+    return dict(enumerate(structures, 1))
+
+
+def read_organs(structures: Sequence[str | Path], meshes: Sequence[str | Path]) -> dict[int, Organ]:
+    """Read what `share_walls` takes from the files ``structure.h5`` and PLY of every organ of a case."""
+    organs: dict[int, Organ] = {}
+    for (label, structure), file in zip(read_structures(structures).items(), meshes, strict=True):
+        mesh = read_ply(file)
+        organs[label] = Organ(structure.organ, with_undrawn_filled(structure, mesh), mesh)
+    return organs
 
 
 def surface_of(surface: ConformingSurface, name: str) -> Mesh:
@@ -262,6 +271,16 @@ def touching_groups(structures: Mapping[int, Structure]) -> list[list[int]]:
     links = beside[1 : len(labels) + 1, 1:]  # without the windows that hold no organ
     group = connected_components(links, directed=False)[1]
     return [[labels[n] for n in np.flatnonzero(group == number)] for number in range(group.max() + 1)]
+
+
+def with_neighbours(structures: Mapping[int, Structure]) -> set[int]:
+    """Find the labels of organs that will share walls, and so need no spline; parameters as above.
+
+    Where slices are not annotated, nobody knows before the organs are lofted: there are none then.
+    """
+    if any(structure.annotation is not None for structure in structures.values()):
+        return set()
+    return {label for group in touching_groups(structures) if len(group) > 1 for label in group}
 
 
 def on_one_grid(structures: Mapping[int, Structure]) -> dict[int, Structure]:
@@ -522,11 +541,12 @@ class _Fields:
         outside = organ == 0
         distance[outside] = -self.outer[tuple(nodes[outside].T)]
         number = np.maximum(organ - 1, 0)
-        local = nodes - self.first[number]
-        inside = ~outside & (local >= 0).all(axis=1) & (local < self.size[number]).all(axis=1)
-        size, place = self.size[number[inside]], local[inside]
-        flat = (place[:, 0] * size[:, 1] + place[:, 1]) * size[:, 2] + place[:, 2]
-        distance[inside] = self.values[self.offsets[number[inside]] + flat]
+        inside, flat = ~outside, self.offsets[number]
+        for axis, step in enumerate((self.size[:, 1] * self.size[:, 2], self.size[:, 2], 1)):
+            local = nodes[:, axis] - self.first[number, axis]
+            inside &= (local >= 0) & (local < self.size[number, axis])
+            flat = flat + local * np.broadcast_to(step, len(self.size))[number]
+        distance[inside] = self.values[flat[inside]]
         return distance
 
     def cut(self, nodes: IntArray, ends: IntArray, low: LabelArray, high: LabelArray) -> FloatArray:
@@ -569,10 +589,9 @@ class _Fields:
             node = first + bits
             apart = np.where(outer == 0, 1.0, 0.5) * -self.distance(node, outer)
             apart += np.where(outer == 0, 0.0, 0.5) * self.distance(node, inner)
-            weight = np.where(bits, share, 1 - share)
-            value += apart * weight.prod(axis=1)
-            for axis in range(3):
-                others = np.delete(weight, axis, axis=1).prod(axis=1)
+            x, y, z = np.where(bits, share, 1 - share).T
+            value += apart * (x * y * z)
+            for axis, others in enumerate((y * z, x * z, x * y)):
                 slope[:, axis] += apart * others * (1 if bits[axis] else -1)
         square = np.maximum((slope**2).sum(axis=1), (self.cell / 2) ** 2)
         step = -slope * (value / square)[:, None]

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from cccd.bands import Calibration, estimate_band
-from cccd.containers import Sections
+from cccd.containers import Frame, Sections
 from cccd.errors import InputError
 from cccd.settings.surface import LoftSettings
 from cccd.surface.outlines import lofted_outlines
+from cccd.surface.rough import RoughSolid, loft_rough
 from cccd.surface.spline import SplineSolid, loft_spline
-from cccd.surface.stack import interpolate_slices
+from cccd.surface.stack import SliceStack, interpolate_slices
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["loft_in_plane", "loft_surface"]
+__all__ = ["loft_before_walls", "loft_in_plane", "loft_surface"]
 
 
 def loft_surface(sections: Sections, settings: LoftSettings) -> LoftedSurface:
@@ -29,18 +30,31 @@ def loft_surface(sections: Sections, settings: LoftSettings) -> LoftedSurface:
     InputError
         When there is no curve at all, or none goes around the centre of a pixel.
     """
-    calibration = Calibration.read(settings.calibration)
-    solid = loft_in_plane(sections, settings)
-    surface = solid.to_world(sections.curves.frame)
-    surface.band = estimate_band(solid.mesh, solid.stack.slices, settings.band, calibration)
-    surface.report["warnings"] += surface.band.warnings(solid.stack.slices.ratio)
-    return surface
+    return _with_band(loft_in_plane(sections, settings), sections.curves.frame, settings)
+
+
+def loft_before_walls(sections: Sections, settings: LoftSettings) -> LoftedSurface:
+    """Loft as `loft_surface` does, but without a spline: for organs that will share their walls."""
+    solid = loft_rough(_slices(sections, settings), settings.smallest_part_voxels)
+    return _with_band(solid, sections.curves.frame, settings)
 
 
 def loft_in_plane(sections: Sections, settings: LoftSettings) -> SplineSolid:
     """Loft as `loft_surface` does, in the plane's mm and height."""
+    return loft_spline(_slices(sections, settings), settings.smallest_part_voxels)
+
+
+def _slices(sections: Sections, settings: LoftSettings) -> SliceStack:
+    """Interpolate between the slices."""
     if len(sections.curves) == 0:
         raise InputError("curves", "there is no closed curve", "check the mask or the boundary maps")
-    outlines = lofted_outlines(sections, settings)
-    stack = interpolate_slices(outlines, sections, settings)
-    return loft_spline(stack, settings.smallest_part_voxels)
+    return interpolate_slices(lofted_outlines(sections, settings), sections, settings)
+
+
+def _with_band(solid: SplineSolid | RoughSolid, frame: Frame, settings: LoftSettings) -> LoftedSurface:
+    """Give a solid in mm RAS, with its error band."""
+    calibration = Calibration.read(settings.calibration)
+    surface = solid.to_world(frame)
+    surface.band = estimate_band(solid.mesh, solid.stack.slices, settings.band, calibration)
+    surface.report["warnings"] += surface.band.warnings(solid.stack.slices.ratio)
+    return surface

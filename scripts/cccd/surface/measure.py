@@ -167,12 +167,13 @@ def measure_surface(surface: LoftedSurface, structure: Structure) -> dict[str, A
     reported = {key: value for key, value in surface.report.items() if key not in _UNMEASURED}
     reference = Reference.of(structure) if _is_known(structure) else None
     kept = control_bytes(surface)
+    compactness = {"compactness": reported["marching_cubes_bytes"] / kept} if kept else {}
     return {
         **measure_mesh(surface.mesh, structure, reference),
         **measure_band(surface),
         **reported,
         "control_bytes": kept,
-        "compactness": reported["marching_cubes_bytes"] / max(kept, 1),
+        **compactness,
     }
 
 

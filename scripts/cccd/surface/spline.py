@@ -11,7 +11,6 @@ from scipy.spatial import cKDTree
 
 from cccd.containers import Frame
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
-from cccd.geometry.booleans import between_planes
 from cccd.geometry.decimation import weigh_more
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
@@ -25,11 +24,12 @@ from cccd.surface.control_mesh import (
     open_edges,
     with_caps,
 )
+from cccd.surface.rough import counts, cut_at_ends, warnings_of, without_small
 from cccd.surface.sampled import SampledDistance
 from cccd.surface.spline_fit import Curvature, SplineFit, fit_spline
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
 from cccd.surface.surface import LoftedSurface
-from cccd.tolerances import CONTROL_POINT_PIXELS, SHRUNK_PART
+from cccd.tolerances import CONTROL_POINT_PIXELS
 
 __all__ = ["SplineSolid", "loft_spline"]
 
@@ -76,8 +76,6 @@ PAST_FINEST = 1.1
 VOLUME_ROUNDS = 2
 #: Control points are rounded so many times finer where that keeps the surface from crossing itself.
 FINER = 64
-#: Vertices within this share of a pixel of where the scan ends are moved there before the mesh is cut.
-NEXT_TO_CUT = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,13 +87,14 @@ class SplineSolid:
     spline : ControlMesh
     mesh : Mesh
         Its limit surface at some samples, oriented outwards.
-    left_out : list of float
-        mm^3 of each part that is too small.
+    stack : SliceStack
+        What the slices hold.
+    smallest_voxels : float
+        Parts and cavities of less volume are left out, but for the largest.
     """
 
     spline: ControlMesh
     mesh: Mesh
-    left_out: list[float]
     stack: SliceStack
     smallest_voxels: float
 
@@ -112,37 +111,15 @@ class SplineSolid:
 
     def report(self, violations: Sequence[str] = ()) -> dict[str, Any]:
         """Count and measure, as plain JSON, with warnings; ``violations`` are lines for people."""
-        stack, pieces = self.stack, self.mesh.pieces()
         count = len(self.spline.vertices)
-        volumes = [piece.volume for piece in pieces]
         return {
             "control_points": count,
             "control_bytes": CONTROL_BYTES * count,
-            "marching_cubes_bytes": stack.marching_cubes_bytes,
-            "compactness": stack.marching_cubes_bytes / (CONTROL_BYTES * count),
-            "vertices": len(self.mesh.vertices),
-            "triangles": len(self.mesh.faces),
-            "bodies": sum(volume > 0 for volume in volumes),
-            "cavities": sum(volume < 0 for volume in volumes),
-            "cut_ends": int(np.isfinite(stack.cut_heights).sum()),
-            "warnings": [
-                *_left_out_warnings(self.left_out, self.smallest_voxels),
-                *stack.warnings,
-                *violations,
-            ],
+            "marching_cubes_bytes": self.stack.marching_cubes_bytes,
+            "compactness": self.stack.marching_cubes_bytes / (CONTROL_BYTES * count),
+            **counts(self.mesh, self.stack),
+            "warnings": [*warnings_of(self.stack, self.smallest_voxels), *violations],
         }
-
-
-def _left_out_warnings(volumes: Sequence[float], smallest_voxels: float) -> list[str]:
-    """Report the parts, in mm^3, that were left out as smaller than a number of voxels."""
-    if not volumes:
-        return []
-    count, volume = len(volumes), f"{sum(volumes):.3g} mm³" + (" in total" if len(volumes) > 1 else "")
-    fragments = "1 fragment" if count == 1 else f"{count} fragments"
-    return [
-        f"dropped {fragments} smaller than {smallest_voxels:g} voxels ({volume}); lower "
-        "surface.smallest_part_voxels to keep them"
-    ]
 
 
 def _rounded(spline: ControlMesh, tolerance: float) -> tuple[ControlMesh, Mesh, IntArray]:
@@ -173,8 +150,7 @@ def loft_spline(stack: SliceStack, smallest_voxels: float) -> SplineSolid:
         Parts and cavities of less volume are left out, but for the largest.
     """
     distance = SampledDistance.of(stack)
-    rough = _cut(distance.zero_surface(), distance)
-    rough = _without_small(rough, SHRUNK_PART * stack.smallest)
+    rough = without_small(cut_at_ends(distance.zero_surface(), distance), stack)
     caps = on_caps(rough, distance.ends)
     wall = Mesh(rough.vertices, rough.faces[~caps]).compact()
     bent, area = _curvature(wall.low_passed(CALM_BAND, CALM_ROUNDS))
@@ -191,11 +167,10 @@ def loft_spline(stack: SliceStack, smallest_voxels: float) -> SplineSolid:
     fine = fewer_triangles(rough, SPARE * most, distance.ends)
     tree = cKDTree(wall.vertices)
     volume = None if stack.of_probability or stack.of_some_slices else stack.volume
-    left_out = [part for part in sorted(stack.part_volumes)[:-1] if part < stack.smallest]
     spline = _fit_and_refine(
         fine, (most, finest), distance, volume, lambda points: bent[tree.query(points)[1]]
     )
-    return SplineSolid(spline, spline.tessellate(_drawn(spline)), left_out, stack, smallest_voxels)
+    return SplineSolid(spline, spline.tessellate(_drawn(spline)), stack, smallest_voxels)
 
 
 def _drawn(spline: ControlMesh) -> int:
@@ -217,26 +192,6 @@ def _triangles(wall: Mesh, rim: IntArray, area: FloatArray, density: FloatArray)
     """How many triangles so dense a wall has, with its caps: one for each edge (E, 2) of their rims."""
     lengths = np.linalg.norm(wall.vertices[rim[:, 0]] - wall.vertices[rim[:, 1]], axis=1)
     return round(float(density @ area + lengths @ np.sqrt(EQUILATERAL * density[rim].mean(axis=1))))
-
-
-def _cut(mesh: Mesh, distance: SampledDistance) -> Mesh:
-    """Cut a mesh by planes where the scan ends."""
-    if not np.isfinite(distance.ends).any():
-        return mesh
-    vertices = mesh.vertices.copy()
-    for end in distance.ends:
-        vertices[np.abs(vertices[:, 2] - end) < NEXT_TO_CUT * distance.level_step, 2] = end
-    cut = between_planes(Mesh(vertices, mesh.faces), *distance.ends)
-    for end in distance.ends:
-        cut.vertices[np.abs(cut.vertices[:, 2] - end) < 1e-9, 2] = end
-    return cut
-
-
-def _without_small(mesh: Mesh, least: float) -> Mesh:
-    """Leave out pieces that hold less than so many mm^3, but for the largest."""
-    pieces = sorted(mesh.pieces(), key=lambda piece: -abs(piece.volume))
-    kept = [piece for n, piece in enumerate(pieces) if n == 0 or abs(piece.volume) >= least]
-    return Mesh.joined(kept)
 
 
 def _fit_and_refine(

@@ -36,3 +36,19 @@ def test_triangles_that_move_a_few_at_a_time_have_the_pairs_of_all_of_them(scatt
         counts.add(len(pairs))
         vertices[rng.choice(180, 9)] += rng.normal(0, 0.5, (9, 3))  # in place, as callers may
     assert len(counts) > 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_few_that_move_among_thousands_of_all_sizes_have_the_pairs_of_all_of_them(seed):
+    rng = np.random.default_rng(seed)
+    sizes = rng.choice([0.5, 1, 6], (3000, 1, 1), p=[0.6, 0.39, 0.01])
+    vertices = (rng.uniform(0, 30, (3000, 1, 3)) + sizes * rng.uniform(-1, 1, (3000, 3, 3))).reshape(-1, 3)
+    faces, counts = np.arange(9000).reshape(3000, 3), set()
+    moving = MovingTriangles(faces)
+    for way in (0.0, 0.3, 5.0, 100.0):  # the last ones leave the others' box
+        vertices[rng.choice(9000, 12)] += rng.normal(0, way, (12, 3))
+        pairs = moving.passing_pairs(vertices)
+        assert found(pairs) == found(passing_pairs(vertices, faces))
+        counts.add(len(pairs))
+    assert min(counts) > 100
+    assert len(counts) > 1
