@@ -56,9 +56,7 @@ class Violation:
         return f"{self.problem} at ({x:.1f}, {y:.1f}, {z:.1f}) mm"
 
 
-def check_surface(
-    mesh: Mesh, stack: SliceStack, pairs: IntArray | None = None, before_walls: bool = False
-) -> list[Violation]:
+def check_surface(mesh: Mesh, stack: SliceStack, pairs: IntArray | None = None) -> list[Violation]:
     """Find what is wrong with a surface.
 
     It is closed and passes nowhere through itself. On every slice it lies within `ON_SLICE` pixels of the
@@ -73,8 +71,6 @@ def check_surface(
         What the slices hold.
     pairs : (K, 2) int64, optional
         Triangles that pass through each other, where that is known.
-    before_walls : bool
-        Whether walls will be shared, which moves them so that each organ has its volume: it may be off now.
     """
     found: list[Violation] = []
     if not mesh.is_closed_manifold:
@@ -87,8 +83,7 @@ def check_surface(
     slices = [level for run in stack.runs for level in run.fields_of_slices]
     found += _off_slices(mesh, slices, stack)
     found += _off_between(mesh, slices, stack)
-    found += [] if before_walls else _of_other_volume(mesh, stack)
-    return found + _of_other_topology(mesh, slices, stack)
+    return found + _of_other_volume(mesh, stack) + _of_other_topology(mesh, slices, stack)
 
 
 def _off_slices(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> list[Violation]:
@@ -190,8 +185,7 @@ def _off_between(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) ->
 
 def _of_other_volume(mesh: Mesh, stack: SliceStack) -> list[Violation]:
     """Find a volume that is not the slices'."""
-    share = mesh.volume / stack.volume
-    if stack.of_probability or stack.of_some_slices or abs(share - 1) <= VOLUME:
+    if stack.held_volume is None or abs((share := mesh.volume / stack.held_volume) - 1) <= VOLUME:
         return []
     return [
         Violation(f"the surface has {share:.1%} of its slices' volume: some parts are as thin as a voxel")

@@ -13,6 +13,7 @@ from cccd.geometry.booleans import between_planes
 from cccd.geometry.mesh import Mesh
 from cccd.surface.checks import check_surface
 from cccd.surface.sampled import SampledDistance
+from cccd.surface.spline_fit import MOST_OFFSET
 from cccd.surface.stack import SliceStack
 from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import SHRUNK_PART
@@ -48,8 +49,7 @@ class RoughSolid:
     def to_world(self, frame: Frame) -> LoftedSurface:
         """Return the mesh in mm RAS; it has no bodies."""
         affine = self.stack.plane_to_world(frame)
-        found = check_surface(self.mesh, self.stack, before_walls=True)
-        violations = [violation.line(affine) for violation in found]
+        violations = [violation.line(affine) for violation in check_surface(self.mesh, self.stack)]
         report = {
             "control_points": 0,
             "control_bytes": 0,
@@ -76,7 +76,12 @@ def loft_rough(stack: SliceStack, smallest_voxels: float) -> RoughSolid:
     distance = SampledDistance.of(stack)
     # smoothed before it is cut, so that rims are smooth, and after what is small has gone: it would shrink
     smooth = without_small(distance.zero_surface(), stack).low_passed(BAND, ROUNDS)
-    return RoughSolid(cut_at_ends(smooth, distance), stack, smallest_voxels)
+    mesh = cut_at_ends(smooth, distance)
+    if stack.held_volume is not None:
+        most = MOST_OFFSET * distance.pixel
+        by = np.clip((stack.held_volume - mesh.volume) / mesh.area, -most, most)
+        mesh = cut_at_ends(Mesh(smooth.vertices + by * smooth.vertex_normals, smooth.faces), distance)
+    return RoughSolid(mesh, stack, smallest_voxels)
 
 
 def without_small(mesh: Mesh, stack: SliceStack) -> Mesh:

@@ -166,9 +166,8 @@ def loft_spline(stack: SliceStack, smallest_voxels: float) -> SplineSolid:
         most = min(most, max(LARGE // 2, len(rough.faces) // COARSER_LARGE))
     fine = fewer_triangles(rough, SPARE * most, distance.ends)
     tree = cKDTree(wall.vertices)
-    volume = None if stack.of_probability or stack.of_some_slices else stack.volume
     spline = _fit_and_refine(
-        fine, (most, finest), distance, volume, lambda points: bent[tree.query(points)[1]]
+        fine, (most, finest), distance, stack.held_volume, lambda points: bent[tree.query(points)[1]]
     )
     return SplineSolid(spline, spline.tessellate(_drawn(spline)), stack, smallest_voxels)
 

@@ -114,6 +114,11 @@ class SliceStack:
     warnings: tuple[str, ...] = ()
 
     @property
+    def held_volume(self) -> float | None:
+        """The mm^3 that a surface must hold; None where the slices only tell about how much."""
+        return None if self.of_probability or self.of_some_slices else self.volume
+
+    @property
     def step(self) -> float:
         """Distance between slices in mm."""
         return float(self.voxel[0])
