@@ -187,7 +187,9 @@ class Sampler:
             count = step.matrix.shape[0]
         last = _limit_matrix(quads, creases, sharpness, count)
         matrix = last if total is None else csr_array(last @ total)
-        return cls(csr_array(matrix[:points]), triangles)  # a step's vertices come first
+        matrix = csr_array(matrix[:points])  # a step's vertices come first
+        matrix.sort_indices()
+        return cls(matrix, triangles)
 
 
 def quad_edges(quads: IntArray) -> tuple[IntArray, IntArray]:

@@ -85,8 +85,8 @@ class SplineFit:
         laplacian, self.mass = _cotangent(samples, self.triangles)
         free = diags_array((~self.rim).astype(float))
         self.bending = csr_array(free @ laplacian @ self.sampling)
-        self.bending_squared = SquaredPattern(self.bending)
-        self.sampling_squared = SquaredPattern(self.sampling)
+        self.bending.sort_indices()
+        self.squared = SquaredPattern(self.bending, self.sampling)
         radius = 1 / np.maximum(curvature(samples), LEAST_CURVATURE)
         self.stiffness = np.minimum(STIFF_PIXELS * distance.pixel, STIFF_SHARE * radius) ** 4
 
@@ -104,11 +104,12 @@ class SplineFit:
         weight = self.mass * np.where(slope > 0, np.clip(slope / STEEP[1], 0.01, 1) ** 2, 0)
         seen = _scaled(self.sampling, normals, along)
         self._soften(value / np.maximum(slope, 1), weight)
-        plate = self.bending_squared.product(self.bending.data, self.stiffness / self.mass)
+        plate = self.squared.product(0, self.bending.data, self.stiffness / self.mass)
         moving = np.any(along != 0, axis=1)
         held = np.where(moving, DAMPING * (self.sampling.T @ self.mass), 1.0)
-        data = self.sampling_squared.product(seen.data, weight)
-        matrix = csr_array(data + _scaled(plate, along, along) + diags_array(held, format="csr"))
+        matrix = self.squared.product(1, seen.data, weight)
+        matrix.data += _scaled(plate, along, along).data
+        matrix.data[self.squared.diagonal] += held
         right = seen.T @ (-weight * value / np.maximum(slope, STEEP[0]))
         right -= np.einsum("vc,vc->v", along, plate @ self.points)
         scale = diags_array(1 / np.maximum(matrix.diagonal(), 1e-12))
