@@ -757,6 +757,7 @@ def _make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], setti
     """Make a surface of every label, and write and report each when it is ready: the exit status."""
     from tqdm import tqdm
 
+    from cccd.console import OrganLines
     from cccd.files.write import format_of
     from cccd.surface.between import near_pairs
     from cccd.whole_map import WholeMap
@@ -768,12 +769,18 @@ def _make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], setti
     voxels, told = whole.voxels, 0
     made: dict[int, dict[str, Any]] = {}
     found: dict[int, LabelSurface] = {}
+    lines = OrganLines(voxels)
     with tqdm(total=sum(voxels.values()), disable=None, leave=False, bar_format=_ALL_BAR) as bar:
+
+        def tell(what: str) -> None:
+            bar.set_description_str(what)
+            lines.begins(what)
 
         def done(number: int) -> None:
             bar.update(voxels[number])
+            lines.done(number)
 
-        for one in whole.surfaces(given.cores, bar.set_description_str, done):
+        for one in whole.surfaces(given.cores, tell, done):
             files = [_with_name(path, one.surface.name) for path in outputs if path not in scenes]
             files = [file for path in files for file in _write(one.surface, path, settings, given.band)]
             if scenes or given.json:  # what is read of all together at the end

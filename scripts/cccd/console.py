@@ -1,4 +1,4 @@
-"""What a person sees while a workflow runs: a line for each job that has finished, with the time left.
+"""What a person sees while a workflow or a label map runs: what is done, with the time left.
 
 Snakemake's own log prints the files, reasons and resources of every job: 1,650 lines for the default cohort.
 All of it stays in its log file.
@@ -9,10 +9,10 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TextIO
 
-__all__ = ["JobLines", "duration", "is_of_jobs", "shorten"]
+__all__ = ["JobLines", "OrganLines", "duration", "is_of_jobs", "shorten"]
 
 #: Events of Snakemake's log that `JobLines` replaces (`snakemake_interface_logger_plugins.common.LogEvent`).
 REPLACED = {
@@ -30,6 +30,8 @@ REPLACED = {
 BESIDES = ("Select jobs to execute", "RuleException")
 #: Share of the jobs after which the time left is worth saying.
 FORESEEN = 0.1
+#: Seconds between the lines about a label map.
+LINES_APART = 20.0
 
 
 def is_of_jobs(record: logging.LogRecord) -> bool:
@@ -111,3 +113,43 @@ class JobLines(logging.Handler):
     def _write(self, line: str) -> None:
         self.stream.write(line + "\n")
         self.stream.flush()
+
+
+class OrganLines:
+    """Lines about a label map where no terminal shows a bar, as in a cluster's log; one in a while is enough.
+
+    Parameters
+    ----------
+    sizes : mapping of int to int
+        Of each organ, by number: the time that it takes, in any unit.
+    stream : text stream
+    clock : callable
+        Gives seconds.
+    """
+
+    def __init__(
+        self,
+        sizes: Mapping[int, int],
+        stream: TextIO = sys.stderr,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.sizes, self.stream, self.clock = sizes, stream, clock
+        self.begin = self.last = clock()
+        self.ready: list[int] = []
+
+    def begins(self, what: str) -> None:
+        """Tell what begins, such as an organ by its name."""
+        count = len(self.sizes)
+        done, total = sum(self.sizes[number] for number in self.ready), max(sum(self.sizes.values()), 1)
+        now = self.clock()
+        if self.stream.isatty() or now - self.last < LINES_APART:
+            return
+        self.last, left = now, ""
+        if FORESEEN * total <= done < total:
+            left = f"; about {duration((now - self.begin) / done * (total - done))} left for surfaces"
+        self.stream.write(f"[{len(self.ready):>{len(str(count))}}/{count}] {what} ...{left}\n")
+        self.stream.flush()
+
+    def done(self, number: int) -> None:
+        """Count an organ."""
+        self.ready.append(number)

@@ -5,7 +5,7 @@ import logging
 
 import pytest
 
-from cccd.console import JobLines, duration, is_of_jobs
+from cccd.console import JobLines, OrganLines, duration, is_of_jobs
 
 
 def record(event=None, message="", **fields):
@@ -82,3 +82,27 @@ def test_snakemake_has_the_events_that_are_replaced():
 )
 def test_durations(seconds, said):
     assert duration(seconds) == said
+
+
+def test_a_label_map_says_now_and_then_how_far_it_is_without_a_terminal():
+    now, stream = [0.0], io.StringIO()
+    lines = OrganLines({1: 300, 2: 100, 3: 100}, stream, lambda: now[0])
+    for seconds, number, name in ((0, 1, "brain"), (60, 2, "left eye"), (65, 3, "right eye")):
+        now[0] = seconds
+        lines.begins(name)
+        lines.done(number)
+    now[0] = 100
+    lines.begins("shared walls")
+    assert stream.getvalue().splitlines() == [
+        "[1/3] left eye ...; about 40 s left for surfaces",
+        "[3/3] shared walls ...",
+    ]
+
+
+def test_a_label_map_writes_no_lines_beside_a_bar():
+    now, stream = [0.0], io.StringIO()
+    stream.isatty = lambda: True
+    lines = OrganLines({1: 1}, stream, lambda: now[0])
+    now[0] = 100
+    lines.begins("shared walls")
+    assert stream.getvalue() == ""
