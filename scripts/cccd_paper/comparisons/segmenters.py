@@ -92,17 +92,27 @@ _SAMPLES = 10_000
 
 @dataclass(frozen=True)
 class ShippedNetworks:
-    """Networks that are shipped for an organ; each looks at a scan once, for the table and for the figure.
+    """Networks that are shipped for an organ; a scan is made and looked at once, for table and figure.
 
     Attributes
     ----------
     segmenters : sequence of (module, plan)
     found : dict
         Probabilities (a, b, c) of any label that a network found, by its name, case, organ and seed.
+    scans : dict
+        Whole scans of phantoms and their true masks, by case, organ and seed.
     """
 
     segmenters: Sequence[Segmenter]
     found: dict[tuple[str, str, str, int], SingleArray] = field(default_factory=dict)
+    scans: dict[tuple[str, str, int], tuple[Volume, BoolArray]] = field(default_factory=dict)
+
+    def scan(self, structure: Structure, seed: int) -> tuple[Volume, BoolArray]:
+        """Scan a phantom with all that is around the organ; its true mask."""
+        key = (structure.case, structure.organ, seed)
+        if key not in self.scans:
+            self.scans[key] = _whole_scan(structure, seed)
+        return self.scans[key]
 
     def chances(self, segmenter: Segmenter, structure: Structure, scan: Volume, seed: int) -> SingleArray:
         """Probabilities (a, b, c) of any label in a structure's whole scan, specks left out."""
@@ -156,7 +166,7 @@ def compare_segmenters(
         return pd.DataFrame(columns=list(COLUMNS))
     from cccd.segmentation.networks import networks, parameters
 
-    scan, truth = _whole_scan(structure, seed)
+    scan, truth = segmenters.scan(structure, seed)
     frame = Frame(scan.affine, structure.frame.slice_axis, scan.shape)
     traced = _traced(truth, frame)
     if (one := middle_curve(traced)) is not None:
@@ -203,7 +213,7 @@ def network_figures(structure: Structure, segmenters: ShippedNetworks, seed: int
     own = middle_curve(trace_stack(structure.required_stack("mask"), structure.stack_origin, structure.frame))
     if own is None:
         return {}
-    scan, truth = _whole_scan(structure, seed)
+    scan, truth = segmenters.scan(structure, seed)
     frame = Frame(scan.affine, structure.frame.slice_axis, scan.shape)
     first, *corner = _stack_offset(scan, structure.frame)
     layer = int(own.slice[0]) - first
