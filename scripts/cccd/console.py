@@ -142,7 +142,10 @@ class OrganLines:
         count = len(self.sizes)
         done, total = sum(self.sizes[number] for number in self.ready), max(sum(self.sizes.values()), 1)
         now = self.clock()
-        if self.stream.isatty() or now - self.last < LINES_APART:
+        soon = now - self.last < LINES_APART
+        if done == total and self.last > self.begin:
+            soon = False  # what follows the organs' own surfaces takes as long as they
+        if self.stream.isatty() or soon:
             return
         self.last, left = now, ""
         if FORESEEN * total <= done < total:

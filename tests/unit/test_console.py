@@ -91,7 +91,7 @@ def test_a_label_map_says_now_and_then_how_far_it_is_without_a_terminal():
         now[0] = seconds
         lines.begins(name)
         lines.done(number)
-    now[0] = 100
+    now[0] = 70
     lines.begins("shared walls")
     assert stream.getvalue().splitlines() == [
         "[1/3] left eye ...; about 40 s left for surfaces",
