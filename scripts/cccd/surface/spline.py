@@ -210,15 +210,18 @@ def _fit_and_refine(
         mesh = with_caps(fit.spline, distance.ends).tessellate(1)
         crossing, off, folded = _amiss(mesh, distance)
         found = int(off.sum()), int(crossing.sum())
+        large = len(wall.quads) > LARGE
         if best is None or found < best[0]:
-            best = found, fit
+            best, futile = (found, fit), False
+        else:  # in noise one more fit of so many quads takes twenty seconds and rarely helps
+            futile = large and attempt > REFINEMENTS
         amiss = crossing | off | folded if attempt < REFINEMENTS else crossing
-        done = not (amiss & (crossing | off)).any() or most >= finest
+        done = futile or most >= finest or not (amiss & (crossing | off)).any()
         closed = None
         # moving what crosses takes seconds, another fit of so many quads half a minute
-        if done or (len(wall.quads) > LARGE and not off.any()):
+        if done or (large and not off.any()):
             closed, simple = _of_volume(best[1], volume)
-            if simple or not crossing.any():
+            if simple or futile or not crossing.any():
                 return closed
             amiss = crossing
         there = np.zeros(len(coarse.faces), np.bool_)
