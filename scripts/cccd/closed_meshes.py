@@ -88,9 +88,9 @@ def drawn_planes(path: Path, label: str = "") -> list[DrawnPlane] | None:
         return [DrawnPlane(normal, rings) for normal, rings in read_csl(path)]
     if not path.is_file() or dicom_modality(path) != "RTSTRUCT":
         return None
-    from cccd.inputs.dicom import read_rtstruct  # slow to import
+    from cccd.inputs.dicom import Regions  # slow to import
 
-    rois, _ = read_rtstruct(path, label, "")
+    rois = Regions.read(path).contours(label, "")
     planes = planes_of([contour for roi in rois for contour in roi], path.name)
     return planes if _directions(planes) > 1 else None
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 import re
 from collections import Counter, defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,9 +35,9 @@ from cccd.tolerances import (
 
 __all__ = [
     "NO_IMAGES",
+    "Regions",
+    "Segments",
     "known_uid",
-    "read_rtstruct",
-    "read_seg",
     "read_series",
     "region_names",
     "segment_names",
@@ -329,60 +331,89 @@ def _read_multiframe(path: Path) -> Volume:
     return Volume(data, affine, path.name, frame_of_reference=frame)
 
 
-def read_seg(path: Path, label: str, organ: str, series: Volume | None, limits: Limits = LIMITS) -> Volume:
-    """Read segments of a DICOM SEG as one mask.
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """A DICOM SEG, read once for all its segments.
 
-    Parameters
+    Attributes
     ----------
-    path : path
-        The SEG object.
-    label : str
-        Segment numbers (``"1"``, ``"1,2"``) or a segment's label; empty when there is just one segment or
-        one that is called like the organ.
-    organ : str
-        The row's organ.
-    series : Volume, optional
-        The image series, to check that the segmentation refers to it.
-    limits : Limits
-        What the object may ask for.
-
-    Returns
-    -------
-    Volume
-        Boolean; slices without a frame are background. Fractions are cut at one half.
-
-    Raises
-    ------
-    InputError
-        Not a SEG, no such segment, frames that form no volume, or slices that the series does not have.
+    seg : highdicom.seg.Segmentation
+    names : dict of int to str
+        Labels of the segments by their numbers.
+    referenced : set of str
+        SOP instance UIDs of the images whose pixels the frames mark.
+    location : str
+        The file's name.
     """
-    import highdicom  # slow to import, and few inputs need it
 
-    location = path.name
-    with guarded(location, "not a readable DICOM SEG", "export the segmentation again"):
-        header = pydicom.dcmread(path, stop_before_pixels=True)
-        check_size(_promised([_Slice(path, header)]), limits, location)
-        seg = highdicom.seg.segread(path)
-        names = _segment_names(seg)
-        referenced = _referenced(seg)
-    chosen = choose_labels(names, label, organ, location, "segment")
-    if series is not None and series.instances:
-        unknown = referenced - set(series.instances)
-        if unknown:
-            raise InputError(
-                location,
-                f"it refers to {len(unknown)} slices that {series.location} does not have",
-                "give the series that was segmented",
-            )
-    with guarded(location, "its frames form no volume", "export it on the slices of one series"):
-        frames = _Frames.of(seg)
-        if not frames.is_regular:
-            return frames.volume(seg, chosen, location)
-        volume = seg.get_volume(segment_numbers=chosen, combine_segments=False)
-    data = np.asarray(volume.array)
-    mask = np.any(data.reshape(*data.shape[:3], -1) >= 0.5, axis=-1)
-    affine = check_affine(LPS_TO_RAS @ volume.affine, location)
-    return Volume(mask, affine, location, frame_of_reference=str(volume.frame_of_reference_uid or ""))
+    seg: Any
+    names: dict[int, str]
+    referenced: set[str]
+    location: str
+
+    @classmethod
+    def read(cls, path: Path, limits: Limits = LIMITS) -> Segments:
+        """Read a SEG that asks for no more than ``limits``.
+
+        Raises
+        ------
+        InputError
+            Not a SEG, or too large.
+        """
+        import highdicom  # slow to import, and few inputs need it
+
+        location = path.name
+        with guarded(location, "not a readable DICOM SEG", "export the segmentation again"):
+            header = pydicom.dcmread(path, stop_before_pixels=True)
+            check_size(_promised([_Slice(path, header)]), limits, location)
+            seg = highdicom.seg.segread(path)
+            return cls(seg, _segment_names(seg), _referenced(seg), location)
+
+    def mask(self, label: str, organ: str, series: Volume | None) -> Volume:
+        """Take segments as one mask.
+
+        Parameters
+        ----------
+        label : str
+            Segment numbers (``"1"``, ``"1,2"``) or a segment's label; empty when there is just one segment or
+            one that is called like the organ.
+        organ : str
+            The row's organ.
+        series : Volume, optional
+            The image series, to check that the segmentation refers to it.
+
+        Returns
+        -------
+        Volume
+            Boolean; slices without a frame are background. Fractions are cut at one half.
+
+        Raises
+        ------
+        InputError
+            No such segment, frames that form no volume, or slices that the series does not have.
+        """
+        seg, location = self.seg, self.location
+        chosen = choose_labels(self.names, label, organ, location, "segment")
+        if series is not None and series.instances:
+            unknown = self.referenced - set(series.instances)
+            if unknown:
+                raise InputError(
+                    location,
+                    f"it refers to {len(unknown)} slices that {series.location} does not have",
+                    "give the series that was segmented",
+                )
+        with guarded(location, "its frames form no volume", "export it on the slices of one series"):
+            if not self._frames.is_regular:
+                return self._frames.volume(seg, chosen, location)
+            volume = seg.get_volume(segment_numbers=chosen, combine_segments=False)
+        data = np.asarray(volume.array)
+        mask = np.any(data.reshape(*data.shape[:3], -1) >= 0.5, axis=-1)
+        affine = check_affine(LPS_TO_RAS @ volume.affine, location)
+        return Volume(mask, affine, location, frame_of_reference=str(volume.frame_of_reference_uid or ""))
+
+    @cached_property
+    def _frames(self) -> _Frames:
+        return _Frames.of(self.seg)
 
 
 class _Frames(NamedTuple):
@@ -511,60 +542,93 @@ def _referenced(seg: pydicom.Dataset) -> set[str]:
     }
 
 
-def read_rtstruct(
-    path: Path, label: str, organ: str, limits: Limits = LIMITS
-) -> tuple[list[list[FloatArray]], str]:
-    """Read the contours of regions of interest (ROIs).
+@dataclass(frozen=True, eq=False)
+class Regions:
+    """A DICOM RTSTRUCT, read once for all its regions of interest (ROIs).
 
-    Parameters
+    Attributes
     ----------
-    path : path
-        RTSTRUCT object.
-    label, organ : str
-        See `read_seg`; the labels here are ROI names or numbers.
+    names : dict of int to str
+        Names of the ROIs by their numbers.
+    items : dict of int to Dataset
+        Their contours' items.
+    frame_of_reference : str
+        UID.
+    location : str
+        The file's name.
     limits : Limits
         What the object may ask for.
-
-    Returns
-    -------
-    rois : list of list of (n, 3) float64
-        Contours of every chosen ROI in world mm (RAS), the first point not repeated; marks are left out.
-    frame_of_reference : str
-        UID of the frame of reference.
-
-    Raises
-    ------
-    InputError
-        Not an RTSTRUCT, no such ROI, an ROI without contours, an open contour, or damaged coordinates.
     """
-    location = path.name
-    with guarded(location, "not a readable RTSTRUCT", "export the structure set again"):
-        dataset = pydicom.dcmread(path)
-        names = _region_names(dataset)
-        items = {int(item.ReferencedROINumber): item for item in dataset.get("ROIContourSequence", [])}
-        frame = str(dataset.get("FrameOfReferenceUID") or "")
-        for item in dataset.get("ReferencedFrameOfReferenceSequence", []):
-            frame = str(item.get("FrameOfReferenceUID", "")) or frame
-    if not names:
-        raise InputError(location, "it has no ROI", "export the structure set again")
-    doubles = {name for name, count in Counter(names.values()).items() if count > 1}
-    rois = []
-    for number in choose_labels(names, label, organ, location, "ROI"):
-        if names[number] in doubles and not label.isdecimal():
-            raise InputError(
-                location, f"several ROIs are called {names[number]!r}", "give the ROI's number as label"
-            )
-        with guarded(location, f"ROI {names[number]!r} is damaged", "export the structure set again"):
-            sequence = items[number].get("ContourSequence", []) if number in items else []
-            check_count(len(sequence), limits, "contours", location)
-            points = sum(len(_coordinates(item)) for item in sequence) // 3
-            check_count(points, limits, "contour_points", location)
-            contours = [_contour(location, names[number], item) for item in sequence]
-        if not contours:
-            filled = {n: names[n] for n, item in items.items() if item.get("ContourSequence") and n in names}
-            raise InputError(location, f"ROI {names[number]!r} has no contours", choices(filled.values()))
-        rois.append([contour for contour in contours if len(contour)])
-    return rois, frame
+
+    names: dict[int, str]
+    items: dict[int, pydicom.Dataset]
+    frame_of_reference: str
+    location: str
+    limits: Limits
+
+    @classmethod
+    def read(cls, path: Path, limits: Limits = LIMITS) -> Regions:
+        """Read an RTSTRUCT.
+
+        Raises
+        ------
+        InputError
+            Not an RTSTRUCT, or one without an ROI.
+        """
+        location = path.name
+        with guarded(location, "not a readable RTSTRUCT", "export the structure set again"):
+            dataset = pydicom.dcmread(path)
+            names = _region_names(dataset)
+            items = {int(item.ReferencedROINumber): item for item in dataset.get("ROIContourSequence", [])}
+            frame = str(dataset.get("FrameOfReferenceUID") or "")
+            for item in dataset.get("ReferencedFrameOfReferenceSequence", []):
+                frame = str(item.get("FrameOfReferenceUID", "")) or frame
+        if not names:
+            raise InputError(location, "it has no ROI", "export the structure set again")
+        return cls(names, items, frame, location, limits)
+
+    def contours(self, label: str, organ: str) -> list[list[FloatArray]]:
+        """Take the contours of ROIs.
+
+        Parameters
+        ----------
+        label, organ : str
+            See `Segments.mask`; the labels here are ROI names or numbers.
+
+        Returns
+        -------
+        list of list of (n, 3) float64
+            Contours of every chosen ROI in world mm (RAS), the first point not repeated; marks are left out.
+
+        Raises
+        ------
+        InputError
+            No such ROI, an ROI without contours, an open contour, or damaged coordinates.
+        """
+        location, names = self.location, self.names
+        doubles = {name for name, count in Counter(names.values()).items() if count > 1}
+        rois: list[list[FloatArray]] = []
+        for number in choose_labels(names, label, organ, location, "ROI"):
+            if names[number] in doubles and not label.isdecimal():
+                raise InputError(
+                    location, f"several ROIs are called {names[number]!r}", "give the ROI's number as label"
+                )
+            with guarded(location, f"ROI {names[number]!r} is damaged", "export the structure set again"):
+                contours = self._contours_of(number)
+            if not contours:
+                drawn = [n for n, item in self.items.items() if item.get("ContourSequence")]
+                filled = [names[n] for n in drawn if n in names]
+                raise InputError(location, f"ROI {names[number]!r} has no contours", choices(filled))
+            rois.append([contour for contour in contours if len(contour)])
+        return rois
+
+    def _contours_of(self, number: int) -> list[FloatArray]:
+        item = self.items.get(number)
+        sequence = [] if item is None else item.get("ContourSequence", [])
+        check_count(len(sequence), self.limits, "contours", self.location)
+        points = sum(len(_coordinates(item)) for item in sequence) // 3
+        check_count(points, self.limits, "contour_points", self.location)
+        return [_contour(self.location, self.names[number], item) for item in sequence]
 
 
 def _coordinates(item: pydicom.Dataset) -> Sequence[str]:

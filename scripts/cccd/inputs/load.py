@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,6 +46,9 @@ from cccd.seeds import parse_seeds
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
+
+if TYPE_CHECKING:
+    from cccd.inputs.dicom import Regions
 
 __all__ = [
     "MIN_SLICES",
@@ -235,13 +237,13 @@ def _read_source(
             raise InputError(
                 row["location"], "an RTSTRUCT cannot be combined with boundary maps", "empty one of them"
             )
-        scan = _scan_of_contours(paths["mask"], row, image, settings)
+        scan = _scan_of_contours(files.regions(paths["mask"]), row, image, settings)
     else:
         scan = _scan_of_voxels(paths, row, implied, image, settings, files)
     provenance = {
         "source": row["source"],
         "label": row["label"],
-        "files": _checksums(row, folder),
+        "files": _checksums(row, folder, files),
         "versions": dict(_versions()),
         **scan.provenance,
     }
@@ -304,25 +306,23 @@ def _slice_axis(volume: Volume, settings: ImportSettings) -> int:
 
 
 def _scan_of_contours(
-    path: Path, row: Mapping[str, str], image: Volume | None, settings: ImportSettings
+    regions: Regions, row: Mapping[str, str], image: Volume | None, settings: ImportSettings
 ) -> _Scan:
-    """Read drawn contours, and of the image the slices that they were drawn on."""
-    from cccd.inputs.dicom import read_rtstruct  # slow to import
-
-    rois, reference = read_rtstruct(path, row["label"], row["organ"])
+    """Take drawn contours, and of the image the slices that they were drawn on."""
+    rois, location = regions.contours(row["label"], row["organ"]), regions.location
     drawn = [contour for roi in rois for contour in roi]
     if not drawn:
-        raise InputError(path.name, "its ROI holds points only", "choose another ROI")
-    frame, keep, warnings = contour_frame(drawn, image, path.name, settings.contour_pixel_mm)
+        raise InputError(location, "its ROI holds points only", "choose another ROI")
+    frame, keep, warnings = contour_frame(drawn, image, location, settings.contour_pixel_mm)
     if settings.slice_axis not in ("auto", frame.slice_axis):
         raise InputError(
-            path.name,
+            location,
             f"its contours lie across axis {frame.slice_axis}, not {settings.slice_axis}",
             "set import: slice_axis: auto",
         )
-    if image is not None and image.frame_of_reference not in ("", reference):
-        warnings.append(f"{path.name}: its frame of reference is not that of {image.location}")
-    contours, notes = assemble_contours(rois, frame, path.name)
+    if image is not None and image.frame_of_reference not in ("", regions.frame_of_reference):
+        warnings.append(f"{location}: its frame of reference is not that of {image.location}")
+    contours, notes = assemble_contours(rois, frame, location)
     grey = None
     if image is not None and keep is not None:
         grey = image.data[tuple(keep if axis == frame.slice_axis else slice(None) for axis in range(3))]
@@ -339,7 +339,7 @@ def _scan_of_voxels(
     files: RowFiles,
 ) -> _Scan:
     """Read mask and boundary maps, or find the organ in the image, and move all to one grid."""
-    mask = read_mask(paths["mask"], row, implied, image, files.label_map) if "mask" in paths else None
+    mask = read_mask(paths["mask"], row, implied, image, files) if "mask" in paths else None
     boundary = read_boundary_maps(paths["boundary"]) if "boundary" in paths else None
     provenance: dict[str, Any] = {}
     drawn = mask if boundary is None else boundary
@@ -675,23 +675,12 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _checksums(row: Mapping[str, str], folder: Path) -> dict[str, str]:
+def _checksums(row: Mapping[str, str], folder: Path, files: RowFiles) -> dict[str, str]:
     """Checksums of what a row names, and of the voxels in files beside headers, by their names."""
     found: dict[str, str] = {}
     for name in filter(None, (row[column] for column in ("image", "mask", "boundary"))):
         path = folder / name
-        found[name] = _checksum(path)
+        found[name] = files.checksum(path)
         for voxels in voxel_files(path):
-            found[str(Path(name).parent / os.path.relpath(voxels, path.parent))] = _checksum(voxels)
+            found[str(Path(name).parent / os.path.relpath(voxels, path.parent))] = files.checksum(voxels)
     return found
-
-
-def _checksum(path: Path) -> str:
-    """SHA-256 of a file, or of the names and checksums of all files in a folder."""
-    if path.is_file():
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    lines = [
-        f"{_checksum(file)} {file.relative_to(path)}" for file in sorted(path.rglob("*")) if file.is_file()
-    ]
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()

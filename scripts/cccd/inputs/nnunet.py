@@ -9,10 +9,11 @@ from __future__ import annotations
 import io
 import json
 import pickle
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,14 @@ from cccd.inputs.readers import dataset_names, guarded
 __all__ = ["Classes", "is_nnunet", "read_classes"]
 
 _HINT = "run nnUNetv2_predict --save_probabilities again, and keep both files"
+
+
+class _BestTwo(NamedTuple):
+    """The most probable label (a, b, c) everywhere, its probability, and that of the next one."""
+
+    label: AnyArray
+    best: AnyArray
+    second: AnyArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +78,9 @@ class Classes:
         """
         known = {value: self.names.get(value, "") for value in self.values if value}
         chosen = choose_labels(known, label, organ, self.location, "label")
-        others = [value for value in self.values if value not in chosen]
         field = self._largest(chosen)
-        if others and 0 in self.values:
-            field = (1 + field - self._largest(others)) / 2
+        if 0 in self.values and len(chosen) < len(self.values):
+            field = (1 + field - self._largest_but(chosen)) / 2
         if not (field >= 0.5).any():
             raise InputError(
                 self.location,
@@ -83,16 +91,32 @@ class Classes:
 
     def present(self) -> dict[str, str]:
         """List the labels that are the most probable somewhere, and the name of each."""
-        values = list(self.values)
         if 0 not in self.values:
-            there = [value for value in values if (self.values[value] >= 0.5).any()]
+            there = [value for value in self.values if (self.values[value] >= 0.5).any()]
         else:
-            best = np.argmax(np.stack([self.values[value] for value in values]), axis=0)
-            there = [values[n] for n in np.unique(best) if values[n]]
+            there = [int(value) for value in np.unique(self._best_two.label) if value]
         return {str(value): self.names.get(value, "") for value in sorted(there)}
 
-    def _largest(self, labels: list[int]) -> SingleArray:
+    def _largest(self, labels: Sequence[int]) -> SingleArray:
         return np.max([self.values[value] for value in labels], axis=0).astype(np.float32)
+
+    def _largest_but(self, labels: Sequence[int]) -> SingleArray:
+        """Return the largest probability of all labels but some."""
+        if len(labels) > 1:
+            return self._largest([value for value in self.values if value not in labels])
+        two = self._best_two
+        return np.where(two.label == labels[0], two.second, two.best).astype(np.float32)
+
+    @cached_property
+    def _best_two(self) -> _BestTwo:
+        """Look through all labels once, for all organs."""
+        (first, best), *others = self.values.items()
+        label, second = np.full(best.shape, first, np.int32), np.zeros_like(best)
+        for value, probability in others:
+            higher = probability > best
+            second = np.where(higher, best, np.maximum(second, probability))
+            best, label = np.where(higher, probability, best), np.where(higher, np.int32(value), label)
+        return _BestTwo(label, best, second)
 
 
 def is_nnunet(path: Path) -> bool:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,10 +19,13 @@ from cccd.inputs.coarser_grid import CoarserGrid, find_coarser_grid
 from cccd.inputs.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilities, refuse_grey_values
 from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.labels import choose_labels
-from cccd.inputs.nnunet import is_nnunet, read_classes
+from cccd.inputs.nnunet import Classes, is_nnunet, read_classes
 from cccd.inputs.readers import SUFFIXES, read_volume, without_suffix
 from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE, PROBABILITY
+
+if TYPE_CHECKING:
+    from cccd.inputs.dicom import Regions, Segments
 
 __all__ = [
     "EACH_ITS_OWN",
@@ -115,7 +120,7 @@ def read_mask(
     row: Mapping[str, str],
     implied: tuple[int, ...],
     image: Volume | None,
-    label_map: Callable[[Path], LabelMap],
+    files: RowFiles,
 ) -> Volume:
     """Read an organ's mask.
 
@@ -130,8 +135,8 @@ def read_mask(
         Labels that the cohort's layout implies, of which some may be missing; empty where it implies none.
     image : Volume, optional
         The image, to which a SEG has to refer.
-    label_map : callable
-        How a label map is read: `read_label_map`, or one of `RowFiles`.
+    files : RowFiles
+        How files are read.
 
     Returns
     -------
@@ -150,13 +155,11 @@ def read_mask(
         modality = dicom_modality(path)
         if modality != "SEG":
             raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
-        from cccd.inputs.dicom import read_seg  # slow to import
-
-        mask = read_seg(path, label, organ, image)
+        mask = files.segments(path).mask(label, organ, image)
         return _with_coarser_grid(mask, mask.data)
     if is_nnunet(path):
-        return _field_or_mask(read_classes(path).of_organ(label, organ))
-    return label_map(path).organ(label, organ, implied)
+        return _field_or_mask(files.classes(path).of_organ(label, organ))
+    return files.label_map(path).organ(label, organ, implied)
 
 
 def list_labels(path: Path) -> dict[str, str]:
@@ -325,23 +328,53 @@ def read_label_map(path: Path) -> LabelMap:
     return LabelMap.of(read_volume(path))
 
 
+def _read_segments(path: Path) -> Segments:
+    from cccd.inputs.dicom import Segments  # slow to import
+
+    return Segments.read(path)
+
+
+def _read_regions(path: Path) -> Regions:
+    from cccd.inputs.dicom import Regions  # slow to import
+
+    return Regions.read(path)
+
+
+def _checksum(path: Path) -> str:
+    """SHA-256 of a file, or of the names and checksums of all files in a folder."""
+    if path.is_file():
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    inside = (file for file in sorted(path.rglob("*")) if file.is_file())
+    lines = [f"{_checksum(file)} {file.relative_to(path)}" for file in inside]
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
 @dataclass(frozen=True)
 class RowFiles:
     """How the files that rows name are read: each row reads its own, or rows of the same file share it.
 
     Attributes
     ----------
-    label_map, image : callable
-        `read_label_map` and `read_image`, or such as remember what they have read.
+    label_map, image, segments, regions, classes : callable
+        `read_label_map`, `read_image`, and those of a DICOM SEG, an RTSTRUCT and nnU-Net's probabilities, or
+        such as remember what they have read.
+    checksum : callable
+        SHA-256 of a file or folder.
     """
 
     label_map: Callable[[Path], LabelMap] = read_label_map
     image: Callable[[Path, str, bool], Volume] = read_image
+    segments: Callable[[Path], Segments] = _read_segments
+    regions: Callable[[Path], Regions] = _read_regions
+    classes: Callable[[Path], Classes] = read_classes
+    checksum: Callable[[Path], str] = _checksum
 
     @classmethod
     def shared(cls) -> RowFiles:
         """Read every file once, and keep it as long as this is kept."""
-        return cls(cache(read_label_map), cache(read_image))
+        own = EACH_ITS_OWN
+        return cls(**{way.name: cache(getattr(own, way.name)) for way in fields(cls)})
 
 
 #: Every row reads its own files.

@@ -13,7 +13,7 @@ from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.load import existing
 from cccd.inputs.readers import read_volume
-from cccd.inputs.row_files import read_label_map, read_mask
+from cccd.inputs.row_files import EACH_ITS_OWN, read_mask
 from cccd.segmentation.sources import read_scan, scan_phantom
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import choices
@@ -58,7 +58,7 @@ def read_labelled_scan(
         drawn = read_volume(path)
         classes = _classes(drawn.data, labels, path.name)
     else:
-        drawn = read_mask(path, row, implied, image, read_label_map)
+        drawn = read_mask(path, row, implied, image, EACH_ITS_OWN)
         classes = (drawn.data >= 0.5).astype(np.uint8)
     moved = on_grid(Volume(classes, drawn.affine, drawn.location), image.affine, image.shape, fill=0)
     if moved is None:

@@ -23,7 +23,7 @@ from cccd.errors import InputError
 from cccd.files.rtstruct import write_rtstruct
 from cccd.geometry.mesh import Mesh
 from cccd.inputs import load_structure
-from cccd.inputs.dicom import read_rtstruct, read_seg, read_series
+from cccd.inputs.dicom import Regions, Segments, read_series
 from cccd.inputs.limits import Limits
 from cccd.inputs.readers import read_volume
 from cccd.report.case_page import build_case_page
@@ -136,8 +136,8 @@ def test_what_a_file_may_ask_for(tmp_path, kind, limit, most):
     path, limits = tmp_path / (columns["image"] or columns["mask"]), Limits(**{limit: most - 1})
     read = {
         "series": lambda: read_series(path, limits=limits),
-        "seg": lambda: read_seg(path, "", "organ", None, limits),
-        "rtstruct": lambda: read_rtstruct(path, "", "organ", limits),
+        "seg": lambda: Segments.read(path, limits).mask("", "organ", None),
+        "rtstruct": lambda: Regions.read(path, limits).contours("", "organ"),
     }.get(kind, lambda: read_volume(path, limits))
     with pytest.raises(InputError, match="are allowed; mend its header, or give a part") as caught:
         read()
