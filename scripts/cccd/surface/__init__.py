@@ -5,7 +5,7 @@ distances on slices and between them), `rough` (the mesh on which they vanish), 
 refinement), `checks` (what must hold).
 """
 
-from cccd.surface.loft import loft_before_walls, loft_surface
+from cccd.surface.loft import loft_before_walls, loft_mesh, loft_surface
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["LoftedSurface", "loft_before_walls", "loft_surface"]
+__all__ = ["LoftedSurface", "loft_before_walls", "loft_mesh", "loft_surface"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from cccd.bands import Calibration, estimate_band
 from cccd.containers import Frame, Sections
 from cccd.errors import InputError
+from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
 from cccd.surface.outlines import lofted_outlines
 from cccd.surface.rough import RoughSolid, loft_rough
@@ -12,7 +13,7 @@ from cccd.surface.spline import SplineSolid, loft_spline
 from cccd.surface.stack import SliceStack, interpolate_slices
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["loft_before_walls", "loft_in_plane", "loft_surface"]
+__all__ = ["loft_before_walls", "loft_in_plane", "loft_mesh", "loft_surface"]
 
 
 def loft_surface(sections: Sections, settings: LoftSettings) -> LoftedSurface:
@@ -37,6 +38,11 @@ def loft_before_walls(sections: Sections, settings: LoftSettings) -> LoftedSurfa
     """Loft as `loft_surface` does, but without a spline: for organs that will share their walls."""
     solid = loft_rough(_slices(sections, settings), settings.smallest_part_voxels)
     return _with_band(solid, sections.curves.frame, settings)
+
+
+def loft_mesh(sections: Sections, settings: LoftSettings) -> Mesh:
+    """Give the mesh of `loft_surface` alone, in mm RAS: no error band, no checks of the slices."""
+    return loft_in_plane(sections, settings).rounded(sections.curves.frame)[1]
 
 
 def loft_in_plane(sections: Sections, settings: LoftSettings) -> SplineSolid:

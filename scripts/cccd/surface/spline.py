@@ -101,13 +101,16 @@ class SplineSolid:
     def to_world(self, frame: Frame) -> LoftedSurface:
         """Return the splines and their mesh in mm RAS."""
         affine = self.stack.plane_to_world(frame)
-        spline, mesh, pairs = _rounded(
-            self.spline.transformed(affine), CONTROL_POINT_PIXELS * self.stack.pixel
-        )
+        spline, mesh, pairs = self.rounded(frame)
         # what is written is checked: rounding alone may make a surface pass through itself
         found = check_surface(mesh.transformed(np.asarray(np.linalg.inv(affine), float)), self.stack, pairs)
         told = [violation.line(affine) for violation in found]
         return LoftedSurface(spline.pieces(), mesh, frame, self.report(told))
+
+    def rounded(self, frame: Frame) -> tuple[ControlMesh, Mesh, IntArray]:
+        """Return the spline in mm RAS as it is stored, its mesh, and pairs (K, 2) of triangles that cross."""
+        spline = self.spline.transformed(self.stack.plane_to_world(frame))
+        return _rounded(spline, CONTROL_POINT_PIXELS * self.stack.pixel)
 
     def report(self, violations: Sequence[str] = ()) -> dict[str, Any]:
         """Count and measure, as plain JSON, with warnings; ``violations`` are lines for people."""

@@ -13,12 +13,13 @@ from scipy import ndimage
 from cccd.containers import Boundaries, Curves, Panel, Sections, SliceFigure, Structure
 from cccd.curves import describe_curves
 from cccd.geometry.arrays import BoolArray, IntArray, offsets_of
+from cccd.geometry.mesh import Mesh
 from cccd.junctions.ordering import count_changes
 from cccd.metrics import dice
 from cccd.seeds import parse_seeds
 from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface import LoftedSurface, loft_surface
+from cccd.surface import LoftedSurface, loft_mesh
 from cccd.surface.measure import Reference, measure_mesh
 from cccd.tracing import trace_stack
 from cccd_paper.comparisons.baselines.decoders import DECODERS
@@ -103,21 +104,21 @@ def compare_map_surfaces(
     """
     reference = None if structure.mask is None else Reference.of(structure)
 
-    def measured(made: LoftedSurface) -> dict[str, object]:
-        figures = measure_mesh(made.mesh, structure, reference=reference)
+    def measured(mesh: Mesh) -> dict[str, object]:
+        figures = measure_mesh(mesh, structure, reference=reference)
         return {name: figures[name] for name in _FIGURES if name in figures}
 
     def lofted(curves: Curves) -> dict[str, object]:
         if not len(curves):
             return {}
-        return measured(loft_surface(Sections(curves, describe_curves(curves, fitting).splines), lofting))
+        return measured(loft_mesh(Sections(curves, describe_curves(curves, fitting).splines), lofting))
 
     name, decoded = best_decoded(structure, boundaries)
     decided = len(decided_slices(boundaries))
     rows = [
         {"method": method, "decided": decided, **_counts(boundaries, curves), **figures}
         for method, curves, figures in (
-            (NETWORK, contours, measured(surface)),
+            (NETWORK, contours, measured(surface.mesh)),
             (f"{_BEST}{name}", decoded, lofted(decoded)),
         )
     ]

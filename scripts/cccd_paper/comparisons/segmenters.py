@@ -42,7 +42,7 @@ from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings, PhantomSettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface.loft import loft_surface
+from cccd.surface.loft import loft_mesh
 from cccd.tracing import level_curves, trace_stack
 from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import AUTOMATIC, CCCD, OUTLINES
@@ -346,5 +346,5 @@ def _surface_distance(
     fitted: FittedCurves, truth: Mesh, lofting: LoftSettings, level: ProbabilityStack | None = None
 ) -> float:
     """Average distance in mm between the surface that curves lead to and the true one."""
-    mesh = loft_surface(Sections(fitted.curves, fitted.splines, level), lofting).mesh
+    mesh = loft_mesh(Sections(fitted.curves, fitted.splines, level), lofting)
     return surface_distances(mesh, truth, np.random.default_rng(0), _SAMPLES)["assd"]
