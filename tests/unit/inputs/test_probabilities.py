@@ -9,12 +9,16 @@ from pathlib import Path
 import nibabel
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from scans import affine_of, full, organ, row, settings, write_nifti
 
 import cccd
 from cccd.containers import Frame, ProbabilityStack
 from cccd.errors import InputError
 from cccd.inputs import load_structure
+from cccd.inputs.nnunet import Classes
 from cccd.inputs.row_files import list_labels
 from cccd.store import read_structure, write_structure
 from cccd.tracing import level_curves
@@ -107,6 +111,26 @@ def copied(folder):
     for file in NNUNET.iterdir():
         shutil.copy(file, folder)
     return folder
+
+
+@given(
+    elements=arrays(np.float32, (4, 2, 3, 2), elements=st.sampled_from(np.float32([0, 0.25, 0.5, 1]))),
+    background=st.booleans(),
+)
+def test_a_label_is_measured_against_the_best_of_all_others(elements, background):
+    values = {number + (not background): channel for number, channel in enumerate(elements)}
+    classes = Classes(values, {}, np.eye(4), "map.npz")
+    if background:
+        best = elements.argmax(axis=0)
+        assert classes.present() == {str(label): "" for label in np.unique(best) if label}
+    for label in values.keys() - {0}:
+        others = [channel for number, channel in values.items() if number != label]
+        field = (1 + values[label] - np.max(others, axis=0)) / 2 if background else values[label]
+        if (field >= 0.5).any():
+            assert np.array_equal(classes.of_organ(str(label), "").data, field)
+        else:
+            with pytest.raises(InputError, match="nowhere the most probable"):
+                classes.of_organ(str(label), "")
 
 
 def test_the_first_version_leaves_probabilities_cropped(tmp_path):
