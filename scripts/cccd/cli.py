@@ -14,7 +14,10 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
     from cccd.containers import Structure
     from cccd.geometry.mesh import Mesh
     from cccd.inputs.regions import DrawnLabels
+    from cccd.inputs.row_files import RowFiles
     from cccd.label_survey import SurveyedLabel
     from cccd.settings.root import Settings
     from cccd.whole_map import LabelSurface
@@ -992,8 +996,8 @@ def _check(given: argparse.Namespace) -> int:
             raise InputError(str(given.output), "the picture is a PNG", "end its name with .png")
         _check_files([given.output], [given.input, given.image])
     if given.input.suffix == ".tsv":
-        found = [_check_one(given, structure) for structure in _rows(given.input)]
-    elif given.label or given.boundary or from_image or not given.input.exists():
+        return _check_sheet(given)
+    if given.label or given.boundary or from_image or not given.input.exists():
         structure = cccd.read(
             given.input,
             given.label,
@@ -1014,15 +1018,47 @@ def _check(given: argparse.Namespace) -> int:
     return 0
 
 
-def _rows(sheet: Path) -> list[Structure]:
-    """Every structure of a cohort sheet."""
+def _check_sheet(given: argparse.Namespace) -> int:
+    """Check every row of a cohort sheet; what cannot be read is said in a line for each row."""
     from cccd.cohort import read_cohort
+    from cccd.inputs.row_files import RowFiles
+
+    sheet: Path = given.input
+    rows = read_cohort(sheet)
+    if given.output is not None and len(rows) > 1:
+        raise InputError(str(given.output), "each row has a picture of its own", "leave --output out")
+    found: list[dict[str, Any]] = []
+    failed = False
+    for _, alike in groupby(rows, key=itemgetter("image", "mask")):
+        files = RowFiles.shared()
+        for row in alike:
+            try:
+                found.append(_check_one(given, *_survey_row(row, sheet.parent, files)))
+            except InputError as error:
+                failed = True
+                _fail(str(error))
+    if given.json:
+        print(json.dumps(found, indent=2))
+    return int(failed)
+
+
+def _survey_row(
+    row: Mapping[str, str], folder: Path, files: RowFiles
+) -> tuple[Structure, Sequence[SurveyedLabel], DrawnLabels | None]:
+    """Read a row's structure, or all labels of a map whose organ is ``*``."""
     from cccd.inputs import load_structure
+    from cccd.label_survey import survey_labels
     from cccd.settings.root import Settings
 
-    settings = Settings()
-    rows = read_cohort(sheet)
-    return [load_structure(row, sheet.parent, settings.import_, settings.seed) for row in rows]
+    if row["organ"] != "*":
+        settings = Settings()
+        return load_structure(row, folder, settings.import_, settings.seed, files), (), None
+    image, table = (folder / row[column] if row[column] else None for column in ("image", "labels"))
+    try:
+        structure, told, drawn = survey_labels(folder / row["mask"], image, row["annotated"], table)
+    except InputError as error:
+        raise InputError(row["location"], f"{error.location}: {error.problem}", error.hint) from None
+    return replace(structure, case=row["case"], organ=row["case"]), told, drawn
 
 
 def _check_one(

@@ -66,14 +66,14 @@ class JobLines(logging.Handler):
 
     Parameters
     ----------
-    stream : text stream
+    stream : text stream, optional
     clock : callable
         Gives seconds.
     """
 
-    def __init__(self, stream: TextIO = sys.stderr, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
-        self.stream, self.clock, self.begin = stream, clock, clock()
+        self.stream, self.clock, self.begin = stream or sys.stderr, clock, clock()
         self.running: dict[int, tuple[str, float]] = {}
         self.finished: list[int] = []
 
@@ -122,7 +122,7 @@ class OrganLines:
     ----------
     sizes : mapping of int to int
         Of each organ, by number: the time that it takes, in any unit.
-    stream : text stream
+    stream : text stream, optional
     clock : callable
         Gives seconds.
     """
@@ -130,10 +130,10 @@ class OrganLines:
     def __init__(
         self,
         sizes: Mapping[int, int],
-        stream: TextIO = sys.stderr,
+        stream: TextIO | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.sizes, self.stream, self.clock = sizes, stream, clock
+        self.sizes, self.stream, self.clock = sizes, stream or sys.stderr, clock
         self.begin = self.last = clock()
         self.ready: list[int] = []
 

@@ -9,15 +9,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cccd.api import labels, read, refuse_image
+from cccd.api import read, read_organ, refuse_image
 from cccd.containers import Structure
 from cccd.dicom_objects import object_in
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.inputs.annotation import AUTO
 from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
-from cccd.inputs.label_maps import MapLabel, colour_of, read_parts
+from cccd.inputs.label_maps import MapLabel, colour_of, list_map, read_parts
+from cccd.inputs.load import existing
 from cccd.inputs.regions import DrawnLabels, voxels_of
+from cccd.inputs.row_files import RowFiles
+from cccd.settings.root import Settings
 
 __all__ = ["SurveyedLabel", "affine_of", "measure_labels", "survey_labels"]
 
@@ -46,13 +49,15 @@ def _three_digits(volume: float) -> str:
     return f"{volume:.0f}" if volume >= 100 else f"{volume:.3g}"
 
 
-def measure_labels(path: Path) -> list[tuple[SurveyedLabel, Volume | None]]:
+def measure_labels(path: Path, table: Path | None = None) -> list[tuple[SurveyedLabel, Volume | None]]:
     """Measure every label of an input.
 
     Parameters
     ----------
     path : path
         A label map, a DICOM SEG or RTSTRUCT, or a folder with one of them or with a mask per organ.
+    table : path, optional
+        Names of the labels, see `cccd.inputs.label_maps.read_label_table`.
 
     Returns
     -------
@@ -66,20 +71,22 @@ def measure_labels(path: Path) -> list[tuple[SurveyedLabel, Volume | None]]:
     """
     path = path.absolute()  # whose name is in messages, "." has none
     refuse_image(path)
-    found = read_parts(object_in(path))
-    listed = _read_one_by_one(path) if found is None else found
+    held = object_in(existing(path, "mask"))
+    found = read_parts(held, table)
+    listed = _read_one_by_one(held, table) if found is None else found
     return [(_surveyed(label, part, number), part) for number, (label, part) in enumerate(listed, 1)]
 
 
-def _read_one_by_one(path: Path) -> Iterator[tuple[MapLabel, Volume | None]]:
+def _read_one_by_one(path: Path, table: Path | None) -> Iterator[tuple[MapLabel, Volume | None]]:
     """Read what DICOM objects and nnU-Net's probabilities hold; what cannot be read says why."""
-    for label, name in labels(path).items():
+    files, settings = RowFiles.shared(), Settings()
+    for label in list_map(path, table):
         try:
-            organ = read(object_in(path), label)
+            organ = read_organ(path, label.label, settings, files)
         except InputError as error:
-            yield MapLabel(label, name, left_out=error.problem), None
+            yield replace(label, left_out=error.problem), None
         else:
-            yield MapLabel(label, name), Volume(voxels_of(organ), affine_of(organ), name)
+            yield label, Volume(voxels_of(organ), affine_of(organ), label.name)
 
 
 def _surveyed(label: MapLabel, part: Volume | None, number: int) -> SurveyedLabel:
@@ -102,7 +109,7 @@ def affine_of(structure: Structure) -> FloatArray:
 
 
 def survey_labels(
-    path: Path, image: Path | None = None, annotated: str = AUTO
+    path: Path, image: Path | None = None, annotated: str = AUTO, table: Path | None = None
 ) -> tuple[Structure, list[SurveyedLabel], DrawnLabels | None]:
     """Read all labels of an input at once.
 
@@ -110,6 +117,8 @@ def survey_labels(
     ----------
     path, image, annotated
         As of `cccd.read`.
+    table
+        As of `measure_labels`.
 
     Returns
     -------
@@ -124,7 +133,7 @@ def survey_labels(
     InputError
         Not readable, no labels, or none that could be drawn.
     """
-    measured = measure_labels(path)
+    measured = measure_labels(path, table)
     told = [label for label, _ in measured]
     if len(told) == 1:
         return read(path, image=image, annotated=annotated), told, None

@@ -208,6 +208,30 @@ def test_check_of_one_label_or_one_of_many_draws_its_outline(here, capsys):
     assert {"liver_check.png", "7.png"} <= files(here)
 
 
+def test_check_of_a_sheet_goes_through_all_rows(here, capsys):
+    pytest.importorskip("jsonschema")
+    Path("names.csv").write_text("label,name\n5,liver\n7,kidney\n")
+    rows = [
+        "case organ mask label labels",
+        "anna liver labels.nii.gz 5 ",
+        "anna spleen labels.nii.gz 9 ",
+        "bob * labels.nii.gz  names.csv",
+        "carl * gone.nii.gz  ",
+    ]
+    Path("sheet.tsv").write_text("".join(row.replace(" ", "\t") + "\n" for row in rows))
+    assert main(["check", "sheet.tsv", "--json"]) == 1
+    said = capsys.readouterr()
+    one, whole = json.loads(said.out)
+    assert (one["picture"], whole["picture"]) == ("anna_liver_check.png", "bob_check.png")
+    assert [(label["label"], label["name"]) for label in whole["labels"]] == [("5", "liver"), ("7", "kidney")]
+    assert {"anna_liver_check.png", "bob_check.png"} <= files(here)
+    first, second = said.err.splitlines()
+    assert first.startswith("Error: sheet.tsv row 3: labels.nii.gz: it has no label '9'")
+    assert second.startswith("Error: sheet.tsv row 5: mask: there is no gone.nii.gz")
+    assert main(["check", "sheet.tsv", "-o", "one.png"]) == 1
+    assert "each row has a picture of its own" in capsys.readouterr().err
+
+
 def test_check_of_drawn_regions_and_of_a_folder_of_masks(here, capsys):
     pytest.importorskip("pydicom")
     rois = {"Liver": ball(), "Vessel": ball(radius=3), "Point": ball(radius=1)}

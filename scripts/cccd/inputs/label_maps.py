@@ -97,13 +97,15 @@ def list_map(path: Path, table: Path | None = None) -> list[MapLabel]:
     return _named(path, found, why, table)
 
 
-def read_parts(path: Path) -> list[tuple[MapLabel, Volume]] | None:
+def read_parts(path: Path, table: Path | None = None) -> list[tuple[MapLabel, Volume]] | None:
     """Read every label of a map, with its voxels.
 
     Parameters
     ----------
     path : path
         A label map, or a folder of one-organ masks.
+    table : path, optional
+        Its names go first, as of `list_map`.
 
     Returns
     -------
@@ -124,7 +126,7 @@ def read_parts(path: Path) -> list[tuple[MapLabel, Volume]] | None:
     for label, name, part in parts:
         found[label], volumes[label] = name, part
     why = {label: _too_little(part.data) for label, part in volumes.items()}
-    return [(label, volumes[label.label]) for label in _named(path, found, why, None)]
+    return [(label, volumes[label.label]) for label in _named(path, found, why, table)]
 
 
 def _named(
