@@ -25,6 +25,7 @@ from cccd.inputs.row_files import RowFiles
 from cccd.reconstruction import Loft
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls, touching_groups
+from cccd.surface.checks import check_walls
 from cccd.surface.loft import loft_before_walls, loft_surface
 
 __all__ = ["LabelSurface", "WholeMap", "reconstruct_labels"]
@@ -202,7 +203,12 @@ class WholeMap:
             band = band and band.moved_to(own.vertices, mesh.vertices)
             # what touches no other is the spline's mesh as before
             bodies = own.bodies if np.array_equal(mesh.vertices, own.vertices) else []
-            joined[number] = replace(own, lofted=replace(own.lofted, mesh=mesh, bodies=bodies, band=band))
+            report = own.lofted.report
+            if not bodies:
+                lines = [*report["warnings"], *check_walls(mesh, self.structures[number])]
+                report = {**report, "warnings": lines}
+            lofted_together = replace(own.lofted, mesh=mesh, bodies=bodies, band=band, report=report)
+            joined[number] = replace(own, lofted=lofted_together)
         return joined, failures
 
     def _with_walls(

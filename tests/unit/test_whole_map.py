@@ -3,8 +3,10 @@
 import nibabel
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import cccd
+from cccd.geometry.mesh import Mesh
 from cccd.inputs import readers
 from cccd.whole_map import WholeMap
 
@@ -51,6 +53,22 @@ def test_what_touches_nothing_is_ready_at_once_and_keeps_its_spline(cubes):
     assert ready < begun
     assert events.index("shared walls") < events.index(1) < events.index(2)
     assert sorted(event for event in events if isinstance(event, int)) == list(whole.structures)
+
+
+def test_what_is_said_of_shared_walls_is_true_of_them(tmp_path):
+    labels = np.zeros((48, 48, 9), np.uint8)
+    offset = (np.indices(labels.shape) - np.reshape((23.6, 23.7, 4.1), (3, 1, 1, 1))).T * (1, 1, 6)
+    noise = ndimage.gaussian_filter(np.random.default_rng(0).normal(size=labels.shape), (0.5, 0.5, 0))
+    inside = np.linalg.norm(offset, axis=-1).T + 1.5 * noise / noise.std() < 17
+    labels[inside] = 1 + (offset[..., 0].T[inside] > 2)
+    path = tmp_path / "rough.nii.gz"
+    nibabel.save(nibabel.Nifti1Image(labels, np.diag([1.0, 1.0, 6.0, 1.0])), path)
+    surfaces, failures = cccd.reconstruct_labels(path)
+    assert (len(surfaces), failures) == (2, [])
+    for surface in surfaces:
+        crossing = len(Mesh(surface.vertices, surface.faces).self_intersections())
+        said = [line for line in surface.warnings if "intersects itself" in line]
+        assert len(said) == min(crossing, 1)
 
 
 def test_done_counts_every_organ_once(cubes):

@@ -13,7 +13,8 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.containers import Structure
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
@@ -21,7 +22,7 @@ from cccd.surface.fields import LevelField, sampled
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import SHRUNK_PART
 
-__all__ = ["Violation", "check_surface"]
+__all__ = ["Violation", "check_surface", "check_walls"]
 
 #: On a slice the surface lies within so many pixels of the slice's outline.
 ON_SLICE = 0.75
@@ -76,14 +77,58 @@ def check_surface(mesh: Mesh, stack: SliceStack, pairs: IntArray | None = None) 
     if not mesh.is_closed_manifold:
         found.append(Violation("the surface is not closed"))
     pairs = mesh.self_intersections() if pairs is None else pairs
-    if len(pairs):
-        places = mesh.vertices[mesh.faces[pairs[:, 0]]].mean(axis=1)
-        text = f"the surface intersects itself in {_counted(len(pairs), 'place')}, the first"
-        found.append(Violation(text, places))
+    found += _crossing(mesh, pairs)
     slices = [level for run in stack.runs for level in run.fields_of_slices]
     found += _off_slices(mesh, slices, stack)
     found += _off_between(mesh, slices, stack)
     return found + _of_other_volume(mesh, stack) + _of_other_topology(mesh, slices, stack)
+
+
+def check_walls(mesh: Mesh, structure: Structure) -> list[str]:
+    """Find what is wrong with a surface whose walls are shared: lines for people.
+
+    It passes nowhere through itself, and is nowhere further from the organ's voxels than their diagonal.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        mm RAS.
+    structure : Structure
+        With the organ's mask; where only some slices are annotated, distances are not looked at.
+    """
+    found: list[Violation] = []
+    if not mesh.is_closed_manifold:
+        found.append(Violation("the surface is not a closed manifold"))
+    found += _crossing(mesh, mesh.self_intersections())
+    if structure.mask is not None and structure.annotation is None:
+        found += _off_voxels(mesh, structure.mask, structure.frame.affine, structure.origin)
+    return [violation.line(np.eye(4)) for violation in found]
+
+
+def _crossing(mesh: Mesh, pairs: IntArray) -> list[Violation]:
+    """Report pairs (K, 2) of triangles that pass through each other."""
+    if not len(pairs):
+        return []
+    places = mesh.vertices[mesh.faces[pairs[:, 0]]].mean(axis=1)
+    return [Violation(f"the surface intersects itself in {_counted(len(pairs), 'place')}, the first", places)]
+
+
+def _off_voxels(mesh: Mesh, mask: BoolArray, affine: FloatArray, origin: RealArray) -> list[Violation]:
+    """Find where the surface is further from a mask's voxels than their diagonal."""
+    index = np.linalg.solve(affine[:3, :3], (mesh.vertices - affine[:3, 3]).T).T - origin
+    cell = np.rint(index).astype(np.int64)
+    outside: BoolArray = np.asarray(((cell < 0) | (cell >= mask.shape)).any(axis=1), np.bool_)
+    outside[~outside] = ~mask[tuple(cell[~outside].T)]
+    border = np.argwhere(mask & ~ndimage.binary_erosion(mask))
+    far = np.zeros(len(index))
+    away = cKDTree(border @ affine[:3, :3].T).query(index[outside] @ affine[:3, :3].T)[0]
+    far[outside] = away
+    most = float(np.linalg.norm(np.linalg.norm(affine[:3, :3], axis=0)))
+    if far.max(initial=0) <= most:
+        return []
+    order = np.argsort(-far, kind="stable")
+    text = f"the surface is {far.max():.2g} mm away from the organ's voxels, farthest"
+    return [Violation(text, mesh.vertices[order[far[order] > most]])]
 
 
 def _off_slices(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> list[Violation]:

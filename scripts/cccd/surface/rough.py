@@ -11,7 +11,6 @@ import numpy as np
 from cccd.containers import Frame
 from cccd.geometry.booleans import between_planes
 from cccd.geometry.mesh import Mesh
-from cccd.surface.checks import check_surface
 from cccd.surface.sampled import SampledDistance
 from cccd.surface.spline_fit import MOST_OFFSET
 from cccd.surface.stack import SliceStack
@@ -47,15 +46,14 @@ class RoughSolid:
     smallest_voxels: float
 
     def to_world(self, frame: Frame) -> LoftedSurface:
-        """Return the mesh in mm RAS; it has no bodies."""
+        """Return the mesh in mm RAS; it has no bodies, and is checked when its walls are shared."""
         affine = self.stack.plane_to_world(frame)
-        violations = [violation.line(affine) for violation in check_surface(self.mesh, self.stack)]
         report = {
             "control_points": 0,
             "control_bytes": 0,
             "marching_cubes_bytes": self.stack.marching_cubes_bytes,
             **counts(self.mesh, self.stack),
-            "warnings": [*warnings_of(self.stack, self.smallest_voxels), *violations],
+            "warnings": warnings_of(self.stack, self.smallest_voxels),
         }
         return LoftedSurface([], self.mesh.transformed(affine), frame, report)
 

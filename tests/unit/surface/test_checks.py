@@ -8,8 +8,10 @@ from trimesh import creation
 from cccd.containers import Frame, Sections
 from cccd.curves import describe_curves
 from cccd.geometry.mesh import Mesh
+from cccd.inputs import structure_of_array
 from cccd.settings.curves import CurveSettings
-from cccd.surface.checks import check_surface
+from cccd.settings.imports import ImportSettings
+from cccd.surface.checks import check_surface, check_walls
 from cccd.surface.outlines import lofted_outlines
 from cccd.surface.stack import SliceStack, interpolate_slices
 
@@ -109,6 +111,21 @@ def test_passing_through_itself_and_being_open_are_found(stack):
     )
     assert "intersects itself" in problems(both, stack)
     assert "not closed" in problems(Mesh(one.vertices, one.faces[1:]), stack)
+
+
+def test_shared_walls_are_checked_by_the_organ_s_voxels():
+    structure = structure_of_array(ball(), np.eye(4), ImportSettings())
+    solid = creation.icosphere(4, 20.0)
+    mesh = Mesh(np.array(solid.vertices) + 30, np.array(solid.faces, np.int64))
+    assert check_walls(mesh, structure) == []
+    needle, tip = pulled(mesh, 2.0)
+    (line,) = check_walls(needle, structure)
+    place = [float(number) for number in line[line.rindex("(") + 1 : line.rindex(")")].split(",")]
+    assert "from the organ's voxels" in line
+    assert np.abs(place - tip).max() <= 0.05
+    both = Mesh.joined([mesh, Mesh(mesh.vertices + np.array([0.5, 0.3, 0.2]), mesh.faces)])
+    (line,) = check_walls(both, structure)
+    assert line.startswith(f"the surface intersects itself in {len(both.self_intersections())} places")
 
 
 def test_the_line_has_the_place_in_mm_of_the_world(stack):
