@@ -203,12 +203,9 @@ class WholeMap:
             band = band and band.moved_to(own.vertices, mesh.vertices)
             # what touches no other is the spline's mesh as before
             bodies = own.bodies if np.array_equal(mesh.vertices, own.vertices) else []
-            report = own.lofted.report
-            if not bodies:
-                lines = [*report["warnings"], *check_walls(mesh, self.structures[number])]
-                report = {**report, "warnings": lines}
-            lofted_together = replace(own.lofted, mesh=mesh, bodies=bodies, band=band, report=report)
-            joined[number] = replace(own, lofted=lofted_together)
+            wrong = () if bodies else check_walls(mesh, self.structures[number])
+            together = replace(own.lofted, mesh=mesh, bodies=bodies, band=band)
+            joined[number] = replace(own, lofted=together, warnings=(*own.warnings, *wrong))
         return joined, failures
 
     def _with_walls(

@@ -119,10 +119,11 @@ def _off_voxels(mesh: Mesh, mask: BoolArray, affine: FloatArray, origin: RealArr
     cell = np.rint(index).astype(np.int64)
     outside: BoolArray = np.asarray(((cell < 0) | (cell >= mask.shape)).any(axis=1), np.bool_)
     outside[~outside] = ~mask[tuple(cell[~outside].T)]
-    border = np.argwhere(mask & ~ndimage.binary_erosion(mask))
+    border, beyond = np.argwhere(mask & ~ndimage.binary_erosion(mask)), index[outside]
+    nearest = cKDTree(border @ affine[:3, :3].T).query(beyond @ affine[:3, :3].T)[1]
+    aside = np.maximum(np.abs(beyond - border[nearest]) - 0.5, 0)  # from the voxel, not its centre
     far = np.zeros(len(index))
-    away = cKDTree(border @ affine[:3, :3].T).query(index[outside] @ affine[:3, :3].T)[0]
-    far[outside] = away
+    far[outside] = np.linalg.norm(aside @ affine[:3, :3].T, axis=1)
     most = float(np.linalg.norm(np.linalg.norm(affine[:3, :3], axis=0)))
     if far.max(initial=0) <= most:
         return []
