@@ -1057,7 +1057,7 @@ def _survey_row(
     try:
         structure, told, drawn = survey_labels(folder / row["mask"], image, row["annotated"], table)
     except InputError as error:
-        raise InputError(row["location"], f"{error.location}: {error.problem}", error.hint) from None
+        raise error.at(row["location"]) from None
     return replace(structure, case=row["case"], organ=row["case"]), told, drawn
 
 

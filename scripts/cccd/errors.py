@@ -31,5 +31,11 @@ class InputError(ValueError):
         self.location, self.problem, self.hint = (" ".join(part.split()) for part in parts)
         super().__init__(f"{self.location}: {self.problem}; {self.hint}")
 
+    def at(self, location: str) -> InputError:
+        """Return the same of another place, such as a row, with what it was of before in the problem."""
+        if self.location == location:
+            return self
+        return InputError(location, f"{self.location}: {self.problem}", self.hint)
+
     def __reduce__(self):
         return type(self), (self.location, self.problem, self.hint)

@@ -330,7 +330,7 @@ def expand_rows(
         try:
             found, fresh = _remembered(folder, row, cache)
         except InputError as error:
-            raise InputError(row["location"], f"{error.location}: {error.problem}", error.hint) from None
+            raise error.at(row["location"]) from None
         kept = [label for label in found if not label.left_out]
         if not kept:
             raise InputError(row["location"], "no label is large enough for a surface", "check the map")

@@ -144,9 +144,7 @@ def load_structure(
         scan = _read_source(row, Path(sheet_dir), settings, seed, files)
         return _crop(scan, row)
     except InputError as error:
-        if error.location == location:
-            raise
-        raise InputError(location, f"{error.location}: {error.problem}", error.hint) from None
+        raise error.at(location) from None
     except MemoryError:
         raise InputError(location, "the scan does not fit into memory", "give the job more memory") from None
 
