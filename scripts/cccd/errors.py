@@ -32,7 +32,13 @@ class InputError(ValueError):
         super().__init__(f"{self.location}: {self.problem}; {self.hint}")
 
     def at(self, location: str) -> InputError:
-        """Return the same of another place, such as a row, with what it was of before in the problem."""
+        """Return this error with another location, such as a row; the old one then opens the problem.
+
+        Examples
+        --------
+        >>> print(InputError("scan.nii", "no such file", "correct the path").at("cohort.tsv row 2"))
+        cohort.tsv row 2: scan.nii: no such file; correct the path
+        """
         if self.location == location:
             return self
         return InputError(location, f"{self.location}: {self.problem}", self.hint)
