@@ -42,7 +42,7 @@ from cccd.inputs.load import existing, frame_of, scan_of
 from cccd.inputs.readers import SUFFIXES, without_suffix
 from cccd.inputs.row_files import EACH_ITS_OWN, RowFiles, list_labels, read_image
 from cccd.project import SHIPPED_WEIGHTS
-from cccd.reconstruction import Loft, find_contours, fit_and_loft, order_maps
+from cccd.reconstruction import Loft, find_contours, loft_sections, order_maps
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.surface.loft import loft_surface
@@ -539,7 +539,7 @@ def reconstruct(
     tell = progress or (lambda step: None)
     tell("contours")
     if isinstance(organ, Curves):
-        lofted = fit_and_loft(Sections(organ), settings.curves, settings.surface, tell)
+        lofted = loft_sections(Sections(organ), settings.surface, tell)
         return Surface(lofted, warnings=tuple(lofted.report["warnings"]))
     if isinstance(organ, (str, Path)):
         raise InputError(str(organ), "a path, not an array", "cccd.read reads it: reconstruct(read(path))")
@@ -560,7 +560,7 @@ def reconstruct_structure(
 ) -> Surface:
     """Make a surface as `reconstruct` does, by `loft_surface` or another way to loft."""
     curves, missing = find_contours(structure, settings.boundaries, settings.gnn.inference)
-    lofted = fit_and_loft(structure.sections(curves), settings.curves, settings.surface, tell, loft)
+    lofted = loft_sections(structure.sections(curves), settings.surface, tell, loft)
     notes = (*structure.warnings, *missing, *lofted.report.get("warnings", []))
     drawn = None if structure.annotation is None else structure
     return Surface(lofted, structure.organ, _series(structure), notes, drawn, scan=scan_of(structure))
@@ -623,7 +623,7 @@ def smooth_mesh(
             given = LoftedSurface([], structure.truth, grid)
         series = source if source.is_dir() else None
     curves, _ = find_contours(structure, settings.boundaries, settings.gnn.inference)
-    lofted = fit_and_loft(structure.sections(curves), settings.curves, settings.surface, tell)
+    lofted = loft_sections(structure.sections(curves), settings.surface, tell)
     lofted = replace(lofted, band=None)  # that is of organs in scans
     notes = (*structure.warnings, *lofted.report["warnings"])
     return Surface(lofted, structure.organ, series, notes, given=given, scan=scan)

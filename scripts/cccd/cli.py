@@ -638,7 +638,7 @@ def _make_slabs(given: argparse.Namespace, outputs: Sequence[Path], settings: Se
             given.input.name, f"there is no label {given.label or 'at all'} in it", "check --label"
         )
     checked = labels.organ(given.label, check=True)
-    pieces = loft_slabs(checked, labels.frame, window, given.slab, settings.curves, settings.surface)
+    pieces = loft_slabs(checked, labels.frame, window, given.slab, settings.surface)
     slabs = -(-(window.last - window.first + 1) // given.slab)
     with tqdm(pieces, total=slabs, disable=None, leave=False) as bar:
         written = write_pieces(list(outputs), bar)

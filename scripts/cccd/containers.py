@@ -332,7 +332,9 @@ class Structure:
 
     def sections(self, curves: Curves) -> Sections:
         """Combine curves of the structure with what else it knows of its slices."""
-        return Sections(curves, None, self.probability_stack, self.annotation)
+        source = self.source
+        mask = source.values if isinstance(source, MaskStack) else None
+        return Sections(curves, mask, self.stack_origin, self.probability_stack, self.annotation)
 
     @property
     def stack_origin(self) -> np.ndarray:
@@ -484,8 +486,11 @@ class Sections:
     curves : Curves
         Closed simple curves, outlines and holes. Those through pixel centres stand for the pixels, whose
         border lies half a pixel further out; any others are the border itself.
-    splines : Splines or None
-        Closed splines of the curves; without them the loft fits its own, by the default settings.
+    mask : (S, I, J) bool or None
+        The mask of which the curves are the borders: its pixels are known better by themselves, also where
+        they are one pixel wide.
+    mask_origin : (3,) int64 or None
+        Source index (k, i, j) of its first voxel.
     probability : ProbabilityStack or None
         Probabilities of which the curves are the level; between slices that lie near enough to each other
         the surface follows them.
@@ -495,7 +500,8 @@ class Sections:
     """
 
     curves: Curves
-    splines: Splines | None = None
+    mask: np.ndarray | None = None
+    mask_origin: np.ndarray | None = None
     probability: ProbabilityStack | None = None
     annotation: Annotation | None = None
 

@@ -10,13 +10,11 @@ import numpy as np
 
 from cccd.bands.signs import SIGNS, Signs, Slices
 from cccd.containers import Frame, Sections, Structure
-from cccd.curves import describe_curves
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
 from cccd.reconstruction import find_contours
 from cccd.settings.root import Settings
 from cccd.settings.surface import LoftSettings
-from cccd.surface.fields import interpolated_planes
 from cccd.surface.loft import loft_in_plane
 from cccd.surface.spline import SplineSolid
 
@@ -75,9 +73,7 @@ def rank_slices(structure: Structure, settings: Settings) -> list[Gain]:
         problem = "no slice is left to draw: every slice counts as annotated"
         raise InputError(structure.organ, problem, "give a mask of some slices, or --annotated nonempty")
     curves, _ = find_contours(structure, settings.boundaries, settings.gnn.inference)
-    fitted = describe_curves(curves, settings.curves)
-    sections = Sections(fitted.curves, fitted.splines, annotation=structure.annotation)
-    return rank_unannotated(sections, settings.surface)
+    return rank_unannotated(structure.sections(curves), settings.surface)
 
 
 def rank_unannotated(sections: Sections, settings: LoftSettings) -> list[Gain]:
@@ -120,8 +116,8 @@ def _surprise(slices: Slices) -> tuple[FloatArray, FloatArray]:
         return z[:1], np.ones(1)
     found = np.empty(len(z) - 2)
     for n in range(1, len(z) - 1):
-        near = [k for k in (n - 2, n - 1, n + 1, n + 2) if 0 <= k < len(z)]
-        (plane,) = interpolated_planes(z[near], distance[near], z[n : n + 1])
+        share = np.float32((z[n] - z[n - 1]) / (z[n + 1] - z[n - 1]))
+        plane = (1 - share) * distance[n - 1] + share * distance[n + 1]
         apart = np.abs(_inside(plane, slices.pixel) - _inside(distance[n], slices.pixel)).sum()
         found[n - 1] = apart / ((z[n] - z[n - 1]) * (z[n + 1] - z[n]))
     return z[1:-1], found / max(found.mean(), TINY) + LEAST_SURPRISE

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from cccd.containers import (
@@ -16,16 +15,15 @@ from cccd.containers import (
     Structure,
 )
 from cccd.contours import missing_parts, take_contours, trace_contours
-from cccd.curves import describe_curves
+from cccd.curves import crossed_warnings
 from cccd.extras import needing
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.settings.boundaries import BoundarySettings
-from cccd.settings.curves import CurveSettings
 from cccd.settings.junctions import InferenceSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import LoftedSurface, loft_surface
 
-__all__ = ["Loft", "find_contours", "fit_and_loft", "order_maps", "reconstruct_mask"]
+__all__ = ["Loft", "find_contours", "loft_sections", "order_maps", "reconstruct_mask"]
 
 
 Loft = Callable[[Sections, LoftSettings], LoftedSurface]
@@ -89,48 +87,45 @@ def order_maps(
     return order_contours(structure, pixels, load_model(weights), inference)[0]
 
 
-def fit_and_loft(
+def loft_sections(
     sections: Sections,
-    fitting: CurveSettings,
     lofting: LoftSettings,
     tell: Callable[[str], None] = _silent,
     loft: Loft = loft_surface,
 ) -> LoftedSurface:
-    """Fit closed splines to ordered curves and loft them.
+    """Loft what is known of slices.
 
     Parameters
     ----------
     sections : Sections
-        Their splines are made here.
-    fitting, lofting
-        Sections ``curves`` and ``surface`` of the configuration.
+    lofting : LoftSettings
+        Section ``surface`` of the configuration.
     tell : callable
-        Gets the name of each step as it begins.
+        Gets the name of the step as it begins.
     loft : callable
         `loft_surface`, or `loft_before_walls` for an organ that will share its walls.
 
     Returns
     -------
     LoftedSurface
-        The curves' warnings stand before its own.
+        What is wrong with the curves stands before its own warnings.
     """
-    tell("splines")
-    fitted = describe_curves(sections.curves, fitting)
     tell("surface")
-    surface = loft(replace(sections, curves=fitted.curves, splines=fitted.splines), lofting)
-    surface.report["warnings"] = [*fitted.report["warnings"], *surface.report["warnings"]]
+    surface = loft(sections, lofting)
+    wrong = crossed_warnings(sections.curves) if sections.mask is None else []
+    surface.report["warnings"] = [*wrong, *surface.report["warnings"]]
     return surface
 
 
-def reconstruct_mask(structure: Structure, fitting: CurveSettings, lofting: LoftSettings) -> LoftedSurface:
-    """Trace a structure's mask, fit closed splines to its curves, loft them.
+def reconstruct_mask(structure: Structure, lofting: LoftSettings) -> LoftedSurface:
+    """Trace a structure's mask and loft it.
 
     Parameters
     ----------
     structure : Structure
         With a mask.
-    fitting, lofting
-        Sections ``curves`` and ``surface`` of the configuration.
+    lofting : LoftSettings
+        Section ``surface`` of the configuration.
 
     Raises
     ------
@@ -145,8 +140,8 @@ def reconstruct_mask(structure: Structure, fitting: CurveSettings, lofting: Loft
     >>> ball = np.hypot(np.hypot(i, j), k) <= 8
     >>> frame = Frame(np.eye(4), 2, ball.shape)
     >>> structure = Structure("case", "ball", frame, np.zeros(3, int), mask=ball)
-    >>> surface = reconstruct_mask(structure, CurveSettings(), LoftSettings())
+    >>> surface = reconstruct_mask(structure, LoftSettings())
     >>> bool(abs(surface.mesh.volume / ball.sum() - 1) < 0.02)
     True
     """
-    return fit_and_loft(structure.sections(trace_contours(structure)[0]), fitting, lofting)
+    return loft_sections(structure.sections(trace_contours(structure)[0]), lofting)

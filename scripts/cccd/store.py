@@ -332,10 +332,7 @@ def read_annotation(path: str | Path) -> Annotation | None:
 
 def read_sections(curves: str | Path, structure: str | Path) -> Sections:
     """Read what a surface is lofted from: ``curves.h5``, and what ``structure.h5`` knows of its slices."""
-    with _open(structure) as file:
-        probable = "probability" in file
-    level = read_structure(structure).probability_stack if probable else None
-    return Sections(read_curves(curves), read_splines(curves), level, read_annotation(structure))
+    return read_structure(structure).sections(read_curves(curves))
 
 
 def read_drawn(path: str | Path) -> Structure | None:

@@ -12,9 +12,8 @@ from cccd.bands.calibration import Calibration, Thinned, calibrate
 from cccd.bands.conformal import fewest_organs
 from cccd.bands.scale import shipped_scale
 from cccd.bands.signs import Signs
-from cccd.containers import Frame, Sections, Structure
+from cccd.containers import Frame, Structure
 from cccd.contours import trace_contours
-from cccd.curves import describe_curves
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.geometry.distance import to_mesh
@@ -167,14 +166,12 @@ def thin_once(
     reading = settings.import_.model_copy(update={"slice_axis": how.axis})
     rule = NONEMPTY if how.drawn else EVERY_SLICE
     thinned = structure_of_array(kept, grid, reading, name, rule)
-    fitted = describe_curves(trace_contours(thinned)[0], settings.curves)
-    solid = loft_in_plane(
-        Sections(fitted.curves, fitted.splines, annotation=thinned.annotation), settings.surface
-    )
+    sections = thinned.sections(trace_contours(thinned)[0])
+    solid = loft_in_plane(sections, settings.surface)
     whole = Structure(
         structure.case, structure.organ, Frame(affine, how.axis, mask.shape), np.zeros(3, int), mask=mask
     )
-    to_plane = np.linalg.inv(solid.stack.plane_to_world(fitted.curves.frame)).astype(np.float64)
+    to_plane = np.linalg.inv(solid.stack.plane_to_world(sections.curves.frame)).astype(np.float64)
     volume = np.count_nonzero(mask) * float(np.prod(structure.frame.spacing))
     return compare(name, solid, mask_surface(whole).transformed(to_plane), volume, rng)
 

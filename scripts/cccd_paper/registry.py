@@ -134,7 +134,7 @@ CORNER_SURFACES = Comparison(
     "cccd_paper.comparisons.corner_surfaces.compare_corner_surfaces",
     ("structure", "boundaries", "curves", "orderers"),
     settings={"settings": "comparisons.corner_surfaces", "lofting": "surface"},
-    unused=(*UNREAD, "surface.source"),
+    unused=UNREAD,
     columns=(
         "k", "slices", "control_points", "share", "dice_2d", "dice_3d", "assd_mm", "stack_bytes",
         "image_bytes", "net_bytes", "seconds",
@@ -153,7 +153,7 @@ STAGE_TIMES = Comparison(
         "finding": "boundaries",
         "lofting": "surface",
     },
-    unused=(*UNREAD, "surface.source"),
+    unused=UNREAD,
     columns=(
         "method", "slices", "corner_ms", "curve_ms", "spline_ms", "surface_ms", "total_ms", "closed_share",
         "dice_3d",
@@ -168,8 +168,8 @@ ISOSURFACES = Comparison(
     "isosurfaces",
     "cccd_paper.comparisons.isosurfaces.compare_isosurfaces",
     ("structure", "curves", "surface"),
-    settings={"settings": "comparisons.isosurfaces", "fitting": "curves", "lofting": "surface"},
-    unused=("curves.ordering", "curves.sweep", *UNREAD),
+    settings={"settings": "comparisons.isosurfaces", "lofting": "surface"},
+    unused=UNREAD,
     columns=("method", "seconds"),
     memory_mb=(3000, 60),
     minutes=30,
@@ -179,8 +179,8 @@ THICK_SLICES = Comparison(
     "thick_slices",
     "cccd_paper.comparisons.thick_slices.thick_slice_experiment",
     ("structure",),
-    settings={"settings": "comparisons.thick_slices", "fitting": "curves", "lofting": "surface"},
-    unused=("curves.ordering", "curves.sweep", *UNREAD),
+    settings={"settings": "comparisons.thick_slices", "lofting": "surface"},
+    unused=UNREAD,
     columns=("slice_distance_mm", "every_nth", "method", "seconds"),
     memory_mb=(3000, 60),
     minutes=30,
@@ -204,8 +204,8 @@ MAP_SURFACES = Comparison(
     "map_surfaces",
     "cccd_paper.comparisons.map_surfaces.compare_map_surfaces",
     ("structure", "boundaries", "contours", "surface"),
-    settings={"fitting": "curves", "lofting": "surface"},
-    unused=("curves.ordering", "curves.sweep", *UNREAD),
+    settings={"lofting": "surface"},
+    unused=UNREAD,
     figures="cccd_paper.comparisons.map_surfaces.map_figures",
     columns=(
         "method", "slices", "decided", "without_curve", "pixels", "kept", "dropped", "bridged", "curves",
@@ -540,7 +540,7 @@ ITEMS = (
         "tried with pass bands 0.1, 0.05 and 0.01 and 20 or 60 rounds (3D Slicer's default factor 0.5 is "
         "pass band 0.01). They are shown at their smallest ASSD, and at the smallest among settings that "
         "bend at most 1.05 times as much as ours. “CCCD, distances alone” is the isosurface of the distances "
-        "that our surface is lofted from (with the learned filling of slices 1.2 to 3.5 pixels apart), "
+        "that our surface is made of, before filter and spline, "
         "smoothed in the same way. Programs (niimath, 3D Slicer's own converters) also have a row at their "
         "defaults, and none if they are not installed. Processor seconds count from the mask; ours is made "
         "once more to be timed. Genus counts handles, next to the true surface's if it is known.",

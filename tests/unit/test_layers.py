@@ -25,7 +25,7 @@ LAYERS = {
         ("bands",),
         ("store",),
         ("inputs", "torch_files"),
-        ("boundary", "tracing", "chaincode", "filling"),
+        ("boundary", "tracing", "chaincode"),
         ("contours",),
         ("junctions", "curves", "segmentation"),
         ("surface",),
@@ -43,7 +43,7 @@ LAYERS = {
         ("cli",),
         ("__main__",),
     ),
-    "cccd_training": (("bands", "checkpoints", "filling"), ("junctions", "segmentation")),
+    "cccd_training": (("bands", "checkpoints", "distance"), ("junctions", "segmentation")),
     "cccd_paper": (
         ("settings", "registry", "phantom_files", "junctions", "segmentation"),
         ("comparisons",),

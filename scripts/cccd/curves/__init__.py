@@ -1,7 +1,15 @@
 """Ordered curves described by few points: chain codes, corners, closed B-splines, and what they are worth."""
 
-from cccd.curves.describe import describe_curves
+from cccd.curves.describe import crossed_warnings, describe_curves
 from cccd.curves.fitting import corner_splines, fit_splines, sample_splines
 from cccd.curves.measures import measure_curves, sweep_k
 
-__all__ = ["corner_splines", "describe_curves", "fit_splines", "measure_curves", "sample_splines", "sweep_k"]
+__all__ = [
+    "corner_splines",
+    "crossed_warnings",
+    "describe_curves",
+    "fit_splines",
+    "measure_curves",
+    "sample_splines",
+    "sweep_k",
+]

@@ -45,7 +45,7 @@ def describe_curves(curves: Curves, settings: CurveSettings) -> FittedCurves:
         "chain_coded": chained,
         "too_few_corners": int((np.diff(corner_offsets) < 4).sum()),
         "mended": int(checked.mended.sum()),
-        "warnings": [*_crossings(splines, checked.wrong), *_crossed(curves)],
+        "warnings": [*_crossings(splines, checked.wrong), *crossed_warnings(curves)],
     }
     return FittedCurves(curves, codes, curves.points[corner], corner_offsets, splines, report)
 
@@ -68,7 +68,7 @@ def _crossings(splines: Splines, wrong: np.ndarray) -> list[str]:
     return [f"{what}, and so do the splines: {places}{' and so on' if count > _MOST_PLACES else ''}"]
 
 
-def _crossed(curves: Curves) -> list[str]:
+def crossed_warnings(curves: Curves) -> list[str]:
     """Say in one line which given curves cross each other, and where."""
     slices, at = crossed_curves(curves)
     count = len(slices)

@@ -70,10 +70,13 @@ class TetrahedraSettings(Section):
 class LoftSettings(Section):
     """How curves become a surface (section ``surface``)."""
 
-    source: Literal["splines", "polygons"] = setting(
-        "splines",
-        "lofted from the curves' closed splines, or from the curves themselves",
-        why="Splines carry no pixel steps into the surface; curves.method chooses them.",
+    smoothing: float | None = setting(
+        None,
+        "waves of this length and shorter are smoothed away; null: ten pixels",
+        why="Shorter ones leave the steps of pixels, longer ones take detail.",
+        unit="mm",
+        gt=0,
+        le=1000,
     )
     smallest_part_voxels: float = setting(
         6.0,

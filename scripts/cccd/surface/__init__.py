@@ -1,8 +1,8 @@
-"""Surfaces: from the ordered curves of a stack of slices to one closed spline.
+"""Surfaces: from a stack of slices to one closed spline.
 
-`loft` reads as the whole pipeline, one module per step: `outlines` (splines of the curves), `stack` (signed
-distances on slices and between them), `rough` (the mesh on which they vanish), `spline` (control mesh, fit,
-refinement), `checks` (what must hold).
+`loft` reads as the whole pipeline, one module per step: `borders` (distances within slices), `stack` (in
+space, on slices and between them, by `learned_distance`), `smooth_mesh` (their zero level, low-passed),
+`spline` (control mesh, fit, refinement), `checks` (what must hold).
 """
 
 from cccd.surface.loft import loft_before_walls, loft_mesh, loft_surface

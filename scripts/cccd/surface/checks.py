@@ -5,24 +5,22 @@ Nothing here knows how the surface was made, and nothing switches it off.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from cccd.bands.signs import Slices
 from cccd.containers import Structure
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray, SingleArray
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
-from cccd.surface.fields import LevelField, sampled
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import SHRUNK_PART
 
-__all__ = ["Violation", "check_surface", "check_walls"]
+__all__ = ["Violation", "check_surface", "check_walls", "lost_voxels"]
 
 #: On a slice the surface lies within so many pixels of the slice's outline.
 ON_SLICE = 0.75
@@ -78,10 +76,9 @@ def check_surface(mesh: Mesh, stack: SliceStack, pairs: IntArray | None = None) 
         found.append(Violation("the surface is not closed"))
     pairs = mesh.self_intersections() if pairs is None else pairs
     found += _crossing(mesh, pairs)
-    slices = [level for run in stack.runs for level in run.fields_of_slices]
-    found += _off_slices(mesh, slices, stack)
-    found += _off_between(mesh, slices, stack)
-    return found + _of_other_volume(mesh, stack) + _of_other_topology(mesh, slices, stack)
+    found += _off_slices(mesh, stack)
+    found += _off_between(mesh, stack)
+    return found + _of_other_volume(mesh, stack) + _of_other_topology(mesh, stack)
 
 
 def check_walls(mesh: Mesh, structure: Structure) -> list[str]:
@@ -132,24 +129,40 @@ def _off_voxels(mesh: Mesh, mask: BoolArray, affine: FloatArray, origin: RealArr
     return [Violation(text, mesh.vertices[order[far[order] > most]])]
 
 
-def _off_slices(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> list[Violation]:
-    """Find where the surface leaves a slice's outline, or the outline the surface."""
-    # Distances are in space: where the surface lies almost flat on a slice, its outline there says little.
-    spacing, most = stack.runs[0].spacing, ON_SLICE * stack.pixel
-    points, off, beside = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros((0, 3))]
-    across = np.linalg.norm(mesh.vertex_normals[:, :2], axis=1)
-    heights = np.array([level.z for level in slices])
-    for level, section in zip(slices, _sections(mesh, across, heights), strict=True):
-        points.append(section[:, :3])
-        off.append(np.abs(sampled(level.distance, section[:, :2] / spacing)) * section[:, 3])
-    for level, within in zip(slices, _inside(mesh, slices, spacing), strict=True):
-        at = np.argwhere(np.where(within, level.distance, -level.distance) > most)
-        beside.append(np.column_stack([at * spacing, np.full(len(at), level.z)]))
-    candidates = np.concatenate(beside)
+def lost_voxels(mesh: Mesh, stack: SliceStack) -> tuple[FloatArray, FloatArray]:
+    """Find the pixels of slices that lie on the wrong side of a surface by more than `ON_SLICE` pixels.
+
+    Returns
+    -------
+    places : (P, 3) float64
+        Their centres, in the plane's mm and height in mm.
+    far : (P,) float64
+        mm from the surface.
+    """
+    slices, most = stack.slices, ON_SLICE * stack.pixel
+    found = [np.zeros((0, 3))]
+    for z, distance, within in zip(slices.z, slices.distance, _inside(mesh, slices), strict=True):
+        at = np.argwhere(within != (distance < 0))
+        found.append(np.column_stack([at * slices.spacing, np.full(len(at), z)]))
+    places = np.concatenate(found)
     # the nearest vertex is quickly found, and no nearer than the surface
-    candidates = candidates[cKDTree(mesh.vertices).query(candidates)[0] > most]
-    points.append(candidates)
-    off.append(unsigned_to_mesh(candidates, mesh) if len(candidates) else np.zeros(0))
+    places = places[cKDTree(mesh.vertices).query(places)[0] > most] if len(places) else places
+    far = unsigned_to_mesh(places, mesh) if len(places) else np.zeros(0)
+    wrong = far > most
+    return places[wrong], far[wrong]
+
+
+def _off_slices(mesh: Mesh, stack: SliceStack) -> list[Violation]:
+    """Find where the surface leaves a slice's outline, and pixels that lie on its wrong side."""
+    # Distances are in space: where the surface lies almost flat on a slice, its outline there says little.
+    slices, most = stack.slices, ON_SLICE * stack.pixel
+    across = np.linalg.norm(mesh.vertex_normals[:, :2], axis=1)
+    lost, lost_by = lost_voxels(mesh, stack)
+    points, off = [lost], [lost_by]
+    sections = _sections(mesh, across, slices.z)
+    for distance, section in zip(slices.distance, sections, strict=True):
+        points.append(section[:, :3])
+        off.append(np.abs(_sampled(distance, section[:, :2] / slices.spacing)) * section[:, 3])
     place, far = np.concatenate(points), np.concatenate(off)
     wrong = far > most
     if not wrong.any():
@@ -157,6 +170,11 @@ def _off_slices(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> 
     where = _counted(len(np.unique(place[wrong, 2])), "slice")
     text = f"the surface is up to {far.max():.2g} mm away from the outline of {where}, farthest"
     return [Violation(text, place[wrong][np.argsort(-far[wrong], kind="stable")])]
+
+
+def _sampled(plane: SingleArray, places: FloatArray) -> SingleArray:
+    """Values (N,) of a plane (I, J) at places (N, 2) in pixels; beyond it, of its border."""
+    return np.asarray(ndimage.map_coordinates(plane, places.T, np.float32, order=1, mode="nearest"))
 
 
 def _counted(count: int, what: str) -> str:
@@ -182,10 +200,10 @@ def _sections(mesh: Mesh, values: FloatArray, heights: FloatArray) -> list[Float
     return np.split(points[order], np.searchsorted(plane[order], np.arange(1, len(heights))))
 
 
-def _inside(mesh: Mesh, slices: Sequence[LevelField], spacing: FloatArray) -> list[BoolArray]:
+def _inside(mesh: Mesh, slices: Slices) -> list[BoolArray]:
     """Which pixels (I, J) of each slice have their centre inside a closed mesh."""
     # heights to numbers of slices, which are even only in a run without missing ones
-    heights = np.array([level.z for level in slices])
+    heights = slices.z
     if len(heights) == 1:
         scaled = mesh.vertices[:, 2] - heights[0]
     else:
@@ -193,15 +211,14 @@ def _inside(mesh: Mesh, slices: Sequence[LevelField], spacing: FloatArray) -> li
         scaled = np.interp(mesh.vertices[:, 2], heights, np.arange(len(heights), dtype=float))
         scaled += np.minimum(mesh.vertices[:, 2] - heights[0], 0) / step[0]
         scaled += np.maximum(mesh.vertices[:, 2] - heights[-1], 0) / step[-1]
-    pixels = Mesh(np.column_stack([mesh.vertices[:, :2] / spacing, scaled]), mesh.faces)
-    block = voxelise(pixels, np.eye(4), (*slices[0].distance.shape, len(heights)), np.zeros(3, np.int64))
+    pixels = Mesh(np.column_stack([mesh.vertices[:, :2] / slices.spacing, scaled]), mesh.faces)
+    block = voxelise(pixels, np.eye(4), (*slices.distance.shape[1:], len(heights)), np.zeros(3, np.int64))
     return list(np.moveaxis(block, 2, 0))
 
 
-def _off_between(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> list[Violation]:
+def _off_between(mesh: Mesh, stack: SliceStack) -> list[Violation]:
     """Find where the surface is further from the voxels of the slices beside than their diagonal."""
-    spacing = stack.runs[0].spacing
-    heights = np.array([level.z for level in slices])
+    heights, planes = stack.slices.z, stack.slices.distance
     above = np.searchsorted(heights, mesh.vertices[:, 2])
     order = np.argsort(above, kind="stable")
     diagonal = float(np.linalg.norm(stack.voxel))
@@ -211,9 +228,9 @@ def _off_between(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) ->
         here = order[starts[n] : starts[n + 1]]
         if len(here) == 0:
             continue
-        pixels = mesh.vertices[here, :2] / spacing
-        around = [m for m in range(n - 2, n + 2) if 0 <= m < len(slices)]
-        values = np.array([sampled(slices[m].distance, pixels) for m in around])
+        pixels = mesh.vertices[here, :2] / stack.slices.spacing
+        around = [m for m in range(n - 2, n + 2) if 0 <= m < len(heights)]
+        values = np.array([_sampled(planes[m], pixels) for m in around])
         beyond = np.abs(mesh.vertices[here, 2] - heights[around][:, None]) - stack.step / 2
         outside = np.hypot(np.maximum(values, 0), np.maximum(beyond, 0)).min(axis=0)
         # a cap may lie deep in two slices, but not in the next ones too
@@ -221,7 +238,7 @@ def _off_between(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) ->
         off[here] = np.maximum(outside, depth)
     far = np.flatnonzero(off > diagonal)
     if len(far):  # what is followed between the slices moves further aside
-        far = far[np.abs(stack.target(mesh.vertices[far])) > stack.pixel]
+        far = far[np.abs(stack.distance(mesh.vertices[far])) > stack.pixel]
     if len(far) == 0:
         return []
     far = far[np.argsort(-off[far], kind="stable")]
@@ -238,13 +255,13 @@ def _of_other_volume(mesh: Mesh, stack: SliceStack) -> list[Violation]:
     ]
 
 
-def _of_other_topology(mesh: Mesh, slices: Sequence[LevelField], stack: SliceStack) -> list[Violation]:
+def _of_other_topology(mesh: Mesh, stack: SliceStack) -> list[Violation]:
     """Find parts that the slices do not imply, and parts that are missing; small ones do not count."""
     volumes = [piece.volume for piece in mesh.pieces()]
     least = stack.smallest
     # what touches at a corner, or across a missing slice, may be one part or two
     bodies = sum(volume >= least for volume in stack.part_volumes)
-    separate = max(bodies, _separate(_with_missing(slices, stack.step), least, stack))
+    separate = max(bodies, _separate(_with_missing(stack.slices, stack.step), least, stack))
     found = sum(volume >= least for volume in volumes)
     at_most = sum(volume >= SHRUNK_PART * least for volume in volumes)
     problems: list[Violation] = []
@@ -254,14 +271,10 @@ def _of_other_topology(mesh: Mesh, slices: Sequence[LevelField], stack: SliceSta
     return problems
 
 
-def _with_missing(slices: Sequence[LevelField], step: float) -> BoolArray:
+def _with_missing(slices: Slices, step: float) -> BoolArray:
     """Pixels (S, I, J) inside, with an empty slice wherever some are missing."""
-    layers = [slices[0].distance < 0]
-    for below, above in itertools.pairwise(slices):
-        if above.z - below.z > 1.5 * step:
-            layers.append(np.zeros_like(layers[0]))
-        layers.append(above.distance < 0)
-    return np.stack(layers)
+    wide = np.flatnonzero(np.diff(slices.z) > 1.5 * step) + 1
+    return np.insert(slices.distance < 0, wide, False, axis=0)
 
 
 def _separate(inside: BoolArray, least: float, stack: SliceStack) -> int:

@@ -1,16 +1,14 @@
-"""Ordered curves -> distances on and between slices -> control mesh -> fit -> checks."""
+"""Borders of slices -> distances on and between them -> zero level -> low pass -> spline -> checks."""
 
 from __future__ import annotations
 
 from cccd.bands import Calibration, estimate_band
 from cccd.containers import Frame, Sections
-from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
-from cccd.surface.outlines import lofted_outlines
 from cccd.surface.rough import RoughSolid, loft_rough
 from cccd.surface.spline import SplineSolid, loft_spline
-from cccd.surface.stack import SliceStack, interpolate_slices
+from cccd.surface.stack import interpolate_slices
 from cccd.surface.surface import LoftedSurface
 
 __all__ = ["loft_before_walls", "loft_in_plane", "loft_mesh", "loft_surface"]
@@ -24,7 +22,7 @@ def loft_surface(sections: Sections, settings: LoftSettings) -> LoftedSurface:
     sections : Sections
         The curves, and what else is known of the slices.
     settings : LoftSettings
-        Section ``surface`` of the configuration; ``source`` says whether splines or curves are lofted.
+        Section ``surface`` of the configuration.
 
     Raises
     ------
@@ -36,7 +34,7 @@ def loft_surface(sections: Sections, settings: LoftSettings) -> LoftedSurface:
 
 def loft_before_walls(sections: Sections, settings: LoftSettings) -> LoftedSurface:
     """Loft as `loft_surface` does, but without a spline: for organs that will share their walls."""
-    solid = loft_rough(_slices(sections, settings), settings.smallest_part_voxels)
+    solid = loft_rough(interpolate_slices(sections, settings), settings.smoothing)
     return _with_band(solid, sections.curves.frame, settings)
 
 
@@ -47,14 +45,7 @@ def loft_mesh(sections: Sections, settings: LoftSettings) -> Mesh:
 
 def loft_in_plane(sections: Sections, settings: LoftSettings) -> SplineSolid:
     """Loft as `loft_surface` does, in the plane's mm and height."""
-    return loft_spline(_slices(sections, settings), settings.smallest_part_voxels)
-
-
-def _slices(sections: Sections, settings: LoftSettings) -> SliceStack:
-    """Interpolate between the slices."""
-    if len(sections.curves) == 0:
-        raise InputError("curves", "there is no closed curve", "check the mask or the boundary maps")
-    return interpolate_slices(lofted_outlines(sections, settings), sections, settings)
+    return loft_spline(interpolate_slices(sections, settings), settings.smoothing)
 
 
 def _with_band(solid: SplineSolid | RoughSolid, frame: Frame, settings: LoftSettings) -> LoftedSurface:

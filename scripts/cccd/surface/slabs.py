@@ -15,30 +15,20 @@ import numpy as np
 from scipy import ndimage
 from scipy.sparse import coo_array, diags_array
 
-from cccd.containers import Curves, Frame, Sections, Structure
+from cccd.containers import Frame, Structure
 from cccd.contours import trace_contours
-from cccd.curves import describe_curves
-from cccd.geometry.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    SingleArray,
-    concatenate_ragged,
-    split_ragged,
-)
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
-from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface.outlines import Outlines, lofted_outlines
-from cccd.surface.sampled import FAR_PIXELS, NODE_MARGIN, SampledDistance
+from cccd.surface.learned_distance import RANGE, SLICES
+from cccd.surface.sampled import NODE_MARGIN, SampledDistance
 from cccd.surface.stack import interpolate_slices
 
 __all__ = ["LEAST_SLAB", "Piece", "Window", "find_window", "loft_slabs"]
 
-#: Distances depend on 3 slices or pixels beyond theirs on an airway, and ends of parts on more: on so many
-#: slices or pixels at most.
-_OVERLAP_SLICES, _OVERLAP_PIXELS = 12, 10.0
+#: Distances depend on so many slices beyond theirs: `cccd.surface.learned_distance` looks no further.
+_OVERLAP_SLICES = SLICES + 1
 
 #: Pairs of steps, and their factors, by which a mesh is smoothed without shrinking (Taubin 1995): these take
 #: the steps of pixels off, and pass what is longer than about ten of them ...
@@ -105,7 +95,7 @@ def find_window(read: Reader, slices: int, slab: int) -> Window | None:
 
 
 def loft_slabs(
-    read: Reader, frame: Frame, window: Window, slab: int, fitting: CurveSettings, lofting: LoftSettings
+    read: Reader, frame: Frame, window: Window, slab: int, lofting: LoftSettings
 ) -> Iterator[Piece]:
     """Make the surface of an organ, slab by slab.
 
@@ -119,25 +109,23 @@ def loft_slabs(
         Where the organ lies, see `find_window`.
     slab : int
         Slices of a slab; the surface does not depend on it.
-    fitting, lofting
-        Sections ``curves`` and ``surface`` of the configuration.
+    lofting : LoftSettings
+        Section ``surface`` of the configuration.
 
     Yields
     ------
     Piece
         Together they are one closed surface, but for parts smaller than ``surface.smallest_part_voxels``.
     """
-    pixel = float(np.sqrt(frame.pixel_spacing.prod()))
-    overlap = max(_OVERLAP_SLICES, int(np.ceil(_OVERLAP_PIXELS * pixel / frame.slice_spacing)))
     smallest = lofting.smallest_part_voxels
     shared: SingleArray | None = None
     seam = _Seam()
     for low in range(window.first, window.last + 1, slab):
         high = low + slab
-        reach = overlap + _SMOOTHED_SLICES
+        reach = _OVERLAP_SLICES + _SMOOTHED_SLICES
         first, last = max(low - reach, 0), min(high + reach, frame.shape[0])
         mask = _without_small(read(first, last), smallest, (first == 0, last == frame.shape[0]))
-        levels = _levels(mask, first, frame, window, fitting, lofting)
+        levels = _levels(mask, first, frame, window, lofting)
         step = frame.slice_spacing
         bottom = None if low == window.first else low * step
         top = None if high > window.last else high * step
@@ -202,19 +190,15 @@ class _Levels:
         )
 
 
-def _levels(
-    mask: BoolArray, first: int, frame: Frame, window: Window, fitting: CurveSettings, lofting: LoftSettings
-) -> _Levels:
+def _levels(mask: BoolArray, first: int, frame: Frame, window: Window, lofting: LoftSettings) -> _Levels:
     """Distances of a slab whose first slice is ``first``, closed by levels outside at both ends."""
     shape = tuple(high - low + 1 + 2 * _MARGIN for low, high in zip(window.low, window.high, strict=True))
-    far = FAR_PIXELS * float(np.sqrt(frame.pixel_spacing.prod()))
+    far = RANGE * float(np.sqrt(frame.pixel_spacing.prod()))
     if not mask.any():
         return _Levels(np.zeros(0), np.zeros((0, *shape), np.float32), far)
     structure = Structure("slab", "slab", frame, np.array([first, 0, 0]), mask=mask)
-    curves, _ = trace_contours(structure)
-    outlines = _outlines_by_slice(curves, fitting, lofting)
-    stack = interpolate_slices(outlines, Sections(curves), lofting)
-    distance = SampledDistance.of(stack)
+    stack = interpolate_slices(structure.sections(trace_contours(structure)[0]), lofting)
+    distance = stack.distance
     z, values = _capped(distance, far)
     start = stack.origin - np.array(window.low) + _MARGIN
     placed = np.full((len(z), *shape), far, np.float32)
@@ -227,27 +211,6 @@ def _levels(
     )
     placed[(slice(None), *ours)] = values[(slice(None), *theirs)]
     return _Levels(z, placed, far, distance.ends)
-
-
-def _outlines_by_slice(curves: Curves, fitting: CurveSettings, lofting: LoftSettings) -> Outlines:
-    """Fit splines to each slice by itself: fitted together, they differ in rounding from slab to slab."""
-    parts: list[Outlines] = []
-    for number in np.unique(curves.slice):
-        own = curves.slice == number
-        polygons = curves.polygons.take(own)
-        slice_ = Curves(polygons.points, polygons.offsets, curves.slice[own], curves.hole[own], curves.frame)
-        fitted = describe_curves(slice_, fitting)
-        parts.append(lofted_outlines(Sections(fitted.curves, fitted.splines), lofting))
-    rings = [ring for part in parts for ring in split_ragged(part.curves.points, part.curves.offsets)]
-    points, offsets = concatenate_ragged(rings)
-    numbers = np.concatenate([part.curves.slice for part in parts])
-    holes = np.concatenate([part.curves.hole for part in parts])
-    return Outlines(
-        Curves(points, offsets, numbers, holes, curves.frame),
-        np.concatenate([part.outwards for part in parts]),
-        np.concatenate([part.areas for part in parts]),
-        parts[0].of_pixels,
-    )
 
 
 def _capped(distance: SampledDistance, far: float) -> tuple[FloatArray, SingleArray]:
@@ -282,7 +245,7 @@ class _Seam:
         """Make the mesh between two levels, smoothed with what lies around; None for no limit."""
         known, self._known = self._known, {}
         z, values = levels.z, levels.values
-        margin = np.float32(NODE_MARGIN * levels.far / FAR_PIXELS)
+        margin = np.float32(NODE_MARGIN * levels.far / RANGE)
         values = np.copysign(np.maximum(np.abs(values), margin), values)
         if len(z) < 2 or not np.any(values < 0):
             return None

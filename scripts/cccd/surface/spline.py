@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cccd.containers import Frame
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.decimation import weigh_more
-from cccd.geometry.distance import nearest_faces
+from cccd.geometry.distance import nearest_faces, unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd.surface.checks import check_surface
+from cccd.surface.checks import check_surface, lost_voxels
 from cccd.surface.control_mesh import (
     SAME_HEIGHT,
     control_mesh,
@@ -24,9 +23,9 @@ from cccd.surface.control_mesh import (
     open_edges,
     with_caps,
 )
-from cccd.surface.rough import counts, cut_at_ends, warnings_of, without_small
-from cccd.surface.sampled import SampledDistance
-from cccd.surface.spline_fit import Curvature, SplineFit, fit_spline
+from cccd.surface.rough import counts, warnings_of
+from cccd.surface.smooth_mesh import smooth_mesh
+from cccd.surface.spline_fit import fit_spline
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
 from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import CONTROL_POINT_PIXELS
@@ -35,44 +34,33 @@ __all__ = ["SplineSolid", "loft_spline"]
 
 #: Triangles of the coarse mesh for each mm^2, times a pixel's edge and by the curvature |k1| + |k2|: with
 #: their size an edge's sagitta is then some tenth of a pixel everywhere.
-DENSITY = 0.05
+DENSITY = 0.03
 #: The same by the square of the curvature: thin branches have as many triangles around as thick ones.
-AROUND = 0.65
+AROUND = 0.4
 #: ... and by the square of the height where the scan cuts on both sides: a triangle reaches from rim to rim.
 ACROSS = 2.0
 #: Fewest triangles of a surface.
 FEWEST = 60
-#: The coarse mesh has at most an nth of the triangles that the grid gives: bronchi of two pixels
-#: have an eighth of them, and what needs more is noise.
-COARSER = 6
-#: The first mesh has this many times the triangles of the coarse one: enough to choose from.
+#: The coarse mesh has at most an nth of the triangles that it is made of: bronchi of two pixels have an
+#: eighth of them, and what needs more is noise.
+COARSER = 5
+#: Triangles that are chosen from: so many times those of the coarse mesh.
 SPARE = 8
-#: Band and rounds of the filter that takes pixels' steps off before curvature is taken.
-CALM_BAND, CALM_ROUNDS = 0.1, 30
 #: Rounds of averaging the curvature with that of the neighbours.
 CURVATURE_ROUNDS = 4
-#: Rounds of finer quads where the surface passes through itself, folds, or lies off the distances by so many
-#: pixels: a second one changes lungs' error by less than 1 %.
-REFINEMENTS, MOST_OFF = 1, 0.5
-#: ... and further ones where it still passes through itself: narrow gaps need quads no wider than they are.
-CROSSING_REFINEMENTS = 3
+#: Rounds of finer quads where the surface lies off the mesh by so many pixels, loses a voxel or folds ...
+REFINEMENTS, MOST_OFF = 2, 0.12
+#: ... and further ones where it passes through itself: narrow gaps need quads no wider than they are.
+CROSSING_REFINEMENTS = 2
 #: A surface folds where it turns by more than this (radians) from a triangle to the next.
 FOLD = 1.6
 #: Area of a triangle whose edges are 1.
 EQUILATERAL = np.sqrt(3) / 4
-#: The mesh has this many subdivisions: 32 triangles for each quad ...
+#: The mesh that is written has this many subdivisions: 32 triangles for each quad ...
 DRAWN = 2
-#: ... and one less (8 for each) where there are more quads than this, which would give 2 million triangles:
-#: large organs with noise at the pixel and cortices have so many, each about as small as a pixel.
+#: ... and one less (8 for each) where there are more quads than this, which would give 2 million triangles.
 LARGE = 62_500
-#: Such organs begin with an nth of the grid's triangles, where these are not too few by `COARSER` already:
-#: finer quads come where the fit is off, not where noise is. Rough lungs bend .85 times as much by that, and
-#: a cortex's distance to its voxels grows by 2 %.
-COARSER_LARGE = 12
-#: Quads may be so many times more than the finest where that keeps the surface from crossing itself: an
-#: airway needs 1.03. Where much crosses, as in noise, finer ones take minutes.
-PAST_FINEST = 1.1
-#: Moves that hold the volume.
+#: Moves that give the spline the mesh's volume.
 VOLUME_ROUNDS = 2
 #: Control points are rounded so many times finer where that keeps the surface from crossing itself.
 FINER = 64
@@ -89,14 +77,11 @@ class SplineSolid:
         Its limit surface at some samples, oriented outwards.
     stack : SliceStack
         What the slices hold.
-    smallest_voxels : float
-        Parts and cavities of less volume are left out, but for the largest.
     """
 
     spline: ControlMesh
     mesh: Mesh
     stack: SliceStack
-    smallest_voxels: float
 
     def to_world(self, frame: Frame) -> LoftedSurface:
         """Return the splines and their mesh in mm RAS."""
@@ -121,7 +106,7 @@ class SplineSolid:
             "marching_cubes_bytes": self.stack.marching_cubes_bytes,
             "compactness": self.stack.marching_cubes_bytes / (CONTROL_BYTES * count),
             **counts(self.mesh, self.stack),
-            "warnings": [*warnings_of(self.stack, self.smallest_voxels), *violations],
+            "warnings": [*warnings_of(self.stack), *violations],
         }
 
 
@@ -142,37 +127,28 @@ def _rounded(spline: ControlMesh, tolerance: float) -> tuple[ControlMesh, Mesh, 
     return rounded, mesh, pairs
 
 
-def loft_spline(stack: SliceStack, smallest_voxels: float) -> SplineSolid:
+def loft_spline(stack: SliceStack, wave: float | None = None) -> SplineSolid:
     """Fit a closed Catmull-Clark spline to what the slices tell.
 
     Parameters
     ----------
     stack : SliceStack
         What the slices hold.
-    smallest_voxels : float
-        Parts and cavities of less volume are left out, but for the largest.
+    wave : float, optional
+        Length in mm of the longest waves that are taken off; see `cccd.surface.smooth_mesh`.
     """
-    distance = SampledDistance.of(stack)
-    rough = without_small(cut_at_ends(distance.zero_surface(), distance), stack)
-    caps = on_caps(rough, distance.ends)
-    wall = Mesh(rough.vertices, rough.faces[~caps]).compact()
-    bent, area = _curvature(wall.low_passed(CALM_BAND, CALM_ROUNDS))
+    mesh, ends = smooth_mesh(stack, wave), stack.distance.ends
+    caps = on_caps(mesh, ends)
+    wall = Mesh(mesh.vertices, mesh.faces[~caps]).compact()
+    bent, area = _curvature(wall)
     # only what the scan cuts has rims
     rim = open_edges(wall.faces) if caps.any() else np.zeros((0, 2), np.int64)
-    least = np.full(len(area), ACROSS / (distance.ends[1] - distance.ends[0]) ** 2)
-    density = np.maximum(least, np.maximum(DENSITY * bent / distance.pixel, AROUND * bent**2))
-    finest = max(FEWEST, len(rough.faces) // COARSER, _triangles(wall, rim, area, least))
-    most = max(FEWEST, _triangles(wall, rim, area, density))
-    if most > finest:  # thin all over
-        most = finest
-    else:  # two quads come of a triangle
-        most = min(most, max(LARGE // 2, len(rough.faces) // COARSER_LARGE))
-    fine = fewer_triangles(rough, SPARE * most, distance.ends)
-    tree = cKDTree(wall.vertices)
-    spline = _fit_and_refine(
-        fine, (most, finest), distance, stack.held_volume, lambda points: bent[tree.query(points)[1]]
-    )
-    return SplineSolid(spline, spline.tessellate(_drawn(spline)), stack, smallest_voxels)
+    least = np.full(len(area), ACROSS / (ends[1] - ends[0]) ** 2)
+    density = np.maximum(least, np.maximum(DENSITY * bent / stack.pixel, AROUND * bent**2))
+    finest = max(FEWEST, len(mesh.faces) // COARSER, _triangles(wall, rim, area, least))
+    most = min(finest, max(FEWEST, _triangles(wall, rim, area, density)))
+    spline = _fit_and_refine(mesh, wall, (most, finest), stack)
+    return SplineSolid(spline, spline.tessellate(_drawn(spline)), stack)
 
 
 def _drawn(spline: ControlMesh) -> int:
@@ -196,72 +172,50 @@ def _triangles(wall: Mesh, rim: IntArray, area: FloatArray, density: FloatArray)
     return round(float(density @ area + lengths @ np.sqrt(EQUILATERAL * density[rim].mean(axis=1))))
 
 
-def _fit_and_refine(
-    fine: Mesh,
-    triangles: tuple[int, int],
-    distance: SampledDistance,
-    volume: float | None,
-    curvature: Curvature,
-) -> ControlMesh:
-    """Fit a spline, with finer quads where it is amiss as long as it lies off the distances anywhere."""
-    weights = np.ones(len(fine.vertices))
+def _fit_and_refine(mesh: Mesh, wall: Mesh, triangles: tuple[int, int], stack: SliceStack) -> ControlMesh:
+    """Fit a spline to a mesh, without its caps a wall, with finer quads where it is amiss."""
+    ends = stack.distance.ends
     most, finest = triangles
-    best: tuple[tuple[int, int], SplineFit] | None = None
+    fine = fewer_triangles(mesh, min(len(mesh.faces), SPARE * most), ends)
+    weights = np.ones(len(fine.vertices))
+    best: tuple[int, ControlMesh] | None = None
     for attempt in range(1 + REFINEMENTS + CROSSING_REFINEMENTS):
-        wall, coarse = control_mesh(fine, most, distance.ends, weights)
-        fit = fit_spline(wall, distance, curvature)
-        mesh = with_caps(fit.spline, distance.ends).tessellate(1)
-        crossing, off, folded = _amiss(mesh, distance)
-        found = int(off.sum()), int(crossing.sum())
-        large = len(wall.quads) > LARGE
+        start, coarse = control_mesh(fine, most, ends, weights)
+        fit = fit_spline(start, wall)
+        for _ in range(VOLUME_ROUNDS):  # caps do not move, and rims only within their planes
+            closed = with_caps(fit.spline, ends).tessellate(_drawn(start))
+            fit.move((mesh.volume - closed.volume) / wall.area)
+        simple = fit.untangle(_drawn(start))
+        spline = with_caps(fit.spline, ends)
+        drawn = spline.tessellate(1)
+        crossing = np.zeros(len(drawn.faces), np.bool_)
+        if not simple:
+            crossing[drawn.self_intersections().ravel()] = True
+        amiss = crossing | _amiss(drawn, wall, stack)
+        found = int(amiss.sum())
         if best is None or found < best[0]:
-            best, futile = (found, fit), False
-        else:  # in noise one more fit of so many quads takes twenty seconds and rarely helps
-            futile = large and attempt > REFINEMENTS
-        amiss = crossing | off | folded if attempt < REFINEMENTS else crossing
-        done = futile or most >= finest or not (amiss & (crossing | off)).any()
-        closed = None
-        # moving what crosses takes seconds, another fit of so many quads half a minute
-        if done or (large and not off.any()):
-            closed, simple = _of_volume(best[1], volume)
-            if simple or futile or not crossing.any():
-                return closed
-            amiss = crossing
+            best = found, spline
+        wrong = amiss if attempt < REFINEMENTS else crossing
+        if most >= finest or not wrong.any():
+            break
         there = np.zeros(len(coarse.faces), np.bool_)
-        there[nearest_faces(mesh.vertices[np.unique(mesh.faces[amiss])], coarse)] = True
-        if attempt >= REFINEMENTS or done:
-            there = np.asarray(np.isin(coarse.faces, coarse.faces[there]).any(axis=1), np.bool_)
+        there[nearest_faces(drawn.vertices[np.unique(drawn.faces[wrong])], coarse)] = True
         weigh_more(weights, fine, coarse, there)
-        finer = len(coarse.faces) + 3 * int(there.sum())
-        if closed is None:
-            most = min(finer, finest)
-        elif finer <= PAST_FINEST * finest:
-            most = finer
-        else:
-            return closed
+        most = min(len(coarse.faces) + 3 * int(there.sum()), finest)
     assert best is not None
-    return _of_volume(best[1], volume)[0]
+    return best[1]
 
 
-def _amiss(mesh: Mesh, distance: SampledDistance) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """Which triangles (F,) pass through others, lie off the distances' zero, are folded."""
-    cap = on_caps(mesh, distance.ends, SAME_HEIGHT)
-    crossing, folded = np.zeros((2, len(mesh.faces)), np.bool_)
-    crossing[mesh.self_intersections().ravel()] = True
-    slope = np.maximum(1, distance.slopes(mesh.vertices, mesh.vertex_normals))
-    off = np.abs(distance(mesh.vertices)) > MOST_OFF * distance.pixel * slope
-    _, angles, _, _, beside = mesh.dihedrals
+def _amiss(drawn: Mesh, wall: Mesh, stack: SliceStack) -> BoolArray:
+    """Which triangles (F,) lie off the mesh that they were fitted to, are folded, or are near lost voxels."""
+    ends = stack.distance.ends
+    cap = on_caps(drawn, ends, SAME_HEIGHT)
+    off = unsigned_to_mesh(drawn.vertices, wall) > MOST_OFF * stack.pixel
+    amiss = off[drawn.faces].any(axis=1) & ~cap
+    _, angles, _, _, beside = drawn.dihedrals
     sharp = beside[angles > FOLD]
-    folded[sharp[cap[sharp[:, 0]] == cap[sharp[:, 1]]]] = True
-    return crossing, off[mesh.faces].any(axis=1) & ~cap, folded
-
-
-def _of_volume(fit: SplineFit, volume: float | None) -> tuple[ControlMesh, bool]:
-    """Close a fitted wall, moved to hold a volume in mm^3, and say whether it nowhere crosses itself."""
-    ends = fit.distance.ends
-    if volume is not None:
-        for _ in range(VOLUME_ROUNDS):
-            closed = with_caps(fit.spline, ends)
-            fit.hold_volume(volume - closed.tessellate(_drawn(closed)).volume)
-    simple = fit.untangle(_drawn(fit.wall))
-    return with_caps(fit.spline, ends), simple
+    amiss[sharp[cap[sharp[:, 0]] == cap[sharp[:, 1]]]] = True
+    places, _ = lost_voxels(drawn, stack)
+    if len(places):
+        amiss[nearest_faces(places, drawn)] = True
+    return amiss

@@ -1,94 +1,64 @@
-"""Fit a Catmull-Clark spline to signed distances: sparse least squares with a thin plate's stiffness.
+"""Fit a Catmull-Clark spline to a mesh by plain least squares.
 
-Control points move along the surface's normals, so that at samples of the limit surface the distances vanish
-(Gauss and Newton's steps), as far as a thin plate lets them. The plate is as stiff as pixels' steps ask for,
-and softer where it keeps the surface off the slices by more than noise would: there is a detail.
+Control points move along the surface's normals until samples of the limit surface lie on the mesh; along the
+surface they only even out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array
-from scipy.sparse.linalg import cg
+from scipy.sparse.linalg import LinearOperator, cg
 
-from cccd.geometry._jit import jit
-from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.collisions import MovingTriangles
+from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.squared_pattern import SquaredPattern
 from cccd.geometry.subdivision import ControlMesh, Sampler, quad_edges
 from cccd.surface.control_mesh import open_edges
-from cccd.surface.sampled import SampledDistance
 
-__all__ = ["Curvature", "SplineFit", "fit_spline"]
+__all__ = ["SplineFit", "fit_spline"]
 
-Curvature = Callable[[FloatArray], FloatArray]
-
-#: A limit surface is sampled at so many subdivisions: 4 points for each quad, of which a coarse one has four.
+#: A limit surface is sampled at so many subdivisions: 4 points for each quad.
 SAMPLED = 1
-#: Waves of 2 pi times so many pixels are halved by the plate: pixels' steps are shorter.
-STIFF_PIXELS = 1.0
-#: ... or times this share of the radius of curvature: a plate that is stiffer pulls thin branches together.
-STIFF_SHARE = 0.3
-#: It softens where the surface stays off the slices by this, in pixels, on the mean of a quad's samples, and
-#: never below that of so many pixels.
-DETAIL_PIXELS, SOFTEST_PIXELS = 0.05, 0.2
-#: Rounds: each is one linear system; more change distances to a known surface by less than 1 %.
-ROUNDS = 5
-#: Distances that grow by less than this per mm are of no use; from the second on they count fully.
-STEEP = (0.3, 0.8)
-#: In one round a control point moves at most by this share of its shortest edge ...
-MOST_STEP = 0.2
-#: ... is held where it is by this share of the data's weight ...
-DAMPING = 0.05
-#: ... and goes by this share towards its neighbours' mean along the surface: quads stay even.
-EVENING = 0.5
-#: Rounds in which what crosses moves half way back to where it began, and rounds in which it evens out.
-UNTANGLING_ROUNDS = 6
-#: The surface is moved at most by so many pixels to hold the slices' volume.
-MOST_OFFSET = 0.5
-#: Cotangents are kept between these: needles would weigh too much.
-COTANGENTS = (0.05, 3.0)
+#: Rounds, each one linear system; the distance to the mesh no longer changes by 1 % after these.
+ROUNDS = 4
+#: In one round a control point is held where it is by this share of the data's weight, which leaves no
+#: freedom that the samples do not see ...
+HELD = 0.02
+#: ... moves at most by this share of its shortest edge, and before that by this share towards the mean of its
+#: neighbours along the surface: quads stay even.
+MOST_STEP, EVENING = 0.5, 0.5
+#: Samples whose nearest triangle faces so far away (cosine) do not count: it is of the other side of a sheet.
+FACING = 0.2
 #: A sample counts for at least this share of the median sample's area.
 LEAST_AREA = 0.1
-#: Curvatures count as at least this, in 1/mm.
-LEAST_CURVATURE = 1e-6
-#: Residual of the linear systems.
-SOLVED = 1e-3
+#: Rounds in which what crosses moves half way back to where it began, and rounds in which it evens out.
+UNTANGLING_ROUNDS = 6
+#: Residual of the linear systems, and most steps to it.
+SOLVED, MOST_STEPS = 1e-3, 100
 
 
 class SplineFit:
-    """A spline on its way to the distances; `fit_spline` makes its rounds.
+    """A spline on its way to a mesh; `fit_spline` makes its rounds.
 
     Parameters
     ----------
     wall : ControlMesh
-        In the plane's mm and height in mm; open where the scan cuts, with creases along these rims, which
-        stay in their planes.
-    distance : SampledDistance
-    curvature : callable
-        Gives the curvature (P,) in 1/mm that the surface has near points (P, 3).
+        Near the mesh; open where the scan cuts, with creases along these rims, which stay in their planes.
+    target : Mesh
+        Without its planar caps.
     """
 
-    def __init__(self, wall: ControlMesh, distance: SampledDistance, curvature: Curvature) -> None:
-        self.wall, self.distance = wall, distance
+    def __init__(self, wall: ControlMesh, target: Mesh) -> None:
+        self.wall, self.target = wall, target
         self.points = wall.vertices.copy()
         sampler = wall.sampler(SAMPLED)
         self.sampling, self.triangles = sampler.matrix, sampler.triangles
-        samples = self.sampling @ self.points
-        self.rim = np.zeros(len(samples), np.bool_)
+        self.rim = np.zeros(self.sampling.shape[0], np.bool_)
         self.rim[open_edges(self.triangles)] = True
         self.edges, _ = quad_edges(wall.quads)
         self.neighbours = _neighbour_means(self.edges, wall, self.rim[: len(self.points)])
-        laplacian, self.mass = _cotangent(samples, self.triangles)
-        free = diags_array((~self.rim).astype(float))
-        self.bending = csr_array(free @ laplacian @ self.sampling)
-        self.bending.sort_indices()
-        self.squared = SquaredPattern(self.bending, self.sampling)
-        radius = 1 / np.maximum(curvature(samples), LEAST_CURVATURE)
-        self.stiffness = np.minimum(STIFF_PIXELS * distance.pixel, STIFF_SHARE * radius) ** 4
 
     @property
     def spline(self) -> ControlMesh:
@@ -96,34 +66,37 @@ class SplineFit:
         return self.wall.moved(self.points)
 
     def step(self) -> None:
-        """Move the control points by one linear system."""
+        """Even the control points out, and move them by one linear system."""
+        self._even(self._normals(self.sampling @ self.points)[: len(self.points)])
         samples = self.sampling @ self.points
         normals = self._normals(samples)
         along = normals[: len(self.points)]
-        value, slope = self.distance(samples), self.distance.slopes(samples, normals)
-        weight = self.mass * np.where(slope > 0, np.clip(slope / STEEP[1], 0.01, 1) ** 2, 0)
+        missing, facing = self._to_target(samples, normals)
+        area = Mesh(samples, self.triangles).vertex_areas
+        weight = np.maximum(area, LEAST_AREA * np.median(area)) * facing
         seen = _scaled(self.sampling, normals, along)
-        self._soften(value / np.maximum(slope, 1), weight)
-        plate = self.squared.product(0, self.bending.data, self.stiffness / self.mass)
-        moving = np.any(along != 0, axis=1)
-        held = np.where(moving, DAMPING * (self.sampling.T @ self.mass), 1.0)
-        matrix = self.squared.product(1, seen.data, weight)
-        matrix.data += _scaled(plate, along, along).data
-        matrix.data[self.squared.diagonal] += held
-        right = seen.T @ (-weight * value / np.maximum(slope, STEEP[0]))
-        right -= np.einsum("vc,vc->v", along, plate @ self.points)
-        scale = diags_array(1 / np.maximum(matrix.diagonal(), 1e-12))
-        move, _ = cg(matrix, right, rtol=SOLVED, maxiter=500, M=scale)
+        turned = csr_array(seen.T)
+        held = HELD * (self.sampling.T @ np.maximum(weight, LEAST_AREA * np.median(area)))
+        diagonal = (seen.multiply(seen)).T @ weight + held
+        matrix = LinearOperator(
+            (len(along),) * 2, matvec=lambda x: turned @ (weight * (seen @ x)) + held * x, dtype=float
+        )
+        scale = diags_array(1 / np.maximum(diagonal, 1e-12))
+        move, _ = cg(matrix, turned @ (weight * missing), rtol=SOLVED, maxiter=MOST_STEPS, M=scale)
         most = MOST_STEP * self._shortest_edges()
         self.points = self.points + np.clip(move, -most, most)[:, None] * along
-        self._even(along)
 
-    def hold_volume(self, missing: float) -> None:
-        """Move the wall outwards by as much as it lacks of a volume in mm^3, within `MOST_OFFSET`."""
-        samples = self.sampling @ self.points
-        most = MOST_OFFSET * self.distance.pixel
-        by = np.clip(missing / max(Mesh(samples, self.triangles).area, 1e-9), -most, most)
-        self.points = self.points + by * self._normals(samples)[: len(self.points)]
+    def _to_target(self, samples: FloatArray, normals: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """How far (P,) samples are from the planes of their nearest triangles, along normals (P, 3)."""
+        face = nearest_faces(samples, self.target)
+        plane, corner = self.target.unit_normals[face], self.target.vertices[self.target.faces[face, 0]]
+        cosine = np.einsum("pc,pc->p", plane, normals)
+        off = np.einsum("pc,pc->p", corner - samples, plane)
+        return off / np.maximum(cosine, 0.5), np.asarray(cosine > FACING, np.bool_)
+
+    def move(self, by: float) -> None:
+        """Move the surface outwards by so many mm; rims stay in their planes."""
+        self.points = self.points + by * self._normals(self.sampling @ self.points)[: len(self.points)]
 
     def untangle(self, times: int) -> bool:
         """Move control points where the surface passes through itself; the best of some rounds stays.
@@ -166,14 +139,6 @@ class SplineFit:
         normals[self.rim] /= np.maximum(np.linalg.norm(normals[self.rim], axis=1, keepdims=True), 1e-9)
         return normals
 
-    def _soften(self, value: FloatArray, weight: FloatArray) -> None:
-        """Make the plate softer where it keeps the surface off the slices on the mean of a quad's samples."""
-        total = np.maximum(self.sampling.T @ weight, 1e-12)
-        off = self.sampling @ ((self.sampling.T @ (weight * value)) / total)
-        pixel = self.distance.pixel
-        softer = self.stiffness / (1 + (off / (DETAIL_PIXELS * pixel)) ** 2)
-        self.stiffness = np.maximum(softer, (SOFTEST_PIXELS * pixel) ** 4)
-
     def _shortest_edges(self) -> FloatArray:
         """Length (V,) of the shortest edge at each control point."""
         length = np.linalg.norm(self.points[self.edges[:, 0]] - self.points[self.edges[:, 1]], axis=1)
@@ -189,18 +154,17 @@ class SplineFit:
         self.points = self.points + EVENING * way
 
 
-def fit_spline(wall: ControlMesh, distance: SampledDistance, curvature: Curvature) -> SplineFit:
-    """Fit a spline to distances.
+def fit_spline(wall: ControlMesh, target: Mesh) -> SplineFit:
+    """Fit a spline to a mesh.
 
     Parameters
     ----------
     wall : ControlMesh
-        Near the surface, in the plane's mm and height in mm; open where the scan cuts, with creases there.
-    distance : SampledDistance
-    curvature : callable
-        Gives the curvature (P,) in 1/mm that the surface has near points (P, 3).
+        Near the mesh; open where the scan cuts, with creases there.
+    target : Mesh
+        Without its planar caps.
     """
-    fit = SplineFit(wall, distance, curvature)
+    fit = SplineFit(wall, target)
     for _ in range(ROUNDS):
         fit.step()
     return fit
@@ -215,21 +179,9 @@ def _moving(sampler: Sampler, pairs: IntArray) -> BoolArray:
 
 def _scaled(matrix: csr_array, rows: FloatArray, columns: FloatArray) -> csr_array:
     """Multiply each entry by the scalar product of its row's and its column's vectors."""
-    values = np.empty_like(matrix.data)
-    _write_scaled((matrix.indptr, matrix.indices, matrix.data), rows, columns, values)
+    of = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+    values = matrix.data * np.einsum("nc,nc->n", rows[of], columns[matrix.indices])
     return csr_array((values, matrix.indices, matrix.indptr), shape=matrix.shape)
-
-
-@jit
-def _write_scaled(
-    matrix: tuple[AnyArray, AnyArray, FloatArray], rows: FloatArray, columns: FloatArray, values: FloatArray
-) -> None:
-    """Write the entries of a sparse matrix (starts of rows, columns, values), multiplied."""
-    for i in range(len(matrix[0]) - 1):
-        for n in range(matrix[0][i], matrix[0][i + 1]):
-            j = matrix[1][n]
-            product = rows[i, 0] * columns[j, 0] + rows[i, 2] * columns[j, 2] + rows[i, 1] * columns[j, 1]
-            values[n] = matrix[2][n] * product
 
 
 def _neighbour_means(edges: IntArray, wall: ControlMesh, rim: BoolArray) -> csr_array:
@@ -241,25 +193,3 @@ def _neighbour_means(edges: IntArray, wall: ControlMesh, rim: BoolArray) -> csr_
     both = both[~rim[both[:, 0]] | crease]
     links = coo_array((np.ones(len(both)), tuple(both.T)), shape=(count, count)).tocsr()
     return csr_array(diags_array(1 / np.maximum(links.sum(axis=1), 1)) @ links)
-
-
-def _cotangent(points: FloatArray, faces: IntArray) -> tuple[csr_array, FloatArray]:
-    """Laplacian (V, V) of triangles by cotangents (Pinkall and Polthier 1993), and the vertices' areas."""
-    count = len(points)
-    rows: list[IntArray] = []
-    columns: list[IntArray] = []
-    values: list[FloatArray] = []
-    for k in range(3):
-        i, j, apex = faces[:, (k + 1) % 3], faces[:, (k + 2) % 3], faces[:, k]
-        u, v = points[i] - points[apex], points[j] - points[apex]
-        sine = np.maximum(np.linalg.norm(np.cross(u, v), axis=1), 1e-9)
-        weight = np.clip(np.einsum("fc,fc->f", u, v) / sine, *COTANGENTS) / 2
-        rows += [i, j]
-        columns += [j, i]
-        values += [weight, weight]
-    links = coo_array(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(count, count)
-    ).tocsr()
-    mass = Mesh(points, faces).vertex_areas
-    laplacian = csr_array(links - diags_array(np.asarray(links.sum(axis=1)).ravel()))
-    return laplacian, np.maximum(mass, LEAST_AREA * np.median(mass))

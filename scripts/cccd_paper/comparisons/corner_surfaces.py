@@ -7,10 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from shapely import MultiPolygon, Polygon
 
 from cccd.containers import Boundaries, Curves, Sections, Structure
 from cccd.curves import corner_splines, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
+from cccd.geometry.arrays import concatenate_ragged
 from cccd.metrics import dice
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
@@ -92,6 +94,20 @@ def compare_corner_surfaces(
     return table
 
 
+def _grown(drawn: Curves) -> Curves:
+    """Move curves through the centres of pixels outwards by half a pixel, to where these end."""
+    rings: list[np.ndarray] = []
+    kept: list[int] = []
+    for number, ring in enumerate(drawn.polygons):
+        moved = Polygon(ring).buffer(-0.5 if drawn.hole[number] else 0.5)
+        for part in moved.geoms if isinstance(moved, MultiPolygon) else [moved]:
+            if not part.is_empty:
+                rings.append(np.asarray(part.exterior.coords)[:-1])
+                kept.append(number)
+    points, offsets = concatenate_ragged(rings)
+    return Curves(points, offsets, drawn.slice[kept], drawn.hole[kept], drawn.frame)
+
+
 def _surface_of(
     curves: Curves,
     structure: Structure,
@@ -107,7 +123,7 @@ def _surface_of(
     else:
         splines = corner_splines(curves, k_cosine_corners(curves.points, curves.offsets, k))
     middle = time.process_time()
-    surface = loft_surface(Sections(curves, splines), lofting.model_copy(update={"source": "splines"}))
+    surface = loft_surface(Sections(_grown(sample_splines(splines))), lofting)
     end = time.process_time()
     points, slices = len(splines.control_points), len(np.unique(curves.slice))
     rows, columns = (structure.frame.shape[axis] for axis in structure.frame.in_plane_axes)

@@ -11,7 +11,6 @@ import pandas as pd
 from cccd.containers import Curves, Structure
 from cccd.geometry.mesh import Mesh
 from cccd.reconstruction import reconstruct_mask
-from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import LoftedSurface
 from cccd.surface.measure import Reference, control_bytes, measure_mesh
@@ -28,7 +27,6 @@ def compare_isosurfaces(
     curves: Curves,
     surface: LoftedSurface,
     settings: IsosurfaceSettings,
-    fitting: CurveSettings,
     lofting: LoftSettings,
 ) -> pd.DataFrame:
     """Measure every method on one structure.
@@ -43,9 +41,9 @@ def compare_isosurfaces(
         Ours, as it came from the run.
     settings : IsosurfaceSettings
         Names the methods to run. One whose package is not installed has no row.
-    fitting, lofting
-        Sections ``curves`` and ``surface`` of the configuration: ours is made once more by them, to be timed
-        as the others are, from the mask on.
+    lofting
+        Section ``surface`` of the configuration: ours is made once more by it, to be timed as the others are,
+        from the mask on.
 
     Returns
     -------
@@ -61,7 +59,7 @@ def compare_isosurfaces(
     def measure(mesh: Mesh) -> dict[str, Any]:
         return measure_mesh(mesh, structure, reference=truth.reference, samples=SAMPLES)
 
-    _, seconds = timed(reconstruct_mask, structure, fitting, lofting)
+    _, seconds = timed(reconstruct_mask, structure, lofting)
     rows = [_own_row(surface, measure, seconds)]
     bends = rows[0]["curvature_per_area_mm"]
     for name in settings.methods:

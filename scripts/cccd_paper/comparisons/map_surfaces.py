@@ -11,13 +11,11 @@ import pandas as pd
 from scipy import ndimage
 
 from cccd.containers import Boundaries, Curves, Panel, Sections, SliceFigure, Structure
-from cccd.curves import describe_curves
 from cccd.geometry.arrays import BoolArray, IntArray, offsets_of
 from cccd.geometry.mesh import Mesh
 from cccd.junctions.ordering import count_changes
 from cccd.metrics import dice
 from cccd.seeds import parse_seeds
-from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import LoftedSurface, loft_mesh
 from cccd.surface.measure import Reference, measure_mesh
@@ -72,7 +70,6 @@ def compare_map_surfaces(
     boundaries: Boundaries,
     contours: Curves,
     surface: LoftedSurface,
-    fitting: CurveSettings,
     lofting: LoftSettings,
 ) -> pd.DataFrame:
     """Measure the surface beside the one that the map's pixels give in a classical decoder's order.
@@ -89,8 +86,8 @@ def compare_map_surfaces(
         The network's curves.
     surface : LoftedSurface
         The one lofted from these.
-    fitting, lofting : CurveSettings, LoftSettings
-        As the structure's own curves and surface were made.
+    lofting : LoftSettings
+        As the structure's own surface was made.
 
     Returns
     -------
@@ -111,7 +108,7 @@ def compare_map_surfaces(
     def lofted(curves: Curves) -> dict[str, object]:
         if not len(curves):
             return {}
-        return measured(loft_mesh(Sections(curves, describe_curves(curves, fitting).splines), lofting))
+        return measured(loft_mesh(Sections(curves), lofting))
 
     name, decoded = best_decoded(structure, boundaries)
     decided = len(decided_slices(boundaries))

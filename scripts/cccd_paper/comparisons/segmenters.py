@@ -346,5 +346,5 @@ def _surface_distance(
     fitted: FittedCurves, truth: Mesh, lofting: LoftSettings, level: ProbabilityStack | None = None
 ) -> float:
     """Average distance in mm between the surface that curves lead to and the true one."""
-    mesh = loft_mesh(Sections(fitted.curves, fitted.splines, level), lofting)
+    mesh = loft_mesh(Sections(fitted.curves, probability=level), lofting)
     return surface_distances(mesh, truth, np.random.default_rng(0), _SAMPLES)["assd"]

@@ -105,9 +105,7 @@ def time_stages(
         return pd.DataFrame()
     slab, samples = _filled_slab(structure, curves, most_slices)
     _, few, _ = middle_slab(structure, curves, 3)
-    loft_surface(
-        Sections(few), lofting.model_copy(update={"source": "polygons"})
-    )  # compiled before it is timed
+    loft_surface(Sections(few), lofting)  # compiled before it is timed
     made = {way.title: _linked_corners(way, samples, slab.frame) for way in WAYS}
     made[CCCD] = _ordered_pixels(slab, finding, orderers)
     return pd.DataFrame(
@@ -197,9 +195,7 @@ def _timed(method: str, planar: _Planar, slab: Structure, n_slices: int, lofting
     slices = len(np.unique(planar.curves.slice))
     seconds, score = dict(planar.seconds), np.nan
     if slices > 1:
-        surface, seconds["surface"] = _clocked(
-            lambda: loft_surface(Sections(planar.curves, planar.splines), loft)
-        )
+        surface, seconds["surface"] = _clocked(lambda: loft_surface(Sections(planar.curves), loft))
         if len(surface.mesh.faces):
             score = voxel_dice(surface.mesh, slab)
     stages = {f"{stage}_ms": 1e3 * seconds.get(stage, np.nan) / n_slices for stage in STAGES}

@@ -11,7 +11,6 @@ import pandas as pd
 
 from cccd.containers import Frame, Structure
 from cccd.reconstruction import reconstruct_mask
-from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.measure import Reference, control_bytes, measure_mesh
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES
@@ -41,7 +40,7 @@ def every_nth_slice(structure: Structure, n: int) -> Structure:
 
 
 def thick_slice_experiment(
-    structure: Structure, settings: ThickSliceSettings, fitting: CurveSettings, lofting: LoftSettings
+    structure: Structure, settings: ThickSliceSettings, lofting: LoftSettings
 ) -> pd.DataFrame:
     """Reconstruct a structure from every n-th slice and measure against its full resolution.
 
@@ -51,7 +50,6 @@ def thick_slice_experiment(
         With a mask; without one the table is empty.
     settings : ThickSliceSettings
         The slice distances.
-    fitting : CurveSettings
     lofting : LoftSettings
 
     Returns
@@ -71,15 +69,15 @@ def thick_slice_experiment(
         if np.count_nonzero(thick.required_stack("mask").any(axis=(1, 2))) < FEWEST_SLICES:
             continue
         row = {"slice_distance_mm": n * spacing, "every_nth": n}
-        rows += [row | measured for measured in _reconstructions(thick, structure, truth, fitting, lofting)]
+        rows += [row | measured for measured in _reconstructions(thick, structure, truth, lofting)]
     return pd.DataFrame(rows)
 
 
 def _reconstructions(
-    thick: Structure, structure: Structure, truth: Truth, fitting: CurveSettings, lofting: LoftSettings
+    thick: Structure, structure: Structure, truth: Truth, lofting: LoftSettings
 ) -> Iterator[dict[str, Any]]:
     """Reconstruct thick slices by our way and by the baselines, each measured at full resolution."""
-    surface, seconds = timed(reconstruct_mask, thick, fitting, lofting)
+    surface, seconds = timed(reconstruct_mask, thick, lofting)
     ours = measure_mesh(surface.mesh, structure, reference=truth.reference, samples=SAMPLES)
     sizes = {"seconds": seconds, "control_bytes": control_bytes(surface)}
     yield {"method": "CCCD", "chosen": None, "setting": None, **ours, **sizes}

@@ -6,13 +6,10 @@ from shapes import SETTINGS, ball, curves_of
 from trimesh import creation
 
 from cccd.containers import Frame, Sections
-from cccd.curves import describe_curves
 from cccd.geometry.mesh import Mesh
 from cccd.inputs import structure_of_array
-from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings
 from cccd.surface.checks import check_surface, check_walls
-from cccd.surface.outlines import lofted_outlines
 from cccd.surface.stack import SliceStack, interpolate_slices
 
 #: Words of the lines about a surface that lies too far from the slices.
@@ -24,9 +21,7 @@ def is_near(violation):
 
 
 def stack_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0)) -> SliceStack:
-    fitted = describe_curves(curves_of(mask, spacing), CurveSettings())
-    sections = Sections(fitted.curves, fitted.splines)
-    return interpolate_slices(lofted_outlines(sections, SETTINGS), sections, SETTINGS)
+    return interpolate_slices(Sections(curves_of(mask, spacing)), SETTINGS)
 
 
 @pytest.fixture(scope="module")

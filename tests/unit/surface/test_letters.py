@@ -7,7 +7,6 @@ from shapes import structure_of
 from cccd.inputs.implicit_solids import ImplicitFunction, sample_lattice
 from cccd.inputs.phantoms import ORGANS
 from cccd.reconstruction import reconstruct_mask
-from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.measure import measure_mesh
 
@@ -36,7 +35,7 @@ def test_a_letter_keeps_its_genus_and_volume(letter, genus, stacking):
     anatomy = ORGANS[letter](np.random.default_rng(4))
     mask = sliced(anatomy.organ, axis, spacing)
     structure = structure_of(mask, spacing)
-    surface = reconstruct_mask(structure, CurveSettings(), LoftSettings())
+    surface = reconstruct_mask(structure, LoftSettings())
     figures = measure_mesh(surface.mesh, structure, samples=2000)
     assert figures["closed_manifold"]
     assert figures["self_intersections"] == 0

@@ -12,7 +12,6 @@ from cccd.files.streamed import write_pieces
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply
-from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.slabs import find_window, loft_slabs
 
@@ -31,7 +30,7 @@ def made(mask, slab, spacing=(1.0, 1.0, 1.0), turned=False):
         return mask[low:high]
 
     window = find_window(read, len(mask), slab)
-    pieces = list(loft_slabs(read, frame, window, slab, CurveSettings(), LoftSettings()))
+    pieces = list(loft_slabs(read, frame, window, slab, LoftSettings()))
     vertices = np.concatenate([piece.mesh.vertices[piece.fresh] for piece in pieces])
     faces = np.concatenate([piece.numbers[piece.mesh.faces] for piece in pieces])
     return Mesh(vertices, faces), pieces
@@ -110,7 +109,6 @@ import resource, sys, numpy as np
 from pathlib import Path
 from cccd.containers import Frame
 from cccd.files.streamed import write_pieces
-from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.slabs import find_window, loft_slabs
 
@@ -123,7 +121,7 @@ def read(low, high):
 
 frame = Frame(np.eye(4)[[2, 1, 0, 3]], 0, (slices, 160, 160))
 window = find_window(read, slices, 32)
-write_pieces([folder / "a.ply"], loft_slabs(read, frame, window, 32, CurveSettings(), LoftSettings()))
+write_pieces([folder / "a.ply"], loft_slabs(read, frame, window, 32, LoftSettings()))
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
 

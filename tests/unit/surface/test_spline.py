@@ -16,14 +16,9 @@ from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.surface.control_mesh import control_mesh, join_in_pairs, split_to_quads
-from cccd.surface.endings import round_ends
-from cccd.surface.fields import LevelField
-from cccd.surface.sampled import SampledDistance
 from cccd.surface.spline_fit import SplineFit
 
 NOWHERE = (-np.inf, np.inf)
-#: Distances that nothing reads but their pixel.
-NOTHING = SampledDistance(np.ones((2, 2, 2), np.float32), np.arange(2.0), np.ones(2), NOWHERE)
 
 
 def lofted(mask, spacing=(1.0, 1.0, 1.0)):
@@ -127,10 +122,11 @@ def test_branches_are_one_body():
 def test_what_crosses_in_the_control_mesh_too_evens_out():
     """Points where it began are no cure there: the neighbours' means are."""
     solid = creation.icosphere(3, 10.0)
-    wall, _ = control_mesh(Mesh(np.array(solid.vertices), np.array(solid.faces, np.int64)), 200, NOWHERE)
+    ball = Mesh(np.array(solid.vertices), np.array(solid.faces, np.int64))
+    wall, _ = control_mesh(ball, 200, NOWHERE)
     folded = wall.vertices.copy()
     folded[0] *= -6
-    fit = SplineFit(wall.moved(folded), NOTHING, lambda points: np.full(len(points), 0.2))
+    fit = SplineFit(wall.moved(folded), ball)
     assert len(fit.spline.tessellate(2).self_intersections())
     assert fit.untangle(2)
     assert not len(fit.spline.tessellate(2).self_intersections())
@@ -198,64 +194,3 @@ def test_every_triangle_is_in_one_polygon_and_every_polygon_becomes_quads(seed):
     assert len(points) == len(mesh.vertices) + len(edges) + len(quads) + len(triangles)
     halves = np.concatenate([split[:, [0, 1, 2]], split[:, [0, 2, 3]]])
     assert Mesh(points, halves).is_closed_manifold
-
-
-def rounded_ends(fields, *rest):
-    drawn = np.stack([level.distance for level in fields if level.source_slice is not None])
-    return round_ends(fields, drawn, *rest)
-
-
-def cone_of_discs(radii, between=4):
-    """Fields of discs on slices 1 mm apart, interpolated linearly between them."""
-    away = np.hypot(*(np.indices((41, 41)) - 20.0)).astype(np.float32)
-    fields = []
-    for n, radius in enumerate(radii):
-        fields.append(LevelField(float(n), away - np.float32(radius), n))
-        if n + 1 < len(radii):
-            for part in range(1, between):
-                t = np.float32(part / between)
-                plane = (1 - t) * (away - radius) + t * (away - radii[n + 1])
-                fields.append(LevelField(n + part / between, plane.astype(np.float32), None))
-    return fields
-
-
-def test_an_end_is_as_high_as_the_areas_fall():
-    """A paraboloid's sections fall by the same area from slice to slice."""
-    radii = np.sqrt(200.0 - 60.0 * np.arange(4))  # 20 are left at the last one: a third of what falls
-    levels = rounded_ends(cone_of_discs(radii), np.ones(2), 1.0, (True, False), 0.25)
-    beyond = [level for level in levels if level.z > 3]
-    left = [level.z - 3 for level in beyond if (level.distance < 0).any()]
-    assert 0.2 <= max(left) <= 0.55
-    areas = [np.count_nonzero(level.distance < 0) for level in beyond]
-    assert all(a >= b for a, b in itertools.pairwise(areas))
-    assert areas[-1] == 0
-
-
-def test_a_small_hole_on_the_first_slice_alone_is_no_needle():
-    """Nothing says how it tapers, so it is round: not as long as the distance between slices."""
-    away = np.hypot(*(np.indices((41, 41)) - 20.0)).astype(np.float32)
-    plain = away - np.float32(15)
-    with_hole = np.maximum(plain, np.float32(1.5) - away)
-    mixed = [((1 - t / 8) * with_hole + t / 8 * plain).astype(np.float32) for t in range(1, 8)]
-    fields = [LevelField(0.0, with_hole, 0), *(LevelField(n + 1.0, p, None) for n, p in enumerate(mixed))]
-    fields.append(LevelField(8.0, plain, 1))
-    levels = rounded_ends(fields, np.ones(2), 8.0, (True, True), 1.0)
-    assert max(level.z for level in levels if level.distance[20, 20] > 0) <= 3
-
-
-def test_a_branch_that_is_led_past_the_next_section_has_no_end():
-    """Its sections do not overlap, but the levels between them join them."""
-    away = [np.hypot(*(np.indices((41, 61)) - np.reshape((20.0, x), (2, 1, 1)))) for x in range(12, 49, 4)]
-    fields = [
-        LevelField(float(n), (plane - 3).astype(np.float32), {0: 0, 9: 1}.get(n))
-        for n, plane in enumerate(away)
-    ]
-    levels = rounded_ends(fields, np.ones(2), 9.0, (True, True), 1.0)
-    assert all(np.array_equal(a.distance, b.distance) for a, b in zip(levels, fields, strict=True))
-
-
-def test_what_the_scan_cuts_and_what_goes_on_is_not_rounded():
-    fields = cone_of_discs(np.full(4, 8.0))
-    levels = rounded_ends(fields, np.ones(2), 1.0, (True, True), 0.25)
-    assert len(levels) == len(fields)
-    assert all(np.array_equal(a.distance, b.distance) for a, b in zip(levels, fields, strict=True))

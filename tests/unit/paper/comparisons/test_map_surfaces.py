@@ -71,7 +71,7 @@ def test_surfaces_are_scored_beside_the_classical_decoder_s():
     whole = extract_boundaries(structure, BoundarySettings())
     contours = trace_mask(structure)
     lofting = LoftSettings()
-    surface = loft_surface(Sections(contours, fit_splines(contours)), lofting)
+    surface = loft_surface(Sections(contours), lofting)
     asked = (structure, whole, contours, surface, CurveSettings(), lofting)
     table = compare_map_surfaces(*asked).set_index("method")
     assert [table.index[0], is_classical(table.index[1]), *table.index[2:]] == [NETWORK, True, FOUND]

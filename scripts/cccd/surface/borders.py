@@ -1,0 +1,152 @@
+"""Signed distances within slices to the border of what they show: where every surface begins.
+
+The border of a mask is that of its pixels, so that nothing that a slice shows is too thin to have an inside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cccd.containers import Curves, Sections
+from cccd.errors import InputError
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from cccd.geometry.distance import to_mask, to_polygons
+from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.raster import rasterise_layers
+
+__all__ = ["Borders", "find_borders"]
+
+#: Distances reach this many pixels beyond what is inside: as far as the network distinguishes them.
+MARGIN_PIXELS = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Borders:
+    """What slices show, as distances to its border.
+
+    Attributes
+    ----------
+    slices : (S,) int64
+        Source slices on which anything is, ascending.
+    distance : (S, I, J) float32
+        Within the slice, in mm, negative inside.
+    origin : (2,) int64
+        Source ``(i, j)`` of ``distance[0, 0, 0]``.
+    areas : (S,) float64
+        mm^2 inside.
+    exact : bool
+        Whether the border is known below the pixel: of contours and probabilities, not of masks.
+    """
+
+    slices: IntArray
+    distance: SingleArray
+    origin: IntArray
+    areas: FloatArray
+    exact: bool
+
+    @property
+    def inside(self) -> BoolArray:
+        """Pixels (S, I, J) whose centres are inside."""
+        return self.distance < 0
+
+    def without(self, parts: BoolArray, spacing: FloatArray) -> Borders:
+        """Leave out some of the pixels (S, I, J) inside, whole parts of slices, of edges (2,) in mm."""
+        distance, areas = self.distance.copy(), self.areas.copy()
+        for number in np.flatnonzero(parts.any(axis=(1, 2))):
+            gone, stays = parts[number], self.inside[number] & ~parts[number]
+            areas[number] -= np.count_nonzero(gone) * float(spacing.prod())
+            if stays.any():
+                others = to_mask(stays, spacing)
+                nearer = to_mask(gone, spacing) <= others
+                distance[number][nearer] = others[nearer]
+            else:
+                distance[number] = float(np.linalg.norm(gone.shape * spacing))
+        shown = (distance < 0).any(axis=(1, 2))
+        return Borders(self.slices[shown], distance[shown], self.origin, areas[shown], self.exact)
+
+
+def find_borders(sections: Sections, reach: IntArray | None = None) -> Borders:
+    """Measure the distances of every slice.
+
+    Parameters
+    ----------
+    sections : Sections
+        A mask's pixels are their own border. Curves through the centres of pixels stand for these pixels;
+        any others are the border itself.
+    reach : (2, 2) int64, optional
+        First and last source ``(i, j)`` that the distances shall reach beyond what is inside.
+
+    Raises
+    ------
+    InputError
+        Nothing is inside anything.
+    """
+    if sections.mask is not None:
+        origin = np.asarray(sections.mask_origin)
+        return _of_mask(sections.mask, origin, sections.curves.frame.pixel_spacing, reach)
+    curves = sections.curves
+    if len(curves) == 0:
+        raise InputError("curves", "there is no closed curve", "check the mask or the boundary maps")
+    first = np.floor(curves.points.min(axis=0)).astype(np.int64)
+    size = np.ceil(curves.points.max(axis=0)).astype(np.int64) + 1 - first
+    slices, layer = np.unique(curves.slice, return_inverse=True)
+    polygons = RaggedPolygons(curves.points - first, curves.offsets)
+    inside = rasterise_layers(polygons, layer, (len(slices), *map(int, size)))
+    if not inside.any():
+        raise InputError(
+            "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"
+        )
+    if np.array_equal(curves.points, np.rint(curves.points)):
+        found = _of_mask(inside, np.array([0, *first]), curves.frame.pixel_spacing, reach)
+        return Borders(slices[found.slices].astype(np.int64), *_rest(found))
+    return _of_polygons(curves, slices.astype(np.int64), layer, reach)
+
+
+def _rest(found: Borders) -> tuple[SingleArray, IntArray, FloatArray, bool]:
+    return found.distance, found.origin, found.areas, found.exact
+
+
+def _of_mask(mask: BoolArray, origin: IntArray, spacing: FloatArray, reach: IntArray | None) -> Borders:
+    """Distances to the borders of a mask's pixels (S, I, J), whose first voxel is the source's ``origin``."""
+    layers = np.flatnonzero(mask.any(axis=(1, 2)))
+    if len(layers) == 0:
+        raise InputError("curves", "there is no closed curve", "check the mask or the boundary maps")
+    inside = mask.any(axis=0)
+    ends = np.array([np.flatnonzero(inside.any(axis=1 - axis))[[0, -1]] for axis in (0, 1)]).T + origin[1:]
+    first, last = _around(ends, reach)
+    size = last + 1 - first
+    at, skipped = np.maximum(origin[1:] - first, 0), np.maximum(first - origin[1:], 0)
+    distance = np.empty((len(layers), *size), np.float32)
+    plane = np.zeros(size, np.bool_)
+    for number, layer in enumerate(layers):
+        seen = mask[layer, skipped[0] :, skipped[1] :][: size[0] - at[0], : size[1] - at[1]]
+        plane[at[0] : at[0] + seen.shape[0], at[1] : at[1] + seen.shape[1]] = seen
+        distance[number] = to_mask(plane, spacing)
+    areas = np.count_nonzero(mask[layers], axis=(1, 2)) * float(spacing.prod())
+    return Borders((layers + origin[0]).astype(np.int64), distance, first, areas, False)
+
+
+def _of_polygons(curves: Curves, slices: IntArray, layer: IntArray, reach: IntArray | None) -> Borders:
+    """Distances to polygons that are the border."""
+    ends = np.stack([np.floor(curves.points.min(axis=0)), np.ceil(curves.points.max(axis=0))])
+    first, last = _around(ends.astype(np.int64), reach)
+    spacing = curves.frame.pixel_spacing
+    shape = tuple(map(int, last + 1 - first))
+    moved = RaggedPolygons(curves.points - first, curves.offsets)
+    inside = rasterise_layers(moved, layer, (len(slices), *shape))
+    in_mm = RaggedPolygons(moved.points * spacing, curves.offsets)
+    distance = np.empty(inside.shape, np.float32)
+    for number in range(len(slices)):
+        here = layer == number
+        own = in_mm.take(here)
+        distance[number] = to_polygons(inside[number], own, spacing, np.zeros(int(here.sum())))
+    areas = np.abs(in_mm.signed_areas) * np.where(curves.hole, -1.0, 1.0)
+    return Borders(slices, distance, first, np.bincount(layer, areas, len(slices)), True)
+
+
+def _around(ends: IntArray, reach: IntArray | None) -> tuple[IntArray, IntArray]:
+    """First and last source (i, j) of distances around what lies between two (2, 2)."""
+    low, high = ends if reach is None else (np.minimum(ends[0], reach[0]), np.maximum(ends[1], reach[1]))
+    return low - MARGIN_PIXELS, high + MARGIN_PIXELS

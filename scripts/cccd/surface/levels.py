@@ -1,0 +1,153 @@
+"""Distances in space on the slices and on levels between them, below the pixel: by the learned network."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from cccd.geometry.arrays import BoolArray, FloatArray, SingleArray
+from cccd.geometry.distance import to_mask
+from cccd.surface.learned_distance import (
+    LEAST_RATIO,
+    MOST_RATIO,
+    RANGE,
+    REACH,
+    SLICES,
+    Surroundings,
+    in_space,
+    near_surface,
+    shipped_network,
+)
+
+__all__ = ["levels_of_slices"]
+
+#: Where the network sees a pixel of a slice on the other side, it lies so far on its own, in pixels.
+LEAST = 0.05
+#: The network's share falls to nothing over this share of the distances at which it is asked.
+FADING = 0.3
+
+
+@dataclass(frozen=True)
+class _Level:
+    """A level: a number of slice, and how far above it, in the distance to the next, it lies."""
+
+    nearest: int
+    height: float
+    z: float
+    ratio: float
+
+
+def levels_of_slices(
+    planes: SingleArray, z: FloatArray, step: float, spacing: FloatArray, cut: tuple[bool, bool], exact: bool
+) -> tuple[FloatArray, SingleArray]:
+    """Estimate the distances on slices, and on levels about a pixel apart between them.
+
+    Parameters
+    ----------
+    planes : (S, I, J) float32
+        Distances within slices in mm, negative inside.
+    z : (S,) float64
+        Their heights in mm, ascending.
+    step : float
+        How far beyond the first and the last one the next slices would lie, in mm.
+    spacing : (2,) float64
+        Edge lengths of a pixel in mm.
+    cut : (bool, bool)
+        Whether the scan ends at the first and at the last slice: what these and the ones beside them show
+        goes on beyond. Elsewhere the next slice is empty, and is a level, too.
+    exact : bool
+        Whether distances are known below the pixel.
+
+    Returns
+    -------
+    z : (L,) float64
+        Heights in mm, ascending.
+    values : (L, I, J) float32
+        Distances in mm; where they are far from the surface, to first order.
+    """
+    pixel = float(np.sqrt(spacing.prod()))
+    near = np.clip(planes / np.float32(pixel), -RANGE, RANGE)
+    below, above = (
+        _beyond(near, side, goes_on, spacing / pixel) for side, goes_on in zip((0, -1), cut, strict=True)
+    )
+    stack = np.concatenate([below, near, above])
+    beyond = step * np.arange(1, SLICES + 1)
+    heights = np.concatenate([z[0] - beyond[::-1], z, z[-1] + beyond])
+    first, last = SLICES - (not cut[0]), SLICES + len(z) - 1 + (not cut[1])
+    levels = list(_levels(heights / pixel, first, last))
+    values = np.stack([_estimated(stack, level, exact) for level in levels])
+    return np.array([level.z for level in levels]) * pixel, values * np.float32(pixel)
+
+
+def _beyond(planes: SingleArray, side: int, goes_on: bool, spacing: FloatArray) -> SingleArray:
+    """Give what `SLICES` slices beyond the first (0) or last (-1) one show, in pixels."""
+    if not goes_on:
+        return np.full((SLICES, *planes.shape[1:]), RANGE, np.float32)
+    end = planes[side]
+    if len(planes) > 1:  # what the slice before does not show begins at the scan's end: it ends there, too
+        parts, count = ndimage.label(end < 0)
+        known = np.zeros(count + 1, np.bool_)
+        known[np.unique(parts[planes[1 if side == 0 else -2] < 0])] = True
+        stays: BoolArray = known[parts] & (parts > 0)
+        if stays.any() and not known[1:].all():
+            end = np.clip(to_mask(stays, spacing), -RANGE, RANGE)
+    return np.repeat(end[None], SLICES, axis=0)
+
+
+def _levels(heights: FloatArray, first: int, last: int) -> Iterator[_Level]:
+    """Levels from one slice of a stack to another, from low to high; heights are in pixels."""
+    for k in range(first, last + 1):
+        gap = float(heights[k + 1] - heights[k])
+        yield _Level(k, 0.0, float(heights[k]), min(gap, float(heights[k] - heights[k - 1])))
+        parts = max(1, round(gap)) if k < last else 1
+        for part in range(1, parts):
+            share = part / parts
+            nearest, height = (k, share) if share <= 0.5 else (k + 1, share - 1)
+            yield _Level(nearest, height, float(heights[k]) + share * gap, gap)
+
+
+def _estimated(stack: SingleArray, level: _Level, exact: bool) -> SingleArray:
+    """Distances (I, J) on a level, in pixels."""
+    k, ratio, height = level.nearest, level.ratio, level.height
+    own = stack[max(k - SLICES, 0) : k + SLICES + 1]
+    missing = max(SLICES - k, 0), max(k + SLICES + 1 - len(stack), 0)
+    own = np.pad(own, (missing, (0, 0), (0, 0)), mode="edge")
+    estimated = _below_pixels(own, ratio, height, exact)
+    if height == 0:  # what a slice shows stays on its side
+        wrong = (estimated < 0) != (stack[k] < 0)
+        estimated[wrong] = np.copysign(np.float32(LEAST), stack[k][wrong])
+    return estimated
+
+
+def _below_pixels(own: SingleArray, ratio: float, height: float, exact: bool) -> SingleArray:
+    """Distances (I, J) above the middle one of some slices, in pixels; see `in_space`."""
+    base = in_space(*own[SLICES - 1 : SLICES + 2], ratio, height)
+    coarser = int(np.ceil(ratio / MOST_RATIO))
+    if coarser == 1:
+        return base + _correction(own, base, max(ratio, LEAST_RATIO), height, exact)
+    # slices lie so far apart that what changes between them is seen on coarser pixels, which are well known
+    few = np.clip(own[:, ::coarser, ::coarser] / np.float32(coarser), -RANGE, RANGE)
+    coarse = in_space(*few[SLICES - 1 : SLICES + 2], ratio / coarser, height)
+    correction = _correction(few, coarse, ratio / coarser, height, True)
+    i, j = (np.arange(size) / coarser for size in base.shape)
+    places = np.meshgrid(i, j, indexing="ij")
+    moved = ndimage.map_coordinates(correction, places, np.float32, order=1, mode="nearest")
+    return base + np.float32(coarser) * moved
+
+
+def _correction(own: SingleArray, base: SingleArray, ratio: float, height: float, exact: bool) -> SingleArray:
+    """By how much (I, J) the network changes the distances on a level, seen with slices around it."""
+    out, most = np.zeros_like(base), near_surface(ratio)
+    asked = np.argwhere(np.abs(base) < most)
+    if len(asked) == 0:
+        return out
+    padded = np.pad(own, ((0, 0), (REACH, REACH), (REACH, REACH)), mode="edge")
+    known = base[tuple(asked.T)]
+    nodes = np.column_stack([np.zeros(len(asked), np.int64), asked])
+    around = Surroundings.of(padded, nodes, known)
+    share = np.clip((most - np.abs(known)) / np.float32(FADING * most), 0, 1)
+    out[tuple(asked.T)] = share * (shipped_network().estimate(around, ratio, height, exact) - known)
+    return out

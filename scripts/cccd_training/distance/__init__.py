@@ -1,0 +1,1 @@
+"""How the network that estimates distances is trained: random bodies, their slices, and the way there."""
