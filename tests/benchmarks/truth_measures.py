@@ -27,6 +27,7 @@ __all__ = [
     "mean_distance",
     "open_edges",
     "sample_surface",
+    "to_image",
     "to_polydata",
     "transformed",
     "wrong_voxels",
@@ -51,6 +52,14 @@ def to_polydata(mesh: Mesh) -> vtk.vtkPolyData:
     data.SetPoints(points)
     data.SetPolys(cells)
     return data
+
+
+def to_image(values: np.ndarray) -> vtk.vtkImageData:
+    """Copy an array into a VTK image with spacing 1 and origin 0."""
+    image = vtk.vtkImageData()
+    image.SetDimensions(*values.shape)
+    image.GetPointData().SetScalars(numpy_to_vtk(values.ravel(order="F"), deep=1))
+    return image
 
 
 def from_polydata(data: vtk.vtkPolyData) -> Mesh:

@@ -19,8 +19,7 @@ import nibabel
 import numpy as np
 import vtk
 from scipy.ndimage import distance_transform_edt
-from truth_measures import from_polydata, transformed
-from vtkmodules.util.numpy_support import numpy_to_vtk
+from truth_measures import from_polydata, to_image, transformed
 
 from cccd.geometry.mesh import Mesh
 
@@ -87,18 +86,10 @@ def _padded(mask: np.ndarray, affine: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return np.pad(mask, _MARGIN), start
 
 
-def _image(values: np.ndarray) -> vtk.vtkImageData:
-    """Copy an array into a VTK image with spacing 1 and origin 0."""
-    image = vtk.vtkImageData()
-    image.SetDimensions(*values.shape)
-    image.GetPointData().SetScalars(numpy_to_vtk(values.ravel(order="F"), deep=1))
-    return image
-
-
 def _isosurface(values: np.ndarray, level: float) -> vtk.vtkPolyData:
     """Isosurface in voxel indices, by flying edges."""
     edges = vtk.vtkFlyingEdges3D()
-    edges.SetInputData(_image(values.astype(np.float32)))
+    edges.SetInputData(to_image(values.astype(np.float32)))
     edges.SetValue(0, level)
     edges.ComputeNormalsOff()
     edges.ComputeScalarsOff()
@@ -191,7 +182,7 @@ def by_slicer(mask: np.ndarray, affine: np.ndarray) -> Iterator[Made]:
             mesher = vtk.vtkSurfaceNets3D()
             mesher.SmoothingOff()
             mesher.SetOutputMeshTypeToTriangles()
-        mesher.SetInputData(_image(labels))
+        mesher.SetInputData(to_image(labels))
         mesher.SetValue(0, 1)
         mesher.Update()
         smooth = _windowed_sinc(mesher.GetOutput(), 10 ** (-4 * SLICER_SMOOTHING), SLICER_ROUNDS)

@@ -17,11 +17,11 @@ from truth_measures import (  # noqa: E402
     mean_distance,
     open_edges,
     sample_surface,
+    to_image,
     to_polydata,
     transformed,
     wrong_voxels,
 )
-from truth_rivals import _image  # noqa: E402
 
 from cccd.geometry.mesh import Mesh  # noqa: E402
 
@@ -161,7 +161,7 @@ def test_no_voxel_is_wrong_for_its_own_isosurface():
 
     mask = np.pad(np.random.default_rng(1).random((12, 12, 12)) < 0.4, 2)
     edges = vtk.vtkFlyingEdges3D()
-    edges.SetInputData(_image(mask.astype(np.float32)))
+    edges.SetInputData(to_image(mask.astype(np.float32)))
     edges.SetValue(0, 0.5)
     edges.Update()
     affine = turned_affine(mask.shape, (1.0, 1.0, 3.0))
