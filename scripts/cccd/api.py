@@ -202,9 +202,8 @@ class Surface:
         """
         return replace(self, lofted=with_uniform_triangles(self.lofted, triangles, edge_mm))
 
-    @needing("surface.to_pyvista", "view")
     def to_pyvista(self) -> pyvista.PolyData:
-        """Return the mesh for PyVista; needs the extra ``view``."""
+        """Return the mesh for PyVista."""
         return self.lofted.mesh.to_polydata()
 
     @needing("surface.write")

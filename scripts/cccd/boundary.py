@@ -25,7 +25,7 @@ from cccd.containers import (
 )
 from cccd.errors import InputError
 from cccd.geometry.arrays import offsets_of, ranks_of
-from cccd.geometry.distance import by_steps_to_zero
+from cccd.geometry.opencv import distance_to_zero
 from cccd.settings.boundaries import BoundarySettings
 
 __all__ = ["KERNEL", "dilation_band", "edge_map", "extract_boundaries", "gradient_ridges", "outline"]
@@ -164,7 +164,7 @@ def _border_without_edges(region: np.ndarray, edges: np.ndarray) -> np.ndarray:
     border = outline(region)
     for layer, seen in zip(border, edges, strict=True):
         if layer.any() and seen.any():
-            layer &= by_steps_to_zero(~seen) > _NO_EDGE_PX
+            layer &= distance_to_zero(~seen) > _NO_EDGE_PX
     return border
 
 

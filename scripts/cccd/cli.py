@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cccd.errors import TAKEN_TOGETHER, InputError
-from cccd.extras import check_extra, missing_extra
+from cccd.extras import missing_extra
 
 if TYPE_CHECKING:
     from cccd.api import Surface
@@ -1083,12 +1083,8 @@ def _check_one(
         {"label": label.label, "name": label.name, "volume_ml": label.volume_ml, "note": label.note}
         for label in labels
     ]
-    try:
-        with atomic_path(picture) as temporary:
-            draw_region(structure, temporary, drawn)
-    except ModuleNotFoundError as error:
-        print(missing_extra(error, "no picture"), file=sys.stderr)
-        return said
+    with atomic_path(picture) as temporary:
+        draw_region(structure, temporary, drawn)
     if not given.json:
         print(f"{'picture:':<10} {picture}")
     return {**said, "picture": str(picture)}
@@ -1206,7 +1202,6 @@ def _centrelines(given: argparse.Namespace) -> int:
     from cccd.tubes.files import check_suffix, describe, write_centrelines
 
     outputs = given.output or [Path(f"{_plain_stem(given.input)}_centrelines.csv")]
-    check_extra("centrelines", given.input.name)
     for path in outputs:
         check_suffix(path)
     _check_files(outputs, [given.input])
@@ -1261,8 +1256,6 @@ def _cut(given: argparse.Namespace, layers: Callable[[Mesh], list[tuple[Mesh, st
     from cccd.tubes.ends import clear_ends, find_ends, opened
     from cccd.tubes.named import check_named, write_named
 
-    if open_:
-        check_extra("centrelines", given.input.name)
     for path in given.output:
         check_named(path)
     _check_files(given.output, [given.input])

@@ -11,7 +11,6 @@ import numpy as np
 from cccd.comparison import Compared, Comparison
 from cccd.containers import View
 from cccd.errors import InputError
-from cccd.extras import check_extra
 from cccd.files.gltf import TO_GLTF
 from cccd.geometry._vtk import xml_of
 from cccd.geometry.distance import to_mesh
@@ -32,7 +31,7 @@ def check_outputs(paths: Sequence[Path]) -> None:
     Raises
     ------
     InputError
-        Another suffix, or an extra that is not installed.
+        Another suffix.
     """
     for path in paths:
         if path.suffix.lower() not in _WRITERS:
@@ -40,7 +39,6 @@ def check_outputs(paths: Sequence[Path]) -> None:
             raise InputError(
                 str(path), f"unknown format {path.suffix!r} of a comparison", f"choose one of {known}"
             )
-        check_extra(_NEEDS[path.suffix.lower()], str(path))
 
 
 def write_comparison(path: Path, found: Comparison) -> None:
@@ -131,4 +129,3 @@ _WRITERS: dict[str, Callable[[Path, Comparison, Sequence[Compared]], None]] = {
     ".vtp": _write_vtp,
     ".html": _write_page,
 }
-_NEEDS = {".glb": "report", ".vtp": "view", ".html": "report"}

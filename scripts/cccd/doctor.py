@@ -28,9 +28,13 @@ def examine() -> list[Finding]:
     """Look at Python, every extra, the GPU, off-screen drawing and OpenCASCADE; takes some seconds."""
     findings = [Finding("Python", sys.version_info >= (3, 11), sys.version.split()[0])]
     findings += [_extra(name, modules) for name, modules in EXTRAS.items()]
-    checks: dict[str, Callable[[], Finding]] = {"gnn": _gpu, "report": _opengl, "cad": _cad}
+    checks: dict[str, Callable[[], Finding]] = {"gnn": _gpu, "cad": _cad}
     installed = {finding.what for finding in findings if finding.works}
-    return findings + [check() for extra, check in checks.items() if f"extra {extra}" in installed]
+    return [
+        *findings,
+        _opengl(),
+        *(check() for name, check in checks.items() if f"extra {name}" in installed),
+    ]
 
 
 def _extra(name: str, modules: tuple[str, ...]) -> Finding:

@@ -10,32 +10,23 @@ from cccd.errors import InputError
 
 __all__ = ["EXTRAS", "MESHER_EXTRAS", "check_extra", "how_to_install", "missing_extra", "needing"]
 
-_NRRD = ("SimpleITK",)
-_VIEW = ("pyvista", "vtkmodules")
-_REPORT = (*_VIEW, "matplotlib", "jinja2", "markupsafe", "pandas", "PIL", "fast_simplification")
-
 #: Modules of each extra, by what they are imported as; ``pyproject.toml`` names their distributions. Where
 #: nobody says what a module was needed for, the first extra that brings it is named.
 EXTRAS: dict[str, tuple[str, ...]] = {
     "dicom": ("pydicom", "highdicom"),
-    "nrrd": _NRRD,
-    "view": _VIEW,
-    "report": _REPORT,
-    "gnn": (*_NRRD, "cv2", "skimage", "torch", "torch_geometric", "pandas"),
-    "segment": ("monai", "torch", "pandas", "matplotlib"),
-    "comparisons": (*_NRRD, *_REPORT, "itk", "open3d", "cv2", "skimage"),
+    "gnn": ("torch", "torch_geometric"),
+    "segment": ("monai", "torch"),
+    "comparisons": ("itk", "open3d"),
     "s3": ("boto3", "botocore"),
-    "centrelines": ("skimage",),
-    "cad": (*_VIEW, "OCP"),
-    "fe": (*_VIEW, "pytetwild"),
-    "print": (*_VIEW, "lib3mf"),
+    "cad": ("OCP",),
+    "fe": ("pytetwild",),
+    "print": ("lib3mf",),
     "usd": ("pxr",),
     "zarr": ("zarr",),
-    "run": (*_NRRD, *_REPORT, "snakemake", "jsonschema", "nilearn", "cv2", "skimage"),
 }
 
-#: The extra that each mesher of tetrahedra needs; gmsh is a program.
-MESHER_EXTRAS = {"ftetwild": "fe", "gmsh": "view", "gmsh-step": "cad"}
+#: The extra that each mesher of tetrahedra needs, if any; gmsh is a program.
+MESHER_EXTRAS = {"ftetwild": "fe", "gmsh": "", "gmsh-step": "cad"}
 
 
 def missing_extra(error: ModuleNotFoundError, location: str, extra: str = "") -> InputError:
@@ -81,9 +72,9 @@ def needing(location: str, extra: str = "") -> Iterator[None]:
     Examples
     --------
     >>> with needing("liver.3mf", "print"):
-    ...     raise ModuleNotFoundError("No module named 'pyvista'", name="pyvista")
+    ...     raise ModuleNotFoundError("No module named 'lib3mf'", name="lib3mf")
     Traceback (most recent call last):
-    cccd.errors.InputError: liver.3mf: pyvista is not installed; in CCCD's checkout: pip install '.[print]'
+    cccd.errors.InputError: liver.3mf: lib3mf is not installed; in CCCD's checkout: pip install '.[print]'
     """
     try:
         yield

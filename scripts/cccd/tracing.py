@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import cast
 
 import contourpy
@@ -11,16 +12,14 @@ import numpy as np
 from scipy import ndimage
 
 from cccd.containers import Curves, Frame, ProbabilityStack, Structure
-from cccd.geometry._jit import jit, jit_within
-from cccd.geometry.arrays import FloatArray, RealArray, concatenate_ragged, split_ragged
+from cccd.geometry.arrays import FloatArray, RealArray, concatenate_ragged, owners_of, split_ragged
+from cccd.geometry.opencv import borders_of
 from cccd.geometry.polygons import RaggedPolygons
 
 __all__ = ["left_out", "level_curves", "trace_mask", "trace_stack"]
 
 #: Probabilities count as no nearer to one half than this: their level passes no pixel's centre.
 NEAREST_HALF = 0.02
-#: Steps (i, j) down, right, up and left: each a left turn from the last.
-_HEADINGS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
 
 
 def trace_mask(structure: Structure) -> Curves:
@@ -67,7 +66,7 @@ def trace_stack(mask: np.ndarray, origin: Sequence[int] | np.ndarray, frame: Fra
 
 
 def _border_walks(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Walk around the borders of a mask (S, I, J); in the order in which OpenCV's ``findContours`` does.
+    """Walk around the borders of a mask (S, I, J).
 
     Returns
     -------
@@ -76,66 +75,16 @@ def _border_walks(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray,
     layers : (C,) int64
     holes : (C,) bool
     """
-    inside = np.pad(np.asarray(mask, bool), ((0, 0), (1, 1), (1, 1)))
-    sides = sum(int(np.count_nonzero(np.diff(inside, axis=axis))) for axis in (1, 2))
-    pixels, walks = np.empty((sides, 2), np.int64), np.empty((sides, 4), np.int64)
-    walked = np.empty((2, *inside.shape[1:]), np.int64)
-    count = _follow(inside, walked, _HEADINGS, pixels, walks)
-    ends, layers, parts, holes = walks[:count].T
-    starts = np.concatenate([[0], ends])[:-1]
-    order = np.lexsort((-starts, holes, -parts, layers))  # the last part first, its holes after its border
-    chains, offsets = concatenate_ragged([pixels[starts[n] : ends[n]] - 1 for n in order])
-    return chains, offsets, layers[order], holes[order] > 0
-
-
-@jit
-def _follow(inside, walked, headings, pixels, walks):
-    # Along the sides of pixels, the organ on the left: from a left side downwards, of holes from a right side
-    # upwards. `walked` holds for both sides of a layer's pixels which part's border was walked there.
-    written, count = 0, 0
-    for layer in range(inside.shape[0]):
-        walked[:] = -1
-        for i in range(1, inside.shape[1] - 1):
-            part = -1
-            for j in range(1, inside.shape[2] - 1):
-                if not inside[layer, i, j]:
-                    continue
-                for hole in range(2):
-                    if inside[layer, i, j - 1 + 2 * hole]:
-                        continue
-                    if walked[hole, i, j] < 0:
-                        part = part if hole else count
-                        written = _walk(inside, layer, walked, headings, pixels, written, i, j, hole, part)
-                        walks[count, 0], walks[count, 1] = written, layer
-                        walks[count, 2], walks[count, 3] = part, hole
-                        count += 1
-                    part = walked[hole, i, j]
-    return count
-
-
-@jit_within
-def _walk(inside, layer, walked, headings, pixels, first, i, j, hole, part):
-    """Write the pixels along one border, and return how many are written by then."""
-    written, heading, a, b = first, 2 * hole, i, j
-    while True:
-        if heading % 2 == 0:
-            walked[heading // 2, a, b] = part
-        if written == first or pixels[written - 1, 0] != a or pixels[written - 1, 1] != b:
-            pixels[written, 0], pixels[written, 1] = a, b
-            written += 1
-        right = (heading + 3) % 4
-        c, d = a + headings[heading, 0], b + headings[heading, 1]
-        if inside[layer, c + headings[right, 0], d + headings[right, 1]]:  # by a corner, too
-            a, b, heading = c + headings[right, 0], d + headings[right, 1], right
-        elif inside[layer, c, d]:
-            a, b = c, d
-        else:
-            heading = (heading + 1) % 4
-        if a == i and b == j and heading == 2 * hole:
-            break
-    # it may have begun amid the sides of its first pixel
-    again = written > first + 1 and pixels[written - 1, 0] == i and pixels[written - 1, 1] == j
-    return written - 1 if again else written
+    chains: list[np.ndarray] = []
+    layers: list[int] = []
+    holes: list[bool] = []
+    for layer in np.flatnonzero(mask.any(axis=(1, 2))):
+        borders, of_holes = borders_of(mask[layer])
+        chains += borders
+        layers += [int(layer)] * len(borders)
+        holes += of_holes.tolist()
+    pixels, offsets = concatenate_ragged(chains)
+    return pixels.astype(np.int64), offsets, np.array(layers, np.int64), np.array(holes, bool)
 
 
 def level_curves(stack: ProbabilityStack, frame: Frame) -> Curves:
@@ -192,42 +141,38 @@ def _oriented(
 def _split_at_repeated_pixels(
     points: np.ndarray, offsets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Split closed walks into loops without repeated pixels."""
-    if len(points) == 0:
-        return np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros(0, np.int64)
-    low, high = points.min(axis=0), points.max(axis=0)
-    place = np.full(high - low + 1, -1, np.int64)
-    index, ends, walks, stack = np.empty((4, len(points)), np.int64)
-    written, loops = _write_loops(points - low, offsets, place, stack, index, ends, walks)
-    return index[:written], np.concatenate([[0], ends[:loops]]), walks[:loops]
+    """Split closed walks into loops without repeated pixels: their points, offsets, and walks."""
+    walk = owners_of(offsets)
+    order = np.lexsort((points[:, 1], points[:, 0], walk))
+    again = (np.diff(points[order], axis=0) == 0).all(axis=1) & (np.diff(walk[order]) == 0)
+    twice = set(walk[order[1:][again]].tolist())
+    loops: list[np.ndarray] = []
+    walks: list[int] = []
+    for n, (start, end) in enumerate(pairwise(offsets.tolist())):
+        pixels = map(tuple, points[start:end].tolist()) if n in twice else range(end - start)
+        found = [start + np.array(loop) for loop in _loops(list(pixels))]
+        loops += found
+        walks += [n] * len(found)
+    index, ends = concatenate_ragged(loops, 1)
+    return index.astype(np.int64), ends, np.array(walks, np.int64)
 
 
-@jit
-def _write_loops(points, offsets, place, stack, index, ends, walks):
-    # `place` holds where on the stack a pixel of the current walk stands
-    written, loops = 0, 0
-    for walk in range(len(offsets) - 1):
-        height = 0
-        for n in range(offsets[walk], offsets[walk + 1] + 1):
-            closing = n == offsets[walk + 1]
-            bottom = 0 if closing else place[points[n, 0], points[n, 1]]
-            if bottom >= 0:  # back at a pixel: what lies above it on the stack is a loop
-                if height - bottom >= 3:
-                    for level in range(bottom, height):
-                        index[written] = stack[level]
-                        written += 1
-                    ends[loops] = written
-                    walks[loops] = walk
-                    loops += 1
-                keep = bottom if closing else bottom + 1
-                for level in range(keep, height):
-                    place[points[stack[level], 0], points[stack[level], 1]] = -1
-                height = keep
-            else:
-                place[points[n, 0], points[n, 1]] = height
-                stack[height] = n
-                height += 1
-    return written, loops
+def _loops(walk: Sequence[Hashable]) -> list[list[int]]:
+    """Which steps of a closed walk each of its loops has, of three places at least."""
+    loops: list[list[int]] = []
+    stack: list[int] = []
+    height: dict[Hashable, int] = {}  # at which a place stands on the stack
+    for n, place in enumerate(walk):
+        if place not in height:
+            height[place] = len(stack)
+            stack.append(n)
+            continue
+        bottom = height[place]  # back there: what lies above it on the stack is a loop
+        loops.append(stack[bottom:])
+        for m in stack[bottom + 1 :]:
+            del height[walk[m]]
+        del stack[bottom + 1 :]
+    return [loop for loop in [*loops, stack] if len(loop) >= 3]
 
 
 def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curves) -> dict[str, int]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from cccd.errors import InputError
-from cccd.extras import missing_extra
 from cccd.project import PROJECT
 from cccd.settings.messages import choices
 
@@ -38,10 +36,8 @@ def snakemake_command(
     Raises
     ------
     InputError
-        No such sheet or profile, something else in a sheet's place, or no Snakemake.
+        No such sheet or profile, something else in a sheet's place.
     """
-    if importlib.util.find_spec("snakemake") is None:
-        raise missing_extra(ModuleNotFoundError(name="snakemake"), "cccd run")
     if not sheet.is_file():
         raise InputError(str(sheet), "no such cohort sheet", "give a sheet (.tsv) or a BIDS data set")
     if sheet.suffix.lower() not in _SHEETS:

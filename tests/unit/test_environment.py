@@ -43,6 +43,7 @@ DISTRIBUTIONS = {
     "vtkmodules": "vtk",
     "yaml": "pyyaml",
     "fast_simplification": "fast-simplification",
+    "igl": "libigl",
 }
 
 

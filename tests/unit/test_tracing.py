@@ -7,7 +7,7 @@ from scipy import ndimage
 from cccd import chaincode
 from cccd.boundary import outline
 from cccd.containers import Frame, Structure
-from cccd.tracing import _border_walks, left_out, trace_mask, trace_stack
+from cccd.tracing import left_out, trace_mask, trace_stack
 
 FRAME = Frame(np.eye(4), 2, (60, 60, 9))
 ORIGIN = np.array([3, 10, 20])
@@ -50,20 +50,6 @@ def test_curves_of_any_mask_are_simple_and_fill_back_to_it(seed, dirty):
         signs = [1 if link[3] < 0 else -1 for link in (hierarchy[0] if len(contours) else ())]
         area += sum(sign * cv2.contourArea(c) for sign, c in zip(signs, contours, strict=True))
     assert curves.polygons.signed_areas.sum() == area
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.floats(0.2, 0.9))
-def test_borders_are_walked_as_opencv_walks_them(seed, share):
-    mask = np.random.default_rng(seed).random((3, 11, 12)) < share
-    pixels, offsets, layers, holes = _border_walks(mask)
-    walks = [np.split(pixels, offsets[1:-1])[n] for n in range(len(layers))]
-    for k, picture in enumerate(mask.astype(np.uint8)):
-        contours, hierarchy = cv2.findContours(picture, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-        ours = [walk.tolist() for walk, layer in zip(walks, layers, strict=True) if layer == k]
-        assert ours == [contour[:, 0, ::-1].tolist() for contour in contours]
-        inner = [link[3] >= 0 for link in (hierarchy[0] if len(contours) else ())]
-        assert holes[layers == k].tolist() == inner
 
 
 def test_a_mask_without_thin_parts_is_traced_along_its_outline():

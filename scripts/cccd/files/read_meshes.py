@@ -131,9 +131,8 @@ def _gltf(path: Path) -> MeshFile:
 def _vtp(path: Path) -> MeshFile:
     from cccd.geometry._vtk import vtk
 
-    with needing(path.name, "view"):
-        support, filters = vtk("util.numpy_support"), vtk("vtkFiltersCore")
-        reader = vtk("vtkIOXML").vtkXMLPolyDataReader()
+    support, filters = vtk("util.numpy_support"), vtk("vtkFiltersCore")
+    reader = vtk("vtkIOXML").vtkXMLPolyDataReader()
     reader.SetFileName(str(path))
     triangles = filters.vtkTriangleFilter()
     triangles.SetInputConnection(reader.GetOutputPort())

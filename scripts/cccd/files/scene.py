@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from cccd.containers import Frame
-from cccd.extras import needing
 from cccd.files.gltf import TO_GLTF, gltf_material
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
@@ -97,8 +96,8 @@ def write_scene(path: Path, organs: Sequence[SceneOrgan]) -> None:
 
 def write_segmentation(path: Path, organs: Sequence[SceneOrgan], frame: Frame) -> None:
     """Write a ``.seg.nrrd`` as 3D Slicer does, on the scan's grid, of the voxels whose centres lie inside."""
-    with needing(str(path), "nrrd"):
-        import SimpleITK as sitk  # noqa: N813
+    import SimpleITK as sitk  # noqa: N813
+
     largest = max(organ.label for organ in organs)
     voxels = np.zeros(frame.shape, np.uint8 if largest < 256 else np.uint16 if largest < 65536 else np.uint32)
     for organ in organs:

@@ -1,16 +1,29 @@
-"""VTK's own modules: loaded where they are needed, a quarter of a second, without PyVista."""
+"""VTK's own modules, each loaded where it is needed: a tenth of a second, without PyVista."""
 
 from __future__ import annotations
 
 from importlib import import_module
 from typing import Any, cast
 
-__all__ = ["vtk", "xml_of"]
+import numpy as np
+
+from cccd.geometry.arrays import FloatArray, IntArray
+
+__all__ = ["triangles_of", "vtk", "xml_of"]
 
 
 def vtk(name: str) -> Any:
     """Load a module of VTK by its name; its types are looser than what it returns."""
     return cast(Any, import_module(f"vtkmodules.{name}"))
+
+
+def triangles_of(filter_: Any) -> tuple[FloatArray, IntArray]:
+    """Run a filter that makes triangles and return their vertices (V, 3) and faces (F, 3)."""
+    filter_.Update()
+    mesh, support = filter_.GetOutput(), vtk("util.numpy_support")
+    vertices = support.vtk_to_numpy(mesh.GetPoints().GetData())
+    faces = support.vtk_to_numpy(mesh.GetPolys().GetConnectivityArray())
+    return vertices.astype(float), faces.reshape(-1, 3).astype(np.int64)
 
 
 def xml_of(data: Any) -> str:

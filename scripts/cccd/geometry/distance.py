@@ -6,18 +6,17 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from cccd.geometry._igl import igl
 from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import voxelise
-from cccd.geometry.triangle_tree import TriangleTree
-from cccd.geometry.triangles import Feet, corners_of, feet_on, point_of, squared_distance
+from cccd.geometry.triangles import corners_of, point_of, squared_distance
 
 __all__ = [
     "NearTriangles",
-    "by_steps_to_zero",
     "grid_to_mesh",
     "nearest_faces",
     "nearest_points",
@@ -29,8 +28,6 @@ __all__ = [
 
 #: Distances to polygons are exact within this many pixels of them.
 NEAR_PIXELS = 2.0
-#: Steps to a neighbour along an axis, and along a diagonal, in pixels; and where there is nothing to step to.
-_STEPS, _NOWHERE = np.array([0.955, 1.3693], np.float32), np.finfo(np.float32).max
 #: A squared distance is known up to this share of itself.
 _ROUNDING = 1e-6
 
@@ -62,32 +59,6 @@ def to_mask(mask: BoolArray, spacing: FloatArray) -> SingleArray:
 def _away(inside: BoolArray, spacing: FloatArray | None = None) -> FloatArray:
     """Distance of every pixel (I, J) to the nearest that is not inside."""
     return np.asarray(ndimage.distance_transform_edt(inside, sampling=spacing), float)
-
-
-def by_steps_to_zero(mask: BoolArray) -> SingleArray:
-    """Distance (I, J) in pixels of every pixel to the nearest that is zero, by steps to its eight neighbours.
-
-    Steps are as long as is best on average (Borgefors 1986), as of OpenCV's ``distanceTransform``.
-
-    Examples
-    --------
-    >>> by_steps_to_zero(np.array([[True, True, False]]))[0, 0].round(2)
-    np.float32(1.91)
-    """
-    distance = np.pad(np.where(mask, _NOWHERE, np.float32(0)), 1, constant_values=_NOWHERE)
-    for there in (distance, distance[::-1, ::-1]):
-        _step(there, _STEPS)
-    return distance[1:-1, 1:-1]
-
-
-@jit
-def _step(distance: SingleArray, steps: SingleArray) -> None:
-    """Hand distances on, down the plane and along its rows."""
-    for i in range(1, distance.shape[0] - 1):
-        for j in range(1, distance.shape[1] - 1):
-            beside = min(distance[i - 1, j], distance[i, j - 1]) + steps[0]
-            across = min(distance[i - 1, j - 1], distance[i - 1, j + 1]) + steps[1]
-            distance[i, j] = min(distance[i, j], beside, across)
 
 
 def to_polygons(
@@ -221,17 +192,22 @@ def _take_over(
 
 def nearest_faces(points: FloatArray, mesh: Mesh) -> IntArray:
     """Faces (P,) of a mesh that are nearest to points (P, 3)."""
-    return TriangleTree(mesh).nearest(points)
+    return _nearest(points, mesh)[1]
 
 
 def nearest_points(points: FloatArray, mesh: Mesh) -> FloatArray:
     """Points (P, 3) on a mesh, open or closed, that are nearest to points (P, 3)."""
-    return feet_on(mesh.vertices[mesh.faces[nearest_faces(points, mesh)]], points).places
+    return _nearest(points, mesh)[2]
 
 
 def unsigned_to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:
     """Distance (P,) of points (P, 3) to the nearest point on a mesh, open or closed."""
-    return np.linalg.norm(points - nearest_points(points, mesh), axis=1)
+    return np.sqrt(_nearest(points, mesh)[0])
+
+
+def _nearest(points: FloatArray, mesh: Mesh) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Squared distances (P,), faces (P,) and places (P, 3) of the nearest points on a mesh."""
+    return igl.point_mesh_squared_distance(np.asarray(points, float), mesh.vertices, mesh.faces)
 
 
 class NearTriangles:
@@ -279,57 +255,8 @@ def to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:
 
     The sign is that of the pseudonormal at the nearest point (Baerentzen and Aanaes 2005).
     """
-    face = nearest_faces(points, mesh)
-    feet = feet_on(mesh.vertices[mesh.faces[face]], points)
-    away = points - feet.places
-    outside = np.einsum("pc,pc->p", away, _pseudonormals(mesh, face, feet)) >= 0
-    return np.where(outside, 1.0, -1.0) * np.linalg.norm(away, axis=1)
-
-
-def _pseudonormals(mesh: Mesh, face: IntArray, feet: Feet) -> FloatArray:
-    """Add up the normals (P, 3) of all faces that the feet on faces (P,) lie on."""
-    directions = mesh.unit_normals[face]
-    first, last = (mesh.faces[face, (feet.edge + turn) % 3] for turn in (0, 1))
-    on_edge = (feet.edge >= 0) & (feet.share > 0) & (feet.share < 1)
-    directions[on_edge] = _at_edges(mesh, np.column_stack([first, last])[on_edge])
-    at_vertex = (feet.edge >= 0) & ~on_edge
-    directions[at_vertex] = _at_vertices(mesh, np.where(feet.share > 0, last, first)[at_vertex])
-    return directions
-
-
-def _at_edges(mesh: Mesh, edges: IntArray) -> FloatArray:
-    """Sum (E, 3) of the normals of the faces at edges (E, 2)."""
-    count = len(mesh.vertices)
-    wanted, place = np.unique(np.sort(edges, axis=1) @ (count, 1), return_inverse=True)
-    around = _around(mesh, edges)
-    faces = mesh.faces[around]
-    total = np.zeros((len(wanted), 3))
-    for corner in range(3):
-        key = np.sort(faces[:, [corner, corner - 1]], axis=1) @ (count, 1)
-        at = np.searchsorted(wanted, key).clip(max=len(wanted) - 1)
-        np.add.at(total, at[wanted[at] == key], mesh.unit_normals[around[wanted[at] == key]])
-    return total[place]
-
-
-def _at_vertices(mesh: Mesh, vertices: IntArray) -> FloatArray:
-    """Sum (P, 3) of the normals of the faces at vertices (P,), by their angles there."""
-    around = _around(mesh, vertices)
-    faces, total = mesh.faces[around], np.zeros_like(mesh.vertices)
-    normals = mesh.unit_normals[around]
-    for corner in range(3):
-        here, one, other = (mesh.vertices[faces[:, (corner + turn) % 3]] for turn in range(3))
-        one, other = one - here, other - here
-        size = np.linalg.norm(np.cross(one, other), axis=1)
-        angle = np.arctan2(size, np.einsum("fc,fc->f", one, other))
-        np.add.at(total, faces[:, corner], angle[:, None] * normals)
-    return total[vertices]
-
-
-def _around(mesh: Mesh, vertices: IntArray) -> IntArray:
-    """Faces that have any of some vertices."""
-    wanted = np.zeros(len(mesh.vertices), np.bool_)
-    wanted[vertices] = True
-    return np.flatnonzero(wanted[mesh.faces].any(axis=1))
+    kind = igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
+    return igl.signed_distance(np.asarray(points, float), mesh.vertices, mesh.faces, kind)[0]
 
 
 def grid_to_mesh(

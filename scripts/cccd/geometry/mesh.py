@@ -11,11 +11,10 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from cccd.geometry._vtk import vtk
+from cccd.geometry._vtk import triangles_of, vtk
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.averaging import averages
 from cccd.geometry.collisions import passing_pairs
-from cccd.geometry.low_pass import low_passed
 
 if TYPE_CHECKING:
     import pyvista
@@ -273,7 +272,15 @@ class Mesh:
         rounds : int
             Degree of the filter's polynomial.
         """
-        return Mesh(low_passed(self.vertices, self.faces, band, rounds), self.faces)
+        filter_ = vtk("vtkFiltersCore").vtkWindowedSincPolyDataFilter()
+        filter_.SetInputData(self.to_vtk())
+        filter_.SetNumberOfIterations(rounds)
+        filter_.SetPassBand(band)
+        filter_.NormalizeCoordinatesOn()
+        filter_.FeatureEdgeSmoothingOff()
+        filter_.BoundarySmoothingOn()  # an open edge as a line by itself
+        filter_.NonManifoldSmoothingOff()
+        return Mesh(triangles_of(filter_)[0], self.faces)
 
     def averages(self, values: FloatArray, rounds: Sequence[int]) -> list[FloatArray]:
         """Average values (V,) of a closed mesh's vertices; see `cccd.geometry.averaging.averages`."""

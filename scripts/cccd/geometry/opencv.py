@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cccd.geometry.arrays import AnyArray, ByteArray, IntArray, SingleArray
+from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, IntArray, SingleArray
 
-__all__ = ["border_pixels", "components", "distance_to_zero", "gaussian_blur", "sobel"]
+__all__ = ["border_pixels", "borders_of", "components", "distance_to_zero", "gaussian_blur", "sobel"]
 
 _Number = TypeVar("_Number", np.uint8, np.float32)
 
@@ -27,9 +27,9 @@ def sobel(image: ByteArray | SingleArray) -> tuple[SingleArray, SingleArray]:
     return along_j, along_i
 
 
-def distance_to_zero(mask: ByteArray) -> SingleArray:
+def distance_to_zero(mask: ByteArray | BoolArray) -> SingleArray:
     """Distance (I, J) in pixels of every pixel to the nearest zero, by steps (chamfer)."""
-    return cast(SingleArray, cv2.distanceTransform(mask, cv2.DIST_L2, 3))
+    return cast(SingleArray, cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, 3))
 
 
 def components(mask: ByteArray, connectivity: int) -> tuple[IntArray, IntArray]:
@@ -38,7 +38,13 @@ def components(mask: ByteArray, connectivity: int) -> tuple[IntArray, IntArray]:
     return labels, stats[:, cv2.CC_STAT_AREA]
 
 
+def borders_of(mask: AnyArray) -> tuple[list[IntArray], BoolArray]:
+    """Borders of a mask (I, J): the ordered pixels (N, 2) of each as (i, j), and which are of holes."""
+    found, links = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    holes = np.zeros(0, np.bool_) if not found else links[0, :, 3] >= 0
+    return [contour[:, 0, ::-1].astype(np.int64) for contour in found], holes
+
+
 def border_pixels(mask: AnyArray) -> list[IntArray]:
-    """Ordered border pixels (N, 2) as (i, j) of every outer border and hole of a mask (I, J)."""
-    found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    return [contour[:, 0, ::-1].astype(np.int64) for contour in found]
+    """Ordered pixels (N, 2) as (i, j) of every border of a mask (I, J), holes' included."""
+    return borders_of(mask)[0]

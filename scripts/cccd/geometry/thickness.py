@@ -1,18 +1,38 @@
-"""How thick the walls of a closed mesh are."""
+"""How thick the walls of a closed mesh are, and where lines meet them."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from cccd.geometry._vtk import vtk
+from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.triangle_tree import TriangleTree
 
-__all__ = ["wall_thickness"]
+__all__ = ["Lines", "wall_thickness"]
 
 #: Rays that are cast into a mesh.
 RAYS = 2000
 #: A ray starts so far below its triangle, in mm: not to meet that again.
 BELOW_MM = 1e-4
+
+
+class Lines:
+    """Finds where lines meet a mesh."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._tree = vtk("vtkCommonDataModel").vtkStaticCellLocator()
+        self._tree.SetDataSet(mesh.to_vtk())
+        self._tree.BuildLocator()
+
+    def first_hits(self, starts: FloatArray, ends: FloatArray) -> FloatArray:
+        """Share (P,) of the ways from points (P, 3) to others (P, 3) at which they meet the mesh; else 1."""
+        reference = vtk("vtkCommonCore").reference
+        share, cell, place, within = reference(0.0), reference(0), [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+        found = np.ones(len(starts))
+        for n, (start, end) in enumerate(zip(starts, ends, strict=True)):
+            if self._tree.IntersectWithLine(start, end, 0.0, share, place, within, cell):
+                found[n] = share.get()
+        return found
 
 
 def wall_thickness(mesh: Mesh, share: float) -> float:
@@ -33,4 +53,4 @@ def wall_thickness(mesh: Mesh, share: float) -> float:
     start = mesh.vertices[mesh.faces[face]].mean(axis=1) + BELOW_MM * inwards
     reach = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     ends = start + reach * inwards
-    return float(np.quantile(reach * TriangleTree(mesh).first_hits(start, ends), share))
+    return float(np.quantile(reach * Lines(mesh).first_hits(start, ends), share))

@@ -1,66 +1,13 @@
-"""Single triangles: how far points are from them, where, and where lines meet them."""
+"""Single triangles, in compiled functions: their corners, and how far points are from them."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
-
 from cccd.geometry._jit import jit_within
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
-from cccd.tolerances import TINY
+from cccd.geometry.arrays import FloatArray, IntArray
 
-__all__ = ["Feet", "Point", "corners_of", "dot", "feet_on", "met_at", "point_of", "squared_distance"]
+__all__ = ["Point", "corners_of", "dot", "point_of", "squared_distance"]
 
 Point = tuple[float, float, float]
-
-
-class Feet(NamedTuple):
-    """Points on triangles (P, 3, 3) that are nearest to other points."""
-
-    places: FloatArray  # (P, 3)
-    edge: IntArray  # (P,) the triangle's edge, from corner n to the next, on which it lies; -1 amid it
-    share: FloatArray  # (P,) of that edge: 0 and 1 its corners
-
-
-def feet_on(corners: FloatArray, points: FloatArray) -> Feet:
-    """Find the points of triangles (P, 3, 3) that are nearest to points (P, 3)."""
-    along = np.roll(corners, -1, axis=1) - corners
-    away = points[:, None] - corners
-    length2 = np.einsum("pec,pec->pe", along, along)
-    share = np.clip(np.einsum("pec,pec->pe", away, along) / np.maximum(length2, TINY), 0, 1)
-    places = corners + share[:, :, None] * along
-    rows = np.arange(len(points))
-    edge = np.argmin(((points[:, None] - places) ** 2).sum(axis=2), axis=1)
-    normal = np.cross(along[:, 0], along[:, 1])
-    size2 = (normal**2).sum(axis=1)
-    within: BoolArray = np.all(np.einsum("pec,pc->pe", np.cross(along, away), normal) > 0, axis=1) & (
-        size2 > 0
-    )
-    drop = np.einsum("pc,pc->p", away[:, 0], normal) / np.where(size2 > 0, size2, 1.0)
-    dropped: FloatArray = points - drop[:, None] * normal
-    return Feet(
-        np.where(within[:, None], dropped, places[rows, edge]), np.where(within, -1, edge), share[rows, edge]
-    )
-
-
-@jit_within
-def met_at(start: Point, way: Point, a: Point, b: Point, c: Point) -> float:
-    """Share of a way at which it meets a triangle (Moeller and Trumbore 1997); infinity where it does not."""
-    ab, ac, apart = _along(b, -1.0, a), _along(c, -1.0, a), _along(start, -1.0, a)
-    across = _cross(way, ac)
-    volume = dot(ab, across)
-    if volume == 0:
-        return np.inf
-    over = _cross(apart, ab)
-    u, v = dot(apart, across) / volume, dot(way, over) / volume
-    at = dot(ac, over) / volume
-    return at if u >= 0 and v >= 0 and u + v <= 1 and at >= 0 else np.inf
-
-
-@jit_within
-def _cross(a: Point, b: Point) -> Point:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @jit_within

@@ -17,7 +17,6 @@ from cccd.cohort import IMAGES_ALONE, complete_row
 from cccd.containers import Annotation, Curves, Frame, Grid, Structure
 from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError
-from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
@@ -207,8 +206,7 @@ def _make_phantom(row: Mapping[str, str], settings: ImportSettings, seed: int) -
     )
     if row["source"] == "phantom":
         return phantom
-    with needing(row["location"], "run"):
-        return damage_maps(phantom, np.random.default_rng(seed))
+    return damage_maps(phantom, np.random.default_rng(seed))
 
 
 # one grid -------------------------------------------------------------------------------------------
@@ -397,8 +395,7 @@ def _find_organ(
     if row["source"] == "upenn_gbm":
         return brain_of_stripped(image), {}
     axis = _slice_axis(image, settings)
-    with needing(image.location, "gnn"):  # Otsu's threshold
-        found, bounds = find_region(image.data, image.location, settings.region, slice_axis=axis)
+    found, bounds = find_region(image.data, image.location, settings.region, slice_axis=axis)
     window = [None if np.isinf(bound) else bound for bound in bounds]
     region = settings.region.as_config() | {"window": window}
     note = f"{image.location}: no mask; the organ is found by a threshold: grey values {_range(*bounds)}"
@@ -409,8 +406,7 @@ def _grow_organ(image: Volume, seed: str, settings: ImportSettings) -> tuple[Vol
     """Grow the organ from where a seed says that it is: a rough mask, and what it was grown from."""
     seeds = parse_seeds(seed, image.location)
     spacing = np.linalg.norm(image.affine[:3, :3], axis=0)
-    with needing(image.location, "gnn"):  # its boundary is ordered by the network anyway
-        grown = grow_region(image.data, spacing, seeds, _slice_axis(image, settings), image.location)
+    grown = grow_region(image.data, spacing, seeds, _slice_axis(image, settings), image.location)
     tissue = [round(grown.low, 4), round(grown.high, 4)]
     note = (
         f"{image.location}: no mask; the organ is grown from seed {'; '.join(map(str, seeds))}: "

@@ -19,7 +19,6 @@ from nibabel.loadsave import load as load_image
 from nibabel.spatialimages import SpatialImage
 
 from cccd.errors import InputError
-from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.inputs.limits import LIMITS, Limits, check_size
@@ -201,9 +200,9 @@ def read_itk(path: Path, limits: Limits = LIMITS) -> Volume:
     InputError
         Not readable, not 3-D, or with an unusable grid.
     """
+    import SimpleITK as sitk  # noqa: N813
+
     location = path.name
-    with needing(location, "nrrd"):
-        import SimpleITK as sitk  # noqa: N813
     reader = sitk.ImageFileReader()
     reader.SetFileName(str(path))
     with guarded(location, "not a readable volume", "give NIfTI, NRRD, MHA or DICOM"):

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
-from cccd.geometry.distance import by_steps_to_zero
+from cccd.geometry.opencv import distance_to_zero
 
 __all__ = ["refine_border"]
 
@@ -84,7 +84,7 @@ def _refine(grey: SingleArray, inside: AnyArray) -> SingleArray:
 
 def _signed_distance(mask: AnyArray) -> SingleArray:
     """Signed distance (I, J) in pixels to a mask's border, positive inside."""
-    return by_steps_to_zero(mask) - by_steps_to_zero(~mask) + np.where(mask, -0.5, 0.5).astype(np.float32)
+    return distance_to_zero(mask) - distance_to_zero(~mask) + np.where(mask, -0.5, 0.5).astype(np.float32)
 
 
 def _local(values: FloatArray, where: AnyArray) -> tuple[FloatArray, FloatArray, AnyArray]:

@@ -11,7 +11,6 @@ import numpy as np
 from scipy import ndimage
 
 from cccd.errors import InputError
-from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import Volume, check_affine
 from cccd.settings.messages import nearest
@@ -45,8 +44,7 @@ def read_mni152(organ: str, location: str) -> tuple[Volume, Volume, dict[str, An
     """
     if organ != "brain":
         raise InputError(location, f"source mni152 has no organ {organ!r}", "set organ to brain")
-    with needing(location, "run"):
-        from nilearn import datasets  # slow to import, and only this source needs it
+    from nilearn import datasets  # slow to import, and only this source needs it
 
     # nilearn declares a union of everything that its loaders return
     image = cast("SpatialImage", datasets.load_mni152_template(resolution=1))
@@ -111,8 +109,7 @@ def read_whole_body_ct(organ: str, location: str) -> tuple[Volume, Volume, dict[
 
 def _download_whole_body_ct(location: str) -> tuple[Path, pyvista.MultiBlock]:
     """Download, or find in the cache, the whole-body CT: its file and what it holds."""
-    with needing(location, "view"):
-        from pyvista import examples  # slow to import, and only this source needs it
+    from pyvista import examples  # slow to import, and only this source needs it
 
     try:
         file = Path(examples.download_whole_body_ct_male(load=False))

@@ -22,13 +22,8 @@ _NEEDS = {
     "adopt_gnn": "gnn",
     "evaluate_gnn": "gnn",
     "train_segmenter": "segment",
-    "build_scene": "nrrd",
     "export_solid": "cad",
     "export_scene": "cad",
-    "measure_structure": "view",
-    "build_tables": "report",
-    "build_structure_page": "report",
-    "build_report": "report",
 }
 
 

@@ -74,7 +74,7 @@ _ALL = (
     Format("usd", "the spline itself: control meshes and creases", "usd.write", "usd"),
     Format("usda", "the same in text", "usd.write", "usd"),
     Format("usdc", "the same in binary", "usd.write", "usd"),
-    Format("vtp", "mesh with curvature and the body's number at its vertices", "meshes.write_vtp", "view"),
+    Format("vtp", "mesh with curvature and the body's number at its vertices", "meshes.write_vtp"),
     Format("vtu", "tetrahedra (VTK)", "tetrahedra.write", "fe", "tetrahedra"),
 )
 

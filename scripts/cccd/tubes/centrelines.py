@@ -19,12 +19,10 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from cccd.errors import InputError
-from cccd.extras import check_extra
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.thickness import wall_thickness
-from cccd.geometry.triangle_tree import TriangleTree
+from cccd.geometry.thickness import Lines, wall_thickness
 from cccd.tubes.sections import Section, Slicer
 from cccd.tubes.skeleton import Line, degrees, joined, skeleton_lines, without_spurs
 
@@ -179,7 +177,7 @@ def find_centrelines(
     Raises
     ------
     InputError
-        There is no tube in it, or the extra ``centrelines`` is not installed.
+        There is no tube in it.
 
     Examples
     --------
@@ -189,7 +187,6 @@ def find_centrelines(
     >>> round(branch.length, 1), round(branch.mean_radius, 1)
     (40.0, 3.0)
     """
-    check_extra("centrelines", location)
     step = voxel_mm / _PER_VOXEL if voxel_mm else wall_thickness(mesh, 0.02) / _PER_THICKNESS
     lines = without_spurs(skeleton_lines(mesh, step))
     slicer, notes = Slicer(mesh), []
@@ -369,7 +366,7 @@ def _without_sections(moved: Sequence[_Moved]) -> list[Line]:
 def _centred(moved: Sequence[_Moved], mesh: Mesh) -> list[Line]:
     """Lines through the middles of their sections, their ends at the surface or where axes meet."""
     forks = _forks(moved, mesh)
-    tree = TriangleTree(mesh)
+    lines_through = Lines(mesh)
     lines: list[Line] = []
     for one in moved:
         centres, radii = one.centres.reshape(-1, 3), one.radius[one.own]
@@ -385,7 +382,7 @@ def _centred(moved: Sequence[_Moved], mesh: Mesh) -> list[Line]:
             elif len(centres):
                 away = np.linalg.norm(one.points[end] - centres[end]) + one.inscribed[end]
                 ahead = _END_REACH * away * one.direction(end)
-                share = tree.first_hits(centres[[end]], (centres[end] + ahead)[None])
+                share = lines_through.first_hits(centres[[end]], (centres[end] + ahead)[None])
                 ends.append(centres[end] + share * ahead)
             else:
                 ends.append(one.points[end])

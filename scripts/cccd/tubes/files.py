@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from cccd.errors import InputError
-from cccd.extras import check_extra
 from cccd.geometry._vtk import vtk, xml_of
 from cccd.geometry.arrays import AnyArray
 from cccd.store import atomic_path
@@ -66,15 +65,13 @@ def check_suffix(path: Path) -> None:
     Raises
     ------
     InputError
-        Another suffix, or ``.vtp`` without the extra ``view``.
+        Another suffix.
     """
     if path.suffix.lower() not in _WRITERS:
         known = ", ".join(SUFFIXES)
         raise InputError(
             str(path), f"unknown format {path.suffix!r} of centrelines", f"choose one of {known}"
         )
-    if path.suffix.lower() == ".vtp":
-        check_extra("view", str(path))
 
 
 def write_centrelines(path: Path, found: Centrelines) -> None:

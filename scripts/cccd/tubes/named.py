@@ -50,7 +50,7 @@ def check_named(path: Path) -> None:
     Raises
     ------
     InputError
-        Another suffix, tetrahedra without the extra ``fe``, or ``.vtp`` without ``view``.
+        Another suffix, or tetrahedra without the extra ``fe``.
     """
     suffix = path.suffix[1:].lower()
     if suffix not in _WRITERS and suffix not in TETRAHEDRA:
@@ -60,8 +60,6 @@ def check_named(path: Path) -> None:
         )
     if suffix in TETRAHEDRA:
         check_extra("fe", str(path))
-    elif suffix == "vtp":
-        check_extra("view", str(path))
 
 
 def write_named(path: Path, named: NamedMesh, organ: str) -> None:

@@ -5,7 +5,6 @@ import pytest
 from solids import box, sphere
 
 from cccd.geometry.distance import (
-    by_steps_to_zero,
     grid_to_mesh,
     nearest_faces,
     nearest_points,
@@ -16,7 +15,7 @@ from cccd.geometry.distance import (
 )
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.geometry.triangle_tree import TriangleTree
+from cccd.geometry.thickness import Lines
 
 
 def disc(radius, spacing, shape=(61, 61)):
@@ -83,17 +82,9 @@ def test_distances_to_a_mesh_are_those_of_vtk_signs_included():
 
 
 def test_lines_meet_a_box_where_they_enter_or_leave_it():
-    tree = TriangleTree(box((4.0, 6.0, 5.0)))
     starts = np.array([(-10, 0.3, 0.2), (0.1, 0.3, 0.2), (-10, 0.3, 0.2), (-10, 9.0, 0.0)])
     ends = np.array([(10, 0.3, 0.2), (0.1, 10.3, 0.2), (-3, 0.3, 0.2), (10, 9.0, 0.0)])
-    np.testing.assert_allclose(tree.first_hits(starts, ends), [0.4, 0.27, 1, 1])
-
-
-def test_distance_by_steps_is_that_of_opencv():
-    cv2 = pytest.importorskip("cv2")
-    mask = np.random.default_rng(0).random((40, 50)) < 0.95
-    theirs = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
-    np.testing.assert_allclose(by_steps_to_zero(mask), theirs, atol=1e-4)
+    np.testing.assert_allclose(Lines(box((4.0, 6.0, 5.0))).first_hits(starts, ends), [0.4, 0.27, 1, 1])
 
 
 def test_distance_on_a_grid_is_that_of_the_box_within_the_band():

@@ -182,21 +182,6 @@ def test_a_low_pass_takes_ripples_off_a_ball_and_keeps_its_volume():
     assert smooth.is_closed_manifold
 
 
-def test_a_low_pass_is_that_of_vtk_also_along_open_edges():
-    filters = pytest.importorskip("vtkmodules.vtkFiltersCore")
-    arrays = pytest.importorskip("vtkmodules.util.numpy_support")
-    ball = sphere(10)
-    cut = Mesh(ball.vertices, ball.faces[ball.vertices[ball.faces].mean(axis=1) @ (1, 0.5, 0) < 4]).compact()
-    sinc = filters.vtkWindowedSincPolyDataFilter()
-    sinc.SetInputData(cut.to_vtk())
-    sinc.SetNumberOfIterations(30)
-    sinc.SetPassBand(0.1)
-    sinc.NormalizeCoordinatesOn()
-    sinc.Update()
-    theirs = arrays.vtk_to_numpy(sinc.GetOutput().GetPoints().GetData())
-    assert np.abs(cut.low_passed(0.1, 30).vertices - theirs).max() < 1e-12
-
-
 def test_normals_of_a_ball_point_away_from_its_centre():
     ball = sphere(8)
     outwards = np.einsum("vc,vc->v", ball.vertex_normals, ball.vertices)

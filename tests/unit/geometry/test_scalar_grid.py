@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from scipy import ndimage
 
 from cccd.geometry.grid import ScalarGrid
 
@@ -17,26 +16,6 @@ def test_isosurface_of_a_distance_is_a_sphere_that_faces_outwards(mirror):
         assert mesh.is_closed_manifold
         assert mesh.volume == pytest.approx(4 / 3 * np.pi * (9 + level) ** 3, rel=0.02)
         assert np.linalg.norm(mesh.vertices - centre, axis=1) == pytest.approx(9 + level, abs=0.03)
-
-
-@pytest.mark.parametrize("kind", [np.float32, np.float64])
-def test_an_isosurface_is_that_of_vtk_to_the_last_bit(kind):
-    filters, data = (
-        pytest.importorskip(f"vtkmodules.vtk{name}") for name in ("FiltersCore", "CommonDataModel")
-    )
-    arrays = pytest.importorskip("vtkmodules.util.numpy_support")
-    values = ndimage.gaussian_filter(np.random.default_rng(0).normal(size=(19, 14, 16)), 0.7).astype(kind)
-    values[5:9] = np.round(values[5:9] * 4)  # nodes on the level, too
-    image, edges = data.vtkImageData(), filters.vtkFlyingEdges3D()
-    image.SetDimensions(values.shape[::-1])
-    image.GetPointData().SetScalars(arrays.numpy_to_vtk(values.ravel()))
-    edges.SetInputData(image)
-    edges.SetValue(0, 0.0)
-    edges.Update()
-    theirs, ours = edges.GetOutput(), ScalarGrid(values, np.eye(4)).isosurface(0.0)
-    corners = arrays.vtk_to_numpy(theirs.GetPolys().GetConnectivityArray())
-    assert np.array_equal(ours.faces.ravel(), corners)
-    assert np.array_equal(ours.vertices[:, ::-1], arrays.vtk_to_numpy(theirs.GetPoints().GetData()))
 
 
 def test_a_block_of_a_larger_grid_lies_where_it_was():
