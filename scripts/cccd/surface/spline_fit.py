@@ -6,18 +6,20 @@ surface they only even out.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import LinearOperator, cg
+from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.collisions import MovingTriangles
-from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh, Sampler, quad_edges
 from cccd.surface.control_mesh import open_edges
 
-__all__ = ["SplineFit", "fit_spline"]
+__all__ = ["SplineFit", "Target", "fit_spline"]
 
 #: A limit surface is sampled at so many subdivisions: 4 points for each quad.
 SAMPLED = 1
@@ -39,6 +41,35 @@ UNTANGLING_ROUNDS = 6
 SOLVED, MOST_STEPS = 1e-3, 100
 
 
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A mesh of small triangles that a spline is fitted to, as the planes at its vertices.
+
+    Attributes
+    ----------
+    vertices, normals : (V, 3) float64
+    tree : cKDTree
+        Of the vertices.
+    """
+
+    vertices: FloatArray
+    normals: FloatArray
+    tree: cKDTree
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> Target:
+        """Take a mesh without its planar caps."""
+        return cls(mesh.vertices, mesh.vertex_normals, cKDTree(mesh.vertices))
+
+    def away(self, points: FloatArray, normals: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """How far (P,) the mesh is from points (P, 3) along normals, and whether it faces as they do."""
+        nearest = self.tree.query(points)[1]
+        plane = self.normals[nearest]
+        cosine = np.einsum("pc,pc->p", plane, normals)
+        off = np.einsum("pc,pc->p", self.vertices[nearest] - points, plane)
+        return off / np.maximum(cosine, 0.5), np.asarray(cosine > FACING, np.bool_)
+
+
 class SplineFit:
     """A spline on its way to a mesh; `fit_spline` makes its rounds.
 
@@ -46,11 +77,10 @@ class SplineFit:
     ----------
     wall : ControlMesh
         Near the mesh; open where the scan cuts, with creases along these rims, which stay in their planes.
-    target : Mesh
-        Without its planar caps.
+    target : Target
     """
 
-    def __init__(self, wall: ControlMesh, target: Mesh) -> None:
+    def __init__(self, wall: ControlMesh, target: Target) -> None:
         self.wall, self.target = wall, target
         self.points = wall.vertices.copy()
         sampler = wall.sampler(SAMPLED)
@@ -71,7 +101,7 @@ class SplineFit:
         samples = self.sampling @ self.points
         normals = self._normals(samples)
         along = normals[: len(self.points)]
-        missing, facing = self._to_target(samples, normals)
+        missing, facing = self.target.away(samples, normals)
         area = Mesh(samples, self.triangles).vertex_areas
         weight = np.maximum(area, LEAST_AREA * np.median(area)) * facing
         seen = _scaled(self.sampling, normals, along)
@@ -85,14 +115,6 @@ class SplineFit:
         move, _ = cg(matrix, turned @ (weight * missing), rtol=SOLVED, maxiter=MOST_STEPS, M=scale)
         most = MOST_STEP * self._shortest_edges()
         self.points = self.points + np.clip(move, -most, most)[:, None] * along
-
-    def _to_target(self, samples: FloatArray, normals: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """How far (P,) samples are from the planes of their nearest triangles, along normals (P, 3)."""
-        face = nearest_faces(samples, self.target)
-        plane, corner = self.target.unit_normals[face], self.target.vertices[self.target.faces[face, 0]]
-        cosine = np.einsum("pc,pc->p", plane, normals)
-        off = np.einsum("pc,pc->p", corner - samples, plane)
-        return off / np.maximum(cosine, 0.5), np.asarray(cosine > FACING, np.bool_)
 
     def move(self, by: float) -> None:
         """Move the surface outwards by so many mm; rims stay in their planes."""
@@ -154,15 +176,14 @@ class SplineFit:
         self.points = self.points + EVENING * way
 
 
-def fit_spline(wall: ControlMesh, target: Mesh) -> SplineFit:
+def fit_spline(wall: ControlMesh, target: Target) -> SplineFit:
     """Fit a spline to a mesh.
 
     Parameters
     ----------
     wall : ControlMesh
         Near the mesh; open where the scan cuts, with creases there.
-    target : Mesh
-        Without its planar caps.
+    target : Target
     """
     fit = SplineFit(wall, target)
     for _ in range(ROUNDS):

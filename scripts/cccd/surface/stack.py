@@ -23,7 +23,7 @@ __all__ = ["SliceStack", "interpolate_slices", "label_parts"]
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
 CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
 #: What the scan cuts runs on for so many pixels, as far as meshes are smoothed; a plane cuts it then.
-RUN_ON_PIXELS = 6.0
+RUN_ON_PIXELS = 12.0
 #: Slice distances in pixels up to which probabilities are all that tells, and from which on they tell nothing
 #: of what lies between: the contours at their level are known finely enough to be interpolated.
 PROBABLE_RATIOS = (1.0, 2.0)

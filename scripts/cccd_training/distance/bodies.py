@@ -29,6 +29,9 @@ Field = Callable[[Array], Array]
 
 #: Pixels of a body's box in the plane, and along the stack.
 WIDE, HIGH = 60, 84
+#: Kinds of bodies, and how often they are drawn.
+KINDS = ("smooth", "corners", "sheet", "tubes", "cut", "ovals")
+SHARES = (0.54, 0.1, 0.1, 0.12, 0.06, 0.08)
 #: Places of one stack.
 PLACES = 3000
 #: True distances beyond this many pixels are not learnt.
@@ -134,10 +137,24 @@ def _shifted(field: Field, by: float, sign: float = 1.0) -> Field:
     return lambda points: sign * field(points) - by
 
 
+def _oval(rng: np.random.Generator, least: float) -> Field:
+    """Draw an ellipsoid somewhere in the box, of axes no shorter than so many pixels."""
+    axes = np.exp(rng.uniform(np.log(least), np.log(26), 3))
+    turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    middle = rng.uniform((12, 8, 8), (HIGH - 12, WIDE - 8, WIDE - 8))
+
+    def value(points: Array) -> Array:
+        return (np.linalg.norm((points - middle) @ turn / axes, axis=1) - 1) * axes.min()
+
+    return value
+
+
 def _body(rng: np.random.Generator, ratio: float) -> _Body:
     """Draw a smooth body, one with corners, a sheet, tubes, or some together."""
-    kind = rng.choice(["smooth", "corners", "sheet", "tubes", "cut"], p=[0.6, 0.1, 0.12, 0.12, 0.06])
+    kind = rng.choice(KINDS, p=SHARES)
     coarse = max(ratio, 1.0) ** 0.5
+    if kind == "ovals":
+        return _Body([[_oval(rng, 3.5 * coarse)] for _ in range(rng.integers(1, 4))])
     width = float(np.exp(rng.uniform(np.log(1.9 * coarse), np.log(8 * coarse))))
     body = _shifted(_field(rng, width), rng.uniform(-1, 1))
     thick = rng.uniform(0.5, 2.5) * coarse / 2 / width  # half, where the field is as steep as on its mean

@@ -16,7 +16,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.surface.control_mesh import control_mesh, join_in_pairs, split_to_quads
-from cccd.surface.spline_fit import SplineFit
+from cccd.surface.spline_fit import SplineFit, Target
 
 NOWHERE = (-np.inf, np.inf)
 
@@ -126,7 +126,7 @@ def test_what_crosses_in_the_control_mesh_too_evens_out():
     wall, _ = control_mesh(ball, 200, NOWHERE)
     folded = wall.vertices.copy()
     folded[0] *= -6
-    fit = SplineFit(wall.moved(folded), ball)
+    fit = SplineFit(wall.moved(folded), Target.of(ball))
     assert len(fit.spline.tessellate(2).self_intersections())
     assert fit.untangle(2)
     assert not len(fit.spline.tessellate(2).self_intersections())
