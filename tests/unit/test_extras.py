@@ -3,7 +3,6 @@
 import json
 import os
 import runpy
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -143,7 +142,6 @@ def test_without_any_extra_masks_probabilities_and_label_maps_become_surfaces(in
     inside = np.asarray(nibabel.load(inputs / "mask.nii.gz").dataobj, np.float32)
     nibabel.save(nibabel.Nifti1Image(ndimage.gaussian_filter(inside, 0.7), AFFINE), tmp_path / "maps.nii.gz")
     nibabel.save(nibabel.Nifti1Image((2 * inside).astype(np.uint8), AFFINE), tmp_path / "mask.nii.gz")
-    shutil.copy(inputs / "sheet.tsv", tmp_path)
     commands = (
         "cccd surface mask.nii.gz -o a.ply -o a.stl -o a.obj -o a.glb -o a.gii -o a.vtp -o a.nii.gz",
         "cccd surface maps.nii.gz -o b.ply",
@@ -152,7 +150,6 @@ def test_without_any_extra_masks_probabilities_and_label_maps_become_surfaces(in
         "cccd compare a.ply mask.nii.gz",
         "cccd hollow mask.nii.gz --thickness 2 -o e.stl",
         "cccd check mask.nii.gz",
-        "cccd run sheet.tsv --cores 1 -- --dry-run",
         "cccd surface mask.nii.gz --triangles 2000 -o f.ply",
     )
     modules = ",".join(sorted({module for brought in EXTRAS.values() for module in brought}))

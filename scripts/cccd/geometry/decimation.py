@@ -2,31 +2,30 @@
 
 Quadrics are those of Garland and Heckbert (1997), weighted by area. An edge collapses only where its two ends
 have no neighbours in common but the two across it (Dey et al. 1999), so that a closed manifold stays one and
-keeps its genus, and where no triangle turns away from the normals around it. `fast_simplification` and VTK
-keep neither; manifold3d's changes the genus of fine trees.
+keeps its genus, and where no triangle turns away from the normals around it. Edges whose ends are not
+neighbours cannot disturb each other: in a round many of them collapse at once, the cheapest around them.
+
+`fast_simplification` and VTK do not keep the topology, manifold3d changes the genus of fine trees, libigl's
+takes twice as long and lets triangles cross; none of them weighs vertices or keeps the lines between parts.
+The first goes ahead where nothing is weighed and the topology happens to stay.
 """
 
 from __future__ import annotations
 
-import heapq
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
-from cccd.geometry._jit import jit, jit_within
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, ranks_of
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.triangles import Point, dot, point_of
 from cccd.tolerances import TINY
 
 __all__ = ["collapse_apart", "collapse_edges", "weigh_more"]
 
 #: Most triangles around a vertex: more would make quads of the layout needles.
 _MOST_AROUND = 14
-
-#: Neighbours of a vertex are looked at up to this many.
-_NEIGHBOURS = 256
 
 #: Share of the area that pulls a new vertex to the middle of its edge where the quadric leaves it free.
 _TO_THE_MIDDLE = 1e-3
@@ -37,6 +36,16 @@ _LEAST_COSINE = 0.2
 #: Triangles are no slivers whose doubled area is at least this share of their squared edges' sum.
 _SLIVER = 1e-6
 
+#: Edges that may collapse in a round: this share, the cheapest of all. With more the triangles lie farther
+#: from what they came of.
+_CHEAPEST = 0.2
+
+#: Times that a round looks for edges beside those that it has found already.
+_PASSES = 3
+
+#: `fast_simplification` goes ahead to so many times the triangles that are to be left.
+_AHEAD = 1.5
+
 #: Where triangles shall be smaller edges cost this many times as much: they become half as long.
 _DEARER = 16.0
 
@@ -45,34 +54,6 @@ _SPARE = 8
 
 #: Times that they are made dearer; what passes through itself then does so with so few triangles.
 _DEARER_ROUNDS = 8
-
-#: A cost, and the point that it is of.
-_Candidate = tuple[float, float, float, float]
-
-#: The cost of joining two vertices, they, and how often they had moved.
-_Offer = tuple[float, int, int, int, int]
-
-
-class _Fans(NamedTuple):
-    """Triangles that change, and the lists of their corners (3 * face + 0, 1, 2) at each vertex."""
-
-    faces: IntArray  # (F, 3)
-    alive: BoolArray  # (F,)
-    part: IntArray  # (F,)
-    first: IntArray  # (V,), first corner at each vertex
-    last: IntArray  # (V,)
-    following: IntArray  # (3 F,), next corner at the same vertex, or -1
-
-
-class _Vertices(NamedTuple):
-    """What is known at the vertices, which move."""
-
-    points: FloatArray  # (V, 3)
-    quadrics: FloatArray  # (V, 10), upper triangle of the 4 x 4 matrix
-    areas: FloatArray  # (V,)
-    normals: FloatArray  # (V, 3), weighted by area
-    changes: IntArray  # (V,), how often the vertex moved; -1 when it is gone
-    on_line: BoolArray  # (V,), whether faces of two parts meet there
 
 
 def collapse_edges(
@@ -113,17 +94,18 @@ def collapse_edges(
     """
     if len(mesh.faces) <= most:
         return mesh
+    if weights is None and (parts is None or np.ptp(parts) == 0):
+        mesh, parts = _ahead(mesh, int(_AHEAD * most)), None
     middle = mesh.vertices.mean(axis=0)
     scale = float(np.abs(mesh.vertices - middle).max())
+    scaled = Mesh((mesh.vertices - middle) / scale, mesh.faces)
     part = np.zeros(len(mesh.faces), np.int64) if parts is None else np.asarray(parts, np.int64)
-    fans = _fans(mesh.faces.copy(), part, len(mesh.vertices))
-    vertices = _vertices((mesh.vertices - middle) / scale, mesh.faces, mesh.face_normals / scale**2, part)
-    if weights is not None:
-        vertices.quadrics[:] *= weights[:, None]
-        vertices.areas[:] *= weights
-    ring, other = np.empty((2, _NEIGHBOURS), np.int64)
-    _collapse(fans, vertices, ring, other, most, evenness)
-    return Mesh(vertices.points * scale + middle, fans.faces[fans.alive].astype(np.int64)).compact()
+    collapsing = _Collapsing.of(scaled, part, np.ones(len(mesh.vertices)) if weights is None else weights)
+    while len(collapsing.faces) > most and collapsing.round(
+        (len(collapsing.faces) - most + 1) // 2, evenness
+    ):
+        pass
+    return Mesh(collapsing.points * scale + middle, collapsing.faces).compact()
 
 
 def collapse_apart(mesh: Mesh, most: int) -> Mesh:
@@ -172,273 +154,250 @@ def weigh_more(weights: FloatArray, mesh: Mesh, fewer: Mesh, where: BoolArray) -
     weights[where[nearest_faces(mesh.vertices, fewer)]] *= _DEARER
 
 
-def _fans(faces: IntArray, part: IntArray, count: int) -> _Fans:
-    """List each vertex's corners."""
-    corners = faces.ravel()
-    order = np.argsort(corners, kind="stable")
-    following = np.full(faces.size, -1)
-    same = corners[order[1:]] == corners[order[:-1]]
-    following[order[:-1][same]] = order[1:][same]
-    vertices = np.arange(count)
-    first = order[np.searchsorted(corners[order], vertices)]
-    last = order[np.searchsorted(corners[order], vertices, side="right") - 1]
-    return _Fans(np.ascontiguousarray(faces), np.ones(len(faces), np.bool_), part, first, last, following)
+def _ahead(mesh: Mesh, most: int) -> Mesh:
+    """Collapse edges five times as fast, where that happens to keep the topology."""
+    fewer = mesh.simplified(most)
+    if fewer.is_closed_manifold and fewer.genus == mesh.genus and fewer.count_pieces() == mesh.count_pieces():
+        return fewer
+    return mesh
 
 
-def _vertices(points: FloatArray, faces: IntArray, doubled: FloatArray, part: IntArray) -> _Vertices:
-    """Quadrics, areas and normals at the vertices."""
-    count, corners = len(points), faces.ravel()
-    area = np.linalg.norm(doubled, axis=1) / 2
-    unit = doubled / np.maximum(2 * area, TINY)[:, None]
-    plane = np.column_stack([unit, -np.einsum("fc,fc->f", unit, points[faces[:, 0]])])
-    rows, columns = np.triu_indices(4)
-    of_faces = np.column_stack([area[:, None] * plane[:, rows] * plane[:, columns], area, doubled / 2])
-    at_vertices = np.zeros((count, 14))
-    for n, column in enumerate(of_faces.T):
-        at_vertices[:, n] = np.bincount(corners, np.repeat(column, 3), count)
-    least, most = np.full(count, part.max()), np.full(count, part.min())
-    np.minimum.at(least, corners, np.repeat(part, 3))
-    np.maximum.at(most, corners, np.repeat(part, 3))
-    return _Vertices(
-        np.ascontiguousarray(points),
-        np.ascontiguousarray(at_vertices[:, :10]),
-        np.ascontiguousarray(at_vertices[:, 10]),
-        np.ascontiguousarray(at_vertices[:, 11:]),
-        np.zeros(count, np.int64),
-        least < most,
-    )
+@dataclass
+class _Edges:
+    """Edges (E,) that may collapse, cheapest first: their ends, and the points that they become."""
+
+    u: IntArray
+    v: IntArray
+    to: FloatArray  # (E, 3)
+
+    def take(self, chosen: IntArray | BoolArray) -> _Edges:
+        return _Edges(self.u[chosen], self.v[chosen], self.to[chosen])
 
 
-@jit
-def _collapse(
-    fans: _Fans, vertices: _Vertices, ring: IntArray, other: IntArray, most: int, evenness: float
-) -> None:
-    """Collapse the cheapest edges; what was refused once is tried again while anything else gives way."""
-    left, before = len(fans.faces), len(fans.faces) + 1
-    heap = [(0.0, 0, 0, 0, 0)]
-    heap.pop()
-    while left > most:
-        if len(heap) == 0:
-            if left == before:
+@dataclass
+class _Collapsing:
+    """A closed manifold whose edges collapse."""
+
+    faces: IntArray  # (F, 3)
+    part: IntArray  # (F,)
+    points: FloatArray  # (V, 3)
+    quadrics: FloatArray  # (V, 10), upper triangle of the 4 x 4 matrix
+    areas: FloatArray  # (V,)
+    normals: FloatArray  # (V, 3), weighted by area
+    on_line: BoolArray  # (V,), whether faces of two parts meet there
+
+    @classmethod
+    def of(cls, mesh: Mesh, part: IntArray, weights: FloatArray) -> _Collapsing:
+        """Add up quadrics, areas and normals at the vertices of a mesh."""
+        count, corners = len(mesh.vertices), mesh.faces.ravel()
+        doubled = mesh.face_normals
+        area = np.linalg.norm(doubled, axis=1) / 2
+        unit = doubled / np.maximum(2 * area, TINY)[:, None]
+        plane = np.column_stack([unit, -np.einsum("fc,fc->f", unit, mesh.vertices[mesh.faces[:, 0]])])
+        rows, columns = np.triu_indices(4)
+        of_faces = np.column_stack([area[:, None] * plane[:, rows] * plane[:, columns], area, doubled / 2])
+        gather = csr_array(
+            (np.ones(len(corners)), (corners, np.repeat(np.arange(len(mesh.faces)), 3))),
+            shape=(count, len(mesh.faces)),
+        )
+        total = gather @ of_faces
+        least, most = np.full(count, part.max()), np.full(count, part.min())
+        np.minimum.at(least, corners, np.repeat(part, 3))
+        np.maximum.at(most, corners, np.repeat(part, 3))
+        return cls(
+            mesh.faces,
+            part,
+            mesh.vertices,
+            total[:, :10] * weights[:, None],
+            total[:, 10] * weights,
+            total[:, 11:],
+            least < most,
+        )
+
+    def round(self, most: int, evenness: float) -> bool:
+        """Collapse at most so many edges, none beside another, and say whether any did."""
+        around = _Around(self.faces, len(self.points))
+        edges = self._edges(evenness)
+        chosen = self._apart(edges.take(slice(max(1, int(_CHEAPEST * len(edges.u))))), around, _PASSES)
+        if not len(chosen.u):  # what was too dear may do
+            chosen = self._apart(edges, around, len(edges.u))
+        self._merge(chosen.take(slice(most)))
+        return bool(len(chosen.u))
+
+    def _edges(self, evenness: float) -> _Edges:
+        """All edges that keep the lines between parts."""
+        starts, ends = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
+        once = starts < ends
+        u, v = starts[once], ends[once]
+        if self.on_line.any():
+            both = self.on_line[u] & self.on_line[v]
+            both[both] = ~self._along_lines(u[both], v[both])
+            u, v = u[~both], v[~both]
+        cost, to = self._cost(u, v, evenness)
+        order = np.argsort(cost, kind="stable")
+        return _Edges(u[order], v[order], to[order])
+
+    def _along_lines(self, u: IntArray, v: IntArray) -> BoolArray:
+        """Whether edges with both ends on lines between parts are of one themselves."""
+        count = len(self.points)
+        starts, ends = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
+        keys = starts * count + ends
+        order = np.argsort(keys)
+        sides = [
+            order[np.searchsorted(keys, side, sorter=order)] // 3 for side in (u * count + v, v * count + u)
+        ]
+        return self.part[sides[0]] != self.part[sides[1]]
+
+    def _cost(self, u: IntArray, v: IntArray, evenness: float) -> tuple[FloatArray, FloatArray]:
+        """Cost (E,) of joining two vertices, and the points (E, 3) of least quadric error they move to."""
+        quadric = (self.quadrics[u] + self.quadrics[v]).T
+        area = self.areas[u] + self.areas[v]
+        a, b = self.points[u], self.points[v]
+        pull = _TO_THE_MIDDLE * area + TINY
+        right = pull * ((a + b) / 2).T - quadric[[3, 6, 8]]
+        to = _solved(quadric[[0, 4, 7]] + pull, quadric[[1, 2, 5]], right).T
+        to = np.where(self.on_line[u][:, None], a, to)
+        to = np.where(self.on_line[v][:, None], b, to)
+        x, y, z = to.T
+        error = quadric[0] * x * x + quadric[4] * y * y + quadric[7] * z * z + quadric[9]
+        error += 2 * (quadric[1] * x * y + quadric[2] * x * z + quadric[5] * y * z)
+        error += 2 * (quadric[3] * x + quadric[6] * y + quadric[8] * z)
+        return error + evenness * area * ((a - b) ** 2).sum(axis=1), to
+
+    def _apart(self, edges: _Edges, around: _Around, passes: int) -> _Edges:
+        """Choose edges that may collapse at once, cheapest first."""
+        waiting, chosen = np.arange(len(edges.u)), np.zeros(0, np.int64)
+        for _ in range(passes):
+            here = edges.take(waiting)
+            first = around.first_around(here.u, here.v)
+            tried = waiting[first]
+            good = self._may_collapse(edges.take(tried), around)
+            chosen = np.concatenate([chosen, tried[good]])
+            near = around.reached(np.concatenate([edges.u[chosen], edges.v[chosen]]))
+            waiting = waiting[~first]
+            waiting = waiting[~(near[edges.u[waiting]] | near[edges.v[waiting]])]
+            if not len(waiting):
                 break
-            before = left
-            _offer_all(fans, vertices, heap, evenness)
-            if len(heap) == 0:
-                break
-        _, u, v, changes_u, changes_v = heapq.heappop(heap)
-        if left <= 4 or vertices.changes[u] != changes_u or vertices.changes[v] != changes_v:
-            continue
-        gone = _join(fans, vertices, u, v, ring, other, evenness)
-        if gone:
-            left -= gone
-            _offer_around(fans, vertices, heap, v, ring, evenness)
+        chosen.sort()
+        return edges.take(chosen)
+
+    def _may_collapse(self, edges: _Edges, around: _Around) -> BoolArray:
+        """Whether collapsing edges (E,) keeps the topology, and all triangles on their sides."""
+        good = around.keep_topology(edges.u, edges.v)
+        good[good] = self._keep_sides(edges.take(good), around)
+        return good
+
+    def _keep_sides(self, edges: _Edges, around: _Around) -> BoolArray:
+        """Whether no triangle around edges (E,) turns over or becomes a sliver when they collapse."""
+        joined = _unit(self.normals[edges.u] + self.normals[edges.v])
+        good = np.ones(len(edges.u), np.bool_)
+        for x, y in ((edges.u, edges.v), (edges.v, edges.u)):
+            edge, corner = around.corners(x)
+            face, k = np.divmod(corner, 3)
+            g, h = self.faces[face, (k + 1) % 3], self.faces[face, (k + 2) % 3]
+            stays = (g != y[edge]) & (h != y[edge])
+            edge, g, h = edge[stays], g[stays], h[stays]
+            a, b = self.points[g], self.points[h]
+            normal, edges2 = _doubled(edges.to[edge], a, b)
+            size = np.linalg.norm(normal, axis=1)
+            there = joined[edge] + _unit(self.normals[g]) + _unit(self.normals[h])
+            turned = (normal * there).sum(axis=1) < _LEAST_COSINE * size * np.linalg.norm(there, axis=1)
+            old, old_edges2 = _doubled(self.points[x[edge]], a, b)
+            thinner = size * old_edges2 < np.linalg.norm(old, axis=1) * edges2
+            good[edge[turned | ((size < _SLIVER * edges2) & thinner)]] = False
+        return good
+
+    def _merge(self, edges: _Edges) -> None:
+        """Collapse edges, none beside another."""
+        u, v = edges.u, edges.v
+        for values in (self.quadrics, self.normals, self.areas):
+            values[v] += values[u]
+        self.points[v] = edges.to
+        self.on_line[v] |= self.on_line[u]
+        kept = np.ones(len(self.points), np.bool_)
+        kept[u] = False
+        number = np.cumsum(kept) - 1
+        number[u] = number[v]
+        faces = number[self.faces]
+        left = np.all(faces != np.roll(faces, 1, axis=1), axis=1)
+        self.faces, self.part = faces[left], self.part[left]
+        self.points, self.quadrics, self.areas = self.points[kept], self.quadrics[kept], self.areas[kept]
+        self.normals, self.on_line = self.normals[kept], self.on_line[kept]
 
 
-@jit_within
-def _join(
-    fans: _Fans, vertices: _Vertices, u: int, v: int, ring: IntArray, other: IntArray, evenness: float
-) -> int:
-    """Join ``u`` to ``v`` where the surface allows it, and return how many triangles that takes away."""
-    if vertices.on_line[u] and vertices.on_line[v] and not _along_line(fans, u, v):
-        return 0
-    to = _candidate(vertices, u, v, evenness)
-    if not _keeps_topology(fans, u, v, ring, other) or not _keeps_sides(fans, vertices, u, v, to):
-        return 0
-    return _merge(fans, vertices, u, v, to)
+class _Around:
+    """What is around the vertices of a closed manifold, whose neighbours all follow them in one triangle."""
+
+    def __init__(self, faces: IntArray, count: int) -> None:
+        corners = np.arange(faces.size)
+        found = csr_array((corners, (faces.ravel(), corners)), shape=(count, faces.size))
+        self._corners, self._offsets = found.indices.astype(np.int64), found.indptr.astype(np.int64)
+        self._beside = faces.ravel()[self._corners // 3 * 3 + (self._corners + 1) % 3]
+
+    def _ragged(self, vertices: IntArray) -> tuple[IntArray, IntArray]:
+        """Rows of the lists of vertices (N,): which of them each is of, and where it stands."""
+        sizes = self._offsets[vertices + 1] - self._offsets[vertices]
+        owner = np.repeat(np.arange(len(vertices)), sizes)
+        return owner, self._offsets[vertices][owner] + ranks_of(sizes)
+
+    def corners(self, vertices: IntArray) -> tuple[IntArray, IntArray]:
+        """Corners (3 * face + 0, 1, 2) at vertices (N,): which of these each is of, and the corner."""
+        owner, place = self._ragged(vertices)
+        return owner, self._corners[place]
+
+    def neighbours(self, vertices: IntArray) -> tuple[IntArray, IntArray]:
+        """Neighbours of vertices (N,): which of these each is of, and the neighbour."""
+        owner, place = self._ragged(vertices)
+        return owner, self._beside[place]
+
+    def reached(self, vertices: IntArray) -> BoolArray:
+        """Which vertices (V,) are among some, or beside them."""
+        found = np.zeros(len(self._offsets) - 1, np.bool_)
+        found[vertices] = True
+        found[self.neighbours(vertices)[1]] = True
+        return found
+
+    def first_around(self, u: IntArray, v: IntArray) -> BoolArray:
+        """Which of edges (E,) come before all others that have an end beside one of theirs."""
+        count = len(self._offsets) - 1
+        first = np.full(count, len(u))
+        for ends in (u, v):
+            np.minimum.at(first, ends, np.arange(len(u)))
+        near = first.copy()
+        np.minimum.at(near, np.repeat(np.arange(count), np.diff(self._offsets)), first[self._beside])
+        return (near[u] == np.arange(len(u))) & (near[v] == np.arange(len(u)))
+
+    def keep_topology(self, u: IntArray, v: IntArray) -> BoolArray:
+        """Whether the ends of edges (E,) share two neighbours and no more, and have not too many together."""
+        count, sizes = len(self._offsets) - 1, np.diff(self._offsets)
+        keys = np.concatenate([owner * count + beside for owner, beside in map(self.neighbours, (u, v))])
+        keys.sort()
+        edge, across = np.divmod(keys[1:][keys[1:] == keys[:-1]], count)
+        shared = np.bincount(edge, minlength=len(u))
+        good = (shared == 2) & (sizes[u] + sizes[v] - 4 <= _MOST_AROUND)
+        # a vertex across keeps three neighbours at least, whatever collapses around it
+        lost = np.bincount(across[good[edge]], minlength=count)
+        good[edge[sizes[across] - lost[across] < 3]] = False
+        return good
 
 
-@jit_within
-def _offer_all(fans: _Fans, vertices: _Vertices, heap: list[_Offer], evenness: float) -> None:
-    for f in range(len(fans.faces)):
-        if fans.alive[f]:
-            for k in range(3):
-                u, v = fans.faces[f, k], fans.faces[f, (k + 1) % 3]
-                if u < v:
-                    _offer(vertices, heap, u, v, evenness)
-
-
-@jit_within
-def _offer_around(
-    fans: _Fans, vertices: _Vertices, heap: list[_Offer], u: int, ring: IntArray, evenness: float
-) -> None:
-    for n in range(_neighbours(fans, u, ring)):
-        _offer(vertices, heap, u, ring[n], evenness)
-
-
-@jit_within
-def _offer(vertices: _Vertices, heap: list[_Offer], u: int, v: int, evenness: float) -> None:
-    cost = _candidate(vertices, u, v, evenness)[0]
-    heapq.heappush(heap, (cost, u, v, vertices.changes[u], vertices.changes[v]))
-
-
-@jit_within
-def _candidate(vertices: _Vertices, u: int, v: int, evenness: float) -> _Candidate:
-    """Cost of joining two vertices, and the point of least quadric error that they would move to."""
-    m, n = vertices.quadrics[u], vertices.quadrics[v]
-    q = (m[0] + n[0], m[1] + n[1], m[2] + n[2], m[3] + n[3], m[4] + n[4])
-    r = (m[5] + n[5], m[6] + n[6], m[7] + n[7], m[8] + n[8], m[9] + n[9])
-    area = vertices.areas[u] + vertices.areas[v]
-    a, b = vertices.points[u], vertices.points[v]
-    pull = _TO_THE_MIDDLE * area + TINY
-    rx = pull * (a[0] + b[0]) / 2 - q[3]
-    ry = pull * (a[1] + b[1]) / 2 - r[1]
-    rz = pull * (a[2] + b[2]) / 2 - r[3]
-    xx, yy, zz, xy, xz, yz = q[0] + pull, q[4] + pull, r[2] + pull, q[1], q[2], r[0]
+def _solved(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve symmetric systems of three: xx, yy, zz (3, N), xy, xz, yz (3, N), right sides (3, N)."""
+    (xx, yy, zz), (xy, xz, yz), (rx, ry, rz) = diagonal, beside, right
     i, j, k = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-    determinant = xx * i + xy * j + xz * k
-    x = (i * rx + j * ry + k * rz) / determinant
-    y = (j * rx + (xx * zz - xz * xz) * ry + (xy * xz - xx * yz) * rz) / determinant
-    z = (k * rx + (xy * xz - xx * yz) * ry + (xx * yy - xy * xy) * rz) / determinant
-    if vertices.on_line[u]:
-        x, y, z = a[0], a[1], a[2]
-    if vertices.on_line[v]:
-        x, y, z = b[0], b[1], b[2]
-    squares = q[0] * x * x + q[4] * y * y + r[2] * z * z + r[4]
-    error = squares + 2 * (xy * x * y + xz * x * z + yz * y * z + q[3] * x + r[1] * y + r[3] * z)
-    length2 = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
-    return error + evenness * area * length2, x, y, z
+    m, n, o = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    solution = np.stack([i * rx + j * ry + k * rz, j * rx + m * ry + n * rz, k * rx + n * ry + o * rz])
+    return solution / (xx * i + xy * j + xz * k)
 
 
-@jit_within
-def _neighbours(fans: _Fans, u: int, ring: IntArray) -> int:
-    """Write the vertices beside one into ``ring`` and return their number; past the ring they are dropped."""
-    count = 0
-    corner = fans.first[u]
-    while corner >= 0:
-        f = corner // 3
-        if fans.alive[f] and count < len(ring):
-            # each neighbour follows the vertex in exactly one triangle around it
-            ring[count] = fans.faces[f, (corner + 1) % 3]
-            count += 1
-        corner = fans.following[corner]
-    return count
+def _doubled(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return normals (N, 3) of triangles, as long as twice their areas, and sums (N,) of squared edges."""
+    ab, ac, bc = b - a, c - a, c - b
+    x = ab[:, 1] * ac[:, 2] - ab[:, 2] * ac[:, 1]
+    y = ab[:, 2] * ac[:, 0] - ab[:, 0] * ac[:, 2]
+    z = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
+    return np.column_stack([x, y, z]), (ab * ab + ac * ac + bc * bc).sum(axis=1)
 
 
-@jit_within
-def _along_line(fans: _Fans, u: int, v: int) -> bool:
-    """Whether the edge of two vertices on lines between parts is itself of one."""
-    found, first = 0, 0
-    corner = fans.first[u]
-    while corner >= 0:
-        f = corner // 3
-        if fans.alive[f] and (fans.faces[f, 0] == v or fans.faces[f, 1] == v or fans.faces[f, 2] == v):
-            if found and fans.part[f] != first:
-                return True
-            found, first = found + 1, fans.part[f]
-        corner = fans.following[corner]
-    return False
-
-
-@jit_within
-def _keeps_topology(fans: _Fans, u: int, v: int, ring: IntArray, other: IntArray) -> bool:
-    """Whether two neighbours share two others and no more, and will not have too many together."""
-    a, b = _neighbours(fans, u, ring), _neighbours(fans, v, other)
-    if a >= _NEIGHBOURS or b >= _NEIGHBOURS or a + b - 4 > _MOST_AROUND:
-        return False
-    shared = 0
-    for n in range(a):
-        for m in range(b):
-            if ring[n] == other[m]:
-                shared += 1
-    return shared == 2
-
-
-@jit_within
-def _keeps_sides(fans: _Fans, vertices: _Vertices, u: int, v: int, to: _Candidate) -> bool:
-    """Whether no triangle around the two turns over or becomes a sliver when they move."""
-    p = (to[1], to[2], to[3])
-    joined = _unit(_added(point_of(vertices.normals, u), point_of(vertices.normals, v)))
-    for x in (u, v):
-        y = u + v - x
-        corner = fans.first[x]
-        while corner >= 0:
-            f = corner // 3
-            g, h = int(fans.faces[f, (corner + 1) % 3]), int(fans.faces[f, (corner + 2) % 3])
-            if fans.alive[f] and g != y and h != y and not _faces_right(vertices, p, x, g, h, joined):
-                return False
-            corner = fans.following[corner]
-    return True
-
-
-@jit_within
-def _faces_right(vertices: _Vertices, p: Point, x: int, g: int, h: int, joined: Point) -> bool:
-    """Whether the triangle of two vertices and a third that moves to ``p`` stays as it should."""
-    a, b = point_of(vertices.points, g), point_of(vertices.points, h)
-    normal, edges = _doubled(p, a, b)
-    size = np.sqrt(dot(normal, normal))
-    there = _added(joined, _added(_unit(point_of(vertices.normals, g)), _unit(point_of(vertices.normals, h))))
-    if dot(normal, there) < _LEAST_COSINE * size * np.sqrt(dot(there, there)):
-        return False
-    if size >= _SLIVER * edges:
-        return True
-    old, old_edges = _doubled(point_of(vertices.points, x), a, b)
-    return bool(size * old_edges >= np.sqrt(dot(old, old)) * edges)
-
-
-@jit_within
-def _doubled(a: Point, b: Point, c: Point) -> tuple[Point, float]:
-    """Return the normal of a triangle, as long as twice its area, and the sum of its squared edges."""
-    ab = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
-    ac = (c[0] - a[0], c[1] - a[1], c[2] - a[2])
-    bc = (c[0] - b[0], c[1] - b[1], c[2] - b[2])
-    normal = (
-        ab[1] * ac[2] - ab[2] * ac[1],
-        ab[2] * ac[0] - ab[0] * ac[2],
-        ab[0] * ac[1] - ab[1] * ac[0],
-    )
-    return normal, dot(ab, ab) + dot(ac, ac) + dot(bc, bc)
-
-
-@jit_within
-def _added(a: Point, b: Point) -> Point:
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
-
-
-@jit_within
-def _unit(a: Point) -> Point:
-    size = np.sqrt(dot(a, a)) + TINY
-    return (a[0] / size, a[1] / size, a[2] / size)
-
-
-@jit_within
-def _merge(fans: _Fans, vertices: _Vertices, u: int, v: int, to: _Candidate) -> int:
-    """Join ``u`` to ``v`` and return how many triangles that takes away."""
-    gone = 0
-    corner = fans.first[u]
-    while corner >= 0:
-        f = corner // 3
-        if fans.alive[f]:
-            if fans.faces[f, 0] == v or fans.faces[f, 1] == v or fans.faces[f, 2] == v:
-                fans.alive[f] = False
-                gone += 1
-            else:
-                fans.faces[f, corner % 3] = v
-        corner = fans.following[corner]
-    fans.following[fans.last[v]] = fans.first[u]
-    for k in range(10):  # number by number: to add rows takes Numba 1.6 s more to compile
-        vertices.quadrics[v, k] += vertices.quadrics[u, k]
-    for k in range(3):
-        vertices.normals[v, k] += vertices.normals[u, k]
-    vertices.areas[v] += vertices.areas[u]
-    vertices.points[v, 0], vertices.points[v, 1], vertices.points[v, 2] = to[1], to[2], to[3]
-    vertices.on_line[v] = vertices.on_line[u] or vertices.on_line[v]
-    vertices.changes[u] = -1
-    vertices.changes[v] += 1
-    _drop_dead(fans, v)
-    return gone
-
-
-@jit_within
-def _drop_dead(fans: _Fans, v: int) -> None:
-    """Keep only live triangles' corners in a vertex's list."""
-    corner, first, last = fans.first[v], -1, -1
-    while corner >= 0:
-        if fans.alive[corner // 3]:
-            if last < 0:
-                first = corner
-            else:
-                fans.following[last] = corner
-            last = corner
-        corner = fans.following[corner]
-    fans.following[last] = -1
-    fans.first[v], fans.last[v] = first, last
+def _unit(vectors: FloatArray) -> FloatArray:
+    return vectors / (np.linalg.norm(vectors, axis=1, keepdims=True) + TINY)

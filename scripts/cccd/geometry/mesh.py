@@ -194,7 +194,11 @@ class Mesh:
         so has a solid letter A.
         """
         euler = self._used() - len(self.faces) // 2  # closed: three edges to two faces
-        return int(self._pieces().max(initial=-1)) + 1 - euler // 2
+        return self.count_pieces() - euler // 2
+
+    def count_pieces(self) -> int:
+        """Count the connected pieces."""
+        return int(self._pieces().max(initial=-1)) + 1
 
     def count_bodies(self) -> int:
         """Count the connected pieces that are not the inside of a cavity: those of positive volume."""
