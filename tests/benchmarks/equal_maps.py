@@ -3,17 +3,17 @@
     nice -n 10 python tests/benchmarks/equal_maps.py
 
 The default run trains ours on 200 frozen maps and 2,000 fresh ones, 3,000 passes over maps in all, and the
-paper's network on its own 200 graphs, 1,600 passes. Here the paper's gets 3,000 different maps of the same
-kinds as well, for the 15 epochs of config/paper.yaml: 45,000 passes. The shipped weights are scored beside
-them. Everything is drawn from the default seed. Scored are maps as in the run's junction table, more of each
-kind (in distribution), and those of `out_of_distribution`. The committed table is docs/equal_maps.csv; the
+paper's network on its own 200 graphs, 1,600 passes. Here the paper's passes 3,000 as well, twice 1,500
+different ones (the two trainings of `paper_network`). The shipped weights are scored beside them.
+Everything is drawn from the default seed. Scored are maps as in the run's junction table, more of each kind
+(in distribution), and those of `out_of_distribution`. The committed table is docs/equal_maps.csv; the
 models stay in --folder, and a killed run goes on from there.
 """
 
 import argparse
 import os
 import sys
-import time
+from collections.abc import Iterator
 from pathlib import Path
 
 for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
@@ -23,6 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts")]
 
 import pandas as pd  # noqa: E402
+import paper_network  # noqa: E402
 from out_of_distribution import unseen_maps  # noqa: E402
 
 from cccd.junctions.checkpoint import load_model  # noqa: E402
@@ -34,50 +35,41 @@ from cccd_paper.comparisons.junction_comparison import (  # noqa: E402
     draw_test_maps,
     network_decoder,
 )
-from cccd_training.junctions.frozen_graphs import generate_graphs  # noqa: E402
+from cccd_paper.junctions.network import PaperNetwork  # noqa: E402
+from cccd_paper.junctions.training import PaperTask  # noqa: E402
 from cccd_training.junctions.loop import train_model  # noqa: E402
 from cccd_training.junctions.tasks import make_task  # noqa: E402
 
-#: Maps that the paper's network gets, its epochs on them (config/paper.yaml), and test maps of each kind.
-MAPS, PAPER_EPOCHS, TEST_MAPS = 3000, 15, 30
+#: Test maps of each kind.
+TEST_MAPS = 30
 
 #: Maps that the shipped weights were trained on (workflow/models/README.md).
 SHIPPED_MAPS = 391_000
 
 
-def trainings() -> dict[str, tuple[str, int, int, NetworkSettings]]:
-    """Network, its different maps, its passes over maps, and its settings, by a name for its files."""
-    plain = NetworkSettings()
-    many = plain.graphs.model_copy(update={"training": MAPS})
-    few, fresh, ours_epochs = plain.graphs.training, plain.fresh_maps, plain.epochs
-    paper = plain.model_copy(update={"network": "paper"})
-    longer = plain.paper.model_copy(update={"epochs": PAPER_EPOCHS})
-    return {
-        "paper_default": ("paper", few, few * plain.paper.epochs, paper),
-        "paper_equal": (
-            "paper",
-            MAPS,
-            MAPS * PAPER_EPOCHS,
-            paper.model_copy(update={"graphs": many, "paper": longer}),
-        ),
-        "ours_default": ("ours", few + fresh * ours_epochs, (few + fresh) * ours_epochs, plain),
-    }
+def papers_networks(folder: Path) -> Iterator[tuple[int, int, PaperNetwork]]:
+    """Train the paper's network on the run's graphs and on more: different maps, passes, network."""
+    sweep, settings = paper_network, NetworkSettings(network="paper")
+    few, epochs = settings.graphs.training, settings.paper.epochs
+    channels = settings.paper.sizes["channels"]
+    rate = PaperTask([], settings, Settings().seed).learning_rate
+    for maps, passes in ((few, epochs), (sweep.MORE_MAPS, sweep.MORE_EPOCHS)):
+        yield maps, maps * passes, sweep.trained(folder, maps, channels, rate, passes)[0]
 
 
-def trained(name: str, settings: NetworkSettings, folder: Path) -> Path:
-    """Train a network, unless that is done, and return its weights."""
-    seed, model, history = Settings().seed, folder / f"{name}.pt", folder / f"{name}.csv"
-    graphs = folder / f"graphs_{settings.graphs.training}.h5"
-    if not graphs.exists():
-        generate_graphs(settings.graphs, seed, graphs)
+def our_network(folder: Path) -> tuple[int, int, Path]:
+    """Train ours as the default run does: different maps, passes, weights."""
+    settings, seed = NetworkSettings(), Settings().seed
+    few, fresh, epochs = settings.graphs.training, settings.fresh_maps, settings.epochs
+    model, history = folder / "ours.pt", folder / "ours.csv"
     if not model.exists():
-        train_model(graphs, settings, seed, folder / f"{name}_checkpoints", model, history, 1)
-    return model
+        graphs = paper_network.graphs_of(folder, few)
+        train_model(graphs, settings, seed, folder / "ours_checkpoints", model, history, 1)
+    return few + fresh * epochs, (few + fresh) * epochs, model
 
 
-def scores(network: str, model_path: Path, maps: dict) -> pd.DataFrame:
+def scores(network: str, model, maps: dict) -> pd.DataFrame:
     """Correct maps, Dice and F1 of the links: of the ten kinds together, and of every other kind."""
-    model = load_model(model_path)
     task = make_task([], NetworkSettings(network=network), 0)
     table, _ = compare_decoders({network: network_decoder(model)}, maps)
     table = table.set_index("kind")
@@ -97,13 +89,14 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.folder.mkdir(parents=True, exist_ok=True)
     maps = draw_test_maps(Settings().seed, TEST_MAPS) | unseen_maps()
-    tables = []
-    for name, (network, different, passes, settings) in trainings().items():
-        started = time.perf_counter()
-        scored = scores(network, trained(name, settings, arguments.folder), maps)
-        tables.append(scored.assign(network=network, training_maps=different, map_passes=passes))
-        print(name, f"{time.perf_counter() - started:.0f} s", file=sys.stderr)
-    shipped = scores("ours", ROOT / "workflow" / "models" / "junctions.pt", maps)
+    tables = [
+        scores("paper", model, maps).assign(network="paper", training_maps=different, map_passes=passes)
+        for different, passes, model in papers_networks(arguments.folder)
+    ]
+    different, passes, path = our_network(arguments.folder)
+    trained = scores("ours", load_model(path), maps)
+    tables.append(trained.assign(network="ours", training_maps=different, map_passes=passes))
+    shipped = scores("ours", load_model(ROOT / "workflow" / "models" / "junctions.pt"), maps)
     tables.append(shipped.assign(network="ours, shipped", map_passes=SHIPPED_MAPS))
     table = pd.concat(tables, ignore_index=True)
     first = ["network", "training_maps", "map_passes"]

@@ -19,7 +19,7 @@ def files(tmp_path):
     """A file of each network."""
     networks = {
         "ours": JunctionNetwork(**NetworkSettings(**FITTING).sizes),
-        "paper": PaperNetwork(4, 2, 0.5),
+        "paper": PaperNetwork(4, 0.5),
     }
     for name, network in networks.items():
         save_model(tmp_path / f"{name}.pt", name, network.sizes, network.state_dict(), 0)

@@ -132,8 +132,13 @@ class JunctionPlan:
         return _added_code(self.network, *_TRAINING)
 
     @property
+    def paper_code(self) -> list[str]:
+        """Path of the code of the paper's network, whichever orders."""
+        return _added_code("paper", "junction network")
+
+    @property
     def paper_training_code(self) -> list[str]:
-        """The same of the paper's network, whichever orders."""
+        """The same, with what trains it."""
         return _added_code("paper", *_TRAINING)
 
 

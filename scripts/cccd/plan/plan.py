@@ -280,6 +280,8 @@ class Plan:
         asked = inputs()[name]
         if asked.shipped:
             return _shipped_segmenters
+        if asked.project:
+            return [near(self.root / file) for file in asked.files]
         if asked.optional and not self.junctions.used:
             return []
         folder = "results" if asked.shared else "results/{case}/{organ}"
@@ -292,6 +294,8 @@ class Plan:
         classes = [network.build for network in networks().values()] if shipped else []
         if any("gnn/model.pt" in one.files for one in given):
             classes += self.junctions.code
+        if any(one.project for one in given):
+            classes += self.junctions.paper_code
         functions = dict.fromkeys(function for comparison in together for function in comparison.functions)
         return self.library("compare_structure", *functions, *classes)
 
@@ -355,6 +359,7 @@ class Plan:
             return []
         maps = self.cohort.kind(wildcards) == "boundary maps"
         made = {
+            "structures": True,
             "outlines": not maps,
             "traced masks": self.junctions.used and self.cohort.contour_script(wildcards) == "trace_contours",
             "maps": maps,

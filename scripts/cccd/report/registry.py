@@ -34,7 +34,7 @@ class Input:
 
     ``files`` stand in the structure's folder; with ``shared`` they stand in ``results/``. In a run without a
     network what is ``optional`` is read from no files. ``shipped`` are the segmentation networks that come
-    along for the structure's organ.
+    along for the structure's organ. Files with ``project`` come with the project, in its folder.
     """
 
     files: tuple[str, ...]
@@ -42,6 +42,7 @@ class Input:
     shared: bool = False
     optional: bool = False
     shipped: bool = False
+    project: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,11 +72,12 @@ class Comparison:
     memory_mb : (int, int)
         Base, and per MB of input.
     minutes : int
-    of : {"outlines", "traced masks", "maps", "phantoms"}
-        Which structures it is made of. ``outlines``: those with a mask or drawn contours, from which it
-        starts. ``traced masks``: those whose mask was traced, in a run that uses a network: it says how that
-        would have done, and an item stands without it. ``maps``: those whose boundary pixels need ordering.
-        ``phantoms``: phantoms for whose organ segmentation networks are shipped.
+    of : {"structures", "outlines", "traced masks", "maps", "phantoms"}
+        Which structures it is made of. ``structures``: all. ``outlines``: those with a mask or drawn
+        contours, from which it starts. ``traced masks``: those whose mask was traced, in a run that uses a
+        network: it says how that would have done, and an item stands without it. ``maps``: those whose
+        boundary pixels need ordering. ``phantoms``: phantoms for whose organ segmentation networks are
+        shipped.
     further : bool
         For a closer look: ``snakemake evidence`` makes it, and the next report shows it; a run makes it with
         the rest only where ``compare`` is true.

@@ -14,6 +14,7 @@ import pandas as pd
 from cccd.report.numerals import number
 from cccd.report.summary import Cohort, structure_names
 from cccd_paper.comparisons import cohort_tables, paper_tables, published
+from cccd_paper.comparisons.algorithm_1 import OURS, PAPER
 from cccd_paper.comparisons.baselines import Baseline
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES, Family, Program
 from cccd_paper.comparisons.cohort_tables import as_smooth, at_best, baseline_rows, figure_11_rows, has_truth
@@ -22,7 +23,8 @@ from cccd_paper.comparisons.reconstruction_comparison import DENSE, HARRIS
 from cccd_paper.comparisons.segmenters import REFINED
 
 __all__ = [
-    "compactness", "corner_surfaces", "figure_9", "figure_10", "figure_11", "figure_12", "figure_13",
+    "algorithm_1", "compactness", "corner_surfaces", "figure_9", "figure_10", "figure_11", "figure_12",
+    "figure_13",
     "figure_14", "figure_15", "figure_16", "figure_17", "k_sweep", "listed", "map_surfaces", "ordering",
     "segmenters", "shapes", "stage_times", "surfaces", "table_1", "table_2", "table_3", "table_4", "table_5",
     "thick_slices",
@@ -348,6 +350,25 @@ def k_sweep(cohort: Cohort) -> str:
         f"Medians of the structures, maxima only. Highest Dice: {kept}. Corners found again most often: "
         f"{_each(steady, '{detector}, {parameters}: ' + found)}."
     )
+
+
+def algorithm_1(cohort: Cohort) -> str:
+    """Compare the printed chain with ours, structure by structure."""
+    rows = cohort.rows("algorithm_1")
+    rows = rows.assign(name=structure_names(rows), assd_mm=rows.get("assd_mm"))
+    pairs = rows[rows["method"] == PAPER].merge(
+        rows[rows["method"] == OURS], on="name", suffixes=("", "_ours")
+    )
+    measured = pairs.dropna(subset=["assd_mm", "assd_mm_ours"])
+    surfaces = _each(
+        measured,
+        "{name}: {closed:.0f} of {slices:.0f} slices closed, ASSD {assd_mm:.2f} mm, "
+        "ours {assd_mm_ours:.2f} mm",
+    )
+    without = pairs[pairs["assd_mm"].isna() & pairs["assd_mm_ours"].notna()]
+    none = _each(without, "{name}: {closed:.0f} of {slices:.0f} slices closed, no surface")
+    parts = [part for part in (surfaces, none) if part]
+    return f"{'; '.join(parts)}." if parts else ""
 
 
 def corner_surfaces(cohort: Cohort) -> str:

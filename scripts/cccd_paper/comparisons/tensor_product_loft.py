@@ -2,28 +2,62 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+import shapely
 from scipy.interpolate import BSpline
 
-from cccd.containers import Curves
+from cccd.containers import Curves, Splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines, sample_splines
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.bsplines import DEGREE, closed_knots, open_knots
 from cccd.geometry.mesh import Mesh
 from cccd.surface.flat_caps import fill_rim
+from cccd.surface.outlines import through_pixel_centres
 
-__all__ = ["tensor_product_loft"]
+__all__ = ["TUNED", "TubeSettings", "loft_splines", "tensor_product_loft"]
 
-#: Support of the k-cosine: the middle of the paper's sweep.
-CORNER_K = 7
-#: Control points around each slice: as many as a long outline has corners.
-AROUND = 64
-#: Samples of the surface for each control point, around and along.
-SAMPLES = 4
+#: Samples of the surface for each slice; around there is one for each control point.
+ALONG_SAMPLES = 4
 
 
-def tensor_product_loft(curves: Curves) -> Mesh:
+@dataclass(frozen=True)
+class TubeSettings:
+    """What the paper leaves open about eq. (10).
+
+    Attributes
+    ----------
+    k : int
+        Of Definition 3.
+    around : int
+        Control points around each slice.
+    outwards_px : float
+        Pixels by which outlines through pixels' centres move outwards: the border of a mask lies half a
+        pixel beyond them.
+    beyond : float
+        Share of the distance between slices by which the tube goes on beyond its first and last slice.
+    """
+
+    k: int
+    around: int
+    outwards_px: float
+    beyond: float
+
+    def __str__(self) -> str:
+        return (
+            f"k = {self.k}, {self.around} points around, {self.outwards_px:g} px outwards, "
+            f"{self.beyond:g} slices beyond the ends"
+        )
+
+
+#: Chosen on a liver and a kidney that no table reports (docs/measured/tensor_product_loft.csv). k is the
+#: paper's best; k = 1, every turn of the chain, comes .01 mm closer. 800 points are no closer than 400.
+TUNED = TubeSettings(3, 400, 0.5, 0.25)
+
+
+def tensor_product_loft(curves: Curves, settings: TubeSettings = TUNED) -> Mesh:
     """Loft one closed tube, eq. (10), from the corner splines of Definitions 3 and 4.
 
     Its control points are points of the splines, evenly along each; each slice's begin where the last
@@ -33,6 +67,7 @@ def tensor_product_loft(curves: Curves) -> Mesh:
     ----------
     curves : Curves
         Ordered curves of at least two slices.
+    settings : TubeSettings
 
     Returns
     -------
@@ -44,17 +79,25 @@ def tensor_product_loft(curves: Curves) -> Mesh:
     ValueError
         With fewer than two slices.
     """
+    corners = k_cosine_corners(curves.points, curves.offsets, settings.k)
+    return loft_splines(curves, corner_splines(curves, corners), settings)
+
+
+def loft_splines(curves: Curves, splines: Splines, settings: TubeSettings = TUNED) -> Mesh:
+    """Loft one closed tube, eq. (10), from closed splines, one for each curve (Algorithm 1, line 22)."""
     chosen = _largest(curves)
-    outlines = curves.polygons.take(chosen)
-    tube = Curves(outlines.points, outlines.offsets, curves.slice[chosen], curves.hole[chosen], curves.frame)
-    if len(tube) < 2:
+    if len(chosen) < 2:
         raise ValueError("a surface of eq. (10) needs two slices")
-    corners = k_cosine_corners(tube.points, tube.offsets, CORNER_K)
-    drawn = sample_splines(corner_splines(tube, corners))
-    net = np.stack(_aligned([_even(polygon) for polygon in np.split(drawn.points, drawn.offsets[1:-1])]))
-    slices = tube.slice.astype(float)
-    sheet = _along(_around(net), slices)
-    points = tube.frame.to_world(sheet[..., :2].reshape(-1, 2), sheet[..., 2].ravel())
+    drawn = sample_splines(splines).polygons.take(chosen)
+    outwards = settings.outwards_px if through_pixel_centres(curves) else 0.0
+    outlines = [_grown(polygon, outwards) for polygon in np.split(drawn.points, drawn.offsets[1:-1])]
+    net = np.stack(_aligned([_even(outline, settings.around) for outline in outlines]))
+    heights = curves.slice[chosen].astype(float)
+    if settings.beyond:
+        net = np.concatenate([net[:1], net, net[-1:]])
+        heights = np.concatenate([heights[:1] - settings.beyond, heights, heights[-1:] + settings.beyond])
+    sheet = _along(_around(net), heights)
+    points = curves.frame.to_world(sheet[..., :2].reshape(-1, 2), sheet[..., 2].ravel())
     return _closed(points.reshape(sheet.shape), sheet[[0, -1], :, :2])
 
 
@@ -66,14 +109,24 @@ def _largest(curves: Curves) -> IntArray:
     return order[first][area[order[first]] > 0]
 
 
-def _even(polygon: FloatArray) -> FloatArray:
-    """Points (`AROUND`, 2) evenly along a closed polygon, counter-clockwise."""
+def _grown(polygon: FloatArray, pixels: float) -> FloatArray:
+    """Outline of all that lies so near to a closed polygon or within it; the largest part."""
+    if not pixels:
+        return polygon
+    grown = shapely.buffer(shapely.make_valid(shapely.Polygon(polygon)), pixels)
+    parts = shapely.get_parts(grown)
+    ring = shapely.get_exterior_ring(parts[shapely.area(parts).argmax()])
+    return np.asarray(shapely.get_coordinates(ring))[:-1]
+
+
+def _even(polygon: FloatArray, count: int) -> FloatArray:
+    """Points (count, 2) evenly along a closed polygon, counter-clockwise."""
     closed = np.vstack([polygon, polygon[:1]])
     x, y = closed.T
     if np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) < 0:
         closed = closed[::-1]
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
-    at = np.arange(AROUND) * (length[-1] / AROUND)
+    at = np.arange(count) * (length[-1] / count)
     return np.column_stack([np.interp(at, length, values) for values in closed.T])
 
 
@@ -81,16 +134,17 @@ def _aligned(sections: list[FloatArray]) -> list[FloatArray]:
     """Turn each section so that its points lie nearest to those of the section before."""
     turned = sections[:1]
     for section in sections[1:]:
-        turns = np.stack([np.roll(section, -n, axis=0) for n in range(AROUND)])
+        turns = np.stack([np.roll(section, -n, axis=0) for n in range(len(section))])
         turned.append(turns[np.sum((turns - turned[-1]) ** 2, axis=(1, 2)).argmin()])
     return turned
 
 
 def _around(net: FloatArray) -> FloatArray:
-    """Points (S, `SAMPLES` * `AROUND`, 2) of closed cubic splines with control points (S, `AROUND`, 2)."""
+    """Points (S, P, 2) of closed cubic splines with control points (S, P, 2)."""
+    count = net.shape[1]
     control = np.concatenate([net, net[:, :DEGREE]], axis=1).transpose(1, 0, 2)
-    at = np.arange(SAMPLES * AROUND) / (SAMPLES * AROUND)
-    return BSpline(closed_knots(AROUND), control, DEGREE)(at).transpose(1, 0, 2)
+    at = np.arange(count) / count
+    return BSpline(closed_knots(count), control, DEGREE)(at).transpose(1, 0, 2)
 
 
 def _along(sections: FloatArray, slices: FloatArray) -> FloatArray:
@@ -98,7 +152,7 @@ def _along(sections: FloatArray, slices: FloatArray) -> FloatArray:
     degree = min(DEGREE, len(slices) - 1)
     heights = np.broadcast_to(slices[:, None, None], (*sections.shape[:2], 1))
     control = np.concatenate([sections, heights], axis=2)
-    at = np.linspace(0, 1, SAMPLES * len(slices))
+    at = np.linspace(0, 1, ALONG_SAMPLES * len(slices))
     return np.asarray(BSpline(open_knots(len(slices), 1.0, degree), control, degree)(at))
 
 

@@ -24,7 +24,7 @@ from cccd_paper.figures.panels import LINK_LOOKS, LOOKS, MAP_LOOKS, OUTLINE_LOOK
 from cccd_paper.figures.stills import draw_surface_still
 
 __all__ = [
-    "compactness", "figure_5", "figure_6", "figure_7", "figure_8", "figure_9", "figure_10",
+    "algorithm_1", "compactness", "figure_5", "figure_6", "figure_7", "figure_8", "figure_9", "figure_10",
     "figure_11", "figure_12", "figure_13", "figure_14", "figure_15", "figure_16", "figure_17", "junctions",
     "map_surfaces", "surfaces", "table_5", "thick_slices",
 ]  # fmt: skip
@@ -48,7 +48,7 @@ _NETWORK = (
     "dense:\nx W + b",
     "batch\nnormalisation",
     "dropout 0.5",
-    "ReLU",
+    "PReLU",
     "sum over the\nneighbours, eq. (11)",
     "a value per link\n(how: invented)",
     "at most two links\nper pixel",
@@ -296,6 +296,18 @@ def map_surfaces(results: Results, item: Item) -> Plots:
         if figure is not None and len(drawn) < _MOST_PANELS:
             caption = f"{case} / {organ}: {item.captions[0]}"
             svg = draw_slice_figure(figure, f"{item.key}-{case}-{organ}", caption, MAP_LOOKS)
+            drawn.append((svg, caption))
+    return drawn
+
+
+def algorithm_1(results: Results, item: Item) -> Plots:
+    """Draw the paper's surface and ours, cut across the slices."""
+    drawn: Plots = []
+    for case, organ in results.structures:
+        figure = results.figure(item, case, organ)
+        if figure is not None and len(drawn) < _MOST_PANELS:
+            caption = f"{case} / {organ}: {item.captions[0]}"
+            svg = draw_slice_figure(figure, f"{item.key}-{case}-{organ}", caption, OUTLINE_LOOKS, 3.0)
             drawn.append((svg, caption))
     return drawn
 

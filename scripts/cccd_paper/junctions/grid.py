@@ -2,8 +2,10 @@
 
 Nodes are the boundary map's pixels (+1) and the pixels around them (-1), as far as they can tell anything;
 each is linked to its eight neighbours (Figure 3). A chain code can run along links between pixels of the map
-only: these are the candidates, of which the network scores each, and at most two are kept per pixel (section
-4.2). What is then closed and simple is a curve. Everything else is dropped: nothing bridges a gap.
+only: these are the candidates, of which the network scores each. Section 4.2 wants "at most two adjacent
+neighbors", and to "remove unwanted links (more than two neighbors)". So a pixel with more than two keeps the
+two of the highest scores, whatever their sign. What is then closed and simple is a curve. Everything else is
+dropped: nothing bridges a gap.
 """
 
 from __future__ import annotations
@@ -68,7 +70,7 @@ class LinkPredictor(Protocol):
     """What scores links between neighbouring pixels: the paper's network."""
 
     def link_scores(self, grids: Sequence[GridGraph]) -> list[FloatArray]:
-        """Scores (C,) of every grid's candidates, above 0 for true links."""
+        """Scores (C,) of every grid's candidates, higher for true links."""
         ...
 
 
@@ -127,9 +129,8 @@ def chain_loops(maps: Sequence[AnyArray], predictor: LinkPredictor) -> list[list
 
 
 def keep_two(links: IntArray, scores: FloatArray, count: int) -> BoolArray:
-    """Say which links (L,) are kept: those above 0, highest first, while both ends have fewer than two."""
-    order = np.argsort(-scores, kind="stable")
-    return _keep_two(links, order[scores[order] > 0], count)
+    """Say which links (L,) are kept: highest first, while both ends have fewer than two."""
+    return _keep_two(links, np.argsort(-scores, kind="stable"), count)
 
 
 @jit

@@ -25,7 +25,7 @@ from cccd_training.junctions.loss import total_loss
 from cccd_training.junctions.scoring import SliceScore, score_labels
 from cccd_training.junctions.synthetic_maps import SyntheticMap
 
-__all__ = ["OurTask", "Plan", "Task", "link_and_curve_scores", "make_loader", "make_task"]
+__all__ = ["OurTask", "Plan", "Task", "link_and_curve_scores", "link_scores", "make_loader", "make_task"]
 
 
 @dataclass(frozen=True)
@@ -84,6 +84,14 @@ def link_and_curve_scores(
     predicted: Sequence[BoolArray], labels: Sequence[BoolArray], slices: Sequence[SliceScore]
 ) -> dict[str, float]:
     """Score links, and count the slices that are right."""
+    return link_scores(predicted, labels) | {
+        "correct": float(np.mean([score.correct for score in slices])),
+        "dice": float(np.mean([score.dice for score in slices])),
+    }
+
+
+def link_scores(predicted: Sequence[BoolArray], labels: Sequence[BoolArray]) -> dict[str, float]:
+    """Precision, recall and F1 of all links together."""
     found, true = np.concatenate(predicted), np.concatenate(labels)
     hits = np.count_nonzero(found & true)
     precision, recall = hits / max(np.count_nonzero(found), 1), hits / max(np.count_nonzero(true), 1)
@@ -91,8 +99,6 @@ def link_and_curve_scores(
         "link_precision": float(precision),
         "link_recall": float(recall),
         "link_f1": float(2 * precision * recall / max(precision + recall, 1e-12)),
-        "correct": float(np.mean([score.correct for score in slices])),
-        "dice": float(np.mean([score.dice for score in slices])),
     }
 
 

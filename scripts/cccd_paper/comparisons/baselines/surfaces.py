@@ -14,7 +14,7 @@ from cccd_paper.comparisons.baselines import Baseline, always
 from cccd_paper.comparisons.lofted_distances import lofted_distances
 from cccd_paper.comparisons.paper_k import DISTANCES
 from cccd_paper.comparisons.sinc_grid import GRID, Smoothing
-from cccd_paper.comparisons.tensor_product_loft import tensor_product_loft
+from cccd_paper.comparisons.tensor_product_loft import TUNED, tensor_product_loft
 from cccd_paper.comparisons.timing import timed
 
 __all__ = ["FAMILIES", "SURFACES", "Family", "Program"]
@@ -118,7 +118,7 @@ SURFACES = {
         Baseline(
             "paper's loft, eq. (10)",
             lambda _, curves: tensor_product_loft(curves),
-            "one tube through the corners of k = 7",
+            f"one tube: {TUNED}",
         ),
         _of_points("ball pivoting", point_meshes.ball_pivoting, "Bernardini et al. (1999)"),
         _of_points("Poisson", point_meshes.poisson, "Kazhdan et al. (2006)"),
