@@ -32,12 +32,12 @@ from cccd.tolerances import CONTROL_POINT_PIXELS
 
 __all__ = ["SplineSolid", "loft_spline"]
 
-#: Triangles of the coarse mesh for each mm^2, times a pixel's edge and by the curvature |k1| + |k2|. The spline
-#: then is some .02 pixels off the mesh (rms) and as near to the truth as the mesh or nearer; with half as many
-#: it is 5 to 9 % farther.
+#: Triangles of the coarse mesh for each mm^2, times a pixel's edge and by the curvature |k1| + |k2|. The
+#: spline then is some .02 pixels off the mesh (rms) and as near to the truth as the mesh or nearer; with half
+#: as many it is 5 to 9 % farther.
 DENSITY = 0.1
 #: The same by the square of the curvature: thin branches have as many triangles around as thick ones.
-AROUND = 0.8
+AROUND = 1.3
 #: ... and by the square of the height where the scan cuts on both sides: a triangle reaches from rim to rim.
 ACROSS = 2.0
 #: Fewest triangles of a surface.

@@ -6,7 +6,6 @@ import numpy as np
 
 from cccd.boundary import extract_boundaries
 from cccd.containers import Boundaries, Curves, Frame, Sections, Structure
-from cccd.curves import fit_splines
 from cccd.junctions.ordering import count_changes
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
