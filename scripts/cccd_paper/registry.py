@@ -244,8 +244,8 @@ ITEMS = (
         "figure5",
         "The network that corrects chain codes",
         "Equation (11) in a picture: dense layer, batch normalisation, dropout 0.5, an activation, a sum "
-        "over the neighbours; links are predicted. Its depth and width are not printed: here they are those of "
-        "Spektral's GeneralGNN, with 64 channels.",
+        "over the neighbours; links are predicted. Its depth and width are not printed: here they are those "
+        "of Spektral's GeneralGNN, with 64 channels.",
         name="Figure 5",
         section="paper",
         plots=_PLOTS + "figure_5",
