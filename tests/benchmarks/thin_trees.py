@@ -59,7 +59,7 @@ def measured(structure: Structure, truth: Mesh) -> list[tuple[str, dict[str, Any
     """Figures of ours and of the isosurfaces."""
     shape = FAMILIES[BASELINE].shapes[""](structure)
     meshes = {
-        "CCCD": reconstruct_mask(structure, CurveSettings(), LoftSettings()).mesh,
+        "CCCD": reconstruct_mask(structure, LoftSettings()).mesh,
         "signed distance + isosurface": shape,
     } | {f"{BASELINE}, {one}": windowed_sinc(shape, one.rounds, one.pass_band) for one in GRID}
     reference = Reference(truth, truth.volume)

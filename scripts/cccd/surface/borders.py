@@ -16,7 +16,7 @@ from cccd.geometry.distance import to_mask, to_polygons
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
 
-__all__ = ["Borders", "find_borders"]
+__all__ = ["Borders", "find_borders", "through_pixel_centres"]
 
 #: Distances reach this many pixels beyond what is inside: as far as the network distinguishes them.
 MARGIN_PIXELS = 9
@@ -98,10 +98,15 @@ def find_borders(sections: Sections, reach: IntArray | None = None) -> Borders:
         raise InputError(
             "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"
         )
-    if np.array_equal(curves.points, np.rint(curves.points)):
+    if through_pixel_centres(curves):
         found = _of_mask(inside, np.array([0, *first]), curves.frame.pixel_spacing, reach)
         return Borders(slices[found.slices].astype(np.int64), *_rest(found))
     return _of_polygons(curves, slices.astype(np.int64), layer, reach)
+
+
+def through_pixel_centres(curves: Curves) -> bool:
+    """Report whether these are pixel chains (every point an integer), not drawn contours."""
+    return bool(np.array_equal(curves.points, np.rint(curves.points)))
 
 
 def _rest(found: Borders) -> tuple[SingleArray, IntArray, FloatArray, bool]:

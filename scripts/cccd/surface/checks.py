@@ -13,10 +13,11 @@ from scipy.spatial import cKDTree
 
 from cccd.bands.signs import Slices
 from cccd.containers import Structure
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray, SingleArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
+from cccd.surface.fields import sampled
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import SHRUNK_PART
 
@@ -162,7 +163,7 @@ def _off_slices(mesh: Mesh, stack: SliceStack) -> list[Violation]:
     sections = _sections(mesh, across, slices.z)
     for distance, section in zip(slices.distance, sections, strict=True):
         points.append(section[:, :3])
-        off.append(np.abs(_sampled(distance, section[:, :2] / slices.spacing)) * section[:, 3])
+        off.append(np.abs(sampled(distance, section[:, :2] / slices.spacing)) * section[:, 3])
     place, far = np.concatenate(points), np.concatenate(off)
     wrong = far > most
     if not wrong.any():
@@ -170,11 +171,6 @@ def _off_slices(mesh: Mesh, stack: SliceStack) -> list[Violation]:
     where = _counted(len(np.unique(place[wrong, 2])), "slice")
     text = f"the surface is up to {far.max():.2g} mm away from the outline of {where}, farthest"
     return [Violation(text, place[wrong][np.argsort(-far[wrong], kind="stable")])]
-
-
-def _sampled(plane: SingleArray, places: FloatArray) -> SingleArray:
-    """Values (N,) of a plane (I, J) at places (N, 2) in pixels; beyond it, of its border."""
-    return np.asarray(ndimage.map_coordinates(plane, places.T, np.float32, order=1, mode="nearest"))
 
 
 def _counted(count: int, what: str) -> str:
@@ -230,7 +226,7 @@ def _off_between(mesh: Mesh, stack: SliceStack) -> list[Violation]:
             continue
         pixels = mesh.vertices[here, :2] / stack.slices.spacing
         around = [m for m in range(n - 2, n + 2) if 0 <= m < len(heights)]
-        values = np.array([_sampled(planes[m], pixels) for m in around])
+        values = np.array([sampled(planes[m], pixels) for m in around])
         beyond = np.abs(mesh.vertices[here, 2] - heights[around][:, None]) - stack.step / 2
         outside = np.hypot(np.maximum(values, 0), np.maximum(beyond, 0)).min(axis=0)
         # a cap may lie deep in two slices, but not in the next ones too

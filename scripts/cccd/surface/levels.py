@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -24,6 +25,8 @@ from cccd.surface.learned_distance import (
 
 __all__ = ["levels_of_slices"]
 
+#: Between slices further apart than it has seen, up to twice as far, it is asked on every n-th pixel.
+COARSER = 2
 #: Where the network sees a pixel of a slice on the other side, it lies so far on its own, in pixels.
 LEAST = 0.05
 #: The network's share falls to nothing over this share of the distances at which it is asked.
@@ -69,7 +72,7 @@ def levels_of_slices(
         Distances in mm; where they are far from the surface, to first order.
     """
     pixel = float(np.sqrt(spacing.prod()))
-    near = np.clip(planes / np.float32(pixel), -RANGE, RANGE)
+    near = planes / np.float32(pixel)
     below, above = (
         _beyond(near, side, goes_on, spacing / pixel) for side, goes_on in zip((0, -1), cut, strict=True)
     )
@@ -79,6 +82,9 @@ def levels_of_slices(
     first, last = SLICES - (not cut[0]), SLICES + len(z) - 1 + (not cut[1])
     levels = list(_levels(heights / pixel, first, last))
     values = np.stack([_estimated(stack, level, exact) for level in levels])
+    on_slices = np.flatnonzero([level.height == 0 for level in levels])
+    for low, high in itertools.pairwise(on_slices):
+        _change_sign_once(values[low : high + 1])
     return np.array([level.z for level in levels]) * pixel, values * np.float32(pixel)
 
 
@@ -93,7 +99,7 @@ def _beyond(planes: SingleArray, side: int, goes_on: bool, spacing: FloatArray) 
         known[np.unique(parts[planes[1 if side == 0 else -2] < 0])] = True
         stays: BoolArray = known[parts] & (parts > 0)
         if stays.any() and not known[1:].all():
-            end = np.clip(to_mask(stays, spacing), -RANGE, RANGE)
+            end = to_mask(stays, spacing)
     return np.repeat(end[None], SLICES, axis=0)
 
 
@@ -107,6 +113,20 @@ def _levels(heights: FloatArray, first: int, last: int) -> Iterator[_Level]:
             share = part / parts
             nearest, height = (k, share) if share <= 0.5 else (k + 1, share - 1)
             yield _Level(nearest, height, float(heights[k]) + share * gap, gap)
+
+
+def _change_sign_once(values: SingleArray) -> None:
+    """Let distances (L, I, J) from slice to slice grow, or fall, where one shows the organ and one does not.
+
+    Each level is estimated by itself: in the middle of a flat end the network knows no better than that it
+    lies between two slices, and levels that contradict each other would be thin cavities.
+    """
+    here = np.nonzero((values[0] < 0) != (values[-1] < 0))
+    column = values[:, *here]
+    way = np.where(column[-1] < 0, np.float32(-1), np.float32(1))
+    growing = column * way
+    least = np.minimum.accumulate(growing[::-1], axis=0)[::-1]
+    values[:, *here] = way * (np.maximum.accumulate(growing, axis=0) + least) / 2
 
 
 def _estimated(stack: SingleArray, level: _Level, exact: bool) -> SingleArray:
@@ -124,18 +144,23 @@ def _estimated(stack: SingleArray, level: _Level, exact: bool) -> SingleArray:
 
 def _below_pixels(own: SingleArray, ratio: float, height: float, exact: bool) -> SingleArray:
     """Distances (I, J) above the middle one of some slices, in pixels; see `in_space`."""
-    base = in_space(*own[SLICES - 1 : SLICES + 2], ratio, height)
-    coarser = int(np.ceil(ratio / MOST_RATIO))
-    if coarser == 1:
-        return base + _correction(own, base, max(ratio, LEAST_RATIO), height, exact)
+    middle = own[SLICES - 1 : SLICES + 2]
+    share = np.float32(np.clip(2 - ratio / MOST_RATIO, 0, 1))
+    plain = in_space(*middle, ratio, height) if share < 1 else np.float32(0)
+    if share == 0:
+        return plain
+    seen = np.clip(own, -RANGE, RANGE)
+    base = in_space(*seen[SLICES - 1 : SLICES + 2], ratio, height)
+    if share == 1:
+        return base + _correction(seen, base, max(ratio, LEAST_RATIO), height, exact)
     # slices lie so far apart that what changes between them is seen on coarser pixels, which are well known
-    few = np.clip(own[:, ::coarser, ::coarser] / np.float32(coarser), -RANGE, RANGE)
-    coarse = in_space(*few[SLICES - 1 : SLICES + 2], ratio / coarser, height)
-    correction = _correction(few, coarse, ratio / coarser, height, True)
-    i, j = (np.arange(size) / coarser for size in base.shape)
+    few = np.clip(own[:, ::COARSER, ::COARSER] / np.float32(COARSER), -RANGE, RANGE)
+    coarse = in_space(*few[SLICES - 1 : SLICES + 2], ratio / COARSER, height)
+    correction = _correction(few, coarse, ratio / COARSER, height, True)
+    i, j = (np.arange(size) / COARSER for size in base.shape)
     places = np.meshgrid(i, j, indexing="ij")
     moved = ndimage.map_coordinates(correction, places, np.float32, order=1, mode="nearest")
-    return base + np.float32(coarser) * moved
+    return (1 - share) * plain + share * (base + np.float32(COARSER) * moved)
 
 
 def _correction(own: SingleArray, base: SingleArray, ratio: float, height: float, exact: bool) -> SingleArray:

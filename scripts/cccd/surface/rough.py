@@ -75,7 +75,7 @@ def counts(mesh: Mesh, stack: SliceStack) -> dict[str, Any]:
 
 def warnings_of(stack: SliceStack) -> list[str]:
     """Say what of the slices is not in the surface: parts smaller than a number of voxels."""
-    return _left_out_warnings(stack.left_out, stack.smallest_voxels)
+    return [*_left_out_warnings(stack.left_out, stack.smallest_voxels), *stack.warnings]
 
 
 def _left_out_warnings(volumes: Sequence[float], smallest_voxels: float) -> list[str]:

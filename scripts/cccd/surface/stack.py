@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,10 +14,13 @@ from cccd.containers import Annotation, Frame, Sections
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray, SingleArray
 from cccd.settings.surface import LoftSettings
 from cccd.surface.borders import Borders, find_borders
-from cccd.surface.guides import guide_lines, guided, guides_reach
+from cccd.surface.endings import round_ends
+from cccd.surface.fields import LevelField
 from cccd.surface.levels import levels_of_slices
+from cccd.surface.moving_branches import move_branches
 from cccd.surface.probability import distances_of_probabilities
 from cccd.surface.sampled import SampledDistance
+from cccd.surface.undrawn import GuideLine, guide_lines, guides_reach, shape_undrawn
 
 __all__ = ["SliceStack", "interpolate_slices", "label_parts"]
 
@@ -24,6 +28,8 @@ __all__ = ["SliceStack", "interpolate_slices", "label_parts"]
 CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
 #: What the scan cuts runs on for so many pixels, as far as meshes are smoothed; a plane cuts it then.
 RUN_ON_PIXELS = 12.0
+#: mm: levels so near to a slice are the slice's own.
+SAME_HEIGHT = 1e-6
 #: Slice distances in pixels up to which probabilities are all that tells, and from which on they tell nothing
 #: of what lies between: the contours at their level are known finely enough to be interpolated.
 PROBABLE_RATIOS = (1.0, 2.0)
@@ -57,6 +63,8 @@ class SliceStack:
         The same in voxels, as it was asked for.
     left_out : list of float
         Volumes in mm^3 of the parts that were.
+    warnings : tuple of str
+        What a user should know of what lies between the slices.
     """
 
     slices: Slices
@@ -70,6 +78,7 @@ class SliceStack:
     smallest: float
     smallest_voxels: float
     left_out: list[float]
+    warnings: tuple[str, ...] = ()
 
     @property
     def held_volume(self) -> float | None:
@@ -181,8 +190,10 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
     if probable > 0 and sections.probability is not None:
         level = distances_of_probabilities(sections.probability, frame, borders.origin, z, values)
         values = np.float32(1 - probable) * values + np.float32(probable) * level
-    guides = guide_lines(annotation, values.shape[1:], frame, borders.origin)
-    values = guided(values, z, guides, frame.slice_spacing, step)
+    warnings: list[str] = []
+    if annotation is not None:
+        guides = guide_lines(annotation, values.shape[1:], frame, borders.origin)
+        z, values, warnings = _shaped(z, values, slices, frame, guides, step)
     cut_heights = ends.heights(height, frame.slice_spacing)
     z, values = _running_on(z, values, cut_heights, slices.pixel)
     return SliceStack(
@@ -197,6 +208,7 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
         smallest=settings.smallest_part_voxels * float(voxel.prod()),
         smallest_voxels=settings.smallest_part_voxels,
         left_out=left_out,
+        warnings=tuple(warnings),
     )
 
 
@@ -240,12 +252,54 @@ def _all_levels(
     for number, run in enumerate(runs):
         cut = low and number == 0, high and number == len(runs) - 1
         here = slice(run[0], run[-1] + 1)
-        z, values = levels_of_slices(
-            borders.distance[here], slices.z[here], step, slices.spacing, cut, borders.exact
-        )
+        own = Slices(slices.z[here], slices.distance[here], slices.spacing)
+        z, values = levels_of_slices(own.distance, own.z, step, own.spacing, cut, borders.exact)
         heights.append(z)
-        planes.append(values)
+        planes.append(_with_branches(z, values, own))
     return np.concatenate(heights), planes[0] if len(planes) == 1 else np.concatenate(planes)
+
+
+def _with_branches(z: FloatArray, values: SingleArray, slices: Slices) -> SingleArray:
+    """Let thin branches run on between slices on which their sections lie apart."""
+    fields, inner = _fields(z, values, slices)
+    for number, field in zip(inner, move_branches(fields, slices.spacing), strict=True):
+        if field.source_slice is None:
+            values[number] = field.distance
+    return values
+
+
+def _fields(z: FloatArray, values: SingleArray, slices: Slices) -> tuple[list[LevelField], IntArray]:
+    """Levels from the first to the last slice, slices as they were drawn, and their numbers."""
+    inner = np.flatnonzero((z >= slices.z[0] - SAME_HEIGHT) & (z <= slices.z[-1] + SAME_HEIGHT))
+    at = np.searchsorted(slices.z, z[inner] - SAME_HEIGHT)
+    of_slice = np.abs(slices.z[at] - z[inner]) < SAME_HEIGHT
+    fields = [
+        LevelField(float(slices.z[k]), slices.distance[k], int(k))
+        if own
+        else LevelField(float(h), plane, None)
+        for k, own, h, plane in zip(at, of_slice, z[inner], values[inner], strict=True)
+    ]
+    return fields, inner
+
+
+def _shaped(
+    z: FloatArray, values: SingleArray, slices: Slices, frame: Frame, guides: Sequence[GuideLine], step: float
+) -> tuple[FloatArray, SingleArray, list[str]]:
+    """Shape levels between slices of which only some were drawn: ends of parts, and planes across."""
+    fields, inner = _fields(z, values, slices)
+    ends = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
+    half = frame.slice_spacing / 2
+    cut = bool(abs(slices.z[0] - ends[0]) < half), bool(abs(slices.z[-1] - ends[1]) < half)
+    rounded = round_ends(fields, slices.distance, slices.spacing, step, cut, slices.pixel, guides)
+    below = [level for level in rounded if level.z < slices.z[0] - SAME_HEIGHT]
+    above = [level for level in rounded if level.z > slices.z[-1] + SAME_HEIGHT]
+    shaped, warnings = shape_undrawn([*below, *fields, *above], guides, frame)
+    estimated = {float(z[n]): values[n] for n in inner}
+    planes = [
+        estimated.get(level.z, level.distance) if level.source_slice is not None else level.distance
+        for level in shaped
+    ]
+    return np.array([level.z for level in shaped]), np.stack(planes), warnings
 
 
 def _running_on(

@@ -52,7 +52,7 @@ def organs_of(labels, affine=None, axis=2):
     for label in range(1, int(labels.max()) + 1):
         mask = labels == label
         structure = Structure("case", f"organ{label}", frame, np.zeros(3, np.int64), mask=mask)
-        surface = reconstruct_mask(structure, CurveSettings(), LoftSettings())
+        surface = reconstruct_mask(structure, LoftSettings())
         found[label] = Organ(f"organ{label}", structure, surface.mesh)
     return found
 

@@ -1,19 +1,29 @@
-"""Planes across the slices, where only some slices were drawn: levels are stretched until they meet them."""
+"""What lies between slices of which only some were drawn.
+
+A part that has nothing to run on in on the next drawn slice ends half way to it. Where planes across the
+slices were drawn as well, levels are stretched until they meet the planes' outlines.
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import label, map_coordinates
 
 from cccd.containers import Annotation, Frame, Guide
-from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
+from cccd.surface.fields import LevelField, distance_to_part
+from cccd.surface.moving_branches import SliceGap, SliceParts, follow_branches
 
-__all__ = ["GuideLine", "guide_lines", "guided", "guides_reach"]
+__all__ = ["GuideLine", "guide_lines", "guides_reach", "shape_undrawn"]
 
+#: A part that has nothing to run on in closes as a paraboloid so high, as a share of the way to the next
+#: slice: all that is known is that it ends before that.
+HEIGHT = 0.5
 #: Where stretching alone does not bring a level to a plane's outline, it is corrected so far to either side
 #: of the plane, as a share of the distance between the drawn slices.
 REACH = 0.25
@@ -35,26 +45,80 @@ def _extent(guide: Guide) -> IntArray:
     return ends
 
 
-def guided(
-    values: SingleArray, z: FloatArray, guides: Sequence[GuideLine], spacing: float, step: float
-) -> SingleArray:
-    """Shape levels so that they meet what was drawn on planes across them.
+def shape_undrawn(
+    fields: Sequence[LevelField], guides: Sequence[GuideLine], frame: Frame
+) -> tuple[list[LevelField], list[str]]:
+    """Shape the levels between drawn slices.
 
     Parameters
     ----------
-    values : (L, I, J) float32
-        Signed distances in mm, on the drawn slices and between them.
-    z : (L,) float64
-        Heights in mm.
+    fields : sequence of LevelField
+        Of the drawn slices, and interpolated between them.
     guides : sequence of GuideLine
         The planes across the slices.
-    spacing, step : float
-        mm between the scan's slices, and between the drawn ones.
+    frame : Frame
+        The scan's.
+
+    Returns
+    -------
+    fields : list of LevelField
+        Those of the drawn slices are as they were.
+    warnings : list of str
+        How many parts end.
     """
-    if not guides:
-        return values
-    levels = zip(values, z, strict=True)
-    return np.stack([_guided(plane, guides, height / spacing, REACH * step) for plane, height in levels])
+    spacing = frame.pixel_spacing
+    drawn = [n for n, field in enumerate(fields) if field.source_slice is not None]
+    ending = _endings([fields[n] for n in drawn], spacing)
+    shaped = list(fields)
+    for (low, high), parts in zip(itertools.pairwise(drawn), ending, strict=True):
+        gap = fields[high].z - fields[low].z
+        for n in range(low + 1, high):
+            distance = fields[n].distance
+            for part in parts:
+                distance = np.minimum(distance, part.at((fields[n].z - fields[low].z) / gap))
+            distance = _guided(distance, guides, fields[n].z / frame.slice_spacing, REACH * gap)
+            shaped[n] = replace(fields[n], distance=distance)
+    count = sum(map(len, ending))
+    if not count:
+        return shaped, []
+    return shaped, [f"{count} parts have no counterpart on the next annotated slice: they end half way to it"]
+
+
+# parts that end ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Ending:
+    """A part that ends between its slice, the lower (0) or upper one (1) of two, and the other."""
+
+    distance: SingleArray
+    side: int
+
+    def at(self, share: float) -> SingleArray:
+        """Distances (I, J) in mm at a share of the way up: the part shrinks to nothing."""
+        gone = min((share, 1 - share)[self.side] / HEIGHT, 1.0)
+        depth = np.float32(1 - np.sqrt(1 - gone))
+        return self.distance - depth * self.distance.min()
+
+
+def _endings(drawn: Sequence[LevelField], spacing: FloatArray) -> list[list[_Ending]]:
+    """Parts that overlap nothing on the next slice and lead nowhere, gap by gap."""
+    slices = [SliceParts.of(field.distance, spacing, field.z) for field in drawn]
+    found: list[list[_Ending]] = []
+    for (below, above), ways in zip(
+        itertools.pairwise(slices), follow_branches(slices, spacing), strict=True
+    ):
+        gap = SliceGap.between(below, above)
+        followed = {way.low for way in ways}, {way.high for way in ways}
+        found.append(
+            [
+                _Ending(distance_to_part(parts.distance, parts.labels, part + 1, spacing), side)
+                for side, parts in enumerate((below, above))
+                for part in np.flatnonzero(gap.free(side == 1)).tolist()
+                if part not in followed[side]
+            ]
+        )
+    return found
 
 
 # planes across the slices -----------------------------------------------------------------------------
@@ -111,6 +175,16 @@ class GuideLine:
         low = int(at)
         share = np.float32(at - low)
         return (1 - share) * self.lines[low] + share * self.lines[min(low + 1, len(self.lines) - 1)]
+
+    def rise(self, part: BoolArray, z: float, way: int) -> float | None:
+        """How far in mm a part (I, J) goes on, up (1) or down (-1); None where the plane misses it."""
+        met = np.flatnonzero(np.moveaxis(part, self.axis, 0)[self.row])
+        start = round(z / self.step) - self.first
+        if len(met) == 0 or not 0 <= start < len(self.lines):
+            return None
+        beyond = self.lines[start + 1 :, met] if way > 0 else self.lines[:start, met][::-1]
+        slices = np.logical_and.accumulate(beyond < 0, axis=0).sum(axis=0).max(initial=0)
+        return (float(slices) + 0.5) * self.step
 
 
 def _guided(distance: SingleArray, guides: Sequence[GuideLine], k: float, reach: float) -> SingleArray:
