@@ -22,7 +22,6 @@ from skimage.measure import marching_cubes  # noqa: E402
 from cccd.containers import Frame, Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.reconstruction import reconstruct_mask  # noqa: E402
-from cccd.settings.curves import CurveSettings  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
 from cccd.surface.measure import Reference, measure_mesh  # noqa: E402
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES  # noqa: E402
@@ -59,7 +58,7 @@ def measured(structure: Structure, truth: Mesh) -> list[tuple[str, dict[str, Any
     """Figures of ours and of the isosurfaces."""
     shape = FAMILIES[BASELINE].shapes[""](structure)
     meshes = {
-        "CCCD": reconstruct_mask(structure, CurveSettings(), LoftSettings()).mesh,
+        "CCCD": reconstruct_mask(structure, LoftSettings()).mesh,
         "signed distance + isosurface": shape,
     } | {f"{BASELINE}, {one}": windowed_sinc(shape, one.rounds, one.pass_band) for one in GRID}
     reference = Reference(truth, truth.volume)
