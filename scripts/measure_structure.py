@@ -2,7 +2,7 @@
 
 import logging
 
-from cccd.contours import doubtful_slices, missing_parts
+from cccd.contours import doubtful_slices
 from cccd.curves import measure_curves
 from cccd.job import job
 from cccd.next_slice import rank_unannotated
@@ -44,7 +44,6 @@ with job(snakemake.log[0], name, snakemake.input, snakemake.output):
         "ordering": {key: value for key, value in ordering.items() if key != "slices"},
         "warnings": [
             *structure.warnings,
-            *missing_parts(ordering),
             *doubtful_slices(ordering),
             *fitting["warnings"],
             *surface.report["warnings"],

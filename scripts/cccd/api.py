@@ -558,9 +558,9 @@ def reconstruct_structure(
     loft: Loft = loft_surface,
 ) -> Surface:
     """Make a surface as `reconstruct` does, by `loft_surface` or another way to loft."""
-    curves, missing = find_contours(structure, settings.boundaries, settings.gnn.inference)
+    curves = find_contours(structure, settings.boundaries, settings.gnn.inference)
     lofted = loft_sections(structure.sections(curves), settings.surface, tell, loft)
-    notes = (*structure.warnings, *missing, *lofted.report.get("warnings", []))
+    notes = (*structure.warnings, *lofted.report.get("warnings", []))
     drawn = None if structure.annotation is None else structure
     return Surface(lofted, structure.organ, _series(structure), notes, drawn, scan=scan_of(structure))
 
@@ -621,7 +621,7 @@ def smooth_mesh(
             check_overlap(structure.truth, scan, path.name)
             given = LoftedSurface([], structure.truth, grid)
         series = source if source.is_dir() else None
-    curves, _ = find_contours(structure, settings.boundaries, settings.gnn.inference)
+    curves = find_contours(structure, settings.boundaries, settings.gnn.inference)
     lofted = loft_sections(structure.sections(curves), settings.surface, tell)
     lofted = replace(lofted, band=None)  # that is of organs in scans
     notes = (*structure.warnings, *lofted.report["warnings"])

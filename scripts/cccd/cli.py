@@ -238,6 +238,10 @@ def _add_surface(commands: Any) -> None:
     )  # fmt: skip
     _add_band(surface)
     surface.add_argument(
+        "--smooth", type=float, metavar="MM",
+        help="smooth away waves of this length and shorter; eight pixels by default",
+    )  # fmt: skip
+    surface.add_argument(
         "--triangles", type=int, metavar="N", help="the mesh has N triangles of about one size"
     )  # fmt: skip
     surface.add_argument(
@@ -685,6 +689,11 @@ def _settings_of(given: argparse.Namespace) -> Settings:
     from cccd.settings.validation import read_config
 
     settings = read_config(given.configfile) if given.configfile else Settings()
+    if given.smooth is not None:
+        if not 0 < given.smooth <= 1000:
+            raise InputError("--smooth", f"{given.smooth:g} is no length in mm", "give a number up to 1000")
+        smoother = settings.surface.model_copy(update={"smoothing": given.smooth})
+        settings = settings.model_copy(update={"surface": smoother})
     return settings if given.materials is None else _with_materials(settings, given)
 
 

@@ -13,10 +13,7 @@ from cccd.containers import Curves, Structure
 from cccd.errors import InputError
 from cccd.tracing import left_out, level_curves, trace_stack
 
-__all__ = ["check_closed", "doubtful_slices", "missing_parts", "take_contours", "trace_contours"]
-
-#: Voxels in pieces and spurs one pixel wide are told where they are more than this share of the mask.
-_THIN_SHARE = 0.03
+__all__ = ["check_closed", "doubtful_slices", "take_contours", "trace_contours"]
 
 _CHANGED = "its file has changed since the run was planned: run snakemake again"
 
@@ -36,12 +33,12 @@ def trace_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
     curves : Curves
         Closed, simple, oriented; see `cccd.tracing.trace_stack`.
     report : dict
-        Plain JSON: ``method``, and in ``left_out`` what of the mask has no polygon.
+        Plain JSON: ``method``, and in ``left_out`` what of the mask has no polygon: surfaces have it.
 
     Raises
     ------
     InputError
-        There is no mask, or no slice of it has a closed boundary.
+        There is no mask, or nothing in it.
     """
     mask = structure.stack("mask")
     if mask is None:
@@ -52,7 +49,9 @@ def trace_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
     else:
         method, curves = "level of probabilities", level_curves(probability, structure.frame)
     report = {"method": method, "left_out": left_out(mask, structure.stack_origin, curves)}
-    return check_closed(curves, structure), report
+    # what is one pixel wide everywhere has no curve through its pixels' centres, but it has a border
+    traced = curves if probability is None and mask.any() else check_closed(curves, structure)
+    return traced, report
 
 
 def take_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
@@ -78,34 +77,6 @@ def take_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
     if structure.contours is None:
         raise InputError(f"{structure.case}/{structure.organ}", "there are no drawn contours", _CHANGED)
     return check_closed(structure.contours, structure), {"method": "contours as given"}
-
-
-def missing_parts(report: Mapping[str, Any]) -> list[str]:
-    """Say, of what `trace_contours` reports, what of the mask the curves do not know.
-
-    That is parts without a curve on any slice, and pieces and spurs one pixel wide of the others where these
-    are more than a few in a hundred.
-
-    Examples
-    --------
-    >>> lost = {"parts": 2, "part_voxels": 3, "component_pixels": 5, "spur_pixels": 4, "voxels": 60}
-    >>> for line in missing_parts({"method": "traced mask", "left_out": lost}):
-    ...     print(line)
-    not in the surface, because no slice has an outline of them: 2 parts of 3 voxels in all
-    dropped, because they are only one voxel wide: 6 of 60 voxels in pieces and spurs of slices
-    """
-    lost = report.get("left_out", {})
-    lines: list[str] = []
-    if lost.get("parts"):
-        count = (
-            f"{lost['parts']} part{'s' if lost['parts'] > 1 else ''} of {lost['part_voxels']} voxels in all"
-        )
-        lines.append(f"not in the surface, because no slice has an outline of them: {count}")
-    thin = sum(lost.get(name, 0) for name in ("component_pixels", "spur_pixels")) - lost.get("part_voxels", 0)
-    if thin > _THIN_SHARE * lost.get("voxels", float("inf")):
-        count = f"{thin} of {lost['voxels']} voxels"
-        lines.append(f"dropped, because they are only one voxel wide: {count} in pieces and spurs of slices")
-    return lines
 
 
 def doubtful_slices(report: Mapping[str, Any], most: int = 10) -> list[str]:

@@ -72,7 +72,7 @@ def rank_slices(structure: Structure, settings: Settings) -> list[Gain]:
     if structure.annotation is None:
         problem = "no slice is left to draw: every slice counts as annotated"
         raise InputError(structure.organ, problem, "give a mask of some slices, or --annotated nonempty")
-    curves, _ = find_contours(structure, settings.boundaries, settings.gnn.inference)
+    curves = find_contours(structure, settings.boundaries, settings.gnn.inference)
     return rank_unannotated(structure.sections(curves), settings.surface)
 
 

@@ -14,7 +14,7 @@ from cccd.containers import (
     Sections,
     Structure,
 )
-from cccd.contours import missing_parts, take_contours, trace_contours
+from cccd.contours import take_contours, trace_contours
 from cccd.curves import crossed_warnings
 from cccd.extras import needing
 from cccd.project import SHIPPED_WEIGHTS
@@ -33,10 +33,8 @@ def _silent(step: str) -> None:
     """Tell nobody."""
 
 
-def find_contours(
-    structure: Structure, boundaries: BoundarySettings, inference: InferenceSettings
-) -> tuple[Curves, list[str]]:
-    """Make ordered closed curves of what a structure brings, and say what of it they do not know.
+def find_contours(structure: Structure, boundaries: BoundarySettings, inference: InferenceSettings) -> Curves:
+    """Make ordered closed curves of what a structure brings.
 
     Drawn contours are taken as they are, a mask is traced, anything else is ordered by the shipped network.
 
@@ -53,12 +51,11 @@ def find_contours(
     """
     match structure.source:
         case Curves():
-            return take_contours(structure)[0], []
+            return take_contours(structure)[0]
         case BoundaryMaps() | GreyImage():
-            return order_maps(structure, boundaries, inference), []
+            return order_maps(structure, boundaries, inference)
         case MaskStack() | ProbabilityStack():
-            curves, report = trace_contours(structure)
-            return curves, missing_parts(report)
+            return trace_contours(structure)[0]
 
 
 @needing("ordering boundary pixels", "gnn")

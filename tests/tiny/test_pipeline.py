@@ -16,6 +16,7 @@ STRUCTURES = [("tiny", "sphere"), ("tiny", "two_spheres")]
 LOFT = "scripts/cccd/surface/loft.py"
 AFTER_CURVES = {
     "loft_surface",
+    "compare_algorithm_1",
     "compare_corners_to_surface",
     "compare_isosurfaces",
     "compare_thick_slices",

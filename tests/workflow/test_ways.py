@@ -146,7 +146,8 @@ def test_slices_that_nobody_drew_are_filled_on_the_scans_grid(fresh_project, she
 def test_what_starts_from_outlines_is_not_compared_on_maps(fresh_project, sheet):
     (fresh_project.folder / "ways.tsv").write_text("case\torgan\tsource\nscan\tbrain\tmni152_scan\n")
     planned = fresh_project.planned(*sheet)
-    assert {rule for rule in planned if rule.startswith("compare_")} == {"compare_map_surfaces"}
+    compared = {"compare_map_surfaces", "compare_algorithm_1"}
+    assert {rule for rule in planned if rule.startswith("compare_")} == compared
     assert planned["adopt_gnn"] == planned["draw_region"] == 1
 
 

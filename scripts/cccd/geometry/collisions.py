@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from cccd.geometry._jit import jit, jit_within
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, ranks_of
 from cccd.geometry.triangles import Point, corners_of, point_of
 
 __all__ = ["MovingTriangles", "passing_pairs"]
@@ -148,21 +148,12 @@ def _grid_entries(boxes: FloatArray, cells: IntArray) -> tuple[IntArray, IntArra
     """Every cell that a triangle's box reaches, and the triangle."""
     first, last = boxes[:, :3].astype(np.int64), boxes[:, 3:].astype(np.int64)
     reached = last - first + 1
-    member = np.repeat(np.arange(len(boxes)), reached[:, 0] * reached[:, 1] * reached[:, 2])
-    cell = np.empty(len(member), np.int64)
-    _write_cells(first, last, cells, cell)
-    return cell, member
-
-
-@jit
-def _write_cells(first: IntArray, last: IntArray, cells: IntArray, cell: IntArray) -> None:
-    at = 0
-    for f in range(len(first)):
-        for x in range(first[f, 0], last[f, 0] + 1):
-            for y in range(first[f, 1], last[f, 1] + 1):
-                for z in range(first[f, 2], last[f, 2] + 1):
-                    cell[at] = (x * cells[1] + y) * cells[2] + z
-                    at += 1
+    count = reached.prod(axis=1)
+    member = np.repeat(np.arange(len(boxes)), count)
+    rest, z = np.divmod(ranks_of(count), reached[member, 2])
+    x, y = np.divmod(rest, reached[member, 1])
+    start = (first[:, 0] * cells[1] + first[:, 1]) * cells[2] + first[:, 2]
+    return start[member] + (x * cells[1] + y) * cells[2] + z, member
 
 
 @jit

@@ -170,7 +170,7 @@ class _Edges:
     v: IntArray
     to: FloatArray  # (E, 3)
 
-    def take(self, chosen: IntArray | BoolArray) -> _Edges:
+    def take(self, chosen: IntArray | BoolArray | slice) -> _Edges:
         return _Edges(self.u[chosen], self.v[chosen], self.to[chosen])
 
 
@@ -200,7 +200,7 @@ class _Collapsing:
             (np.ones(len(corners)), (corners, np.repeat(np.arange(len(mesh.faces)), 3))),
             shape=(count, len(mesh.faces)),
         )
-        total = gather @ of_faces
+        total: FloatArray = np.asarray(gather @ of_faces)
         least, most = np.full(count, part.max()), np.full(count, part.min())
         np.minimum.at(least, corners, np.repeat(part, 3))
         np.maximum.at(most, corners, np.repeat(part, 3))

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cccd.geometry._jit import jit
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray, ranks_of
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
@@ -150,31 +149,31 @@ def voxelise(
     """
     index = (mesh.vertices - affine[:3, 3]) @ np.linalg.inv(affine[:3, :3]).T - np.asarray(origin)
     crossings = np.zeros((shape[0], shape[1], shape[2] + 1), np.int8)
-    _add_crossings(np.ascontiguousarray(index + _ASIDE), np.ascontiguousarray(mesh.faces), crossings)
+    _add_crossings(index + _ASIDE, mesh.faces, crossings)
     winding = np.add.accumulate(crossings, axis=2, dtype=np.int8)[:, :, :-1]
     mirrored = np.linalg.det(affine[:3, :3]) < 0
     return winding < 0 if mirrored else winding > 0
 
 
-@jit
 def _add_crossings(index: FloatArray, faces: IntArray, crossings: npt.NDArray[np.int8]) -> None:
     """Mark where the lines along the third axis pass through the triangles: 1 where they enter, -1 after."""
     na, nb, nc = crossings.shape
-    for f in range(len(faces)):
-        p, q, r = faces[f, 0], faces[f, 1], faces[f, 2]
-        pa, pb, qa, qb, ra, rb = index[p, 0], index[p, 1], index[q, 0], index[q, 1], index[r, 0], index[r, 1]
-        area = (qa - pa) * (rb - pb) - (ra - pa) * (qb - pb)
-        if area == 0.0:
-            continue
-        a0 = max(0, int(np.ceil(min(pa, qa, ra))))
-        a1 = min(na - 1, int(np.floor(max(pa, qa, ra))))
-        b0 = max(0, int(np.ceil(min(pb, qb, rb))))
-        b1 = min(nb - 1, int(np.floor(max(pb, qb, rb))))
-        for a in range(a0, a1 + 1):
-            for b in range(b0, b1 + 1):
-                wr = ((qa - pa) * (b - pb) - (a - pa) * (qb - pb)) / area
-                wp = ((ra - qa) * (b - qb) - (a - qa) * (rb - qb)) / area
-                wq = ((pa - ra) * (b - rb) - (a - ra) * (pb - rb)) / area
-                if wp >= 0 and wq >= 0 and wr >= 0:
-                    c = int(np.ceil(wp * index[p, 2] + wq * index[q, 2] + wr * index[r, 2]))
-                    crossings[a, b, min(max(c, 0), nc - 1)] += -1 if area > 0 else 1
+    p, q, r = (index[faces[:, corner]] for corner in range(3))
+    low, high = (choose(choose(p, q), r) for choose in (np.minimum, np.maximum))
+    face, a = _integers_between(low[:, 0], high[:, 0], na)
+    row, b = _integers_between(low[face, 1], high[face, 1], nb)
+    face, a = face[row], a[row]
+    p, q, r = p[face], q[face], r[face]
+    area = _doubled_area(p, q, r[:, 0], r[:, 1])
+    crossed = area != 0
+    size = np.where(crossed, area, 1.0)
+    share = [_doubled_area(*side, a, b) / size for side in ((q, r), (r, p), (p, q))]
+    crossed &= (share[0] >= 0) & (share[1] >= 0) & (share[2] >= 0)
+    height = share[0] * p[:, 2] + share[1] * q[:, 2] + share[2] * r[:, 2]
+    c = np.clip(np.ceil(height[crossed]), 0, nc - 1).astype(np.int64)
+    np.add.at(crossings, (a[crossed], b[crossed], c), np.where(area[crossed] > 0, -1, 1).astype(np.int8))
+
+
+def _doubled_area(p: FloatArray, q: FloatArray, a: RealArray, b: RealArray) -> FloatArray:
+    """Twice the signed areas (N,) of triangles in the plane: of two corners (N, 3) and a third (a, b)."""
+    return (q[:, 0] - p[:, 0]) * (b - p[:, 1]) - (a - p[:, 0]) * (q[:, 1] - p[:, 1])

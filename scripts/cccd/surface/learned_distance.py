@@ -33,6 +33,10 @@ __all__ = [
     "shipped_network",
 ]
 
+#: The trained weights.
+WEIGHTS = Path(__file__).with_name("learned_distance.npz")
+#: Their SHA-256: the workflow lofts again when this file changes, so with other weights it must change.
+WEIGHTS_SHA256 = "d327f52cd0e19d43f8dc826d33dd21cb4ff6978364e4780489231318821ab09f"
 #: Distances within slices say no more than their sign beyond this many pixels; and their unit, in pixels.
 RANGE, UNIT = 8.0, 4.0
 #: Slice distances in pixels that it has seen.
@@ -248,4 +252,4 @@ class DistanceNetwork:
 @cache
 def shipped_network() -> DistanceNetwork:
     """Return the network that comes with the package."""
-    return DistanceNetwork.load(Path(__file__).with_name("learned_distance.npz"))
+    return DistanceNetwork.load(WEIGHTS)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-__all__ = ["BENCHMARKS", "TABLES", "keep_tables"]
+__all__ = ["BENCHMARKS", "SCRIPTS", "TABLES", "keep_tables"]
 
 _SURFACE = (
     "case", "organ", "method", "chosen", "setting", "dice_3d", "assd_mm", "hd95_mm", "volume_bias",
@@ -47,6 +47,9 @@ TABLES: dict[str, tuple[str, ...]] = {
 
 #: Tables beside the run's, which scripts in ``tests/benchmarks`` write.
 BENCHMARKS = ("benchmarks", "out_of_distribution", "equal_maps", "orex", "programs")
+
+#: Those that such scripts write into ``docs/measured``.
+SCRIPTS = ("paper_network",)
 
 #: Of these tables the page shows some rows alone.
 _ROWS = {

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from cccd_paper.measured.kept import BENCHMARKS, TABLES
+from cccd_paper.measured.kept import BENCHMARKS, SCRIPTS, TABLES
 from cccd_paper.measured.maps import (
     boundary_maps,
     equal_maps,
@@ -48,7 +48,7 @@ def write_page(docs: Path) -> str:
     docs : path
         ``measured/`` has what `keep_tables` left of a run; the other tables are `BENCHMARKS`.
     """
-    tables = {name: pd.read_csv(docs / "measured" / f"{name}.csv") for name in [*TABLES, "run"]}
+    tables = {name: pd.read_csv(docs / "measured" / f"{name}.csv") for name in [*TABLES, *SCRIPTS, "run"]}
     tables |= {name: pd.read_csv(docs / f"{name}.csv") for name in BENCHMARKS}
     parts = [
         _introduction(tables),
@@ -82,9 +82,10 @@ def _introduction(tables: Tables) -> str:
         f"`docs/measured/*.csv`. The run's {len(jobs)} jobs took {seconds:.0f} s of processor time, "
         "including the training of both networks. The run's report has every method of these tables, and "
         "more.\n\n**References.** The phantoms are digitised from known surfaces. Their distances, volumes, "
-        "normals and genus are compared with the *true surface*. The MNI brain (nilearn's, 1 mm, "
-        "skull-stripped) has no true surface. Its distances are measured to the isosurface of *its own "
-        "mask*, which has the voxels' steps. This favours methods that keep the steps: marching cubes has "
+        "normals and genus are compared with the *true surface*. The MNI brain (nilearn's "
+        "ICBM152 template, 1 mm, skull-stripped: an average of 152 people, not a scan) has no true surface. "
+        "Its distances are measured to the isosurface of *its own mask*, "
+        "which has the voxels' steps. This favours methods that keep the steps: marching cubes has "
         "an ASSD of zero there by construction, and the smoother a method is, the further away it is. Only "
         "the phantoms show which surface is better. [Exact truth](exact_truth.md) comes first: it has more "
         "bodies whose surface is known."
