@@ -1,4 +1,4 @@
-"""What each mechanism between slices gives: every stack is lofted without it, beside the whole.
+"""What each mechanism of the surface gives: every stack is lofted without it, beside the whole.
 
     python tests/benchmarks/ablation.py [--scans FOLDER] [--table FILE] [NAME ...]
 
@@ -8,8 +8,8 @@ the complete mask or the phantom's own surface.
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -17,18 +17,18 @@ from unittest.mock import patch
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(Path(__file__).parent)]
 
+import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from rate_distortion import structures as structures_of_rates  # noqa: E402
 
 import cccd  # noqa: E402
 from cccd.containers import Structure  # noqa: E402
+from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.inputs.annotation import EVERY_SLICE  # noqa: E402
 from cccd.inputs.load import structure_of_array  # noqa: E402
 from cccd.reconstruction import reconstruct_mask  # noqa: E402
-from cccd.settings.curves import CurveSettings  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
-from cccd.surface import stack  # noqa: E402
 from cccd.surface.measure import Reference, measure_mesh  # noqa: E402
 from cccd.thinning import Thinning  # noqa: E402
 
@@ -47,16 +47,20 @@ SCANS = {
 }
 
 
-def _as_it_lies(fields: Any, *_: Any) -> list[Any]:
-    return list(fields)
+def _uncorrected(own: Any, base: Any, *_: Any) -> Any:
+    return np.zeros_like(base)
 
 
-#: What is replaced in `cccd.surface.stack` where a mechanism is left out.
-WITHOUT: Mapping[str, Mapping[str, Callable[..., Any]]] = {
-    "nothing": {},
-    "moving slits and plates": {"move_sheets": _as_it_lies},
-    "moving branches": {"move_branches": _as_it_lies},
-    "learned filling": {"_filled": _as_it_lies},
+def _smooth(smooth: Mesh, *_: Any) -> Mesh:
+    return smooth
+
+
+#: What is replaced where a mechanism is left out.
+WITHOUT: dict[str, tuple[str, Callable[..., Any]] | None] = {
+    "nothing": None,
+    "learned distance": ("cccd.surface.levels._correction", _uncorrected),
+    "volume of the slices": ("cccd.surface.smooth_mesh._of_volume", _smooth),
+    "less filter at lost voxels": ("cccd.surface.smooth_mesh._mended", _smooth),
 }
 
 
@@ -95,13 +99,14 @@ def structures(scans: Path) -> Iterator[tuple[str, tuple[Structure, Structure]]]
 
 
 def lofted(
-    thick: Structure, whole: Structure, reference: Reference, replaced: Mapping[str, Callable[..., Any]]
+    thick: Structure,
+    whole: Structure,
+    reference: Reference,
+    replaced: tuple[str, Callable[..., Any]] | None,
 ) -> dict[str, Any]:
-    """Loft with some functions replaced, and measure."""
-    with ExitStack() as stay:
-        for key, function in replaced.items():
-            stay.enter_context(patch.object(stack, key, function))
-        surface = reconstruct_mask(thick, CurveSettings(), LoftSettings())
+    """Loft with a function replaced, and measure."""
+    with patch(*replaced) if replaced else nullcontext():
+        surface = reconstruct_mask(thick, LoftSettings())
     found = measure_mesh(surface.mesh, whole, reference)
     keys = ("assd_mm", "hd95_mm", "bending_per_area_mm2", "genus", "volume_bias")
     return {**{key: found.get(key) for key in keys}, "bodies": surface.report["bodies"]}

@@ -23,7 +23,6 @@ from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import surface_distances
 from cccd.reconstruction import reconstruct_mask
-from cccd.settings.curves import CurveSettings
 from cccd.settings.root import Settings
 from cccd.settings.surface import LoftSettings
 from cccd.solids.shared_walls import Organ, share_walls
@@ -120,7 +119,7 @@ def main() -> None:
         print(f"{run}: lofting {lofted - start:.2f} s, shared walls {time.perf_counter() - lofted:.2f} s")
     apart: list[float] = []
     for label, mesh in truth.items():
-        alone = reconstruct_mask(parts[label], CurveSettings(), LoftSettings()).mesh
+        alone = reconstruct_mask(parts[label], LoftSettings()).mesh
         apart.append(surface_distances(alone, mesh, np.random.default_rng(0), 20_000)["assd"])
     print(f"each alone: ASSD {np.mean(apart):.4f} mm")
     print(f"shared walls: ASSD {distance(ours, truth):.4f} mm, bending {wall_bending(ours):.4f}")

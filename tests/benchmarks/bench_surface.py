@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame, Sections, Structure
-from cccd.curves import fit_splines
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
@@ -33,7 +32,6 @@ def test_brain(benchmark, slices):
         curves.hole[:count],
         curves.frame,
     )
-    splines = fit_splines(part)
-    loft_surface(Sections(part, splines), SETTINGS)  # compile
-    surface = benchmark.pedantic(loft_surface, (part, SETTINGS, splines), rounds=3)
+    loft_surface(Sections(part), SETTINGS)  # compile
+    surface = benchmark.pedantic(loft_surface, (Sections(part), SETTINGS), rounds=3)
     assert surface.mesh.is_closed_manifold

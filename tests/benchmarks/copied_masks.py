@@ -25,7 +25,6 @@ from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.inputs.load import structure_of_array  # noqa: E402
 from cccd.inputs.phantoms import make_phantom  # noqa: E402
 from cccd.reconstruction import reconstruct_mask  # noqa: E402
-from cccd.settings.curves import CurveSettings  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
 from cccd.surface.measure import Reference, measure_mesh  # noqa: E402
@@ -87,8 +86,8 @@ def measured(read: Structure, as_it_is: Structure, truth: Mesh) -> list[tuple[st
     if read.frame.copied_to is None:
         raise SystemExit("the coarse voxels were not found")
     meshes = {
-        "CCCD": reconstruct_mask(read, CurveSettings(), LoftSettings()).mesh,
-        "CCCD, as it is": reconstruct_mask(as_it_is, CurveSettings(), LoftSettings()).mesh,
+        "CCCD": reconstruct_mask(read, LoftSettings()).mesh,
+        "CCCD, as it is": reconstruct_mask(as_it_is, LoftSettings()).mesh,
     }
     for name in TRIED:
         family = FAMILIES[name]

@@ -31,7 +31,6 @@ import pyvista as pv  # noqa: E402
 from cccd.containers import Curves, Frame, Sections, Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.geometry.polygons import RaggedPolygons  # noqa: E402
-from cccd.settings.curves import CurveSettings  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
 from cccd.surface import loft_surface  # noqa: E402
 from cccd.tracing import trace_mask  # noqa: E402
@@ -124,11 +123,11 @@ def _as_curves(contours, grid, frame: Frame) -> Curves:
 def score(name: str, folder: Path) -> pd.DataFrame:
     """Measure ours and every baseline on one solid."""
     structure, curves = as_structure(name, folder)
-    drawn = loft_surface(Sections(curves), LoftSettings())
-    ways = CurveSettings(), LoftSettings()
-    table = compare_isosurfaces(structure, curves, drawn, IsosurfaceSettings(), *ways)
-    traced = loft_surface(Sections(trace_mask(structure)), LoftSettings())
-    own = compare_isosurfaces(structure, curves, traced, IsosurfaceSettings(methods=()), *ways)
+    lofting = LoftSettings()
+    drawn = loft_surface(Sections(curves), lofting)
+    table = compare_isosurfaces(structure, curves, drawn, IsosurfaceSettings(), lofting)
+    traced = loft_surface(Sections(trace_mask(structure)), lofting)
+    own = compare_isosurfaces(structure, curves, traced, IsosurfaceSettings(methods=()), lofting)
     ours = [table.iloc[[0]].assign(setting="from the contours"), own.assign(setting="from the mask")]
     spacing = structure.frame.slice_spacing
     labels = {"solid": name, "slices": structure.frame.shape[2], "slice_distance_mm": spacing}

@@ -27,7 +27,6 @@ import pandas as pd  # noqa: E402
 from cccd.cohort import read_cohort  # noqa: E402
 from cccd.inputs import load_structure  # noqa: E402
 from cccd.reconstruction import reconstruct_mask  # noqa: E402
-from cccd.settings.curves import CurveSettings  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
@@ -44,13 +43,13 @@ METHODS = ("marching cubes", "surface nets", "signed distance + isosurface", *FA
 
 def score(structure) -> pd.DataFrame:
     """Measure every method on one structure, whole and from every n-th slice."""
-    ways = CurveSettings(), LoftSettings()
-    surface = reconstruct_mask(structure, *ways)
+    lofting = LoftSettings()
+    surface = reconstruct_mask(structure, lofting)
     settings = IsosurfaceSettings(methods=METHODS)
-    whole = compare_isosurfaces(structure, trace_mask(structure), surface, settings, *ways)
+    whole = compare_isosurfaces(structure, trace_mask(structure), surface, settings, lofting)
     tables = [whole.assign(slice_distance_mm=structure.frame.slice_spacing, every_nth=1)]
     if structure.organ not in LETTERS:
-        tables.append(thick_slice_experiment(structure, ThickSliceSettings(), *ways))
+        tables.append(thick_slice_experiment(structure, ThickSliceSettings(), lofting))
     return pd.concat(tables).assign(case=structure.case, organ=structure.organ)
 
 

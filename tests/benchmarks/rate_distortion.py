@@ -27,7 +27,6 @@ from cccd.containers import Frame, Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.inputs.phantoms import make_phantom  # noqa: E402
 from cccd.reconstruction import reconstruct_mask  # noqa: E402
-from cccd.settings.curves import CurveSettings  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
 from cccd.surface import spline  # noqa: E402
@@ -113,7 +112,7 @@ def measured(thick: Structure, whole: Structure) -> Iterator[dict[str, Any]]:
     for times in DENSITIES:
         spline.DENSITY, spline.AROUND = (times * density for density in usual)
         try:
-            surface = reconstruct_mask(thick, CurveSettings(), LoftSettings())
+            surface = reconstruct_mask(thick, LoftSettings())
         finally:
             spline.DENSITY, spline.AROUND = usual
         own = surface.mesh if times == 1 else own

@@ -1,11 +1,11 @@
 """How much results depend on a number that a user may set: at half, once and twice its value.
 
-    python tests/benchmarks/sensitivity.py [--only curves surface ...] [--table FILE] [--fresh]
+    python tests/benchmarks/sensitivity.py [--only curves ...] [--table FILE] [--fresh]
 
-Keys of the curves and the surface are tried on phantoms, whose true surface is known. One key at a time, all
-others at their defaults. A value that its range does not allow becomes the nearest that it does (halfway to a
-bound that it must not reach). Rows are written as they come, and a run goes on where the last one stopped,
-unless the defaults' own figures have changed since. `python -m cccd.settings` then takes the table into
+Keys of the curves are tried on outlines of phantoms. One key at a time, all others at their defaults.
+A value that its range does not allow becomes the nearest that it does (halfway to a bound that it must not
+reach). Rows are written as they come, and a run goes on where the last one stopped, unless the defaults' own
+figures have changed since. `python -m cccd.settings` then takes the table into
 docs/configuration.md.
 """
 
@@ -27,19 +27,15 @@ sys.path[:0] = [str(ROOT / "scripts")]
 
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
-from scipy.spatial import cKDTree  # noqa: E402
 
-from cccd.containers import Curves, Sections, Structure  # noqa: E402
+from cccd.containers import Curves  # noqa: E402
 from cccd.curves import fit_splines, sample_splines  # noqa: E402
 from cccd.curves.measures import area_dice, distances  # noqa: E402
 from cccd.errors import InputError  # noqa: E402
-from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.inputs.phantoms import make_phantom  # noqa: E402
-from cccd.metrics import surface_distances  # noqa: E402
 from cccd.settings.emit import Key, keys  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
 from cccd.settings.validation import validate_config  # noqa: E402
-from cccd.surface import loft_surface  # noqa: E402
 from cccd.tracing import trace_mask  # noqa: E402
 
 #: Phantoms and their voxel sizes in mm: large and small, branching, with a hole, with a cavity; and with
@@ -56,8 +52,6 @@ PHANTOMS = (
     ("bronchi", (1.0, 1.0, 5.0)),
     ("X", (1.0, 1.0, 8.0)),
 )
-#: Points that surfaces are compared at.
-SAMPLES = 20_000
 FACTORS = (0.5, 1, 2)
 
 Figures = dict[str, float]
@@ -67,30 +61,19 @@ Figures = dict[str, float]
 
 
 @cache
-def phantoms() -> list[tuple[Structure, Curves]]:
-    """Scans of the phantoms and the traced outlines of their masks."""
+def phantoms() -> list[Curves]:
+    """Traced outlines of the phantoms' masks."""
     made = [
         make_phantom("case", organ, spacing, seed=1, margin_voxels=3, location=organ)
         for organ, spacing in PHANTOMS
     ]
-    return [(structure, trace_mask(structure)) for structure in made]
-
-
-def normal_error_deg(mesh: Mesh, truth: Mesh) -> float:
-    """Median angle between the mesh's normals and those of the truth's nearest triangles, over its area."""
-    faces = np.random.default_rng(0).choice(
-        len(mesh.faces), SAMPLES, p=mesh.face_areas / mesh.face_areas.sum()
-    )
-    centres = mesh.vertices[mesh.faces[faces]].mean(axis=1)
-    nearest = cKDTree(truth.vertices[truth.faces].mean(axis=1)).query(centres)[1]
-    cosine = (mesh.unit_normals[faces] * truth.unit_normals[nearest]).sum(axis=1)
-    return float(np.degrees(np.median(np.arccos(np.clip(cosine, -1, 1)))))
+    return [trace_mask(structure) for structure in made]
 
 
 def curve_figures(settings: Settings) -> Figures:
     """Closeness and number of control points of the splines."""
     rows = []
-    for _, curves in phantoms():
+    for curves in phantoms():
         splines = fit_splines(curves, settings.curves)
         drawn = sample_splines(splines, 4)
         rows.append(
@@ -98,24 +81,6 @@ def curve_figures(settings: Settings) -> Figures:
                 "curve_dice": float(area_dice(curves, drawn).mean()),
                 "curve_distance_px": float(distances(curves.points, curves.offsets, drawn).mean()),
                 "curve_control_points": len(splines.control_points),
-            }
-        )
-    return means(rows)
-
-
-def surface_figures(settings: Settings) -> Figures:
-    """Closeness to the phantoms' true surface, smoothness and size."""
-    rows = []
-    for structure, curves in phantoms():
-        surface = loft_surface(Sections(curves, fit_splines(curves, settings.curves)), settings.surface)
-        truth, mesh = structure.truth, surface.mesh
-        near = surface_distances(mesh, truth, np.random.default_rng(0), SAMPLES)
-        rows.append(
-            {
-                "assd_mm": near["assd"],
-                "normal_error_deg": normal_error_deg(mesh, truth),
-                "bending": mesh.bending_per_area,
-                "control_points": surface.report["control_points"],
             }
         )
     return means(rows)
@@ -137,9 +102,7 @@ class Chain:
     figures: tuple[Callable[[Settings], Figures], ...]
 
 
-#: Phantoms have no specks and no slice is missing: `surface.smallest_part_voxels` and `surface.bridge_slices`
-#: change nothing of them, and are not tried.
-CHAINS = (Chain(("curves.tolerance_px",), (curve_figures, surface_figures)),)
+CHAINS = (Chain(("curves.tolerance_px",), (curve_figures,)),)
 
 
 def measure(chain: Chain, settings: Settings) -> Figures:

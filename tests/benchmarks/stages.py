@@ -96,9 +96,8 @@ def surface(slices: int, settings: Settings) -> Methods:
     """Lofting, beside the isosurface and the smoothing that people take today."""
     organ = make_organ(slices)
     traced = trace_mask(organ)
-    splines = describe_curves(traced, settings.curves).splines
     return {
-        "B-spline lofting": lambda: loft_surface(Sections(traced, splines), settings.surface),
+        "spline surface": lambda: loft_surface(Sections(traced), settings.surface),
         "flying edges": lambda: flying_edges(organ),
         "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(organ)),
     }
@@ -114,8 +113,9 @@ def pipeline(slices: int, settings: Settings) -> Methods:
         return order_contours(organ, boundaries, model)[0]
 
     def reconstruct(contours: Callable[[], Curves]) -> None:
-        fitted = describe_curves(contours(), settings.curves)
-        measure_surface(loft_surface(Sections(fitted.curves, fitted.splines), settings.surface), organ)
+        curves = contours()
+        describe_curves(curves, settings.curves)
+        measure_surface(loft_surface(Sections(curves), settings.surface), organ)
 
     return {
         "every stage": lambda: reconstruct(lambda: trace_contours(organ)[0]),

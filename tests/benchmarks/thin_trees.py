@@ -22,7 +22,6 @@ from skimage.measure import marching_cubes  # noqa: E402
 from cccd.containers import Frame, Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.reconstruction import reconstruct_mask  # noqa: E402
-from cccd.settings.curves import CurveSettings  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
 from cccd.surface.measure import Reference, measure_mesh  # noqa: E402
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES  # noqa: E402

@@ -15,7 +15,6 @@ from cccd.errors import InputError
 from cccd.junctions.checkpoint import load_model
 from cccd.junctions.ordering import order_contours
 from cccd.settings.boundaries import BoundarySettings
-from cccd.tracing import trace_stack
 
 MODEL = Path(__file__).parents[2] / "workflow" / "models" / "junctions.pt"
 

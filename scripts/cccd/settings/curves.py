@@ -30,8 +30,8 @@ class CurveSettings(Section):
     tolerance_px: float = setting(
         0.15,
         "auto: largest distance between the spline and the boundary without its steps",
-        why="Surfaces are lofted from the splines: half a pixel, as far as the steps themselves reach, costs "
-        "them up to a fifth of their accuracy (docs/splines.md).",
+        why="Half of it takes twice the control points, and follows what is left of the steps. Surfaces "
+        "do not depend on it.",
         unit="px",
         gt=0,
         le=100,

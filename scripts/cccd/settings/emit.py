@@ -177,23 +177,18 @@ _SENSITIVITY_HEAD = """
 ## How much results depend on them
 
 How each figure changes, in percent, if a key has half or twice its value, or the nearest value in its range.
-Measured on phantoms whose true surface is known, thin structures and thick slices among them, by
-`tests/benchmarks/sensitivity.py`; `docs/sensitivity.csv` has all figures. ASSD is the mean distance from the
-true surface, normals the median error of their angles, bending the energy per area, points the number of
-control points. Dice and distance of curves compare splines with pixels.
+Measured on outlines of phantoms, thin structures among them, by `tests/benchmarks/sensitivity.py`;
+`docs/sensitivity.csv` has all figures. Dice and distance compare splines with pixels; points is the number of
+control points.
 
 | key | at half | at twice |
 |---|---|---|"""
 
 #: Columns of docs/sensitivity.csv that the page shows, and their heads.
 FIGURES = {
-    "assd_mm": "ASSD",
-    "normal_error_deg": "normals",
-    "bending": "bending",
-    "control_points": "points",
-    "curve_dice": "curves' Dice",
-    "curve_distance_px": "curves' distance",
-    "curve_control_points": "curves' points",
+    "curve_dice": "Dice",
+    "curve_distance_px": "distance",
+    "curve_control_points": "points",
 }
 
 

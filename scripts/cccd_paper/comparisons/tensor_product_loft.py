@@ -89,7 +89,8 @@ def loft_splines(curves: Curves, splines: Splines, settings: TubeSettings = TUNE
     if len(chosen) < 2:
         raise ValueError("a surface of eq. (10) needs two slices")
     drawn = sample_splines(splines).polygons.take(chosen)
-    outwards = settings.outwards_px if through_pixel_centres(curves) else 0.0
+    of_pixels = np.array_equal(curves.points, np.rint(curves.points))  # through their centres
+    outwards = settings.outwards_px if of_pixels else 0.0
     outlines = [_grown(polygon, outwards) for polygon in np.split(drawn.points, drawn.offsets[1:-1])]
     net = np.stack(_aligned([_even(outline, settings.around) for outline in outlines]))
     heights = curves.slice[chosen].astype(float)

@@ -87,7 +87,8 @@ def _introduction(tables: Tables) -> str:
         "Its distances are measured to the isosurface of *its own mask*, "
         "which has the voxels' steps. This favours methods that keep the steps: marching cubes has "
         "an ASSD of zero there by construction, and the smoother a method is, the further away it is. Only "
-        "the phantoms show which surface is better."
+        "the phantoms show which surface is better. [Exact truth](exact_truth.md) comes first: it has more "
+        "bodies whose surface is known."
     )
 
 
@@ -133,8 +134,8 @@ def _falls_short(tables: Tables) -> str:
         f"distribution ([both tables](#boundary-maps-without-a-mask)).",
         compactness(tables),
         "**No data of the paper.** Its three data sets could not be downloaded ([the paper](paper.md)).",
-        "**Between the slices.** Branches and fissures that move far between thick slices: see "
-        "[filling](filling.md#next-to-other-methods) and [the surface](splines.md#how-well). If only a few "
-        "slices are annotated: see [sparse annotation](sparse_annotation.md).",
+        "**Between the slices.** Ends of parts, and branches that move far between thick slices: see "
+        "[its limits](filling.md#limits) and [exact truth](exact_truth.md). If only a few slices are "
+        "annotated: see [sparse annotation](sparse_annotation.md).",
     ]
     return "\n\n".join(["## Where it falls short", "\n".join(f"- {item}" for item in items)])

@@ -116,14 +116,14 @@ def measured(rows):
 
 def test_what_results_depend_on_stands_at_the_end():
     line = measured(
-        {"factor": factor, "assd_mm": assd, "control_points": points}
-        for factor, assd, points in [("0.5", "0.11", "50"), ("1", "0.10", "50"), ("2", "0.05", "60")]
+        {"factor": factor, "curve_distance_px": distance, "curve_control_points": points}
+        for factor, distance, points in [("0.5", "0.11", "50"), ("1", "0.10", "50"), ("2", "0.05", "60")]
     )
-    assert line == f"| `{KEYS[-1].dotted}` | ASSD +10.0 % | ASSD −50.0 %, points +20.0 % |"
+    assert line == f"| `{KEYS[-1].dotted}` | distance +10.0 % | distance −50.0 %, points +20.0 % |"
 
 
 def test_what_could_not_be_measured_is_left_empty():
-    line = measured({"factor": factor, "assd_mm": assd} for factor, assd in [("1", "0.10"), ("2", "")])
+    line = measured({"factor": factor, "curve_dice": dice} for factor, dice in [("1", "0.10"), ("2", "")])
     assert line == f"| `{KEYS[-1].dotted}` |  |  |"
 
 

@@ -1,4 +1,4 @@
-"""Nothing that a slice shows is lost, however thin it is: every voxel's centre is on its side of the surface."""
+"""Nothing that a slice shows is lost, however thin: every voxel's centre is on its side of the surface."""
 
 import numpy as np
 import pytest
