@@ -51,18 +51,23 @@ class Borders:
         """Pixels (S, I, J) whose centres are inside."""
         return self.distance < 0
 
-    def without(self, parts: BoolArray, spacing: FloatArray) -> Borders:
-        """Leave out some of the pixels (S, I, J) inside, whole parts of slices, of edges (2,) in mm."""
-        distance, areas = self.distance.copy(), self.areas.copy()
+    def without(self, parts: BoolArray, spacing: FloatArray, side: int = 1) -> Borders:
+        """Leave out some of the pixels (S, I, J) inside, whole parts of slices, or fill cavities (side -1).
+
+        ``spacing`` (2,) are the edges of a pixel in mm.
+        """
+        distance, areas = np.float32(side) * self.distance, self.areas.copy()
         for number in np.flatnonzero(parts.any(axis=(1, 2))):
-            gone, stays = parts[number], self.inside[number] & ~parts[number]
-            areas[number] -= np.count_nonzero(gone) * float(spacing.prod())
+            gone, plane = parts[number], distance[number]
+            areas[number] -= side * np.count_nonzero(gone) * float(spacing.prod())
+            stays = (plane < 0) & ~gone
             if stays.any():
                 others = to_mask(stays, spacing)
                 nearer = to_mask(gone, spacing) <= others
-                distance[number][nearer] = others[nearer]
+                plane[nearer] = others[nearer]
             else:
-                distance[number] = float(np.linalg.norm(gone.shape * spacing))
+                plane[:] = float(np.linalg.norm(gone.shape * spacing))
+        distance *= np.float32(side)
         shown = (distance < 0).any(axis=(1, 2))
         return Borders(self.slices[shown], distance[shown], self.origin, areas[shown], self.exact)
 

@@ -213,9 +213,15 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
 
 
 def _without_small(borders: Borders, frame: Frame, least: float) -> tuple[Borders, list[float]]:
-    """Leave out parts of fewer voxels, but for the largest; and their volumes in mm^3."""
+    """Leave out parts of fewer voxels, but for the largest, and fill such cavities; the parts' mm^3."""
     gaps = np.diff(borders.slices)
     every = int(np.median(gaps)) if len(gaps) else 1
+    cavities, sizes = label_parts(~borders.inside, borders.slices, every, touching=1)
+    small = np.concatenate([[False], sizes < least])
+    for ends in (cavities[[0, -1]], cavities[:, [0, -1]], cavities[:, :, [0, -1]]):
+        small[np.unique(ends)] = False
+    if small.any():
+        borders = borders.without(small[cavities], frame.pixel_spacing, -1)
     labels, sizes = label_parts(borders.inside, borders.slices, every)
     small = sizes < least
     small[np.argmax(sizes)] = False
@@ -226,15 +232,16 @@ def _without_small(borders: Borders, frame: Frame, least: float) -> tuple[Border
     return borders.without(gone, frame.pixel_spacing), (sizes[small] * voxel).tolist()
 
 
-def label_parts(inside: BoolArray, z: RealArray, step: float) -> tuple[IntArray, IntArray]:
+def label_parts(inside: BoolArray, z: RealArray, step: float, touching: int = 3) -> tuple[IntArray, IntArray]:
     """Give each part (S, I, J) of slices at heights (S,) a number, and count their voxels (N,).
 
-    Voxels that touch at a corner are of one part; slices more than a ``step`` apart do not touch.
+    Voxels that touch at a corner are of one part, or (``touching`` 1) those that share a face; slices more
+    than a ``step`` apart do not touch.
     """
     labels, sizes, count = np.zeros(inside.shape, np.int64), [np.zeros(0, np.int64)], 0
     start = 0
     for end in [*(np.flatnonzero(np.diff(z) > 1.5 * step) + 1), len(z)]:
-        found, number = ndimage.label(inside[start:end], ndimage.generate_binary_structure(3, 3))
+        found, number = ndimage.label(inside[start:end], ndimage.generate_binary_structure(3, touching))
         labels[start:end] = np.where(found > 0, found + count, 0)
         sizes.append(np.bincount(found.ravel(), minlength=number + 1)[1:])
         start, count = end, count + number

@@ -14,7 +14,6 @@ from cccd.curves.fitting import corner_splines, sample_splines
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.bsplines import DEGREE, closed_knots, open_knots
 from cccd.geometry.mesh import Mesh
-from cccd.surface.borders import through_pixel_centres
 from cccd.surface.flat_caps import fill_rim
 
 __all__ = ["TUNED", "TubeSettings", "loft_splines", "tensor_product_loft"]

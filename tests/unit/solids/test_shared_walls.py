@@ -10,7 +10,6 @@ from nibabel.loadsave import load
 from cccd.containers import Frame, Structure
 from cccd.geometry.mesh import Mesh
 from cccd.reconstruction import reconstruct_mask
-from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.solids.shared_walls import Organ, share_walls
 
