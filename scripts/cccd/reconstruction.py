@@ -15,7 +15,7 @@ from cccd.containers import (
     Structure,
 )
 from cccd.contours import take_contours, trace_contours
-from cccd.curves import crossed_warnings
+from cccd.curves import crossed_warnings, self_crossed_warnings
 from cccd.extras import needing
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.settings.boundaries import BoundarySettings
@@ -109,8 +109,9 @@ def loft_sections(
     """
     tell("surface")
     surface = loft(sections, lofting)
-    wrong = crossed_warnings(sections.curves) if sections.mask is None else []
-    surface.report["warnings"] = [*wrong, *surface.report["warnings"]]
+    if sections.mask is None:
+        wrong = [*self_crossed_warnings(sections.curves), *crossed_warnings(sections.curves)]
+        surface.report["warnings"] = [*wrong, *surface.report["warnings"]]
     return surface
 
 

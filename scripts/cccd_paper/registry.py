@@ -46,7 +46,7 @@ INPUTS = {
         shared=True,
         optional=True,
     ),
-    "sections": Input(("curves.h5", "structure.h5"), "cccd.store.read_sections"),
+    "splines": Input(("curves.h5",), "cccd.store.read_splines"),
     "paper_orderer": Input(
         ("workflow/models/paper.pt",),
         "cccd_paper.comparisons.algorithm_1.load_paper_orderer",
@@ -224,7 +224,7 @@ MAP_SURFACES = Comparison(
 ALGORITHM_1 = Comparison(
     "algorithm_1",
     "cccd_paper.comparisons.algorithm_1.compare_algorithm_1",
-    ("structure", "boundaries", "sections", "surface", "paper_orderer"),
+    ("structure", "boundaries", "curves", "splines", "surface", "paper_orderer"),
     figures="cccd_paper.comparisons.algorithm_1.section_figures",
     columns=("method", "slices", "closed"),
     memory_mb=(3000, 40),

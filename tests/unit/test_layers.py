@@ -57,6 +57,9 @@ BESIDE = {
     *("evaluate_gnn", "gather_phantoms", "generate_graphs", "train_gnn", "train_segmenter", "write_phantom"),
 }
 
+#: Modules of the paper's networks.
+PAPER_NETWORKS = ("network", "training", "general_gnn", "corner_graphs")
+
 #: The only modules that may import these; a package's name stands for all that is in it.
 ONLY = {
     "h5py": {"cccd.store"},
@@ -69,12 +72,12 @@ ONLY = {
         *(f"cccd.segmentation.{name}" for name in ("networks", "plain_unet", "grids", "inference", "model")),
         *(f"cccd.junctions.{name}" for name in ("layers", "network", "graph_data", "energy", "checkpoint")),
         *("cccd_training", "cccd_paper.segmentation"),
-        *("cccd_paper.junctions.network", "cccd_paper.junctions.training"),
+        *(f"cccd_paper.junctions.{name}" for name in PAPER_NETWORKS),
     },
     "torch_geometric": {
         *(f"cccd.junctions.{name}" for name in ("layers", "network", "graph_data")),
         *(f"cccd_training.junctions.{name}" for name in ("data", "loss", "tasks")),
-        *("cccd_paper.junctions.network", "cccd_paper.junctions.training"),
+        *(f"cccd_paper.junctions.{name}" for name in PAPER_NETWORKS),
     },
     "snakemake": set(),
 }

@@ -1,6 +1,6 @@
 """Ordered curves described by few points: chain codes, corners, closed B-splines, and what they are worth."""
 
-from cccd.curves.describe import crossed_warnings, describe_curves
+from cccd.curves.describe import crossed_warnings, describe_curves, self_crossed_warnings
 from cccd.curves.fitting import corner_splines, fit_splines, sample_splines
 from cccd.curves.measures import measure_curves, sweep_k
 
@@ -11,5 +11,6 @@ __all__ = [
     "fit_splines",
     "measure_curves",
     "sample_splines",
+    "self_crossed_warnings",
     "sweep_k",
 ]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from shapely import LinearRing, Polygon
+from shapely.validation import explain_validity
 
 from cccd.chaincode import chain_codes, on_pixel_chain
 from cccd.containers import Curves, FittedCurves, Frame, Splines
@@ -77,6 +79,19 @@ def crossed_warnings(curves: Curves) -> list[str]:
     what = "2 curves cross each other" if count == 1 else f"{count} pairs of curves cross each other"
     places = _places(curves.frame, slices[:_MOST_PLACES], at[:_MOST_PLACES])
     return [f"{what}, and so do the splines: {places}{' and so on' if count > _MOST_PLACES else ''}"]
+
+
+def self_crossed_warnings(curves: Curves) -> list[str]:
+    """Say in one line which given curves cross themselves, and where."""
+    rings = [LinearRing(ring) for ring in curves.polygons]
+    wrong = [number for number, ring in enumerate(rings) if not ring.is_simple]
+    if not wrong:
+        return []
+    what = "1 curve crosses itself" if len(wrong) == 1 else f"{len(wrong)} curves cross themselves"
+    found = [explain_validity(Polygon(rings[number])) for number in wrong[:_MOST_PLACES]]
+    at = np.array([[float(word) for word in line[line.index("[") + 1 : -1].split()] for line in found])
+    places = _places(curves.frame, curves.slice[wrong[:_MOST_PLACES]], at)
+    return [f"{what}: {places}{' and so on' if len(wrong) > _MOST_PLACES else ''}"]
 
 
 def _places(frame: Frame, slices: np.ndarray, points: np.ndarray) -> str:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from cccd.containers import Boundaries, Curves, Panel, Sections, SliceFigure, Splines, Structure
+from cccd.containers import Boundaries, Curves, Panel, SliceFigure, Splines, Structure
 from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.geometry.mesh import Mesh
@@ -92,7 +92,8 @@ def run_algorithm_1(boundaries: Boundaries, paper_orderer: Orderer) -> PaperChai
 def compare_algorithm_1(
     structure: Structure,
     boundaries: Boundaries,
-    sections: Sections,
+    curves: Curves,
+    splines: Splines,
     surface: LoftedSurface,
     paper_orderer: Orderer,
 ) -> pd.DataFrame:
@@ -104,8 +105,8 @@ def compare_algorithm_1(
         Its mask, or its true surface, is what both are measured against.
     boundaries : Boundaries
         Its boundary pixels.
-    sections, surface : Sections, LoftedSurface
-        Our curves with their splines, and our surface, as they came from the run.
+    curves, splines, surface : Curves, Splines, LoftedSurface
+        Ours, as they came from the run.
     paper_orderer : Orderer
         The paper's network.
 
@@ -119,9 +120,8 @@ def compare_algorithm_1(
         processor ``seconds``.
     """
     chain = run_algorithm_1(boundaries, paper_orderer)
-    ours = sections.splines
     paper = _row(PAPER, structure, boundaries, chain.curves, chain.splines, chain.mesh)
-    own = _row(OURS, structure, boundaries, sections.curves, ours, surface.mesh)
+    own = _row(OURS, structure, boundaries, curves, splines, surface.mesh)
     return pd.DataFrame([paper | {"seconds": chain.seconds}, own])
 
 

@@ -69,9 +69,8 @@ def test_a_map_that_does_not_close_has_no_curve_and_one_slice_no_surface(boundar
 
 def test_both_methods_have_a_row_and_a_panel(structure, boundaries, orderer):
     curves = trace_mask(structure)
-    sections = Sections(curves, fit_splines(curves))
-    surface = loft_surface(sections, LoftSettings())
-    rows = compare_algorithm_1(structure, boundaries, sections, surface, orderer).set_index("method")
+    splines, surface = fit_splines(curves), loft_surface(Sections(curves), LoftSettings())
+    rows = compare_algorithm_1(structure, boundaries, curves, splines, surface, orderer).set_index("method")
     assert rows.index.tolist() == [PAPER, OURS]
     assert (rows["closed"] == rows["slices"]).all()
     assert rows["dice_2d"].between(0.94, 1).all()
