@@ -25,8 +25,9 @@ from cccd.surface.learned_distance import (
 
 __all__ = ["levels_of_slices"]
 
-#: Between slices further apart than it has seen, up to twice as far, it is asked on every n-th pixel.
-COARSER = 2
+#: Between slices further apart than it has seen it is asked on every n-th pixel; its share falls from all to
+#: none between these ratios of slice distance to pixel.
+ASKED_RATIOS = (7.0, 14.0)
 #: Where the network sees a pixel of a slice on the other side, it lies so far on its own, in pixels.
 LEAST = 0.05
 #: The network's share falls to nothing over this share of the distances at which it is asked.
@@ -144,23 +145,42 @@ def _estimated(stack: SingleArray, level: _Level, exact: bool) -> SingleArray:
 
 def _below_pixels(own: SingleArray, ratio: float, height: float, exact: bool) -> SingleArray:
     """Distances (I, J) above the middle one of some slices, in pixels; see `in_space`."""
-    middle = own[SLICES - 1 : SLICES + 2]
-    share = np.float32(np.clip(2 - ratio / MOST_RATIO, 0, 1))
-    plain = in_space(*middle, ratio, height) if share < 1 else np.float32(0)
+    share = np.float32(np.interp(ratio, ASKED_RATIOS, (1, 0)))
+    coarser = int(np.ceil(ratio / MOST_RATIO))
+    plain = _cubic(own, ratio, height) if share < 1 else np.float32(0)
     if share == 0:
         return plain
     seen = np.clip(own, -RANGE, RANGE)
     base = in_space(*seen[SLICES - 1 : SLICES + 2], ratio, height)
-    if share == 1:
+    if coarser == 1:
         return base + _correction(seen, base, max(ratio, LEAST_RATIO), height, exact)
     # slices lie so far apart that what changes between them is seen on coarser pixels, which are well known
-    few = np.clip(own[:, ::COARSER, ::COARSER] / np.float32(COARSER), -RANGE, RANGE)
-    coarse = in_space(*few[SLICES - 1 : SLICES + 2], ratio / COARSER, height)
-    correction = _correction(few, coarse, ratio / COARSER, height, True)
-    i, j = (np.arange(size) / COARSER for size in base.shape)
+    few = np.clip(own[:, ::coarser, ::coarser] / np.float32(coarser), -RANGE, RANGE)
+    coarse = in_space(*few[SLICES - 1 : SLICES + 2], ratio / coarser, height)
+    correction = _correction(few, coarse, ratio / coarser, height, True)
+    i, j = (np.arange(size) / coarser for size in base.shape)
     places = np.meshgrid(i, j, indexing="ij")
     moved = ndimage.map_coordinates(correction, places, np.float32, order=1, mode="nearest")
-    return (1 - share) * plain + share * (base + np.float32(COARSER) * moved)
+    return (1 - share) * plain + share * (base + np.float32(coarser) * moved)
+
+
+def _cubic(own: SingleArray, ratio: float, height: float) -> SingleArray:
+    """Distances (I, J) in space by a cubic between slices that are taken as even, monotone in each gap."""
+    # Fritsch and Carlson 1980; a straight line (Raya and Udupa 1990) has a kink at the slices
+    if height == 0:
+        return in_space(*own[SLICES - 1 : SLICES + 2], ratio, height)
+    low = SLICES if height > 0 else SLICES - 1
+    share = np.float32(height if height > 0 else 1 + height)
+    before, rise, after = np.diff(own[low - 1 : low + 3], axis=0)
+    slopes = []
+    for one, other in ((before, rise), (rise, after)):
+        same = one * other > 0
+        total = np.where(same, one + other, np.float32(1))
+        slopes.append(np.where(same, 2 * one * other / total, np.float32(0)))
+    s, t = share, 1 - share
+    plane = (1 + 2 * s) * t * t * own[low] + s * s * (3 - 2 * s) * own[low + 1]
+    plane = plane + s * t * (t * slopes[0] - s * slopes[1])
+    return np.asarray(plane / np.sqrt(1 + (rise / np.float32(ratio)) ** 2), np.float32)
 
 
 def _correction(own: SingleArray, base: SingleArray, ratio: float, height: float, exact: bool) -> SingleArray:
