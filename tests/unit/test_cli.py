@@ -128,9 +128,11 @@ def test_python_warns_of_labels_that_become_one_organ(here):
 
 
 def test_a_file_of_settings_is_followed(here, capsys):
-    (here / "corners.yaml").write_text("curves: {method: corners}\n")
+    (here / "smooth.yaml").write_text("surface: {smoothing: 30}\n")
     assert main(["surface", "liver.nii.gz", "-o", "a.ply"]) == 0
-    assert main(["surface", "liver.nii.gz", "-o", "b.ply", "--configfile", "corners.yaml"]) == 0
+    assert main(["surface", "liver.nii.gz", "-o", "b.ply", "--configfile", "smooth.yaml"]) == 0
+    assert main(["surface", "liver.nii.gz", "-o", "c.ply", "--smooth", "30"]) == 0
+    assert (here / "b.ply").read_bytes() == (here / "c.ply").read_bytes()
     assert (here / "a.ply").read_bytes() != (here / "b.ply").read_bytes()
 
 

@@ -98,7 +98,7 @@ def find_borders(sections: Sections, reach: IntArray | None = None) -> Borders:
     size = np.ceil(curves.points.max(axis=0)).astype(np.int64) + 1 - first
     slices, layer = np.unique(curves.slice, return_inverse=True)
     polygons = RaggedPolygons(curves.points - first, curves.offsets)
-    inside = rasterise_layers(polygons, layer, (len(slices), *map(int, size)))
+    inside = rasterise_layers(polygons, layer, (len(slices), int(size[0]), int(size[1])))
     if not inside.any():
         raise InputError(
             "curves", "no curve goes around the centre of a pixel", "check the contours and the grid"
@@ -124,7 +124,8 @@ def _of_mask(mask: BoolArray, origin: IntArray, spacing: FloatArray, reach: IntA
     if len(layers) == 0:
         raise InputError("curves", "there is no closed curve", "check the mask or the boundary maps")
     inside = mask.any(axis=0)
-    ends = np.array([np.flatnonzero(inside.any(axis=1 - axis))[[0, -1]] for axis in (0, 1)]).T + origin[1:]
+    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
+    ends = np.array([[rows[0], columns[0]], [rows[-1], columns[-1]]]) + origin[1:]
     first, last = _around(ends, reach)
     size = last + 1 - first
     at, skipped = np.maximum(origin[1:] - first, 0), np.maximum(first - origin[1:], 0)
@@ -143,9 +144,9 @@ def _of_polygons(curves: Curves, slices: IntArray, layer: IntArray, reach: IntAr
     ends = np.stack([np.floor(curves.points.min(axis=0)), np.ceil(curves.points.max(axis=0))])
     first, last = _around(ends.astype(np.int64), reach)
     spacing = curves.frame.pixel_spacing
-    shape = tuple(map(int, last + 1 - first))
-    moved = RaggedPolygons(curves.points - first, curves.offsets)
-    inside = rasterise_layers(moved, layer, (len(slices), *shape))
+    rows, columns = map(int, last + 1 - first)
+    moved = RaggedPolygons(np.asarray(curves.points - first, float), curves.offsets)
+    inside = rasterise_layers(moved, layer, (len(slices), rows, columns))
     in_mm = RaggedPolygons(moved.points * spacing, curves.offsets)
     distance = np.empty(inside.shape, np.float32)
     for number in range(len(slices)):
@@ -153,7 +154,7 @@ def _of_polygons(curves: Curves, slices: IntArray, layer: IntArray, reach: IntAr
         own = in_mm.take(here)
         distance[number] = to_polygons(inside[number], own, spacing, np.zeros(int(here.sum())))
     areas = np.abs(in_mm.signed_areas) * np.where(curves.hole, -1.0, 1.0)
-    return Borders(slices, distance, first, np.bincount(layer, areas, len(slices)), True)
+    return Borders(slices, distance, first, np.bincount(layer, areas, len(slices)).astype(float), True)
 
 
 def _around(ends: IntArray, reach: IntArray | None) -> tuple[IntArray, IntArray]:

@@ -120,9 +120,10 @@ def in_space(
     """
     up, down = np.abs(above - own), np.abs(own - below)
     if height == 0:
-        return own / np.sqrt(1 + (np.maximum(up, down) / ratio) ** 2)
+        return np.asarray(own / np.sqrt(1 + (np.maximum(up, down) / ratio) ** 2), np.float32)
     beside, rise = (above, up) if height > 0 else (below, down)
-    return ((1 - abs(height)) * own + abs(height) * beside) / np.sqrt(1 + (rise / ratio) ** 2)
+    between = (1 - abs(height)) * own + abs(height) * beside
+    return np.asarray(between / np.sqrt(1 + (rise / ratio) ** 2), np.float32)
 
 
 @dataclass(frozen=True, eq=False)

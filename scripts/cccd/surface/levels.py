@@ -147,32 +147,32 @@ def _below_pixels(own: SingleArray, ratio: float, height: float, exact: bool) ->
     """Distances (I, J) above the middle one of some slices, in pixels; see `in_space`."""
     share = np.float32(np.interp(ratio, ASKED_RATIOS, (1, 0)))
     coarser = int(np.ceil(ratio / MOST_RATIO))
-    plain = _cubic(own, ratio, height) if share < 1 else np.float32(0)
     if share == 0:
-        return plain
+        return _cubic(own, ratio, height)
     seen = np.clip(own, -RANGE, RANGE)
-    base = in_space(*seen[SLICES - 1 : SLICES + 2], ratio, height)
+    base = in_space(seen[SLICES - 1], seen[SLICES], seen[SLICES + 1], ratio, height)
     if coarser == 1:
         return base + _correction(seen, base, max(ratio, LEAST_RATIO), height, exact)
     # slices lie so far apart that what changes between them is seen on coarser pixels, which are well known
     few = np.clip(own[:, ::coarser, ::coarser] / np.float32(coarser), -RANGE, RANGE)
-    coarse = in_space(*few[SLICES - 1 : SLICES + 2], ratio / coarser, height)
+    coarse = in_space(few[SLICES - 1], few[SLICES], few[SLICES + 1], ratio / coarser, height)
     correction = _correction(few, coarse, ratio / coarser, height, True)
     i, j = (np.arange(size) / coarser for size in base.shape)
     places = np.meshgrid(i, j, indexing="ij")
     moved = ndimage.map_coordinates(correction, places, np.float32, order=1, mode="nearest")
-    return (1 - share) * plain + share * (base + np.float32(coarser) * moved)
+    asked = base + np.float32(coarser) * moved
+    return asked if share == 1 else share * asked + (1 - share) * _cubic(own, ratio, height)
 
 
 def _cubic(own: SingleArray, ratio: float, height: float) -> SingleArray:
     """Distances (I, J) in space by a cubic between slices that are taken as even, monotone in each gap."""
     # Fritsch and Carlson 1980; a straight line (Raya and Udupa 1990) has a kink at the slices
     if height == 0:
-        return in_space(*own[SLICES - 1 : SLICES + 2], ratio, height)
+        return in_space(own[SLICES - 1], own[SLICES], own[SLICES + 1], ratio, height)
     low = SLICES if height > 0 else SLICES - 1
     share = np.float32(height if height > 0 else 1 + height)
     before, rise, after = np.diff(own[low - 1 : low + 3], axis=0)
-    slopes = []
+    slopes: list[SingleArray] = []
     for one, other in ((before, rise), (rise, after)):
         same = one * other > 0
         total = np.where(same, one + other, np.float32(1))

@@ -37,8 +37,8 @@ def distances_of_probabilities(
     level = np.float32(0.5) - stack.values.astype(np.float32)
     slope = _slope(level, np.array([frame.slice_spacing, *frame.pixel_spacing]))
     first = np.asarray(stack.origin, np.int64)
-    ahead = origin - first[1:]
-    rows, columns = (np.arange(size) + by for size, by in zip(contours.shape[1:], ahead, strict=True))
+    rows = np.arange(contours.shape[1]) + int(origin[0] - first[1])
+    columns = np.arange(contours.shape[2]) + int(origin[1] - first[2])
     out = np.empty_like(contours)
     for number, height in enumerate(z / frame.slice_spacing - first[0]):
         places = np.meshgrid(np.full(1, height), rows, columns, indexing="ij")

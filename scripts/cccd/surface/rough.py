@@ -16,6 +16,9 @@ from cccd.surface.surface import LoftedSurface
 
 __all__ = ["RoughSolid", "counts", "loft_rough", "warnings_of"]
 
+#: Waves of this many pixels and shorter go before walls are shared: what is left there bends their rims.
+WAVE_PIXELS = 10.0
+
 
 @dataclass(frozen=True, eq=False)
 class RoughSolid:
@@ -58,7 +61,7 @@ def loft_rough(stack: SliceStack, wave: float | None = None) -> RoughSolid:
     wave : float, optional
         Length in mm of the longest waves that are taken off.
     """
-    return RoughSolid(smooth_mesh(stack, wave), stack)
+    return RoughSolid(smooth_mesh(stack, WAVE_PIXELS * stack.pixel if wave is None else wave), stack)
 
 
 def counts(mesh: Mesh, stack: SliceStack) -> dict[str, Any]:

@@ -180,16 +180,16 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
     breaks = np.flatnonzero(gaps > every * settings.bridge_slices) + 1
     if annotation is not None:
         breaks = breaks[:0]
-    height = borders.slices * frame.slice_spacing
+    height: FloatArray = np.asarray(borders.slices * frame.slice_spacing, float)
     voxel = np.array([step, *frame.pixel_spacing])
-    slices = Slices(height.astype(float), borders.distance, frame.pixel_spacing)
+    slices = Slices(height, borders.distance, frame.pixel_spacing)
     z, values = _all_levels(borders, slices, step, breaks, ends)
     probable = 0.0
     if sections.probability is not None:
         probable = float(np.interp(step / slices.pixel, PROBABLE_RATIOS, (1.0, 0.0)))
     if probable > 0 and sections.probability is not None:
         level = distances_of_probabilities(sections.probability, frame, borders.origin, z, values)
-        values = np.float32(1 - probable) * values + np.float32(probable) * level
+        values = np.asarray((1 - probable) * values + probable * level, np.float32)
     warnings: list[str] = []
     if annotation is not None:
         guides = guide_lines(annotation, values.shape[1:], frame, borders.origin)

@@ -149,10 +149,9 @@ def equal_maps(tables: Tables) -> str:
 def _present(rows: pd.DataFrame) -> str:
     """Say how many of the damaged maps the paper's present network has right, and what bounds it."""
     damaged = rows[rows["split"].str.startswith("damaged")].set_index("split")
-    trained = damaged.loc["damaged"].sort_values("training_maps")
+    trained = pd.DataFrame(damaged.loc["damaged"]).sort_values("training_maps")
     shares = [f"{row['correct']:.2f} after {row['training_maps']:,.0f} maps" for _, row in trained.iterrows()]
-    bounds = (damaged.loc[f"damaged, {name}", "correct"] for name in ("no network", "true links"))
-    none, true = (float(share) for share in bounds)
+    none, true = (float(damaged["correct"][f"damaged, {name}"]) for name in ("no network", "true links"))
     return (
         f"of the same {trained['maps'].iloc[0]:.0f} maps it has {' and '.join(shares)} right, {none:.2f} "
         f"without a network, {true:.2f} with the true links"

@@ -244,23 +244,23 @@ def _layer(body: _Body, heights: Array) -> Array:
 def _of_masks(masks: Array) -> Array:
     """Distances (S, I, J) to the borders of pixels."""
     planes = np.empty(masks.shape)
-    for plane, mask in zip(planes, masks, strict=True):
+    for number, mask in enumerate(masks):
         if mask.all() or not mask.any():
-            plane[:] = -RANGE if mask.all() else RANGE
+            planes[number] = -RANGE if mask.all() else RANGE
         else:
             away, inside = ndimage.distance_transform_edt(~mask), ndimage.distance_transform_edt(mask)
-            plane[:] = np.where(mask, 0.5 - inside, away - 0.5)
+            planes[number] = np.where(mask, 0.5 - inside, away - 0.5)
     return planes
 
 
 def _exact(values: Array) -> Array:
     """Distances (S, I, J) to where values vanish within their slice: by slope, by thirds of pixels beyond."""
     planes = np.empty(values.shape)
-    for plane, layer in zip(planes, values, strict=True):
+    for number, layer in enumerate(values):
         finer = ndimage.zoom(layer, (3 * (WIDE - 1) + 1) / WIDE, order=1, grid_mode=False) < 0
         far = _of_masks(finer[None])[0][::3, ::3] / 3
         slope = np.maximum(np.hypot(*np.gradient(layer)), 1e-6)
-        plane[:] = np.where(np.abs(far) < 0.7, np.clip(layer / slope, -1, 1), far)
+        planes[number] = np.where(np.abs(far) < 0.7, np.clip(layer / slope, -1, 1), far)
         if np.abs(far).min() >= RANGE / 3:  # nothing on this slice
-            plane[:] = np.where(layer < 0, -RANGE, RANGE)
+            planes[number] = np.where(layer < 0, -RANGE, RANGE)
     return planes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -45,11 +45,15 @@ class DistanceModel(nn.Module):
         )
         self.last = nn.Parameter(torch.zeros(WIDTHS[-1], 1))
         self.biases = nn.ParameterList([nn.Parameter(torch.zeros(conditions, n)) for n in (*WIDTHS, 1)])
-        self.register_buffer("slot", torch.tensor(OFFSETS[:, 0] + SLICES))
+
+    @staticmethod
+    def slot() -> Tensor:
+        """Which slice (F,) each value that is seen is of."""
+        return torch.tensor(OFFSETS[:, 0] + SLICES)
 
     def forward(self, seen: Tensor, base: Tensor, basis: Tensor) -> Tensor:
         """Distances (C, N) of places (C, N, F) under conditions (C, B)."""
-        gain = torch.einsum("cb,bqsh->cqsh", basis, self.gain)[:, :, self.slot]
+        gain = torch.einsum("cb,bqsh->cqsh", basis, self.gain)[:, :, self.slot()]
         values = torch.bmm(seen, (self.first * gain).sum(dim=1))
         for matrix, bias in zip([*self.layers, self.last], self.biases[:-1], strict=True):
             values = torch.relu(values + (basis @ bias)[:, None]) @ matrix
@@ -96,8 +100,8 @@ def train(
         optimiser.step()
         mean.update_parameters(model)
         if told is not None:
-            told(step, float(loss.detach()), mean.module)
-    return mean.module
+            told(step, float(loss.detach()), cast("DistanceModel", mean.module))
+    return cast("DistanceModel", mean.module)
 
 
 def _batch(samples: Sequence[Sample], rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
@@ -126,4 +130,4 @@ def save_weights(model: DistanceModel, path: Path) -> None:
     names = ["bias", *(f"bias{n}" for n in range(len(model.layers))), "last_bias"]
     out |= dict(zip(names, model.biases, strict=True))
     halves = {name: value.detach().numpy().astype(np.float16) for name, value in out.items()}
-    np.savez_compressed(path, **halves)
+    np.savez_compressed(path, allow_pickle=False, **halves)

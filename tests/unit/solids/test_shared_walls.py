@@ -8,10 +8,11 @@ from manifold3d import Manifold, Mesh64
 from nibabel.loadsave import load
 
 from cccd.containers import Frame, Structure
+from cccd.contours import trace_contours
 from cccd.geometry.mesh import Mesh
-from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
 from cccd.solids.shared_walls import Organ, share_walls
+from cccd.surface import loft_before_walls
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "dicom_totalseg_liver20" / "labels.nii.gz"
 CENTRE = np.array([15.6, 15.3, 15.8])
@@ -51,7 +52,8 @@ def organs_of(labels, affine=None, axis=2):
     for label in range(1, int(labels.max()) + 1):
         mask = labels == label
         structure = Structure("case", f"organ{label}", frame, np.zeros(3, np.int64), mask=mask)
-        surface = reconstruct_mask(structure, LoftSettings())
+        sections = structure.sections(trace_contours(structure)[0])
+        surface = loft_before_walls(sections, LoftSettings())
         found[label] = Organ(f"organ{label}", structure, surface.mesh)
     return found
 
