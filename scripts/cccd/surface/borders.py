@@ -124,7 +124,7 @@ def _of_mask(mask: BoolArray, origin: IntArray, spacing: FloatArray, reach: IntA
     if len(layers) == 0:
         raise InputError("curves", "there is no closed curve", "check the mask or the boundary maps")
     inside = mask.any(axis=0)
-    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
+    rows, columns = np.flatnonzero(inside.any(axis=-1)), np.flatnonzero(inside.any(axis=0))
     ends = np.array([[rows[0], columns[0]], [rows[-1], columns[-1]]]) + origin[1:]
     first, last = _around(ends, reach)
     size = last + 1 - first

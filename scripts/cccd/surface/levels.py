@@ -157,11 +157,11 @@ def _below_pixels(own: SingleArray, ratio: float, height: float, exact: bool) ->
     few = np.clip(own[:, ::coarser, ::coarser] / np.float32(coarser), -RANGE, RANGE)
     coarse = in_space(few[SLICES - 1], few[SLICES], few[SLICES + 1], ratio / coarser, height)
     correction = _correction(few, coarse, ratio / coarser, height, True)
-    i, j = (np.arange(size) / coarser for size in base.shape)
-    places = np.meshgrid(i, j, indexing="ij")
+    places: FloatArray = np.indices(base.shape).astype(float) / coarser
     moved = ndimage.map_coordinates(correction, places, np.float32, order=1, mode="nearest")
     asked = base + np.float32(coarser) * moved
-    return asked if share == 1 else share * asked + (1 - share) * _cubic(own, ratio, height)
+    mixed = asked if share == 1 else share * asked + (1 - share) * _cubic(own, ratio, height)
+    return np.asarray(mixed, np.float32)
 
 
 def _cubic(own: SingleArray, ratio: float, height: float) -> SingleArray:

@@ -37,11 +37,11 @@ def distances_of_probabilities(
     level = np.float32(0.5) - stack.values.astype(np.float32)
     slope = _slope(level, np.array([frame.slice_spacing, *frame.pixel_spacing]))
     first = np.asarray(stack.origin, np.int64)
-    rows = np.arange(contours.shape[1]) + int(origin[0] - first[1])
-    columns = np.arange(contours.shape[2]) + int(origin[1] - first[2])
+    places: FloatArray = np.indices((1, *contours.shape[1:])).astype(float)
+    places[1:] += (origin - first[1:])[:, None, None, None]
     out = np.empty_like(contours)
     for number, height in enumerate(z / frame.slice_spacing - first[0]):
-        places = np.meshgrid(np.full(1, height), rows, columns, indexing="ij")
+        places[0] = height
         values = ndimage.map_coordinates(level, places, np.float32, order=1, mode="grid-constant", cval=0.5)[
             0
         ]
