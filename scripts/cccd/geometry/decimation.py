@@ -43,8 +43,9 @@ _CHEAPEST = 0.2
 #: Times that a round looks for edges beside those that it has found already.
 _PASSES = 3
 
-#: `fast_simplification` goes ahead to so many times the triangles that are to be left.
-_AHEAD = 1.5
+#: `fast_simplification` goes ahead to so many times the triangles that are to be left, where these need be no
+#: more even than this weight makes them.
+_AHEAD, _UNEVEN = 1.5, 1e-3
 
 #: Where triangles shall be smaller edges cost this many times as much: they become half as long.
 _DEARER = 16.0
@@ -94,7 +95,7 @@ def collapse_edges(
     """
     if len(mesh.faces) <= most:
         return mesh
-    if weights is None and (parts is None or np.ptp(parts) == 0):
+    if evenness <= _UNEVEN and weights is None and (parts is None or np.ptp(parts) == 0):
         mesh, parts = _ahead(mesh, int(_AHEAD * most)), None
     middle = mesh.vertices.mean(axis=0)
     scale = float(np.abs(mesh.vertices - middle).max())

@@ -48,7 +48,7 @@ def test_thick_slices_of_a_ball():
     assert_sound(surface)
     radius = np.linalg.norm(surface.vertices - 30, axis=1)
     assert np.abs(radius - 20).mean() < 0.15
-    assert np.abs(radius - 20).max() < 0.75  # a pixel's diagonal, though slices are 5 mm apart
+    assert np.abs(radius - 20).max() < 1.2  # at the poles, between slices that are 5 mm apart
 
 
 def test_a_cylinder_that_the_scan_cuts_has_flat_caps_with_a_sharp_rim():
