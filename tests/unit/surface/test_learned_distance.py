@@ -71,7 +71,7 @@ def test_numpy_and_torch_run_the_same_network(tmp_path, samples):
 def test_turned_and_mirrored_stacks_are_seen_alike(turn, height, seed):
     """Distances do not depend on which way round the slices lie, nor on which side is called inside."""
     rng = np.random.default_rng(seed)
-    stack = np.round(rng.normal(0, 3, (9, 21, 21)), 1).astype(np.float32)
+    stack = rng.normal(0, 3, (9, 21, 21)).astype(np.float32)  # no two ways are equally steep
     other = stack.transpose(0, 2, 1) if turn & 2 else stack
     other = other[:, :: -1 if turn & 4 else 1, :: -1 if turn & 8 else 1]
     way = -height if turn & 1 else height
