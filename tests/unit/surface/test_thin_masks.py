@@ -24,8 +24,7 @@ def test_no_voxel_of_a_thin_mask_is_lost(name):
     mask, affine = made
     surface = cccd.reconstruct(mask, affine)
     assert surface.lofted.mesh.is_closed_manifold
-    if name != "ribs of one voxel":  # these touch by corners and cross themselves, and a warning says so
-        assert len(surface.lofted.mesh.self_intersections()) == 0
+    assert len(surface.lofted.mesh.self_intersections()) == 0
     count, farthest = wrong_voxels(surface.lofted.mesh, mask, affine)
     assert count == 0
     assert farthest <= 0.75
