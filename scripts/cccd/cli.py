@@ -239,7 +239,7 @@ def _add_surface(commands: Any) -> None:
     _add_band(surface)
     surface.add_argument(
         "--smooth", type=float, metavar="MM",
-        help="smooth away waves of this length and shorter; ten pixels by default",
+        help="smooth away waves of this length and shorter; eight pixels by default",
     )  # fmt: skip
     surface.add_argument(
         "--triangles", type=int, metavar="N", help="the mesh has N triangles of about one size"

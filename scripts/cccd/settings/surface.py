@@ -72,7 +72,7 @@ class LoftSettings(Section):
 
     smoothing: float | None = setting(
         None,
-        "waves of this length and shorter are smoothed away; null: ten pixels",
+        "waves of this length and shorter are smoothed away; null: eight pixels",
         why="Shorter ones leave the steps of pixels, longer ones take detail.",
         unit="mm",
         gt=0,

@@ -21,7 +21,7 @@ from cccd.tolerances import SHRUNK_PART
 __all__ = ["MOST_OFFSET", "smooth_mesh"]
 
 #: Waves of this many pixels and shorter go. Shorter ones leave steps of pixels; longer ones cost detail.
-WAVE_PIXELS = 10.0
+WAVE_PIXELS = 8.0
 #: Degree of the filter's polynomial: how sharply waves are parted.
 ROUNDS = 30
 #: Edges of an isosurface are this long, in pixels, on the mean.

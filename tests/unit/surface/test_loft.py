@@ -277,8 +277,8 @@ def test_measures_of_a_ball(whole_ball):
     assert figures["assd_mm"] < 0.15
     assert figures["closed_manifold"]
     assert figures["self_intersections"] == 0
-    # both principal curvatures of a ball are 1 / R; what is left of the pixels adds a fifth
-    assert 2 / 20 < figures["curvature_per_area_mm"] < 1.25 * 2 / 20
+    # both principal curvatures of a ball are 1 / R; what is left of the pixels adds up to .3
+    assert 2 / 20 < figures["curvature_per_area_mm"] < 1.3 * 2 / 20
 
 
 @settings(max_examples=15, deadline=None)
