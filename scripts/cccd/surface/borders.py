@@ -5,7 +5,7 @@ The border of a mask is that of its pixels, so that nothing that a slice shows i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -105,17 +105,13 @@ def find_borders(sections: Sections, reach: IntArray | None = None) -> Borders:
         )
     if through_pixel_centres(curves):
         found = _of_mask(inside, np.array([0, *first]), curves.frame.pixel_spacing, reach)
-        return Borders(slices[found.slices].astype(np.int64), *_rest(found))
+        return replace(found, slices=slices[found.slices].astype(np.int64))
     return _of_polygons(curves, slices.astype(np.int64), layer, reach)
 
 
 def through_pixel_centres(curves: Curves) -> bool:
     """Report whether these are pixel chains (every point an integer), not drawn contours."""
     return bool(np.array_equal(curves.points, np.rint(curves.points)))
-
-
-def _rest(found: Borders) -> tuple[SingleArray, IntArray, FloatArray, bool]:
-    return found.distance, found.origin, found.areas, found.exact
 
 
 def _of_mask(mask: BoolArray, origin: IntArray, spacing: FloatArray, reach: IntArray | None) -> Borders:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,7 +19,7 @@ from cccd.surface.levels import levels_of_slices
 from cccd.surface.moving_branches import move_branches
 from cccd.surface.probability import distances_of_probabilities
 from cccd.surface.sampled import SampledDistance
-from cccd.surface.undrawn import GuideLine, guide_lines, guides_reach, shape_undrawn
+from cccd.surface.undrawn import guide_lines, guides_reach, shape_undrawn
 
 __all__ = ["SliceStack", "interpolate_slices", "label_parts"]
 
@@ -192,8 +191,7 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
         values = np.asarray((1 - probable) * values + probable * level, np.float32)
     warnings: list[str] = []
     if annotation is not None:
-        guides = guide_lines(annotation, values.shape[1:], frame, borders.origin)
-        z, values, warnings = _shaped(z, values, slices, frame, guides, step)
+        z, values, warnings = _shaped(z, values, slices, annotation, frame, borders.origin, step)
     cut_heights = ends.heights(height, frame.slice_spacing)
     z, values = _running_on(z, values, cut_heights, slices.pixel)
     return SliceStack(
@@ -290,13 +288,18 @@ def _fields(z: FloatArray, values: SingleArray, slices: Slices) -> tuple[list[Le
 
 
 def _shaped(
-    z: FloatArray, values: SingleArray, slices: Slices, frame: Frame, guides: Sequence[GuideLine], step: float
+    z: FloatArray,
+    values: SingleArray,
+    slices: Slices,
+    annotation: Annotation,
+    frame: Frame,
+    origin: IntArray,
+    step: float,
 ) -> tuple[FloatArray, SingleArray, list[str]]:
     """Shape levels between slices of which only some were drawn: ends of parts, and planes across."""
     fields, inner = _fields(z, values, slices)
-    ends = (0.0, (frame.shape[frame.slice_axis] - 1) * frame.slice_spacing)
-    half = frame.slice_spacing / 2
-    cut = bool(abs(slices.z[0] - ends[0]) < half), bool(abs(slices.z[-1] - ends[1]) < half)
+    cut = _Ends.of(frame, step, annotation).cut(slices.z)
+    guides = guide_lines(annotation, values.shape[1:], frame, origin)
     rounded = round_ends(fields, slices.distance, slices.spacing, step, cut, slices.pixel, guides)
     below = [level for level in rounded if level.z < slices.z[0] - SAME_HEIGHT]
     above = [level for level in rounded if level.z > slices.z[-1] + SAME_HEIGHT]

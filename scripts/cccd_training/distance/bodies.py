@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from cccd.geometry.distance import to_mask
 from cccd.surface.learned_distance import (
     LEAST_RATIO,
     MOST_RATIO,
@@ -248,8 +249,7 @@ def _of_masks(masks: Array) -> Array:
         if mask.all() or not mask.any():
             planes[number] = -RANGE if mask.all() else RANGE
         else:
-            away, inside = ndimage.distance_transform_edt(~mask), ndimage.distance_transform_edt(mask)
-            planes[number] = np.where(mask, 0.5 - inside, away - 0.5)
+            planes[number] = to_mask(mask, np.ones(2))
     return planes
 
 
