@@ -88,7 +88,8 @@ class ControlMesh:
         if np.linalg.det(affine[:3, :3]) > 0:
             return self.moved(vertices)
         quads = np.ascontiguousarray(self.quads[:, ::-1])
-        return ControlMesh(vertices, quads, self.creases, self.sharpness)
+        mirrored = {times: sampler.mirrored() for times, sampler in self._samplers.items()}
+        return ControlMesh(vertices, quads, self.creases, self.sharpness, mirrored)
 
     def rounded(self, tolerance: float) -> ControlMesh:
         """Round coordinates to a power of two, by at most ``tolerance``: bits that are zero pack well."""
@@ -167,6 +168,10 @@ class Sampler:
 
     matrix: csr_array
     triangles: IntArray
+
+    def mirrored(self) -> Sampler:
+        """Return the same points with triangles that face the other way."""
+        return Sampler(self.matrix, np.ascontiguousarray(self.triangles[:, ::-1]))
 
     @classmethod
     def of(cls, mesh: ControlMesh, times: int) -> Sampler:

@@ -10,7 +10,7 @@ import numpy as np
 
 from cccd.containers import Frame
 from cccd.geometry.mesh import Mesh
-from cccd.surface.smooth_mesh import smooth_mesh
+from cccd.surface.smooth_mesh import cut_at_ends, smooth_mesh
 from cccd.surface.stack import SliceStack
 from cccd.surface.surface import LoftedSurface
 
@@ -61,7 +61,8 @@ def loft_rough(stack: SliceStack, wave: float | None = None) -> RoughSolid:
     wave : float, optional
         Length in mm of the longest waves that are taken off.
     """
-    return RoughSolid(smooth_mesh(stack, WAVE_PIXELS * stack.pixel if wave is None else wave), stack)
+    mesh = smooth_mesh(stack, WAVE_PIXELS * stack.pixel if wave is None else wave)
+    return RoughSolid(cut_at_ends(mesh, stack.distance), stack)
 
 
 def counts(mesh: Mesh, stack: SliceStack) -> dict[str, Any]:

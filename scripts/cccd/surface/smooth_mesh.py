@@ -13,12 +13,11 @@ from cccd.geometry.arrays import FloatArray
 from cccd.geometry.booleans import between_planes
 from cccd.geometry.mesh import Mesh
 from cccd.surface.checks import lost_voxels
-from cccd.surface.control_mesh import on_caps
 from cccd.surface.sampled import SampledDistance
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import SHRUNK_PART
 
-__all__ = ["MOST_OFFSET", "smooth_mesh"]
+__all__ = ["MOST_OFFSET", "cut_at_ends", "smooth_mesh", "volume_between"]
 
 #: Waves of this many pixels and shorter go. Shorter ones leave steps of pixels; longer ones cost detail.
 WAVE_PIXELS = 8.0
@@ -36,6 +35,8 @@ VOLUME_ROUNDS = 2
 NEXT_TO_CUT = 0.2
 #: Rounds in which lost voxels are given back, and how far around them in pixels the filter does less.
 MENDING_ROUNDS, MENDED_PIXELS = 3, 3.0
+#: A branch as thin as a voxel is a thread where its area shrank to this share, averaged over neighbours.
+THREAD, AREA_ROUNDS = 0.3, 2
 
 
 def smooth_mesh(stack: SliceStack, wave: float | None = None) -> Mesh:
@@ -50,7 +51,8 @@ def smooth_mesh(stack: SliceStack, wave: float | None = None) -> Mesh:
     Returns
     -------
     Mesh
-        Closed, oriented outwards, in the plane's mm and height in mm; cut by planes where the scan ends.
+        Closed, oriented outwards, in the plane's mm and height in mm. It runs on where the scan ends; see
+        `cut_at_ends`.
 
     Notes
     -----
@@ -65,31 +67,35 @@ def smooth_mesh(stack: SliceStack, wave: float | None = None) -> Mesh:
     smooth = rough.low_passed(band, ROUNDS)
     if stack.held_volume is not None:
         smooth = _of_volume(smooth, stack.held_volume, distance)
-    return _cut_at_ends(_mended(smooth, rough, stack), distance)
+    return _mended(smooth, rough, stack)
 
 
 def _of_volume(mesh: Mesh, volume: float, distance: SampledDistance) -> Mesh:
     """Move a mesh along its normals until it holds a volume in mm^3, by no more than `MOST_OFFSET`."""
     moved, most = 0.0, MOST_OFFSET * distance.pixel
     for _ in range(VOLUME_ROUNDS):
-        cut = _cut_at_ends(Mesh(mesh.vertices + moved * mesh.vertex_normals, mesh.faces), distance)
-        wall = cut.area - float(cut.face_areas[on_caps(cut, distance.ends)].sum())
-        moved = float(np.clip(moved + (volume - cut.volume) / max(wall, 1e-9), -most, most))
+        there = Mesh(mesh.vertices + moved * mesh.vertex_normals, mesh.faces)
+        missing = volume - volume_between(there, distance.ends)
+        moved = float(np.clip(moved + missing / max(_area_between(there, distance.ends), 1e-9), -most, most))
     return Mesh(mesh.vertices + moved * mesh.vertex_normals, mesh.faces)
 
 
 def _mended(smooth: Mesh, rough: Mesh, stack: SliceStack) -> Mesh:
-    """Go back towards the rough mesh where voxels of slices lie on the wrong side of the smooth one."""
+    """Go back towards the rough mesh where the smooth one shrank to threads, or loses voxels of slices."""
     kept = np.zeros(len(rough.vertices))
     mesh, reach = smooth, MENDED_PIXELS * stack.pixel
-    for _ in range(MENDING_ROUNDS):
-        places, far = lost_voxels(_cut_at_ends(mesh, stack.distance), stack)
-        if len(places) == 0:
+    area, before = (one.averages(one.vertex_areas, [AREA_ROUNDS])[0] for one in (smooth, rough))
+    places: FloatArray = rough.vertices[area < THREAD * before]
+    far = np.zeros(len(places))
+    for _ in range(1 + MENDING_ROUNDS):
+        if len(places):
+            away, nearest = cKDTree(places).query(rough.vertices)
+            near = 1 - np.clip((away - far[nearest]) / reach, 0, 1)
+            kept = np.maximum(kept, near * near * (3 - 2 * near))
+            mesh = Mesh(smooth.vertices + kept[:, None] * (rough.vertices - smooth.vertices), rough.faces)
+        places, far = lost_voxels(mesh, stack)
+        if not len(places):
             break
-        away, nearest = cKDTree(places).query(rough.vertices)
-        near = 1 - np.clip((away - far[nearest]) / reach, 0, 1)
-        kept = np.maximum(kept, near * near * (3 - 2 * near))
-        mesh = Mesh(smooth.vertices + kept[:, None] * (rough.vertices - smooth.vertices), rough.faces)
     return mesh
 
 
@@ -100,8 +106,46 @@ def without_small(mesh: Mesh, stack: SliceStack) -> Mesh:
     return Mesh.joined([piece for n, piece in enumerate(pieces) if n == 0 or abs(piece.volume) >= least])
 
 
-def _cut_at_ends(mesh: Mesh, distance: SampledDistance) -> Mesh:
-    """Cut a mesh by planes where the scan ends."""
+def volume_between(mesh: Mesh, ends: tuple[float, float]) -> float:
+    """Volume in mm^3 of a closed mesh between two heights in mm, infinite without a plane.
+
+    By the divergence theorem, of a field across the planes that is zero below, height above the lower plane
+    between them, and the same all over beyond.
+
+    Examples
+    --------
+    >>> corner = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+    >>> tetrahedron = Mesh(corner, np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]))
+    >>> round(6 * volume_between(tetrahedron, (0.5, np.inf)), 9)
+    0.125
+    """
+    if not np.isfinite(ends).any():
+        return mesh.volume
+    height, up = np.sort(mesh.vertices[mesh.faces, 2], axis=1), mesh.face_normals[:, 2] / 2
+    return float(up @ (_mean_above(height, ends[0]) - _mean_above(height, ends[1])))
+
+
+def _mean_above(height: FloatArray, plane: float) -> FloatArray:
+    """Mean over triangles (F,) of how far they are above a plane, zero below; their heights (F, 3) ascend."""
+    if plane == np.inf:
+        return np.zeros(len(height))
+    if plane == -np.inf:
+        return height.mean(axis=1)
+    a, b, c = np.asarray(height - plane).T
+    tip = np.maximum(c, 0) ** 3 / np.maximum(3 * (c - a) * (c - b), 1e-30)
+    foot = np.maximum(-a, 0) ** 3 / np.maximum(3 * (b - a) * (c - a), 1e-30)
+    mean = (a + b + c) / 3
+    return np.select([a >= 0, c <= 0, b <= 0], [mean, np.zeros(len(mean)), tip], mean + foot)
+
+
+def _area_between(mesh: Mesh, ends: tuple[float, float]) -> float:
+    """Area in mm^2 of the triangles whose middles lie between two heights."""
+    middle = mesh.vertices[mesh.faces, 2].mean(axis=1)
+    return float(mesh.face_areas[(middle > ends[0]) & (middle < ends[1])].sum())
+
+
+def cut_at_ends(mesh: Mesh, distance: SampledDistance) -> Mesh:
+    """Cut a closed mesh by planes where the scan ends, and close it by planar caps."""
     if not np.isfinite(distance.ends).any():
         return mesh
     vertices: FloatArray = mesh.vertices.copy()

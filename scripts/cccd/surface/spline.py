@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from cccd.containers import Frame
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.decimation import weigh_more
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.surface.checks import check_surface, lost_voxels
 from cccd.surface.control_mesh import (
-    SAME_HEIGHT,
     control_mesh,
     fewer_triangles,
     on_caps,
@@ -24,7 +23,7 @@ from cccd.surface.control_mesh import (
     with_caps,
 )
 from cccd.surface.rough import counts, warnings_of
-from cccd.surface.smooth_mesh import smooth_mesh
+from cccd.surface.smooth_mesh import cut_at_ends, smooth_mesh, volume_between
 from cccd.surface.spline_fit import Target, fit_spline
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
 from cccd.surface.surface import LoftedSurface
@@ -40,6 +39,8 @@ DENSITY = 0.1
 AROUND = 1.3
 #: ... and by the square of the height where the scan cuts on both sides: a triangle reaches from rim to rim.
 ACROSS = 2.0
+#: Triangles for each edge of a rim where the scan cuts: with fewer it bulges over the edges beside it.
+RIM = 2.0
 #: Fewest triangles of a surface.
 FEWEST = 60
 #: The coarse mesh has at most an nth of the triangles that it is made of: bronchi of two pixels have an
@@ -49,6 +50,8 @@ COARSER = 5
 SPARE = 8
 #: Band and rounds of the filter that leaves the curvature of the organ alone, for the number of triangles.
 CALM_BAND, CALM_ROUNDS = 0.05, 30
+#: Curvature times a pixel's edge that counts at most: a thread of less than a pixel needs no more triangles.
+MOST_CURVED = 2.0
 #: Rounds of averaging the curvature with that of the neighbours.
 CURVATURE_ROUNDS = 4
 #: Rounds of finer quads where the surface lies off the mesh by so many pixels, loses a voxel or folds ...
@@ -63,8 +66,6 @@ EQUILATERAL = np.sqrt(3) / 4
 DRAWN = 2
 #: ... and one less (8 for each) where there are more quads than this, which would give 2 million triangles.
 LARGE = 62_500
-#: Moves that give the spline the mesh's volume.
-VOLUME_ROUNDS = 2
 #: Control points are rounded so many times finer where that keeps the surface from crossing itself.
 FINER = 64
 
@@ -141,16 +142,17 @@ def loft_spline(stack: SliceStack, wave: float | None = None) -> SplineSolid:
         Length in mm of the longest waves that are taken off; see `cccd.surface.smooth_mesh`.
     """
     mesh, ends = smooth_mesh(stack, wave), stack.distance.ends
-    caps = on_caps(mesh, ends)
-    wall = Mesh(mesh.vertices, mesh.faces[~caps]).compact()
-    bent, area = _curvature(wall.low_passed(CALM_BAND, CALM_ROUNDS))
-    # only what the scan cuts has rims
-    rim = open_edges(wall.faces) if caps.any() else np.zeros((0, 2), np.int64)
+    bent, area = _curvature(mesh.low_passed(CALM_BAND, CALM_ROUNDS))
+    bent = np.minimum(bent, MOST_CURVED / stack.pixel)
+    area *= (mesh.vertices[:, 2] > ends[0]) & (mesh.vertices[:, 2] < ends[1])
     least = np.full(len(area), ACROSS / (ends[1] - ends[0]) ** 2)
-    density = np.maximum(least, np.maximum(DENSITY * bent / stack.pixel, AROUND * bent**2))
-    finest = max(FEWEST, len(mesh.faces) // COARSER, _triangles(wall, rim, area, least))
-    most = min(finest, max(FEWEST, _triangles(wall, rim, area, density)))
-    spline = _fit_and_refine(mesh, wall, (most, finest), stack)
+    density = np.maximum(least, np.maximum(AROUND * bent**2, DENSITY * bent / stack.pixel))
+    target, cut = Target.of(mesh), cut_at_ends(mesh, stack.distance)
+    caps = _cap_triangles(cut, ends, density, target)
+    finest = caps + max(FEWEST, len(mesh.faces) // COARSER, round(float(least @ area)))
+    most = min(finest, caps + max(FEWEST, round(float(density @ area))))
+    fine = fewer_triangles(cut, SPARE * most, ends)
+    spline = _fit_and_refine(fine, target, (most, finest), stack)
     return SplineSolid(spline, spline.tessellate(_drawn(spline)), stack)
 
 
@@ -169,57 +171,50 @@ def _curvature(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
     return np.divide(bent, around, out=np.zeros(count), where=around > 0), area
 
 
-def _triangles(wall: Mesh, rim: IntArray, area: FloatArray, density: FloatArray) -> int:
-    """How many triangles so dense a wall has, with its caps: one for each edge (E, 2) of their rims."""
-    lengths = np.linalg.norm(wall.vertices[rim[:, 0]] - wall.vertices[rim[:, 1]], axis=1)
-    return round(float(density @ area + lengths @ np.sqrt(EQUILATERAL * density[rim].mean(axis=1))))
+def _cap_triangles(cut: Mesh, ends: tuple[float, float], density: FloatArray, target: Target) -> int:
+    """How many triangles the caps of a mesh need, as dense (V,) as it is: some for each edge of a rim."""
+    caps = on_caps(cut, ends)
+    if not caps.any():
+        return 0
+    rim = open_edges(cut.faces[~caps])
+    lengths = np.linalg.norm(cut.vertices[rim[:, 0]] - cut.vertices[rim[:, 1]], axis=1)
+    there = density[target.tree.query(cut.vertices[rim].mean(axis=1))[1]]
+    return round(RIM * float(lengths @ np.sqrt(EQUILATERAL * there)))
 
 
-def _fit_and_refine(mesh: Mesh, wall: Mesh, triangles: tuple[int, int], stack: SliceStack) -> ControlMesh:
-    """Fit a spline to a mesh, without its caps a wall, with finer quads where it is amiss."""
+def _fit_and_refine(fine: Mesh, target: Target, triangles: tuple[int, int], stack: SliceStack) -> ControlMesh:
+    """Fit a spline that begins with some triangles of a mesh, with finer quads where it is amiss."""
     ends = stack.distance.ends
+    volume = volume_between(target.mesh, ends)
     most, finest = triangles
-    fine = fewer_triangles(mesh, min(len(mesh.faces), SPARE * most), ends)
-    weights, target = np.ones(len(fine.vertices)), Target.of(wall)
+    weights = np.ones(len(fine.vertices))
     best: tuple[int, ControlMesh] | None = None
     for attempt in range(1 + REFINEMENTS + CROSSING_REFINEMENTS):
-        start, coarse = control_mesh(fine, most, ends, weights)
+        start, coarse = control_mesh(fine, most, ends, weights if attempt else None)
         fit = fit_spline(start, target)
         refined = attempt >= REFINEMENTS or most >= finest
-        drawn = with_caps(fit.spline, ends).tessellate(1)
-        wrong = _amiss(drawn, target, stack) if not refined else np.zeros(len(drawn.faces), np.bool_)
-        if not wrong.any():
-            for _ in range(VOLUME_ROUNDS):  # caps do not move, and rims only within their planes
-                closed = with_caps(fit.spline, ends).tessellate(_drawn(start))
-                fit.move((mesh.volume - closed.volume) / wall.area)
-            simple = fit.untangle(_drawn(start))
-            spline = with_caps(fit.spline, ends)
-            if simple:
-                return spline
-            drawn = spline.tessellate(1)
-            wrong[drawn.self_intersections().ravel()] = True
-            if best is None or wrong.sum() < best[0]:
-                best = int(wrong.sum()), spline
-            if most >= finest:
+        places = np.zeros((0, 3)) if refined else _amiss(fit.spline, target, stack)
+        if not len(places):
+            fit.hold(volume, _drawn(start))
+            places = fit.untangle(_drawn(start))
+            if best is None or len(places) < best[0]:
+                best = len(places), fit.spline
+            if not len(places) or most >= finest:
                 break
         there = np.zeros(len(coarse.faces), np.bool_)
-        there[nearest_faces(drawn.vertices[np.unique(drawn.faces[wrong])], coarse)] = True
+        there[nearest_faces(places, coarse)] = True
         weigh_more(weights, fine, coarse, there)
         most = min(len(coarse.faces) + 3 * int(there.sum()), finest)
     assert best is not None
-    return best[1]
+    return with_caps(best[1], ends)
 
 
-def _amiss(drawn: Mesh, target: Target, stack: SliceStack) -> BoolArray:
-    """Which triangles (F,) lie off the mesh that they were fitted to, are folded, or are near lost voxels."""
+def _amiss(spline: ControlMesh, target: Target, stack: SliceStack) -> FloatArray:
+    """Places (P, 3) where a spline lies off the mesh that it was fitted to, is folded, or loses a voxel."""
+    wall = spline.tessellate(1)
+    off = np.abs(target.away(wall.vertices, wall.vertex_normals)[0]) > MOST_OFF * stack.pixel
+    _, angles, _, _, beside = wall.dihedrals
+    folded = wall.faces[beside[angles > FOLD].ravel()].ravel()
     ends = stack.distance.ends
-    cap = on_caps(drawn, ends, SAME_HEIGHT)
-    off = np.abs(target.away(drawn.vertices, drawn.vertex_normals)[0]) > MOST_OFF * stack.pixel
-    amiss = off[drawn.faces].any(axis=1) & ~cap
-    _, angles, _, _, beside = drawn.dihedrals
-    sharp = beside[angles > FOLD]
-    amiss[sharp[cap[sharp[:, 0]] == cap[sharp[:, 1]]]] = True
-    places, _ = lost_voxels(drawn, stack)
-    if len(places):
-        amiss[nearest_faces(places, drawn)] = True
-    return amiss
+    lost, _ = lost_voxels(with_caps(spline, ends).tessellate(1), stack)
+    return np.concatenate([wall.vertices[off], wall.vertices[folded], lost])

@@ -47,26 +47,26 @@ class Target:
 
     Attributes
     ----------
-    vertices, normals : (V, 3) float64
+    mesh : Mesh
+        Without planar caps: it runs on where the scan ends.
     tree : cKDTree
-        Of the vertices.
+        Of its vertices.
     """
 
-    vertices: FloatArray
-    normals: FloatArray
+    mesh: Mesh
     tree: cKDTree
 
     @classmethod
     def of(cls, mesh: Mesh) -> Target:
-        """Take a mesh without its planar caps."""
-        return cls(mesh.vertices, mesh.vertex_normals, cKDTree(mesh.vertices))
+        """Take a mesh."""
+        return cls(mesh, cKDTree(mesh.vertices))
 
     def away(self, points: FloatArray, normals: FloatArray) -> tuple[FloatArray, BoolArray]:
         """How far (P,) the mesh is from points (P, 3) along normals, and whether it faces as they do."""
         nearest = self.tree.query(points)[1]
-        plane = self.normals[nearest]
+        plane = self.mesh.vertex_normals[nearest]
         cosine = np.einsum("pc,pc->p", plane, normals)
-        off = np.einsum("pc,pc->p", self.vertices[nearest] - points, plane)
+        off = np.einsum("pc,pc->p", self.mesh.vertices[nearest] - points, plane)
         return off / np.maximum(cosine, 0.5), np.asarray(cosine > FACING, np.bool_)
 
 
@@ -120,7 +120,19 @@ class SplineFit:
         """Move the surface outwards by so many mm; rims stay in their planes."""
         self.points = self.points + by * self._normals(self.sampling @ self.points)[: len(self.points)]
 
-    def untangle(self, times: int) -> bool:
+    def hold(self, volume: float, times: int) -> None:
+        """Move the surface until it holds so many mm^3, looked at after so many subdivisions at last.
+
+        By the divergence theorem, of a field along the planes where the scan cuts: none flows through them.
+        """
+        for subdivisions in (SAMPLED, SAMPLED, times):
+            sampler = self.wall.sampler(subdivisions)
+            drawn = Mesh(sampler.matrix @ self.points, sampler.triangles)
+            middle = drawn.vertices[drawn.faces, :2].mean(axis=1)
+            held = float(np.einsum("fc,fc->", middle, drawn.face_normals[:, :2])) / 4
+            self.move((volume - held) / drawn.area)
+
+    def untangle(self, times: int) -> FloatArray:
         """Move control points where the surface passes through itself; the best of some rounds stays.
 
         They go back to where they began and, where it crosses there too, towards their neighbours' means.
@@ -132,12 +144,12 @@ class SplineFit:
 
         Returns
         -------
-        bool
-            Whether it passes nowhere through itself any more.
+        (P, 3) float64
+            Places where it still passes through itself.
         """
         sampler = self.wall.sampler(times)
         triangles = MovingTriangles(sampler.triangles)
-        fewest, best = np.inf, self.points
+        fewest, best, places = np.inf, self.points, np.zeros((0, 3))
         for back in (True, False):
             points, moving = best, np.zeros(len(best), np.bool_)
             for _ in range(1 + UNTANGLING_ROUNDS):
@@ -145,14 +157,15 @@ class SplineFit:
                 number, near = len(pairs), _moving(sampler, pairs)
                 if number < fewest:
                     fewest, best = number, points
+                    places = (sampler.matrix @ points)[sampler.triangles[pairs[:, 0], 0]]
                 if not number:
                     self.points = best
-                    return True
+                    return places
                 moving |= near
                 target = self.wall.vertices if back else self.neighbours @ points
                 points = np.where(moving[:, None], (points + target) / 2, points)
         self.points = best
-        return False
+        return places
 
     def _normals(self, samples: FloatArray) -> FloatArray:
         """Give unit normals (P, 3), on a rim within the plane of its cap."""

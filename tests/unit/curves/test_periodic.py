@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
@@ -25,6 +25,7 @@ def test_least_squares_is_that_of_the_wrapped_design_matrix(seed, count):
     design = BSpline.design_matrix(u, knots, 3).toarray()
     wrapped = design[:, :count].copy()
     wrapped[:, :3] += design[:, count:]
+    assume(np.linalg.cond(wrapped) < 100)  # what the points do not tell the ridge decides
     best = points - wrapped @ np.linalg.lstsq(wrapped, points)[0]
     found = points - wrapped @ periodic.least_squares(knots, count, points, u)
     assert np.sum(found**2) == pytest.approx(np.sum(best**2), rel=1e-5)
