@@ -165,7 +165,7 @@ def _ahead(mesh: Mesh, most: int) -> Mesh:
 
 @dataclass
 class _Edges:
-    """Edges (E,) that may collapse, cheapest first: their ends, and the points that they become."""
+    """Edges (E,) that may collapse: their ends, and the points that they become."""
 
     u: IntArray
     v: IntArray
@@ -218,15 +218,18 @@ class _Collapsing:
     def round(self, most: int, evenness: float) -> bool:
         """Collapse at most so many edges, none beside another, and say whether any did."""
         around = _Around(self.faces, len(self.points))
-        edges = self._edges(evenness)
-        chosen = self._apart(edges.take(slice(max(1, int(_CHEAPEST * len(edges.u))))), around, _PASSES)
+        edges, cost = self._edges(evenness)
+        cheap = np.argpartition(cost, min(int(_CHEAPEST * len(cost)), len(cost) - 1))
+        cheap = cheap[: max(1, int(_CHEAPEST * len(cost)))]
+        cheap = cheap[np.lexsort((cheap, cost[cheap]))]
+        chosen = self._apart(edges.take(cheap), around, _PASSES)
         if not len(chosen.u):  # what was too dear may do
-            chosen = self._apart(edges, around, len(edges.u))
+            chosen = self._apart(edges.take(np.argsort(cost, kind="stable")), around, len(edges.u))
         self._merge(chosen.take(slice(most)))
         return bool(len(chosen.u))
 
-    def _edges(self, evenness: float) -> _Edges:
-        """All edges that keep the lines between parts."""
+    def _edges(self, evenness: float) -> tuple[_Edges, FloatArray]:
+        """All edges that keep the lines between parts, and their costs (E,)."""
         starts, ends = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
         once = starts < ends
         u, v = starts[once], ends[once]
@@ -235,8 +238,7 @@ class _Collapsing:
             both[both] = ~self._along_lines(u[both], v[both])
             u, v = u[~both], v[~both]
         cost, to = self._cost(u, v, evenness)
-        order = np.argsort(cost, kind="stable")
-        return _Edges(u[order], v[order], to[order])
+        return _Edges(u, v, to), cost
 
     def _along_lines(self, u: IntArray, v: IntArray) -> BoolArray:
         """Whether edges with both ends on lines between parts are of one themselves."""
