@@ -79,14 +79,14 @@ class Made(NamedTuple):
     fixed: bool
 
 
-def _padded(mask: np.ndarray, affine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def with_margin(mask: np.ndarray, affine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Add empty voxels around a mask, and move the affine along."""
     start = affine.copy()
     start[:3, 3] -= affine[:3, :3] @ np.full(3, _MARGIN)
     return np.pad(mask, _MARGIN), start
 
 
-def _isosurface(values: np.ndarray, level: float) -> vtk.vtkPolyData:
+def isosurface(values: np.ndarray, level: float) -> vtk.vtkPolyData:
     """Isosurface in voxel indices, by flying edges."""
     edges = vtk.vtkFlyingEdges3D()
     edges.SetInputData(to_image(values.astype(np.float32)))
@@ -141,7 +141,7 @@ def by_windowed_sinc(mask: np.ndarray, affine: np.ndarray) -> Iterator[Made]:
     affine : (4, 4) float
         Of the mask's indices.
     """
-    padded, start = _padded(mask, affine)
+    padded, start = with_margin(mask, affine)
     steps = np.linalg.norm(affine[:3, :3], axis=0)
     fill = max(1, round(steps[2] / steps[0]))
     finer = start.copy()
@@ -149,9 +149,9 @@ def by_windowed_sinc(mask: np.ndarray, affine: np.ndarray) -> Iterator[Made]:
     for method in (EDGES, DISTANCES):
         began = time.process_time()
         if method == EDGES:
-            surface, matrix = _isosurface(padded, 0.5), start
+            surface, matrix = isosurface(padded, 0.5), start
         else:
-            surface, matrix = _isosurface(_slice_distances(padded, fill), 0.0), finer
+            surface, matrix = isosurface(_slice_distances(padded, fill), 0.0), finer
         base = time.process_time() - began
         for band in BANDS:
             for rounds in ROUNDS:
@@ -170,7 +170,7 @@ def by_slicer(mask: np.ndarray, affine: np.ndarray) -> Iterator[Made]:
     edges of labels (or surface nets without their own smoothing), no decimation, windowed sinc, all in voxel
     indices.
     """
-    padded, start = _padded(mask, affine)
+    padded, start = with_margin(mask, affine)
     labels = padded.astype(np.uint8)
     for method in (SLICER_EDGES, SLICER_NETS):
         began = time.process_time()
@@ -201,7 +201,7 @@ def by_niimath(mask: np.ndarray, affine: np.ndarray) -> Iterator[Made]:
     """Mesh a mask by ``niimath -mesh`` at its defaults, all parts kept; nothing where it is not installed."""
     if not has_niimath():
         return
-    padded, start = _padded(mask, affine)
+    padded, start = with_margin(mask, affine)
     with tempfile.TemporaryDirectory() as folder:
         given, made = Path(folder) / "mask.nii", Path(folder) / "mesh.ply"
         nibabel.save(nibabel.Nifti1Image(padded.astype(np.uint8), start), given)

@@ -25,8 +25,6 @@ __all__ = ["Violation", "check_surface", "check_walls", "lost_voxels"]
 
 #: On a slice the surface lies within so many pixels of the slice's outline.
 ON_SLICE = 0.75
-#: ... and where it lies farther off, it lies at least this share of that off the nearest vertex's plane.
-PLANE_SHARE = 0.5
 #: The surface holds the slices' volume but for this share.
 VOLUME = 0.005
 
@@ -148,10 +146,8 @@ def lost_voxels(mesh: Mesh, stack: SliceStack) -> tuple[FloatArray, FloatArray]:
         at = np.argwhere(within != (distance < 0))
         found.append(np.column_stack([at * slices.spacing, np.full(len(at), z)]))
     places = np.concatenate(found)
-    if len(places):  # the nearest vertex is quickly found, and no nearer than the surface
-        away, nearest = cKDTree(mesh.vertices).query(places)
-        off = np.einsum("pc,pc->p", places - mesh.vertices[nearest], mesh.vertex_normals[nearest])
-        places = places[(away > most) & (np.abs(off) > PLANE_SHARE * most)]
+    # the nearest vertex is quickly found, and no nearer than the surface
+    places = places[cKDTree(mesh.vertices).query(places)[0] > most] if len(places) else places
     far = unsigned_to_mesh(places, mesh) if len(places) else np.zeros(0)
     wrong = far > most
     return places[wrong], far[wrong]

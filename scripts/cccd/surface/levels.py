@@ -88,8 +88,8 @@ def levels_of_slices(
     values = np.stack([_estimated(stack, level, exact) for level in levels])
     on_slices = np.flatnonzero([level.height == 0 for level in levels])
     if not exact and len(levels) == len(on_slices):
-        own = slice(int(not cut[0]), int(not cut[0]) + len(z))
-        values[own] = _of_cubes(values[own], planes < 0, np.array([step, *spacing]) / pixel, cut)
+        inside = stack[first : last + 1] < 0
+        values = _of_cubes(values, inside, np.array([step, *spacing]) / pixel, cut)
     for low, high in itertools.pairwise(on_slices):
         _change_sign_once(values[low : high + 1])
     return np.array([level.z for level in levels]) * pixel, values * np.float32(pixel)
@@ -104,18 +104,19 @@ def _of_cubes(
     """
     if edges.max() > CUBES * edges.min():
         return values
-    ends = [REACH if goes_on else 0 for goes_on in cut]
-    own, longer = slice(ends[0], ends[0] + len(inside)), np.pad(inside, (ends, (0, 0), (0, 0)), mode="edge")
+    beyond = [
+        np.repeat(inside[[end]] & goes_on, REACH, axis=0) for end, goes_on in zip((0, -1), cut, strict=True)
+    ]
+    own, longer = slice(REACH, REACH + len(inside)), np.concatenate([beyond[0], inside, beyond[1]])
     total, count = values.copy(), np.ones(values.shape, np.float32)
     for axis in (1, 2):
         planes, known = np.moveaxis(longer, axis, 0), np.moveaxis(values, axis, 0)
         asked = np.abs(known) < ASKED_AGAIN
         summed, counted = np.moveaxis(total, axis, 0), np.moveaxis(count, axis, 0)
-        shown = np.flatnonzero(planes.any(axis=(1, 2)))
         stack = np.full((len(planes) + 2 * SLICES, *planes.shape[1:]), RANGE, np.float32)
-        for number in shown:
+        for number in np.flatnonzero(planes.any(axis=(1, 2))):
             stack[number + SLICES] = np.minimum(to_mask(planes[number], np.delete(edges, axis)), RANGE)
-        for number in shown:
+        for number in np.flatnonzero(asked.any(axis=(1, 2))):
             near = np.maximum(stack[number : number + 2 * SLICES + 1], -RANGE)
             base = in_space(near[SLICES - 1], near[SLICES], near[SLICES + 1], 1.0, 0.0)
             base[own][~asked[number]] = RANGE

@@ -21,14 +21,15 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
-from cccd.surface.learned_distance import RANGE, SLICES
+from cccd.surface.learned_distance import RANGE, REACH
 from cccd.surface.sampled import NODE_MARGIN, SampledDistance
 from cccd.surface.stack import interpolate_slices
 
 __all__ = ["LEAST_SLAB", "Piece", "Window", "find_window", "loft_slabs"]
 
-#: Distances depend on so many slices beyond theirs: `cccd.surface.learned_distance` looks no further.
-_OVERLAP_SLICES = SLICES + 1
+#: Distances depend on so many slices beyond theirs. Of cubes the stacks across these count, too: there
+#: `cccd.surface.learned_distance` looks so far, at distances that go no further.
+_OVERLAP_SLICES = REACH + int(RANGE) + 1
 
 #: Pairs of steps, and their factors, by which a mesh is smoothed without shrinking (Taubin 1995): these take
 #: the steps of pixels off, and pass what is longer than about ten of them ...

@@ -19,8 +19,9 @@ from cccd.tolerances import SHRUNK_PART
 
 __all__ = ["MOST_OFFSET", "cut_at_ends", "smooth_mesh", "volume_between"]
 
-#: Waves of this many pixels and shorter go. Shorter ones leave steps of pixels; longer ones cost detail.
-WAVE_PIXELS = 8.0
+#: Waves of this many pixels and shorter go, or of this many slice distances. Shorter ones leave steps of
+#: pixels, and ripples between slices that are far apart; longer ones cost detail.
+WAVE_PIXELS, WAVE_SLICES = 8.0, 3.0
 #: Degree of the filter's polynomial: how sharply waves are parted.
 ROUNDS = 30
 #: Edges of an isosurface are this long, in pixels, on the mean.
@@ -46,7 +47,8 @@ def smooth_mesh(stack: SliceStack, wave: float | None = None) -> Mesh:
     ----------
     stack : SliceStack
     wave : float, optional
-        Length in mm of the longest waves that are taken off; by default `WAVE_PIXELS`.
+        Length in mm of the longest waves that are taken off; by default `WAVE_PIXELS`, or `WAVE_SLICES` where
+        these are longer.
 
     Returns
     -------
@@ -62,7 +64,7 @@ def smooth_mesh(stack: SliceStack, wave: float | None = None) -> Mesh:
     """
     distance, pixel = stack.distance, stack.pixel
     rough = without_small(distance.zero_surface(), stack)
-    wave = WAVE_PIXELS * pixel if wave is None else wave
+    wave = max(WAVE_PIXELS * pixel, WAVE_SLICES * stack.step) if wave is None else wave
     band = min((np.pi * EDGE_PIXELS * pixel / max(wave, 1e-6)) ** 2, WIDEST_BAND)
     smooth = rough.low_passed(band, ROUNDS)
     if stack.held_volume is not None:

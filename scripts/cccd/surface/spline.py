@@ -42,7 +42,7 @@ ACROSS = 2.0
 #: Triangles for each edge of a rim where the scan cuts: with fewer it bulges over the edges beside it.
 RIM = 2.0
 #: Fewest triangles of a surface.
-FEWEST = 60
+FEWEST = 100
 #: The coarse mesh has at most an nth of the triangles that it is made of: bronchi of two pixels have an
 #: eighth of them, and what needs more is noise.
 COARSER = 5
@@ -58,6 +58,8 @@ CURVATURE_ROUNDS = 4
 REFINEMENTS, MOST_OFF = 1, 0.25
 #: ... and further ones where it passes through itself: narrow gaps need quads no wider than they are.
 CROSSING_REFINEMENTS = 2
+#: Where voxels are lost the coarse mesh may have so many times the triangles that it has at most elsewhere.
+LOST_FINER = 2
 #: A surface folds where it turns by more than this (radians) from a triangle to the next.
 FOLD = 1.6
 #: Area of a triangle whose edges are 1.
@@ -192,8 +194,10 @@ def _fit_and_refine(fine: Mesh, target: Target, triangles: tuple[int, int], stac
     for attempt in range(1 + REFINEMENTS + CROSSING_REFINEMENTS):
         start, coarse = control_mesh(fine, most, ends, weights if attempt else None)
         fit = fit_spline(start, target)
-        refined = attempt >= REFINEMENTS or most >= finest
-        places = np.zeros((0, 3)) if refined else _amiss(fit.spline, target, stack)
+        lost = _lost(fit.spline, stack) if attempt < REFINEMENTS else np.zeros((0, 3))
+        places = lost
+        if attempt < REFINEMENTS and most < finest:
+            places = np.concatenate([lost, _amiss(fit.spline, target, stack)])
         if not len(places):
             fit.hold(volume, _drawn(start))
             places = fit.untangle(_drawn(start))
@@ -204,17 +208,20 @@ def _fit_and_refine(fine: Mesh, target: Target, triangles: tuple[int, int], stac
         there = np.zeros(len(coarse.faces), np.bool_)
         there[nearest_faces(places, coarse)] = True
         weigh_more(weights, fine, coarse, there)
-        most = min(len(coarse.faces) + 3 * int(there.sum()), finest)
+        most = min(len(coarse.faces) + 3 * int(there.sum()), finest * (LOST_FINER if len(lost) else 1))
     assert best is not None
     return with_caps(best[1], ends)
 
 
 def _amiss(spline: ControlMesh, target: Target, stack: SliceStack) -> FloatArray:
-    """Places (P, 3) where a spline lies off the mesh that it was fitted to, is folded, or loses a voxel."""
+    """Places (P, 3) where a spline lies off the mesh that it was fitted to, or is folded."""
     wall = spline.tessellate(1)
     off = np.abs(target.away(wall.vertices, wall.vertex_normals)[0]) > MOST_OFF * stack.pixel
     _, angles, _, _, beside = wall.dihedrals
     folded = wall.faces[beside[angles > FOLD].ravel()].ravel()
-    ends = stack.distance.ends
-    lost, _ = lost_voxels(with_caps(spline, ends).tessellate(1), stack)
-    return np.concatenate([wall.vertices[off], wall.vertices[folded], lost])
+    return np.concatenate([wall.vertices[off], wall.vertices[folded]])
+
+
+def _lost(spline: ControlMesh, stack: SliceStack) -> FloatArray:
+    """Places (P, 3) of voxels that lie on the wrong side of a spline."""
+    return lost_voxels(with_caps(spline, stack.distance.ends).tessellate(1), stack)[0]

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame, Sections, Structure
-from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
@@ -74,7 +73,6 @@ def test_one_row_per_method(structure):
         curves,
         surface,
         IsosurfaceSettings(methods=[*METHODS, *OF_POINTS]),
-        CurveSettings(),
         LoftSettings(),
     )
     expected = ["CCCD", *METHODS, *(OF_POINTS if has_open3d() else [])]

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame, Structure
-from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
 from cccd_paper.comparisons.thick_slices import every_nth_slice, thick_slice_experiment
@@ -29,7 +28,7 @@ def test_kept_slices_stay_where_they_were(origin):
 
 def test_the_experiment_measures_against_the_full_resolution():
     settings = ThickSliceSettings(spacings_mm=[5.0, 5.2, 40.0])
-    table = thick_slice_experiment(ellipsoid(), settings, CurveSettings(), LoftSettings())
+    table = thick_slice_experiment(ellipsoid(), settings, LoftSettings())
     assert table["every_nth"].unique().tolist() == [5]  # 5.2 is the same multiple, 40 leaves no shape
     assert table["method"].value_counts()["CCCD"] == 1
     assert {"flying edges + windowed sinc", "anti-aliased binary + windowed sinc"} <= set(table["method"])
@@ -43,4 +42,4 @@ def test_the_experiment_measures_against_the_full_resolution():
 def test_without_a_mask_there_is_nothing_to_compare():
     structure = ellipsoid()
     structure.mask = None
-    assert thick_slice_experiment(structure, ThickSliceSettings(), CurveSettings(), LoftSettings()).empty
+    assert thick_slice_experiment(structure, ThickSliceSettings(), LoftSettings()).empty
