@@ -121,7 +121,7 @@ def test_the_surface_lies_in_the_world(surface):
 def test_a_file_gives_what_its_array_gives_and_every_format_is_the_registry_s(surface, tmp_path):
     nibabel.save(nibabel.Nifti1Image(ball().astype(np.uint8) * 5, AFFINE), tmp_path / "organ.nii.gz")
     read = cccd.reconstruct(cccd.read(tmp_path / "organ.nii.gz", 5))
-    # the header keeps single precision of the affine; control points are rounded, and may be rounded elsewhere
+    # the header keeps single precision of the affine, and control points may be rounded elsewhere
     assert np.array_equal(read.faces, surface.faces)
     assert np.allclose(read.vertices, surface.vertices, atol=2 * CONTROL_POINT_PIXELS)
     assert cccd.labels(tmp_path / "organ.nii.gz") == {"5": ""}

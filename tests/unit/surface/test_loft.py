@@ -189,7 +189,8 @@ def test_one_slice_is_a_lens():
     mask[:, :, :30] = mask[:, :, 31:] = False
     surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
     assert_sound(surface)
-    assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.001)
+    # control points are rounded by up to .8 % of its thickness
+    assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.002)
 
 
 def test_a_single_triangle_is_enough():
