@@ -100,13 +100,12 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
     for rising in (False, True):
         changed = fixed.copy()
         for _ in range(MOST_ROUNDS):
-            corners = cells[:, None] + _CORNERS
-            here = labels[tuple(corners.reshape(-1, 3).T)].reshape(-1, 8)
+            here = _corner_labels(labels, cells)
             pinched = [(found, which) for found, which in _pinched(here) if len(found)]
             if not pinched:
                 return labels, 0
             moves = [
-                _cheapest(corners[found], which, here[found], changed, cost, rising)
+                _cheapest(cells[found, None] + _CORNERS, which, here[found], changed, cost, rising)
                 for found, which in pinched
             ]
             nodes, new = (np.concatenate(part) for part in zip(*moves, strict=True))
@@ -120,9 +119,14 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
             # as numbers: rows would sort twenty times as slowly
             keys = [np.ravel_multi_index(tuple(some.T), labels.shape) for some in (still, near)]
             cells = np.column_stack(np.unravel_index(np.union1d(*keys), labels.shape))
-    corners = cells[:, None] + _CORNERS
-    here = labels[tuple(corners.reshape(-1, 3).T)].reshape(-1, 8)
-    return labels, sum(len(found) for found, _ in _pinched(here))
+    return labels, sum(len(found) for found, _ in _pinched(_corner_labels(labels, cells)))
+
+
+def _corner_labels(labels: LabelArray, cells: IntArray) -> LabelArray:
+    """Labels (C, 8) of the corners of cells (C, 3)."""
+    first = np.ravel_multi_index(tuple(cells.T), labels.shape)
+    steps = np.ravel_multi_index(tuple(_CORNERS.T), labels.shape)
+    return np.stack([labels.ravel()[first + step] for step in steps], axis=1)
 
 
 def _cheapest(

@@ -17,16 +17,18 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from cccd.bands import Calibration, estimate_band
 from cccd.bands.signs import Slices
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
-from cccd.geometry.arrays import FloatArray, IntArray, offsets_of
-from cccd.geometry.collisions import MovingTriangles
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, offsets_of
+from cccd.geometry.collisions import MovingTriangles, passing_pairs
 from cccd.geometry.conforming import ConformingSurface, low_passed
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.surface_nets import split_again, surface_nets, well_composed
+from cccd.geometry.wall_decimation import simplified
 from cccd.inputs.annotation import with_undrawn_filled
 from cccd.settings.surface import LoftSettings
 from cccd.solids.label_fields import LabelFields, box_of, gathered, label_sections, level_blocks
@@ -53,6 +55,10 @@ WAVE_PIXELS = 8.0
 ROUNDS = 30
 #: The filter moves a vertex at most by so many pixels: what is one voxel thin keeps its voxels.
 MOST_SMOOTHED = 0.5
+#: mm: vertices so near to where the scan ends lie there.
+SAME_PLANE = 1e-9
+#: Triangles lie within so many pixels of the walls.
+TOLERANCE = 0.05
 #: Walls move by at most so many pixels to give every organ the volume of its voxels.
 MOST_OFFSET = 0.5
 #: Moves that do.
@@ -61,6 +67,8 @@ VOLUME_ROUNDS = 2
 VOLUME = 0.01
 #: Times that vertices of triangles that pass through each other go halfway back.
 UNFOLDING_ROUNDS = 10
+#: What lies within so many edges of them is looked at again; vertices move by less.
+UNFOLDING_REACH = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,15 +269,18 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     at_end = _at_end(rough, fields)
     wave = WAVE_PIXELS * pixel if settings.smoothing is None else settings.smoothing
     smooth = _held(rough, low_passed(rough, wave, ROUNDS), at_end, MOST_SMOOTHED * pixel)
-    walls = _inside(split_again(replace(rough, vertices=smooth)), fields.beyond)
-    moved = _with_volumes(walls, fields.volumes, at_end, MOST_OFFSET * pixel)
-    smooth, passing = _unfolded(replace(walls, vertices=moved), rough.vertices)
+    walls = _of_organs(split_again(replace(rough, vertices=smooth)), fields.beyond)
+    walls = replace(walls, vertices=_unfolded(walls, rough.vertices)[0])
+    del rough, smooth, at_end
+    walls = _with_ends(simplified(walls, TOLERANCE * pixel), fields.beyond, frame.ends)
+    moved = _with_volumes(walls, fields.volumes, frame.ends, MOST_OFFSET * pixel)
+    moved, passing = _unfolded(replace(walls, vertices=moved), walls.vertices)
     regions = np.array([0, *labels])[walls.regions]
     alone = np.setdiff1d(regions, [0, *np.unique(regions[regions.min(axis=1) > 0])])
     kept = ~np.isin(regions, alone).any(axis=1)
     numbers = {label: number for number, label in enumerate(labels, 1) if label not in alone}
     names = {label: fields.structures[number].organ for label, number in numbers.items()}
-    surface = ConformingSurface(smooth, walls.triangles[kept], regions[kept], names)
+    surface = ConformingSurface(moved, walls.triangles[kept], regions[kept], names)
     facts = {label: fields.facts[number] for label, number in numbers.items()}
     return SharedWalls(_in_world(surface, frame, fields.first), facts, pinched, passing)
 
@@ -305,21 +316,32 @@ def _held(rough: ConformingSurface, smooth: FloatArray, at_end: FloatArray, most
     return held
 
 
-def _inside(surface: ConformingSurface, beyond: int) -> ConformingSurface:
-    """Walls without those of what lies past the ends of the scan, which are the outside."""
+def _of_organs(surface: ConformingSurface, beyond: int) -> ConformingSurface:
+    """Walls without those between the outside and what lies past the ends of the scan."""
+    kept = ~np.isin(surface.regions, [0, beyond]).all(axis=1)
+    return replace(surface, triangles=surface.triangles[kept], regions=surface.regions[kept])
+
+
+def _with_ends(surface: ConformingSurface, beyond: int, ends: tuple[float, float]) -> ConformingSurface:
+    """Walls at which what lies past the ends of the scan is the outside, and that are planes there."""
+    vertices, past = surface.vertices.copy(), (surface.regions == beyond).any(axis=1)
+    on_cap = np.unique(surface.triangles[past])
+    vertices[on_cap, 2] = np.where(vertices[on_cap, 2] < sum(ends) / 2, *ends)
     regions = np.where(surface.regions == beyond, 0, surface.regions)
-    kept = regions.max(axis=1) > 0
-    turned = regions[kept, 0] < regions[kept, 1]  # normals leave the larger label
-    triangles, regions = surface.triangles[kept], regions[kept]
-    triangles = np.where(turned[:, None], triangles[:, ::-1], triangles)
-    return replace(surface, triangles=triangles, regions=np.where(turned[:, None], regions[:, ::-1], regions))
+    turned = (regions[:, 0] < regions[:, 1])[:, None]  # normals leave the larger label
+    triangles = np.where(turned, surface.triangles[:, ::-1], surface.triangles)
+    return replace(
+        surface, vertices=vertices, triangles=triangles, regions=np.where(turned, regions[:, ::-1], regions)
+    )
 
 
 def _in_world(surface: ConformingSurface, frame: Frame, first: IntArray) -> ConformingSurface:
     """Walls in mm RAS; normals still leave the larger label."""
     moved = Mesh(surface.vertices, surface.triangles).transformed(_plane_to_world(frame, first))
-    used, triangles = np.unique(moved.faces, return_inverse=True)
-    return replace(surface, vertices=moved.vertices[used], triangles=triangles.reshape(-1, 3))
+    used = np.zeros(len(moved.vertices), np.bool_)
+    used[moved.faces] = True
+    number = np.cumsum(used) - 1  # quicker than sorting
+    return replace(surface, vertices=moved.vertices[used], triangles=number[moved.faces])
 
 
 def _plane_to_world(frame: Frame, first: IntArray) -> FloatArray:
@@ -412,20 +434,21 @@ def _moved(structure: Structure, frame: Frame) -> Structure:
 
 
 def _with_volumes(
-    surface: ConformingSurface, wanted: FloatArray, at_end: FloatArray, most: float
+    surface: ConformingSurface, wanted: FloatArray, ends: tuple[float, float], most: float
 ) -> FloatArray:
     """Vertices (V, 3) moved along their walls' normals so that every organ holds the volume of its voxels.
 
-    A wall moves by what one of its organs gains less what the other does, at most by ``most`` mm.
+    A wall moves by what one of its organs gains less what the other does, at most by ``most`` mm; what lies
+    at the heights ``ends`` of the scan's ends stays there.
     """
-    vertices, level = surface.vertices, ~np.isnan(at_end)
+    vertices = surface.vertices
+    level: BoolArray = np.min(np.abs(vertices[:, 2:] - np.array(ends)), axis=1) < SAME_PLANE
     first, second = surface.regions.T
-    count, fixed = len(wanted), level[surface.triangles].all(axis=1)
+    count, fixed = len(wanted), np.all(level[surface.triangles], axis=1)
     gained = np.zeros(len(first))
     for _ in range(VOLUME_ROUNDS):
         mesh = Mesh(vertices, surface.triangles)
-        corners = mesh.vertices[mesh.faces]
-        volume = np.einsum("fx,fx->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+        volume = np.einsum("fx,fx->f", vertices[surface.triangles[:, 0]], mesh.face_normals) / 6
         held = np.bincount(first, volume, count) - np.bincount(second, volume, count)
         missing = np.where(np.isnan(wanted), 0, wanted - held)
         area = np.where(fixed, 0.0, mesh.face_areas)
@@ -455,14 +478,21 @@ def _unfolded(surface: ConformingSurface, before: FloatArray) -> tuple[FloatArra
     Returns them and how many pairs of triangles still do.
     """
     vertices = surface.vertices.copy()
-    moving = MovingTriangles(surface.triangles)
+    pairs = passing_pairs(vertices, surface.triangles)
+    if len(pairs) == 0:
+        return vertices, 0
+    edges = surface.vertices[surface.edges[0]]
+    reach = UNFOLDING_REACH * float(np.linalg.norm(edges[:, 0] - edges[:, 1], axis=1).mean())
+    centres = vertices[surface.triangles[pairs.ravel()]].mean(axis=1)
+    near = cKDTree(centres).query(vertices, distance_upper_bound=reach)[0] < reach
+    triangles = surface.triangles[near[surface.triangles].any(axis=1)]
+    moving = MovingTriangles(triangles)
     for _ in range(UNFOLDING_ROUNDS):
         pairs = moving.passing_pairs(vertices)
         if len(pairs) == 0:
-            return vertices, 0
+            break
         folded = np.zeros(len(vertices), bool)
-        folded[surface.triangles[pairs.ravel()]] = True
-        around = surface.triangles[folded[surface.triangles].any(axis=1)]
-        folded[around] = True
+        folded[triangles[pairs.ravel()]] = True
+        folded[triangles[folded[triangles].any(axis=1)]] = True
         vertices[folded] = (vertices[folded] + before[folded]) / 2
     return vertices, len(moving.passing_pairs(vertices))
