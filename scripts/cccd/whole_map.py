@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -23,7 +24,7 @@ from cccd.inputs.label_maps import MapLabel, list_map
 from cccd.inputs.load import existing
 from cccd.inputs.row_files import RowFiles
 from cccd.settings.root import Settings
-from cccd.solids.label_fields import LabelFields, LevelBlock, level_blocks
+from cccd.solids.label_fields import LabelFields, LevelBlock, bytes_needed, level_blocks
 from cccd.solids.shared_walls import meet, on_one_grid, touching_groups
 
 __all__ = ["LabelSurface", "WholeMap", "reconstruct_labels"]
@@ -32,6 +33,8 @@ _Result = TypeVar("_Result")
 
 #: A process starts and loads its code in the time of some eight small organs.
 ORGANS_OF_A_PROCESS = 8
+#: Memory of a process beside the first, and what is worth a line.
+PROCESS_BYTES, MUCH_BYTES = 0.6e9, 2e9
 
 
 def _nothing(_: object) -> None:
@@ -65,11 +68,14 @@ class WholeMap:
     failures : list of str
         A line for each label without a surface; `surfaces` adds to it.
     settings : Settings
+    path : Path
+        The map.
     """
 
     labels: dict[int, MapLabel]
     structures: dict[int, Structure]
     settings: Settings
+    path: Path
     failures: list[str] = field(default_factory=list[str])
 
     @classmethod
@@ -90,7 +96,7 @@ class WholeMap:
         """
         source = existing(Path(path).absolute(), "mask")
         refuse_image(source)
-        whole = cls(dict(enumerate(list_map(source, table), 1)), {}, settings)
+        whole = cls(dict(enumerate(list_map(source, table), 1)), {}, settings, source)
         files = RowFiles.shared()
         for number, label in whole.labels.items():
             if label.left_out:
@@ -109,6 +115,27 @@ class WholeMap:
     def voxels(self) -> dict[int, int]:
         """How many voxels, or points of drawn contours, each structure has: the time that it takes."""
         return {number: _size(structure) for number, structure in self.structures.items()}
+
+    def check_memory(self, n_jobs: int) -> str:
+        """Say how much memory the surfaces need where that is much; empty where it is not.
+
+        Raises
+        ------
+        InputError
+            The machine has less.
+        """
+        groups = [group for group in self._groups() if len(group) > 1]
+        if not groups:
+            return ""
+        most = max(bytes_needed({n: self.structures[n] for n in group}) for group in groups)
+        processes = min(n_jobs, -(-len(self.structures) // ORGANS_OF_A_PROCESS))
+        needed = most + (processes * PROCESS_BYTES if processes > 1 else 0)
+        there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else np.inf
+        said = f"{len(self.structures)} labels need about {needed / 1e9:.1f} GB of memory"
+        if needed > there:
+            hint = "give --cores 1, fewer labels, a coarser map (cccd relabel), or shared_walls: false"
+            raise InputError(self.path.name, f"{said}; this machine has {there / 1e9:.1f} GB", hint)
+        return said if needed > MUCH_BYTES else ""
 
     def surfaces(
         self, n_jobs: int, tell: Callable[[str], None], done: Callable[[int], object] = _nothing

@@ -6,12 +6,9 @@ from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
-from cccd.geometry.collisions import passing_pairs
 from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.mesh import Mesh
 
@@ -42,40 +39,38 @@ def simplified(surface: ConformingSurface, tolerance: float) -> ConformingSurfac
     Returns
     -------
     ConformingSurface
-        Of the same topology. A patch that would change its own, or pass through another, is as it was.
+        Of the same topology. A patch that would change its own is as it was.
     """
     if len(surface.triangles) == 0:
         return surface
     area = float(Mesh(surface.vertices, surface.triangles).face_areas.mean())
     edge = (area / EQUILATERAL) ** 0.5
     density = _needed(surface, tolerance, edge)
-    centres = cKDTree(surface.vertices[surface.triangles].mean(axis=1))
     for shift in SHIFTS:
-        patch = _patches(surface, ACROSS * edge, shift)
-        here = Mesh(surface.vertices, surface.triangles)
-        nearest = centres.query(here.vertices[here.faces].mean(axis=1))[1]
-        surface = _with_fewer(surface, patch, density[nearest] * here.face_areas)
+        surface, density = _with_fewer(surface, _patches(surface, ACROSS * edge, shift), density)
     return surface
 
 
-def _with_fewer(surface: ConformingSurface, patch: IntArray, needed: FloatArray) -> ConformingSurface:
-    """Collapse edges of patches, of which each triangle (T,) has a number, to as many as are needed."""
+def _with_fewer(
+    surface: ConformingSurface, patch: IntArray, density: FloatArray
+) -> tuple[ConformingSurface, FloatArray]:
+    """Collapse edges of patches, of which each triangle (T,) has a number, to as many by area as are needed.
+
+    Returns the walls and how many triangles by area each one's patch needs.
+    """
     order = np.argsort(patch, kind="stable")
     members = np.split(order, np.flatnonzero(np.diff(patch[order])) + 1)
     border = _of_several(surface, patch)
-    target = np.bincount(patch, np.where(border[surface.triangles].any(axis=1), 1.0, needed))
+    area = Mesh(surface.vertices, surface.triangles).face_areas
+    needed = np.bincount(patch, area * density)
+    target = np.bincount(patch, np.where(border[surface.triangles].any(axis=1), 1.0, area * density))
     fewer = [
         _collapsed(Mesh(surface.vertices, surface.triangles[faces]), int(target[number]))
         for number, faces in enumerate(members)
     ]
-    while True:
-        joined, number = _joined(surface, members, fewer, np.flatnonzero(border))
-        pairs = passing_pairs(joined.vertices, joined.triangles)
-        again = [n for n in np.unique(number[pairs]) if fewer[n] is not None]
-        if not again:
-            return joined
-        for n in again:
-            fewer[n] = None
+    sizes = [len(faces if mesh is None else mesh.faces) for faces, mesh in zip(members, fewer, strict=True)]
+    of_patch = needed / np.maximum(np.bincount(patch, area), 1e-12)
+    return _joined(surface, members, fewer, np.flatnonzero(border)), np.repeat(of_patch, sizes)
 
 
 def _of_several(surface: ConformingSurface, patch: IntArray) -> BoolArray:
@@ -88,21 +83,11 @@ def _of_several(surface: ConformingSurface, patch: IntArray) -> BoolArray:
 
 
 def _patches(surface: ConformingSurface, width: float, shift: float) -> IntArray:
-    """Give each triangle (T,) the number of its patch: of one wall, connected, in a cell of a grid."""
-    triangles, count = surface.triangles, len(surface.triangles)
-    cell = np.floor(surface.vertices[triangles].mean(axis=1) / width + shift).astype(np.int64)
+    """Give each triangle (T,) the number of its patch: of one wall, in one cell of a grid."""
+    cell = np.floor(surface.vertices[surface.triangles[:, 0]] / width + shift).astype(np.int64)
     groups = np.column_stack([np.sort(surface.regions, axis=1), cell - cell.min(axis=0)])
-    group = np.unique(
-        np.ravel_multi_index(tuple(groups.T), tuple(groups.max(axis=0) + 1)), return_inverse=True
-    )[1]
-    sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    key = sides[:, 0] * len(surface.vertices) + sides[:, 1]
-    order = np.argsort(key, kind="stable")
-    one, other = order[:-1], order[1:]
-    beside = (key[one] == key[other]) & (group[one // 3] == group[other // 3])
-    ends = one[beside] // 3, other[beside] // 3
-    links = coo_array((np.ones(len(ends[0]), bool), ends), shape=(count, count))
-    return np.asarray(connected_components(links, directed=False)[1], np.int64)
+    keys = np.ravel_multi_index(tuple(groups.T), tuple(groups.max(axis=0) + 1))
+    return np.asarray(np.unique(keys, return_inverse=True)[1], np.int64)
 
 
 def _needed(surface: ConformingSurface, tolerance: float, edge: float) -> FloatArray:
@@ -142,8 +127,8 @@ def _outline(mesh: Mesh) -> tuple[int, int, bool]:
 
 def _joined(
     surface: ConformingSurface, members: list[IntArray], fewer: list[Mesh | None], lines: IntArray
-) -> tuple[ConformingSurface, IntArray]:
-    """Put patches together again along vertices that are of several; and the patch of each triangle."""
+) -> ConformingSurface:
+    """Put patches together again, along the vertices that are of several."""
     vertices, triangles, regions = [surface.vertices], list[IntArray](), list[IntArray]()
     count = len(surface.vertices)
     known = cKDTree(surface.vertices[lines]) if len(lines) else None
@@ -159,10 +144,8 @@ def _joined(
             triangles.append(place[mesh.faces])
             count += len(mesh.vertices)
         regions.append(np.repeat(surface.regions[faces[:1]], len(triangles[-1]), axis=0))
-    number = np.repeat(np.arange(len(members)), [len(part) for part in triangles])
     points, faces = np.concatenate(vertices), np.concatenate(triangles)
     used: BoolArray = np.zeros(len(points), np.bool_)
     used[faces] = True
     place = np.cumsum(used) - 1
-    whole = replace(surface, vertices=points[used], triangles=place[faces], regions=np.concatenate(regions))
-    return whole, number
+    return replace(surface, vertices=points[used], triangles=place[faces], regions=np.concatenate(regions))

@@ -22,7 +22,15 @@ from cccd.settings.surface import LoftSettings
 from cccd.surface.rough import warnings_of
 from cccd.surface.stack import interpolate_slices
 
-__all__ = ["LabelFields", "LevelBlock", "box_of", "gathered", "group_nodes", "label_sections", "level_blocks"]
+__all__ = [
+    "LabelFields",
+    "LevelBlock",
+    "box_of",
+    "bytes_needed",
+    "gathered",
+    "label_sections",
+    "level_blocks",
+]
 
 #: Distances count up to so many pixels: a wall runs nearer than that to the nodes that it parts.
 BAND_PIXELS = 4.0
@@ -30,6 +38,9 @@ BAND_PIXELS = 4.0
 MARGIN = 3
 #: A label whose box has more nodes is interpolated slab by slab.
 SLAB_NODES = 12_000_000
+#: Memory that the program takes without data, that a node takes, one that is being interpolated, and a
+#: wall's quadrilateral while it is smoothed: as measured.
+PROGRAM_BYTES, NODE_BYTES, SLAB_BYTES, WALL_BYTES = 250e6, 8, 32, 800
 #: What lies further than this many slices away changes nothing of a level.
 SLAB_MARGIN = 6
 #: Walls keep this share of an edge of the grid away from its nodes.
@@ -137,10 +148,16 @@ def _nodes(shape: Sequence[int], frame: Frame) -> int:
     return (shape[0] + 1) * _levels_per_slice(frame) * (shape[1] + 2 * MARGIN) * (shape[2] + 2 * MARGIN)
 
 
-def group_nodes(structures: Mapping[int, Structure]) -> int:
-    """Nodes of the grid on which some labels meet."""
+def bytes_needed(structures: Mapping[int, Structure]) -> int:
+    """Estimate the memory that it takes to let some labels meet, in bytes, the program itself included."""
     low, high = box_of(structures)
-    return _nodes((high - low).tolist(), next(iter(structures.values())).frame)
+    labels = gathered(structures, low - 1, high + 1)
+    parts = _levels_per_slice(next(iter(structures.values())).frame)
+    walls = np.count_nonzero(np.diff(labels, axis=0))
+    walls += parts * sum(np.count_nonzero(np.diff(labels, axis=axis)) for axis in (1, 2))
+    nodes = _nodes((high - low).tolist(), next(iter(structures.values())).frame)
+    at_work = max(SLAB_BYTES * min(nodes, SLAB_NODES), WALL_BYTES * walls)
+    return int(PROGRAM_BYTES + NODE_BYTES * nodes + at_work)
 
 
 def box_of(structures: Mapping[int, Structure]) -> tuple[IntArray, IntArray]:

@@ -269,18 +269,20 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     at_end = _at_end(rough, fields)
     wave = WAVE_PIXELS * pixel if settings.smoothing is None else settings.smoothing
     smooth = _held(rough, low_passed(rough, wave, ROUNDS), at_end, MOST_SMOOTHED * pixel)
+    moved, known = smooth - rough.vertices, cKDTree(smooth)
     walls = _of_organs(split_again(replace(rough, vertices=smooth)), fields.beyond)
-    walls = replace(walls, vertices=_unfolded(walls, rough.vertices)[0])
     del rough, smooth, at_end
     walls = _with_ends(simplified(walls, TOLERANCE * pixel), fields.beyond, frame.ends)
-    moved = _with_volumes(walls, fields.volumes, frame.ends, MOST_OFFSET * pixel)
-    moved, passing = _unfolded(replace(walls, vertices=moved), walls.vertices)
+    before = walls.vertices - moved[known.query(walls.vertices)[1]]
+    del moved, known
+    vertices = _with_volumes(walls, fields.volumes, frame.ends, MOST_OFFSET * pixel)
+    vertices, passing = _unfolded(replace(walls, vertices=vertices), before)
     regions = np.array([0, *labels])[walls.regions]
     alone = np.setdiff1d(regions, [0, *np.unique(regions[regions.min(axis=1) > 0])])
     kept = ~np.isin(regions, alone).any(axis=1)
     numbers = {label: number for number, label in enumerate(labels, 1) if label not in alone}
     names = {label: fields.structures[number].organ for label, number in numbers.items()}
-    surface = ConformingSurface(moved, walls.triangles[kept], regions[kept], names)
+    surface = ConformingSurface(vertices, walls.triangles[kept], regions[kept], names)
     facts = {label: fields.facts[number] for label, number in numbers.items()}
     return SharedWalls(_in_world(surface, frame, fields.first), facts, pinched, passing)
 
@@ -484,7 +486,8 @@ def _unfolded(surface: ConformingSurface, before: FloatArray) -> tuple[FloatArra
     edges = surface.vertices[surface.edges[0]]
     reach = UNFOLDING_REACH * float(np.linalg.norm(edges[:, 0] - edges[:, 1], axis=1).mean())
     centres = vertices[surface.triangles[pairs.ravel()]].mean(axis=1)
-    near = cKDTree(centres).query(vertices, distance_upper_bound=reach)[0] < reach
+    away = cKDTree(centres).query(vertices, distance_upper_bound=reach)[0]
+    near: BoolArray = np.asarray(away < reach, np.bool_)
     triangles = surface.triangles[near[surface.triangles].any(axis=1)]
     moving = MovingTriangles(triangles)
     for _ in range(UNFOLDING_ROUNDS):
