@@ -1,10 +1,11 @@
-"""Smooth the organs of one case together: each wall between two of them is one surface."""
+"""Smooth the organs of one case together that touch: each wall between two of them is one surface."""
 
 from cccd.job import job
-from cccd.solids.shared_walls import read_organs, share_walls
+from cccd.settings.surface import LoftSettings
+from cccd.solids.shared_walls import read_structures, share_walls
 from cccd.store import write_conforming
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
-    organs = read_organs(snakemake.input.structures, snakemake.input.meshes)
-    shared = share_walls(organs)
+    structures = read_structures(snakemake.input.structures)
+    shared = share_walls(structures, LoftSettings(**snakemake.params.settings))
     write_conforming(snakemake.output[0], shared.surface, shared.report())

@@ -559,7 +559,11 @@ def reconstruct_structure(
 ) -> Surface:
     """Make a surface as `reconstruct` does, by `loft_surface` or another way to loft."""
     curves = find_contours(structure, settings.boundaries, settings.gnn.inference)
-    lofted = loft_sections(structure.sections(curves), settings.surface, tell, loft)
+    return surface_of(structure, loft_sections(structure.sections(curves), settings.surface, tell, loft))
+
+
+def surface_of(structure: Structure, lofted: LoftedSurface) -> Surface:
+    """Give a structure's surface what else is known of the structure."""
     notes = (*structure.warnings, *lofted.report.get("warnings", []))
     drawn = None if structure.annotation is None else structure
     return Surface(lofted, structure.organ, _series(structure), notes, drawn, scan=scan_of(structure))

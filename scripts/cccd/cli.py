@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from operator import itemgetter
@@ -145,6 +145,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(commands)
     _add_export(commands)
     _add_report(commands)
+    _add_relabel(commands)
     _add_next(commands)
     _add_calibrate(commands)
     doctor = commands.add_parser(
@@ -477,6 +478,24 @@ def _add_report(commands: Any) -> None:
     report.set_defaults(run=_report)
 
 
+def _add_relabel(commands: Any) -> None:
+    relabel = commands.add_parser(
+        "relabel",
+        help="a label map on finer, cubic or any other voxels, without stairs",
+        description="Make the surfaces of all labels and fill the voxels of another grid: labels never "
+        "overlap. Labels too small for a surface get their nearest voxels.",
+    )
+    relabel.add_argument("input", type=Path, help="label map")
+    relabel.add_argument("--voxel", type=float, metavar="MM", help="edge of cubic voxels")
+    relabel.add_argument("--like", type=Path, metavar="SCAN", help="a scan whose grid is taken")
+    relabel.add_argument("--soft", action="store_true", help="also the share of each voxel, a file per label")
+    relabel.add_argument("--cores", type=int, default=1, metavar="N", help="processes at once; default: 1")
+    relabel.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="NIFTI", help="label map, .nii or .nii.gz"
+    )
+    relabel.set_defaults(run=_relabel)
+
+
 def _add_next(commands: Any) -> None:
     following = commands.add_parser(
         "next",
@@ -779,6 +798,8 @@ def _make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], setti
     with tqdm(disable=None, leave=False, bar_format="{desc:<40} {elapsed}") as bar:
         bar.set_description_str("reading")
         whole = WholeMap.read(given.input, given.names, given.image, given.annotated, settings)
+    if note := whole.check_memory(given.cores):
+        print(f"{note} ...", file=sys.stderr)
     voxels, told = whole.voxels, 0
     made: dict[int, dict[str, Any]] = {}
     found: dict[int, LabelSurface] = {}
@@ -793,7 +814,7 @@ def _make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], setti
             bar.update(voxels[number])
             lines.done(number)
 
-        for one in whole.surfaces(given.cores, tell, done):
+        for one in _as_far_as_possible(whole.surfaces(given.cores, tell, done), made, len(voxels)):
             files = [_with_name(path, one.surface.name) for path in outputs if path not in scenes]
             files = [file for path in files for file in _write(one.surface, path, settings, given.band)]
             if scenes or given.json:  # what is read of all together at the end
@@ -802,7 +823,7 @@ def _make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], setti
             with tqdm.external_write_mode():
                 told = _fail_each(whole.failures, told)
                 if not given.json:
-                    _print_surface(made[one.number])
+                    print(_line_of(made[one.number]), flush=True)
     _fail_each(whole.failures, told)
     ordered = [found[number] for number in sorted(found)]
     files = [str(file) for path in scenes for file in _write_scene(path, ordered, given.band)]
@@ -813,7 +834,38 @@ def _make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], setti
         _print_json(given, described, scenes=files, distances=distances, failed=len(whole.failures))
     else:
         print(*files, sep="\n", end="\n" if files else "")
+        _print_table([made[number] for number in sorted(made)])
     return 1 if whole.failures else 0
+
+
+def _as_far_as_possible(
+    surfaces: Iterable[LabelSurface], made: Mapping[int, object], count: int
+) -> Iterator[LabelSurface]:
+    """Give surfaces when they are ready; if that is interrupted, say what is written."""
+    try:
+        yield from surfaces
+    except (KeyboardInterrupt, MemoryError):
+        again = "the same command makes all of them again"
+        print(f"{len(made)} of {count} organs are written; {again}", file=sys.stderr)
+        raise
+
+
+def _line_of(made: Mapping[str, Any]) -> str:
+    """Say in a line what was made of one label of a map."""
+    said = made["warnings"]
+    notes = f", {len(said)} warning{'s'[: len(said) > 1]}" if said else ""
+    return f"{' '.join(made['files']) or made['organ']}: {made['volume_ml']:.4g} ml{notes}"
+
+
+def _print_table(made: Sequence[Mapping[str, Any]]) -> None:
+    """Print a table of a map's organs, and their warnings, those of one kind joined."""
+    from cccd.console import joined_warnings, organ_table
+
+    rows = [(one["organ"], one["volume_ml"], one["triangles"], len(one["warnings"])) for one in made]
+    if rows:
+        print("", organ_table(rows), sep="\n")
+    for line in joined_warnings({one["organ"]: one["warnings"] for one in made}):
+        print(f"warning: {line}")
 
 
 def _fail_each(failures: Sequence[str], told: int) -> int:
@@ -1372,6 +1424,55 @@ def _report(given: argparse.Namespace) -> int:
     templates = PROJECT / "workflow" / "report"
     build_report_of_finished(given.input, whole_settings()().as_config(), output, templates)
     print(output)
+    return 0
+
+
+def _relabel(given: argparse.Namespace) -> int:
+    import numpy as np
+
+    from cccd.containers import Grid
+    from cccd.inputs.load import existing
+    from cccd.inputs.nifti_export import write_nifti
+    from cccd.inputs.row_files import label_values, read_image
+    from cccd.relabelling import finer_grid, name_of_soft, relabelled, share_of_voxels
+    from cccd.settings.root import Settings
+    from cccd.store import atomic_path
+    from cccd.whole_map import WholeMap
+
+    if (given.voxel is None) == (given.like is None):
+        raise InputError("--voxel", "one of --voxel and --like is needed", "name one of them")
+    if given.voxel is not None and not given.voxel > 0:
+        raise InputError("--voxel", f"{given.voxel} is not positive", "give the edge of a voxel in mm")
+    if not given.output.name.endswith((".nii", ".nii.gz")):
+        raise InputError(given.output.name, "it is no NIfTI file", "name it .nii or .nii.gz")
+    _check_files([given.output], [given.input, given.like])
+    settings = Settings()
+    volume = label_values(existing(given.input.absolute(), given.input.name))
+    if volume is None:
+        raise InputError(given.input.name, "it is no label map", "give NIfTI, NRRD or MHA")
+    if given.like is None:
+        grid = finer_grid(volume, float(given.voxel or 0))
+    else:
+        scan = read_image(
+            existing(given.like.absolute(), given.like.name), "files", settings.import_.fill_gaps
+        )
+        grid = Grid(scan.affine, (scan.data.shape[0], scan.data.shape[1], scan.data.shape[2]))
+    whole = WholeMap.read(given.input, None, None, "every slice", settings)
+    if note := whole.check_memory(given.cores):
+        print(f"{note} ...", file=sys.stderr)
+    labels = np.zeros(grid.shape, np.uint16 if int(volume.data.max()) < 1 << 16 else np.int32)
+    for value, surface, voxels in relabelled(whole, grid, given.cores):
+        labels.reshape(-1)[voxels] = value
+        if surface is not None and given.soft:
+            low, share = share_of_voxels(surface.surface.lofted.mesh, grid)
+            soft = np.zeros(grid.shape, np.float32)
+            soft[tuple(slice(a, a + n) for a, n in zip(low, share.shape, strict=True))] = share
+            with atomic_path(name_of_soft(given.output, surface.surface.name)) as path:
+                write_nifti(path, soft, grid.affine)
+    with atomic_path(given.output) as path:
+        write_nifti(path, labels, grid.affine)
+    size = " x ".join(str(n) for n in grid.shape)
+    print(f"{given.output}: {size} voxels, {len(np.unique(labels)) - 1} of {len(whole.labels)} labels")
     return 0
 
 

@@ -7,12 +7,13 @@ All of it stays in its log file.
 from __future__ import annotations
 
 import logging
+import re
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TextIO
 
-__all__ = ["JobLines", "OrganLines", "duration", "is_of_jobs", "shorten"]
+__all__ = ["JobLines", "OrganLines", "duration", "is_of_jobs", "joined_warnings", "organ_table", "shorten"]
 
 #: Events of Snakemake's log that `JobLines` replaces (`snakemake_interface_logger_plugins.common.LogEvent`).
 REPLACED = {
@@ -30,6 +31,8 @@ REPLACED = {
 BESIDES = ("Select jobs to execute", "RuleException")
 #: Share of the jobs after which the time left is worth saying.
 FORESEEN = 0.1
+#: Organs that a warning of several names.
+NAMED = 4
 #: Seconds between the lines about a label map.
 LINES_APART = 20.0
 
@@ -59,6 +62,42 @@ def duration(seconds: float) -> str:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def joined_warnings(warnings: Mapping[str, Sequence[str]]) -> list[str]:
+    """Join warnings of organs that differ in numbers alone: one line for each kind, the commonest first.
+
+    Examples
+    --------
+    >>> joined_warnings({"liver": ["2 holes"], "aorta": ["2 holes"], "heart": ["3 holes", "open"]})
+    ['2 holes: 3 organs (liver, aorta, heart)', 'open: heart']
+    """
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    for organ, lines in warnings.items():
+        for line in lines:
+            kinds.setdefault(re.sub(r"[\d.,-]+", "0", line), []).append((organ, line))
+    joined: list[str] = []
+    for found in sorted(kinds.values(), key=len, reverse=True):
+        organs = list(dict.fromkeys(organ for organ, _ in found))
+        names = ", ".join(organs[:NAMED]) + (", ..." if len(organs) > NAMED else "")
+        joined.append(f"{found[0][1]}: " + (f"{len(organs)} organs ({names})" if len(organs) > 1 else names))
+    return joined
+
+
+def organ_table(rows: Sequence[tuple[str, float, int, int]]) -> str:
+    """Write a table of organs: name, ml, triangles, warnings.
+
+    Examples
+    --------
+    >>> print(organ_table([("liver", 1503.26, 29670, 1), ("aorta", 81.5, 702, 0)]))
+    organ         ml  triangles  warnings
+    liver       1503      29670         1
+    aorta       81.5        702         0
+    """
+    width = max(len("organ"), *(len(name) for name, *_ in rows)) if rows else 5
+    lines = [f"{'organ':<{width}} {'ml':>9} {'triangles':>10} {'warnings':>9}"]
+    lines += [f"{name:<{width}} {ml:>9.4g} {count:>10} {said:>9}" for name, ml, count, said in rows]
+    return "\n".join(lines)
 
 
 class JobLines(logging.Handler):

@@ -2,36 +2,39 @@
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cccd.api import Surface, read_organ, reconstruct_structure, refuse_image
+from cccd.api import Surface, read_organ, reconstruct_structure, refuse_image, surface_of
 from cccd.containers import Structure
 from cccd.errors import InputError
 from cccd.extras import needing
-from cccd.inputs.annotation import AUTO, with_undrawn_filled
+from cccd.inputs.annotation import AUTO
 from cccd.inputs.label_maps import MapLabel, list_map
 from cccd.inputs.load import existing
 from cccd.inputs.row_files import RowFiles
-from cccd.reconstruction import Loft
 from cccd.settings.root import Settings
-from cccd.solids.shared_walls import Organ, share_walls, touching_groups
-from cccd.surface.checks import check_walls
-from cccd.surface.loft import loft_before_walls, loft_surface
+from cccd.solids.label_fields import LabelFields, LevelBlock, bytes_needed, level_blocks
+from cccd.solids.shared_walls import meet, on_one_grid, touching_groups
 
 __all__ = ["LabelSurface", "WholeMap", "reconstruct_labels"]
 
+_Result = TypeVar("_Result")
+
 #: A process starts and loads its code in the time of some eight small organs.
 ORGANS_OF_A_PROCESS = 8
+#: Memory of a process beside the first, and what is worth a line.
+PROCESS_BYTES, MUCH_BYTES = 0.6e9, 2e9
 
 
 def _nothing(_: object) -> None:
@@ -65,11 +68,14 @@ class WholeMap:
     failures : list of str
         A line for each label without a surface; `surfaces` adds to it.
     settings : Settings
+    path : Path
+        The map.
     """
 
     labels: dict[int, MapLabel]
     structures: dict[int, Structure]
     settings: Settings
+    path: Path
     failures: list[str] = field(default_factory=list[str])
 
     @classmethod
@@ -90,7 +96,7 @@ class WholeMap:
         """
         source = existing(Path(path).absolute(), "mask")
         refuse_image(source)
-        whole = cls(dict(enumerate(list_map(source, table), 1)), {}, settings)
+        whole = cls(dict(enumerate(list_map(source, table), 1)), {}, settings, source)
         files = RowFiles.shared()
         for number, label in whole.labels.items():
             if label.left_out:
@@ -110,39 +116,46 @@ class WholeMap:
         """How many voxels, or points of drawn contours, each structure has: the time that it takes."""
         return {number: _size(structure) for number, structure in self.structures.items()}
 
+    def check_memory(self, n_jobs: int) -> str:
+        """Say how much memory the surfaces need where that is much; empty where it is not.
+
+        Raises
+        ------
+        InputError
+            The machine has less.
+        """
+        groups = [group for group in self._groups() if len(group) > 1]
+        if not groups:
+            return ""
+        most = max(bytes_needed({n: self.structures[n] for n in group}) for group in groups)
+        processes = min(n_jobs, -(-len(self.structures) // ORGANS_OF_A_PROCESS))
+        needed = most + (processes * PROCESS_BYTES if processes > 1 else 0)
+        there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else np.inf
+        said = f"{len(self.structures)} labels need about {needed / 1e9:.1f} GB of memory"
+        if needed > there:
+            hint = "give --cores 1, fewer labels, a coarser map (cccd relabel), or shared_walls: false"
+            raise InputError(self.path.name, f"{said}; this machine has {there / 1e9:.1f} GB", hint)
+        return said if needed > MUCH_BYTES else ""
+
     def surfaces(
         self, n_jobs: int, tell: Callable[[str], None], done: Callable[[int], object] = _nothing
     ) -> Iterator[LabelSurface]:
-        """Make the surfaces, those of many voxels first; organs that touch are ready together.
+        """Make the surfaces: organs that touch no other first, then those that do, group by group.
 
         Parameters
         ----------
         n_jobs : int
             Processes that work at once.
         tell : callable
-            Called with the name of each organ as its surface begins, and before walls are shared.
+            Called with the name of each organ as its work begins, and before walls are shared.
         done : callable
-            Called with an organ's number when its own surface is made, before its walls are shared.
+            Called with an organ's number when its own part is done, before its walls are shared.
         """
-        group_of = {number: group for group in self._groups() for number in group}
-        sharing = {number for number, group in group_of.items() if len(group) > 1}
-        if any(structure.annotation is not None for structure in self.structures.values()):
-            sharing = set()  # which touch is known once they are lofted
-        lofted: dict[int, _Lofted] = {}
-        finished: set[int] = set()
-        for number, result in self._lofted(n_jobs, sharing, tell):
-            finished.add(number)
-            done(number)
-            if isinstance(result, InputError):
-                self.failures.append(f"label {self.labels[number].label}: {result}")
-            else:
-                lofted[number] = result
-            group = group_of[number]
-            if finished.issuperset(group):
-                ready = {n: lofted.pop(n) for n in group if n in lofted}
-                if len(ready) < len(group):
-                    ready |= self._left_alone(ready)
-                yield from self._with_walls(ready, tell)
+        groups = self._groups()
+        yield from self._alone([group[0] for group in groups if len(group) == 1], n_jobs, tell, done)
+        for group in groups:
+            if len(group) > 1:
+                yield from self._with_walls(group, n_jobs, tell, done)
 
     def _groups(self) -> list[list[int]]:
         """Numbers of the organs that have to wait for each other."""
@@ -153,84 +166,96 @@ class WholeMap:
             return [list(self.structures)]  # what lies between annotated slices is not known yet
         return touching_groups(self.structures) if self.structures else []
 
-    def _lofted(
-        self, n_jobs: int, sharing: Container[int], tell: Callable[[str], None]
-    ) -> Iterator[tuple[int, _Lofted | InputError]]:
-        """Give each organ's own surface when it is ready, or why it has none; ``sharing`` get no spline."""
+    def _alone(
+        self, numbers: Sequence[int], n_jobs: int, tell: Callable[[str], None], done: Callable[[int], object]
+    ) -> Iterator[LabelSurface]:
+        """Give organs that touch no other their splines."""
         voxels = self.voxels
-        ways = {n: loft_before_walls if n in sharing else loft_surface for n in self.structures}
-        order = iter(sorted(self.structures, key=lambda number: -voxels[number]))
-        processes = min(n_jobs, -(-len(self.structures) // ORGANS_OF_A_PROCESS))
+        jobs = {number: self.structures[number] for number in sorted(numbers, key=lambda n: -voxels[n])}
+        for number, result in self._worked(_loft, jobs, n_jobs, tell):
+            done(number)
+            if isinstance(result, InputError):
+                self.failures.append(f"label {self.labels[number].label}: {result}")
+            else:
+                yield LabelSurface(number, self.labels[number], *result)
+
+    def _with_walls(
+        self, group: Sequence[int], n_jobs: int, tell: Callable[[str], None], done: Callable[[int], object]
+    ) -> Iterator[LabelSurface]:
+        """Give organs that touch their shared walls; what turns out to touch no other gets a spline."""
+        began, voxels = time.perf_counter(), self.voxels
+        structures = on_one_grid({number: self.structures[number] for number in group})
+        fields = LabelFields.empty(list(structures.values()))
+        order = sorted(range(1, len(group) + 1), key=lambda n: -voxels[group[n - 1]])
+        jobs = {0: fields.together()} | {number: fields.structures[number] for number in order}
+        for number, result in self._worked(_interpolate, jobs, n_jobs, tell):
+            if isinstance(result, InputError):
+                raise result
+            fields.add(number, result)
+            if number:
+                done(group[number - 1])
+        tell("shared walls")
+        with threadpool_limits(1):
+            walls = meet(fields, group, self.settings.surface)
+        del fields
+        seconds = (time.perf_counter() - began) / len(group)
+        for number in sorted(walls.surface.names):
+            try:
+                with threadpool_limits(1):
+                    lofted = walls.organ(number, structures[number], self.settings.surface)
+            except InputError as error:
+                self.failures.append(f"label {self.labels[number].label}: {error}")
+            else:
+                surface = surface_of(self.structures[number], lofted)
+                yield LabelSurface(number, self.labels[number], surface, seconds)
+        yield from self._alone([n for n in group if n not in walls.surface.names], n_jobs, tell, _nothing)
+
+    def _worked(
+        self,
+        work: Callable[[Structure, Settings], _Result | InputError],
+        jobs: Mapping[int, Structure],
+        n_jobs: int,
+        tell: Callable[[str], None],
+    ) -> Iterator[tuple[int, _Result | InputError]]:
+        """Do work on structures, in processes of their own where there are many; what is ready first."""
+        order = iter(jobs.items())
+        processes = min(n_jobs, -(-len(jobs) // ORGANS_OF_A_PROCESS))
         if processes <= 1:
-            for number in order:
-                tell(self.labels[number].organ)
-                yield number, _loft(self.structures[number], self.settings, ways[number])
+            for number, structure in order:
+                tell(structure.organ)
+                yield number, work(structure, self.settings)
             return
-        running: dict[Future[_Lofted | InputError], int] = {}
+        running: dict[Future[_Result | InputError], int] = {}
         # spawned: a fork of a process with threads may hang
         with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
             while True:
-                for number in islice(order, processes - len(running)):
-                    tell(self.labels[number].organ)
-                    job = pool.submit(_loft, self.structures[number], self.settings, ways[number])
-                    running[job] = number
+                for number, structure in islice(order, processes - len(running)):
+                    tell(structure.organ)
+                    running[pool.submit(work, structure, self.settings)] = number
                 if not running:
                     return
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     yield running.pop(future), future.result()
 
-    def _left_alone(self, lofted: Mapping[int, _Lofted]) -> dict[int, _Lofted]:
-        """Loft organs again, with splines, whose neighbours have no surface to share walls with."""
-        groups = touching_groups({number: self.structures[number] for number in lofted}) if lofted else []
-        alone = [group[0] for group in groups if len(group) == 1 and not lofted[group[0]].surface.bodies]
-        again = {number: _loft(self.structures[number], self.settings, loft_surface) for number in alone}
-        return {number: result for number, result in again.items() if isinstance(result, _Lofted)}
-
-    @threadpool_limits.wrap(limits=1)
-    def _shared(self, lofted: Mapping[int, _Lofted]) -> tuple[dict[int, Surface], list[str]]:
-        """Give organs that touch their shared walls, and say which have nothing left."""
-        surfaces = {number: one.surface for number, one in lofted.items()}
-        organs: dict[int, Organ] = {}
-        for number, surface in surfaces.items():
-            mesh = surface.lofted.mesh
-            organs[number] = Organ(surface.name, with_undrawn_filled(self.structures[number], mesh), mesh)
-        walls = share_walls(organs)
-        failures = [line for number in surfaces for line in walls.warnings.get(number, [])]
-        joined: dict[int, Surface] = {}
-        for number in surfaces.keys() - walls.warnings.keys():
-            own = surfaces[number]
-            mesh, band = walls.surface.mesh_of(number), own.lofted.band
-            band = band and band.moved_to(own.vertices, mesh.vertices)
-            # what touches no other is the spline's mesh as before
-            bodies = own.bodies if np.array_equal(mesh.vertices, own.vertices) else []
-            wrong = () if bodies else check_walls(mesh, self.structures[number])
-            together = replace(own.lofted, mesh=mesh, bodies=bodies, band=band)
-            joined[number] = replace(own, lofted=together, warnings=(*own.warnings, *wrong))
-        return joined, failures
-
-    def _with_walls(
-        self, lofted: Mapping[int, _Lofted], tell: Callable[[str], None]
-    ) -> Iterator[LabelSurface]:
-        """Give the final surfaces of organs of which all neighbours have their own."""
-        surfaces = {number: one.surface for number, one in lofted.items()}
-        if len(lofted) > 1:
-            tell("shared walls")
-            surfaces, failures = self._shared(lofted)
-            self.failures.extend(failures)
-        for number in sorted(surfaces):
-            seconds = lofted[number].seconds
-            yield LabelSurface(number, self.labels[number], surfaces[number], seconds)
-
 
 @threadpool_limits.wrap(limits=1)
-def _loft(structure: Structure, settings: Settings, way: Loft) -> _Lofted | InputError:
+def _loft(structure: Structure, settings: Settings) -> _Lofted | InputError:
     """Make one organ's own surface, in this process or another."""
     began = time.perf_counter()
     try:
-        surface = reconstruct_structure(structure, settings, loft=way)
+        surface = reconstruct_structure(structure, settings)
     except InputError as error:
         return error
     return _Lofted(surface, time.perf_counter() - began)
+
+
+@threadpool_limits.wrap(limits=1)
+def _interpolate(structure: Structure, settings: Settings) -> list[LevelBlock] | InputError:
+    """Interpolate one organ between its slices, in this process or another."""
+    try:
+        return list(level_blocks(structure, settings.surface))
+    except InputError as error:
+        return error
 
 
 def _size(structure: Structure) -> int:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import resource
 import sys
 import tempfile
 import time
@@ -30,15 +31,15 @@ from scipy import ndimage  # noqa: E402
 from scipy.spatial import cKDTree  # noqa: E402
 
 import cccd  # noqa: E402
-from cccd.api import reconstruct_structure  # noqa: E402
 from cccd.containers import Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.geometry.raster import voxelise  # noqa: E402
 from cccd.metrics import surface_distances  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
-from cccd.solids.shared_walls import Organ, SharedWalls, on_one_grid, share_walls  # noqa: E402
-from cccd.surface import loft_before_walls  # noqa: E402
+from cccd.settings.surface import LoftSettings  # noqa: E402
+from cccd.solids.shared_walls import SharedWalls, on_one_grid, share_walls  # noqa: E402
 from cccd.surface.measure import mask_surface, voxel_volume  # noqa: E402
+from cccd.whole_map import WholeMap  # noqa: E402
 
 BRAIN = ROOT.parent / "shared" / "data" / "brain_tcga_du7294" / "mask_brain.nii.gz"
 PARCELS = 29
@@ -66,23 +67,16 @@ def parcelled_brain() -> nibabel.Nifti1Image:
     return nibabel.Nifti1Image(labels, image.affine @ doubled)
 
 
-def organs_of(path: Path) -> dict[int, Organ]:
-    """Loft every label of a map as it is before walls are shared."""
-    organs: dict[int, Organ] = {}
-    for number, (label, name) in enumerate(cccd.labels(path).items(), 1):
-        try:
-            structure = cccd.read(path, label)
-            surface = reconstruct_structure(structure, Settings(), loft=loft_before_walls)
-        except cccd.InputError as error:
-            print(f"label {label}: {error}")
-        else:
-            organs[number] = Organ(name or label, structure, surface.lofted.mesh)
-    return organs
+def structures_of(path: Path) -> dict[int, Structure]:
+    """Read every label of a map."""
+    whole = WholeMap.read(path, None, None, "auto", Settings())
+    print(*whole.failures, sep="\n")
+    return whole.structures
 
 
-def overlap_and_gap(meshes: Mapping[int, Mesh], organs: Mapping[int, Organ]) -> tuple[float, float]:
+def overlap_and_gap(meshes: Mapping[int, Mesh], organs: Mapping[int, Structure]) -> tuple[float, float]:
     """Volumes in ml that lie in two organs, and between organs in none."""
-    structures = on_one_grid({label: organ.structure for label, organ in organs.items()}).values()
+    structures = on_one_grid(organs).values()
     frame = next(iter(structures)).frame
     labels = np.zeros(frame.shape, bool)
     for structure in structures:
@@ -112,11 +106,12 @@ def distance(mesh: Mesh, truth: Mesh) -> float:
     return surface_distances(mesh, truth, np.random.default_rng(0), SAMPLES)["assd"]
 
 
-def report(organs: Mapping[int, Organ], walls: SharedWalls) -> None:
-    """Print what is in the table."""
+def report(structures: Mapping[int, Structure], walls: SharedWalls) -> None:
+    """Print what is in the table, of the organs that touch others."""
+    organs = {label: structures[label] for label in walls.surface.labels}
     together = {label: walls.surface.mesh_of(label) for label in organs}
-    alone = {label: cccd.reconstruct(organ.structure).lofted.mesh for label, organ in organs.items()}
-    truths = {label: mask_surface(organ.structure) for label, organ in organs.items()}
+    alone = {label: cccd.reconstruct(organ).lofted.mesh for label, organ in organs.items()}
+    truths = {label: mask_surface(organ) for label, organ in organs.items()}
     apart = np.array([distance(alone[label], truths[label]) for label in organs])
     shared = np.array([distance(together[label], truths[label]) for label in organs])
     ratio = shared / apart
@@ -125,13 +120,13 @@ def report(organs: Mapping[int, Organ], walls: SharedWalls) -> None:
     above = int((ratio > 1.02).sum())
     print(f"ASSD by alone: median {np.median(ratio):.3f}, largest {ratio.max():.3f}, above 1.02 {above}")
     for name, meshes in {"alone": alone, "shared": together}.items():
-        volumes = np.array([voxel_volume(organ.structure) for organ in organs.values()])
+        volumes = np.array([voxel_volume(organ) for organ in organs.values()])
         off = np.abs(np.array([mesh.volume for mesh in meshes.values()]) / volumes - 1)
         both, none = overlap_and_gap(meshes, organs)
         print(
             f"{name}: volume off at most {off.max():.3%}, in two organs {both:.2f} ml, in none {none:.2f} ml"
         )
-    total = sum(voxel_volume(organ.structure) for organ in organs.values()) / 1000
+    total = sum(voxel_volume(organ) for organ in organs.values()) / 1000
     triangles = sum(len(mesh.faces) for mesh in alone.values())
     print(f"of {total:.0f} ml; triangles alone {triangles}, shared {len(walls.surface.triangles)}")
     print(f"triangles that pass through others: {walls.passing} pairs; pinched: {walls.pinched}")
@@ -148,12 +143,12 @@ def main() -> None:
         path = given.map or Path(folder, "brain.nii.gz")
         if given.map is None:
             nibabel.save(parcelled_brain(), path)
+        structures = structures_of(path)
         began = time.process_time()
-        organs = organs_of(path)
-        lofted = time.process_time()
-        walls = share_walls(organs)
-        print(f"CPU seconds: lofting {lofted - began:.0f}, shared walls {time.process_time() - lofted:.1f}")
-        report(organs, walls)
+        walls = share_walls(structures, LoftSettings())
+        gigabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+        print(f"shared walls: {time.process_time() - began:.0f} CPU s, {gigabytes:.2f} GB in all")
+        report(structures, walls)
 
 
 if __name__ == "__main__":

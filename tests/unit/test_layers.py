@@ -38,6 +38,7 @@ LAYERS = {
         ("paraview_plugin",),
         ("pyvista_accessor", "napari_plugin", "label_survey"),
         ("whole_map",),
+        ("relabelling",),
         ("report", "comparison"),
         ("comparison_files", "bids", "doctor", "plan", "workflow_command"),
         ("cli",),

@@ -54,54 +54,10 @@ rule loft_surface:
         "../../scripts/loft_surface.py"
 
 
-rule find_neighbours:
-    """Which organs of a case touch others: these share their walls and have no spline."""
-    input:
-        plan.sharing_organs("structure.h5"),
-    output:
-        "results/{case}/neighbours.json",
-    log:
-        "logs/{case}/find_neighbours.log",
-    benchmark:
-        "benchmarks/{case}/find_neighbours.tsv"
-    wildcard_constraints:
-        case=SHARING,
-    conda:
-        "../../envs/cccd.yaml"
-    threads: 1
-    resources:
-        mem_mb=memory(1500, 30),
-        runtime=minutes(20),
-    params:
-        library=library("find_neighbours"),
-    script:
-        "../../scripts/find_neighbours.py"
-
-
-use rule loft_surface as loft_apart with:
-    input:
-        curves="results/{case}/{organ}/curves.h5",
-        structure="results/{case}/{organ}/structure.h5",
-        calibration=plan.calibration,
-        neighbours="results/{case}/neighbours.json",
-    output:
-        surface="results/{case}/{organ}/surface.h5",
-        mesh="results/{case}/{organ}/apart.ply",
-    log:
-        "logs/{case}/{organ}/loft_apart.log",
-    benchmark:
-        "benchmarks/{case}/{organ}/loft_apart.tsv"
-    wildcard_constraints:
-        case=SHARING,
-    group:
-        "lofted"
-
-
 rule share_walls:
-    """Smooth the organs of a case together: each wall between two of them is one surface."""
+    """Smooth the organs of a case together that touch: each wall between two of them is one surface."""
     input:
         structures=plan.sharing_organs("structure.h5"),
-        meshes=plan.sharing_organs("apart.ply"),
     output:
         "results/{case}/walls.h5",
     log:
@@ -118,34 +74,26 @@ rule share_walls:
         runtime=minutes(60),
     params:
         library=library("share_walls"),
+        settings=LOFTING,
     script:
         "../../scripts/share_walls.py"
 
 
-rule take_surface:
-    """One organ's closed surface out of those that share their walls."""
+use rule loft_surface as take_surface with:
     input:
-        "results/{case}/walls.h5",
+        curves="results/{case}/{organ}/curves.h5",
+        structure="results/{case}/{organ}/structure.h5",
+        calibration=plan.calibration,
+        walls="results/{case}/walls.h5",
     output:
-        "results/{case}/{organ}/surface.ply",
+        surface="results/{case}/{organ}/surface.h5",
+        mesh="results/{case}/{organ}/surface.ply",
     log:
         "logs/{case}/{organ}/take_surface.log",
     benchmark:
         "benchmarks/{case}/{organ}/take_surface.tsv"
     wildcard_constraints:
         case=SHARING,
-    group:
-        "structure"
-    conda:
-        "../../envs/cccd.yaml"
-    threads: 1
-    resources:
-        mem_mb=memory(1000, 10),
-        runtime=minutes(10),
-    params:
-        library=library("take_surface"),
-    script:
-        "../../scripts/take_surface.py"
 
 
 rule export_surface:

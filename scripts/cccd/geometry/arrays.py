@@ -36,7 +36,7 @@ SingleArray: TypeAlias = npt.NDArray[np.float32]
 IntArray: TypeAlias = npt.NDArray[np.int64]
 ByteArray: TypeAlias = npt.NDArray[np.uint8]
 #: Numbers of regions, many at a time.
-LabelArray: TypeAlias = npt.NDArray[np.int32]
+LabelArray: TypeAlias = npt.NDArray[np.integer[Any]]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 #: Whole or floating-point numbers of any size.
 RealArray: TypeAlias = npt.NDArray[np.integer[Any] | np.floating[Any]]

@@ -8,13 +8,15 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
-from scipy.sparse.linalg import LinearOperator, cg
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.averaging import averages
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["ConformingSurface", "faired"]
+__all__ = ["ConformingSurface", "low_passed"]
+
+#: The filter's band for the shortest waves that a mesh has.
+WIDEST_BAND = 1.9
 
 
 def _no_names() -> dict[int, str]:
@@ -117,50 +119,68 @@ class ConformingSurface:
         return Mesh(self.vertices, faces).compact()
 
 
-def faired(
-    surface: ConformingSurface, trust: FloatArray, stiffness: FloatArray, rounds: int = 200
-) -> FloatArray:
-    r"""Vertices (V, 3) of smooth walls that meet along smooth lines.
-
-    They minimise :math:`\sum t |x - x_0|^2 + \sum s |x - \bar x|^2`, the second term being the distance of
-    each vertex to the mean of its neighbours (a thin plate's energy): of all neighbours within a wall, of the
-    two neighbours along the line where three walls meet. Walls go on straight to their lines, whatever the
-    angles between them, because nothing is asked across a line.
+def low_passed(surface: ConformingSurface, wave: float, degree: int) -> FloatArray:
+    r"""Vertices (V, 3) without short waves, along walls and along the lines where these meet.
 
     Parameters
     ----------
     surface : ConformingSurface
-    trust : (V,) float64
-        The t of each vertex; above 0.
-    stiffness : (V,) float64
-        The s of each vertex; waves whose length is :math:`\pi s^{1/4}` edges or so are halved where t is 1.
-    rounds : int
-        Steps of conjugate gradients at most.
+    wave : float
+        Length of the longest waves that go.
+    degree : int
+        Of the filter's polynomial: how sharply waves are parted.
+
+    Notes
+    -----
+    A windowed sinc filter (Taubin, Zhang and Golub 1996) of the means :math:`M` over neighbours: in a wall
+    all of them, on a line the two along it and the vertex itself, half and half. Of neighbours at a distance
+    :math:`h`, a wave of length :math:`w` is an eigenvector of :math:`1 - M` with the value
+    :math:`(\pi h / w)^2` on both. Nothing is asked across a line, so walls meet there at any angle.
     """
-    bending, shape = _bending(surface), surface.vertices.shape
-    back, trust = csr_array(bending.T), trust[:, None]
-    diagonal = trust + (bending.power(2).T @ stiffness)[:, None]
+    means = _means_along(surface)
+    ends = surface.vertices[surface.edges[0]]
+    square = float(((ends[:, 0] - ends[:, 1]) ** 2).sum(axis=1).mean())
+    band = min(np.pi**2 * square / max(wave, 1e-9) ** 2, WIDEST_BAND)
+    middle = surface.vertices.mean(axis=0)
+    before, now = surface.vertices - middle, surface.vertices - middle
+    weights = _sinc_weights(band, degree)
+    now = (before + means @ before) / 2
+    total = weights[0] * before + weights[1] * now
+    for weight in weights[2:]:  # Chebyshev polynomials of (1 + M) / 2
+        before, now = now, now + means @ now - before
+        total += weight * now
+    return total + middle
 
-    def matrix(x: FloatArray) -> FloatArray:  # of all three coordinates at once; its entries are never made
-        x = x.reshape(shape)
-        return (trust * x + back @ (stiffness[:, None] * (bending @ x))).ravel()
 
-    size = (surface.vertices.size,) * 2
-    whole = LinearOperator(size, matvec=matrix, dtype=np.float64)
-    scale = LinearOperator(size, matvec=lambda x: (x.reshape(shape) / diagonal).ravel(), dtype=np.float64)
-    right, begin = (trust * surface.vertices).ravel(), surface.vertices.ravel()
-    smooth, _ = cg(whole, right, begin, rtol=1e-6, maxiter=rounds, M=scale)
-    return smooth.reshape(shape)
+def _sinc_weights(band: float, degree: int) -> FloatArray:
+    """Weights of Chebyshev polynomials that let pass what lies below a band of 0 to 2; constants stay."""
+    n = np.arange(1, degree + 1)
+    window = 0.54 + 0.46 * np.cos(np.pi * n / (degree + 1))
+    angle = np.arccos(1 - band / 2)
+
+    def weights(shift: float) -> FloatArray:
+        rest = 2 * window * np.sin(n * (angle + shift)) / (np.pi * n)
+        return np.concatenate([[(angle + shift) / np.pi], rest])
+
+    # the window blurs the edge of the band; it moves out until the longest waves keep their height
+    low, high = 0.0, 2.0 * np.pi / (degree + 1)
+    for _ in range(40):
+        middle = (low + high) / 2
+        at_band = float(weights(middle) @ np.cos(np.arange(degree + 1) * angle))
+        low, high = (low, middle) if at_band > 1 else (middle, high)
+    found = weights(low)
+    return found / found.sum()
 
 
-def _bending(surface: ConformingSurface) -> csr_array:
-    """Matrix (V, V) of vertices less the mean of their neighbours; 0 where junction lines end or meet."""
+def _means_along(surface: ConformingSurface) -> csr_array:
+    """Matrix (V, V) of means of neighbours: in walls of all, on lines of those along it and of the vertex."""
     count = len(surface.vertices)
     edges, lines = surface.edges[0], surface.junctions
     on_line = np.bincount(lines.ravel(), minlength=count)
     within = np.concatenate([edges, edges[:, ::-1]])
     along = np.concatenate([lines, lines[:, ::-1]])
-    links = np.concatenate([within[on_line[within[:, 0]] == 0], along[on_line[along[:, 0]] == 2]])
+    links = np.concatenate([within[on_line[within[:, 0]] == 0], along[on_line[along[:, 0]] > 1]])
     degree = np.bincount(links[:, 0], minlength=count)
-    means = csr_array((-1 / degree[links[:, 0]], (links[:, 0], links[:, 1])), shape=(count, count))
-    return csr_array(means + diags_array((degree > 0).astype(float)))
+    share = np.where(on_line > 1, 0.5, 1.0) / np.maximum(degree, 1)
+    means = csr_array((share[links[:, 0]], (links[:, 0], links[:, 1])), shape=(count, count))
+    return csr_array(means + diags_array(np.where(degree == 0, 1.0, np.where(on_line > 1, 0.5, 0.0))))

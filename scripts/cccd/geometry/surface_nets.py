@@ -26,7 +26,7 @@ NodeCost = Callable[[IntArray, LabelArray], FloatArray]
 #: which the region of the first label ends.
 Cut = Callable[[IntArray, IntArray, LabelArray, LabelArray], FloatArray]
 
-#: Rounds in which nodes go over to a neighbour's label; none does twice.
+#: Rounds in which nodes go over to a neighbour's label.
 MOST_ROUNDS = 50
 
 _CORNERS = np.array(list(product((0, 1), repeat=3)))  # corner 4 x + 2 y + z of a cell
@@ -84,38 +84,58 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
     -------
     labels : (A, B, C) int
     left : int
-        Places that are still pinched, as where nodes would have to change twice.
+        Places that are still pinched after `MOST_ROUNDS`.
+
+    Notes
+    -----
+    At first no node changes twice. Where that leaves something, nodes go over to larger labels alone, as
+    often as it takes: one of those that pinch always can.
     """
     labels = labels.copy()
-    changed = np.zeros(labels.shape, bool)
+    fixed = np.zeros(labels.shape, np.bool_)
     for axis in range(3):
         for end in (0, -1):
-            np.moveaxis(changed, axis, 0)[end] = True
+            np.moveaxis(fixed, axis, 0)[end] = True
     cells = mixed_cells(labels)
-    for _ in range(MOST_ROUNDS):
-        corners = cells[:, None] + _CORNERS
-        here = labels[tuple(corners.reshape(-1, 3).T)].reshape(-1, 8)
-        pinched = [(found, which) for found, which in _pinched(here) if len(found)]
-        moves = [_cheapest(corners[found], which, here[found], changed, cost) for found, which in pinched]
-        if not moves:
-            return labels, 0
-        nodes, new = (np.concatenate(part) for part in zip(*moves, strict=True))
-        if len(nodes) == 0:
-            break
-        labels[tuple(nodes.T)] = new
-        changed[tuple(nodes.T)] = True
-        near = (nodes[:, None] - _CORNERS).reshape(-1, 3)  # cells that a changed node is a corner of
-        still = cells[np.concatenate([found for found, _ in pinched])]  # no others can be
-        # as numbers: rows would sort twenty times as slowly
-        keys = [np.ravel_multi_index(tuple(some.T), labels.shape) for some in (still, near)]
-        cells = np.column_stack(np.unravel_index(np.union1d(*keys), labels.shape))
-    corners = cells[:, None] + _CORNERS
-    here = labels[tuple(corners.reshape(-1, 3).T)].reshape(-1, 8)
-    return labels, sum(len(found) for found, _ in _pinched(here))
+    for rising in (False, True):
+        changed = fixed.copy()
+        for _ in range(MOST_ROUNDS):
+            here = _corner_labels(labels, cells)
+            pinched = [(found, which) for found, which in _pinched(here) if len(found)]
+            if not pinched:
+                return labels, 0
+            moves = [
+                _cheapest(cells[found, None] + _CORNERS, which, here[found], changed, cost, rising)
+                for found, which in pinched
+            ]
+            nodes, new = (np.concatenate(part) for part in zip(*moves, strict=True))
+            if len(nodes) == 0:
+                break
+            labels[tuple(nodes.T)] = new
+            if not rising:
+                changed[tuple(nodes.T)] = True
+            near = (nodes[:, None] - _CORNERS).reshape(-1, 3)  # cells that a changed node is a corner of
+            still = cells[np.concatenate([found for found, _ in pinched])]  # no others can be
+            # as numbers: rows would sort twenty times as slowly
+            keys = [np.ravel_multi_index(tuple(some.T), labels.shape) for some in (still, near)]
+            cells = np.column_stack(np.unravel_index(np.union1d(*keys), labels.shape))
+    return labels, sum(len(found) for found, _ in _pinched(_corner_labels(labels, cells)))
+
+
+def _corner_labels(labels: LabelArray, cells: IntArray) -> LabelArray:
+    """Labels (C, 8) of the corners of cells (C, 3)."""
+    first = np.ravel_multi_index(tuple(cells.T), labels.shape)
+    steps = np.ravel_multi_index(tuple(_CORNERS.T), labels.shape)
+    return np.stack([labels.ravel()[first + step] for step in steps], axis=1)
 
 
 def _cheapest(
-    corners: IntArray, which: IntArray, labels: LabelArray, changed: BoolArray, cost: NodeCost
+    corners: IntArray,
+    which: IntArray,
+    labels: LabelArray,
+    changed: BoolArray,
+    cost: NodeCost,
+    rising: bool,
 ) -> tuple[IntArray, LabelArray]:
     """Of each pinched place (K,) the node and the label, of those there, that together cost least."""
     # corners (K, 8, 3) and labels (K, 8) are the cells', which (K, m) the corners that pinch.
@@ -127,7 +147,7 @@ def _cheapest(
     have = np.repeat(old, count, axis=1).ravel()
     want = np.tile(old, (1, count)).ravel()
     price = np.full(len(node), np.inf)
-    may = (have != want) & ~changed[tuple(node.T)]
+    may = (want > have if rising else want != have) & ~changed[tuple(node.T)]
     price[may] = cost(node[may], want[may]) - cost(node[may], have[may])
     price = price.reshape(len(which), -1)
     best = price.argmin(axis=1)

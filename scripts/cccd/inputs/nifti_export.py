@@ -18,7 +18,7 @@ from cccd.tolerances import ORTHOGONALITY
 __all__ = ["write_nifti"]
 
 
-def write_nifti(path: str | Path, values: npt.NDArray[np.integer], affine: FloatArray) -> None:
+def write_nifti(path: str | Path, values: npt.NDArray[np.integer | np.floating], affine: FloatArray) -> None:
     """Write a volume as NIfTI (mm, RAS); the same bytes for the same volume.
 
     Parameters

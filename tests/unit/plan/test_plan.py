@@ -82,10 +82,10 @@ def test_organs_that_share_walls_meet_before_their_surfaces():
     plan = plan_of(*halves, LIVER, surface={"shared_walls": True})
     assert plan.group_before_walls(named("a/1")) == "apart"
     assert plan.group_before_walls(named("p/liver")) == "structure"
-    assert plan.sharing_organs("apart.ply")(named("a/1")) == [
-        f"results/a/{organ}/apart.ply" for organ in "12"
+    assert plan.sharing_organs("structure.h5")(named("a/1")) == [
+        f"results/a/{organ}/structure.h5" for organ in "12"
     ]
-    assert plan.sharing_organs("apart.ply")(named("p/liver")) == []
+    assert plan.sharing_organs("structure.h5")(named("p/liver")) == []
     assert plan.whole_case("surface.ply")(named("p/liver")) == ["results/p/liver/surface.ply"]
     assert "results/a/scene.html" in plan.scenes()
     assert not any("/p/" in file for file in plan.scenes())

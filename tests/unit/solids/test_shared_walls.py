@@ -8,11 +8,13 @@ from manifold3d import Manifold, Mesh64
 from nibabel.loadsave import load
 
 from cccd.containers import Frame, Structure
-from cccd.contours import trace_contours
+from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import voxelise
+from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
-from cccd.solids.shared_walls import Organ, share_walls
-from cccd.surface import loft_before_walls
+from cccd.solids.label_fields import LabelFields, level_blocks
+from cccd.solids.shared_walls import share_walls
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "dicom_totalseg_liver20" / "labels.nii.gz"
 CENTRE = np.array([15.6, 15.3, 15.8])
@@ -48,20 +50,20 @@ def shell():
 
 def organs_of(labels, affine=None, axis=2):
     frame = Frame(np.eye(4) if affine is None else affine, axis, labels.shape)
-    found = {}
-    for label in range(1, int(labels.max()) + 1):
-        mask = labels == label
-        structure = Structure("case", f"organ{label}", frame, np.zeros(3, np.int64), mask=mask)
-        sections = structure.sections(trace_contours(structure)[0])
-        surface = loft_before_walls(sections, LoftSettings())
-        found[label] = Organ(f"organ{label}", structure, surface.mesh)
-    return found
+    return {
+        label: Structure("case", f"organ{label}", frame, np.zeros(3, np.int64), mask=labels == label)
+        for label in range(1, int(labels.max()) + 1)
+    }
+
+
+def walls_of(labels, affine=None):
+    return share_walls(organs_of(labels, affine), LoftSettings())
 
 
 @pytest.fixture(scope="module", params=[half_balls, sectors, nested, shell], ids=lambda make: make.__name__)
 def joined(request):
     organs = organs_of(request.param())
-    return organs, share_walls(organs)
+    return organs, share_walls(organs, LoftSettings())
 
 
 def solid(mesh):
@@ -74,7 +76,7 @@ def test_organs_are_closed_and_hold_the_volume_of_their_voxels(joined):
     for label, organ in organs.items():
         mesh = shared.surface.mesh_of(label)
         assert mesh.is_closed_manifold
-        assert mesh.volume == pytest.approx(np.count_nonzero(organ.structure.mask), rel=0.001)
+        assert mesh.volume == pytest.approx(np.count_nonzero(organ.mask), rel=0.001)
 
 
 def test_nothing_belongs_to_two_organs_or_lies_between_them(joined):
@@ -108,7 +110,7 @@ def test_walls_are_smooth_up_to_the_lines_where_they_meet(joined):
 
 
 def test_a_wall_between_half_balls_is_a_plane():
-    shared = share_walls(organs_of(half_balls()))
+    shared = walls_of(half_balls())
     wall = shared.surface.wall(2, 1).vertices - CENTRE
     inner = np.hypot(wall[:, 1], wall[:, 2]) < RADIUS - 2
     assert wall[inner, 0].std() < 0.03
@@ -117,7 +119,7 @@ def test_a_wall_between_half_balls_is_a_plane():
 
 
 def test_the_line_where_three_sectors_meet_is_straight():
-    shared = share_walls(organs_of(sectors()))
+    shared = walls_of(sectors())
     surface = shared.surface
     inside = surface.regions.min(axis=1) > 0
     edges = np.unique(surface.junctions)
@@ -131,8 +133,8 @@ def test_the_line_where_three_sectors_meet_is_straight():
 def test_a_mirrored_oblique_scan_gives_the_same_surfaces_moved():
     labels = half_balls()
     turn = np.array([[0.0, -1.1, 0, 5], [-1.1, 0, 0, -7], [0, 0, -1.1, 3], [0, 0, 0, 1]])
-    scaled = share_walls(organs_of(labels, np.diag([1.1, 1.1, 1.1, 1]))).surface
-    moved = share_walls(organs_of(labels, turn)).surface
+    scaled = walls_of(labels, np.diag([1.1, 1.1, 1.1, 1])).surface
+    moved = walls_of(labels, turn).surface
     for label in (1, 2):
         one, other = scaled.mesh_of(label), moved.mesh_of(label)
         assert other.is_closed_manifold
@@ -143,24 +145,73 @@ def test_a_gap_in_the_labels_stays_and_ends_of_the_scan_stay_planar():
     labels = np.zeros((24, 30, 10), int)
     labels[4:20, 4:13, :] = 1
     labels[4:20, 15:26, :] = 2
-    shared = share_walls(organs_of(labels))
-    assert shared.surface.pairs == [(0, 1), (0, 2)]
-    height = shared.surface.vertices[:, 2]
+    labels[4:8, 13:15, :] = 2
+    surface = walls_of(labels).surface
+    assert surface.pairs == [(0, 1), (0, 2), (1, 2)]
+    middle = np.diag([1.0, 1, 1, 1])
+    middle[:3, 3] = 15, 13.5, 4.5
+    for label in (1, 2):
+        assert not voxelise(surface.mesh_of(label), middle, (1, 1, 1)).any()
+    height = surface.vertices[:, 2]
     assert (height.min(), height.max()) == (pytest.approx(-0.5), pytest.approx(9.5))
     assert np.count_nonzero(np.abs(height - 9.5) < 1e-9) > 100
 
 
-@pytest.mark.parametrize("shift", [(0, 9, 9), (9, 9, 9)], ids=["edge", "corner"])
-def test_organs_that_touch_in_an_edge_or_a_corner_only_stay_closed(shift):
+def test_organs_that_touch_in_an_edge_only_stay_closed():
     labels = np.zeros((26, 26, 26), int)
     labels[4:13, 4:13, 4:13] = 1
-    labels[tuple(slice(4 + step, 13 + step) for step in shift)] = 2
-    shared = share_walls(organs_of(labels))
+    labels[4:13, 13:22, 13:22] = 2
+    shared = walls_of(labels)
     assert shared.passing == 0
     for label in (1, 2):
         mesh = shared.surface.mesh_of(label)
         assert mesh.is_closed_manifold
         assert mesh.volume == pytest.approx(9**3, rel=0.001)
+
+
+def test_organs_that_touch_in_a_corner_only_share_no_wall():
+    labels = np.zeros((26, 26, 26), int)
+    labels[4:13, 4:13, 4:13] = 1
+    labels[13:22, 13:22, 13:22] = 2
+    shared = walls_of(labels)
+    assert shared.surface.names == {}
+    assert len(shared.surface.triangles) == 0
+
+
+def test_an_organ_without_a_neighbour_is_where_it_is_alone():
+    labels, settings = np.where(ball()[3] < RADIUS, 1, 0), LoftSettings()
+    alone = reconstruct_mask(organs_of(labels)[1], settings).mesh
+    # half of it, which shares a wall with the other half, has the same outside away from the wall
+    halves = walls_of(half_balls()).surface
+    outer = Mesh(halves.vertices, halves.triangles[halves.regions[:, 1] == 0])
+    points = outer.sample(5000, np.random.default_rng(0))
+    assert unsigned_to_mesh(points[np.abs(points[:, 0] - CENTRE[0]) > 4], alone).mean() < 0.03
+
+
+@pytest.mark.parametrize("nodes", [10_000, 40_000])
+def test_slabs_change_nothing(nodes, monkeypatch):
+    (structure,) = organs_of(np.where(ball((32, 32, 34))[3] < RADIUS, 1, 0), np.diag([1, 1, 3.0, 1])).values()
+    (whole,) = level_blocks(structure, LoftSettings())
+    monkeypatch.setattr("cccd.solids.label_fields.SLAB_NODES", nodes)
+    slabs = list(level_blocks(structure, LoftSettings()))
+    assert len(slabs) > 1
+    np.testing.assert_allclose(np.concatenate([slab.heights for slab in slabs]), whole.heights)
+    assert sum(slab.volume for slab in slabs) == pytest.approx(whole.volume)
+    together, apart = (LabelFields.empty([structure]) for _ in range(2))
+    together.add(1, [whole])
+    apart.add(1, slabs)
+    np.testing.assert_array_equal(apart.best, together.best)
+
+
+def test_labels_may_be_added_in_any_order():
+    settings, organs = LoftSettings(), organs_of(sectors())
+    one, other = (LabelFields.empty(list(organs.values())) for _ in range(2))
+    for number in organs:
+        one.add(number, level_blocks(organs[number], settings))
+    for number in reversed(organs):
+        other.add(number, level_blocks(organs[number], settings))
+    for name in ("owner", "best", "second"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
 @pytest.mark.skipif(not REAL.is_file(), reason=f"{REAL} is not there")
@@ -170,11 +221,11 @@ def test_a_spinal_cord_in_its_vertebra():
     whole = np.asarray(image.dataobj)[:, :, :10]
     labels = np.where(whole == 32, 1, np.where(whole == 79, 2, 0))
     organs = organs_of(labels, image.affine)
-    shared = share_walls(organs)
+    shared = share_walls(organs, LoftSettings())
     assert (1, 2) in shared.surface.pairs
     for label, organ in organs.items():
         mesh = shared.surface.mesh_of(label)
         assert mesh.is_closed_manifold
         voxel = abs(np.linalg.det(image.affine))
-        assert mesh.volume == pytest.approx(np.count_nonzero(organ.structure.mask) * voxel, rel=0.01)
+        assert mesh.volume == pytest.approx(np.count_nonzero(organ.mask) * voxel, rel=0.01)
         assert mesh.count_bodies() >= 1

@@ -1,0 +1,145 @@
+"""A label map on another grid: the voxels of its organs' surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from cccd.containers import Grid
+from cccd.errors import InputError
+from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import voxelise
+from cccd.inputs.grid import Volume
+from cccd.inputs.row_files import label_values
+from cccd.whole_map import LabelSurface, WholeMap
+
+__all__ = ["block_of", "finer_grid", "relabelled", "share_of_voxels"]
+
+#: A voxel's share is counted at so many points along each of its edges.
+POINTS = 4
+#: More voxels than that are not written.
+MOST_VOXELS = 2_000_000_000
+
+
+def finer_grid(volume: Volume, voxel: float) -> Grid:
+    """Lay cubic voxels over the space that those of a volume take.
+
+    Examples
+    --------
+    >>> thick = Volume(np.zeros((10, 10, 4)), np.diag([1.0, 1.0, 5.0, 1.0]), "")
+    >>> grid = finer_grid(thick, 2.0)
+    >>> grid.shape, grid.affine[:3, 3].tolist()
+    ((5, 5, 10), [0.5, 0.5, -1.5])
+    """
+    spacing = np.linalg.norm(volume.affine[:3, :3], axis=0)
+    shape = np.maximum(np.ceil(np.array(volume.data.shape) * spacing / voxel - 1e-6), 1).astype(int)
+    if shape.prod(dtype=float) > MOST_VOXELS:
+        problem = f"{voxel:g} mm make {shape.prod(dtype=float):.2g} voxels"
+        raise InputError("--voxel", problem, "give a larger one")
+    affine = volume.affine.copy()
+    affine[:3, :3] *= voxel / spacing
+    affine[:3, 3] = volume.affine @ [-0.5, -0.5, -0.5, 1] @ np.eye(4)[:, :3] + affine[:3, :3].sum(axis=1) / 2
+    return Grid(affine, (int(shape[0]), int(shape[1]), int(shape[2])))
+
+
+def relabelled(
+    whole: WholeMap, grid: Grid, n_jobs: int = 1, tell: Callable[[str], None] = lambda what: None
+) -> Iterator[tuple[int, LabelSurface | None, IntArray]]:
+    """Give the voxels of another grid that each label of a map has; no voxel comes twice.
+
+    Parameters
+    ----------
+    whole : WholeMap
+    grid : Grid
+    n_jobs, tell
+        See `WholeMap.surfaces`.
+
+    Yields
+    ------
+    value : int
+        The label.
+    surface : LabelSurface or None
+        None of a label without a surface, such as one of few voxels: its nearest voxels are taken.
+    voxels : (N,) int64
+        Flat indices on the grid.
+    """
+    taken = np.zeros(grid.shape, np.bool_).ravel()
+    made: set[int] = set()
+    for one in whole.surfaces(n_jobs, tell):
+        made.add(one.number)
+        value = int(one.label.label) if one.label.label.isdecimal() else one.number
+        yield value, one, _claimed(_voxels(one.surface.lofted.mesh, grid), taken)
+    left = {number: label for number, label in whole.labels.items() if number not in made}
+    volume = label_values(whole.path) if left else None
+    if volume is not None:
+        nearest = _nearest(volume, grid)
+        for number, label in left.items():
+            value = int(label.label) if label.label.isdecimal() else number
+            yield value, None, _claimed(np.flatnonzero(nearest == value), taken)
+
+
+def _claimed(voxels: IntArray, taken: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> IntArray:
+    """Leave out voxels that others have, and mark the rest."""
+    free = voxels[~taken[voxels]]
+    taken[free] = True
+    return free
+
+
+def block_of(mesh: Mesh, grid: Grid) -> tuple[IntArray, tuple[int, int, int]]:
+    """First voxel (3,) and shape of the block of a grid that a mesh reaches."""
+    to_index = np.linalg.inv(grid.affine)
+    index = mesh.vertices @ to_index[:3, :3].T + to_index[:3, 3]
+    limit = np.array(grid.shape)
+    low = np.clip(np.floor(index.min(axis=0)).astype(np.int64), 0, limit)
+    high = np.clip(np.ceil(index.max(axis=0)).astype(np.int64) + 1, low, limit)
+    a, b, c = (int(size) for size in high - low)
+    return low, (a, b, c)
+
+
+def _voxels(mesh: Mesh, grid: Grid) -> IntArray:
+    """Flat indices (N,) of the voxels whose centres a mesh holds."""
+    low, shape = block_of(mesh, grid)
+    if 0 in shape:
+        return np.zeros(0, np.int64)
+    inside = np.argwhere(voxelise(mesh, grid.affine, shape, low)) + low
+    return np.asarray(np.ravel_multi_index(tuple(inside.T), grid.shape), np.int64)
+
+
+def share_of_voxels(mesh: Mesh, grid: Grid) -> tuple[IntArray, SingleArray]:
+    """Which share of each voxel a mesh holds: the first voxel (3,) of a block, and its shares (A, B, C)."""
+    low, shape = block_of(mesh, grid)
+    fine = grid.affine @ np.diag([*(1 / POINTS,) * 3, 1.0])
+    fine[:3, 3] = (grid.affine @ [*(low - 0.5 + 0.5 / POINTS), 1])[:3]
+    a, b, c = shape
+    if 0 in shape:
+        return low, np.zeros(shape, np.float32)
+    inside = voxelise(mesh, fine, (a * POINTS, b * POINTS, c * POINTS))
+    parts = inside.reshape(a, POINTS, b, POINTS, c, POINTS)
+    return low, parts.mean(axis=(1, 3, 5), dtype=np.float32)
+
+
+def _nearest(volume: Volume, grid: Grid) -> IntArray:
+    """Values of the nearest voxels of a volume at those of a grid, flat; 0 beyond it."""
+    relation: FloatArray = np.asarray(np.linalg.solve(volume.affine, grid.affine), float)
+    found = np.zeros(grid.shape, np.int64)
+    b, c = np.indices(grid.shape[1:])
+    limit = np.array(volume.data.shape)
+    for a in range(grid.shape[0]):  # a plane at a time: indices of all would be large
+        at = np.rint(
+            relation[:3, 0, None, None] * a
+            + relation[:3, 1, None, None] * b
+            + relation[:3, 2, None, None] * c
+            + relation[:3, 3, None, None]
+        ).astype(np.int64)
+        inside = ((at >= 0) & (at < limit[:, None, None])).all(axis=0)
+        found[a][inside] = volume.data[tuple(at[:, inside])]
+    return found.ravel()
+
+
+def name_of_soft(path: Path, organ: str) -> Path:
+    """Name the file of one label's shares beside the label map's."""
+    stem = path.name.removesuffix(".gz").removesuffix(".nii")
+    return path.with_name(f"{stem}_{organ}.nii.gz")
