@@ -38,7 +38,7 @@ def test_default_sheet():
         ("mni152", "brain"),
         ("phantom", "liver"),
         ("phantom", "lungs"),
-        ("chest_ct", "lungs"),
+        ("chest_ct", "right_lung"),
         ("mni152_head", "brain"),
         ("phantom_scan", "liver"),
         ("damaged_phantom", "kidney"),

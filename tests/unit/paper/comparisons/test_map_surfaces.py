@@ -8,7 +8,6 @@ from cccd.boundary import extract_boundaries
 from cccd.containers import Boundaries, Curves, Frame, Sections, Structure
 from cccd.junctions.ordering import count_changes
 from cccd.settings.boundaries import BoundarySettings
-from cccd.settings.curves import CurveSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
@@ -71,7 +70,7 @@ def test_surfaces_are_scored_beside_the_classical_decoder_s():
     contours = trace_mask(structure)
     lofting = LoftSettings()
     surface = loft_surface(Sections(contours), lofting)
-    asked = (structure, whole, contours, surface, CurveSettings(), lofting)
+    asked = (structure, whole, contours, surface, lofting)
     table = compare_map_surfaces(*asked).set_index("method")
     assert [table.index[0], is_classical(table.index[1]), *table.index[2:]] == [NETWORK, True, FOUND]
     slices = len(contours)
