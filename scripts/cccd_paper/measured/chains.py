@@ -128,7 +128,6 @@ def point_meshes(tables: Tables) -> str:
             "3D Dice": written(row["dice_3d"], ".4f"),
             "ASSD, mm": written(row["assd_mm"]),
             "HD95, mm": written(row["hd95_mm"]),
-            "normals off, median": written(row["normals_median_deg"], ".1f"),
             "CPU s": written(row["seconds"], ".1f"),
         }
         for _, row in tables["point_meshes"].iterrows()

@@ -76,9 +76,9 @@ def test_who_is_ahead_at_equal_numbers_of_points_is_read_off_the_table(tables):
 
 def test_where_the_papers_surface_is_closer_is_named(tables):
     change(tables, "algorithm_1", "method == 'paper'", assd_mm=99.0)
-    assert "The paper's surface is closer than ours on 0 of 6." in page_of(tables)
+    assert "The paper's surface is closer than ours on 0 of 7." in page_of(tables)
     change(tables, "algorithm_1", "method == 'paper' and organ == 'kidney'", assd_mm=0.001)
-    assert "The paper's surface is closer than ours on 1 of 6 (damaged/kidney)." in page_of(tables)
+    assert "The paper's surface is closer than ours on 1 of 7 (damaged/kidney)." in page_of(tables)
 
 
 @pytest.mark.parametrize(
