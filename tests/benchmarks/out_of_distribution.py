@@ -6,7 +6,7 @@ The outlines are those of organs (slices of the MNI brain, of a phantom liver an
 the report's table draw random blobs. The damage is not that of `cccd.inputs.corruptions`: published
 augmentations (Cutout, DeVries and Taylor 2017; GridMask, Chen et al. 2020) and what imaging does (a noisy
 slice's threshold, ghosts of motion, coarse pixels, straight lines across). The last kind is no damage: edges
-that `cccd.boundary.edge_map` finds in the real MR slices, under noise, with the brain's mask for their label;
+that `cccd.boundary.edge_map` finds in slices of an MR template, under noise, with the brain's mask for label;
 the network sees these slices too. The table goes to ``docs/out_of_distribution.csv``.
 """
 

@@ -38,12 +38,13 @@ def test_default_sheet():
         ("mni152", "brain"),
         ("phantom", "liver"),
         ("phantom", "lungs"),
+        ("chest_ct", "right_lung"),
         ("mni152_head", "brain"),
         ("phantom_scan", "liver"),
         ("damaged_phantom", "kidney"),
         *(("phantom", letter) for letter in "AHX"),
     ]
-    assert [row["role"] for row in rows] == 6 * ["reconstruct"] + 3 * ["measure"]
+    assert [row["role"] for row in rows] == 7 * ["reconstruct"] + 3 * ["measure"]
 
 
 def test_every_sheet_in_config_is_sound():

@@ -28,8 +28,8 @@ UNPINNED = {
 }
 #: Imported in an environment of its own alone, or by a program that brings it: nothing here needs them.
 ELSEWHERE = {"napari", "slicer_core"}
-#: Pinned and no part of the library: what runs it and what tests it.
-TOOLS = {"snakemake", "pytest", "pytest-cov", "pytest-xdist", "hypothesis"}
+#: Pinned and not imported by the library: what runs it, what tests it, and the scan that a package brings.
+TOOLS = {"snakemake", "pytest", "pytest-cov", "pytest-xdist", "hypothesis", "slicerio"}
 #: Distributions whose module has another name.
 DISTRIBUTIONS = {
     "cv2": "opencv-contrib-python-headless",

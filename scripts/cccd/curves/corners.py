@@ -8,6 +8,7 @@ the same unit of 45 degrees, so nothing here needs a pixel grid.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -159,9 +160,9 @@ def beus_tiu(
 
     The cornerity at k is ``ln t1 * ln t2 * sum(delta)`` in degrees: the turning of the chord over k
     links, weighted by how far the curve runs straight before (t1) and after (t2); both are cut off at a
-    share of the curve. Corners are maxima of its mean over k above a threshold: 300 is what a turn of
-    60 degrees between straight arms of five pixels reaches. The 1500 that is handed down presumes arms
-    that run straight far longer than an organ's do.
+    share of the curve. Corners are maxima of its mean over k above a threshold. The default of 300 is our
+    choice: what a turn of 60 degrees between straight arms of five pixels reaches. The 1500 that is usually
+    quoted presumes arms that run straight far longer than an organ's do.
     """
     ring = Ring(offsets)
     limit = np.maximum(cut_off * ring.size, 1.0)
@@ -189,6 +190,7 @@ def medioni_yasumoto(
     At a knot the curve lies ``|P_{i-1} - 2 P_i + P_{i+1}| / 6`` from its control point. Corners are
     maxima of the curvature where that displacement exceeds a threshold in pixels. ``step`` is the
     distance along the chain of the three points used: neighbouring pixels would see the staircase only.
+    Both defaults are our choice.
     """
     ring = Ring(offsets)
     ahead, behind = points[ring.at(step)], points[ring.at(-step)]
@@ -307,10 +309,10 @@ def _run_before(flag: np.ndarray, offsets: np.ndarray, reverse: bool = False) ->
     return run
 
 
-#: Detectors of section 2 by name, each with its published defaults:
-#: (points, offsets, **parameters) -> (P,) bool.
+#: Detectors of section 2 by name: (points, offsets, **parameters) -> (P,) bool. Their defaults are what is
+#: usually quoted; the publications could not be read, so none is said to be theirs.
 DETECTORS: dict[str, Callable[..., np.ndarray]] = {
-    "k-cosine": lambda points, offsets: k_cosine_corners(points, offsets, 7),
+    "k-cosine": partial(k_cosine_corners, k=7),
     "Rosenfeld-Johnston": rosenfeld_johnston,
     "Beus-Tiu": beus_tiu,
     "Medioni-Yasumoto": medioni_yasumoto,

@@ -40,7 +40,7 @@ from cccd.inputs.phantoms import make_phantom
 from cccd.inputs.refining import refine_border
 from cccd.inputs.regions import find_region
 from cccd.inputs.row_files import EACH_ITS_OWN, LabelMap, RowFiles, read_boundary_maps, read_mask
-from cccd.inputs.sources import brain_of_stripped, read_mni152, read_whole_body_ct
+from cccd.inputs.sources import brain_of_stripped, read_chest_ct, read_mni152, read_whole_body_ct
 from cccd.seeds import parse_seeds
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest
@@ -82,7 +82,7 @@ SMALL_MM = 1.0
 _READERS = ("h5py", "highdicom", "nibabel", "numpy", "pydicom", "simpleitk")
 
 #: Sources that are read from a package's data.
-_PACKAGED = {"mni152": read_mni152, "whole_body_ct": read_whole_body_ct}
+_PACKAGED = {"mni152": read_mni152, "chest_ct": read_chest_ct, "whole_body_ct": read_whole_body_ct}
 
 
 @dataclass(frozen=True)

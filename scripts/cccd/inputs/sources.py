@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -13,13 +14,17 @@ from scipy import ndimage
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import Volume, check_affine
+from cccd.inputs.readers import read_volume
 from cccd.settings.messages import nearest
 
 if TYPE_CHECKING:
     import pyvista
     from nibabel.spatialimages import SpatialImage
 
-__all__ = ["brain_of_stripped", "read_mni152", "read_whole_body_ct"]
+__all__ = ["brain_of_stripped", "read_chest_ct", "read_mni152", "read_whole_body_ct"]
+
+#: Labels of the chest CT's segmentation, by organ.
+_CHEST = {"lungs": (5, 6), "right_lung": (5,), "left_lung": (6,)}
 
 
 def read_mni152(organ: str, location: str) -> tuple[Volume, Volume, dict[str, Any]]:
@@ -60,6 +65,47 @@ def read_mni152(organ: str, location: str) -> tuple[Volume, Volume, dict[str, An
         Volume(inside, check_affine(mask.affine, location), "mni152"),
         facts,
     )
+
+
+def read_chest_ct(organ: str, location: str) -> tuple[Volume, Volume, dict[str, Any]]:
+    """Read the CT of a chest that slicerio's wheel has among its data, and lungs of its segmentation.
+
+    The scan is a person's: 128 x 128 x 34 voxels of 3.05 x 3.05 x 10 mm. The segmentation leaves the large
+    vessels out.
+
+    Parameters
+    ----------
+    organ, location : str
+        ``lungs``, ``right_lung`` or ``left_lung``, and what messages name.
+
+    Returns
+    -------
+    image, mask : Volume
+        HU (float32) and organ (bool).
+    provenance : dict
+        Version and SHA-256.
+
+    Raises
+    ------
+    InputError
+        slicerio is not installed, or no such organ.
+    """
+    if organ not in _CHEST:
+        raise InputError(location, f"source chest_ct has no organ {organ!r}", nearest(organ, list(_CHEST)))
+    found = find_spec("slicerio")  # not imported: only its files are of use
+    if found is None or found.origin is None:
+        raise InputError(
+            location, "source chest_ct is a scan of the package slicerio", "pip install slicerio"
+        )
+    folder = Path(found.origin).parent / "data"
+    image, labels = read_volume(folder / "CTChest4.nrrd"), read_volume(folder / "Segmentation.seg.nrrd")
+    grey, inside = image.data.astype(np.float32), np.isin(labels.data, _CHEST[organ])
+    facts = {
+        "slicerio": version("slicerio"),
+        "scan": "CTChest4, 3.05 x 3.05 x 10 mm",
+        "sha256": hashlib.sha256(grey.tobytes() + inside.tobytes()).hexdigest(),  # image, then mask
+    }
+    return Volume(grey, image.affine, "chest_ct"), Volume(inside, labels.affine, "chest_ct"), facts
 
 
 def read_whole_body_ct(organ: str, location: str) -> tuple[Volume, Volume, dict[str, Any]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -33,7 +34,7 @@ from cccd_paper.comparisons.parameters import GRID, LARGEST_SHARE, grid_points, 
 from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd_paper.settings import SliceChoice
 
-__all__ = ["compare_corners", "corner_figures", "fused_spline", "order_corners", "search"]
+__all__ = ["compare_corners", "corner_figures", "fuse", "fused_spline", "order_corners", "search"]
 
 #: What the automatic fit below is run with, whatever the run's own curves are fitted with.
 _AUTOMATIC_VALUES = f"tolerance {CurveSettings().tolerance_px:g} px"
@@ -52,7 +53,7 @@ def compare_corners(structure: Structure, curves: Curves, settings: SliceChoice)
     Returns
     -------
     DataFrame
-        One row per slice, image (``mask``, ``grey``; ``chain code`` for CCCD), detector, parameter set
+        One row per slice, image (`SliceSample.images`; ``chain code`` for CCCD), detector, parameter set
         and order: ``corners`` found, those ``on_boundary``, the ``false_share``, ``boundary_pixels`` of
         the slice's longest curve, ``control_points`` used on it, whether the spline
         ``self_intersects``, equations 12-21 under their printed abbreviations (``DSC`` is the Dice
@@ -148,7 +149,7 @@ def corner_figures(structure: Structure, curves: Curves, settings: SliceChoice) 
     """Figure 6, the middle slice and its boundary; Figure 9, corners and fused splines over it.
 
     Of Figure 9 each detector has a column. The upper row has the paper's parameters of Figure 9 (the
-    publication's for SUSAN), the lower row the best of the grid; corners are ordered by a short tour, which
+    defaults of SUSAN), the lower row the best of the grid; corners are ordered by a short tour, which
     is what corners alone allow. Parameters as in `compare_corners`; nothing where there is no curve.
     """
     sample = middle_slice(structure, curves, settings.n_slices)
@@ -173,9 +174,7 @@ def corner_figures(structure: Structure, curves: Curves, settings: SliceChoice) 
 
 def _fused_panel(sample: SliceSample, detector: str, set_name: str, parameters: Mapping) -> Panel:
     method = CORNER_DETECTORS[detector]
-    found = method.run(sample.images[sample.picture], **parameters) + sample.origin
-    used = found[near_boundary(found, sample.curve)].astype(float)
-    spline = fused_spline(used, "tour", sample.curve)
+    found, used, spline = fuse(sample, method.run(sample.images[sample.picture], **parameters), "tour")
     score = f"Dice {sample.dice_percent(spline):.1f} %, {len(used)} of {len(found)}"
     layers = {"boundary": sample.curve, "corners": found, "spline": spline}
     return Panel(method.title, layers, f"{set_name}\n{score}")
@@ -188,6 +187,24 @@ def order_corners(corners: np.ndarray, order: str, curve: np.ndarray) -> np.ndar
     if order == "tour":
         return corners[order_by_links(corners, lambda points: reconstruct("tour", points))]
     return corners[order_by_chain(corners, curve)]
+
+
+class Fused(NamedTuple):
+    """A detector's corners in source (i, j), those used as control points, and their spline."""
+
+    found: np.ndarray
+    used: np.ndarray
+    spline: np.ndarray
+
+
+def fuse(sample: SliceSample, corners: np.ndarray, order: str) -> Fused:
+    """Fuse the corners (K, 2) that a detector marks in a sample's image with a spline.
+
+    Those near the sample's curve are the control points.
+    """
+    found = corners + sample.origin
+    used = found[near_boundary(found, sample.curve)].astype(float)
+    return Fused(found, used, fused_spline(used, order, sample.curve))
 
 
 def fused_spline(corners: np.ndarray, order: str, curve: np.ndarray) -> np.ndarray:
@@ -213,17 +230,13 @@ def search(samples: Iterable[SliceSample]) -> pd.DataFrame:
         boundary pixels, ``eligible`` (both small enough); within each image and detector the best
         eligible first.
     """
-    rows = []
-    for sample in samples:
-        for image_name, image in sample.images.items():
-            for detector in GRID:
-                for number, parameters in enumerate(grid_points(detector)):
-                    found = CORNER_DETECTORS[detector].run(image, **parameters) + sample.origin
-                    used = found[near_boundary(found, sample.curve)].astype(float)
-                    spline = fused_spline(used, "chain", sample.curve)
-                    score = _scores(sample, found, used, spline)["DSC"]
-                    shares = len(used) / len(sample.curve), len(found) / len(sample.boundary)
-                    rows.append((image_name, detector, number, score, *shares))
+    rows = [
+        (image_name, detector, number, *scores)
+        for sample in samples
+        for image_name, image in sample.images.items()
+        for detector in GRID
+        for number, scores in enumerate(_searched(sample, image, detector))
+    ]
     scores = pd.DataFrame(rows, columns=["image", "detector", "number", "DSC", "share", "found"])
     scores = scores.groupby(["image", "detector", "number"]).mean().reset_index()
     grids = {detector: list(grid_points(detector)) for detector in GRID}
@@ -232,3 +245,19 @@ def search(samples: Iterable[SliceSample]) -> pd.DataFrame:
     scores["eligible"] = (scores["share"] <= LARGEST_SHARE) & (scores["found"] <= 1)
     columns = ["image", "detector", "eligible", "DSC", "share"]
     return scores.sort_values(columns, ascending=[True, True, False, False, True]).reset_index(drop=True)
+
+
+def _searched(sample: SliceSample, image: np.ndarray, detector: str) -> Iterator[tuple[float, float, float]]:
+    """Dice, share of the pixels used and corners found to boundary pixels, for each point of a grid.
+
+    Many points mark the same corners, on an image of two values most of all; these are fused once.
+    """
+    known: dict[bytes, tuple[float, float, float]] = {}
+    for parameters in grid_points(detector):
+        corners = CORNER_DETECTORS[detector].run(image, **parameters)
+        key = corners.tobytes()
+        if key not in known:
+            fused = fuse(sample, corners, "chain")
+            used, found = len(fused.used) / len(sample.curve), len(fused.found) / len(sample.boundary)
+            known[key] = sample.dice_percent(fused.spline) / 100, used, found
+        yield known[key]

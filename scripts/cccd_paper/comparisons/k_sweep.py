@@ -23,14 +23,14 @@ from cccd_paper.comparisons.parameters import (
     CHAIN_BEST,
     CHAIN_GRID,
     LARGEST_SHARE,
-    PUBLISHED,
+    UNTUNED,
     grid_points,
 )
 from cccd_paper.comparisons.repeatability import CHANGES, Detector, repeatability
 from cccd_paper.comparisons.samples import choose_slices, middle_curve
 from cccd_paper.settings import SliceChoice
 
-__all__ = ["OWN", "compare_k", "outline_figures", "search_chain"]
+__all__ = ["OWN", "compare_k", "one_a_slice", "outline_figures", "search_chain"]
 
 #: Detector, criterion, k, name and values of the parameters.
 _Row = tuple[str, str, float, str, str]
@@ -59,7 +59,7 @@ def compare_k(
     -------
     DataFrame
         One row per detector, for the k-cosine per criterion and k, for the others per set of ``parameters``
-        (the publication's, and the best of a grid on training phantoms): ``detector``, ``criterion``, ``k``,
+        (its defaults, and the best of a grid on training phantoms): ``detector``, ``criterion``, ``k``,
         ``parameters`` and their ``values``, what `cccd.curves.measures.measure_corners` says, ``ms`` of
         processor time for the corners of all curves, and how often corners are found again under
         ``rotation``, ``scale`` and ``noise``, 0 to 1 (`cccd_paper.comparisons.repeatability.repeatability`,
@@ -89,11 +89,13 @@ def _detectors(ks: Sequence[int]) -> Iterator[tuple[_Row, Detector]]:
             yield ("k-cosine", criterion, float(k), f"k = {k}", f"k {k}"), detect
     for name, best in CHAIN_BEST.items():
         values = ", ".join(f"{key} {value}" for key, value in best.items())
-        yield (name, OWN, np.nan, PUBLISHED, "defaults"), DETECTORS[name]
+        yield (name, OWN, np.nan, UNTUNED, "defaults"), DETECTORS[name]
         yield (name, OWN, np.nan, BEST_OF_GRID, values), partial(DETECTORS[name], **best)
 
 
-def search_chain(outlines: Sequence[np.ndarray], frame: Frame) -> pd.DataFrame:
+def search_chain(
+    outlines: Sequence[np.ndarray], frame: Frame, grids: Mapping[str, Mapping[str, tuple]] = CHAIN_GRID
+) -> pd.DataFrame:
     """Score every point of the grids of the detectors on the chain code on training outlines.
 
     Parameters
@@ -101,6 +103,8 @@ def search_chain(outlines: Sequence[np.ndarray], frame: Frame) -> pd.DataFrame:
     outlines : sequence of (n, 2) arrays
         Pixel chains of structures that nothing is reported on.
     frame : Frame
+    grids : dict of dict of str to tuple, optional
+        Values of each detector's parameters.
 
     Returns
     -------
@@ -109,10 +113,10 @@ def search_chain(outlines: Sequence[np.ndarray], frame: Frame) -> pd.DataFrame:
         the pixels that are corners, and ``eligible``: few enough; within each detector the best eligible
         first.
     """
-    curves = _one_a_slice(outlines, frame)
+    curves = one_a_slice(outlines, frame)
     rows = []
-    for detector in CHAIN_GRID:
-        for parameters in grid_points(detector, CHAIN_GRID):
+    for detector in grids:
+        for parameters in grid_points(detector, grids):
             corner = DETECTORS[detector](curves.points, curves.offsets, **parameters)
             measured = measure_corners(curves, corner)
             share = float(np.mean([part.mean() for part in split_ragged(corner, curves.offsets)]))
@@ -122,7 +126,8 @@ def search_chain(outlines: Sequence[np.ndarray], frame: Frame) -> pd.DataFrame:
     return scores.sort_values(columns, ascending=[True, False, False, True]).reset_index(drop=True)
 
 
-def _one_a_slice(outlines: Sequence[np.ndarray], frame: Frame) -> Curves:
+def one_a_slice(outlines: Sequence[np.ndarray], frame: Frame) -> Curves:
+    """Curves of one outline (n, 2) on each slice."""
     lines = RaggedPolygons.of(outlines)
     count = len(outlines)
     return Curves(lines.points, lines.offsets, np.arange(count), np.zeros(count, bool), frame)
@@ -132,7 +137,7 @@ def _found_again(
     outlines: Sequence[np.ndarray], frame: Frame, detectors: Mapping[tuple, Detector], seed: int
 ) -> pd.DataFrame:
     """Repeatability of every detector, a row each, by what changed the outlines."""
-    curves = _one_a_slice(outlines, frame)
+    curves = one_a_slice(outlines, frame)
     named = {str(number): detect for number, detect in enumerate(detectors.values())}
     table = repeatability(curves, np.random.default_rng(seed), named)
     means = table.groupby(["detector", "change"])["repeatability"].mean().unstack("change")

@@ -73,7 +73,18 @@ def table_2(cohort: Cohort) -> str:
     others = table[table["method"] != CCCD]
     printed = others["parameters"].str.startswith("paper")
     chosen = others["parameters"] == "best of grid"
-    return " ".join(filter(None, (_strongest(others[rows], finest) for rows in (printed, chosen))))
+    strongest = [_strongest(others[rows], finest) for rows in (printed, chosen)]
+    return " ".join(filter(None, [*strongest, _nearest_images(table)]))
+
+
+def _nearest_images(table: pd.DataFrame) -> str:
+    """Name the image on which each fused detector is nearest to the paper's Dice."""
+    nearest = paper_tables.nearest_images(table)
+    if nearest.empty:
+        return ""
+    nearest["dice"] = [row[row["nearest"]] for row in nearest.to_dict("records")]
+    row = "{method}, {parameters}, on the {nearest} image {dice:.2f} %"
+    return f"Nearest to the paper's Dice: {_each(nearest, row, '{paper_dice_percent:.2f} %')}."
 
 
 def _strongest(rows: pd.DataFrame, finest: pd.DataFrame) -> str:
@@ -538,6 +549,8 @@ def map_surfaces(cohort: Cohort) -> str:
     """Say for every structure how many slices were decided, and which way's surface is nearest."""
     rows = cohort.rows("map_surfaces")
     rows = rows.assign(name=structure_names(rows), assd_mm=rows.get("assd_mm"), hd95_mm=rows.get("hd95_mm"))
+    counts = ["decided", "slices"]
+    rows[counts] = rows.groupby("name")[counts].transform("max")  # a region that is traced has none
     first = rows.sort_values("assd_mm").groupby("name", sort=False).head(1)
     text = "{name}: {decided:.0f} of {slices:.0f} slices are no outlines already"
     near = text + "; the smallest ASSD has {method}, {assd_mm:.2f} mm (HD95 {hd95_mm:.2f} mm)"

@@ -16,9 +16,25 @@ from cccd.report.summary import Cohort
 from cccd_paper.comparisons import published
 from cccd_paper.comparisons.baselines.reconstructions import RECONSTRUCTIONS
 from cccd_paper.comparisons.paper_k import CCCD
+from cccd_paper.comparisons.parameters import UNTUNED
 from cccd_paper.comparisons.reconstruction_comparison import DENSE, HARRIS, POINTS
 
-__all__ = ["corner_surfaces", "segmenters", "table_1", "table_2", "table_3", "table_4", "table_5"]
+__all__ = [
+    "RATES",
+    "corner_surfaces",
+    "figure_11",
+    "figure_15",
+    "nearest_images",
+    "segmenters",
+    "table_1",
+    "table_2",
+    "table_3",
+    "table_4",
+    "table_5",
+]
+
+#: Equations (12) to (21) under the names of Figure 11.
+RATES = ("TP rate", "FP rate", "TN rate", "FN rate", "ACC", "MC", "PRE", "SPEC", "DSC", "JI")
 
 #: What the paper's byte counts come to: two 32-bit indices for each point (section 1).
 BYTES_PER_POINT = 8
@@ -55,6 +71,49 @@ def table_2(cohort: Cohort) -> pd.DataFrame:
     medians = grouped[["dice_percent", "control_points", "of_boundary_percent"]].median()
     table = medians.join(grouped["self_intersecting_percent"].mean()).reset_index()
     return _beside(table, published.TABLE_2, ["detector", "parameters"]).drop(columns="detector")
+
+
+def nearest_images(fused: pd.DataFrame, order: str = "tour") -> pd.DataFrame:
+    """Say on which image each fused detector's Dice is nearest to the paper's, on the paper's organ.
+
+    The paper does not say which image of the slice its detectors read.
+
+    Parameters
+    ----------
+    fused : DataFrame
+        As `table_2` returns it.
+    order : str
+        How the corners were ordered (`cccd_paper.comparisons.fuse.ORDERS`).
+
+    Returns
+    -------
+    DataFrame
+        A row for each ``method`` and ``parameters`` of which the paper has a Dice: the Dice in percent on
+        every image, ``paper_dice_percent``, and the ``nearest`` image.
+    """
+    rows = fused[(fused["organ"] == published.TABLE_3_ORGAN) & (fused["order"] == order)]
+    rows = rows.dropna(subset=["paper_dice_percent"])
+    keys = ["method", "parameters", "paper_dice_percent"]
+    dice = rows.pivot_table(index=keys, columns="image", values="dice_percent", sort=False)
+    off = dice.sub(dice.index.get_level_values("paper_dice_percent"), axis=0).abs()
+    return dice.assign(nearest=off.idxmin(axis=1) if len(off) else []).reset_index()
+
+
+def figure_11(cohort: Cohort) -> pd.DataFrame:
+    """Equations (12) to (21) of every fused detector on every image, and of CCCD; medians over slices."""
+    corners = cohort.rows("corners")
+    rows = corners[(corners["order"] == "tour") | (corners["detector"] == "cccd")]
+    keys = ["organ", "image", "method", "parameters"]
+    return rows.groupby(keys, sort=False)[["control_points", *RATES]].median().reset_index()
+
+
+def figure_15(cohort: Cohort) -> pd.DataFrame:
+    """Dice in percent of the snakes for every seed, medians over slices, with the least and the most."""
+    rows = cohort.rows("active_contour").assign(dice_percent=lambda rows: 100 * rows["dice"])
+    keys = ["organ", "method", "setting", "radius", "offset"]
+    grouped = rows.groupby(keys, sort=False)["dice_percent"]
+    table = grouped.agg(["median", "min", "max"]).reset_index()
+    return table.rename(columns={"median": "dice_percent", "min": "least", "max": "most"})
 
 
 def table_3(cohort: Cohort) -> pd.DataFrame:
@@ -136,7 +195,7 @@ def table_5(cohort: Cohort) -> pd.DataFrame:
     """
     corners, reconstruction = cohort.rows("corners"), cohort.rows("reconstruction")
     image = "grey" if (corners["image"] == "grey").any() else "mask"
-    as_printed = corners["parameters"].isin(["paper, Table 2", "publication", "k = 3", "automatic"])
+    as_printed = corners["parameters"].isin(["paper, Table 2", UNTUNED, "k = 3", "automatic"])
     detected = corners[
         as_printed & corners["image"].isin([image, "chain code"]) & (corners["order"] == "chain")
     ]

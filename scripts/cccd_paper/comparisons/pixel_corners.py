@@ -95,7 +95,7 @@ def susan(image: np.ndarray, contrast: float = 25.0, share: float = 0.5, radius:
     share : float
         Geometric threshold g over the largest area: 0.5 for corners.
     radius : int
-        Radius in pixels of the non-maximum suppression; 2 is the publication's 5 x 5.
+        Radius in pixels of the non-maximum suppression; 2 is a window of 5 x 5.
     """
     grey = np.asarray(image, np.float32)
     rows, columns = grey.shape

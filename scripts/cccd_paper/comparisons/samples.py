@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from cccd.boundary import outline
 from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd.geometry.arrays import offsets_of
 from cccd.geometry.raster import rasterise
@@ -50,7 +51,8 @@ class SliceSample:
     region : (I, J) bool
         Pixels within `curve`: what a method should enclose.
     images : dict of str to (I, J) uint8
-        ``mask``: all curves of the slice filled, 0 or 255; ``grey``: the grey slice when there is one.
+        ``mask``: all curves of the slice filled, 0 or 255; ``outline``: its boundary pixels, the image that
+        line 10 of Algorithm 1 leaves; ``grey``: the grey slice when there is one.
     """
 
     k: int
@@ -123,12 +125,18 @@ def _sample(
     boundary = np.concatenate(polygons)
     origin = np.floor(boundary.min(0)).astype(np.int64) - MARGIN
     shape = tuple(np.ceil(boundary.max(0)).astype(np.int64) + MARGIN + 1 - origin)
-    images = {"mask": rasterise(polygons, origin, shape).astype(np.uint8) * 255}
+    filled = rasterise(polygons, origin, shape)
+    images = {"mask": _black_and_white(filled), "outline": _black_and_white(outline(filled[None])[0])}
     if grey is not None:
         k0, *corner = structure.stack_origin
         images["grey"] = _window(grey[k - k0], origin - corner, shape)
     region = rasterise([main], origin, shape)
     return SliceSample(k, main, boundary, origin, region, images)
+
+
+def _black_and_white(pixels: np.ndarray) -> np.ndarray:
+    """Pixels that are set (I, J) as an image of 0 and 255."""
+    return np.where(pixels, np.uint8(255), np.uint8(0))
 
 
 def _window(image: np.ndarray, first: np.ndarray, shape: tuple[int, int]) -> np.ndarray:

@@ -25,14 +25,39 @@ TABLES: dict[str, tuple[str, ...]] = {
     ),
     "surfaces": _SURFACE,
     "thick_slices": (*_SURFACE, "slice_distance_mm", "every_nth"),
+    "table1_corners": (
+        "organ", "image", "method", "parameters", "corners", "on_boundary", "false_percent",
+        "paper_corners", "paper_on_boundary", "paper_false_percent",
+    ),
     "table2_fuse": (
         "organ", "image", "method", "parameters", "order", "dice_percent", "control_points",
+        "self_intersecting_percent", "paper_dice_percent", "paper_control_points",
     ),
+    "figure11_rates": (
+        "organ", "image", "method", "parameters", "control_points", "TP rate", "FP rate", "TN rate",
+        "FN rate", "ACC", "MC", "PRE", "SPEC", "DSC", "JI",
+    ),
+    "table3_segmentation": (
+        "organ", "method", "parameters", "boundary_pixels_used", "of_boundary_pixels", "dice_percent",
+        "memory_kb", "outline_kb", "note", "paper_boundary_pixels_used", "paper_dice_percent",
+        "paper_memory_kb",
+    ),
+    "table4_reconstruction": (
+        "organ", "points", "method", "given", "n_points", "connected", "disconnected", "closed_percent",
+        "dice_percent", "rank", "paper_connected", "paper_disconnected",
+    ),
+    "figure15_snakes": ("organ", "method", "setting", "radius", "offset", "dice_percent", "least", "most"),
     "k_sweep": (
-        "case", "organ", "detector", "criterion", "parameters", "values", "share", "too_few", "DSC",
-        "rotation", "scale", "noise",
+        "case", "organ", "detector", "criterion", "parameters", "values", "share", "too_few", "ACC", "DSC",
+        "JI", "rotation", "scale", "noise",
     ),
-    "table5_times": ("organ", "method", "parameters", "corner_ms", "curve_ms"),
+    "table5_times": (
+        "organ", "method", "parameters", "corner_ms", "curve_ms", "paper_corner_s", "paper_curve_s",
+    ),
+    "algorithm_1": (
+        "case", "organ", "method", "slices", "closed", "control_points", "share", "dice_2d", "dice_3d",
+        "assd_mm", "hd95_mm", "volume_bias", "genus", "genus_true", "seconds",
+    ),
     "stage_times": ("case", "organ", "method", "total_ms", "surface_ms", "closed_share", "dice_3d"),
     "corner_surfaces": (
         "case", "organ", "k", "slices", "share", "dice_2d", "dice_3d", "assd_mm", "stack_bytes", "seconds",
@@ -49,13 +74,11 @@ TABLES: dict[str, tuple[str, ...]] = {
 BENCHMARKS = ("benchmarks", "out_of_distribution", "equal_maps", "orex", "programs")
 
 #: Those that such scripts write into ``docs/measured``.
-SCRIPTS = ("paper_network",)
+SCRIPTS = ("paper_network", "equal_points", "point_meshes")
 
 #: Of these tables the page shows some rows alone.
 _ROWS = {
     "junctions": "kind == 'all ten'",
-    "table2_fuse": "image in ['mask', 'chain code']",
-    "k_sweep": "criterion != 'min'",
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from cccd_paper.comparisons.map_surfaces import NETWORK, THRESHOLD, is_classical
+from cccd_paper.comparisons.map_surfaces import FOUND, GROWN, NETWORK, THRESHOLD, is_classical
 from cccd_paper.measured.text import Tables, markdown_table, place, written
 
 __all__ = [
@@ -64,11 +64,14 @@ def image_alone(tables: Tables) -> str:
         if THRESHOLD not in assd:
             continue
         decoder = next(method for method in assd if is_classical(str(method)))
+        region = GROWN if GROWN in assd else FOUND
+        further = "farther than" if assd[NETWORK] > assd[region] else "closer than"
         verb = "loses to" if assd[NETWORK] > assd[THRESHOLD] else "is closer than"
         sentences.append(
             f"On {case}/{organ}, from an image and a seed, the network {verb} the best "
             f"threshold: ASSD {assd[NETWORK]:.2f} against {assd[THRESHOLD]:.2f} mm, HD95 {hd95[NETWORK]:.1f} "
-            f"against {hd95[THRESHOLD]:.1f} mm. The {decoder} has {assd[decoder]:.2f} and "
+            f"against {hd95[THRESHOLD]:.1f} mm. It is {further} the region that it starts from "
+            f"({assd[region]:.2f} and {hd95[region]:.1f} mm). The {decoder} has {assd[decoder]:.2f} and "
             f"{hd95[decoder]:.1f} mm."
         )
     return " ".join(sentences)
@@ -90,8 +93,9 @@ def unseen_damage(tables: Tables) -> str:
     return "\n\n".join([
         "### Out of distribution",
         "Outlines of organs that another generator damaged, one that the training did not use, and edges of "
-        "real MR slices with their labels (`python tests/benchmarks/out_of_distribution.py`, not in the run "
-        "above). “Seeded” decoders get a point inside the organ; the network does not.",
+        "slices of the ICBM152 template with their labels (`python "
+        "tests/benchmarks/out_of_distribution.py`, not in the run above). “Seeded” decoders get a point "
+        "inside the organ; the network does not.",
         markdown_table(shown),
         unseen_verdict(tables),
     ])  # fmt: skip

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from cccd_paper.measured.chains import algorithm_1, point_meshes, reconstructions, snakes, table_3
 from cccd_paper.measured.kept import BENCHMARKS, SCRIPTS, TABLES
 from cccd_paper.measured.maps import (
     boundary_maps,
@@ -55,13 +56,18 @@ def write_page(docs: Path) -> str:
         full_resolution(tables),
         thick_slices(tables),
         programs(tables),
+        algorithm_1(tables),
         pixel_corners(tables),
         chain_corners(tables),
+        reconstructions(tables),
+        snakes(tables),
+        point_meshes(tables),
         corner_surfaces(tables),
         planar_times(tables),
         boundary_maps(tables),
         unseen_damage(tables),
         equal_maps(tables),
+        table_3(tables),
         segmentation_networks(tables),
         unseen_solids(tables),
         _time_and_memory(tables["benchmarks"]),
@@ -74,17 +80,21 @@ def _introduction(tables: Tables) -> str:
     run = tables["run"].set_index("fact")["value"]
     jobs = tables["run"][tables["run"]["fact"] == "cpu_s"]
     seconds = pd.to_numeric(jobs["value"]).sum()
+    later = tables["run"][tables["run"]["fact"] == "later"]
+    of_later = "".join(
+        f" {row['place']} are of a later run, at commit {row['value']}." for _, row in later.iterrows()
+    )
     return (
         "# Measured\n\n`docs/write_measured.py` writes this page from the tables of one run "
         "(`snakemake --cores 2 evidence`, then `snakemake --cores 2`; program at commit "
         f"{run['commit']}, {run['machine']}, Python {run['python']}). "
         "No figure is typed by hand, and a test compares the page with "
         f"`docs/measured/*.csv`. The run's {len(jobs)} jobs took {seconds:.0f} s of processor time, "
-        "including the training of both networks. The run's report has every method of these tables, and "
-        "more.\n\n**References.** The phantoms are digitised from known surfaces. Their distances, volumes, "
-        "normals and genus are compared with the *true surface*. The MNI brain (nilearn's "
-        "ICBM152 template, 1 mm, skull-stripped: an average of 152 people, not a scan) has no true surface. "
-        "Its distances are measured to the isosurface of *its own mask*, "
+        f"including the training of both networks.{of_later} The run's report has every method of these "
+        "tables, and more.\n\n**References.** The phantoms are digitised from known surfaces. Their "
+        "distances, volumes, normals and genus are compared with the *true surface*. The MNI brain "
+        "(nilearn's ICBM152 template, 1 mm, skull-stripped: an average of 152 people, not a scan) has no "
+        "true surface. Its distances are measured to the isosurface of *its own mask*, "
         "which has the voxels' steps. This favours methods that keep the steps: marching cubes has "
         "an ASSD of zero there by construction, and the smoother a method is, the further away it is. Only "
         "the phantoms show which surface is better. [Exact truth](exact_truth.md) comes first: it has more "

@@ -1,8 +1,8 @@
 """From which doubt on slices are listed: ``python -m cccd_training.junctions.doubts TABLE``.
 
-The shipped network orders maps of `cccd_training.junctions.damages` and edges of real MR slices, which its
-training never saw. A kind is one sample of conformal risk control, so that the guarantee is for a further
-kind. Training's own kinds are easier; they are measured, and decide nothing. Prints
+The shipped network orders maps of `cccd_training.junctions.damages` and edges of slices of an MR template,
+which its training never saw. A kind is one sample of conformal risk control, so that the guarantee is for a
+further kind. Training's own kinds are easier; they are measured, and decide nothing. Prints
 `cccd.junctions.uncertainty.LISTED_FROM`, and writes a table of what each kind has among its unlisted slices
 when the other kinds decide.
 """

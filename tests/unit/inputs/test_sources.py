@@ -38,6 +38,31 @@ def test_mni152_brain():
         load_structure(row(source="mni152", organ="liver"), ".", settings())
 
 
+def test_chest_ct():
+    lungs, left, right = (
+        load_structure(row(source="chest_ct", organ=organ), ".", settings())
+        for organ in ("lungs", "left_lung", "right_lung")
+    )
+    assert lungs.mask.sum() == left.mask.sum() + right.mask.sum()
+    litres = lungs.mask.sum() * np.prod(lungs.frame.spacing) / 1e6
+    assert 4 < litres < 8  # of an adult who breathes in
+    inside = lungs.stack("image")[lungs.stack("mask")]
+    assert np.median(inside) < -800  # air
+    centre = {
+        one.organ: (one.frame.affine @ [*(np.argwhere(one.mask).mean(0) + one.origin), 1])[0]
+        for one in (left, right)
+    }
+    assert centre["left_lung"] < 0 < centre["right_lung"]  # x grows to the right
+    with pytest.raises(InputError, match="no organ 'liver'"):
+        load_structure(row(source="chest_ct", organ="liver"), ".", settings())
+
+
+def test_chest_ct_without_its_package(monkeypatch):
+    monkeypatch.setattr("cccd.inputs.sources.find_spec", lambda name: None)
+    with pytest.raises(InputError, match="pip install slicerio"):
+        load_structure(row(source="chest_ct", organ="lungs"), ".", settings())
+
+
 def lits(folder):
     labels = organ().astype(np.uint8)
     labels[12:20, 10:16, 4:9] *= 2

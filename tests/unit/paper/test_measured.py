@@ -58,6 +58,29 @@ def test_who_is_ahead_at_figure_9_is_read_off_the_table(tables):
     assert "misclassifies least holds" in page
 
 
+def test_the_image_that_fits_the_paper_is_read_off_the_table(tables):
+    fast = (
+        "method == 'FUSE3 (FAST)' and organ == 'liver' and order == 'tour' and parameters != 'best of grid'"
+    )
+    for image in ("mask", "outline", "grey"):
+        change(tables, "table2_fuse", f"{fast} and image == '{image}'", dice_percent=1.0)
+    change(tables, "table2_fuse", f"{fast} and image == 'grey'", dice_percent=93.0)
+    rows = [line for line in page_of(tables).splitlines() if line.startswith("| FUSE3 (FAST), Figure 9")]
+    assert [row.rsplit("|", 2)[1].strip() for row in rows] == ["grey"]
+
+
+def test_who_is_ahead_at_equal_numbers_of_points_is_read_off_the_table(tables):
+    change(tables, "equal_points", "detector == 'k-cosine'", DSC=1.0)
+    assert "The highest Dice has, at 5 %: k-cosine, chain code; at 10 %: k-cosine" in page_of(tables)
+
+
+def test_where_the_papers_surface_is_closer_is_named(tables):
+    change(tables, "algorithm_1", "method == 'paper'", assd_mm=99.0)
+    assert "The paper's surface is closer than ours on 0 of 7." in page_of(tables)
+    change(tables, "algorithm_1", "method == 'paper' and organ == 'kidney'", assd_mm=0.001)
+    assert "The paper's surface is closer than ours on 1 of 7 (damaged/kidney)." in page_of(tables)
+
+
 @pytest.mark.parametrize(
     ("assd", "verdict"),
     [(99.0, "the network loses to the best"), (0.01, "the network is closer than the best")],

@@ -16,7 +16,7 @@ from cccd_paper.comparisons.parameters import (
     CHAIN_BEST,
     CHAIN_GRID,
     LARGEST_SHARE,
-    PUBLISHED,
+    UNTUNED,
 )
 from cccd_paper.settings import SliceChoice
 
@@ -47,7 +47,7 @@ def test_every_detector_is_a_row(rows):
     assert set(table["detector"]) == set(DETECTORS)
     own = table[table["criterion"] == OWN]
     others = sorted(set(DETECTORS) - {"k-cosine"})
-    for parameters in (PUBLISHED, BEST_OF_GRID):
+    for parameters in (UNTUNED, BEST_OF_GRID):
         assert sorted(own.loc[own["parameters"] == parameters, "detector"]) == others
     assert own["k"].isna().all()
     assert table.groupby("criterion")["k"].apply(lambda k: sorted(k.dropna())).to_dict() == {
@@ -59,8 +59,8 @@ def test_corners_are_few_and_found_again_as_a_share(rows):
     table = rows[0]
     assert table.loc[table["criterion"] != "min", "share"].between(0, 0.5).all()
     assert table[["rotation", "scale", "noise"]].stack().between(0, 1).all()
-    published = table[table["parameters"] == PUBLISHED].set_index("detector")
-    own = published.loc[["Rosenfeld-Johnston", "Cheng-Hsu"]]
+    untuned = table[table["parameters"] == UNTUNED].set_index("detector")
+    own = untuned.loc[["Rosenfeld-Johnston", "Cheng-Hsu"]]
     assert (own["rotation"] > 0.6).all()  # a star's tips and dents stay where they are
     assert (own["corners"] >= 10).all()
 
@@ -77,7 +77,7 @@ def test_the_search_finds_the_parameters_that_describe_the_outlines_best(rows):
         assert eligible["DSC"].iloc[0] == eligible["DSC"].max()
         assert (eligible["share"] <= LARGEST_SHARE).all()
     own = rows[0][rows[0]["criterion"] == OWN].pivot(index="detector", columns="parameters", values="DSC")
-    assert (own[BEST_OF_GRID] > own[PUBLISHED]).all()
+    assert (own[BEST_OF_GRID] > own[UNTUNED]).all()
 
 
 def test_only_the_noise_hangs_on_the_seed(rows):

@@ -1,4 +1,7 @@
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from cccd_paper.comparisons.baselines.active_contours import CONTOURS
@@ -8,14 +11,18 @@ from cccd_paper.comparisons.baselines.reconstructions import RECONSTRUCTIONS
 from cccd_paper.comparisons.baselines.surfaces import SURFACES
 from cccd_paper.comparisons.parameters import (
     BEST,
+    CHAIN_BEST,
+    CHAIN_GRID,
     GRID,
     PAPER_FIGURE_9,
     PAPER_TABLE_2,
     grid_points,
+    open_edges,
     parameter_sets,
 )
 from cccd_paper.comparisons.pixel_corners import susan
 
+ROOT = Path(__file__).parents[4]
 CORNERS = {(15, 20), (15, 49), (44, 20), (44, 49)}
 
 
@@ -70,8 +77,36 @@ def test_susan_turns_with_the_image(rectangle):
 
 @pytest.mark.parametrize("detector", sorted(CORNER_DETECTORS))
 def test_the_best_parameters_are_of_the_grid(detector):
-    for image in ("mask", "grey"):
+    for image in ("mask", "outline", "grey"):
         assert BEST[image][detector] in list(grid_points(detector))
+        assert not open_edges(detector, BEST[image][detector]), image
+
+
+@pytest.mark.parametrize("detector", sorted(CHAIN_GRID))
+def test_the_best_on_the_chain_code_lies_inside_its_grid(detector):
+    assert CHAIN_BEST[detector] in list(grid_points(detector, CHAIN_GRID))
+    assert not open_edges(detector, CHAIN_BEST[detector])
+
+
+def test_an_end_of_a_grid_is_open_unless_nothing_lies_beyond():
+    first = {name: axis[0] for name, axis in CHAIN_GRID["Medioni-Yasumoto"].items()}
+    assert not open_edges("Medioni-Yasumoto", first)  # a step of 1, a displacement of 0
+    last = {name: axis[-1] for name, axis in CHAIN_GRID["Medioni-Yasumoto"].items()}
+    assert open_edges("Medioni-Yasumoto", last) == ["step", "displacement"]
+    assert open_edges("fast", {"threshold": 60, "suppress": True}) == ["threshold"]
+    assert open_edges("harris", BEST["mask"]["harris"] | {"threshold": 1e-7}) == ["threshold"]
+
+
+def test_the_best_are_what_the_searches_found():
+    """The committed table of the searches names these parameters, or others that are as good."""
+    table = pd.read_csv(ROOT / "docs" / "measured" / "corner_grids.csv")
+    found = table.set_index(["image", "detector"])["values"].to_dict()
+    best = {(image, name): point for image, sets in BEST.items() for name, point in sets.items()}
+    best |= {("chain code", name): point for name, point in CHAIN_BEST.items()}
+    assert found == {
+        key: ", ".join(f"{name} {value}" for name, value in point.items()) for key, point in best.items()
+    }
+    assert not table["edges"].any()
 
 
 def test_the_registry_is_complete():

@@ -19,7 +19,7 @@ from cccd_paper.comparisons.baselines.reconstructions import RECONSTRUCTIONS
 from cccd_paper.comparisons.cohort_tables import as_smooth, baseline_rows, figure_11_rows
 from cccd_paper.comparisons.corner_comparison import compare_corners, corner_figures, search
 from cccd_paper.comparisons.paper_k import CCCD, DISTANCES
-from cccd_paper.comparisons.paper_tables import segmenters
+from cccd_paper.comparisons.paper_tables import nearest_images, segmenters
 from cccd_paper.comparisons.parameters import GRID
 from cccd_paper.comparisons.reconstruction_comparison import (
     ALONG_PIXELS,
@@ -106,6 +106,8 @@ def test_a_sample_shows_its_slice(structure):
     seen = np.argwhere(sample.region) + low
     np.testing.assert_array_equal(seen, np.argwhere(stack))
     np.testing.assert_array_equal(sample.images["mask"] > 0, sample.region)
+    drawn = np.argwhere(sample.images["outline"]) + sample.origin
+    assert {tuple(pixel) for pixel in drawn} == {tuple(pixel) for pixel in sample.boundary.astype(int)}
     grey = sample.images["grey"]
     assert grey[sample.region].mean() > grey[~sample.region].mean() + 30
 
@@ -125,7 +127,7 @@ def test_the_window_is_the_organs():
 def test_every_method_is_in_every_table(rows):
     corners, reconstruction, _ = rows
     assert set(corners["detector"]) == {*CORNER_DETECTORS, "cccd"}
-    assert set(corners["image"]) == {"mask", "grey", "chain code"}
+    assert set(corners["image"]) == {"mask", "outline", "grey", "chain code"}
     titles = {method.title for method in RECONSTRUCTIONS.values()} | {CCCD}
     for _, group in reconstruction.groupby(["slice", "points"]):
         assert set(group["method"]) == titles
@@ -236,6 +238,38 @@ def test_figures_of_other_data_stand_beside_no_row(organ, expected):
     assert quoted.astype(object).where(quoted.notna(), None).tolist() == expected
 
 
+def test_the_image_nearest_to_the_papers_dice_is_named():
+    columns = ["organ", "image", "method", "parameters", "order", "dice_percent", "paper_dice_percent"]
+    fast = ("FUSE3 (FAST)", "paper, Figure 9")
+    table = pd.DataFrame(
+        [
+            ("liver", "mask", *fast, "tour", 7.0, 93.15),
+            ("liver", "outline", *fast, "tour", 93.5, 93.15),
+            ("liver", "grey", *fast, "tour", 98.1, 93.15),
+            ("liver", "grey", *fast, "chain", 93.15, 93.15),  # another order
+            ("lungs", "mask", *fast, "tour", 93.15, 93.15),  # the paper's is a liver
+            ("liver", "mask", "SUSAN + B-spline", "defaults", "tour", 93.15, np.nan),
+        ],
+        columns=columns,
+    )
+    row = nearest_images(table).squeeze()
+    assert (row["method"], row["nearest"], row["mask"], row["grey"]) == (fast[0], "outline", 7.0, 98.1)
+    assert nearest_images(table[table["organ"] == "lungs"]).empty
+
+
+def test_figures_11_and_15_are_tables_too(tables, rows):
+    rates = tables["figure11_rates"].set_index(["image", "method", "parameters"])
+    shares = rates[["TP rate", "FP rate", "TN rate", "FN rate"]]
+    assert len(rates) == len(rates.index.unique())
+    assert {"mask", "outline", "grey", "chain code"} == set(rates.index.get_level_values("image"))
+    assert (rates["ACC"] + rates["MC"]).round(4).eq(1).all()
+    assert (shares <= 1).all(axis=None)
+    snakes = tables["figure15_snakes"]
+    assert (snakes["least"] <= snakes["dice_percent"]).all()
+    assert (snakes["dice_percent"] <= snakes["most"]).all()
+    assert set(snakes["setting"]) == set(rows[2]["setting"])
+
+
 def test_false_shares_count_all_corners(tables, rows):
     corners = rows[0]
     chosen = corners[
@@ -267,7 +301,7 @@ def test_a_mask_without_image_is_enough():
     structure = make_structure(with_image=False)
     curves = trace_mask(structure)
     rows = compare_all(structure, curves)
-    assert set(rows[0]["image"]) == {"mask", "chain code"}
+    assert set(rows[0]["image"]) == {"mask", "outline", "chain code"}
     assert set(rows[1].loc[rows[1]["method"] == CCCD, "given"]) == {GIVEN_ORDER}
     assert all("nan" not in text for text in write_notes(as_cohort(rows)).values())
 

@@ -1,0 +1,62 @@
+"""Surfaces from points alone, the paper's [3] to [5]: `python tests/benchmarks/point_meshes.py`.
+
+Ball pivoting, alpha shapes and Poisson reconstruction (Open3D, `pip install open3d`; it needs the system's
+libusb-1.0) get the pixels of the default cohort's outlines, as the paper's loft does. All are measured
+against the phantoms' true surfaces and the brain's mask. The committed table is
+docs/measured/point_meshes.csv; it takes about five minutes of one core.
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests" / "benchmarks")]
+
+import pandas as pd  # noqa: E402
+from definition_3 import structures  # noqa: E402
+
+from cccd.surface.measure import Reference, measure_agreement  # noqa: E402
+from cccd.tracing import trace_mask  # noqa: E402
+from cccd_paper.comparisons.baselines.surfaces import SURFACES  # noqa: E402
+from cccd_paper.comparisons.timing import timed  # noqa: E402
+from cccd_paper.comparisons.tuning import SAMPLES  # noqa: E402
+
+METHODS = ("ball pivoting", "alpha shape", "Poisson", "paper's loft, eq. (10)", "marching cubes")
+
+COLUMNS = (
+    "structure", "method", "closed_manifold", "genus", "dice_3d", "assd_mm", "hd95_mm", "triangles",
+    "seconds",
+)  # fmt: skip
+
+
+def main() -> None:
+    """Measure every method on every structure, and write the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--table", type=Path, default=ROOT / "docs" / "measured" / "point_meshes.csv")
+    arguments, rows = parser.parse_args(), []
+    for name, structure in structures():
+        curves, reference = trace_mask(structure), Reference.of(structure)
+        for method in METHODS:
+            mesh, seconds = timed(SURFACES[method].run, structure, curves)
+            closed = mesh.is_closed_manifold
+            row = {"closed_manifold": closed, "genus": mesh.genus if closed else None}
+            row |= {"triangles": len(mesh.faces), "seconds": seconds}
+            figures = measure_agreement(mesh, structure, reference, SAMPLES)
+            if not closed:  # what it holds is not defined
+                del figures["dice_3d"]
+            rows.append({"structure": name, "method": method, **row, **figures})
+            print(name, method, round(seconds, 1), flush=True)
+        table = pd.DataFrame(rows).reindex(columns=list(COLUMNS))  # after each, as the lungs take long
+        table.to_csv(arguments.table, index=False, float_format="%.4g")
+    print(table.to_string())
+
+
+if __name__ == "__main__":
+    main()
