@@ -73,7 +73,7 @@ rule all:
 onstart:
     check_before_jobs()
     switch_timers_off()
-    answer_sigterm_beside()
+    answer_signals()
     shorten_console()
 
 

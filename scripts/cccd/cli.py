@@ -10,8 +10,9 @@ import errno
 import json
 import os
 import re
-import subprocess
+import signal
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -71,7 +72,7 @@ examples:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit code: 0, 1 where the input is at fault, 130 after Ctrl-C.
+    """Run a command and return its exit code: 0, 1 where the input is at fault, 130 or 143 when interrupted.
 
     Parameters
     ----------
@@ -82,6 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     cut = given.index("--") if "--" in given else len(given)
     parsed = _parser().parse_args(_with_ranges_joined(given[:cut]))
     parsed.further = given[cut + 1 :]
+    before = _take_sigterm()
     try:
         if parsed.further and parsed.command != "run":
             raise InputError("--", "only cccd run passes arguments to Snakemake", "leave them out")
@@ -94,14 +96,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(str(missing_extra(error, f"cccd {parsed.command}")))
     except MemoryError:
         return _fail("out of memory; crop the scan to the organ, or use a larger machine")
-    except KeyboardInterrupt:
-        return _fail("interrupted; no half-written file is left", 130)
+    except KeyboardInterrupt as error:
+        return _fail("interrupted; no half-written file is left", 128 + (*error.args, signal.SIGINT)[0])
     except OSError as error:
         if error.errno == errno.EPIPE:  # the reader of our output has gone
             return 1
         return _fail(
             f"{error.filename or 'file'}: {error.strerror or error}; check the folder's rights and space"
         )
+    finally:
+        if before is not None:
+            signal.signal(signal.SIGTERM, before)
+
+
+def _take_sigterm() -> Any:
+    """Let SIGTERM do what Ctrl-C does, and take half-written files away; give the handler before."""
+    if threading.current_thread() is not threading.main_thread():
+        return None
+
+    def interrupt(number: int, _: object) -> None:
+        raise KeyboardInterrupt(number)
+
+    return signal.signal(signal.SIGTERM, interrupt)
 
 
 def _with_ranges_joined(words: Sequence[str]) -> list[str]:
@@ -1298,7 +1314,7 @@ def _cut(given: argparse.Namespace, layers: Callable[[Mesh], list[tuple[Mesh, st
 
 
 def _run(given: argparse.Namespace) -> int:
-    from cccd.workflow_command import snakemake_command
+    from cccd.workflow_command import run_command, snakemake_command
 
     sheet, folder = given.input, given.directory or Path.cwd()
     if sheet.is_dir():
@@ -1310,12 +1326,7 @@ def _run(given: argparse.Namespace) -> int:
     _check_writable(folder / "results")
     command = snakemake_command(sheet, folder, given.cores, given.profile, given.further)
     sys.stdout.flush()
-    process = subprocess.Popen(command)
-    while True:
-        try:
-            return process.wait()
-        except KeyboardInterrupt:  # Snakemake got it as well, and ends its jobs
-            continue
+    return run_command(command)
 
 
 def _sheet_of_bids(given: argparse.Namespace) -> tuple[Path, Path]:

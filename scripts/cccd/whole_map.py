@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Container, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field, replace
 from itertools import islice
-from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,6 +21,7 @@ from cccd.inputs.annotation import AUTO, with_undrawn_filled
 from cccd.inputs.label_maps import MapLabel, list_map
 from cccd.inputs.load import existing
 from cccd.inputs.row_files import RowFiles
+from cccd.processes import worker_processes
 from cccd.reconstruction import Loft
 from cccd.settings.root import Settings
 from cccd.solids.shared_walls import Organ, share_walls, touching_groups
@@ -167,8 +167,7 @@ class WholeMap:
                 yield number, _loft(self.structures[number], self.settings, ways[number])
             return
         running: dict[Future[_Lofted | InputError], int] = {}
-        # spawned: a fork of a process with threads may hang
-        with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+        with worker_processes(processes) as pool:
             while True:
                 for number in islice(order, processes - len(running)):
                     tell(self.labels[number].organ)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +13,10 @@ from cccd.errors import InputError
 from cccd.project import PROJECT
 from cccd.settings.messages import choices
 
-__all__ = ["snakemake_command"]
+__all__ = ["run_command", "snakemake_command"]
+
+#: What asks a run to end: Ctrl-C; timeout, docker and Slurm; a terminal that is closed.
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 _SHEETS = (".tsv", ".txt")
 
@@ -48,6 +54,44 @@ def snakemake_command(
     if profile is not None:
         command += ["--workflow-profile", str(_profile(profile))]
     return [*command, "--cores", str(cores), *rest]
+
+
+def run_command(command: Sequence[str]) -> int:
+    """Run Snakemake until it ends, and end its jobs with it when this process is asked to end.
+
+    Parameters
+    ----------
+    command : sequence of str
+        From `snakemake_command`.
+
+    Returns
+    -------
+    int
+        Snakemake's exit code, or 128 and the number of the signal. A second signal kills at once.
+    """
+    # a group of its own: what a terminal sends to all at once reaches Snakemake before its jobs
+    process = subprocess.Popen(command, start_new_session=True)
+    received: list[int] = []
+
+    def end(number: int, _: object) -> None:
+        received.append(number)
+        if process.poll() is not None:
+            return
+        if len(received) > 1:
+            os.killpg(process.pid, signal.SIGKILL)
+            return
+        process.send_signal(signal.SIGINT)  # it ends its jobs: `answer_signals`
+
+    before = {number: signal.getsignal(number) for number in _ENDING}
+    try:
+        for number, handler in before.items():
+            if handler != signal.SIG_IGN:  # nohup
+                signal.signal(number, end)
+        status = process.wait()
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    return 128 + received[0] if received else status
 
 
 def _split_config(further: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -555,7 +555,7 @@ def test_a_bids_data_set_becomes_a_sheet_and_a_snakemake_command(here, capsys, m
     (here / "liver.nii.gz").rename(folder / "sub-01_space-T1w_label-liver_mask.nii.gz")
     (folder / "sub-01_dseg.tsv").write_text("index\tname\n5\tLeft kidney\n")
     called = []
-    monkeypatch.setattr(subprocess, "Popen", lambda command: called.append(command) or Finished())
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: called.append(command) or Finished())
     asked = ["run", "bids", "out", "participant", "--cores", "3"]
     assert main([*asked, "--", "--dry-run", "--config", "seed=7", "results/a"]) == 0
     rows = [line.split("\t") for line in (here / "out" / "cohort.tsv").read_text().splitlines()[1:]]

@@ -31,7 +31,7 @@ from cccd.job import BATCH, take_placeholders_away
 from cccd.plan.checks import PlannedJob, check_jobs
 from cccd.plan.cohort import near
 from cccd.plan.networks import MODEL, PAPER_MODEL
-from cccd.plan.outcome import report_failed_run, report_good_run
+from cccd.plan.outcome import report_failed_run, report_good_run, report_interrupted_run
 from cccd.plan.plan import SHOWN, Plan, files_of_comparison
 from cccd.plan.resources import memory, minutes
 from cccd.report.registry import comparison_jobs, tables
@@ -102,21 +102,39 @@ def switch_timers_off():
     workflow.scheduler.job_rate_limiter = None
 
 
-def answer_sigterm_beside():
-    """Answer SIGTERM in a thread of its own.
+#: Set when the run was asked to end.
+interrupted = threading.Event()
 
-    Snakemake 9.27 takes a lock in the handler, which runs in the main thread: where that holds the lock, as while a
-    job is finished, it would wait for itself for ever.
+
+def answer_signals():
+    """End the jobs at SIGINT, and answer SIGTERM, which waits for them, in a thread of its own.
+
+    Snakemake 9.27 takes a lock in the handler of SIGTERM, which runs in the main thread: where that holds the lock, as
+    while a job is finished, it would wait for itself for ever.
     """
-    end = workflow.scheduler.exit_gracefully
-    if signal.getsignal(signal.SIGTERM) == end:
-        signal.signal(signal.SIGTERM, lambda *_: threading.Thread(target=end).start())
+    graceful = workflow.scheduler.exit_gracefully
+
+    def interrupt(*_):
+        if not interrupted.is_set():
+            interrupted.set()
+            if os.getpgrp() == os.getpid():  # the processes of the group are this run's
+                os.killpg(0, signal.SIGTERM)
+            raise KeyboardInterrupt
+
+    def terminate(*_):
+        if not interrupted.is_set():
+            interrupted.set()
+            threading.Thread(target=graceful).start()
+
+    if signal.getsignal(signal.SIGTERM) == graceful:
+        signal.signal(signal.SIGTERM, terminate)
+        signal.signal(signal.SIGINT, interrupt)
 
 
 def shorten_console():
     """Show a line for each finished job instead of Snakemake's account of it, which its log file keeps."""
     if not (workflow.output_settings.verbose or workflow.remote_exec):
-        shorten(logging.getLogger("snakemake.logging"))
+        shorten(logging.getLogger("snakemake.logging"), interrupted.is_set)
 
 
 def tell_where_results_are():
@@ -130,4 +148,7 @@ def tell_where_results_are():
 def list_failures():
     """End a bad run: every failure in one line, and a report of the structures that are finished."""
     take_placeholders_away()
-    report_failed_run(plan)
+    if interrupted.is_set():
+        report_interrupted_run(plan)
+    else:
+        report_failed_run(plan)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from cccd.job import INTERRUPTED
 from cccd.plan.plan import Plan
 
-__all__ = ["failures", "report_failed_run", "report_good_run"]
+__all__ = ["failures", "report_failed_run", "report_good_run", "report_interrupted_run"]
 
 _REPORT = Path("results") / "report.html"
 
@@ -25,11 +26,25 @@ def report_good_run(plan: Plan) -> None:
             print(file.resolve())
 
 
+def report_interrupted_run(plan: Plan) -> None:
+    """Print what failed before the run was asked to end, and how far it came."""
+    lines = [line for line in failures() if not line.endswith(f": {INTERRUPTED}")]
+    _print_failures(lines)
+    finals = plan.files("surface.ply")
+    done = sum(Path(file).exists() for file in finals)
+    came = f"Interrupted: {done} of {len(finals)} structures are finished."
+    print(came, "Run the same command again to continue.", file=sys.stderr)
+
+
+def _print_failures(lines: list[str]) -> None:
+    if lines:
+        print(f"\n{len(lines)} failed:", *lines, sep="\n  ", file=sys.stderr)
+
+
 def report_failed_run(plan: Plan) -> None:
     """Print every failure in one line, and write a report of the structures that are finished."""
     lines = failures()
-    if lines:
-        print(f"\n{len(lines)} failed:", *lines, sep="\n  ", file=sys.stderr)
+    _print_failures(lines)
     if any(Path(file).exists() for file in plan.files("metrics.json")):
         from cccd.report.page import build_report_of_finished  # slow to import, and most runs need none
 
