@@ -70,6 +70,9 @@ rule all:
     localrule: True
 
 
+check_targets()
+
+
 onstart:
     check_before_jobs()
     switch_timers_off()

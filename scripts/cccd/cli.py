@@ -443,7 +443,7 @@ def _add_run(commands: Any) -> None:
         "run",
         help="run the whole workflow on a cohort",
         description="Run the workflow on a cohort sheet or on the masks of a BIDS data set. Arguments after "
-        "-- go to Snakemake: -- --dry-run, -- --config seed=7, -- results/anna/liver/surface.ply",
+        "-- go to Snakemake: -- surfaces, -- results/anna/liver/surface.ply, -- --config seed=7",
     )
     run.add_argument("input", type=Path, help="cohort sheet (.tsv), or the folder of a BIDS data set")
     run.add_argument("output", type=Path, nargs="?", help="BIDS: folder of the results")
@@ -456,6 +456,13 @@ def _add_run(commands: Any) -> None:
     )
     run.add_argument("--directory", type=Path, help="folder for results/; default: this folder")
     run.add_argument("--profile", help="slurm, generic, or the folder of a Snakemake profile")
+    run.add_argument(
+        "--configfile", type=Path, metavar="YAML", help="your own settings, for example 'compare: true'"
+    )
+    run.add_argument(
+        "-k", "--keep-going", action="store_true", help="finish the other structures where one fails"
+    )
+    run.add_argument("-n", "--dry-run", action="store_true", help="show what would run, and run nothing")
     run.set_defaults(run=_run)
 
 
@@ -1324,7 +1331,9 @@ def _run(given: argparse.Namespace) -> int:
             str(sheet), "not the folder of a BIDS data set", "give BIDS_DIR OUT participant, or a sheet"
         )
     _check_writable(folder / "results")
-    command = snakemake_command(sheet, folder, given.cores, given.profile, given.further)
+    flags = [flag for flag in ("--keep-going", "--dry-run") if getattr(given, flag[2:].replace("-", "_"))]
+    further = [*flags, *given.further]
+    command = snakemake_command(sheet, folder, given.cores, given.profile, given.configfile, further)
     sys.stdout.flush()
     return run_command(command)
 

@@ -587,6 +587,28 @@ class Finished:
         return 0
 
 
+def test_the_workflow_takes_the_common_options_of_snakemake(here, monkeypatch):
+    called = []
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: called.append(command) or Finished())
+    (here / "sheet.tsv").write_text("case\torgan\tmask\na\tliver\tliver.nii.gz\n")
+    (here / "own.yaml").write_text("compare: true\n")
+    asked = ["run", "sheet.tsv", "--configfile", "own.yaml", "--keep-going", "--dry-run"]
+    assert main([*asked, "--", "surfaces"]) == 0
+    (command,) = called
+    assert command[command.index("--configfile") + 1] == str(here / "own.yaml")
+    assert command[-3:] == ["--keep-going", "--dry-run", "surfaces"]
+    assert main(["run", "sheet.tsv", "--configfile", "nowhere.yaml"]) == 1
+
+
+def test_a_profile_names_the_plugin_that_it_needs(here, capsys):
+    (here / "sheet.tsv").write_text("case\torgan\tmask\na\tliver\tliver.nii.gz\n")
+    (here / "own").mkdir()
+    (here / "own" / "config.yaml").write_text("executor: no-such\n")
+    assert main(["run", "sheet.tsv", "--profile", "own"]) == 1
+    said = "Error: --profile own: snakemake-executor-plugin-no-such is not installed; run pip install "
+    assert capsys.readouterr().err == f"{said}snakemake-executor-plugin-no-such\n"
+
+
 def test_the_doctor_names_the_extra_that_is_missing():
     assert _extra("dicom", ("pydicom",)).works
     absent = _extra("none", ("no_such_module",))

@@ -20,6 +20,7 @@ ROOT = Path(workflow.basedir)
 if (ROOT / "scripts" / "cccd").is_dir():
     sys.path.insert(0, str(ROOT / "scripts"))
 
+from snakemake.cli import parse_args
 from snakemake.common import overwrite_function_params
 from snakemake.resources import Resource
 
@@ -37,6 +38,7 @@ from cccd.plan.resources import memory, minutes
 from cccd.report.registry import comparison_jobs, tables
 from cccd.segmentation.networks import networks
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS
+from cccd.settings.messages import nearest
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 
 if workflow.remote_exec:
@@ -47,9 +49,11 @@ elif not any(Path(".snakemake", "locks").glob("*")):
     take_placeholders_away()
 
 try:
-    plan = Plan.make(config, ROOT)
+    plan = Plan.make(config, ROOT, leave_out_missing=True)
 except InputError as error:
     sys.exit(f"Error: {error}")
+for name, error in plan.cohort.missing.items():
+    print(f"Error: {'/'.join(name)}: {error}", file=sys.stderr)
 for note in plan.cohort.notes:
     print(f"Note: {note}", file=sys.stderr)
 # from here on every key is there, and numbers given on the command line are numbers
@@ -79,6 +83,28 @@ def look_up_once():
     workflow.sourcecache._cache = functools.cache(workflow.sourcecache._cache)
     parameters = inspect.signature(Resource("mem_mb", 1).evaluate).parameters
     overwrite_function_params(Resource.evaluate, parameters)
+
+
+def check_targets():
+    """Refuse what was asked for by name and nothing makes; called after all rules."""
+    names = [rule.name for rule in workflow.rules]
+    for target in targets_asked_for():
+        try:
+            plan.check_target(target)
+            if target not in names and not any(
+                rule.is_producer(target) for rule in workflow.rules
+            ):
+                raise InputError(target, "nothing makes that", nearest(target, names))
+        except InputError as error:
+            sys.exit(f"Error: {error}")
+
+
+def targets_asked_for():
+    """Read the targets off the command line, as Snakemake 9.27 knows them only when all files are read."""
+    words = sys.argv[1:]
+    if workflow.remote_exec or not words or re.match(r"-|\d+$|[^/]*=", words[-1]):
+        return []  # most runs name none: the parser takes a third of a second
+    return parse_args(words)[1].targets
 
 
 def check_before_jobs():
@@ -138,8 +164,8 @@ def shorten_console():
 
 
 def tell_where_results_are():
-    """End a good run by saying where to look; one whose batches left out what failed is none."""
-    if take_placeholders_away():
+    """End a good run by saying where to look; one that left structures out is none."""
+    if take_placeholders_away() or cohort.missing:
         report_failed_run(plan)
         sys.exit(1)
     report_good_run(plan)
