@@ -26,7 +26,7 @@ from cccd.closed_meshes import (
 )
 from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
 from cccd.curves import describe_curves
-from cccd.dicom_objects import dicom_modality, object_in
+from cccd.dicom_objects import dicom_modality, lies_in_its_series, object_in
 from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import needing
 from cccd.files.options import ExportOptions
@@ -398,8 +398,8 @@ def read_organ(
     if border not in ("mask", "image"):
         raise InputError("border", f"{border!r} is not known", "give mask or image")
     columns = {"image": "", "mask": "", "boundary": "", wanted: str(path)}
-    if wanted == "mask" and path.is_dir() and _holds_images(path):
-        columns["image"] = str(path)
+    if wanted == "mask" and (_holds_images(path) if path.is_dir() else lies_in_its_series(path)):
+        columns["image"] = str(path if path.is_dir() else path.parent)
     if image is not None:
         columns["image"] = str(Path(image).absolute())
     if border == "image" and (wanted != "mask" or not columns["image"]):
@@ -658,7 +658,7 @@ def check_references(paths: Sequence[Path], structure: Structure) -> None:
 
 def _holds_series(folder: Path) -> bool:
     """Whether a folder is read as a DICOM series, or holds one beside a segmentation."""
-    return _column_of(folder) == "image" or _holds_images(folder)
+    return _holds_images(folder) or _column_of(folder) == "image"
 
 
 @needing("cccd.fit_contours")

@@ -38,8 +38,8 @@ from cccd.plan.resources import memory, minutes
 from cccd.report.registry import comparison_jobs, tables
 from cccd.segmentation.networks import networks
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS
-from cccd.settings.messages import nearest
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
+from cccd.settings.messages import nearest
 
 if workflow.remote_exec:
     # a job of a cluster: its structures fail one by one, and not all because of one
@@ -87,16 +87,15 @@ def look_up_once():
 
 def check_targets():
     """Refuse what was asked for by name and nothing makes; called after all rules."""
-    names = [rule.name for rule in workflow.rules]
-    for target in targets_asked_for():
-        try:
+    known = [rule.name for rule in workflow.rules]
+    try:
+        for target in targets_asked_for():
             plan.check_target(target)
-            if target not in names and not any(
-                rule.is_producer(target) for rule in workflow.rules
-            ):
-                raise InputError(target, "nothing makes that", nearest(target, names))
-        except InputError as error:
-            sys.exit(f"Error: {error}")
+            made = any(rule.is_producer(target) for rule in workflow.rules)
+            if not made and target not in known:
+                raise InputError(target, "nothing makes that", nearest(target, known))
+    except InputError as error:
+        sys.exit(f"Error: {error}")
 
 
 def targets_asked_for():
