@@ -1123,12 +1123,16 @@ def _check_one(
 
 
 def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict[str, Any]:
+    import numpy as np
     from nibabel.orientations import aff2axcodes
 
     frame = structure.frame
     axes = [str(code) for code in aff2axcodes(frame.affine)]
     along = f"axis {frame.slice_axis} ({axes[frame.slice_axis]})"
     tilted = f", tilted by {frame.tilt:.1f} degrees" if frame.is_tilted else ""
+    slices = _slices(structure)
+    steps = sorted({f"{step * frame.slice_spacing:.4g}" for step in np.diff(slices)}, key=float)
+    apart = " to ".join(dict.fromkeys((steps[0], steps[-1]))) if steps else f"{frame.slice_spacing:.4g}"
     shape, spacing = " x ".join(map(str, frame.shape)), " x ".join(f"{size:.4g}" for size in frame.spacing)
     ways = {
         "contours": "drawn contours, used as they are",
@@ -1145,23 +1149,23 @@ def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict
         "input": way,
         "grid": f"{shape} voxels of {spacing} mm",
         "axes": f"index axes run towards {', '.join(axes)}: {', '.join(_TOWARDS[axis] for axis in axes)}",
-        "slices": f"{_slices(structure)} with organ, along {along}, {frame.slice_spacing:.4g} mm apart"
-        + tilted,
+        "slices": f"{len(slices)} with organ, along {along}, {apart} mm apart" + tilted,
         "warnings": list(structure.warnings),
     }
 
 
-def _slices(structure: Structure) -> int:
+def _slices(structure: Structure) -> list[int]:
+    """Numbers of the slices with organ, ascending."""
     from cccd.containers import BoundaryMaps, Curves, GreyImage
 
     match structure.source:
         case Curves() as drawn:
-            return len(set(drawn.slice.tolist()))
+            return sorted(set(drawn.slice.tolist()))
         case BoundaryMaps(stack) | GreyImage(region=stack):
             pass
         case _:
             stack = structure.required_stack("mask")
-    return int(stack.any(axis=(1, 2)).sum())
+    return stack.any(axis=(1, 2)).nonzero()[0].tolist()
 
 
 # cccd compare ---------------------------------------------------------------------------------------

@@ -166,6 +166,18 @@ def test_check_says_axes_labels_and_cut_ends(here, capsys):
     assert any("first slice" in warning for warning in said["warnings"])
 
 
+def test_slices_without_organ_are_said(here, capsys):
+    mask = ball((12, 12, 10)).astype(np.uint8)
+    empty = np.flatnonzero(mask.any(axis=(0, 1)))[1:-1:2]
+    mask[..., empty] = 0
+    nibabel.save(nibabel.Nifti1Image(mask, AFFINE), "every_second.nii.gz")
+    assert main(["check", "every_second.nii.gz", "--json"]) == 0
+    (said,) = json.loads(capsys.readouterr().out)
+    assert said["slices"].endswith(" 5 mm apart")
+    line = f"{len(empty)} slices between the organ's first and last are empty: filled from the others"
+    assert line in said["warnings"]
+
+
 def test_check_lists_and_draws_every_label(here, capsys):
     labels = np.asarray(nibabel.load("labels.nii.gz").dataobj).astype(np.int16)
     labels[20, 20, 10] = 1000

@@ -580,6 +580,10 @@ def _crop(scan: _Scan, row: Mapping[str, str]) -> Structure:
         lies = f"{row['organ']} lies on {slices} slice{'s'[: slices > 1]} along axis {frame.slice_axis}"
         warnings = [*warnings, f"{lies}: where it ends above and below is a guess"]
     annotation = _annotation(scan, first, last, row["location"])
+    empty = int(last[frame.slice_axis] - first[frame.slice_axis]) + 1 - slices
+    if empty and annotation is None and scan.contours is None:
+        between = f"{empty} slice{'s'[: empty > 1]} between the organ's first and last"
+        warnings = [*warnings, f"{between} {'are' if empty > 1 else 'is'} empty: filled from the others"]
     warnings = warnings + _size_notes(frame, first, last, row["location"])
     margin = MARGIN_VOXELS if scan.region is None else _REGION_MARGIN_VOXELS
     first, last = first - margin, last + margin
