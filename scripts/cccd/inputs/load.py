@@ -37,6 +37,7 @@ from cccd.inputs.grid import (
 from cccd.inputs.growing import grow_region
 from cccd.inputs.heads import draw_head
 from cccd.inputs.phantoms import make_phantom
+from cccd.inputs.readers import without_suffix
 from cccd.inputs.refining import refine_border
 from cccd.inputs.regions import find_region
 from cccd.inputs.row_files import EACH_ITS_OWN, LabelMap, RowFiles, read_boundary_maps, read_mask
@@ -479,7 +480,8 @@ def existing(path: Path, column: str) -> Path:
     if not folder.is_dir():
         raise InputError(column, f"{path.name} is not there, nor its folder {folder}", "correct the path")
     names = sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith("."))
-    raise InputError(column, f"there is no {path.name} in {folder}", nearest(path.name, names))
+    hint = nearest(path.name, names, lambda name: without_suffix(name) or name)
+    raise InputError(column, f"there is no {path.name} in {folder}", hint)
 
 
 def scan_of(structure: Structure) -> Volume | None:

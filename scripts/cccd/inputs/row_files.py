@@ -282,7 +282,10 @@ class LabelMap:
         data, probable = _whole_numbers(volume.data, volume.location)
         present = [int(value) for value in np.unique(data) if value > 0]
         if not present:
-            raise InputError(volume.location, "the mask is empty", "check that it belongs to this organ")
+            least = int(data.min())
+            below = f" but for negative values (down to {least}), and labels are above 0" if least < 0 else ""
+            hint = "check that it belongs to this organ"
+            raise InputError(volume.location, f"the mask is empty{below}", hint)
         return cls(volume, data, probable, present)
 
     @cached_property

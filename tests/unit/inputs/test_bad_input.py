@@ -201,7 +201,7 @@ VOLUMES = {
     empty_mask: ("mask.nii", ["the mask is empty"]),
     not_a_number_in_the_mask: ("mask.nii", ["not finite"]),
     a_scan_as_mask: ("mask.nii", ["neither labels nor probabilities"]),
-    negative_only: ("mask.nii", ["the mask is empty"]),
+    negative_only: ("mask.nii", ["the mask is empty but for negative values (down to -1)"]),
     a_folder_without_masks: ("mask", ["no masks in this folder"]),
 }
 
