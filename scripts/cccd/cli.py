@@ -871,7 +871,12 @@ def _write(surface: Surface, path: Path, settings: Settings, band: bool) -> list
     if band:
         files |= {_with_name(path, side): moved for side, moved in surface.sides.items()}
     for file, one in files.items():
-        one.write(file, settings.surface.contour_spacing_mm, settings.surface.keep_patient, settings)
+        one.write(
+            file,
+            contour_spacing_mm=settings.surface.contour_spacing_mm,
+            keep_patient=settings.surface.keep_patient,
+            settings=settings,
+        )
     return list(files)
 
 
@@ -1156,6 +1161,8 @@ def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict
 
 def _slices(structure: Structure) -> list[int]:
     """Numbers of the slices with organ, ascending."""
+    import numpy as np
+
     from cccd.containers import BoundaryMaps, Curves, GreyImage
 
     match structure.source:
@@ -1165,7 +1172,7 @@ def _slices(structure: Structure) -> list[int]:
             pass
         case _:
             stack = structure.required_stack("mask")
-    return stack.any(axis=(1, 2)).nonzero()[0].tolist()
+    return np.flatnonzero(stack.any(axis=(1, 2))).tolist()
 
 
 # cccd compare ---------------------------------------------------------------------------------------

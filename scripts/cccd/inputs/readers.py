@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from nibabel.analyze import AnalyzeImage
@@ -20,12 +21,24 @@ from nibabel.nifti1 import Nifti1Pair
 from nibabel.spatialimages import SpatialImage
 
 from cccd.errors import InputError
-from cccd.geometry.arrays import AnyArray
+from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.inputs.limits import LIMITS, Limits, check_size
 from cccd.sidecar_files import VoxelHeader, read_voxel_header
 
-__all__ = ["SUFFIXES", "dataset_names", "guarded", "read_itk", "read_nifti", "read_volume", "without_suffix"]
+if TYPE_CHECKING:
+    import SimpleITK as sitk  # noqa: N813
+
+__all__ = [
+    "SUFFIXES",
+    "dataset_names",
+    "guarded",
+    "itk_affine",
+    "read_itk",
+    "read_nifti",
+    "read_volume",
+    "without_suffix",
+]
 
 _NIFTI = (".nii.gz", ".nii", ".hdr", ".img", ".mgz", ".mgh")
 
@@ -238,12 +251,17 @@ def read_itk(path: Path, limits: Limits = LIMITS) -> Volume:
         data = sitk.GetArrayFromImage(image).T
     if image.GetDimension() != 3:
         return Volume(_spatial(data, location), np.eye(4), location)
+    with guarded(location, "its header is damaged", "export it again"):
+        names = _segment_names({key: image.GetMetaData(key) for key in image.GetMetaDataKeys()})
+    return Volume(_spatial(data, location), check_affine(itk_affine(image), location), location, names)
+
+
+def itk_affine(image: sitk.Image) -> FloatArray:
+    """Affine (4, 4), index to world mm (RAS), of a three-dimensional image of SimpleITK."""
     affine = np.eye(4)
     affine[:3, :3] = np.reshape(image.GetDirection(), (3, 3)) * image.GetSpacing()
     affine[:3, 3] = image.GetOrigin()
-    with guarded(location, "its header is damaged", "export it again"):
-        names = _segment_names({key: image.GetMetaData(key) for key in image.GetMetaDataKeys()})
-    return Volume(_spatial(data, location), check_affine(LPS_TO_RAS @ affine, location), location, names)
+    return LPS_TO_RAS @ affine
 
 
 def _nifti_names(image: SpatialImage) -> dict[int, str]:
