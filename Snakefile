@@ -70,10 +70,13 @@ rule all:
     localrule: True
 
 
+check_targets()
+
+
 onstart:
     check_before_jobs()
     switch_timers_off()
-    answer_sigterm_beside()
+    answer_signals()
     shorten_console()
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -26,7 +26,7 @@ from cccd.closed_meshes import (
 )
 from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
 from cccd.curves import describe_curves
-from cccd.dicom_objects import dicom_modality, object_in
+from cccd.dicom_objects import dicom_modality, lies_in_its_series, object_in
 from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import needing
 from cccd.files.options import ExportOptions
@@ -38,6 +38,7 @@ from cccd.inputs import load_structure, structure_of_array
 from cccd.inputs.annotation import AUTO, NONEMPTY, RULES
 from cccd.inputs.grey_values import image_without_mask
 from cccd.inputs.grid import Volume, check_affine, find_slice_axis
+from cccd.inputs.in_memory import array_of
 from cccd.inputs.load import existing, frame_of, scan_of
 from cccd.inputs.readers import SUFFIXES, without_suffix
 from cccd.inputs.row_files import EACH_ITS_OWN, RowFiles, list_labels, read_image
@@ -51,7 +52,9 @@ from cccd.surface.uniform import with_uniform_triangles
 
 if TYPE_CHECKING:
     import pyvista
+    import SimpleITK as sitk  # noqa: N813
     import trimesh
+    from nibabel.spatialimages import SpatialImage
 
 __all__ = [
     "ControlMesh",
@@ -74,11 +77,15 @@ _DEFAULTS = Settings()
 #: DICOM modalities that are no images.
 _OBJECTS = ("SEG", "RTSTRUCT", "RTPLAN", "RTDOSE")
 
-#: Sums round by how many threads share them: one thread, as a job of the workflow has, gives its very bits.
-_one_thread = threadpool_limits.wrap(limits=1)
+F = TypeVar("F", bound=Callable[..., object])
 
 
-@dataclass(frozen=True)
+def _one_thread(function: F) -> F:
+    """Run in one thread, as a job of the workflow does: sums round by how many threads share them."""
+    return cast("F", threadpool_limits.wrap(limits=1)(function))  # which has no types
+
+
+@dataclass(frozen=True, repr=False)
 class Surface:
     """A smooth closed surface, in world millimetres (RAS).
 
@@ -111,6 +118,12 @@ class Surface:
     drawn: Structure | None = None
     given: LoftedSurface | None = None
     scan: Volume | None = None
+
+    def __repr__(self) -> str:
+        size = " x ".join(f"{length:.1f}" for length in self.size)
+        said = f"{self.volume / 1000:.4g} ml, {size} mm, {len(self.faces)} triangles"
+        count = len(self.warnings)
+        return f"<Surface {self.name!r}: {said}" + f", {count} warning{'s'[: count > 1]}" * bool(count) + ">"
 
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
@@ -148,6 +161,11 @@ class Surface:
     def volume(self) -> float:
         """The volume within the mesh, mm^3."""
         return float(self.lofted.mesh.volume)
+
+    @property
+    def area(self) -> float:
+        """The area of the mesh, mm^2."""
+        return float(self.lofted.mesh.area)
 
     @property
     def volume_interval(self) -> tuple[float, float] | None:
@@ -206,11 +224,16 @@ class Surface:
         """Return the mesh for PyVista."""
         return self.lofted.mesh.to_polydata()
 
+    def plot(self, **options: object) -> object:
+        """Draw the surface in a window or a notebook; options are those of `pyvista.PolyData.plot`."""
+        return self.to_pyvista().plot(**options)
+
     @needing("surface.write")
     @_one_thread
     def write(
         self,
         path: str | Path,
+        *,
         contour_spacing_mm: float | None = None,
         keep_patient: bool = False,
         settings: Settings | None = None,
@@ -398,8 +421,8 @@ def read_organ(
     if border not in ("mask", "image"):
         raise InputError("border", f"{border!r} is not known", "give mask or image")
     columns = {"image": "", "mask": "", "boundary": "", wanted: str(path)}
-    if wanted == "mask" and path.is_dir() and _holds_images(path):
-        columns["image"] = str(path)
+    if wanted == "mask" and (_holds_images(path) if path.is_dir() else lies_in_its_series(path)):
+        columns["image"] = str(path if path.is_dir() else path.parent)
     if image is not None:
         columns["image"] = str(Path(image).absolute())
     if border == "image" and (wanted != "mask" or not columns["image"]):
@@ -489,9 +512,10 @@ def _holds_images(folder: Path) -> bool:
 @needing("cccd.reconstruct")
 @_one_thread
 def reconstruct(
-    organ: Structure | Curves | np.ndarray,
+    organ: Structure | Curves | np.ndarray | SpatialImage | sitk.Image,
     affine: np.ndarray | None = None,
     *,
+    spacing: Sequence[float] | None = None,
     annotated: str = AUTO,
     settings: Settings | None = None,
     progress: Callable[[str], None] | None = None,
@@ -500,10 +524,12 @@ def reconstruct(
 
     Parameters
     ----------
-    organ : (a, b, c) array, Structure or Curves
-        A mask, probabilities between 0 and 1, or a result of `read` or `order`.
+    organ : (a, b, c) array, nibabel or SimpleITK image, Structure or Curves
+        A mask, probabilities between 0 and 1, or a result of `read` or `order`. An image brings its grid.
     affine : (4, 4) float, optional
         Grid of an array: ``world_mm = affine @ (a, b, c, 1)``, RAS. Default: voxels of one millimetre.
+    spacing : three floats, optional
+        Or the lengths of an array's voxels along its axes, mm.
     annotated : {"auto", "nonempty", "every slice"}
         Which slices of an array are annotated, see `read`.
     settings : Settings, optional
@@ -545,8 +571,8 @@ def reconstruct(
     if isinstance(organ, Structure):
         structure = organ
     else:
-        grid = np.eye(4) if affine is None else np.asarray(affine, float)
-        structure = structure_of_array(organ, grid, settings.import_, annotated=_rule(annotated))
+        array, grid = array_of(organ, affine, spacing)
+        structure = structure_of_array(array, grid, settings.import_, annotated=_rule(annotated))
         _told(structure, 5)  # two frames are the decorators'
     return reconstruct_structure(structure, settings, tell)
 
@@ -662,7 +688,7 @@ def check_references(paths: Sequence[Path], structure: Structure) -> None:
 
 def _holds_series(folder: Path) -> bool:
     """Whether a folder is read as a DICOM series, or holds one beside a segmentation."""
-    return _column_of(folder) == "image" or _holds_images(folder)
+    return _holds_images(folder) or _column_of(folder) == "image"
 
 
 @needing("cccd.fit_contours")

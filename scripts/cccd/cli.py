@@ -10,8 +10,9 @@ import errno
 import json
 import os
 import re
-import subprocess
+import signal
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -71,7 +72,7 @@ examples:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit code: 0, 1 where the input is at fault, 130 after Ctrl-C.
+    """Run a command and return its exit code: 0, 1 where the input is at fault, 130 or 143 when interrupted.
 
     Parameters
     ----------
@@ -82,6 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     cut = given.index("--") if "--" in given else len(given)
     parsed = _parser().parse_args(_with_ranges_joined(given[:cut]))
     parsed.further = given[cut + 1 :]
+    before = _take_sigterm()
     try:
         if parsed.further and parsed.command != "run":
             raise InputError("--", "only cccd run passes arguments to Snakemake", "leave them out")
@@ -94,14 +96,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(str(missing_extra(error, f"cccd {parsed.command}")))
     except MemoryError:
         return _fail("out of memory; crop the scan to the organ, or use a larger machine")
-    except KeyboardInterrupt:
-        return _fail("interrupted; no half-written file is left", 130)
+    except KeyboardInterrupt as error:
+        return _fail("interrupted; no half-written file is left", 128 + (*error.args, signal.SIGINT)[0])
     except OSError as error:
         if error.errno == errno.EPIPE:  # the reader of our output has gone
             return 1
         return _fail(
             f"{error.filename or 'file'}: {error.strerror or error}; check the folder's rights and space"
         )
+    finally:
+        if before is not None:
+            signal.signal(signal.SIGTERM, before)
+
+
+def _take_sigterm() -> Any:
+    """Let SIGTERM do what Ctrl-C does, and take half-written files away; give the handler before."""
+    if threading.current_thread() is not threading.main_thread():
+        return None
+
+    def interrupt(number: int, _: object) -> None:
+        raise KeyboardInterrupt(number)
+
+    return signal.signal(signal.SIGTERM, interrupt)
 
 
 def _with_ranges_joined(words: Sequence[str]) -> list[str]:
@@ -428,7 +444,7 @@ def _add_run(commands: Any) -> None:
         "run",
         help="run the whole workflow on a cohort",
         description="Run the workflow on a cohort sheet or on the masks of a BIDS data set. Arguments after "
-        "-- go to Snakemake: -- --dry-run, -- --config seed=7, -- results/anna/liver/surface.ply",
+        "-- go to Snakemake: -- surfaces, -- results/anna/liver/surface.ply, -- --config seed=7",
     )
     run.add_argument("input", type=Path, help="cohort sheet (.tsv), or the folder of a BIDS data set")
     run.add_argument("output", type=Path, nargs="?", help="BIDS: folder of the results")
@@ -441,6 +457,13 @@ def _add_run(commands: Any) -> None:
     )
     run.add_argument("--directory", type=Path, help="folder for results/; default: this folder")
     run.add_argument("--profile", help="slurm, generic, or the folder of a Snakemake profile")
+    run.add_argument(
+        "--configfile", type=Path, metavar="YAML", help="your own settings, for example 'compare: true'"
+    )
+    run.add_argument(
+        "-k", "--keep-going", action="store_true", help="finish the other structures where one fails"
+    )
+    run.add_argument("-n", "--dry-run", action="store_true", help="show what would run, and run nothing")
     run.set_defaults(run=_run)
 
 
@@ -900,7 +923,12 @@ def _write(surface: Surface, path: Path, settings: Settings, band: bool) -> list
     if band:
         files |= {_with_name(path, side): moved for side, moved in surface.sides.items()}
     for file, one in files.items():
-        one.write(file, settings.surface.contour_spacing_mm, settings.surface.keep_patient, settings)
+        one.write(
+            file,
+            contour_spacing_mm=settings.surface.contour_spacing_mm,
+            keep_patient=settings.surface.keep_patient,
+            settings=settings,
+        )
     return list(files)
 
 
@@ -1152,12 +1180,16 @@ def _check_one(
 
 
 def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict[str, Any]:
+    import numpy as np
     from nibabel.orientations import aff2axcodes
 
     frame = structure.frame
     axes = [str(code) for code in aff2axcodes(frame.affine)]
     along = f"axis {frame.slice_axis} ({axes[frame.slice_axis]})"
     tilted = f", tilted by {frame.tilt:.1f} degrees" if frame.is_tilted else ""
+    slices = _slices(structure)
+    steps = sorted({f"{step * frame.slice_spacing:.4g}" for step in np.diff(slices)}, key=float)
+    apart = " to ".join(dict.fromkeys((steps[0], steps[-1]))) if steps else f"{frame.slice_spacing:.4g}"
     shape, spacing = " x ".join(map(str, frame.shape)), " x ".join(f"{size:.4g}" for size in frame.spacing)
     ways = {
         "contours": "drawn contours, used as they are",
@@ -1174,23 +1206,25 @@ def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict
         "input": way,
         "grid": f"{shape} voxels of {spacing} mm",
         "axes": f"index axes run towards {', '.join(axes)}: {', '.join(_TOWARDS[axis] for axis in axes)}",
-        "slices": f"{_slices(structure)} with organ, along {along}, {frame.slice_spacing:.4g} mm apart"
-        + tilted,
+        "slices": f"{len(slices)} with organ, along {along}, {apart} mm apart" + tilted,
         "warnings": list(structure.warnings),
     }
 
 
-def _slices(structure: Structure) -> int:
+def _slices(structure: Structure) -> list[int]:
+    """Numbers of the slices with organ, ascending."""
+    import numpy as np
+
     from cccd.containers import BoundaryMaps, Curves, GreyImage
 
     match structure.source:
         case Curves() as drawn:
-            return len(set(drawn.slice.tolist()))
+            return sorted(set(drawn.slice.tolist()))
         case BoundaryMaps(stack) | GreyImage(region=stack):
             pass
         case _:
             stack = structure.required_stack("mask")
-    return int(stack.any(axis=(1, 2)).sum())
+    return np.flatnonzero(stack.any(axis=(1, 2))).tolist()
 
 
 # cccd compare ---------------------------------------------------------------------------------------
@@ -1350,7 +1384,7 @@ def _cut(given: argparse.Namespace, layers: Callable[[Mesh], list[tuple[Mesh, st
 
 
 def _run(given: argparse.Namespace) -> int:
-    from cccd.workflow_command import snakemake_command
+    from cccd.workflow_command import run_command, snakemake_command
 
     sheet, folder = given.input, given.directory or Path.cwd()
     if sheet.is_dir():
@@ -1360,14 +1394,11 @@ def _run(given: argparse.Namespace) -> int:
             str(sheet), "not the folder of a BIDS data set", "give BIDS_DIR OUT participant, or a sheet"
         )
     _check_writable(folder / "results")
-    command = snakemake_command(sheet, folder, given.cores, given.profile, given.further)
+    flags = [flag for flag in ("--keep-going", "--dry-run") if getattr(given, flag[2:].replace("-", "_"))]
+    further = [*flags, *given.further]
+    command = snakemake_command(sheet, folder, given.cores, given.profile, given.configfile, further)
     sys.stdout.flush()
-    process = subprocess.Popen(command)
-    while True:
-        try:
-            return process.wait()
-        except KeyboardInterrupt:  # Snakemake got it as well, and ends its jobs
-            continue
+    return run_command(command)
 
 
 def _sheet_of_bids(given: argparse.Namespace) -> tuple[Path, Path]:

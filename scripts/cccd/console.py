@@ -42,12 +42,26 @@ def is_of_jobs(record: logging.LogRecord) -> bool:
     return str(getattr(record, "event", "")) in REPLACED or str(record.msg).startswith(BESIDES)
 
 
-def shorten(logger: logging.Logger) -> None:
-    """Let the handlers of a console leave out what `JobLines` says in their place."""
+def shorten(logger: logging.Logger, is_interrupted: Callable[[], bool]) -> None:
+    """Let the handlers of a console leave out what `JobLines` says in their place.
+
+    Parameters
+    ----------
+    logger : logging.Logger
+        Snakemake's.
+    is_interrupted : callable
+        Whether the run was asked to end: then jobs do not fail, and nothing but the last line is said.
+    """
+
+    def is_shown(record: logging.LogRecord) -> bool:
+        return not (is_of_jobs(record) or is_interrupted())
+
     for handler in logger.handlers:
         if isinstance(handler, logging.StreamHandler) and not isinstance(handler, logging.FileHandler):
-            handler.addFilter(lambda record: not is_of_jobs(record))
-    logger.addHandler(JobLines())
+            handler.addFilter(is_shown)
+    lines = JobLines()
+    lines.addFilter(lambda record: not is_interrupted())
+    logger.addHandler(lines)
 
 
 def duration(seconds: float) -> str:

@@ -112,6 +112,6 @@ def check_closed(curves: Curves, structure: Structure) -> Curves:
         raise InputError(
             f"{structure.case}/{structure.organ}",
             "no slice has a closed boundary",
-            "check the input's slices, or lower the smallest area that counts",
+            "check the input's slices: none shows an outline that closes",
         )
     return curves

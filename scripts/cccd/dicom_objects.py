@@ -12,10 +12,18 @@ from cccd.errors import InputError
 from cccd.extras import missing_extra
 from cccd.settings.messages import choices
 
-__all__ = ["dicom_modality", "holds_contours", "object_in"]
+__all__ = ["dicom_modality", "holds_contours", "lies_in_its_series", "object_in", "referenced_series"]
 
 #: Every DICOM file begins with so many bytes of anything, and then these (PS3.10, section 7.1).
 _PREAMBLE, _MAGIC = 128, b"DICM"
+
+#: Sequences, each in the one before where there is one, that lead to the series of a SEG or an RTSTRUCT.
+_REFERENCES = (
+    "ReferencedSeriesSequence",
+    "ReferencedFrameOfReferenceSequence",
+    "RTReferencedStudySequence",
+    "RTReferencedSeriesSequence",
+)
 
 
 def dicom_modality(path: Path) -> str | None:
@@ -60,6 +68,50 @@ def object_in(path: Path) -> Path:
             path.name, f"it contains {len(objects)} SEG or RTSTRUCT objects", choices(f.name for f in objects)
         )
     return objects[0] if objects else path
+
+
+def referenced_series(path: Path) -> str:
+    """Read the UID of the series that a SEG or RTSTRUCT was made on; empty where it names none or is neither.
+
+    Examples
+    --------
+    >>> referenced_series(Path("not_there.dcm"))
+    ''
+    """
+    if dicom_modality(path) not in ("SEG", "RTSTRUCT"):
+        return ""
+    import pydicom
+
+    try:
+        header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=list(_REFERENCES))
+        found = [header]
+        for keyword in _REFERENCES:
+            found = [inner for item in found for inner in item.get(keyword, [])] or found
+        return str(found[0].get("SeriesInstanceUID", "")) if found[0] is not header else ""
+    except Exception:  # pydicom raises whatever its parser meets
+        return ""
+
+
+def lies_in_its_series(path: Path) -> bool:
+    """Whether a file is a SEG or RTSTRUCT that lies in one folder with the series that it was made on.
+
+    Examples
+    --------
+    >>> lies_in_its_series(Path("not_there.dcm"))
+    False
+    """
+    series = referenced_series(path)
+    return bool(series) and any(_series_of(file) == series for file in path.parent.iterdir() if file != path)
+
+
+def _series_of(path: Path) -> str:
+    """UID of the series that an image belongs to, empty of anything else."""
+    if not path.is_file() or dicom_modality(path) in (None, "", "SEG", "RTSTRUCT"):
+        return ""
+    import pydicom
+
+    header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=["SeriesInstanceUID"])
+    return str(header.get("SeriesInstanceUID", ""))
 
 
 def holds_contours(path: Path) -> bool:

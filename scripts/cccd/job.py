@@ -12,6 +12,7 @@ import contextlib
 import errno
 import logging
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Iterable, Iterator
@@ -20,10 +21,13 @@ from pathlib import Path
 from cccd.errors import InputError
 from cccd.extras import missing_extra
 
-__all__ = ["BATCH", "job", "take_placeholders_away"]
+__all__ = ["BATCH", "INTERRUPTED", "job", "take_placeholders_away"]
 
 #: Stands in the environment of the jobs of a batch.
 BATCH = "CCCD_BATCH"
+
+#: How the line of a job ends that did not fail, but was asked to end.
+INTERRUPTED = "interrupted"
 
 #: What stands in a file in place of an output, and where the placeholders of a run are listed.
 _PLACEHOLDER = b"CCCD: what this file is made of failed\n"
@@ -50,9 +54,9 @@ def job(
     Raises
     ------
     SystemExit
-        With status 1 after any error; the traceback of an unexpected one goes to the log only. In a batch
-        with status 0, after an error that another attempt would meet again, and where an input is a
-        placeholder.
+        With status 1 after any error, 130 after SIGINT and SIGTERM; the traceback of an unexpected error goes
+        to the log only. In a batch with status 0, after an error that another attempt would meet again, and
+        where an input is a placeholder.
     """
     log, made = Path(log), [Path(path) for path in outputs]
     in_batch = BATCH in os.environ and bool(made)
@@ -75,8 +79,13 @@ def job(
     )
     logging.captureWarnings(True)
     logger = logging.getLogger("cccd")
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # half-written files are taken away
     try:
         yield logger
+    except KeyboardInterrupt:
+        logger.error("interrupted")
+        tell(f"{name}: {INTERRUPTED}")
+        sys.exit(128 + signal.SIGINT)
     except Exception as error:
         if isinstance(error, InputError):
             line = f"{name}: {error}"
@@ -95,6 +104,8 @@ def job(
             _leave_placeholders(log, made)
             sys.exit(0)
         sys.exit(1)
+    finally:
+        signal.signal(signal.SIGTERM, before)
     failed.unlink(missing_ok=True)
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field, replace
 from itertools import islice
-from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
@@ -23,6 +22,7 @@ from cccd.inputs.annotation import AUTO
 from cccd.inputs.label_maps import MapLabel, list_map
 from cccd.inputs.load import existing
 from cccd.inputs.row_files import RowFiles
+from cccd.processes import worker_processes
 from cccd.settings.root import Settings
 from cccd.solids.label_fields import LabelFields, LevelBlock, bytes_needed, level_blocks
 from cccd.solids.shared_walls import meet, on_one_grid, touching_groups
@@ -226,8 +226,7 @@ class WholeMap:
                 yield number, work(structure, self.settings)
             return
         running: dict[Future[_Result | InputError], int] = {}
-        # spawned: a fork of a process with threads may hang
-        with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+        with worker_processes(processes) as pool:
             while True:
                 for number, structure in islice(order, processes - len(running)):
                     tell(structure.organ)

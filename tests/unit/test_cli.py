@@ -166,6 +166,18 @@ def test_check_says_axes_labels_and_cut_ends(here, capsys):
     assert any("first slice" in warning for warning in said["warnings"])
 
 
+def test_slices_without_organ_are_said(here, capsys):
+    mask = ball((12, 12, 10)).astype(np.uint8)
+    empty = np.flatnonzero(mask.any(axis=(0, 1)))[1:-1:2]
+    mask[..., empty] = 0
+    nibabel.save(nibabel.Nifti1Image(mask, AFFINE), "every_second.nii.gz")
+    assert main(["check", "every_second.nii.gz", "--json"]) == 0
+    (said,) = json.loads(capsys.readouterr().out)
+    assert said["slices"].endswith(" 5 mm apart")
+    line = f"{len(empty)} slices between the organ's first and last are empty: filled from the others"
+    assert line in said["warnings"]
+
+
 def test_check_lists_and_draws_every_label(here, capsys):
     labels = np.asarray(nibabel.load("labels.nii.gz").dataobj).astype(np.int16)
     labels[20, 20, 10] = 1000
@@ -555,7 +567,7 @@ def test_a_bids_data_set_becomes_a_sheet_and_a_snakemake_command(here, capsys, m
     (here / "liver.nii.gz").rename(folder / "sub-01_space-T1w_label-liver_mask.nii.gz")
     (folder / "sub-01_dseg.tsv").write_text("index\tname\n5\tLeft kidney\n")
     called = []
-    monkeypatch.setattr(subprocess, "Popen", lambda command: called.append(command) or Finished())
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: called.append(command) or Finished())
     asked = ["run", "bids", "out", "participant", "--cores", "3"]
     assert main([*asked, "--", "--dry-run", "--config", "seed=7", "results/a"]) == 0
     rows = [line.split("\t") for line in (here / "out" / "cohort.tsv").read_text().splitlines()[1:]]
@@ -585,6 +597,28 @@ def test_a_bids_data_set_becomes_a_sheet_and_a_snakemake_command(here, capsys, m
 class Finished:
     def wait(self):
         return 0
+
+
+def test_the_workflow_takes_the_common_options_of_snakemake(here, monkeypatch):
+    called = []
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: called.append(command) or Finished())
+    (here / "sheet.tsv").write_text("case\torgan\tmask\na\tliver\tliver.nii.gz\n")
+    (here / "own.yaml").write_text("compare: true\n")
+    asked = ["run", "sheet.tsv", "--configfile", "own.yaml", "--keep-going", "--dry-run"]
+    assert main([*asked, "--", "surfaces"]) == 0
+    (command,) = called
+    assert command[command.index("--configfile") + 1] == str(here / "own.yaml")
+    assert command[-3:] == ["--keep-going", "--dry-run", "surfaces"]
+    assert main(["run", "sheet.tsv", "--configfile", "nowhere.yaml"]) == 1
+
+
+def test_a_profile_names_the_plugin_that_it_needs(here, capsys):
+    (here / "sheet.tsv").write_text("case\torgan\tmask\na\tliver\tliver.nii.gz\n")
+    (here / "own").mkdir()
+    (here / "own" / "config.yaml").write_text("executor: no-such\n")
+    assert main(["run", "sheet.tsv", "--profile", "own"]) == 1
+    said = "Error: --profile own: snakemake-executor-plugin-no-such is not installed; run pip install "
+    assert capsys.readouterr().err == f"{said}snakemake-executor-plugin-no-such\n"
 
 
 def test_the_doctor_names_the_extra_that_is_missing():

@@ -17,7 +17,7 @@ PACKAGES = {"cccd": set(), "cccd_training": {"cccd"}, "cccd_paper": {"cccd", "cc
 #: Packages and single modules of each, by layer; those of one layer do not know each other.
 LAYERS = {
     "cccd": (
-        ("console", "errors", "limits", "tolerances", "lookup", "dependencies", "project"),
+        ("console", "errors", "limits", "tolerances", "lookup", "dependencies", "project", "processes"),
         ("additions",),
         ("extras", "disk_space", "devices"),
         ("settings", "geometry", "job", "remote", "sidecar_files", "seeds"),

@@ -35,3 +35,18 @@ def test_surfaces_alone_wait_for_no_comparison(fresh_project):
     plan = fresh_project.planned("--config", "train=false", "surface={formats: [stl]}", "--", "surfaces")
     on_the_way = ("import_structure", "make_contours", "fit_curves", "loft_surface", "export_surface")
     assert plan == {**dict.fromkeys(on_the_way, 2), "surfaces": 1}
+
+
+@pytest.mark.parametrize(
+    ("target", "said"),
+    [
+        ("surfacess", "surfacess: nothing makes that; did you mean 'surfaces'?"),
+        ("results/tiny/sphere/surface.plyy", "results/tiny/sphere/surface.plyy: nothing makes that; "),
+        ("results/tiny/spher/surface.ply", "no structure tiny/spher; did you mean 'tiny/sphere'?"),
+    ],
+)
+def test_a_target_that_does_not_exist_is_one_line(fresh_project, target, said):
+    run = fresh_project.snakemake("--dry-run", target, check=False)
+    assert run.returncode == 1
+    assert said in run.stderr.splitlines()[-1]
+    assert "Traceback" not in run.stderr

@@ -53,6 +53,18 @@ if sys.orig_argv[1:3] == ["-m", "snakemake"] and "STRUCK" in os.environ:
     snakemake.jobs.Job.postprocess = postprocess
 """
 
+#: Loaded by every Python: jobs that import stay, with their files half written.
+STAY = """
+import pathlib, re, sys, time
+if re.search(r"[.]snakemake/scripts/tmp[^/]*[.]py$", " ".join(sys.orig_argv)):
+    whole = pathlib.Path.replace
+    def replace(self, target):
+        if sys.modules["__main__"].snakemake.rule == "import_structure":
+            time.sleep(600)
+        return whole(self, target)
+    pathlib.Path.replace = replace
+"""
+
 #: What each file is written from, given the results of a finished structure as ``done``.
 WRITERS = {
     "structure.h5": "store.write_structure(path, store.read_structure(done / 'structure.h5'))",
@@ -150,6 +162,46 @@ def test_snakemake_ends_when_it_is_asked_to_while_it_finishes_a_job(fresh_projec
     assert (fresh_project.results / "tiny/sphere/structure.h5").exists()  # the job was finished
     assert not (fresh_project.folder / target).exists()
     fresh_project.snakemake(target)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_the_command_ends_all_its_jobs(fresh_project, tmp_path, number):
+    (tmp_path / "sitecustomize.py").write_text(STAY)
+    ball(tmp_path / "mask.nii.gz")
+    use_masks(fresh_project, tmp_path, [("a", "mask.nii.gz"), ("b", "mask.nii.gz")])
+    path = os.pathsep.join([str(tmp_path), str(fresh_project.folder / "scripts")])
+    run = subprocess.Popen(
+        [sys.executable, "-m", "cccd", "run", "tiny.tsv", "--cores", "2", "--", "surfaces"],
+        cwd=fresh_project.folder,
+        env=fresh_project.surroundings()["env"] | {"PYTHONPATH": path, "PWD": str(fresh_project.folder)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 120
+    while len(list(fresh_project.results.rglob(".structure.*"))) < 2 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert fresh_project.results.is_dir()
+    run.send_signal(number)
+    said = run.communicate(timeout=30)[1].splitlines()
+    assert run.returncode == 128 + number
+    assert said[-1] == "Interrupted: 0 of 2 structures are finished. Run the same command again to continue."
+    assert not [line for line in said if line.startswith(("Traceback", "failed:", "Error"))]
+    assert not list(fresh_project.results.rglob(".structure.*"))
+    assert not processes_in(fresh_project.folder)
+    assert not list((fresh_project.folder / ".snakemake" / "locks").glob("*"))
+
+
+def processes_in(folder: Path) -> list[str]:
+    """List the processes that work in a folder."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if (process / "cwd").resolve() == folder.resolve():
+                found.append(process.name)
+        except OSError:
+            continue
+    return found
 
 
 def test_two_runs_in_one_folder_and_a_killed_snakemake(fresh_project, strike_once):

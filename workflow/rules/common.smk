@@ -20,6 +20,7 @@ ROOT = Path(workflow.basedir)
 if (ROOT / "scripts" / "cccd").is_dir():
     sys.path.insert(0, str(ROOT / "scripts"))
 
+from snakemake.cli import parse_args
 from snakemake.common import overwrite_function_params
 from snakemake.resources import Resource
 
@@ -31,13 +32,14 @@ from cccd.job import BATCH, take_placeholders_away
 from cccd.plan.checks import PlannedJob, check_jobs
 from cccd.plan.cohort import near
 from cccd.plan.networks import MODEL, PAPER_MODEL
-from cccd.plan.outcome import report_failed_run, report_good_run
+from cccd.plan.outcome import report_failed_run, report_good_run, report_interrupted_run
 from cccd.plan.plan import SHOWN, Plan, files_of_comparison
 from cccd.plan.resources import memory, minutes
 from cccd.report.registry import comparison_jobs, tables
 from cccd.segmentation.networks import networks
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
+from cccd.settings.messages import nearest
 
 if workflow.remote_exec:
     # a job of a cluster: its structures fail one by one, and not all because of one
@@ -47,9 +49,11 @@ elif not any(Path(".snakemake", "locks").glob("*")):
     take_placeholders_away()
 
 try:
-    plan = Plan.make(config, ROOT)
+    plan = Plan.make(config, ROOT, leave_out_missing=True)
 except InputError as error:
     sys.exit(f"Error: {error}")
+for name, error in plan.cohort.missing.items():
+    print(f"Error: {'/'.join(name)}: {error}", file=sys.stderr)
 for note in plan.cohort.notes:
     print(f"Note: {note}", file=sys.stderr)
 # from here on every key is there, and numbers given on the command line are numbers
@@ -81,6 +85,27 @@ def look_up_once():
     overwrite_function_params(Resource.evaluate, parameters)
 
 
+def check_targets():
+    """Refuse what was asked for by name and nothing makes; called after all rules."""
+    known = [rule.name for rule in workflow.rules]
+    try:
+        for target in targets_asked_for():
+            plan.check_target(target)
+            made = any(rule.is_producer(target) for rule in workflow.rules)
+            if not made and target not in known:
+                raise InputError(target, "nothing makes that", nearest(target, known))
+    except InputError as error:
+        sys.exit(f"Error: {error}")
+
+
+def targets_asked_for():
+    """Read the targets off the command line, as Snakemake 9.27 knows them only when all files are read."""
+    words = sys.argv[1:]
+    if workflow.remote_exec or not words or re.match(r"-|\d+$|[^/]*=", words[-1]):
+        return []  # most runs name none: the parser takes a third of a second
+    return parse_args(words)[1].targets
+
+
 def check_before_jobs():
     """Refuse what the planned jobs would be refused for, before the first of them starts."""
     jobs = [
@@ -102,26 +127,44 @@ def switch_timers_off():
     workflow.scheduler.job_rate_limiter = None
 
 
-def answer_sigterm_beside():
-    """Answer SIGTERM in a thread of its own.
+#: Set when the run was asked to end.
+interrupted = threading.Event()
 
-    Snakemake 9.27 takes a lock in the handler, which runs in the main thread: where that holds the lock, as while a
-    job is finished, it would wait for itself for ever.
+
+def answer_signals():
+    """End the jobs at SIGINT, and answer SIGTERM, which waits for them, in a thread of its own.
+
+    Snakemake 9.27 takes a lock in the handler of SIGTERM, which runs in the main thread: where that holds the lock, as
+    while a job is finished, it would wait for itself for ever.
     """
-    end = workflow.scheduler.exit_gracefully
-    if signal.getsignal(signal.SIGTERM) == end:
-        signal.signal(signal.SIGTERM, lambda *_: threading.Thread(target=end).start())
+    graceful = workflow.scheduler.exit_gracefully
+
+    def interrupt(*_):
+        if not interrupted.is_set():
+            interrupted.set()
+            if os.getpgrp() == os.getpid():  # the processes of the group are this run's
+                os.killpg(0, signal.SIGTERM)
+            raise KeyboardInterrupt
+
+    def terminate(*_):
+        if not interrupted.is_set():
+            interrupted.set()
+            threading.Thread(target=graceful).start()
+
+    if signal.getsignal(signal.SIGTERM) == graceful:
+        signal.signal(signal.SIGTERM, terminate)
+        signal.signal(signal.SIGINT, interrupt)
 
 
 def shorten_console():
     """Show a line for each finished job instead of Snakemake's account of it, which its log file keeps."""
     if not (workflow.output_settings.verbose or workflow.remote_exec):
-        shorten(logging.getLogger("snakemake.logging"))
+        shorten(logging.getLogger("snakemake.logging"), interrupted.is_set)
 
 
 def tell_where_results_are():
-    """End a good run by saying where to look; one whose batches left out what failed is none."""
-    if take_placeholders_away():
+    """End a good run by saying where to look; one that left structures out is none."""
+    if take_placeholders_away() or cohort.missing:
         report_failed_run(plan)
         sys.exit(1)
     report_good_run(plan)
@@ -130,4 +173,7 @@ def tell_where_results_are():
 def list_failures():
     """End a bad run: every failure in one line, and a report of the structures that are finished."""
     take_placeholders_away()
-    report_failed_run(plan)
+    if interrupted.is_set():
+        report_interrupted_run(plan)
+    else:
+        report_failed_run(plan)

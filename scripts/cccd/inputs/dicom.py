@@ -106,9 +106,11 @@ def _series_in(folder: Path) -> dict[str, list[_Slice]]:
     return series
 
 
-def _choose_series(folder: Path, modality: str | None) -> list[_Slice]:
-    """Find the one series under a folder, of one modality where it is named."""
+def _choose_series(folder: Path, modality: str | None, referenced: str) -> list[_Slice]:
+    """Find the series under a folder: the referenced one, or the one there is, of one modality if named."""
     location, series = folder.name, _series_in(folder)
+    if referenced in series:
+        return series[referenced]
     if modality:
         series = {uid: files for uid, files in series.items() if files[0].header.get("Modality") == modality}
     if not series:
@@ -199,9 +201,13 @@ def _modality_pixels(path: Path) -> SingleArray:
 
 
 def read_series(
-    folder: Path, fill_gaps: bool = False, modality: str | None = None, limits: Limits = LIMITS
+    folder: Path,
+    fill_gaps: bool = False,
+    modality: str | None = None,
+    referenced: str = "",
+    limits: Limits = LIMITS,
 ) -> Volume:
-    """Read the one image series in a folder (and the folders below).
+    """Read the one image series in a folder (and the folders below), or the referenced one of several.
 
     Parameters
     ----------
@@ -211,6 +217,8 @@ def read_series(
         Interpolate missing and unevenly spaced slices; otherwise they are an error.
     modality : str, optional
         Look at series of this modality only, e.g. ``"CT"``.
+    referenced : str
+        UID of the series to take where the folder has it; empty where nothing refers to one.
     limits : Limits
         What the series may ask for.
 
@@ -231,7 +239,7 @@ def read_series(
         if folder.is_file():
             files = [_Slice(folder, pydicom.dcmread(folder, stop_before_pixels=True))]
         else:
-            files = _choose_series(folder, modality)
+            files = _choose_series(folder, modality, referenced)
         check_size(_promised(files), limits, location)
         if len(files) == 1 and int(files[0].header.get("NumberOfFrames") or 1) > 1:
             return _read_multiframe(files[0].path)
@@ -406,9 +414,14 @@ class Segments:
             if not self._frames.is_regular:
                 return self._frames.volume(seg, chosen, location)
             volume = seg.get_volume(segment_numbers=chosen, combine_segments=False)
+            volume = volume.flip_spatial(0)  # slices along the normal, as a series'
         data = np.asarray(volume.array)
-        mask = np.any(data.reshape(*data.shape[:3], -1) >= 0.5, axis=-1)
-        affine = check_affine(LPS_TO_RAS @ volume.affine, location)
+        mask = np.any(data.reshape(*data.shape[:3], -1) >= 0.5, axis=-1).transpose(2, 1, 0)
+        affine = volume.affine[:, [2, 1, 0, 3]]
+        if _count_instances(seg) > mask.shape[2]:  # the scan goes on where the SEG has no frames
+            mask = np.pad(mask, ((0, 0), (0, 0), (1, 1)))
+            affine[:3, 3] -= affine[:3, 2]
+        affine = check_affine(LPS_TO_RAS @ affine, location)
         return Volume(mask, affine, location, frame_of_reference=str(volume.frame_of_reference_uid or ""))
 
     @cached_property
@@ -530,6 +543,12 @@ def region_names(path: Path) -> dict[int, str]:
 
 def _region_names(dataset: pydicom.Dataset) -> dict[int, str]:
     return {int(item.ROINumber): str(item.get("ROIName", "")) for item in dataset.StructureSetROISequence}
+
+
+def _count_instances(seg: pydicom.Dataset) -> int:
+    """Count the images of the series that a SEG was made on, as far as it lists them."""
+    series = seg.get("ReferencedSeriesSequence", [])
+    return sum(len(one.get("ReferencedInstanceSequence", [])) for one in series)
 
 
 def _referenced(seg: pydicom.Dataset) -> set[str]:

@@ -66,12 +66,13 @@ def contour_frame(
         Planes that are not parallel, not the image's, or fewer than two; contours along a line.
     """
     normal = _plane_normal(contours, location)
-    planes = _planes(contours, normal, location)
+    axis = None if image is None else _slice_axis(image, normal, location)
+    thickness = None if image is None else abs(float(image.affine[:3, axis] @ normal))
+    planes = _planes(contours, normal, location, thickness)
     heights = planes.heights
-    if image is None:
+    if image is None or axis is None:
         note = f"{location}: no image given, pixels of {pixel_mm:g} mm assumed"
         return _frame_without_image(contours, planes, pixel_mm), None, [note]
-    axis = _slice_axis(image, normal, location)
     index = (heights - image.affine[:3, 3] @ normal) / (image.affine[:3, axis] @ normal)
     whole = np.rint(index).astype(int)
     inside = whole.min() >= 0 and whole.max() < image.shape[axis]
@@ -79,7 +80,7 @@ def contour_frame(
         grid = image.location
         note = f"{location}: its contours do not lie on the slices of {grid}, whose grey values are not used"
         return _move_to_planes(image.affine, axis, image.shape, planes), None, [note]
-    stride = int(np.abs(np.diff(whole)).min())
+    stride = int(np.abs(np.diff(whole)).min()) if len(whole) > 1 else 1
     keep = slice(int(whole.min() % stride), None, stride)
     notes = [f"{location}: only one in {stride} slices of the image has contours"] if stride > 1 else []
     return _frame_of_slices(image, axis, keep), keep, notes
@@ -99,12 +100,19 @@ def _plane_normal(contours: list[FloatArray], location: str) -> FloatArray:
     return normal
 
 
-def _planes(contours: list[FloatArray], normal: FloatArray, location: str) -> _Planes:
-    """Find the planes across a normal that contours lie in; of uneven distances, on a finer grid."""
+def _planes(
+    contours: list[FloatArray], normal: FloatArray, location: str, thickness: float | None
+) -> _Planes:
+    """Find the planes across a normal that contours lie in; of uneven distances, on a finer grid.
+
+    ``thickness`` is that of the image's slices, which says how thick an organ in one plane is.
+    """
     heights = np.sort([float(np.mean(contour @ normal)) for contour in contours])
     heights = heights[np.r_[True, np.diff(heights) > SAME_PLANE_MM]]
     if len(heights) < 2:
-        raise InputError(location, "its contours lie in one plane", "give an organ of three slices or more")
+        if thickness is None:
+            raise InputError(location, "its contours lie in one plane", "name the scan as image (--image)")
+        return _Planes(normal, heights, thickness, 1)
     spacing, index = even_grid(heights)
     return _Planes(normal, heights, spacing, int(np.median(np.diff(index))))
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from cccd.dicom_objects import object_in
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.freesurfer import freesurfer_names
@@ -36,8 +37,8 @@ __all__ = [
 #: Hues of organs without a colour lie this share of the circle apart: no two of the first hundred are alike.
 GOLDEN_SHARE = 0.61803398875
 
-#: Labels with less voxels, or on less slices along some axis, are left out: no surface can be made of them.
-LEAST_VOXELS, LEAST_SLICES = 12, 3
+#: Labels with less voxels are left out: they have no shape.
+LEAST_VOXELS = 12
 
 _NUMBER = ("label", "value", "index", "id", "key", "number", "no.", "labelvalue")
 _NAME = ("name", "organ", "structure", "segment", "label_name", "labelname")
@@ -87,6 +88,7 @@ def list_map(path: Path, table: Path | None = None) -> list[MapLabel]:
     InputError
         Not readable, empty, or no label map.
     """
+    path = object_in(path)
     parts = _parts(path)
     if parts is None:
         return _named(path, list_labels(path), {}, table)
@@ -197,11 +199,11 @@ def _cut(part: AnyArray, box: tuple[slice, ...], volume: Volume) -> Volume:
 
 
 def _too_little(part: AnyArray) -> str:
-    """Why a label of these voxels, in a box of its size, is left out; empty where they are enough."""
-    count, thin = int(np.count_nonzero(part)), min(part.shape)
-    if count >= LEAST_VOXELS and thin >= LEAST_SLICES:
+    """Why a label of these voxels is left out; empty where they are enough."""
+    count = int(np.count_nonzero(part))
+    if count >= LEAST_VOXELS:
         return ""
-    return "a single voxel" if count == 1 else f"{count} voxels, {thin} across"
+    return "a single voxel" if count == 1 else f"{count} voxels"
 
 
 def colour_of(number: int) -> str:

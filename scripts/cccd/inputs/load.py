@@ -15,7 +15,7 @@ import numpy as np
 
 from cccd.cohort import IMAGES_ALONE, complete_row
 from cccd.containers import Annotation, Curves, Frame, Grid, Structure
-from cccd.dicom_objects import dicom_modality, object_in
+from cccd.dicom_objects import dicom_modality, object_in, referenced_series
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
@@ -37,6 +37,7 @@ from cccd.inputs.grid import (
 from cccd.inputs.growing import grow_region
 from cccd.inputs.heads import draw_head
 from cccd.inputs.phantoms import make_phantom
+from cccd.inputs.readers import without_suffix
 from cccd.inputs.refining import refine_border
 from cccd.inputs.regions import find_region
 from cccd.inputs.row_files import EACH_ITS_OWN, LabelMap, RowFiles, read_boundary_maps, read_mask
@@ -50,7 +51,7 @@ if TYPE_CHECKING:
     from cccd.inputs.dicom import Regions
 
 __all__ = [
-    "MIN_SLICES",
+    "FEW_SLICES",
     "existing",
     "frame_of",
     "load_structure",
@@ -59,8 +60,8 @@ __all__ = [
     "with_segmentation_notes",
 ]
 
-#: A surface needs this many slices with organ.
-MIN_SLICES = 3
+#: An organ on fewer slices has no slice between two others: its ends are most of it.
+FEW_SLICES = 3
 
 #: Background left around the organ: blurs and dilations near it stay inside the crop.
 MARGIN_VOXELS = 3
@@ -225,9 +226,14 @@ def _read_source(
         return _Scan(frame_of(mask, settings), image.data, mask.data, provenance=provenance)
     row, implied = complete_row(row, folder)
     paths = {name: existing(folder / row[name], name) for name in ("image", "mask", "boundary") if row[name]}
-    image = files.image(paths["image"], row["source"], settings.fill_gaps) if "image" in paths else None
+    referenced = ""
     if "mask" in paths:
         paths["mask"] = object_in(paths["mask"])
+        if "image" in paths and paths["image"].is_dir() and paths["mask"].is_file():
+            referenced = referenced_series(paths["mask"])
+    image = None
+    if "image" in paths:
+        image = files.image(paths["image"], row["source"], settings.fill_gaps, referenced)
     if "mask" in paths and paths["mask"].is_file() and dicom_modality(paths["mask"]) == "RTSTRUCT":
         if "boundary" in paths:
             raise InputError(
@@ -474,7 +480,8 @@ def existing(path: Path, column: str) -> Path:
     if not folder.is_dir():
         raise InputError(column, f"{path.name} is not there, nor its folder {folder}", "correct the path")
     names = sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith("."))
-    raise InputError(column, f"there is no {path.name} in {folder}", nearest(path.name, names))
+    hint = nearest(path.name, names, lambda name: without_suffix(name) or name)
+    raise InputError(column, f"there is no {path.name} in {folder}", hint)
 
 
 def scan_of(structure: Structure) -> Volume | None:
@@ -549,7 +556,7 @@ def _on_coarser_grid(scan: _Scan, row: Mapping[str, str]) -> _Scan:
     coarse_mask = grid.of(mask)
     # of so few voxels it is as likely an organ with flat sides of its own
     voxels_wide = [int(coarse_mask.any(axis=tuple({0, 1, 2} - {axis})).sum()) for axis in range(3)]
-    if min(voxels_wide) < MIN_SLICES or _annotation(scan, first, last, row["location"]) is not None:
+    if min(voxels_wide) < FEW_SLICES or _annotation(scan, first, last, row["location"]) is not None:
         return scan
     a, b, c = (len(index) for index in grid.index)
     coarse = Frame(frame.affine @ grid.affine, frame.slice_axis, (a, b, c), Grid(frame.affine, frame.shape))
@@ -569,14 +576,16 @@ def _crop(scan: _Scan, row: Mapping[str, str]) -> Structure:
         warnings = scan.warnings + _cut_notes(frame, first, last)
     else:
         first, last, slices = _extent_of_contours(scan.contours, frame)
-        warnings = scan.warnings
-    if slices < MIN_SLICES:
-        raise InputError(
-            row["location"],
-            f"{row['organ']} lies in {slices} slice{'s'[: slices > 1]} along axis {frame.slice_axis}",
-            f"give an organ of {MIN_SLICES} slices or more, or set import: slice_axis",
-        )
+        along = np.arange(3) == frame.slice_axis  # how far an image reaches to the sides is not always known
+        warnings = scan.warnings + _cut_notes(frame, np.where(along, first, 1), np.where(along, last, 0))
+    if slices < FEW_SLICES:
+        lies = f"{row['organ']} lies on {slices} slice{'s'[: slices > 1]} along axis {frame.slice_axis}"
+        warnings = [*warnings, f"{lies}: where it ends above and below is a guess"]
     annotation = _annotation(scan, first, last, row["location"])
+    empty = int(last[frame.slice_axis] - first[frame.slice_axis]) + 1 - slices
+    if empty and annotation is None and scan.contours is None:
+        between = f"{empty} slice{'s'[: empty > 1]} between the organ's first and last"
+        warnings = [*warnings, f"{between} {'are' if empty > 1 else 'is'} empty: filled from the others"]
     warnings = warnings + _size_notes(frame, first, last, row["location"])
     margin = MARGIN_VOXELS if scan.region is None else _REGION_MARGIN_VOXELS
     first, last = first - margin, last + margin

@@ -12,19 +12,33 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from nibabel.analyze import AnalyzeImage
 from nibabel.loadsave import load as load_image
+from nibabel.nifti1 import Nifti1Pair
 from nibabel.spatialimages import SpatialImage
 
 from cccd.errors import InputError
-from cccd.geometry.arrays import AnyArray
+from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.inputs.limits import LIMITS, Limits, check_size
 from cccd.sidecar_files import VoxelHeader, read_voxel_header
 
-__all__ = ["SUFFIXES", "dataset_names", "guarded", "read_itk", "read_nifti", "read_volume", "without_suffix"]
+if TYPE_CHECKING:
+    import SimpleITK as sitk  # noqa: N813
+
+__all__ = [
+    "SUFFIXES",
+    "dataset_names",
+    "guarded",
+    "itk_affine",
+    "read_itk",
+    "read_nifti",
+    "read_volume",
+    "without_suffix",
+]
 
 _NIFTI = (".nii.gz", ".nii", ".hdr", ".img", ".mgz", ".mgh")
 
@@ -76,6 +90,8 @@ def guarded(location: str, problem: str, hint: str) -> Iterator[None]:
         yield
     except (InputError, ModuleNotFoundError):
         raise
+    except PermissionError:
+        raise InputError(location, "you may not read it", "change its rights, or copy it") from None
     except Exception as error:
         # ITK ends with a "Reason" that is whatever the system's last error happened to be
         lines = [line.strip() for line in str(error).splitlines() if not re.match(r"\s*(Reason:|$)", line)]
@@ -182,8 +198,24 @@ def read_nifti(path: Path, limits: Limits = LIMITS) -> Volume:
     warnings = []
     if isinstance(image, AnalyzeImage) and not _is_oriented(image):
         warnings.append(f"{location}: no orientation in its header; left and right may be swapped")
+    warnings += _two_places(image, location)
     names = _nifti_names(image) | dataset_names(path)
     return Volume(_spatial(data, location), affine, location, names, warnings=warnings)
+
+
+def _two_places(image: SpatialImage, location: str) -> list[str]:
+    """Say where a NIfTI header's two affines put the voxels at places that are not the same."""
+    if not isinstance(image, Nifti1Pair):
+        return []
+    sform, qform = image.get_sform(coded=True)[0], image.get_qform(coded=True)[0]
+    if sform is None or qform is None:
+        return []
+    corners = np.indices((2, 2, 2)).reshape(3, -1) * (np.array(image.shape[:3])[:, None] - 1)
+    moved = (sform - qform) @ np.vstack([corners, np.ones(8)])
+    apart = float(np.linalg.norm(moved, axis=0).max())
+    if apart < 0.5 * np.linalg.norm(sform[:3, :3], axis=0).min():
+        return []
+    return [f"{location}: its sform and qform put it up to {apart:.3g} mm apart; the sform is used"]
 
 
 def _is_oriented(image: AnalyzeImage) -> bool:
@@ -219,12 +251,17 @@ def read_itk(path: Path, limits: Limits = LIMITS) -> Volume:
         data = sitk.GetArrayFromImage(image).T
     if image.GetDimension() != 3:
         return Volume(_spatial(data, location), np.eye(4), location)
+    with guarded(location, "its header is damaged", "export it again"):
+        names = _segment_names({key: image.GetMetaData(key) for key in image.GetMetaDataKeys()})
+    return Volume(_spatial(data, location), check_affine(itk_affine(image), location), location, names)
+
+
+def itk_affine(image: sitk.Image) -> FloatArray:
+    """Affine (4, 4), index to world mm (RAS), of a three-dimensional image of SimpleITK."""
     affine = np.eye(4)
     affine[:3, :3] = np.reshape(image.GetDirection(), (3, 3)) * image.GetSpacing()
     affine[:3, 3] = image.GetOrigin()
-    with guarded(location, "its header is damaged", "export it again"):
-        names = _segment_names({key: image.GetMetaData(key) for key in image.GetMetaDataKeys()})
-    return Volume(_spatial(data, location), check_affine(LPS_TO_RAS @ affine, location), location, names)
+    return LPS_TO_RAS @ affine
 
 
 def _nifti_names(image: SpatialImage) -> dict[int, str]:

@@ -45,7 +45,7 @@ def _is_dicom(path: Path) -> bool:
     return not path.name.lower().endswith(SUFFIXES) and dicom_modality(path) is not None
 
 
-def read_image(path: Path, source: str, fill_gaps: bool) -> Volume:
+def read_image(path: Path, source: str, fill_gaps: bool, referenced: str = "") -> Volume:
     """Read grey values.
 
     Parameters
@@ -56,6 +56,8 @@ def read_image(path: Path, source: str, fill_gaps: bool) -> Volume:
         The row's source.
     fill_gaps : bool
         Interpolate missing slices of a series, see `read_series`.
+    referenced : str
+        UID of the series to take where a folder has several.
 
     Returns
     -------
@@ -73,7 +75,7 @@ def read_image(path: Path, source: str, fill_gaps: bool) -> Volume:
 
         # RIDER keeps a patient's CT and PET together
         modality = "CT" if path.is_dir() and source == "rider_lung" else None
-        volume = read_series(path, fill_gaps, modality)
+        volume = read_series(path, fill_gaps, modality, referenced)
     else:
         volume = read_volume(path)
     bad = volume.data.size - int(np.isfinite(volume.data).sum())
@@ -280,7 +282,10 @@ class LabelMap:
         data, probable = _whole_numbers(volume.data, volume.location)
         present = [int(value) for value in np.unique(data) if value > 0]
         if not present:
-            raise InputError(volume.location, "the mask is empty", "check that it belongs to this organ")
+            least = int(data.min())
+            below = f" but for negative values (down to {least}), and labels are above 0" if least < 0 else ""
+            hint = "check that it belongs to this organ"
+            raise InputError(volume.location, f"the mask is empty{below}", hint)
         return cls(volume, data, probable, present)
 
     @cached_property
@@ -364,7 +369,7 @@ class RowFiles:
     """
 
     label_map: Callable[[Path], LabelMap] = read_label_map
-    image: Callable[[Path, str, bool], Volume] = read_image
+    image: Callable[[Path, str, bool, str], Volume] = read_image
     segments: Callable[[Path], Segments] = _read_segments
     regions: Callable[[Path], Regions] = _read_regions
     classes: Callable[[Path], Classes] = read_classes

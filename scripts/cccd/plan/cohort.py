@@ -104,6 +104,8 @@ class PlannedCohort:
         Organs that share their walls, by case.
     notes : tuple of str
         What is worth a line about labels that are left out or renamed.
+    missing : dict
+        Why rows are left out whose files are not there, by name.
     """
 
     sheet: Path
@@ -113,12 +115,28 @@ class PlannedCohort:
     labels: dict[str, dict[str, dict[str, str]]]
     shared: dict[str, list[str]]
     notes: tuple[str, ...]
+    missing: dict[StructureName, InputError]
 
     @classmethod
     def read(
-        cls, sheet: Path, shared_walls: bool | Literal["auto"], masks_are_ordered: bool
+        cls,
+        sheet: Path,
+        shared_walls: bool | Literal["auto"],
+        masks_are_ordered: bool,
+        leave_out_missing: bool = False,
     ) -> PlannedCohort:
         """Read a sheet; scans are opened only to list the labels of whole maps.
+
+        Parameters
+        ----------
+        sheet : path
+            The cohort sheet.
+        shared_walls : bool or "auto"
+            Whether organs of a case share their walls.
+        masks_are_ordered : bool
+            Whether the junction network traces masks too.
+        leave_out_missing : bool
+            Leave rows out whose files are not there, unless they were imported before.
 
         Raises
         ------
@@ -127,6 +145,12 @@ class PlannedCohort:
         """
         remote: dict[str, RemoteFile] = {}
         rows = [_with_local_paths(row, sheet.parent, remote) for row in read_cohort(sheet)]
+        missing: dict[StructureName, InputError] = {}
+        if leave_out_missing:
+            missing = _missing(rows, sheet.parent, remote)
+            if len(missing) == len(rows):
+                raise next(iter(missing.values()))
+            rows = [row for row in rows if StructureName(row["case"], row["organ"]) not in missing]
         labels: dict[str, dict[str, dict[str, str]]] = {}
         shared: dict[str, list[str]] = {}
         notes: list[str] = []
@@ -136,7 +160,7 @@ class PlannedCohort:
             rows, labels, notes = expand_rows(rows, sheet.parent, _LABELS)
             shared = shared_groups(rows, labels, shared_walls)
         named = {StructureName(row["case"], row["organ"]): row for row in rows}
-        return cls(sheet, named, masks_are_ordered, remote, labels, shared, tuple(notes))
+        return cls(sheet, named, masks_are_ordered, remote, labels, shared, tuple(notes), missing)
 
     @property
     def reconstructed(self) -> list[StructureName]:
@@ -168,6 +192,8 @@ class PlannedCohort:
             ``results/CASE/ORGAN/...`` was asked for, and the sheet has no such structure.
         """
         name = StructureName(wildcards.case, wildcards.organ)
+        if name in self.missing:
+            raise self.missing[name]
         if name not in self.rows:
             known = nearest("/".join(name), ["/".join(one) for one in self.rows])
             raise InputError(self.sheet.name, f"no structure {'/'.join(name)}", known)
@@ -240,6 +266,27 @@ class PlannedCohort:
             problem = "no row of role train to train a segmenter on"
             raise InputError(self.sheet.name, problem, "add rows with an image, a mask and role train")
         return sorted({file for name in self.training for file in self.source_files(name)})
+
+
+def _missing(
+    rows: list[dict[str, str]], folder: Path, remote: dict[str, RemoteFile]
+) -> dict[StructureName, InputError]:
+    """Name the rows whose files are not there, and which were not imported before."""
+    found: dict[StructureName, InputError] = {}
+    for row in rows:
+        named = [(column, folder / row[column]) for column in ("image", "mask", "boundary") if row[column]]
+        absent = [(column, path) for column, path in named if not path.exists() and near(path) not in remote]
+        imported = Path("results", row["case"]).glob(f"{row['organ']}/structure.h5")
+        if not absent or row["role"] == "train" or any(imported):
+            continue
+        from cccd.inputs.load import existing  # slow to import, and most sheets miss nothing
+
+        column, path = absent[0]
+        try:
+            existing(path, column)
+        except InputError as error:
+            found[StructureName(row["case"], row["organ"])] = error.at(row["location"])
+    return found
 
 
 def _with_local_paths(row: dict[str, str], folder: Path, remote: dict[str, RemoteFile]) -> dict[str, str]:

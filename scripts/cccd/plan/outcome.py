@@ -5,17 +5,37 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from cccd.job import INTERRUPTED
+from cccd.plan.cohort import StructureName
 from cccd.plan.plan import Plan
 
-__all__ = ["failures", "report_failed_run", "report_good_run"]
+__all__ = ["failures", "report_failed_run", "report_good_run", "report_interrupted_run"]
 
 _REPORT = Path("results") / "report.html"
 
 
-def failures() -> list[str]:
-    """Return the one-line errors that failed jobs of this run left beside their logs, sorted."""
-    files = Path("logs").rglob("*.failed")
-    return sorted({line for file in files for line in file.read_text(encoding="utf-8").splitlines()})
+def failures(plan: Plan) -> list[str]:
+    """Return the one-line errors of rows without files, and those that failed jobs left beside their logs.
+
+    Those of structures that the sheet does not name any more are left out. They are sorted.
+    """
+    cohort = plan.cohort
+    files = [file for file in Path("logs").rglob("*.failed") if _is_of(file, plan)]
+    lines = {line for file in files for line in file.read_text(encoding="utf-8").splitlines()}
+    return sorted(lines | {f"{'/'.join(name)}: {error}" for name, error in cohort.missing.items()})
+
+
+def _is_of(file: Path, plan: Plan) -> bool:
+    """Whether a job's file belongs to a structure or a case of the sheet, or to neither."""
+    match file.parts[1:]:
+        case ("gnn" | "downloads" | "phantoms" | "segmenters", *_) | (_,):
+            return True
+        case (case, _):
+            return any(name.case == case for name in plan.cohort.rows)
+        case (case, organ, *_):
+            return StructureName(case, organ) in plan.cohort.rows
+        case _:
+            return True
 
 
 def report_good_run(plan: Plan) -> None:
@@ -25,11 +45,25 @@ def report_good_run(plan: Plan) -> None:
             print(file.resolve())
 
 
-def report_failed_run(plan: Plan) -> None:
-    """Print every failure in one line, and write a report of the structures that are finished."""
-    lines = failures()
+def report_interrupted_run(plan: Plan) -> None:
+    """Print what failed before the run was asked to end, and how far it came."""
+    lines = [line for line in failures(plan) if not line.endswith(f": {INTERRUPTED}")]
+    _print_failures(lines)
+    finals = plan.files("surface.ply")
+    done = sum(Path(file).exists() for file in finals)
+    came = f"Interrupted: {done} of {len(finals)} structures are finished."
+    print(came, "Run the same command again to continue.", file=sys.stderr)
+
+
+def _print_failures(lines: list[str]) -> None:
     if lines:
         print(f"\n{len(lines)} failed:", *lines, sep="\n  ", file=sys.stderr)
+
+
+def report_failed_run(plan: Plan) -> None:
+    """Print every failure in one line, and write a report of the structures that are finished."""
+    lines = failures(plan)
+    _print_failures(lines)
     if any(Path(file).exists() for file in plan.files("metrics.json")):
         from cccd.report.page import build_report_of_finished  # slow to import, and most runs need none
 

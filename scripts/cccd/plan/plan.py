@@ -73,7 +73,7 @@ class Plan:
     materials: list[str]
 
     @classmethod
-    def make(cls, config: Mapping[str, Any], root: Path) -> Plan:
+    def make(cls, config: Mapping[str, Any], root: Path, leave_out_missing: bool = False) -> Plan:
         """Plan a run.
 
         Parameters
@@ -82,6 +82,8 @@ class Plan:
             What Snakemake read and merged.
         root : path
             The folder of the Snakefile.
+        leave_out_missing : bool
+            Leave rows out whose files are not there (`PlannedCohort.missing`).
 
         Raises
         ------
@@ -90,7 +92,8 @@ class Plan:
         """
         settings = validate_config(config)
         sheet = find_file(settings.cohort, root)
-        cohort = PlannedCohort.read(sheet, settings.surface.shared_walls, settings.curves.ordering == "gnn")
+        ordered = settings.curves.ordering == "gnn"
+        cohort = PlannedCohort.read(sheet, settings.surface.shared_walls, ordered, leave_out_missing)
         for row in cohort.rows.values():
             if row["border"] == "image" and row["organ"] in cohort.shared.get(row["case"], []):
                 problem = "border: image cannot be combined with walls that organs share"
@@ -99,6 +102,23 @@ class Plan:
         segmenter = SegmenterPlan.choose(settings, cohort, root)
         tables = (_calibration(settings), _materials(settings))
         return cls(settings.as_config(), settings, root, cohort, junctions, segmenter, *tables)
+
+    def check_target(self, target: str) -> None:
+        """Refuse a file of a structure that the sheet does not have.
+
+        Parameters
+        ----------
+        target : str
+            What was asked for by name: a rule, or a file such as ``results/CASE/ORGAN/surface.ply``.
+
+        Raises
+        ------
+        InputError
+            The sheet has no such structure, or its row's files are not there.
+        """
+        folder, *names, _ = *Path(target).parts, ""
+        if folder == "results" and len(names) == 3 and names[0] != "tables":
+            self.cohort.row(StructureName(*names[:2]))
 
     # Settings and code of a job: it runs again when they change, and only then.
 

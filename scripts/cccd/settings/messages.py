@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 __all__ = ["choices", "describe", "nearest", "show"]
@@ -20,8 +20,15 @@ _TYPE_NAMES = {
 }
 
 
-def nearest(word: str, candidates: Iterable[str]) -> str:
+def nearest(word: str, candidates: Iterable[str], named: Callable[[str], str] = str) -> str:
     """Return ``"did you mean 'x'?"`` for a near miss, otherwise ``"choose one of ..."``.
+
+    Parameters
+    ----------
+    word : str
+    candidates : iterable of str
+    named : callable
+        Gives the part of each that is compared, such as a file's name without its suffix.
 
     Examples
     --------
@@ -29,8 +36,8 @@ def nearest(word: str, candidates: Iterable[str]) -> str:
     "did you mean 'liver'?"
     """
     known = list(candidates)
-    lower = {name.lower(): name for name in reversed(known)}
-    match = difflib.get_close_matches(str(word).lower(), lower, n=1, cutoff=0.6)
+    lower = {named(name).lower(): name for name in reversed(known)}
+    match = difflib.get_close_matches(named(str(word)).lower(), lower, n=1, cutoff=0.6)
     return f"did you mean {lower[match[0]]!r}?" if match else choices(known)
 
 

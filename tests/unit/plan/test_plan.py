@@ -295,7 +295,7 @@ def test_the_end_of_a_run_names_every_failure_once_and_every_surface(capsys):
     for name in ("logs/b/import.log.failed", "logs/a/import.log.failed", "logs/a/again.log.failed"):
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         Path(name).write_text(f"{name[5]}/ball: the mask is empty\n")
-    assert failures() == ["a/ball: the mask is empty", "b/ball: the mask is empty"]
+    assert failures(plan) == ["a/ball: the mask is empty", "b/ball: the mask is empty"]
     report_failed_run(plan)
     said = capsys.readouterr().err
     assert "2 failed:\n  a/ball: the mask is empty\n  b/ball: the mask is empty\n" in said
@@ -304,6 +304,14 @@ def test_the_end_of_a_run_names_every_failure_once_and_every_surface(capsys):
     surface.write_text("")
     report_good_run(plan)
     assert capsys.readouterr().out == f"{surface.resolve()}\n"
+
+
+def test_what_failed_of_a_row_that_was_removed_is_not_a_failure_any_more():
+    for name in ("a/ball", "a/cube", "b/ball", "downloads/0"):
+        log = Path("logs") / name / "import_structure.log.failed"
+        log.parent.mkdir(parents=True)
+        log.write_text(f"{name}: the mask is empty\n")
+    assert failures(plan_of(MASK)) == ["a/ball: the mask is empty", "downloads/0: the mask is empty"]
 
 
 PLANNING = """

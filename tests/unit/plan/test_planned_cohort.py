@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from cccd.errors import InputError
+from cccd.plan.plan import Plan
 
 PLANS = runpy.run_path(str(Path(__file__).parent / "plans.py"))
 plan_of, named = PLANS["plan_of"], PLANS["named"]
@@ -86,6 +87,30 @@ def test_a_file_that_is_missing_or_of_the_future_is_no_input():
     os.utime("mask.nii.gz", (time.time() + 3600,) * 2)
     plan = plan_of(A_BALL | {"image": "nowhere.nii.gz", "mask": "mask.nii.gz"})
     assert plan.cohort.source_files(named("a/ball")) == []
+
+
+def test_a_row_without_its_mask_is_left_out_and_named_unless_it_was_imported():
+    rows = [A_BALL | {"mask": "mask.nii.gz"}, {"case": "b", "organ": "ball", "mask": "nowhere.nii.gz"}]
+    Path("mask.nii.gz").write_bytes(b"")
+    config = {"cohort": str(PLANS["write_sheet"](rows))}
+    cohort = Plan.make(config, PLANS["ROOT"], leave_out_missing=True).cohort
+    assert cohort.reconstructed == [named("a/ball")]
+    (error,) = cohort.missing.values()
+    assert str(error).startswith("sheet.tsv row 3: mask: there is no nowhere.nii.gz in ")
+    with pytest.raises(InputError, match="there is no nowhere"):
+        cohort.row(named("b/ball"))
+    imported = Path("results/b/ball/structure.h5")
+    imported.parent.mkdir(parents=True)
+    imported.write_bytes(b"")
+    again = Plan.make(config, PLANS["ROOT"], leave_out_missing=True).cohort
+    assert again.reconstructed == [named("a/ball"), named("b/ball")]
+    assert not again.missing
+
+
+def test_a_cohort_without_any_mask_is_refused():
+    config = {"cohort": str(PLANS["write_sheet"]([A_BALL | {"mask": "nowhere.nii.gz"}]))}
+    with pytest.raises(InputError, match=r"sheet\.tsv row 2: mask: there is no nowhere"):
+        Plan.make(config, PLANS["ROOT"], leave_out_missing=True)
 
 
 def test_the_mask_that_a_cohort_s_layout_implies_is_an_input():

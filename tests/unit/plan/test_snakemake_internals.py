@@ -124,7 +124,7 @@ def test_scripts_and_the_parameters_of_a_resource_are_looked_up_once(tmp_path, c
 
 
 def test_sigterm_is_answered_where_the_main_thread_holds_the_scheduler_s_lock(tmp_path):
-    status, facts = run(tmp_path, ["answer_sigterm_beside"], STRIKE)
+    status, facts = run(tmp_path, ["answer_signals"], STRIKE)
     assert status != 0
     assert facts["killed within"] is None  # it waits, as its lock is held: in the main thread for ever
     assert facts["killed after"] == "graceful"

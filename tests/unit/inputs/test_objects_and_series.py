@@ -1,0 +1,139 @@
+"""A SEG or RTSTRUCT and its series, in one folder or in several: which belongs to which is found."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pydicom
+import pytest
+from pydicom.dataset import Dataset
+
+import cccd
+from cccd.inputs.label_maps import list_map
+
+SCANS = runpy.run_path(str(Path(__file__).parent / "scans.py"))
+AFFINE = SCANS["affine_of"]()
+
+
+@pytest.fixture
+def organ():
+    return SCANS["organ"]()
+
+
+def write(folder, organ, uid="series"):
+    """A series of the organ in a folder."""
+    return SCANS["write_series"](folder, SCANS["grey"](organ), AFFINE, uid=uid)
+
+
+def write_contours(path, organ, series, affine=AFFINE):
+    """An RTSTRUCT that refers to a series as planning systems do."""
+    SCANS["write_structure_set"](path, {"liver": SCANS["outlines"](organ, affine)})
+    ds = pydicom.dcmread(path)
+    frame, study, one = Dataset(), Dataset(), Dataset()
+    one.SeriesInstanceUID = series[0].SeriesInstanceUID
+    study.RTReferencedSeriesSequence = [one]
+    frame.FrameOfReferenceUID = ds.FrameOfReferenceUID
+    frame.RTReferencedStudySequence = [study]
+    ds.ReferencedFrameOfReferenceSequence = [frame]
+    ds.save_as(path)
+
+
+@pytest.mark.parametrize("kind", ["SEG", "RTSTRUCT"])
+def test_labels_of_an_object_among_its_series_are_listed(tmp_path, organ, kind):
+    series = write(tmp_path, organ)
+    if kind == "SEG":
+        SCANS["write_seg"](tmp_path / "seg.dcm", {"liver": organ}, series, ["liver"])
+    else:
+        write_contours(tmp_path / "rt.dcm", organ, series)
+    assert [label.organ for label in list_map(tmp_path)] == ["liver"]
+    surfaces, failures = cccd.reconstruct_labels(tmp_path)
+    assert [surface.name for surface in surfaces] == ["liver"]
+    assert not failures
+
+
+def test_one_of_two_objects_is_taken_by_its_name(tmp_path, organ):
+    series = write(tmp_path, organ)
+    SCANS["write_seg"](tmp_path / "seg.dcm", {"liver": organ}, series, ["liver"])
+    write_contours(tmp_path / "rt.dcm", organ, series)
+    for image in (tmp_path, None):  # an object lies in the folder of its series
+        surface = cccd.reconstruct(cccd.read(tmp_path / "rt.dcm", image=image))
+        surface.write(tmp_path.parent / "out.dcm")
+        assert not [note for note in surface.warnings if "no image given" in note]
+
+
+def test_of_two_series_the_one_is_taken_that_the_object_refers_to(tmp_path, organ):
+    series = write(tmp_path / "all" / "first", organ)
+    write(tmp_path / "all" / "second", organ[::-1], uid="other")
+    SCANS["write_seg"](tmp_path / "seg.dcm", {"liver": organ}, series, ["liver"])
+    structure = cccd.read(tmp_path / "seg.dcm", image=tmp_path / "all")
+    assert np.corrcoef(structure.image.ravel(), structure.mask.ravel())[0, 1] > 0.5
+    with pytest.raises(cccd.InputError, match="2 DICOM series in this folder"):
+        cccd.read(
+            SCANS["write_nifti"](tmp_path / "m.nii.gz", organ.astype(np.uint8), AFFINE),
+            image=tmp_path / "all",
+        )
+
+
+def test_contours_on_the_scan_s_last_slice_may_be_cut_there(tmp_path, organ):
+    cut = organ.copy()
+    cut[..., -3:] = organ[..., [6]]
+    series = write(tmp_path, cut)
+    write_contours(tmp_path / "rt.dcm", cut, series)
+    (note,) = [note for note in cccd.read(tmp_path).warnings if "may be cut" in note]
+    assert note == "the organ touches the scan's last slice: it may be cut there"
+
+
+@pytest.mark.parametrize(("end", "name"), [(slice(0, 3), "first"), (slice(-3, None), "last")])
+def test_a_seg_alone_names_the_end_at_which_its_series_does(tmp_path, organ, end, name):
+    cut = organ.copy()
+    cut[..., end] = organ[..., [6]]
+    cut[..., 7 if name == "first" else 6] |= True  # both ends would look alike otherwise
+    cut[..., {"first": slice(9, None), "last": slice(0, 4)}[name]] = False
+    series = write(tmp_path / "series", cut)
+    every = np.ones_like(cut)  # a second segment has a frame on each slice
+    SCANS["write_seg"](tmp_path / "seg.dcm", {"liver": cut, "body": every}, series, ["liver", "body"])
+    alone = cccd.read(tmp_path / "seg.dcm", "liver")
+    beside = cccd.read(tmp_path / "seg.dcm", "liver", image=tmp_path / "series")
+    notes = [[note for note in one.warnings if "may be cut" in note] for one in (alone, beside)]
+    assert notes[0] == notes[1]
+    assert f"the scan's {name} slice" in notes[0][0]
+    assert alone.frame.slice_axis == beside.frame.slice_axis == 2
+    np.testing.assert_allclose(alone.frame.affine, beside.frame.affine, atol=1e-4)
+
+
+def test_a_seg_that_ends_before_its_series_is_not_cut_there(tmp_path, organ):
+    assert organ[..., 2].any()
+    inner = organ.copy()
+    inner[..., [0, 1, -2, -1]] = False
+    series = write(tmp_path / "series", inner)
+    SCANS["write_seg"](tmp_path / "seg.dcm", {"liver": inner}, series, ["liver"])
+    structure = cccd.read(tmp_path / "seg.dcm")
+    assert not [note for note in structure.warnings if "may be cut" in note]
+
+
+def test_regions_without_contours_keep_no_other_from_its_surface(tmp_path, organ):
+    two = organ.copy()
+    two[..., :6] = two[..., 8:] = False
+    drawn = {name: SCANS["outlines"](mask, AFFINE) for name, mask in {"liver": organ, "spleen": two}.items()}
+    SCANS["write_structure_set"](tmp_path / "rt.dcm", drawn | {"couch": []})
+    surfaces, failures = cccd.reconstruct_labels(tmp_path / "rt.dcm")
+    assert [surface.name for surface in surfaces] == ["liver", "spleen"]
+    (line,) = failures
+    assert "'couch' has no contours" in line
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_an_organ_on_one_or_two_slices_is_a_surface_with_a_warning(tmp_path, count):
+    mask = np.zeros((40, 40, 12), np.uint8)
+    mask[10:30, 8:32, 5 : 5 + count] = 1
+    affine = np.diag([1.0, 1.0, 3.0, 1.0])
+    surface = cccd.reconstruct(mask, affine)
+    voxels = mask.sum() * 3
+    assert surface.volume == pytest.approx(voxels, rel=0.15)
+    noun = "slice" if count == 1 else "slices"
+    said = f"mask lies on {count} {noun} along axis 2: where it ends above and below is a guess"
+    assert said in surface.warnings
+    series = SCANS["write_series"](tmp_path, SCANS["grey"](mask > 0), affine)
+    write_contours(tmp_path / "rt.dcm", mask, series, affine)
+    drawn = cccd.reconstruct(cccd.read(tmp_path))
+    assert drawn.volume == pytest.approx(voxels, rel=0.15)
