@@ -125,8 +125,8 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
 def _corner_labels(labels: LabelArray, cells: IntArray) -> LabelArray:
     """Labels (C, 8) of the corners of cells (C, 3)."""
     first = np.ravel_multi_index(tuple(cells.T), labels.shape)
-    steps = np.ravel_multi_index(tuple(_CORNERS.T), labels.shape)
-    return np.stack([labels.ravel()[first + step] for step in steps], axis=1)
+    steps = np.asarray(np.ravel_multi_index(tuple(_CORNERS.T), labels.shape))
+    return np.stack([labels.ravel()[first + step] for step in steps.tolist()], axis=1)
 
 
 def _cheapest(

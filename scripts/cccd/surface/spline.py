@@ -54,7 +54,8 @@ CALM_BAND, CALM_ROUNDS = 0.05, 30
 MOST_CURVED = 2.0
 #: Rounds of averaging the curvature with that of the neighbours.
 CURVATURE_ROUNDS = 4
-#: Rounds of finer quads where the surface lies off the mesh by so many pixels, loses a voxel or folds ...
+#: Rounds of finer quads where the surface lies off the mesh by so many pixels or folds, and one more where it
+#: loses a voxel ...
 REFINEMENTS, MOST_OFF = 1, 0.25
 #: ... and further ones where it passes through itself: narrow gaps need quads no wider than they are.
 CROSSING_REFINEMENTS = 2
@@ -194,7 +195,7 @@ def _fit_and_refine(fine: Mesh, target: Target, triangles: tuple[int, int], stac
     for attempt in range(1 + REFINEMENTS + CROSSING_REFINEMENTS):
         start, coarse = control_mesh(fine, most, ends, weights if attempt else None)
         fit = fit_spline(start, target)
-        lost = _lost(fit.spline, stack) if attempt < REFINEMENTS else np.zeros((0, 3))
+        lost = _lost(fit.spline, stack) if attempt <= REFINEMENTS else np.zeros((0, 3))
         places = lost
         if attempt < REFINEMENTS and most < finest:
             places = np.concatenate([lost, _amiss(fit.spline, target, stack)])
