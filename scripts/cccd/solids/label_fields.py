@@ -43,6 +43,8 @@ SLAB_NODES = 12_000_000
 PROGRAM_BYTES, NODE_BYTES, SLAB_BYTES, WALL_BYTES = 250e6, 8, 32, 800
 #: What lies further than this many slices away changes nothing of a level.
 SLAB_MARGIN = 6
+#: Between labels, what no label holds goes to the nearest one up to so many pixels away.
+FILLED_PIXELS = 1.5
 #: Walls keep this share of an edge of the grid away from its nodes.
 NODE_MARGIN = 0.02
 #: What it costs in pixels to move a node across the plane at which the scan ends.
@@ -253,7 +255,9 @@ class LabelFields:
 
     def owners(self) -> NumberArray:
         """Give each node (L, I, J) its owner: 0 outside, `beyond` where a label runs past the scan's end."""
-        owner = np.where(self.outer < 0, self.owner, np.uint16(0))
+        # a fragment that was dropped is of all labels together still, but near to none
+        inside = (self.outer < 0) & (self.best < FILLED_PIXELS)
+        owner = np.where(inside, self.owner, np.uint16(0))
         low, high = self.frame.ends
         past = (self.heights < low) | (self.heights > high)
         owner[past] = np.where(owner[past] > 0, np.uint16(self.beyond), np.uint16(0))
@@ -295,7 +299,7 @@ class LabelFields:
         depth = np.where(
             (low == 0) | (high == 0), np.abs(outer), self.second[at].astype(float) - self.best[at]
         )
-        at_first = np.where(outer < 0, self.owner[at], 0)
+        at_first = np.where((outer < 0) & (self.best[at] < FILLED_PIXELS), self.owner[at], 0)
         return np.asarray(np.where((own == at_first) | (own == self.beyond), depth, 0), float)
 
     def _placed(self, block: LevelBlock) -> tuple[tuple[slice, slice, slice], HalfArray]:

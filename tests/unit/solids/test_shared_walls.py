@@ -203,6 +203,15 @@ def test_slabs_change_nothing(nodes, monkeypatch):
     np.testing.assert_array_equal(apart.best, together.best)
 
 
+def test_a_dropped_fragment_goes_to_no_other_label():
+    labels = half_balls()
+    labels[2:4, 2:4, 2] = 1
+    shared = walls_of(labels)
+    for label in (1, 2):
+        assert shared.surface.mesh_of(label).count_pieces() == 1
+    assert any("fragment" in line for line in shared.facts[1]["warnings"])
+
+
 def test_labels_may_be_added_in_any_order():
     settings, organs = LoftSettings(), organs_of(sectors())
     one, other = (LabelFields.empty(list(organs.values())) for _ in range(2))
