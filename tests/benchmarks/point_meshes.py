@@ -41,7 +41,7 @@ def main() -> None:
     )
     parser.add_argument("--table", type=Path, default=ROOT / "docs" / "measured" / "point_meshes.csv")
     arguments, rows = parser.parse_args(), []
-    for name, structure in structures():
+    for name, structure in sorted(structures(), key=lambda one: one[1].mask.size):
         curves, reference = trace_mask(structure), Reference.of(structure)
         for method in METHODS:
             mesh, seconds = timed(SURFACES[method].run, structure, curves)
@@ -53,7 +53,7 @@ def main() -> None:
                 del figures["dice_3d"]
             rows.append({"structure": name, "method": method, **row, **figures})
             print(name, method, round(seconds, 1), flush=True)
-        table = pd.DataFrame(rows).reindex(columns=list(COLUMNS))  # after each, as the lungs take long
+        table = pd.DataFrame(rows).reindex(columns=list(COLUMNS))  # after each: some take long
         table.to_csv(arguments.table, index=False, float_format="%.4g")
     print(table.to_string())
 
