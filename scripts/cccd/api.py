@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from threadpoolctl import threadpool_limits
 
 from cccd.closed_meshes import (
@@ -24,6 +26,7 @@ from cccd.closed_meshes import (
     structure_of_mesh,
     structure_of_planes,
 )
+from cccd.console import millilitres
 from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
 from cccd.curves import describe_curves
 from cccd.dicom_objects import dicom_modality, lies_in_its_series, object_in
@@ -121,7 +124,7 @@ class Surface:
 
     def __repr__(self) -> str:
         size = " x ".join(f"{length:.1f}" for length in self.size)
-        said = f"{self.volume / 1000:.4g} ml, {size} mm, {len(self.faces)} triangles"
+        said = f"{millilitres(self.volume / 1000)}, {size} mm, {len(self.faces)} triangles"
         count = len(self.warnings)
         return f"<Surface {self.name!r}: {said}" + f", {count} warning{'s'[: count > 1]}" * bool(count) + ">"
 
@@ -166,6 +169,26 @@ class Surface:
     def area(self) -> float:
         """The area of the mesh, mm^2."""
         return float(self.lofted.mesh.area)
+
+    @property
+    def pieces(self) -> int:
+        """How many bodies apart from each other there are; cavities do not count.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cccd import reconstruct
+        >>> ball = np.linalg.norm(np.indices((16, 16, 16)) - 7.5, axis=0) <= 6
+        >>> reconstruct(np.concatenate([ball, ball])).pieces
+        2
+        """
+        faces, count = self.faces, len(self.vertices)
+        ends = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
+        links = coo_array((np.ones(faces.size, bool), ends), shape=(count, count))
+        _, piece = connected_components(links, directed=False)
+        a, b, c = np.moveaxis(self.vertices[faces], 1, 0)
+        volumes = np.bincount(piece[faces[:, 0]], np.einsum("fc,fc->f", a, np.cross(b, c)))
+        return int(np.count_nonzero(volumes > 0))
 
     @property
     def volume_interval(self) -> tuple[float, float] | None:

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TextIO
 
-__all__ = ["JobLines", "OrganLines", "duration", "is_of_jobs", "shorten"]
+__all__ = ["JobLines", "OrganLines", "duration", "is_of_jobs", "millilitres", "shorten"]
 
 #: Events of Snakemake's log that `JobLines` replaces (`snakemake_interface_logger_plugins.common.LogEvent`).
 REPLACED = {
@@ -73,6 +73,17 @@ def duration(seconds: float) -> str:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def millilitres(volume: float) -> str:
+    """Write a volume (ml) with four digits, or all those before its point.
+
+    Examples
+    --------
+    >>> millilitres(14876.3), millilitres(254.81), millilitres(0.0004321)
+    ('14876 ml', '254.8 ml', '0.0004321 ml')
+    """
+    return f"{volume:.0f} ml" if volume >= 1000 else f"{volume:.4g} ml"
 
 
 class JobLines(logging.Handler):
