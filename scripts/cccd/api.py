@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -121,6 +121,14 @@ class Surface:
     drawn: Structure | None = None
     given: LoftedSurface | None = None
     scan: Volume | None = None
+    _filled: dict[str, tuple[Any, dict[str, Any]]] = field(
+        default_factory=dict[str, tuple[Any, dict[str, Any]]], init=False, compare=False
+    )
+
+    @property
+    def tetrahedra(self) -> list[dict[str, Any]]:
+        """What the tetrahedra are worth that `write` made: their number, angles, materials; plain JSON."""
+        return [report for _, report in self._filled.values()]
 
     def __repr__(self) -> str:
         size = " x ".join(f"{length:.1f}" for length in self.size)
@@ -301,6 +309,7 @@ class Surface:
             surface.step_tolerance_mm,
             surface.tetrahedra,
             self.scan,
+            self._filled,
         )
         write_surface(path, lofted, options)
         return Path(path)

@@ -958,7 +958,8 @@ def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -
             if "uniform" in surface.lofted.report
         },
         "control_points": surface.lofted.report["control_points"],
-        "warnings": list(surface.warnings),
+        "tetrahedra": surface.tetrahedra,
+        "warnings": [*surface.warnings, *(line for one in surface.tetrahedra for line in one["warnings"])],
         "seconds": round(seconds, 2),
     }
 
@@ -989,9 +990,23 @@ def _print_surface(made: dict[str, Any]) -> None:
         least, mean, most = made["edge_mm"]
         error = made["chord_error_mm"]
         print(f"  edges of {mean:.3g} mm ({least:.3g} to {most:.3g}), within {error:.2g} mm of the spline")
+    for report in made.get("tetrahedra", []):
+        print(f"  {_describe_tetrahedra(report)}")
     for warning in made["warnings"]:
         if TAKEN_TOGETHER not in warning:  # that was said before
             print(f"  warning: {warning}")
+
+
+def _describe_tetrahedra(report: Mapping[str, Any]) -> str:
+    """Say how many tetrahedra there are, how flat the worst is, and between which moduli they lie."""
+    (organ,) = report["organs"].values()
+    angle, jacobian = organ["least_dihedral_deg"]["min"], organ["scaled_jacobian"]["min"]
+    said = f"{report['tetrahedra']} tetrahedra, dihedral angles from {angle:.1f} degrees"
+    said += f", scaled Jacobian from {jacobian:.2f}, {report['seconds']:.0f} s"
+    if "young_mpa" in report:
+        low, high = report["young_mpa"]
+        said += f"; {report['materials']} materials, E of {low:.4g} to {high:.4g} MPa"
+    return said
 
 
 # cccd segment ---------------------------------------------------------------------------------------
