@@ -36,7 +36,8 @@ def measure_tetrahedra(filled: TetrahedralMesh, organs: Mapping[str, Mesh]) -> d
         ``tetrahedra``, ``volume_ml``, ``volume_ratio`` (within the surface, by its own),
         ``least_dihedral_deg`` with ``min``, ``p5`` and ``median`` of the tetrahedra's smallest angles,
         ``radius_ratio`` and ``scaled_jacobian`` likewise; of quadratic ones also ``jacobian``, the least
-        anywhere in each by that of the straight one. Quadratic meshes also have ``boundary_edges`` and, of these, ``straight_edges``.
+        anywhere in each by that of the straight one. Quadratic meshes also have ``boundary_edges`` and, of
+        these, ``straight_edges``.
     """
     curved = (
         {}
