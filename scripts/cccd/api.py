@@ -12,9 +12,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from threadpoolctl import threadpool_limits
 
 from cccd.closed_meshes import (
@@ -24,6 +26,7 @@ from cccd.closed_meshes import (
     structure_of_mesh,
     structure_of_planes,
 )
+from cccd.console import millilitres
 from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
 from cccd.curves import describe_curves
 from cccd.dicom_objects import dicom_modality, lies_in_its_series, object_in
@@ -118,10 +121,18 @@ class Surface:
     drawn: Structure | None = None
     given: LoftedSurface | None = None
     scan: Volume | None = None
+    _filled: dict[str, tuple[Any, dict[str, Any]]] = field(
+        default_factory=dict[str, tuple[Any, dict[str, Any]]], init=False, compare=False
+    )
+
+    @property
+    def tetrahedra(self) -> list[dict[str, Any]]:
+        """What the tetrahedra are worth that `write` made: their number, angles, materials; plain JSON."""
+        return [report for _, report in self._filled.values()]
 
     def __repr__(self) -> str:
         size = " x ".join(f"{length:.1f}" for length in self.size)
-        said = f"{self.volume / 1000:.4g} ml, {size} mm, {len(self.faces)} triangles"
+        said = f"{millilitres(self.volume / 1000)}, {size} mm, {len(self.faces)} triangles"
         count = len(self.warnings)
         return f"<Surface {self.name!r}: {said}" + f", {count} warning{'s'[: count > 1]}" * bool(count) + ">"
 
@@ -166,6 +177,26 @@ class Surface:
     def area(self) -> float:
         """The area of the mesh, mm^2."""
         return float(self.lofted.mesh.area)
+
+    @property
+    def pieces(self) -> int:
+        """How many bodies apart from each other there are; cavities do not count.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cccd import reconstruct
+        >>> ball = np.linalg.norm(np.indices((16, 16, 16)) - 7.5, axis=0) <= 6
+        >>> reconstruct(np.concatenate([ball, ball])).pieces
+        2
+        """
+        faces, count = self.faces, len(self.vertices)
+        ends = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
+        links = coo_array((np.ones(faces.size, bool), ends), shape=(count, count))
+        _, piece = connected_components(links, directed=False)
+        a, b, c = np.moveaxis(self.vertices[faces], 1, 0)
+        volumes = np.bincount(piece[faces[:, 0]], np.einsum("fc,fc->f", a, np.cross(b, c)))
+        return int(np.count_nonzero(volumes > 0))
 
     @property
     def volume_interval(self) -> tuple[float, float] | None:
@@ -278,6 +309,7 @@ class Surface:
             surface.step_tolerance_mm,
             surface.tetrahedra,
             self.scan,
+            self._filled,
         )
         write_surface(path, lofted, options)
         return Path(path)

@@ -22,8 +22,9 @@ from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cccd.console import millilitres
 from cccd.errors import TAKEN_TOGETHER, InputError
-from cccd.extras import missing_extra
+from cccd.extras import check_extra, missing_extra
 
 if TYPE_CHECKING:
     from cccd.api import Surface
@@ -81,7 +82,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     cut = given.index("--") if "--" in given else len(given)
-    parsed = _parser().parse_args(_with_ranges_joined(given[:cut]))
+    parser = _parser()
+    parsed = parser.parse_args(_with_ranges_joined(given[:cut]))
+    if parsed.command is None:
+        parser.print_help()
+        return 0
     parsed.further = given[cut + 1 :]
     before = _take_sigterm()
     try:
@@ -150,7 +155,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"cccd {__version__}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="command")
+    commands = parser.add_subparsers(dest="command", metavar="command")
     _add_surface(commands)
     _add_segment(commands)
     _add_check(commands)
@@ -174,7 +179,11 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_input(command: argparse.ArgumentParser) -> None:
+#: A parser, or a group of its arguments.
+_Arguments = argparse.ArgumentParser | argparse._ArgumentGroup  # pyright: ignore[reportPrivateUsage]
+
+
+def _add_input(command: _Arguments) -> None:
     command.add_argument(
         "input",
         type=Path,
@@ -220,62 +229,65 @@ def _add_surface(commands: Any) -> None:
         help="make a surface of one organ, or of every label",
         description="Make a smooth closed surface, and print its volume, its size and warnings.",
     )
-    _add_input(surface)
-    surface.add_argument(
+    _add_input(surface.add_argument_group("what is read"))
+    written = surface.add_argument_group("what is written")
+    every = surface.add_argument_group("all labels")
+    shape = surface.add_argument_group("the surface")
+    written.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
         help="output file, repeatable. The suffix chooses the format: .ply .stl .obj .vtp .gii .glb .3mf "
         "(mesh), .usd (spline), .step .iges .brep (solid), .msh .vtu .inp .feb (tetrahedra), .nii.gz (label "
         "map), .dcm .seg.dcm .stl.dcm (RTSTRUCT, SEG, encapsulated STL). Default: the input's name with .ply "
         "(with --seed: _seeded.ply, with --threshold: _threshold.ply), in this folder",
     )  # fmt: skip
-    surface.add_argument(
+    written.add_argument(
         "--like", type=Path, metavar="SCAN",
         help="the input is a mesh (.stl .ply .obj .glb .vtp .step) or contours in several directions (.csl): "
         "the scan on whose grid label maps lie",
     )  # fmt: skip
-    surface.add_argument(
+    shape.add_argument(
         "--slab", type=int, metavar="SLICES",
         help="the input is an OME-Zarr larger than memory: read this number of slices at a time. Writes .ply "
         "and .stl",
     )  # fmt: skip
-    surface.add_argument(
+    every.add_argument(
         "--all-labels",
         action="store_true",
         help="a surface of every label; neighbours share their walls. A .glb is one scene of all",
     )
-    surface.add_argument(
+    every.add_argument(
         "--names", type=Path, metavar="TABLE",
         help="with --all-labels: names of the labels, lines of label,name below a header (.csv, .tsv), a "
         "FreeSurfer colour table, or a dataset.json",
     )  # fmt: skip
-    surface.add_argument(
+    every.add_argument(
         "--cores", type=int, default=min(os.cpu_count() or 1, _MOST_CORES), metavar="N",
         help="with --all-labels: processes at once, each with up to a gigabyte of memory; default: all "
         f"cores, at most {_MOST_CORES}",
     )  # fmt: skip
-    _add_band(surface)
-    surface.add_argument(
+    _add_band(written)
+    shape.add_argument(
         "--smooth", type=float, metavar="MM",
         help="smooth away waves of this length and shorter; eight pixels by default",
     )  # fmt: skip
-    surface.add_argument(
+    written.add_argument(
         "--triangles", type=int, metavar="N", help="the mesh has N triangles of about one size"
     )  # fmt: skip
-    surface.add_argument(
+    written.add_argument(
         "--edge-mm", type=float, metavar="MM", help="the mesh has triangles whose edges are about this long"
     )  # fmt: skip
-    surface.add_argument(
+    written.add_argument(
         "--materials", metavar="CSV",
         help="give tetrahedra elastic materials by the scan's grey values, from this table; needs --image",
     )  # fmt: skip
-    surface.add_argument(
+    shape.add_argument(
         "--configfile", type=Path, metavar="YAML",
         help="your own settings, for example 'surface: {tetrahedra: {mesher: gmsh}}'",
     )  # fmt: skip
     surface.set_defaults(run=_surface)
 
 
-def _add_band(command: argparse.ArgumentParser) -> None:
+def _add_band(command: _Arguments) -> None:
     command.add_argument(
         "--band", action="store_true",
         help="also write the inner and outer surface of the error band, as NAME_inner and NAME_outer",
@@ -579,6 +591,8 @@ def _surface(given: argparse.Namespace) -> int:
     for option, value in (("--triangles", given.triangles), ("--edge-mm", given.edge_mm)):
         if value is not None and given.all_labels:
             raise InputError(option, "neighbours that share a wall keep its triangles", "choose one --label")
+    if given.seed:
+        check_extra("gnn", "--seed")
     settings = _settings_of(given)
     _check_outputs(outputs, [given.input, given.image], settings.surface.tetrahedra.mesher)
     if given.all_labels:
@@ -988,6 +1002,7 @@ def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -
         "volume_ml": round(surface.volume / 1000, 4),
         **{name: round(value, 4) for name, value in measure_band(surface.lofted).items()},
         "size_mm": [round(length, 2) for length in surface.size],
+        "pieces": surface.pieces,
         "triangles": len(surface.faces),
         **{
             name: surface.lofted.report["uniform"][name]
@@ -995,7 +1010,8 @@ def _describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -
             if "uniform" in surface.lofted.report
         },
         "control_points": surface.lofted.report["control_points"],
-        "warnings": list(surface.warnings),
+        "tetrahedra": surface.tetrahedra,
+        "warnings": [*surface.warnings, *(line for one in surface.tetrahedra for line in one["warnings"])],
         "seconds": round(seconds, 2),
     }
 
@@ -1016,19 +1032,33 @@ def _print_json(given: argparse.Namespace, made: Sequence[dict[str, Any]], **mor
 def _print_surface(made: dict[str, Any]) -> None:
     size = " x ".join(f"{length:.1f}" for length in made["size_mm"])
     print(*(made["files"] or [made["organ"]]), sep="\n")
-    volume = f"{made['volume_ml']:.4g} ml"
+    volume = millilitres(made["volume_ml"])
     if "band" in made:
-        volume += (
-            f" ({made['volume_low_ml']:.4g} to {made['volume_high_ml']:.4g}, {made['band']:.0%} interval)"
-        )
-    print(f"  {volume}, {size} mm, {made['triangles']} triangles, {made['seconds']:.1f} s")
+        low, high = (millilitres(made[f"volume_{end}_ml"]).removesuffix(" ml") for end in ("low", "high"))
+        volume += f" ({low} to {high}, {made['band']:.0%} interval)"
+    pieces = f", {made['pieces']} pieces" if made.get("pieces", 1) > 1 else ""
+    print(f"  {volume}, {size} mm{pieces}, {made['triangles']} triangles, {made['seconds']:.1f} s")
     if "chord_error_mm" in made:
         least, mean, most = made["edge_mm"]
         error = made["chord_error_mm"]
         print(f"  edges of {mean:.3g} mm ({least:.3g} to {most:.3g}), within {error:.2g} mm of the spline")
+    for report in made.get("tetrahedra", []):
+        print(f"  {_describe_tetrahedra(report)}")
     for warning in made["warnings"]:
         if TAKEN_TOGETHER not in warning:  # that was said before
             print(f"  warning: {warning}")
+
+
+def _describe_tetrahedra(report: Mapping[str, Any]) -> str:
+    """Say how many tetrahedra there are, how flat the worst is, and between which moduli they lie."""
+    (organ,) = report["organs"].values()
+    angle, jacobian = organ["least_dihedral_deg"]["min"], organ["scaled_jacobian"]["min"]
+    said = f"{report['tetrahedra']} tetrahedra, dihedral angles from {angle:.1f} degrees"
+    said += f", scaled Jacobian from {jacobian:.2f}, {report['seconds']:.0f} s"
+    if "young_mpa" in report:
+        low, high = report["young_mpa"]
+        said += f"; {report['materials']} materials, E of {low:.4g} to {high:.4g} MPa"
+    return said
 
 
 # cccd segment ---------------------------------------------------------------------------------------
@@ -1372,7 +1402,7 @@ def _cut(given: argparse.Namespace, layers: Callable[[Mesh], list[tuple[Mesh, st
         print(json.dumps(made, indent=2))
         return 0
     print(*given.output, sep="\n")
-    print(f"  {volume:.4g} ml, {len(named.mesh.faces)} triangles")
+    print(f"  {millilitres(volume)}, {len(named.mesh.faces)} triangles")
     for name, area in areas.items():
         print(f"  {name}: {area:.4g} mm²")
     for note in notes:

@@ -276,7 +276,8 @@ def _compared(first: _Shape | None, second: _Shape | None, tolerance: float, hea
     gaps = Gaps.between(first.mesh, second.mesh, np.random.default_rng(0), SAMPLES)
     figures |= {f"{name}_mm": value for name, value in gaps.figures.items()}
     figures |= {"dice": _dice(first, second), "surface_dice": gaps.surface_dice(tolerance)}
-    figures |= normal_figures(normal_angles(first.mesh, second.mesh, np.random.default_rng(0)))
+    angles = normal_angles(first.mesh, second.mesh, np.random.default_rng(0), is_smooth=False)
+    figures |= normal_figures(angles)
     if first.volume is not None and second.volume:
         figures["volume_bias"] = first.volume / second.volume - 1
     distance = None

@@ -13,7 +13,16 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TextIO
 
-__all__ = ["JobLines", "OrganLines", "duration", "is_of_jobs", "joined_warnings", "organ_table", "shorten"]
+__all__ = [
+    "JobLines",
+    "OrganLines",
+    "duration",
+    "is_of_jobs",
+    "joined_warnings",
+    "millilitres",
+    "organ_table",
+    "shorten",
+]
 
 #: Events of Snakemake's log that `JobLines` replaces (`snakemake_interface_logger_plugins.common.LogEvent`).
 REPLACED = {
@@ -112,6 +121,17 @@ def organ_table(rows: Sequence[tuple[str, float, int, int]]) -> str:
     lines = [f"{'organ':<{width}} {'ml':>9} {'triangles':>10} {'warnings':>9}"]
     lines += [f"{name:<{width}} {ml:>9.4g} {count:>10} {said:>9}" for name, ml, count, said in rows]
     return "\n".join(lines)
+
+
+def millilitres(volume: float) -> str:
+    """Write a volume (ml) with four digits, or all those before its point.
+
+    Examples
+    --------
+    >>> millilitres(14876.3), millilitres(254.81), millilitres(0.0004321)
+    ('14876 ml', '254.8 ml', '0.0004321 ml')
+    """
+    return f"{volume:.0f} ml" if volume >= 1000 else f"{volume:.4g} ml"
 
 
 class JobLines(logging.Handler):

@@ -159,7 +159,6 @@ def test_a_given_curve_that_crosses_itself_is_a_warning_of_the_surface():
     [
         (lambda: cccd.reconstruct(np.zeros((9, 9, 9), bool)), ["the mask is empty"]),
         (lambda: cccd.reconstruct(np.ones((9, 9), bool)), ["2 dimensions"]),
-        (lambda: cccd.reconstruct(ball()[:, :, 5:7], AFFINE), ["2 slices"]),
         (lambda: cccd.reconstruct(ball(), np.zeros((4, 4))), ["no extent"]),
         (lambda: cccd.fit_contours([np.zeros((2, 2))]), ["contour 0", "(2, 2)"]),
         (lambda: cccd.fit_contours([]), ["there is none"]),

@@ -16,6 +16,7 @@ from matplotlib.image import imread
 import cccd
 from cccd.cli import main
 from cccd.doctor import _extra
+from cccd.extras import EXTRAS
 from cccd.inputs.label_maps import colour_of
 
 ROOT = Path(__file__).parents[2]
@@ -592,6 +593,32 @@ def test_a_bids_data_set_becomes_a_sheet_and_a_snakemake_command(here, capsys, m
     ]
     assert main(["run", "bids", "out", "participant", "--participant-label", "02"]) == 1
     assert "sub-01" in capsys.readouterr().err
+
+
+def test_no_command_shows_the_help(capsys):
+    assert main([]) == 0
+    assert "cccd surface liver.nii.gz" in capsys.readouterr().out
+
+
+def test_options_of_a_surface_stand_in_groups(capsys):
+    with pytest.raises(SystemExit):
+        main(["surface", "--help"])
+    said = capsys.readouterr().out.splitlines()
+    groups = ["what is read:", "what is written:", "all labels:", "the surface:"]
+    assert [line for line in said if line in groups] == groups
+
+
+def test_a_seed_without_the_network_is_refused_before_anything_is_read(here, capsys, monkeypatch):
+    monkeypatch.setitem(EXTRAS, "gnn", ("no_such_module",))
+    assert main(["surface", "nowhere.nii.gz", "--seed", "1,2,3"]) == 1
+    assert capsys.readouterr().err.startswith("Error: --seed: no_such_module is not installed")
+
+
+def test_pieces_are_counted(here, capsys):
+    mask = np.concatenate([ball(), ball()]).astype(np.uint8)
+    nibabel.save(nibabel.Nifti1Image(mask, AFFINE), "two.nii.gz")
+    assert main(["surface", "two.nii.gz"]) == 0
+    assert " mm, 2 pieces, " in capsys.readouterr().out
 
 
 class Finished:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from cccd.containers import Structure
 from cccd.inputs.grid import Volume
@@ -36,6 +37,9 @@ class ExportOptions:
         Section ``surface.tetrahedra`` of the configuration.
     scan : Volume or None
         Whose grey values tetrahedra get.
+    filled : dict
+        Tetrahedra that were made of the surface, with their report, by settings: each further format of the
+        same object gets these, as filling takes minutes.
     """
 
     organ: str = "surface"
@@ -46,3 +50,6 @@ class ExportOptions:
     tolerance_mm: float = _DEFAULT.step_tolerance_mm
     tetrahedra: TetrahedraSettings = _DEFAULT.tetrahedra
     scan: Volume | None = None
+    filled: dict[str, tuple[Any, dict[str, Any]]] = field(
+        default_factory=dict[str, tuple[Any, dict[str, Any]]]
+    )

@@ -36,10 +36,15 @@ NO_MATERIAL = (1.0, 0.3, T_PER_MM3)
 
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> dict[str, Any]:
-    """Fill the surface, and write the tetrahedra; the suffix chooses the format."""
-    organs, frames = {options.organ: surface.mesh}, {options.organ: surface.frame}
-    scans = {} if options.scan is None else {options.organ: options.scan}
-    filled, report = fill_and_measure(organs, options.tetrahedra, frames, options.tolerance_mm, scans)
+    """Fill the surface unless that was done, and write the tetrahedra; the suffix chooses the format."""
+    key = f"{options.organ} {options.tolerance_mm} {options.tetrahedra.model_dump_json()}"
+    if key not in options.filled:
+        organs, frames = {options.organ: surface.mesh}, {options.organ: surface.frame}
+        scans = {} if options.scan is None else {options.organ: options.scan}
+        options.filled[key] = fill_and_measure(
+            organs, options.tetrahedra, frames, options.tolerance_mm, scans
+        )
+    filled, report = options.filled[key]
     form = path.suffix[1:].lower()
     WRITERS[form](path, filled)
     return {"format": form, **report}

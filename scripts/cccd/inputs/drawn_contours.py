@@ -22,6 +22,10 @@ from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SAME_POI
 __all__ = ["assemble_contours", "contour_frame"]
 
 
+#: Contours run along pixels when this share of their steps, of at least so many, lie along an axis and are
+#: whole numbers of pixels, each to this share of a pixel.
+TRACED, LEAST_STEPS, ALONG_AXIS = 0.95, 40, 0.02
+
 # the grid of the contours ---------------------------------------------------------------------------
 
 
@@ -71,8 +75,10 @@ def contour_frame(
     planes = _planes(contours, normal, location, thickness)
     heights = planes.heights
     if image is None or axis is None:
-        note = f"{location}: no image given, pixels of {pixel_mm:g} mm assumed"
-        return _frame_without_image(contours, planes, pixel_mm), None, [note]
+        frame, traced = _frame_without_image(contours, planes, pixel_mm)
+        side = frame.spacing[frame.in_plane_axes[0]]
+        why = "along whose edges its contours run" if traced else "assumed"
+        return frame, None, [f"{location}: no image given, pixels of {side:.3g} mm {why}"]
     index = (heights - image.affine[:3, 3] @ normal) / (image.affine[:3, axis] @ normal)
     whole = np.rint(index).astype(int)
     inside = whole.min() >= 0 and whole.max() < image.shape[axis]
@@ -129,16 +135,42 @@ def _slice_axis(image: Volume, normal: FloatArray, location: str) -> int:
     return axis
 
 
-def _frame_without_image(contours: list[FloatArray], planes: _Planes, pixel_mm: float) -> Frame:
-    """Grid of square pixels through the contours' planes, as near to the world's axes as they allow."""
+def _frame_without_image(contours: list[FloatArray], planes: _Planes, pixel_mm: float) -> tuple[Frame, bool]:
+    """Grid of square pixels through the contours' planes, as near to the world's axes as they allow.
+
+    Their size is that of the pixels that the contours were traced along, and whether they were.
+    """
     axis = int(np.abs(planes.normal).argmax())
     rotation = Rotation.align_vectors([planes.normal], [np.eye(3)[axis]])[0].as_matrix()
+    own = _traced_pixel([np.delete(contour @ rotation, axis, axis=1) for contour in contours])
+    pixel_mm = own or pixel_mm
     affine = np.eye(4)
     affine[:3, :3] = rotation * pixel_mm
     local = np.concatenate(contours) @ rotation / pixel_mm
-    low, high = np.floor(local.min(axis=0)), np.ceil(local.max(axis=0))
+    begin = np.zeros(3)
+    if own is not None:  # corners of pixels, not their centres
+        begin = np.where(np.arange(3) == axis, 0, local[0] % 1 + 0.5)
+    low = np.floor(local.min(axis=0) - begin) + begin
+    high = np.ceil(local.max(axis=0) - begin) + begin
     affine[:3, 3] = affine[:3, :3] @ low
-    return _move_to_planes(affine, axis, (high - low).astype(int) + 1, planes)
+    return _move_to_planes(affine, axis, np.rint(high - low).astype(int) + 1, planes), own is not None
+
+
+def _traced_pixel(contours: list[FloatArray]) -> float | None:
+    """Size in mm of the pixels along whose edges contours (n, 2) run; None where they run otherwise.
+
+    Along edges, each step is along an axis, and as long as a whole number of pixels.
+    """
+    steps = np.concatenate([np.abs(np.diff(contour, axis=0, append=contour[:1])) for contour in contours])
+    steps = steps[steps.max(axis=1) > SAME_POINT_VOXELS]
+    if not len(steps):
+        return None
+    long, aside = steps.max(axis=1), steps.min(axis=1)
+    pixel = float(np.percentile(long, 5))
+    straight = aside < ALONG_AXIS * pixel
+    whole = np.abs(long / pixel - np.rint(long / pixel)) < ALONG_AXIS * np.rint(long / pixel)
+    enough = len(steps) >= LEAST_STEPS and np.mean(straight & whole) >= TRACED
+    return round(pixel, 4) if enough else None
 
 
 def _frame_of_slices(image: Volume, axis: int, keep: slice) -> Frame:

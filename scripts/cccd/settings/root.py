@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import functools
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import create_model
+from pydantic import ValidationError, create_model
 
 from cccd.additions import added
 from cccd.settings.boundaries import BoundarySettings
@@ -31,6 +31,23 @@ class Settings(Section):
     >>> Settings(surface={"smallest_part_voxels": 20}).surface.smallest_part_voxels
     20.0
     """
+
+    if not TYPE_CHECKING:  # whose checkers see the fields
+
+        def __init__(self, **sections: Any) -> None:
+            """Check the sections.
+
+            Raises
+            ------
+            InputError
+                Names the key, what is wrong with it, and a hint.
+            """
+            try:
+                super().__init__(**sections)
+            except ValidationError as error:
+                from cccd.settings.validation import explain  # which imports this module
+
+                raise explain(error, sections) from None
 
     cohort: str = setting(
         "config/cohort.tsv",

@@ -17,7 +17,7 @@ from cccd.settings.removed import what_became_of
 from cccd.settings.root import Settings, whole_settings
 from cccd.settings.schema import raw_schema
 
-__all__ = ["read_config", "validate_config"]
+__all__ = ["explain", "read_config", "validate_config"]
 
 _REFUSED_KEYS = ("extra_forbidden", "invalid_key")
 
@@ -49,10 +49,7 @@ def validate_config(config: Mapping[str, Any]) -> Settings:
     Traceback (most recent call last):
     cccd.errors.InputError: config key curves.tolerance: unknown key; did you mean 'tolerance_px'?
     """
-    try:
-        return whole_settings().model_validate(dict(config))
-    except ValidationError as error:
-        raise _explain(error, config) from None
+    return whole_settings()(**{str(key): value for key, value in config.items()})
 
 
 def read_config(path: Path) -> Settings:
@@ -74,8 +71,16 @@ def read_config(path: Path) -> Settings:
     return validate_config(cast("dict[str, Any]", config))
 
 
-def _explain(error: ValidationError, config: Mapping[str, Any]) -> InputError:
-    """One line for the violation that matters most."""
+def explain(error: ValidationError, config: Mapping[str, Any]) -> InputError:
+    """Return one line for the violation that matters most.
+
+    Parameters
+    ----------
+    error : pydantic.ValidationError
+        From `cccd.settings.root.Settings`.
+    config : mapping
+        What it was given.
+    """
     violations = error.errors(include_url=False)
     # an unknown key is most often the cause of the others (a misspelt key is also missing)
     first = min(violations, key=lambda one: (one["type"] not in _REFUSED_KEYS, _dotted(one["loc"])))

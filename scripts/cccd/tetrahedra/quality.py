@@ -11,7 +11,7 @@ from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.tetrahedra.filling import TetrahedralMesh
 from cccd.tetrahedra.quadratic import jacobian_bounds
-from cccd.tetrahedra.shapes import dihedral_angles, radius_ratios
+from cccd.tetrahedra.shapes import dihedral_angles, radius_ratios, scaled_jacobians
 from cccd.tolerances import SOLID_VOLUME
 
 __all__ = ["measure_tetrahedra", "warnings_of"]
@@ -35,8 +35,9 @@ def measure_tetrahedra(filled: TetrahedralMesh, organs: Mapping[str, Mesh]) -> d
         Plain JSON: ``tetrahedra``, ``vertices``, ``groups`` (faces of each) and ``organs``: of each
         ``tetrahedra``, ``volume_ml``, ``volume_ratio`` (within the surface, by its own),
         ``least_dihedral_deg`` with ``min``, ``p5`` and ``median`` of the tetrahedra's smallest angles,
-        ``radius_ratio`` likewise; of quadratic ones also ``jacobian``, the least anywhere in each by that
-        of the straight one. Quadratic meshes also have ``boundary_edges`` and, of these, ``straight_edges``.
+        ``radius_ratio`` and ``scaled_jacobian`` likewise; of quadratic ones also ``jacobian``, the least
+        anywhere in each by that of the straight one. Quadratic meshes also have ``boundary_edges`` and, of
+        these, ``straight_edges``.
     """
     curved = (
         {}
@@ -69,6 +70,7 @@ def _measure_organ(filled: TetrahedralMesh, region: int, surface: Mesh) -> dict[
         "volume_ratio": float(filled.enclosed[region]) / surface.volume,
         "least_dihedral_deg": _low_end(dihedral_angles(corners).min(axis=1)),
         "radius_ratio": _low_end(radius_ratios(corners)),
+        "scaled_jacobian": _low_end(scaled_jacobians(corners)),
         **curved,
     }
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cccd.geometry.arrays import FloatArray, IntArray
 
-__all__ = ["FACES", "dihedral_angles", "radius_ratios", "signed_volumes"]
+__all__ = ["FACES", "dihedral_angles", "radius_ratios", "scaled_jacobians", "signed_volumes"]
 
 #: Corners of a tetrahedron's faces, counter-clockwise seen from outside, in the order of Abaqus' S1 to S4.
 FACES = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)])
@@ -59,6 +59,22 @@ def radius_ratios(corners: FloatArray) -> FloatArray:
     # r = 3 V / A and R = |spanned| / (12 V)
     around = area * np.linalg.norm(spanned, axis=1)
     return np.divide(108 * volume**2, around, out=np.zeros_like(volume), where=around > 0)
+
+
+def scaled_jacobians(corners: FloatArray) -> FloatArray:
+    """Volume by the longest three edges at a corner (N,), as VTK scales it: 1 is regular, 0 is flat.
+
+    Examples
+    --------
+    >>> regular = np.array([[(1.0, 1, 1), (-1, 1, -1), (-1, -1, 1), (1, -1, -1)]])
+    >>> scaled_jacobians(regular).round(9).tolist()
+    [1.0]
+    """
+    volume = signed_volumes(corners.reshape(-1, 3), np.arange(4 * len(corners)).reshape(-1, 4))
+    between = np.linalg.norm(corners[:, :, None] - corners[:, None], axis=-1)
+    between[:, range(4), range(4)] = 1  # no edge
+    most = between.prod(axis=-1).max(axis=-1)
+    return np.divide(np.sqrt(2) * 6 * volume, most, out=np.zeros_like(volume), where=most > 0)
 
 
 def _doubled_normals(corners: FloatArray) -> FloatArray:

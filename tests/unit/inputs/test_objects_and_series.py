@@ -137,3 +137,25 @@ def test_an_organ_on_one_or_two_slices_is_a_surface_with_a_warning(tmp_path, cou
     write_contours(tmp_path / "rt.dcm", mask, series, affine)
     drawn = cccd.reconstruct(cccd.read(tmp_path))
     assert drawn.volume == pytest.approx(voxels, rel=0.15)
+
+
+def test_contours_along_pixels_get_the_size_of_these(tmp_path):
+    """Of a ball of 20 mm that was traced along pixels of 3 mm, as Slicer's and other exports do."""
+    import shapely
+
+    size, contours = 3.0, []
+    for z in np.arange(-18.0, 18.1, 3.0):
+        at = np.arange(-9, 9) * size
+        inside = [(x, y) for x in at for y in at if (x + 1.5) ** 2 + (y + 1.5) ** 2 + z**2 <= 400]
+        outline = shapely.union_all([shapely.box(x, y, x + size, y + size) for x, y in inside])
+        ring = shapely.get_coordinates(outline.exterior)[:-1]
+        contours.append(np.column_stack([ring, np.full(len(ring), z)]))
+    SCANS["write_structure_set"](tmp_path / "rt.dcm", {"ball": contours})
+    structure = cccd.read(tmp_path / "rt.dcm")
+    assert structure.frame.spacing == pytest.approx((3, 3, 3))
+    (note,) = [note for note in structure.warnings if "no image" in note]
+    assert note == "rt.dcm: no image given, pixels of 3 mm along whose edges its contours run"
+    surface = cccd.reconstruct(structure)
+    assert surface.mesh.euler_number == 2
+    away = np.linalg.norm(surface.vertices, axis=1) - 20
+    assert np.abs(away).mean() < 0.5  # a sixth of a pixel: no stairs

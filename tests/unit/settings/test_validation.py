@@ -12,10 +12,18 @@ from cccd.errors import InputError
 from cccd.settings.emit import keys
 from cccd.settings.messages import nearest
 from cccd.settings.removed import what_became_of
-from cccd.settings.root import whole_settings
+from cccd.settings.root import Settings, whole_settings
 from cccd.settings.validation import validate_config
 
 ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_settings_made_in_python_name_the_key_and_a_hint():
+    with pytest.raises(InputError) as error:
+        Settings(surface={"smooth": 3})
+    assert str(error.value) == "config key surface.smooth: unknown key; did you mean 'smoothing'?"
+    with pytest.raises(InputError, match="config key seed: -1 is not allowed; "):
+        Settings(seed=-1)
 
 
 def test_default_configuration_is_the_models():

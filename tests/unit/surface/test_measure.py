@@ -36,12 +36,13 @@ def test_a_surface_that_lost_a_part_draws_a_warning(share, word):
     assert word is None or word in warnings[0]
 
 
-def test_normals_of_a_finer_ball_agree_and_those_of_a_tilted_plane_are_off_by_its_tilt():
-    def ball(step):
-        axis = np.arange(-12, 12 + step / 2, step)
-        distance = np.linalg.norm(np.meshgrid(axis, axis, axis, indexing="ij"), axis=0) - 10
-        return ScalarGrid.uniform(distance, (-12, -12, -12), step).isosurface(0.0)
+def ball(step):
+    axis = np.arange(-12, 12 + step / 2, step)
+    distance = np.linalg.norm(np.meshgrid(axis, axis, axis, indexing="ij"), axis=0) - 10
+    return ScalarGrid.uniform(distance, (-12, -12, -12), step).isosurface(0.0)
 
+
+def test_normals_of_a_finer_ball_agree_and_those_of_a_tilted_plane_are_off_by_its_tilt():
     assert np.median(normal_angles(ball(0.5), ball(1.0), np.random.default_rng(0))) < 2
     square = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
     faces = np.array([(0, 1, 2), (0, 2, 3)])
@@ -49,3 +50,8 @@ def test_normals_of_a_finer_ball_agree_and_those_of_a_tilted_plane_are_off_by_it
     turned = square @ np.array([(1, 0, 0), (0, np.cos(tilt), np.sin(tilt)), (0, -np.sin(tilt), np.cos(tilt))])
     angles = normal_angles(Mesh(turned, faces), Mesh(square, faces), np.random.default_rng(0))
     assert angles == pytest.approx(12.0)
+
+
+def test_equal_meshes_have_equal_normals():
+    angles = normal_angles(ball(1.0), ball(1.0), np.random.default_rng(0), is_smooth=False)
+    assert angles.max() < 1e-3

@@ -12,6 +12,7 @@ import trimesh
 from bars import FRAME, HALF, SETTINGS, WIDTH, one_wall, two_halves
 from solids import mesh_of, sphere
 
+import cccd
 from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.files.tetrahedra import WRITERS
@@ -320,3 +321,22 @@ def test_calculix_presses_on_a_boundary(bar, tmp_path):
     moved = np.array([[float(x) for x in row[1:]] for row in rows if len(row) == 4 and row[0].isdigit()])
     assert len(moved) == len(np.unique(filled.group("cut_right")))
     assert moved[:, 2] == pytest.approx(-pressure * 2 * HALF / modulus, rel=0.02)
+
+
+def test_a_surface_is_filled_once_for_all_formats(tmp_path):
+    import pyvista
+
+    at = np.linalg.norm(np.indices((16, 16, 16)) - 7.5, axis=0)
+    surface = cccd.reconstruct(at <= 6)
+    for name in ("a.msh", "a.vtu", "a.inp"):
+        surface.write(tmp_path / name)
+    (report,) = surface.tetrahedra
+    grid = pyvista.read(tmp_path / "a.vtu")
+    solid = grid.extract_cells(grid.celltypes == pyvista.CellType.TETRA)
+    assert solid.n_cells == report["tetrahedra"]
+    scaled = solid.cell_quality("scaled_jacobian")["scaled_jacobian"]
+    assert report["organs"]["mask"]["scaled_jacobian"]["min"] == pytest.approx(scaled.min(), rel=1e-4)
+    lines = (tmp_path / "a.msh").read_text().splitlines()
+    nodes = lines[lines.index("$Nodes") + 2 : lines.index("$EndNodes")]
+    written = np.array([line.split()[1:] for line in nodes], float)
+    np.testing.assert_allclose(written, grid.points, atol=1e-4)
