@@ -335,7 +335,12 @@ def _add_check(commands: Any) -> None:
     )
     _add_input(check)
     check.add_argument(
-        "-o", "--output", type=Path, metavar="PNG", help="the picture; default: NAME_check.png in this folder"
+        "-o",
+        "--output",
+        type=Path,
+        metavar="PNG",
+        help="the picture; default: NAME_check.png in this folder, "
+        "of a sheet's rows in the folder SHEET_check",
     )
     check.set_defaults(run=_check)
 
@@ -1192,8 +1197,11 @@ def _check_one(
 
     name = structure.organ if structure.organ == structure.case else f"{structure.case}_{structure.organ}"
     picture = given.output or Path(f"{name}_check.png")
-    _check_writable(picture)
     said = _describe_structure(structure, drawn)
+    if given.input.suffix == ".tsv":
+        picture = given.output or Path(f"{given.input.stem}_check") / f"{name}.png"  # one of many
+        said = {"case": structure.case, **said}
+    _check_writable(picture)
     if not given.json:
         for key, value in {**said, "labels": labels}.items():
             for line in [value] if isinstance(value, str) else value:

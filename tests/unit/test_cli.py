@@ -237,9 +237,12 @@ def test_check_of_a_sheet_goes_through_all_rows(here, capsys):
     assert main(["check", "sheet.tsv", "--json"]) == 1
     said = capsys.readouterr()
     one, whole = json.loads(said.out)
-    assert (one["picture"], whole["picture"]) == ("anna_liver_check.png", "bob_check.png")
+    assert (one["picture"], whole["picture"]) == ("sheet_check/anna_liver.png", "sheet_check/bob.png")
+    assert (one["case"], whole["case"]) == ("anna", "bob")
     assert [(label["label"], label["name"]) for label in whole["labels"]] == [("5", "liver"), ("7", "kidney")]
-    assert {"anna_liver_check.png", "bob_check.png"} <= files(here)
+    assert (here / one["picture"]).is_file()
+    assert (here / whole["picture"]).is_file()
+    assert not list(here.glob("*.png"))
     first, second = said.err.splitlines()
     assert first.startswith("Error: sheet.tsv row 3: labels.nii.gz: it has no label '9'")
     assert second.startswith("Error: sheet.tsv row 5: mask: there is no gone.nii.gz")
@@ -547,7 +550,7 @@ def test_a_format_whose_extra_is_missing_is_refused_before_anything_is_read(
 
 
 def test_interrupting_leaves_nothing_half_written(here, capsys, monkeypatch):
-    def interrupted(self, path, *settings):
+    def interrupted(self, path, **settings):
         from cccd.store import atomic_path
 
         with atomic_path(path) as temporary:
