@@ -46,10 +46,9 @@ from cccd.inputs.load import existing, frame_of, scan_of
 from cccd.inputs.readers import SUFFIXES, without_suffix
 from cccd.inputs.row_files import EACH_ITS_OWN, RowFiles, list_labels, read_image
 from cccd.project import SHIPPED_WEIGHTS
-from cccd.reconstruction import Loft, find_contours, loft_sections, order_maps
+from cccd.reconstruction import find_contours, loft_sections, order_maps
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
-from cccd.surface.loft import loft_surface
 from cccd.surface.surface import LoftedSurface
 from cccd.surface.uniform import with_uniform_triangles
 
@@ -613,11 +612,10 @@ def reconstruct_structure(
     structure: Structure,
     settings: Settings,
     tell: Callable[[str], None] = lambda step: None,
-    loft: Loft = loft_surface,
 ) -> Surface:
-    """Make a surface as `reconstruct` does, by `loft_surface` or another way to loft."""
+    """Make a surface as `reconstruct` does."""
     curves = find_contours(structure, settings.boundaries, settings.gnn.inference)
-    return surface_of(structure, loft_sections(structure.sections(curves), settings.surface, tell, loft))
+    return surface_of(structure, loft_sections(structure.sections(curves), settings.surface, tell))
 
 
 def surface_of(structure: Structure, lofted: LoftedSurface) -> Surface:

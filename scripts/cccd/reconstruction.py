@@ -23,10 +23,7 @@ from cccd.settings.junctions import InferenceSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import LoftedSurface, loft_surface
 
-__all__ = ["Loft", "find_contours", "loft_sections", "order_maps", "reconstruct_mask"]
-
-
-Loft = Callable[[Sections, LoftSettings], LoftedSurface]
+__all__ = ["find_contours", "loft_sections", "order_maps", "reconstruct_mask"]
 
 
 def _silent(step: str) -> None:
@@ -88,7 +85,6 @@ def loft_sections(
     sections: Sections,
     lofting: LoftSettings,
     tell: Callable[[str], None] = _silent,
-    loft: Loft = loft_surface,
 ) -> LoftedSurface:
     """Loft what is known of slices.
 
@@ -99,8 +95,6 @@ def loft_sections(
         Section ``surface`` of the configuration.
     tell : callable
         Gets the name of the step as it begins.
-    loft : callable
-        `loft_surface`, or `loft_before_walls` for an organ that will share its walls.
 
     Returns
     -------
@@ -108,7 +102,7 @@ def loft_sections(
         What is wrong with the curves stands before its own warnings.
     """
     tell("surface")
-    surface = loft(sections, lofting)
+    surface = loft_surface(sections, lofting)
     if sections.mask is None:
         wrong = [*self_crossed_warnings(sections.curves), *crossed_warnings(sections.curves)]
         surface.report["warnings"] = [*wrong, *surface.report["warnings"]]

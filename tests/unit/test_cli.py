@@ -550,7 +550,7 @@ def test_a_format_whose_extra_is_missing_is_refused_before_anything_is_read(
 
 
 def test_interrupting_leaves_nothing_half_written(here, capsys, monkeypatch):
-    def interrupted(self, path, **settings):
+    def interrupted(self, path, **_):
         from cccd.store import atomic_path
 
         with atomic_path(path) as temporary:

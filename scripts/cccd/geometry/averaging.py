@@ -9,23 +9,10 @@ from scipy.sparse import csr_array
 
 from cccd.geometry.arrays import FloatArray
 
-__all__ = ["averages", "averaging_rounds"]
+__all__ = ["averages"]
 
-#: Averaging with the neighbours once spreads a vertex's value over this many edges (standard deviation).
-EDGES_PER_AVERAGING = 0.5
 #: What is left out of an average may weigh so much in all.
 NEGLIGIBLE = 1e-4
-
-
-def averaging_rounds(length: float, edge: float) -> int:
-    """Count rounds of averaging with neighbours an ``edge`` away that spread values over a ``length``.
-
-    Examples
-    --------
-    >>> averaging_rounds(2.0, 1.0)
-    16
-    """
-    return int(np.ceil((length / (EDGES_PER_AVERAGING * edge)) ** 2))
 
 
 def averages(means: csr_array, values: FloatArray, rounds: Sequence[int]) -> list[FloatArray]:

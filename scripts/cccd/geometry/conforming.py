@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,7 +10,6 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
-from cccd.geometry.averaging import averages
 from cccd.geometry.mesh import Mesh
 
 __all__ = ["ConformingSurface", "low_passed"]
@@ -95,25 +94,6 @@ class ConformingSurface:
     def on_junctions(self) -> BoolArray:
         """Vertices (V,) along these."""
         return np.bincount(self.junctions.ravel(), minlength=len(self.vertices)) > 0
-
-    def averages(self, values: FloatArray, rounds: Sequence[int]) -> list[FloatArray]:
-        """Average values (V,) along walls, but not into or across lines where walls meet; there they stay.
-
-        See `cccd.geometry.averaging.averages`.
-        """
-        return averages(self._means, values, rounds)
-
-    @cached_property
-    def _means(self) -> csr_array:
-        """Matrix (V, V) of the mean of each vertex's neighbours, but for lines where walls meet."""
-        edges = self.edges[0][~self.on_junctions[self.edges[0]].any(axis=1)]
-        starts, ends = np.concatenate([edges, edges[:, ::-1]]).T
-        count = len(self.vertices)
-        degree = np.bincount(starts, minlength=count)
-        alone = np.flatnonzero(degree == 0)
-        weights = np.concatenate([1 / degree[starts], np.ones(len(alone))])
-        rows, columns = (np.concatenate([side, alone]) for side in (starts, ends))
-        return csr_array((weights, (rows, columns)), shape=(count, count))
 
     def _part(self, faces: IntArray) -> Mesh:
         return Mesh(self.vertices, faces).compact()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pyvista
     import trimesh
 
-__all__ = ["Dihedrals", "Mesh", "given_back"]
+__all__ = ["Dihedrals", "Mesh"]
 
 
 class Dihedrals(NamedTuple):
@@ -349,25 +349,6 @@ class Mesh:
         middle: FloatArray = self.vertices.mean(axis=0)
         a, b, c = (self.vertices[self.faces[:, corner]] - middle for corner in range(3))
         return a, np.cross(b, c)
-
-
-def given_back(rough: Mesh, smooth: Mesh, average: Callable[[FloatArray], FloatArray], rounds: int) -> Mesh:
-    """Give back an average of what smoothing took along the normals, so many times over.
-
-    Parameters
-    ----------
-    rough, smooth : Mesh
-        Before and after smoothing, of the same faces.
-    average : callable
-        Maps heights (V,) along the normals to those that come back.
-    rounds : int
-        Each gives back of what the last one left.
-    """
-    for _ in range(rounds):
-        normals = smooth.vertex_normals
-        lost = np.einsum("vc,vc->v", rough.vertices - smooth.vertices, normals)
-        smooth = Mesh(smooth.vertices + average(lost)[:, None] * normals, rough.faces)
-    return smooth
 
 
 def _count_fans(faces: IntArray) -> int:

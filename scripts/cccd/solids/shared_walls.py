@@ -36,6 +36,7 @@ from cccd.store import read_conforming, read_report, read_structure
 from cccd.surface import LoftedSurface
 from cccd.surface.borders import find_borders
 from cccd.surface.checks import check_walls
+from cccd.surface.smooth_mesh import ROUNDS, default_wave
 
 __all__ = [
     "SharedWalls",
@@ -49,10 +50,6 @@ __all__ = [
 
 #: Organs with a voxel of both within so many voxels of some voxel are smoothed together.
 GROUP_VOXELS = 1
-#: Waves of this many pixels and shorter go, as from an organ alone (`cccd.surface.smooth_mesh`).
-WAVE_PIXELS = 8.0
-#: Degree of the filter's polynomial.
-ROUNDS = 30
 #: The filter moves a vertex at most by so many pixels: what is one voxel thin keeps its voxels.
 MOST_SMOOTHED = 0.5
 #: mm: vertices so near to where the scan ends lie there.
@@ -267,7 +264,7 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     pixel = float(np.sqrt(frame.pixel_spacing.prod()))
     rough, pinched = _rough(fields)
     at_end = _at_end(rough, fields)
-    wave = WAVE_PIXELS * pixel if settings.smoothing is None else settings.smoothing
+    wave = default_wave(pixel, frame.slice_spacing) if settings.smoothing is None else settings.smoothing
     smooth = _held(rough, low_passed(rough, wave, ROUNDS), at_end, MOST_SMOOTHED * pixel)
     moved, known = smooth - rough.vertices, cKDTree(smooth)
     walls = _of_organs(split_again(replace(rough, vertices=smooth)), fields.beyond)

@@ -6,12 +6,11 @@ from cccd.bands import Calibration, estimate_band
 from cccd.containers import Frame, Sections
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
-from cccd.surface.rough import RoughSolid, loft_rough
 from cccd.surface.spline import SplineSolid, loft_spline
 from cccd.surface.stack import interpolate_slices
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["loft_before_walls", "loft_in_plane", "loft_mesh", "loft_surface"]
+__all__ = ["loft_in_plane", "loft_mesh", "loft_surface"]
 
 
 def loft_surface(sections: Sections, settings: LoftSettings) -> LoftedSurface:
@@ -32,12 +31,6 @@ def loft_surface(sections: Sections, settings: LoftSettings) -> LoftedSurface:
     return _with_band(loft_in_plane(sections, settings), sections.curves.frame, settings)
 
 
-def loft_before_walls(sections: Sections, settings: LoftSettings) -> LoftedSurface:
-    """Loft as `loft_surface` does, but without a spline: for organs that will share their walls."""
-    solid = loft_rough(interpolate_slices(sections, settings), settings.smoothing)
-    return _with_band(solid, sections.curves.frame, settings)
-
-
 def loft_mesh(sections: Sections, settings: LoftSettings) -> Mesh:
     """Give the mesh of `loft_surface` alone, in mm RAS: no error band, no checks of the slices."""
     return loft_in_plane(sections, settings).rounded(sections.curves.frame)[1]
@@ -48,7 +41,7 @@ def loft_in_plane(sections: Sections, settings: LoftSettings) -> SplineSolid:
     return loft_spline(interpolate_slices(sections, settings), settings.smoothing)
 
 
-def _with_band(solid: SplineSolid | RoughSolid, frame: Frame, settings: LoftSettings) -> LoftedSurface:
+def _with_band(solid: SplineSolid, frame: Frame, settings: LoftSettings) -> LoftedSurface:
     """Give a solid in mm RAS, with its error band."""
     calibration = Calibration.read(settings.calibration)
     surface = solid.to_world(frame)

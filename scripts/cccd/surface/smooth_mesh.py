@@ -17,7 +17,7 @@ from cccd.surface.sampled import SampledDistance
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import SHRUNK_PART
 
-__all__ = ["MOST_OFFSET", "cut_at_ends", "smooth_mesh", "volume_between"]
+__all__ = ["MOST_OFFSET", "ROUNDS", "cut_at_ends", "default_wave", "smooth_mesh", "volume_between"]
 
 #: Waves of this many pixels and shorter go, or of this many slice distances. Shorter ones leave steps of
 #: pixels, and ripples between slices that are far apart; longer ones cost detail.
@@ -64,12 +64,17 @@ def smooth_mesh(stack: SliceStack, wave: float | None = None) -> Mesh:
     """
     distance, pixel = stack.distance, stack.pixel
     rough = without_small(distance.zero_surface(), stack)
-    wave = max(WAVE_PIXELS * pixel, WAVE_SLICES * stack.step) if wave is None else wave
+    wave = default_wave(pixel, stack.step) if wave is None else wave
     band = min((np.pi * EDGE_PIXELS * pixel / max(wave, 1e-6)) ** 2, WIDEST_BAND)
     smooth = rough.low_passed(band, ROUNDS)
     if stack.held_volume is not None:
         smooth = _of_volume(smooth, stack.held_volume, distance)
     return _mended(smooth, rough, stack)
+
+
+def default_wave(pixel: float, step: float) -> float:
+    """Length in mm of the longest waves that go, for pixels and distances of slices in mm."""
+    return max(WAVE_PIXELS * pixel, WAVE_SLICES * step)
 
 
 def _of_volume(mesh: Mesh, volume: float, distance: SampledDistance) -> Mesh:

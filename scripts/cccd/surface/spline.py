@@ -22,7 +22,7 @@ from cccd.surface.control_mesh import (
     open_edges,
     with_caps,
 )
-from cccd.surface.rough import counts, warnings_of
+from cccd.surface.counts import counts, warnings_of
 from cccd.surface.smooth_mesh import cut_at_ends, smooth_mesh, volume_between
 from cccd.surface.spline_fit import Target, fit_spline
 from cccd.surface.stack import CONTROL_BYTES, SliceStack

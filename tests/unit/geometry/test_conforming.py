@@ -4,7 +4,7 @@ import numpy as np
 
 from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.surface_nets import split_again, split_quads, surface_nets
+from cccd.geometry.surface_nets import split_again, split_quads
 from cccd.store import read_conforming, write_conforming
 
 
@@ -38,26 +38,6 @@ def test_a_file_gives_back_what_was_written(tmp_path):
     assert back.pairs == both.pairs
     for name in ("vertices", "triangles", "regions"):
         assert np.array_equal(getattr(back, name), getattr(both, name))
-
-
-def test_values_are_averaged_within_walls_and_stay_along_their_lines():
-    cube = np.indices((6, 6, 6)).reshape(3, -1).T
-    halves = np.zeros((8, 8, 8), np.int32)
-    halves[tuple((cube + 1).T)] = 1 + (cube[:, 0] > 2)
-    net = surface_nets(halves, lambda nodes, ends, low, high: np.full(len(nodes), 0.5))
-    values = np.random.default_rng(0).standard_normal(len(net.vertices))
-    after = net.averages(values, [40])[0]
-    lines = net.on_junctions
-    assert lines.sum() > 0
-    np.testing.assert_allclose(after[lines], values[lines], rtol=1e-12)
-    np.testing.assert_allclose(net.averages(np.ones(len(values)), [5])[0], 1)
-    middle = net.vertices[:, 0]
-    for side in (middle < middle[lines].min() - 0.5, middle > middle[lines].max() + 0.5):
-        assert after[side].std() < 0.2 * values[side].std()
-        # nothing crosses the line: of another wall only what begins there arrives there
-        alone = net.averages(np.where(side | lines, values, 0.0), [1])[0]
-        inner = side & (np.abs(middle - middle[lines].mean()) > 1.5)
-        np.testing.assert_allclose(alone[inner], net.averages(values, [1])[0][inner])
 
 
 def test_quads_whose_corners_moved_are_split_where_they_do_not_fold():
