@@ -113,13 +113,13 @@ def organ_table(rows: Sequence[tuple[str, float, int, int]]) -> str:
     Examples
     --------
     >>> print(organ_table([("liver", 1503.26, 29670, 1), ("aorta", 81.5, 702, 0)]))
-    organ         ml  triangles  warnings
-    liver       1503      29670         1
-    aorta       81.5        702         0
+    organ    volume  triangles  warnings
+    liver   1503 ml      29670         1
+    aorta   81.5 ml        702         0
     """
     width = max(len("organ"), *(len(name) for name, *_ in rows)) if rows else 5
-    lines = [f"{'organ':<{width}} {'ml':>9} {'triangles':>10} {'warnings':>9}"]
-    lines += [f"{name:<{width}} {ml:>9.4g} {count:>10} {said:>9}" for name, ml, count, said in rows]
+    lines = [f"{'organ':<{width}} {'volume':>9} {'triangles':>10} {'warnings':>9}"]
+    lines += [f"{name:<{width}} {millilitres(ml):>9} {count:>10} {said:>9}" for name, ml, count, said in rows]
     return "\n".join(lines)
 
 

@@ -66,7 +66,7 @@ def scaled_jacobians(corners: FloatArray) -> FloatArray:
 
     Examples
     --------
-    >>> regular = np.array([[(1.0, 1, 1), (-1, 1, -1), (-1, -1, 1), (1, -1, -1)]])
+    >>> regular = np.array([[(1.0, 1, 1), (-1, -1, 1), (-1, 1, -1), (1, -1, -1)]])
     >>> scaled_jacobians(regular).round(9).tolist()
     [1.0]
     """

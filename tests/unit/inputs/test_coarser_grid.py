@@ -18,7 +18,8 @@ from cccd.inputs.coarser_grid import find_coarser_grid
 from cccd.inputs.load import structure_of_array
 from cccd.inputs.phantoms import ORGANS, make_phantom
 from cccd.settings.imports import ImportSettings
-from cccd.solids.shared_walls import Organ, share_walls
+from cccd.settings.surface import LoftSettings
+from cccd.solids.shared_walls import share_walls
 from cccd.surface.measure import mask_surface, voxel_volume
 
 RADIUS, VOXEL = 24.0, 3.0
@@ -198,8 +199,7 @@ def test_organs_in_files_of_their_own_share_walls(tmp_path):
         for number, (name, part) in enumerate(parts.items(), 1)
     }
     assert structures[3].frame.shape != structures[1].frame.shape == structures[2].frame.shape
-    organs = {n: Organ(one.organ, one, cccd.reconstruct(one).lofted.mesh) for n, one in structures.items()}
-    walls = share_walls(organs)
+    walls = share_walls(structures, LoftSettings())
     for number, structure in structures.items():
         mesh = walls.surface.mesh_of(number)
         assert mesh.is_closed_manifold

@@ -66,7 +66,7 @@ def test_nor_does_a_message_say_it(tmp_path):
     identified_series(tmp_path)
     write_series(tmp_path / "scan" / "again", grey(MASK), dicom_affine(), uid=MARK)
     with pytest.raises(InputError, match="2 DICOM series") as caught:
-        load_structure(row(image="scan", mask="seg.dcm"), tmp_path, settings())
+        load_structure(row(image="scan"), tmp_path, settings())
     assert MARK not in str(caught.value)
 
 
