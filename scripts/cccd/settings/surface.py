@@ -72,7 +72,7 @@ class LoftSettings(Section):
 
     smoothing: float | None = setting(
         None,
-        "shorter waves are smoothed away; null: 8 pixels, or 3 slice distances if longer",
+        "shorter waves are smoothed away; null: 8 pixels, or 2.5 slice distances if longer",
         why="Shorter ones leave the steps of pixels, longer ones take detail.",
         unit="mm",
         gt=0,

@@ -21,7 +21,7 @@ __all__ = ["MOST_OFFSET", "ROUNDS", "cut_at_ends", "default_wave", "smooth_mesh"
 
 #: Waves of this many pixels and shorter go, or of this many slice distances. Shorter ones leave steps of
 #: pixels, and ripples between slices that are far apart; longer ones cost detail.
-WAVE_PIXELS, WAVE_SLICES = 8.0, 3.0
+WAVE_PIXELS, WAVE_SLICES = 8.0, 2.5
 #: Degree of the filter's polynomial: how sharply waves are parted.
 ROUNDS = 30
 #: Edges of an isosurface are this long, in pixels, on the mean.
