@@ -40,7 +40,7 @@ AROUND = 1.3
 #: ... and by the square of the height where the scan cuts on both sides: a triangle reaches from rim to rim.
 ACROSS = 2.0
 #: Triangles for each edge of a rim where the scan cuts: with fewer it bulges over the edges beside it.
-RIM = 2.0
+RIM = 3.0
 #: Fewest triangles of a surface.
 FEWEST = 100
 #: The coarse mesh has at most an nth of the triangles that it is made of: bronchi of two pixels have an
