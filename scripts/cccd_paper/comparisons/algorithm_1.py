@@ -66,9 +66,12 @@ class PaperChain:
     seconds: float
 
 
-def load_paper_orderer(path: str | Path) -> Orderer:
-    """Load the paper's network to order boundary pixels with."""
-    return load_orderers(path)[0]
+def load_paper_orderer(path: str | Path) -> Orderer | None:
+    """Load the paper's network to order boundary pixels with; None where PyTorch is not installed."""
+    try:
+        return load_orderers(path)[0]
+    except ImportError:  # masks alone need no PyTorch, and get their own row
+        return None
 
 
 def run_algorithm_1(boundaries: Boundaries, paper_orderer: Orderer) -> PaperChain:
@@ -95,7 +98,7 @@ def compare_algorithm_1(
     curves: Curves,
     splines: Splines,
     surface: LoftedSurface,
-    paper_orderer: Orderer,
+    paper_orderer: Orderer | None,
 ) -> pd.DataFrame:
     """Measure the paper's curves and surface beside ours.
 
@@ -107,8 +110,8 @@ def compare_algorithm_1(
         Its boundary pixels.
     curves, splines, surface : Curves, Splines, LoftedSurface
         Ours, as they came from the run.
-    paper_orderer : Orderer
-        The paper's network.
+    paper_orderer : Orderer or None
+        The paper's network; without it there is no row of the paper's.
 
     Returns
     -------
@@ -119,9 +122,11 @@ def compare_algorithm_1(
         distance and volume bias of the surface, its ``genus`` and the true one; of the paper's chain
         processor ``seconds``.
     """
+    own = _row(OURS, structure, boundaries, curves, splines, surface.mesh)
+    if paper_orderer is None:
+        return pd.DataFrame([own])
     chain = run_algorithm_1(boundaries, paper_orderer)
     paper = _row(PAPER, structure, boundaries, chain.curves, chain.splines, chain.mesh)
-    own = _row(OURS, structure, boundaries, curves, splines, surface.mesh)
     return pd.DataFrame([paper | {"seconds": chain.seconds}, own])
 
 
@@ -164,9 +169,11 @@ def _dice_2d(structure: Structure, drawn: Curves) -> float:
 
 
 def section_figures(
-    structure: Structure, boundaries: Boundaries, surface: LoftedSurface, paper_orderer: Orderer
+    structure: Structure, boundaries: Boundaries, surface: LoftedSurface, paper_orderer: Orderer | None
 ) -> dict[str, SliceFigure]:
     """Draw the paper's surface and ours, cut across the slices through the middle, over the reference."""
+    if paper_orderer is None:
+        return {}
     chain = run_algorithm_1(boundaries, paper_orderer)
     reference = None if structure.mask is None else Reference.of(structure).mesh
     meshes = {"paper, Algorithm 1": chain.mesh, "ours": surface.mesh}
