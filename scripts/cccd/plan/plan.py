@@ -38,6 +38,9 @@ SHOWN = (
 #: Files of a case whose organs share their walls.
 SCENE = ("scene.glb", "segmentation.seg.nrrd", "scene.json", "scene.html")
 
+#: Folders of results that are of no case.
+_OF_NO_STRUCTURE = ("downloads", "gnn", "phantoms", "segmenters", "tables")
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -117,7 +120,7 @@ class Plan:
             The sheet has no such structure, or its row's files are not there.
         """
         folder, *names, _ = *Path(target).parts, ""
-        if folder == "results" and len(names) == 3 and names[0] != "tables":
+        if folder == "results" and len(names) == 3 and names[0] not in _OF_NO_STRUCTURE:
             self.cohort.row(StructureName(*names[:2]))
 
     # Settings and code of a job: it runs again when they change, and only then.
