@@ -13,10 +13,11 @@ from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import Volume
+from cccd.inputs.label_maps import MapLabel
 from cccd.inputs.row_files import label_values
 from cccd.whole_map import LabelSurface, WholeMap
 
-__all__ = ["block_of", "finer_grid", "relabelled", "share_of_voxels"]
+__all__ = ["block_of", "finer_grid", "name_of_soft", "relabelled", "share_of_voxels"]
 
 #: A voxel's share is counted at so many points along each of its edges.
 POINTS = 4
@@ -70,15 +71,19 @@ def relabelled(
     made: set[int] = set()
     for one in whole.surfaces(n_jobs, tell):
         made.add(one.number)
-        value = int(one.label.label) if one.label.label.isdecimal() else one.number
-        yield value, one, _claimed(_voxels(one.surface.lofted.mesh, grid), taken)
+        yield _value(one.label, one.number), one, _claimed(_voxels(one.surface.lofted.mesh, grid), taken)
     left = {number: label for number, label in whole.labels.items() if number not in made}
     volume = label_values(whole.path) if left else None
     if volume is not None:
         nearest = _nearest(volume, grid)
         for number, label in left.items():
-            value = int(label.label) if label.label.isdecimal() else number
+            value = _value(label, number)
             yield value, None, _claimed(np.flatnonzero(nearest == value), taken)
+
+
+def _value(label: MapLabel, number: int) -> int:
+    """Value of a label in the map: its own, or its number where it has a name alone."""
+    return int(label.label) if label.label.isdecimal() else number
 
 
 def _claimed(voxels: IntArray, taken: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> IntArray:

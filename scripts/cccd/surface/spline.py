@@ -193,6 +193,7 @@ def _fit_and_refine(fine: Mesh, target: Target, triangles: tuple[int, int], stac
     weights = np.ones(len(fine.vertices))
     best: tuple[int, ControlMesh] | None = None
     for attempt in range(1 + REFINEMENTS + CROSSING_REFINEMENTS):
+        # even weights are left out: a faster collapse takes none
         start, coarse = control_mesh(fine, most, ends, weights if attempt else None)
         fit = fit_spline(start, target)
         lost = _lost(fit.spline, stack) if attempt <= REFINEMENTS else np.zeros((0, 3))

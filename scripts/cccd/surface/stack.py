@@ -173,10 +173,9 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
     borders, left_out = _without_small(
         find_borders(sections, guides_reach(annotation)), frame, settings.smallest_part_voxels
     )
-    gaps = np.diff(borders.slices)
-    every = int(np.median(gaps)) if len(gaps) else 1
+    every = _usual_gap(borders.slices)
     step, ends = every * frame.slice_spacing, _Ends.of(frame, every * frame.slice_spacing, annotation)
-    breaks = np.flatnonzero(gaps > every * settings.bridge_slices) + 1
+    breaks = np.flatnonzero(np.diff(borders.slices) > every * settings.bridge_slices) + 1
     if annotation is not None:
         breaks = breaks[:0]
     height: FloatArray = np.asarray(borders.slices * frame.slice_spacing, float)
@@ -210,10 +209,14 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
     )
 
 
+def _usual_gap(slices: IntArray) -> int:
+    """From one slice (S,) that shows anything to the next there are mostly so many of the scan's."""
+    return int(np.median(np.diff(slices))) if len(slices) > 1 else 1
+
+
 def _without_small(borders: Borders, frame: Frame, least: float) -> tuple[Borders, list[float]]:
     """Leave out parts of fewer voxels, but for the largest, and fill such cavities; the parts' mm^3."""
-    gaps = np.diff(borders.slices)
-    every = int(np.median(gaps)) if len(gaps) else 1
+    every = _usual_gap(borders.slices)
     cavities, sizes = label_parts(~borders.inside, borders.slices, every, touching=1)
     small = np.concatenate([[False], sizes < least])
     for ends in (cavities[[0, -1]], cavities[:, [0, -1]], cavities[:, :, [0, -1]]):
