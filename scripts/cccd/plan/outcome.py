@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cccd.job import INTERRUPTED
 from cccd.plan.cohort import StructureName
-from cccd.plan.plan import Plan
+from cccd.plan.plan import OF_NO_CASE, Plan
 
 __all__ = ["failures", "report_failed_run", "report_good_run", "report_interrupted_run"]
 
@@ -28,7 +28,9 @@ def failures(plan: Plan) -> list[str]:
 def _is_of(file: Path, plan: Plan) -> bool:
     """Whether a job's file belongs to a structure or a case of the sheet, or to neither."""
     match file.parts[1:]:
-        case ("gnn" | "downloads" | "phantoms" | "segmenters", *_) | (_,):
+        case (_,):
+            return True
+        case (folder, *_) if folder in OF_NO_CASE:
             return True
         case (case, _):
             return any(name.case == case for name in plan.cohort.rows)

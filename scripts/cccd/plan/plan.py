@@ -22,7 +22,7 @@ from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FOR
 from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config
 
-__all__ = ["Plan", "files_of_comparison"]
+__all__ = ["OF_NO_CASE", "Plan", "files_of_comparison"]
 
 #: What a structure's page and the report read of it.
 SHOWN = (
@@ -38,8 +38,8 @@ SHOWN = (
 #: Files of a case whose organs share their walls.
 SCENE = ("scene.glb", "segmentation.seg.nrrd", "scene.json", "scene.html")
 
-#: Folders of results that are of no case.
-_OF_NO_STRUCTURE = ("downloads", "gnn", "phantoms", "segmenters", "tables")
+#: Folders of results, and of logs, that are of no case.
+OF_NO_CASE = ("downloads", "gnn", "phantoms", "segmenters", "tables")
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class Plan:
             The sheet has no such structure, or its row's files are not there.
         """
         folder, *names, _ = *Path(target).parts, ""
-        if folder == "results" and len(names) == 3 and names[0] not in _OF_NO_STRUCTURE:
+        if folder == "results" and len(names) == 3 and names[0] not in OF_NO_CASE:
             self.cohort.row(StructureName(*names[:2]))
 
     # Settings and code of a job: it runs again when they change, and only then.
