@@ -320,7 +320,12 @@ def test_calculix_presses_on_a_boundary(bar, tmp_path):
     rows = [line.split() for line in (tmp_path / "model.dat").read_text().splitlines()]
     moved = np.array([[float(x) for x in row[1:]] for row in rows if len(row) == 4 and row[0].isdigit()])
     assert len(moved) == len(np.unique(filled.group("cut_right")))
-    assert moved[:, 2] == pytest.approx(-pressure * 2 * HALF / modulus, rel=0.02)
+    shortened = -pressure * 2 * HALF / modulus
+    assert moved[:, 2].mean() == pytest.approx(shortened, rel=0.02)
+    # The mesher may move an edge of the end by its tolerance: the pressure then lies off the axis by up to half of
+    # that, and the bar bends (6 times the offset by the width, at the end's edges).
+    bent = 6 * SETTINGS.tolerance_mm / 2 / WIDTH
+    assert moved[:, 2] == pytest.approx(shortened, rel=bent)
 
 
 def test_a_surface_is_filled_once_for_all_formats(tmp_path):
