@@ -16,19 +16,12 @@ def test_nested_values_are_read(fresh_project):
     assert plan["export_surface"] == 4
 
 
-@pytest.mark.parametrize(
-    ("setting", "words"),
-    [
-        ("curves={k: true}", ["curves.k", "'true'", "whole number"]),
-        ("import={resample: 3}", ["import.resample", "'3'", "true or false"]),
-        ("gnn={graphs: {traning: 20}}", ["gnn.graphs.traning", "did you mean 'training'?"]),
-    ],
-)
-def test_what_a_nested_text_cannot_stand_for_is_refused(fresh_project, setting, words):
-    run = fresh_project.snakemake("--dry-run", "--config", setting, check=False)
+def test_what_a_nested_text_cannot_stand_for_is_refused(fresh_project):
+    run = fresh_project.snakemake("--dry-run", "--config", "gnn={graphs: {traning: 20}}", check=False)
     assert run.returncode != 0
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
-    assert all(word in line for word in words)
+    assert "gnn.graphs.traning" in line
+    assert "did you mean 'training'?" in line
 
 
 def test_surfaces_alone_wait_for_no_comparison(fresh_project):

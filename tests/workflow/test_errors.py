@@ -5,22 +5,13 @@ import pytest
 SHEET = "case\torgan\tsource\tmask\n"
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("case\torgan\tmsk\na\tb\tc.nii\n", ["unknown column 'msk'", "mask"]),
-        ("case\torgan\tsource\n" + "a\tb\tphantom\n" * 2, ["tiny.tsv row 3"]),
-        (SHEET + "$(touch x)\tliver\tphantom\t\n", ["tiny.tsv row 2"]),
-        (SHEET + "../../x\tliver\tphantom\t\n", ["tiny.tsv row 2"]),
-        ("", ["tiny.tsv"]),
-    ],
-)
-def test_a_bad_sheet_stops_before_any_job_in_one_line(fresh_project, text, words):
-    (fresh_project.folder / "tiny.tsv").write_text(text)
+def test_a_bad_sheet_stops_before_any_job_in_one_line(fresh_project):
+    """The other ways in which a sheet can be wrong: ``tests/unit/test_cohort.py``."""
+    (fresh_project.folder / "tiny.tsv").write_text(SHEET + "$(touch x)\tliver\tphantom\t\n")
     run = fresh_project.snakemake(check=False)
     assert run.returncode != 0
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
-    assert all(word in line for word in words)
+    assert "tiny.tsv row 2" in line
     assert "Traceback" not in run.stderr
     assert not fresh_project.results.exists()
     assert not (fresh_project.folder / "x").exists()
@@ -29,11 +20,8 @@ def test_a_bad_sheet_stops_before_any_job_in_one_line(fresh_project, text, words
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ("sead=3", ["sead", "seed"]),
-        ("seed=minus", ["seed"]),
         ("curves={tolerance: 1}", ["curves.tolerance", "tolerance_px"]),
         ("cohort=nowhere.tsv", ["nowhere.tsv"]),
-        ("gnn={start: workflow/models/junctions.pt}", ["junctions.pt", "set gnn.width to"]),
     ],
 )
 def test_a_bad_configuration_names_the_key_and_gives_a_hint(fresh_project, setting, words):

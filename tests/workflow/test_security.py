@@ -29,8 +29,8 @@ class Bomb:
         return os.mkdir, (str(self.mark),)
 
 
-@pytest.mark.parametrize("name", ["$(touch x)", "../../x", "x;touch x"])
-def test_names_in_the_sheet(name, fresh_project):
+def test_names_in_the_sheet(fresh_project):
+    name = "../../x;$(touch x)"
     (fresh_project.folder / "tiny.tsv").write_text(f"case\torgan\tsource\n{name}\tsphere\tphantom\n")
     before = set(fresh_project.folder.rglob("*"))
     run = fresh_project.snakemake("--dry-run", "--quiet", check=False)

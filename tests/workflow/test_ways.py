@@ -66,18 +66,22 @@ def sheet(fresh_project):
     return ["--config", "cohort=ways.tsv", "train=auto"]
 
 
-@pytest.mark.parametrize(
-    ("case", "extra"), [("mask", {}), ("scan", {}), ("file", {}), ("folder", {}), ("map", TO_ORDER)]
-)
-def test_only_what_needs_the_network_waits_for_it(fresh_project, sheet, case, extra):
-    planned = fresh_project.planned(*sheet, "--", f"results/{case}/ball/surface.ply")
-    assert planned == TO_THE_SURFACE | extra
+@pytest.mark.parametrize(("cases", "extra"), [(["mask", "scan", "file", "folder"], {}), (["map"], TO_ORDER)])
+def test_only_what_needs_the_network_waits_for_it(fresh_project, sheet, cases, extra):
+    planned = fresh_project.planned(*sheet, "--", *surfaces_of(cases))
+    assert planned == {rule: len(cases) * jobs for rule, jobs in TO_THE_SURFACE.items()} | extra
 
 
-@pytest.mark.parametrize(("case", "extra"), [("mask", TO_ORDER), ("scan", TO_ORDER), ("file", {})])
-def test_a_mask_is_ordered_by_the_network_when_that_is_asked_for(fresh_project, sheet, case, extra):
-    asked = [*sheet, "curves={ordering: gnn}", "--", f"results/{case}/ball/surface.ply"]
-    assert fresh_project.planned(*asked) == TO_THE_SURFACE | extra
+def test_a_mask_is_ordered_by_the_network_when_that_is_asked_for(fresh_project, sheet):
+    asked = [*sheet, "curves={ordering: gnn}", "--", *surfaces_of(["scan", "file"])]
+    assert (
+        fresh_project.planned(*asked) == {rule: 2 * jobs for rule, jobs in TO_THE_SURFACE.items()} | TO_ORDER
+    )
+
+
+def surfaces_of(cases):
+    """The files of some cases' surfaces."""
+    return [f"results/{case}/ball/surface.ply" for case in cases]
 
 
 def test_every_way_ends_in_the_same_layout(fresh_project, sheet):
@@ -161,40 +165,17 @@ def test_a_network_that_is_named_is_compared_on_masks_too(fresh_project, sheet):
     }
 
 
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        (
-            ["train=true", "gnn={pretrained: workflow/models/junctions.pt}"],
-            ["gnn.pretrained", "train: false"],
-        ),
-        (["train=false", "gnn={start: workflow/models/junctions.pt}"], ["gnn.start", "train: true"]),
-        (
-            ["train=false", "gnn={pretrained: workflow/models/paper.pt}"],
-            ["workflow/models/paper.pt", "set gnn.network to paper"],
-        ),
-        (
-            ["train=false", "gnn={network: paper, pretrained: workflow/models/junctions.pt}"],
-            ["workflow/models/junctions.pt", "set gnn.network to ours"],
-        ),
-        (["train=false", "gnn={pretrained: no/such.pt}"], ["gnn.pretrained", "no file no/such.pt"]),
-        (["train=true", "gnn={start: no/such.pt}"], ["gnn.start", "no file no/such.pt"]),
-        (
-            ["train=true", "gnn={width: 16, start: workflow/models/junctions.pt}"],
-            ["its width is not 16", "set gnn.width to 32"],
-        ),
-    ],
-)
-def test_two_wishes_that_exclude_each_other_are_refused(fresh_project, settings, words):
+def test_a_network_that_cannot_be_started_from_is_refused(fresh_project):
+    """Other wishes that exclude each other: ``tests/unit/plan/test_planned_networks.py``."""
+    settings = ["train=true", "gnn={width: 16, start: workflow/models/junctions.pt}"]
     run = fresh_project.snakemake("--dry-run", "--config", *settings, check=False)
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
-    assert all(word in line for word in words)
+    assert "its width is not 16" in line
+    assert "set gnn.width to 32" in line
 
 
 def test_who_trains(fresh_project):
     """The default cohort, unless it is told not to; others when they are told to."""
     default = ["--config", "cohort=config/cohort.tsv"]
     assert "train_gnn" in fresh_project.planned(*default, "train=auto")
-    assert "train_gnn" not in fresh_project.planned(*default, "train=false")
     assert "train_gnn" not in fresh_project.planned("--config", "train=auto")
-    assert "train_gnn" in fresh_project.planned("--config", "train=true")

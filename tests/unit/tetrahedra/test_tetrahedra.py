@@ -322,8 +322,8 @@ def test_calculix_presses_on_a_boundary(bar, tmp_path):
     assert len(moved) == len(np.unique(filled.group("cut_right")))
     shortened = -pressure * 2 * HALF / modulus
     assert moved[:, 2].mean() == pytest.approx(shortened, rel=0.02)
-    # The mesher may move an edge of the end by its tolerance: the pressure then lies off the axis by up to half of
-    # that, and the bar bends (6 times the offset by the width, at the end's edges).
+    # The mesher may move an edge of the end by its tolerance: the pressure then lies off the axis by up to
+    # half of that, and the bar bends (6 times the offset by the width, at the end's edges).
     bent = 6 * SETTINGS.tolerance_mm / 2 / WIDTH
     assert moved[:, 2] == pytest.approx(shortened, rel=bent)
 
