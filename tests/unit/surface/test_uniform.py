@@ -31,7 +31,7 @@ def shapes_of(mesh):
     return 4 * 3**0.5 * mesh.face_areas / sides.sum(axis=(1, 2))
 
 
-@pytest.mark.parametrize("count", [600, 3000, 12000])
+@pytest.mark.parametrize("count", [600, 3000])
 def test_as_many_triangles_as_asked_for(ring, count):
     even = ring.uniform(triangles=count).lofted
     mesh, said = even.mesh, even.report["uniform"]
@@ -50,11 +50,11 @@ def test_as_many_triangles_as_asked_for(ring, count):
 
 
 def test_more_triangles_lie_nearer_by_the_square_of_their_edges(ring):
-    few, many = (ring.uniform(triangles=n).lofted.report["uniform"]["chord_error_mm"] for n in (1500, 24000))
-    assert many < few / 8
+    few, many = (ring.uniform(triangles=n).lofted.report["uniform"]["chord_error_mm"] for n in (750, 6000))
+    assert many < few / 4
 
 
-@pytest.mark.parametrize("edge", [0.8, 2.0, 4.0])
+@pytest.mark.parametrize("edge", [2.0, 4.0])
 def test_edges_are_as_long_as_asked_for(ring, edge):
     assert edges_of(ring.uniform(edge_mm=edge).lofted.mesh).mean() == pytest.approx(edge, rel=0.03)
 
