@@ -51,9 +51,9 @@ def test_what_is_not_installed_ends_the_run_before_any_job(fresh_project):
 def test_one_bad_structure_keeps_no_other_from_its_surface(tiny_copy):
     sheet = tiny_copy.folder / "tiny.tsv"
     sheet.write_text(
-        "case\torgan\tsource\tmask\n"
-        "tiny\tsphere\tphantom\t\ntiny\ttwo_spheres\tphantom\t\ntiny\ttorus\tphantom\t\n"
-        "broken\tliver\tfiles\tnot_there.nii.gz\n"
+        "case\torgan\tsource\tmask\trole\n"
+        "tiny\tsphere\tphantom\t\tboth\ntiny\ttwo_spheres\tphantom\t\tmeasure\n"
+        "tiny\ttorus\tphantom\t\tmeasure\nbroken\tliver\tfiles\tnot_there.nii.gz\tboth\n"
     )
     run = tiny_copy.snakemake("--keep-going", check=False)
     assert run.returncode != 0

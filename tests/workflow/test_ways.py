@@ -100,7 +100,8 @@ def test_every_way_ends_in_the_same_layout(fresh_project, sheet):
 
 def test_a_cohort_of_masks_and_contours_does_without_model_and_torch(fresh_project, sheet, tmp_path):
     lines = (fresh_project.folder / "ways.tsv").read_text().splitlines()
-    (fresh_project.folder / "ways.tsv").write_text("\n".join([*lines[:2], lines[4]]) + "\n")
+    rows = [f"{lines[0]}\trole", f"{lines[1]}\tboth", f"{lines[4]}\tmeasure"]
+    (fresh_project.folder / "ways.tsv").write_text("\n".join(rows) + "\n")
     assert NETWORK.isdisjoint(fresh_project.planned(*sheet))
     (tmp_path / "site").mkdir()
     (tmp_path / "site" / "sitecustomize.py").write_text(NO_TORCH)
