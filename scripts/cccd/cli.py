@@ -207,10 +207,6 @@ def _add_input(command: _Arguments) -> None:
         "(110:130,80:96,38:42), of indices from 0; repeatable, as for two lungs. Needs the extra gnn",
     )  # fmt: skip
     command.add_argument(
-        "--border", choices=["mask", "image"], default="mask",
-        help="image: move the mask's border to the edges of --image, by two pixels at most; default: mask",
-    )  # fmt: skip
-    command.add_argument(
         "--boundary", action="store_true", help="the input contains boundary maps, which the network orders"
     )
     command.add_argument(
@@ -576,8 +572,6 @@ def _surface(given: argparse.Namespace) -> int:
         raise InputError(
             "--like", f"{given.input.name} is not a mesh", "leave it out; --image names the scan"
         )
-    if given.border == "image" and given.all_labels:
-        raise InputError("--border", "neighbours share their walls", "leave --all-labels or --border out")
     if option and given.all_labels:
         raise InputError(option, "an image without a mask has no labels", "leave --all-labels out")
     if given.label and given.all_labels:
@@ -644,7 +638,7 @@ def _surface_of_zarr(given: argparse.Namespace) -> int:
 
     other = (
         *(given.all_labels, given.boundary, given.threshold is not None, given.image, given.like),
-        *(given.seed, given.border == "image", given.triangles, given.edge_mm),
+        *(given.seed, given.triangles, given.edge_mm),
     )
     if any(other):
         problem = "an OME-Zarr is read as a label map, one label at a time"
@@ -919,7 +913,6 @@ def _make_surface(
             annotated=given.annotated,
             threshold=_threshold_of(given),
             seed=";".join(given.seed),
-            border=given.border,
             settings=settings,
         )
         check_references(files, structure)
@@ -1073,7 +1066,6 @@ def _check(given: argparse.Namespace) -> int:
             annotated=given.annotated,
             threshold=threshold,
             seed=";".join(given.seed),
-            border=given.border,
         )
         plain = given.boundary or from_image
         listed = [] if plain else [label for label, _ in measure_labels(given.input)]
