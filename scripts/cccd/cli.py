@@ -273,7 +273,7 @@ def _add_surface(commands: Any) -> None:
     )  # fmt: skip
     shape.add_argument(
         "--configfile", type=Path, metavar="YAML",
-        help="your own settings, for example 'surface: {tetrahedra: {mesher: gmsh}}'",
+        help="your own settings, for example 'surface: {tetrahedra: {elements: tet10}}'",
     )  # fmt: skip
     surface.set_defaults(run=_surface)
 
@@ -586,7 +586,7 @@ def _surface(given: argparse.Namespace) -> int:
     if given.seed:
         check_extra("gnn", "--seed")
     settings = _settings_of(given)
-    _check_outputs(outputs, [given.input, given.image], settings.surface.tetrahedra.mesher)
+    _check_outputs(outputs, [given.input, given.image])
     if given.all_labels:
         return _make_all_surfaces(given, outputs, settings)
     _print_surfaces(given, [_make_surface(given, given.label, outputs, settings)])
@@ -619,7 +619,7 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
         raise InputError(given.input.name, problem, "leave --label, --threshold and their like out")
     like = given.like or given.image
     settings = _settings_of(given)
-    _check_outputs(outputs, [given.input, like], settings.surface.tetrahedra.mesher)
+    _check_outputs(outputs, [given.input, like])
     for path in outputs:
         if like is None and format_of(path) in {"nii.gz", "seg.dcm"}:
             raise InputError(str(path), "it needs the grid of a scan", "name the scan: --like ct.nii.gz")
@@ -646,7 +646,7 @@ def _surface_of_zarr(given: argparse.Namespace) -> int:
     stem = given.input.absolute().name.removesuffix(".zarr").removesuffix(".ome") or "surface"
     outputs = given.output or [Path(f"{stem}.ply")]
     settings = _settings_of(given)
-    _check_outputs(outputs, [], settings.surface.tetrahedra.mesher)
+    _check_outputs(outputs, [])
     labels = open_zarr(given.input)
     began = time.perf_counter()
     surface = cccd.reconstruct(labels.whole(given.label), labels.affine, settings=settings)
@@ -710,17 +710,12 @@ def _with_materials(settings: Settings, given: argparse.Namespace) -> Settings:
     return settings.model_copy(update={"surface": surface})
 
 
-def _check_outputs(outputs: Sequence[Path], sources: Sequence[Path | None], mesher: str = "ftetwild") -> None:
+def _check_outputs(outputs: Sequence[Path], sources: Sequence[Path | None]) -> None:
     """Refuse surfaces that could not be written before anything is computed."""
-    from cccd.files.write import check_format, format_of
-    from cccd.settings.formats import TETRAHEDRA_FORMATS
+    from cccd.files.write import check_format
 
     for path in outputs:
-        check_format(path, mesher)
-        if mesher != "ftetwild" and format_of(path) in TETRAHEDRA_FORMATS:
-            from cccd.tetrahedra.gmsh_program import require_gmsh
-
-            require_gmsh()
+        check_format(path)
     _check_files(outputs, sources)
 
 
