@@ -130,18 +130,6 @@ def groups(name: str, pixels: int = 520) -> str:
     return _screenshot(plotter, f"the groups in {name}, each in a colour")
 
 
-def pieces(meshes, pixels: int = 520) -> str:
-    """Draw parts of a surface, each in another colour."""
-    import pyvista
-
-    plotter = pyvista.Plotter(off_screen=True, window_size=(pixels, pixels))
-    for number, mesh in enumerate(meshes):
-        colour = ("lightsteelblue", "burlywood")[number % 2]
-        plotter.add_mesh(pyvista.PolyData.from_regular_faces(mesh.vertices, mesh.faces), color=colour)
-    plotter.view_xz()
-    return _screenshot(plotter, f"{len(meshes)} parts of a surface, one for each slab")
-
-
 def cut_open(solid, pixels: int = 420) -> str:
     """Draw the half of a tetrahedral mesh that lies behind the middle, by the quality of its tetrahedra."""
     import pyvista

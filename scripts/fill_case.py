@@ -14,12 +14,10 @@ with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.
     organs = {Path(path).parent.name: read_ply(path) for path in snakemake.input.meshes}
     frames = {Path(path).parent.name: read_surface_frame(path) for path in snakemake.input.surfaces}
     scans = {Path(path).parent.name: scan_of(read_structure(path)) for path in snakemake.input.structures}
-    settings = snakemake.params.settings
     filled, report = fill_and_measure(
         organs,
-        TetrahedraSettings(**settings["tetrahedra"]),
+        TetrahedraSettings(**snakemake.params.settings["tetrahedra"]),
         frames,
-        settings["step_tolerance_mm"],
         {name: scan for name, scan in scans.items() if scan is not None},
     )
     for form, write in WRITERS.items():

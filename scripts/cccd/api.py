@@ -348,7 +348,6 @@ def read(
     annotated: str = AUTO,
     threshold: bool | tuple[float | None, float | None] = False,
     seed: str = "",
-    border: str = "mask",
     settings: Settings | None = None,
 ) -> Structure:
     """Read one organ from a file or folder.
@@ -378,9 +377,6 @@ def read(
         box ``"110:130,80:96,38:42"`` within the organ, with indices from 0; separate several by semicolons.
         What is of the same tissue around it is a rough region. `reconstruct` looks for the image's edges
         near its border, and needs the extra ``gnn``. The structure is called ``seeded``.
-    border : {"mask", "image"}
-        Whether the border is that of the mask or the probabilities, or moved from there to the edges of
-        ``image``, by two pixels at most.
     settings : Settings, optional
         Section ``import`` is used.
 
@@ -410,7 +406,6 @@ def read(
         annotated=annotated,
         threshold=threshold,
         seed=seed,
-        border=border,
     )
     return _told(structure, 3)
 
@@ -427,7 +422,6 @@ def read_organ(
     annotated: str = AUTO,
     threshold: bool | tuple[float | None, float | None] = False,
     seed: str = "",
-    border: str = "mask",
 ) -> Structure:
     """Read one organ as `read` does, of files that may be shared, and without its Python warning."""
     path = Path(path).absolute()
@@ -449,21 +443,16 @@ def read_organ(
         refuse_image(path, chosen)
     if annotated == NONEMPTY and wanted != "mask":
         raise InputError(path.name, "annotated: nonempty needs a mask", "leave annotated out")
-    if border not in ("mask", "image"):
-        raise InputError("border", f"{border!r} is not known", "give mask or image")
     columns = {"image": "", "mask": "", "boundary": "", wanted: str(path)}
     if wanted == "mask" and (_holds_images(path) if path.is_dir() else lies_in_its_series(path)):
         columns["image"] = str(path if path.is_dir() else path.parent)
     if image is not None:
         columns["image"] = str(Path(image).absolute())
-    if border == "image" and (wanted != "mask" or not columns["image"]):
-        problem = "border: image needs a mask and its image"
-        raise InputError(path.name, problem, "name the scan as image, or leave border out")
     organ = chosen if chosen and not chosen.replace(",", "").isdecimal() else name
     if alone:
         organ = {"seed": "seeded", "threshold": "threshold"}[alone]
     row = {"case": name, "organ": organ, "source": "files", "label": chosen, "location": path.name}
-    row |= {"seed": seed, "border": border, "annotated": _rule(annotated), **columns}
+    row |= {"seed": seed, "annotated": _rule(annotated), **columns}
     return load_structure(row, path.parent, settings.import_, settings.seed, files)
 
 

@@ -207,10 +207,6 @@ def _add_input(command: _Arguments) -> None:
         "(110:130,80:96,38:42), of indices from 0; repeatable, as for two lungs. Needs the extra gnn",
     )  # fmt: skip
     command.add_argument(
-        "--border", choices=["mask", "image"], default="mask",
-        help="image: move the mask's border to the edges of --image, by two pixels at most; default: mask",
-    )  # fmt: skip
-    command.add_argument(
         "--boundary", action="store_true", help="the input contains boundary maps, which the network orders"
     )
     command.add_argument(
@@ -245,11 +241,6 @@ def _add_surface(commands: Any) -> None:
         help="the input is a mesh (.stl .ply .obj .glb .vtp .step) or contours in several directions (.csl): "
         "the scan on whose grid label maps lie",
     )  # fmt: skip
-    shape.add_argument(
-        "--slab", type=int, metavar="SLICES",
-        help="the input is an OME-Zarr larger than memory: read this number of slices at a time. Writes .ply "
-        "and .stl",
-    )  # fmt: skip
     every.add_argument(
         "--all-labels",
         action="store_true",
@@ -282,7 +273,7 @@ def _add_surface(commands: Any) -> None:
     )  # fmt: skip
     shape.add_argument(
         "--configfile", type=Path, metavar="YAML",
-        help="your own settings, for example 'surface: {tetrahedra: {mesher: gmsh}}'",
+        help="your own settings, for example 'surface: {tetrahedra: {elements: tet10}}'",
     )  # fmt: skip
     surface.set_defaults(run=_surface)
 
@@ -570,8 +561,6 @@ def _surface(given: argparse.Namespace) -> int:
 
     if is_zarr(given.input):
         return _surface_of_zarr(given)
-    if given.slab is not None:
-        raise InputError("--slab", f"{given.input.name} is no OME-Zarr", "leave --slab out")
     option = "--seed" if given.seed else "--threshold" if given.threshold is not None else None
     stem = _plain_stem(given.input)
     if option:
@@ -583,8 +572,6 @@ def _surface(given: argparse.Namespace) -> int:
         raise InputError(
             "--like", f"{given.input.name} is not a mesh", "leave it out; --image names the scan"
         )
-    if given.border == "image" and given.all_labels:
-        raise InputError("--border", "neighbours share their walls", "leave --all-labels or --border out")
     if option and given.all_labels:
         raise InputError(option, "an image without a mask has no labels", "leave --all-labels out")
     if given.label and given.all_labels:
@@ -599,7 +586,7 @@ def _surface(given: argparse.Namespace) -> int:
     if given.seed:
         check_extra("gnn", "--seed")
     settings = _settings_of(given)
-    _check_outputs(outputs, [given.input, given.image], settings.surface.tetrahedra.mesher)
+    _check_outputs(outputs, [given.input, given.image])
     if given.all_labels:
         return _make_all_surfaces(given, outputs, settings)
     _print_surfaces(given, [_make_surface(given, given.label, outputs, settings)])
@@ -632,7 +619,7 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
         raise InputError(given.input.name, problem, "leave --label, --threshold and their like out")
     like = given.like or given.image
     settings = _settings_of(given)
-    _check_outputs(outputs, [given.input, like], settings.surface.tetrahedra.mesher)
+    _check_outputs(outputs, [given.input, like])
     for path in outputs:
         if like is None and format_of(path) in {"nii.gz", "seg.dcm"}:
             raise InputError(str(path), "it needs the grid of a scan", "name the scan: --like ct.nii.gz")
@@ -645,78 +632,28 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
 
 
 def _surface_of_zarr(given: argparse.Namespace) -> int:
-    """Make a surface of a label in an OME-Zarr: of the whole, or slab by slab."""
+    """Make a surface of a label in an OME-Zarr."""
+    import cccd
     from cccd.inputs.zarr_labels import open_zarr
 
     other = (
         *(given.all_labels, given.boundary, given.threshold is not None, given.image, given.like),
-        *(given.seed, given.border == "image", given.triangles, given.edge_mm),
+        *(given.seed, given.triangles, given.edge_mm),
     )
     if any(other):
         problem = "an OME-Zarr is read as a label map, one label at a time"
         raise InputError(given.input.name, problem, "give --label, and leave --all-labels and its like out")
-    outputs = given.output or [Path(f"{_zarr_stem(given.input)}.ply")]
+    stem = given.input.absolute().name.removesuffix(".zarr").removesuffix(".ome") or "surface"
+    outputs = given.output or [Path(f"{stem}.ply")]
     settings = _settings_of(given)
+    _check_outputs(outputs, [])
     labels = open_zarr(given.input)
-    if given.slab is not None:
-        made = _make_slabs(given, outputs, settings)
-    else:
-        import cccd
-
-        _check_outputs(outputs, [], settings.surface.tetrahedra.mesher)
-        began = time.perf_counter()
-        surface = cccd.reconstruct(labels.whole(given.label), labels.affine, settings=settings)
-        files = [file for path in outputs for file in _write(surface, path, settings, given.band)]
-        made = _describe_surface(surface, files, time.perf_counter() - began)
-        made["organ"] = _zarr_stem(given.input)
-    _print_surfaces(given, [made])
-    return 0
-
-
-def _zarr_stem(path: Path) -> str:
-    return path.absolute().name.removesuffix(".zarr").removesuffix(".ome") or "surface"
-
-
-def _make_slabs(given: argparse.Namespace, outputs: Sequence[Path], settings: Settings) -> dict[str, Any]:
-    """Make the surface of a label of an OME-Zarr slab by slab, and write it; what there is to report."""
-    from tqdm import tqdm
-
-    from cccd.files.streamed import STREAMED, write_pieces
-    from cccd.inputs.zarr_labels import open_zarr
-    from cccd.surface.slabs import LEAST_SLAB, find_window, loft_slabs
-
-    for path in outputs:
-        if path.suffix.lower() not in STREAMED:
-            known = ", ".join(STREAMED)
-            raise InputError(str(path), "it cannot be written slab by slab", f"choose one of {known}")
-    if given.slab < LEAST_SLAB:
-        raise InputError("--slab", f"{given.slab} slices are too few", f"give {LEAST_SLAB} or more")
-    if given.band:
-        raise InputError("--band", "slabs have no error band", "leave --band or --slab out")
-    _check_files(outputs, [])
     began = time.perf_counter()
-    labels = open_zarr(given.input)
-    organ = labels.organ(given.label)
-    window = find_window(organ, labels.shape[0], given.slab)
-    if window is None:
-        raise InputError(
-            given.input.name, f"there is no label {given.label or 'at all'} in it", "check --label"
-        )
-    checked = labels.organ(given.label, check=True)
-    pieces = loft_slabs(checked, labels.frame, window, given.slab, settings.surface)
-    slabs = -(-(window.last - window.first + 1) // given.slab)
-    with tqdm(pieces, total=slabs, disable=None, leave=False) as bar:
-        written = write_pieces(list(outputs), bar)
-    return {
-        "organ": _zarr_stem(given.input),
-        "files": [str(path) for path in outputs],
-        "volume_ml": round(written.volume / 1000, 4),
-        "size_mm": [round(length, 2) for length in written.size],
-        "triangles": written.triangles,
-        "slabs": slabs,
-        "warnings": [],
-        "seconds": round(time.perf_counter() - began, 2),
-    }
+    surface = cccd.reconstruct(labels.whole(given.label), labels.affine, settings=settings)
+    files = [file for path in outputs for file in _write(surface, path, settings, given.band)]
+    made = _describe_surface(surface, files, time.perf_counter() - began)
+    _print_surfaces(given, [made | {"organ": stem}])
+    return 0
 
 
 def _uniform(surface: Surface, given: argparse.Namespace) -> Surface:
@@ -773,17 +710,12 @@ def _with_materials(settings: Settings, given: argparse.Namespace) -> Settings:
     return settings.model_copy(update={"surface": surface})
 
 
-def _check_outputs(outputs: Sequence[Path], sources: Sequence[Path | None], mesher: str = "ftetwild") -> None:
+def _check_outputs(outputs: Sequence[Path], sources: Sequence[Path | None]) -> None:
     """Refuse surfaces that could not be written before anything is computed."""
-    from cccd.files.write import check_format, format_of
-    from cccd.settings.formats import TETRAHEDRA_FORMATS
+    from cccd.files.write import check_format
 
     for path in outputs:
-        check_format(path, mesher)
-        if mesher != "ftetwild" and format_of(path) in TETRAHEDRA_FORMATS:
-            from cccd.tetrahedra.gmsh_program import require_gmsh
-
-            require_gmsh()
+        check_format(path)
     _check_files(outputs, sources)
 
 
@@ -976,7 +908,6 @@ def _make_surface(
             annotated=given.annotated,
             threshold=_threshold_of(given),
             seed=";".join(given.seed),
-            border=given.border,
             settings=settings,
         )
         check_references(files, structure)
@@ -1130,7 +1061,6 @@ def _check(given: argparse.Namespace) -> int:
             annotated=given.annotated,
             threshold=threshold,
             seed=";".join(given.seed),
-            border=given.border,
         )
         plain = given.boundary or from_image
         listed = [] if plain else [label for label, _ in measure_labels(given.input)]

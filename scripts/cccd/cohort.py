@@ -136,9 +136,6 @@ def _check_row(row: dict[str, str]) -> None:
         raise InputError(row["location"], problem, "leave annotated empty, or give the row a mask alone")
     if row["seed"]:
         _check_seed(row)
-    if row["border"] == "image" and (not row["image"] or row["boundary"] or row["seed"] or starred):
-        problem = "border: image needs an image and a mask of one organ, without boundary maps or a seed"
-        raise InputError(row["location"], problem, "name the image, or leave border empty")
     if row["source"] not in _FROM_FILES:
         for name in ("image", "mask", "boundary", "label"):
             if row[name]:

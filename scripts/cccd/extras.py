@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from cccd.errors import InputError
 
-__all__ = ["EXTRAS", "MESHER_EXTRAS", "check_extra", "how_to_install", "missing_extra", "needing"]
+__all__ = ["EXTRAS", "check_extra", "how_to_install", "missing_extra", "needing"]
 
 #: Modules of each extra, by what they are imported as; ``pyproject.toml`` names their distributions. Where
 #: nobody says what a module was needed for, the first extra that brings it is named.
@@ -24,9 +24,6 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "usd": ("pxr",),
     "zarr": ("zarr",),
 }
-
-#: The extra that each mesher of tetrahedra needs, if any; gmsh is a program.
-MESHER_EXTRAS = {"ftetwild": "fe", "gmsh": "", "gmsh-step": "cad"}
 
 
 def missing_extra(error: ModuleNotFoundError, location: str, extra: str = "") -> InputError:

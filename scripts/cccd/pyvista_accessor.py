@@ -11,7 +11,6 @@ import pyvista as pv
 
 from cccd.api import Surface, reconstruct
 from cccd.errors import InputError
-from cccd.paraview_plugin import voxel_grid
 from cccd.settings.root import Settings
 
 __all__ = ["ImageAccessor"]
@@ -67,7 +66,9 @@ class ImageAccessor:
         values = np.asarray((image.cell_data if on_cells else image.point_data)[name])
         if values.ndim != 1:
             raise InputError(name, "it has more than one value per voxel", "give a mask or a label map")
-        shape, affine = voxel_grid(image, int(on_cells))
+        shape = tuple(max(n - on_cells, 1) for n in image.dimensions)
+        affine = np.array(image.index_to_physical_matrix)
+        affine[:3, 3] += affine[:3, :3] @ (np.array(image.extent[::2]) + on_cells / 2)
         voxels = values.reshape(shape, order="F")
         if label is not None:
             voxels = voxels == label

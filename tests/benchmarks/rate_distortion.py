@@ -33,9 +33,8 @@ from cccd.surface import spline  # noqa: E402
 from cccd.surface.measure import Reference, control_bytes, measure_mesh  # noqa: E402
 from cccd.tolerances import CONTROL_POINT_PIXELS  # noqa: E402
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES  # noqa: E402
-from cccd_paper.comparisons.sinc_grid import GRID  # noqa: E402
 from cccd_paper.comparisons.thick_slices import every_nth_slice  # noqa: E402
-from cccd_paper.comparisons.volume_meshes import windowed_sinc  # noqa: E402
+from cccd_paper.comparisons.volume_meshes import GRID, windowed_sinc  # noqa: E402
 
 #: Control points are this many times as dense as by default.
 DENSITIES = (0.25, 0.5, 1.0, 2.0, 4.0)

@@ -137,16 +137,6 @@ def test_a_file_of_settings_is_followed(here, capsys):
     assert (here / "a.ply").read_bytes() != (here / "b.ply").read_bytes()
 
 
-def test_tetrahedra_by_gmsh_are_asked_for_in_a_file(here, capsys, monkeypatch):
-    (here / "by_gmsh.yaml").write_text("surface: {tetrahedra: {mesher: gmsh}}\n")
-    monkeypatch.setenv("PATH", str(here))
-    monkeypatch.setattr(sys, "executable", str(here / "python"))
-    assert main(["surface", "liver.nii.gz", "-o", "a.msh", "--configfile", "by_gmsh.yaml"]) == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "gmsh is not installed" in line
-    assert not (here / "a.msh").exists()
-
-
 def test_dicom_contours_and_what_check_says_of_them(here, capsys):
     pytest.importorskip("pydicom")
     (here / "drawn").mkdir()
@@ -340,7 +330,7 @@ WRONG = {
     "a word as configuration": (["surface", "liver.nii.gz", "--configfile", "word.yaml"], "no keys with"),
     "an unknown key": (
         ["surface", "liver.nii.gz", "--configfile", "key.yaml"],
-        "surface.tetrahedra.meshr: unknown key; did you mean 'mesher'?",
+        "surface.tetrahedra.elments: unknown key; did you mean 'elements'?",
     ),
     "not for Snakemake": (["surface", "liver.nii.gz", "--", "--dry-run"], "leave them out"),
 }
@@ -353,7 +343,7 @@ def test_what_cannot_work_ends_in_one_line(here, capsys, arguments, words):
     (here / "folder.png").mkdir()
     (here / "table.tsv").write_text("case\torgan\tmask\n")
     (here / "word.yaml").write_text("gmsh\n")
-    (here / "key.yaml").write_text("surface: {tetrahedra: {meshr: gmsh}}\n")
+    (here / "key.yaml").write_text("surface: {tetrahedra: {elments: tet10}}\n")
     before = contents(here)
     assert main(arguments) == 1
     (line,) = capsys.readouterr().err.splitlines()

@@ -102,14 +102,6 @@ BAD = {
         "case\torgan\timage\tseed\trole\na\tliver\tct.nii\t1,2,3\ttrain\n",
         "a mask, not a seed",
     ),
-    "border without an image": (
-        "case\torgan\tmask\tborder\na\tliver\tm\timage\n",
-        "row 2: border: image needs",
-    ),
-    "border of a seed": (
-        "case\torgan\timage\tseed\tborder\na\tliver\tct\t1,2,3\timage\n",
-        "border: image needs an image and a mask",
-    ),
     "line break in a field": ('case\torgan\tmask\na\tliver\t"m\nn"\n', "line break"),
 }
 

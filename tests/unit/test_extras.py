@@ -79,7 +79,7 @@ WITHOUT = {
     "pytetwild": {"fe": writing("msh", "vtu", "inp")},
     "lib3mf": {"print": writing("3mf")},
     "pxr": {"usd": writing("usd", "usda", "usdc")},
-    "zarr": {"zarr": ["cccd surface labels.ome.zarr", "cccd surface labels.ome.zarr --slab 64"]},
+    "zarr": {"zarr": ["cccd surface labels.ome.zarr"]},
     "boto3": {"s3": [FETCHING]},
 }
 

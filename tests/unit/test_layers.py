@@ -35,7 +35,6 @@ LAYERS = {
         ("reconstruction", "closed_meshes", "thinning", "tubes"),
         ("next_slice",),
         ("api",),
-        ("paraview_plugin",),
         ("pyvista_accessor", "napari_plugin", "label_survey"),
         ("whole_map",),
         ("relabelling",),

@@ -196,7 +196,7 @@ rule fill_case:
         runtime=minutes(60),
     params:
         library=library("fill_case"),
-        settings=pick("surface", "step_tolerance_mm", "tetrahedra"),
+        settings=pick("surface", "tetrahedra"),
     script:
         "../../scripts/fill_case.py"
 

@@ -15,7 +15,6 @@ from cccd.geometry.arrays import IntArray
 from cccd.surface.surface import LoftedSurface
 from cccd.tetrahedra.build import fill_and_measure
 from cccd.tetrahedra.filling import TetrahedralMesh
-from cccd.tetrahedra.gmsh_program import rows_as_text
 
 __all__ = ["WRITERS", "write"]
 
@@ -37,13 +36,11 @@ NO_MATERIAL = (1.0, 0.3, T_PER_MM3)
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> dict[str, Any]:
     """Fill the surface unless that was done, and write the tetrahedra; the suffix chooses the format."""
-    key = f"{options.organ} {options.tolerance_mm} {options.tetrahedra.model_dump_json()}"
+    key = f"{options.organ} {options.tetrahedra.model_dump_json()}"
     if key not in options.filled:
         organs, frames = {options.organ: surface.mesh}, {options.organ: surface.frame}
         scans = {} if options.scan is None else {options.organ: options.scan}
-        options.filled[key] = fill_and_measure(
-            organs, options.tetrahedra, frames, options.tolerance_mm, scans
-        )
+        options.filled[key] = fill_and_measure(organs, options.tetrahedra, frames, scans)
     filled, report = options.filled[key]
     form = path.suffix[1:].lower()
     WRITERS[form](path, filled)
@@ -66,8 +63,8 @@ def _write_msh(path: Path, filled: TetrahedralMesh) -> None:
         f"$EndPhysicalNames\n$Nodes\n{len(numbers)}",
         *(f"{n} {x:.9g} {y:.9g} {z:.9g}" for n, (x, y, z) in zip(numbers, filled.vertices, strict=True)),
         f"$EndNodes\n$Elements\n{len(faces) + len(solids)}",
-        rows_as_text(faces, "%d"),
-        rows_as_text(solids, "%d"),
+        _rows_as_text(faces, "%d"),
+        _rows_as_text(solids, "%d"),
         "$EndElements\n",
     ]
     path.write_text("\n".join(parts), encoding="ascii")
@@ -138,7 +135,7 @@ def _inp_lines(filled: TetrahedralMesh) -> Iterator[str]:
     for n, name in enumerate(names):
         own = filled.regions == n
         yield f"*ELEMENT, TYPE={kind}, ELSET={name}"
-        yield rows_as_text(np.column_stack([numbers[own], filled.nodes[own] + 1]), "%d", ", ")
+        yield _rows_as_text(np.column_stack([numbers[own], filled.nodes[own] + 1]), "%d", ", ")
     yield "*ELSET, ELSET=EALL"
     yield from (f"{name}," for name in names)
     yield from _inp_materials(filled)
@@ -233,3 +230,10 @@ WRITERS: dict[str, Callable[[Path, TetrahedralMesh], None]] = {
     "msh": _write_msh,
     "vtu": _write_vtu,
 }
+
+
+def _rows_as_text(numbers: npt.ArrayLike, form: str, separator: str = " ") -> str:
+    """Write a row of numbers per line."""
+    table = np.asarray(numbers)
+    line = separator.join([form] * table.shape[1])
+    return "\n".join(line % tuple(row) for row in table.tolist())

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from cccd.errors import InputError
-from cccd.extras import MESHER_EXTRAS, check_extra
+from cccd.extras import check_extra
 from cccd.files.options import ExportOptions
 from cccd.lookup import find
-from cccd.settings.formats import FORMATS, TETRAHEDRA_FORMATS
+from cccd.settings.formats import FORMATS
 from cccd.store import atomic_path, check_writable
 from cccd.surface.surface import LoftedSurface
 
@@ -37,11 +37,9 @@ def format_of(path: str | Path) -> str:
     return max(known, key=len)
 
 
-def check_format(path: str | Path, mesher: str = "ftetwild") -> None:
+def check_format(path: str | Path) -> None:
     """Raise `InputError` for an unknown suffix, or a format whose extra is not installed."""
-    form = format_of(path)
-    needed = MESHER_EXTRAS[mesher] if form in TETRAHEDRA_FORMATS else FORMATS[form].extra
-    if needed:
+    if needed := FORMATS[format_of(path)].extra:
         check_extra(needed, str(path))
 
 
@@ -72,7 +70,7 @@ def write_surface(
     options = options or ExportOptions()
     if Path(path).is_dir():
         raise InputError(str(path), "that is a folder", "give the name of a file in it")
-    check_format(path, options.tetrahedra.mesher)
+    check_format(path)
     check_writable(path)
     write = find(FORMATS[format_of(path)].function)
     with atomic_path(path) as temporary:

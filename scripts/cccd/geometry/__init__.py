@@ -19,7 +19,7 @@ module             holds
 ``triangles``      single triangles, compiled: how far points are
 ``thickness``      `Lines` that meet a mesh, and how thick its walls are
 ``grid``           `ScalarGrid`: values on a grid and their isosurface
-``bsplines``       knots and basis functions of B-splines
+``bsplines``       knots of B-splines
 ``closed_splines`` closed cubic curves, compiled: basis, pieces, values and derivatives
 =================  =================================================================================
 """

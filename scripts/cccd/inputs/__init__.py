@@ -11,7 +11,6 @@ module               holds
 ``contours``         drawn contours to ordered curves
 ``regions``          an organ found by its grey values, where there is no mask
 ``growing``          an organ grown from a seed in an image
-``refining``         a mask's border moved to the image's edges
 ``sources``          scans that come with a package
 ``phantoms``         scans of organs whose surface is known, made of ``implicit_solids``
 ``degraded``         structures without a mask: a noisy scan, damaged boundary maps (``corruptions``)

@@ -38,7 +38,6 @@ from cccd.inputs.growing import grow_region
 from cccd.inputs.heads import draw_head
 from cccd.inputs.phantoms import make_phantom
 from cccd.inputs.readers import without_suffix
-from cccd.inputs.refining import refine_border
 from cccd.inputs.regions import find_region
 from cccd.inputs.row_files import EACH_ITS_OWN, LabelMap, RowFiles, read_boundary_maps, read_mask
 from cccd.inputs.sources import brain_of_stripped, read_chest_ct, read_mni152, read_whole_body_ct
@@ -549,8 +548,7 @@ def _on_slices(mask: BoolArray, origin: IntArray, frame: Frame, slices: IntArray
 def _on_coarser_grid(scan: _Scan, row: Mapping[str, str]) -> _Scan:
     """Read a mask whose voxels are copies at those that they were copied from."""
     grid, mask, frame = scan.coarser, scan.mask, scan.frame
-    refined = row.get("border") == "image"  # by pixels of the image
-    if grid is None or mask is None or scan.probability is not None or refined:
+    if grid is None or mask is None or scan.probability is not None:
         return scan
     first, last, _ = _extent_of_voxels(scan)
     coarse_mask = grid.of(mask)
@@ -606,14 +604,6 @@ def _crop(scan: _Scan, row: Mapping[str, str]) -> Structure:
         warnings = warnings + _unscored_notes(scan.mask, mask)
     if annotation is not None and mask is not None:
         mask = _on_slices(mask, first, frame, annotation.slices)
-    if row.get("border") == "image" and image is not None and mask is not None:
-        if annotation is not None:
-            problem = "border: image needs a mask of every slice, and some are not annotated"
-            raise InputError(row["location"], problem, "empty border")
-        given = mask if probability is None else probability
-        refined = refine_border(image.astype(np.float32), given, frame.slice_axis)
-        probability = np.where(crop(np.ones(frame.shape, bool), first, last), refined, np.float32(0))
-        mask = probability >= 0.5
     return Structure(
         case=row["case"],
         organ=row["organ"],

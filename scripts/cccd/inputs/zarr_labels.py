@@ -1,8 +1,7 @@
-"""Label maps in OME-Zarr, of any size: read slab by slab, never as a whole."""
+"""Label maps in OME-Zarr."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray
@@ -60,103 +58,49 @@ class ZarrLabels:
     _array: Any = field(repr=False)
     _folder: Path = field(repr=False)
 
-    @property
-    def chunk(self) -> tuple[int, int, int]:
-        """Voxels of a chunk, or of a shard, along each axis: what one file holds."""
-        z, y, x = (self._array.shards or self._array.chunks)[-3:]
-        return z, y, x
-
-    def read(self, low: int, high: int) -> AnyArray:
-        """Read slices ``low`` up to ``high``: an array (high - low, Y, X) of whole numbers.
-
-        Raises
-        ------
-        InputError
-            A chunk is damaged.
-        """
-        lead = (0,) * (self._array.ndim - 3)
-        with guarded(self.path.name, f"a chunk of slices {low} to {high - 1} is damaged", "copy it again"):
-            data = np.asarray(self._array[(*lead, slice(low, high))])
-        if data.dtype.kind not in "biu":
-            raise InputError(self.path.name, f"its values are no labels ({data.dtype})", "give a label map")
-        return data
-
-    @property
-    def frame(self) -> Frame:
-        """The grid; slices run along z."""
-        return Frame(self.affine, 0, self.shape)
-
-    def organ(self, label: str, check: bool = False) -> Callable[[int, int], BoolArray]:
-        """Return what gives the voxels of a label in slices ``low`` up to ``high``.
+    def whole(self, label: str) -> BoolArray:
+        """Read a label's voxels (Z, Y, X).
 
         Parameters
         ----------
         label : str
             Value or values, ``5`` or ``5,7``; empty for all but 0.
-        check : bool
-            Whether `check_chunks` is called.
 
         Raises
         ------
         InputError
-            The label is no number.
+            There are too many voxels, no such label, a chunk is damaged or missing, or values are no labels.
         """
+        name = self.path.name
         if label and not label.replace(",", "").isdecimal():
-            raise InputError(self.path.name, f"label {label!r} is no number", "give its value: --label 5")
-        values = [int(value) for value in label.split(",") if value]
-
-        def read(low: int, high: int) -> BoolArray:
-            data = self.read(low, high)
-            mask = np.isin(data, values) if values else data != 0
-            if check:
-                self.check_chunks(mask, low)
-            return mask
-
-        return read
-
-    def whole(self, label: str) -> BoolArray:
-        """Read a label's voxels (Z, Y, X).
-
-        Raises
-        ------
-        InputError
-            There are too many voxels, or no such label.
-        """
+            raise InputError(name, f"label {label!r} is no number", "give its value: --label 5")
         if np.prod(self.shape, dtype=float) > _MOST_VOXELS:
             size = " x ".join(map(str, self.shape))
-            raise InputError(self.path.name, f"{size} voxels are too many at once", "add --slab 64")
-        mask = self.organ(label, check=True)(0, self.shape[0])
+            raise InputError(name, f"{size} voxels are too many", "crop it to the organ, or halve its voxels")
+        if self._array.dtype.kind not in "biu":
+            raise InputError(name, f"its values are no labels ({self._array.dtype})", "give a label map")
+        with guarded(name, "a chunk is damaged", "copy it again"):
+            data = np.asarray(self._array[:]).reshape(self.shape)
+        values = [int(value) for value in label.split(",") if value]
+        mask = np.isin(data, values) if values else data != 0
         if not mask.any():
-            raise InputError(self.path.name, f"there is no label {label or 'at all'} in it", "check --label")
+            raise InputError(name, f"there is no label {label or 'at all'} in it", "check --label")
+        self._check_chunks(mask)
         return mask
 
-    def check_chunks(self, organ: BoolArray, low: int) -> None:
-        """Refuse an organ that is cut off at a chunk whose file is not there.
+    def _check_chunks(self, organ: BoolArray) -> None:
+        """Refuse an organ (Z, Y, X) that is cut off at a chunk whose file is not there.
 
         A chunk without a file is empty by Zarr's rules, and one that was lost looks the same.
-
-        Parameters
-        ----------
-        organ : (S, Y, X) bool
-            In slices from ``low`` on.
-        low : int
-
-        Raises
-        ------
-        InputError
-            It names the chunk.
         """
-        size = np.array(self.chunk)
-        first = np.array([low, 0, 0])
-        last = first + organ.shape - 1
+        size = np.array((self._array.shards or self._array.chunks)[-3:])
         lead = (0,) * (self._array.ndim - 3)
-        for number in product(*(range(a, b + 1) for a, b in zip(first // size, last // size, strict=True))):
+        for number in product(*(range(-(-n // c)) for n, c in zip(self.shape, size.tolist(), strict=True))):
             key = self._array.metadata.encode_chunk_key((*lead, *number))
-            if (self._folder / key).exists():
-                continue
-            start = np.maximum(size * number - first, 0)
-            stop = np.minimum(size * (np.array(number) + 1) - first, organ.shape)
-            if _is_cut(organ, start, stop):
+            start = size * number
+            if not (self._folder / key).exists() and _is_cut(
+                organ, start, np.minimum(start + size, self.shape)
+            ):
                 raise InputError(
                     self.path.name,
                     f"chunk {key} is missing, and the organ is cut off there",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cccd.disk_space import check_room
-from cccd.extras import MESHER_EXTRAS, check_extra
+from cccd.extras import check_extra
 from cccd.plan.cohort import StructureName
 from cccd.plan.plan import Plan
 from cccd.settings.formats import TETRAHEDRA_FORMATS
@@ -44,7 +44,7 @@ class PlannedJob:
 def extra_of(job: PlannedJob, plan: Plan) -> str | None:
     """Name the extra that a job cannot do without; most need none."""
     if job.makes_tetrahedra:
-        return MESHER_EXTRAS[plan.settings.surface.tetrahedra.mesher]
+        return "fe"
     if job.rule == "fetch_file":
         address = plan.cohort.remote[job.outputs[0]].address
         return "s3" if address.startswith("s3:") else None
@@ -72,16 +72,11 @@ def check_jobs(jobs: Sequence[PlannedJob], plan: Plan, programs_are_here: bool) 
     Raises
     ------
     InputError
-        An extra or a program that is not installed, or a disk without room.
+        An extra that is not installed, or a disk without room.
     """
     if programs_are_here:
         needing = {extra_of(job, plan): job for job in jobs}
         for extra in sorted(filter(None, needing)):
             job = needing[extra]
             check_extra(extra, f"{job.rule} {'/'.join(job.wildcards.values())}")
-        mesher = plan.settings.surface.tetrahedra.mesher
-        if mesher != "ftetwild" and any(job.makes_tetrahedra for job in jobs):
-            from cccd.tetrahedra.gmsh_program import require_gmsh  # needed by these jobs alone
-
-            require_gmsh()
     check_room(Path("results"), [file for job in jobs for file in job.outputs])

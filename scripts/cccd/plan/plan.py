@@ -97,10 +97,6 @@ class Plan:
         sheet = find_file(settings.cohort, root)
         ordered = settings.curves.ordering == "gnn"
         cohort = PlannedCohort.read(sheet, settings.surface.shared_walls, ordered, leave_out_missing)
-        for row in cohort.rows.values():
-            if row["border"] == "image" and row["organ"] in cohort.shared.get(row["case"], []):
-                problem = "border: image cannot be combined with walls that organs share"
-                raise InputError(row["location"], problem, "empty border, or set surface.shared_walls: false")
         junctions = JunctionPlan.choose(settings, cohort, root)
         segmenter = SegmenterPlan.choose(settings, cohort, root)
         tables = (_calibration(settings), _materials(settings))

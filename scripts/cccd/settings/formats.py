@@ -37,7 +37,7 @@ class Format:
         Function in `cccd.files`, called with path, surface and `cccd.files.options.ExportOptions`. Named, not
         imported: the workflow reads this table each time it starts.
     extra : str
-        The extra that writes it; tetrahedra need that of their mesher (`cccd.extras.MESHER_EXTRAS`).
+        The extra that writes it.
     made_of : {"mesh", "solids", "tetrahedra"}
         Writers of solids and of tetrahedra return a report.
     """

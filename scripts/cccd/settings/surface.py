@@ -23,12 +23,6 @@ else:
 class TetrahedraSettings(Section):
     """How closed surfaces are filled with tetrahedra."""
 
-    mesher: Literal["ftetwild", "gmsh", "gmsh-step"] = setting(
-        "ftetwild",
-        "ftetwild; or the program Gmsh, if installed: gmsh meshes surfaces, gmsh-step the STEP solids",
-        why="ftetwild (extra fe) also fills surfaces that intersect. gmsh needs walls that are shared or "
-        "apart. gmsh-step (extra cad) puts vertices on the splines, and needs organs that lie apart.",
-    )
     elements: Literal["tet4", "tet10"] = setting(
         "tet4",
         "tet4: linear tetrahedra; tet10: quadratic ones, with nodes in the middle of edges",

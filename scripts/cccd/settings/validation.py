@@ -13,7 +13,6 @@ from pydantic import ValidationError
 
 from cccd.errors import InputError
 from cccd.settings.messages import describe, nearest, show
-from cccd.settings.removed import what_became_of
 from cccd.settings.root import Settings, whole_settings
 from cccd.settings.schema import raw_schema
 
@@ -87,8 +86,6 @@ def explain(error: ValidationError, config: Mapping[str, Any]) -> InputError:
     path, value, schema = _follow(first["loc"], config)
     key = f"config key {_dotted(path)}" if path else "config"
     if first["type"] in _REFUSED_KEYS:
-        if cure := what_became_of(_dotted(path)):
-            return InputError(key, "it is no setting any more", cure)
         return InputError(key, "unknown key", nearest(str(path[-1]), schema.get("properties", {})))
     if isinstance(value, float) and not math.isfinite(value):
         return InputError(key, f"{value} is not a finite number", "give a number")

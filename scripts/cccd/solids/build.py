@@ -1,8 +1,7 @@
 """A surface as solids: one per body, with its cavities.
 
-Control meshes become their own patches. What has none, as organs that share their walls, is followed by
-patches that are fitted to its mesh: `_follow` and all that it calls, which is no longer needed once every
-surface has control meshes.
+Control meshes become their own patches. What has none, as organs that share their walls, gets a spline that
+is fitted to its mesh, or planar facets where that takes too many quads.
 """
 
 from __future__ import annotations
@@ -20,8 +19,8 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.settings.formats import COLOUR
 from cccd.solids.bodies import nest_pieces, split_bodies
+from cccd.solids.fitted import fit_within
 from cccd.solids.kernel import Part, check_solid, make_solid, require_kernel, write_parts
-from cccd.solids.patches import patches_within
 from cccd.solids.shells import Shell, facets_within, measure_deviation
 from cccd.solids.spline_shell import SplineShell, spline_shell_of
 from cccd.surface.surface import LoftedSurface
@@ -32,15 +31,8 @@ __all__ = ["Solids", "build_solids", "write_organs", "write_solids"]
 #: Percentiles from other samples of the same surfaces differ by up to this factor.
 SAMPLED = 1.25
 
-#: A piece begins with at least so many patches: three on each of twenty triangles.
-LEAST_PATCHES = 60
-
-#: A solid begins with so many, shared out by area; more come where they do not follow it. Where fewer would
-#: do the file is small already.
-FIRST_PATCHES = 300
-
-#: What needs more is made of planar facets: a patch takes four kilobytes in STEP, more than facets would.
-MOST_PATCHES = 10_000
+#: A mesh whose spline needs more quads is made of planar facets, which take less room in STEP.
+MOST_QUADS = 20_000
 
 #: A faceted solid has at most so many: each takes about a kilobyte in STEP, and CAD programs slow down
 #: beyond.
@@ -69,19 +61,19 @@ class Solids:
 def build_solids(
     surface: LoftedSurface | Mesh,
     tolerance: float,
-    most_patches: int = MOST_PATCHES,
+    most_quads: int = MOST_QUADS,
     most_facets: int = MOST_FACETS,
 ) -> Solids:
-    """Turn a surface into bodies: of its own patches, or of shells that follow its closed mesh.
+    """Turn a surface into bodies: of its own patches, or of those of splines fitted to its closed mesh.
 
     Parameters
     ----------
     surface : LoftedSurface or Mesh
-        In mm. A mesh, or a surface without control meshes, is followed.
+        In mm. To a mesh, or a surface without control meshes, splines are fitted.
     tolerance : float
         99 % of the surface shall lie within so many mm of the mesh.
-    most_patches, most_facets : int
-        Of a mesh that is followed.
+    most_quads, most_facets : int
+        Of splines, or facets, that follow a mesh.
     """
     if isinstance(surface, LoftedSurface) and surface.bodies:
         return _of_splines(surface.bodies, tolerance)
@@ -91,7 +83,7 @@ def build_solids(
     area = mesh.area
     bodies = [
         [
-            _follow(piece, piece.area / area, tolerance, most_patches, most_facets)
+            _follow(piece, piece.area / area, tolerance, most_quads, most_facets)
             for piece in (body.outer, *body.cavities)
         ]
         for body in split_bodies(mesh)
@@ -125,12 +117,13 @@ def _together(parts: Sequence[Mesh]) -> Mesh:
     return Mesh(vertices, np.concatenate([part.faces + n for part, n in zip(parts, offsets, strict=False)]))
 
 
-def _follow(mesh: Mesh, share: float, tolerance: float, most_patches: int, most_facets: int) -> Shell:
-    """Make a piece's shell of patches, or of facets where those fold; ``share`` is its part of the area."""
-    first = max(LEAST_PATCHES, round(min(FIRST_PATCHES, most_patches) * share))
-    most = max(LEAST_PATCHES, round(most_patches * share))
-    smooth = patches_within(mesh, tolerance, first, most)
-    return smooth or facets_within(mesh, tolerance, max(4, round(most_facets * share)))
+def _follow(mesh: Mesh, share: float, tolerance: float, most_quads: int, most_facets: int) -> Shell:
+    """Make a piece's shell of a spline, or else of facets; ``share`` is its part of the area."""
+    spline = fit_within(mesh, tolerance, most_quads)
+    shell = None if spline is None else spline_shell_of(spline)
+    if shell is None or len(shell.mesh.self_intersections()):
+        return facets_within(mesh, tolerance, max(4, round(most_facets * share)))
+    return shell
 
 
 def _report(bodies: Sequence[Sequence[Shell]], mesh: Mesh, tolerance: float) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from cccd.errors import InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.geometry.bsplines import DEGREE, open_knots
+from cccd.geometry.bsplines import DEGREE
 from cccd.geometry.mesh import Mesh
 from cccd.settings.formats import COLOUR
 from cccd.solids.step_points import share_points
@@ -35,7 +35,6 @@ __all__ = [
     "check_solid",
     "facet_shell",
     "make_solid",
-    "patch_shell",
     "read_solid_mesh",
     "require_kernel",
     "spline_shell",
@@ -109,53 +108,6 @@ def facet_shell(mesh: Mesh) -> Any:
             build.Add(wire, edge)
         face = TopoDS.TopoDS_Face()
         build.MakeFace(face, Geom.Geom_Plane(points[corners[0]], gp.gp_Dir(*normal)), PRECISION_MM)
-        wire.Closed(True)
-        build.Add(face, wire)
-        build.Add(shell, face)
-    shell.Closed(True)
-    return shell
-
-
-def patch_shell(quads: IntArray, nets: FloatArray) -> Any:
-    """Make a closed ``TopoDS_Shell`` of bicubic patches: a spline surface per quad, a spline per edge.
-
-    Parameters
-    ----------
-    quads : (Q, 4) int64
-        Corners, counter-clockwise from outside.
-    nets : (Q, n, n, 3) float64
-        Control points, along the first axis from corner 0 to 3, along the second from 0 to 1; equal ones on
-        common edges.
-    """
-    from OCP import BRep, Geom, TopAbs, TopoDS
-
-    build = BRep.BRep_Builder()
-    knots, times = _clamped_knots(nets.shape[1])
-    vertices: dict[int, Any] = {}
-    edges: dict[tuple[int, int], Any] = {}
-    shell = TopoDS.TopoDS_Shell()
-    build.MakeShell(shell)
-    for corners, net in zip(quads.tolist(), nets, strict=True):
-        surface = Geom.Geom_BSplineSurface(_poles(net), knots, knots, times, times, DEGREE, DEGREE)
-        face, wire = TopoDS.TopoDS_Face(), TopoDS.TopoDS_Wire()
-        build.MakeFace(face, surface, PRECISION_MM)
-        build.MakeWire(wire)
-        rims = (net[0], net[:, -1], net[-1, ::-1], net[::-1, 0])
-        for side, rim in enumerate(rims):
-            a, b = corners[side], corners[(side + 1) % 4]
-            forward = (b, a) not in edges
-            if forward:
-                for number, end in ((a, rim[0]), (b, rim[-1])):
-                    if number not in vertices:
-                        vertices[number] = _vertex(build, _point(end))
-                edges[a, b] = TopoDS.TopoDS_Edge()
-                curve = Geom.Geom_BSplineCurve(_pole_row(rim), knots, times, DEGREE)
-                build.MakeEdge(edges[a, b], curve, PRECISION_MM)
-                _bound(build, edges[a, b], vertices[a], vertices[b], 1.0)
-            edge = edges[a, b] if forward else edges.pop((b, a))
-            build.UpdateEdge(edge, _rim_in_surface(side, forward), face, PRECISION_MM)
-            build.Range(edge, face, 0.0, 1.0)
-            build.Add(wire, edge.Oriented(TopAbs.TopAbs_FORWARD if forward else TopAbs.TopAbs_REVERSED))
         wire.Closed(True)
         build.Add(face, wire)
         build.Add(shell, face)
@@ -287,28 +239,6 @@ _RIMS = (
     ((1.0, 1.0), (-1.0, 0.0)),
     ((0.0, 1.0), (0.0, -1.0)),
 )
-
-
-def _rim_in_surface(side: int, forward: bool) -> Any:
-    """Line of a patch's side in the parameters, or the same from its other end."""
-    from OCP import Geom2d, gp
-
-    (u, v), (du, dv) = _RIMS[side]
-    if not forward:
-        u, v, du, dv = u + du, v + dv, -du, -dv
-    return Geom2d.Geom2d_Line(gp.gp_Pnt2d(u, v), gp.gp_Dir2d(du, dv))
-
-
-def _clamped_knots(count: int) -> tuple[Any, Any]:
-    """Knots of a clamped uniform spline on [0, 1], and how often each stands there."""
-    from OCP import collections
-
-    values = np.unique(open_knots(count, 1.0))
-    knots, times = collections.Array1_double(1, len(values)), collections.Array1_int(1, len(values))
-    for n, value in enumerate(values.tolist(), 1):
-        knots.SetValue(n, value)
-        times.SetValue(n, DEGREE + 1 if n in {1, len(values)} else 1)
-    return knots, times
 
 
 def _poles(net: FloatArray) -> Any:

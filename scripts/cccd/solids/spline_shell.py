@@ -13,10 +13,9 @@ from cccd.geometry.limit_patches import LimitPatches, settled
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.solids.kernel import Bound, Curve, PlanarFace, SplineFace, spline_shell
-from cccd.solids.layout import grid_triangles
 from cccd.solids.quad_faces import QuadFaces, flattened
 
-__all__ = ["SplineShell", "spline_shell_of"]
+__all__ = ["SplineShell", "grid_ids", "spline_shell_of"]
 
 #: Control points are rounded to this many mm: it takes a third off a STEP file.
 STEP_MM = 1e-5
@@ -74,7 +73,7 @@ class SplineShell:
 
     @cached_property
     def _triangles(self) -> Mesh:
-        return grid_triangles(self.quads, self.patches.samples(SAMPLED))
+        return _grid_triangles(self.quads, self.patches.samples(SAMPLED))
 
     @property
     def limit(self) -> Mesh:
@@ -180,3 +179,55 @@ def spline_shell_of(mesh: ControlMesh) -> SplineShell:
         if even or halved == HALVED:
             return shell
         halved += 1
+
+
+def grid_ids(quads: IntArray, count: int) -> IntArray:
+    """Return a number for each point of a grid on every quad; neighbours share those of their common edge.
+
+    Parameters
+    ----------
+    quads : (Q, 4) int64
+        Corners; no two edges may have the same two ends.
+    count : int
+        Points along an edge, its ends included.
+
+    Returns
+    -------
+    (Q, count, count) int64
+        Corners keep their numbers, which are the lowest; then come the edges', then the inner points'.
+
+    Examples
+    --------
+    >>> two = np.array([(0, 1, 2, 3), (1, 4, 5, 2)])
+    >>> first, second = grid_ids(two, 4)
+    >>> bool(np.array_equal(first[:, -1], second[:, 0])), int(max(first.max(), second.max()))
+    (True, 27)
+    """
+    inner = count - 2
+    ends = np.stack([quads, np.roll(quads, -1, axis=1)], axis=2).reshape(-1, 2)
+    edges, edge = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
+    first = int(quads.max()) + 1
+    along = first + edge.reshape(-1, 1) * inner + np.arange(inner)
+    backwards = ends[:, 0] > ends[:, 1]
+    along[backwards] = along[backwards, ::-1]
+    along = along.reshape(len(quads), 4, inner)
+    ids = np.empty((len(quads), count, count), np.int64)
+    ids[:, 0, 0], ids[:, 0, -1], ids[:, -1, -1], ids[:, -1, 0] = quads.T
+    ids[:, 0, 1:-1], ids[:, 1:-1, -1] = along[:, 0], along[:, 1]
+    ids[:, -1, 1:-1], ids[:, 1:-1, 0] = along[:, 2, ::-1], along[:, 3, ::-1]
+    rest = first + len(edges) * inner
+    ids[:, 1:-1, 1:-1] = rest + np.arange(len(quads) * inner**2).reshape(len(quads), inner, inner)
+    return ids
+
+
+def _grid_triangles(quads: IntArray, samples: FloatArray) -> Mesh:
+    """Triangles through samples (Q, n, n, 3) of quads (Q, 4), closed where those are."""
+    ids = grid_ids(quads, samples.shape[1])
+    points = np.empty((int(ids.max()) + 1, 3))
+    points[ids] = samples
+    low, high = slice(-1), slice(1, None)
+    a, b, c, d = (
+        ids[:, rows, columns].ravel()
+        for rows, columns in ((low, low), (low, high), (high, high), (high, low))
+    )
+    return Mesh(points, np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])]))

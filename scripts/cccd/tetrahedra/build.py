@@ -9,28 +9,25 @@ from typing import Any
 from cccd.containers import Frame
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import Volume
-from cccd.settings.surface import LoftSettings, TetrahedraSettings
+from cccd.settings.surface import TetrahedraSettings
 from cccd.tetrahedra.filling import TetrahedralMesh, fill_organs, sizes_in_mm
 from cccd.tetrahedra.materials import assign_materials, check_materials
 from cccd.tetrahedra.quality import measure_tetrahedra, warnings_of
 
 __all__ = ["fill_and_measure"]
 
-_DEFAULT = LoftSettings()
-
 
 def fill_and_measure(
     organs: Mapping[str, Mesh],
     settings: TetrahedraSettings,
     frames: Mapping[str, Frame],
-    step_tolerance_mm: float = _DEFAULT.step_tolerance_mm,
     scans: Mapping[str, Volume] | None = None,
 ) -> tuple[TetrahedralMesh, dict[str, Any]]:
     """Fill organs as `fill_organs` does, give them the grey values of their scans, and report it.
 
     Parameters
     ----------
-    organs, settings, frames, step_tolerance_mm
+    organs, settings, frames
         See `fill_organs`.
     scans : mapping of str to Volume, optional
         Each organ's scan; a table of materials (``settings.materials``) needs it.
@@ -39,16 +36,16 @@ def fill_and_measure(
     -------
     TetrahedralMesh
     dict
-        Plain JSON: ``mesher``, ``edge_mm`` and ``tolerance_mm`` as asked for, ``seconds``, what
+        Plain JSON: ``edge_mm`` and ``tolerance_mm`` as asked for, ``seconds``, what
         `measure_tetrahedra` and `assign_materials` find, ``warnings``.
     """
     if settings.materials:
         check_materials(settings.materials, organs, scans or {})
     began = time.perf_counter()
-    filled = fill_organs(organs, settings, frames, step_tolerance_mm)
+    filled = fill_organs(organs, settings, frames)
     seconds = time.perf_counter() - began
     edge, tolerance = sizes_in_mm(organs, settings)
-    report: dict[str, Any] = {"mesher": settings.mesher, "edge_mm": edge, "tolerance_mm": tolerance}
+    report: dict[str, Any] = {"edge_mm": edge, "tolerance_mm": tolerance}
     report["seconds"] = round(seconds, 1)
     report |= measure_tetrahedra(filled, organs)
     filled, found = assign_materials(filled, scans or {}, settings.materials)

@@ -1,8 +1,7 @@
 """Tetrahedra through the organs of a case: one conforming mesh, a region for each organ, named boundaries.
 
-fTetWild (Hu et al. 2020, `pytetwild`) fills the box around all surfaces at once, or Gmsh all bodies, so that
-neighbours share the faces of the wall between them; a tetrahedron is of the smallest organ that its middle
-lies in.
+fTetWild (Hu et al. 2020, `pytetwild`) fills the box around all surfaces at once, so that neighbours share the
+faces of the wall between them; a tetrahedron is of the smallest organ that its middle lies in.
 """
 
 from __future__ import annotations
@@ -19,9 +18,8 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import LoftSettings, TetrahedraSettings
+from cccd.settings.surface import TetrahedraSettings
 from cccd.tetrahedra.chords import balance_chords
-from cccd.tetrahedra.gmsh_program import fill_solids, fill_surfaces
 from cccd.tetrahedra.quadratic import FACE_EDGES, curve_edges, quadratic_volumes
 from cccd.tetrahedra.shapes import FACES, signed_volumes
 
@@ -29,8 +27,6 @@ if TYPE_CHECKING:
     from cccd.tetrahedra.materials import Materials
 
 __all__ = ["TetrahedralMesh", "fill_organs", "sizes_in_mm"]
-
-_DEFAULT = LoftSettings()
 
 #: Without a number of the user's, edges are at most this share of the box's diagonal, as in fTetWild, ...
 EDGE_SHARE = 1 / 20
@@ -140,7 +136,6 @@ def fill_organs(
     organs: Mapping[str, Mesh],
     settings: TetrahedraSettings,
     frames: Mapping[str, Frame] | None = None,
-    step_tolerance_mm: float = _DEFAULT.step_tolerance_mm,
 ) -> TetrahedralMesh:
     """Fill closed surfaces with tetrahedra.
 
@@ -155,16 +150,13 @@ def fill_organs(
         Section ``surface.tetrahedra`` of the configuration.
     frames : mapping of str to Frame, optional
         Each organ's scan: where it ends the organ has faces ``cut``.
-    step_tolerance_mm : float
-        Of the solids that the mesher ``gmsh-step`` takes.
 
     Raises
     ------
     InputError
-        A surface that is not closed, or an organ that is too small for the edges asked for; gmsh is asked for
-        and missing, or surfaces are not as it wants them.
+        A surface that is not closed, or an organ that is too small for the edges asked for.
     ModuleNotFoundError
-        Where the extra that the mesher needs is not installed.
+        Where the extra fe is not installed.
 
     Examples
     --------
@@ -178,14 +170,8 @@ def fill_organs(
     for name, mesh in organs.items():
         if not mesh.is_closed_manifold:
             raise InputError(name, "the mesh is not closed: it encloses no volume", "export another format")
-    sizes = sizes_in_mm(organs, settings)
-    _refuse_too_many(organs, *sizes, settings.most)
-    if settings.mesher == "gmsh":
-        vertices, tetrahedra = fill_surfaces(organs, *sizes)
-    elif settings.mesher == "gmsh-step":
-        vertices, tetrahedra = fill_solids(organs, *sizes, step_tolerance_mm)
-    else:
-        vertices, tetrahedra = _fill_box(organs, settings)
+    _refuse_too_many(organs, *sizes_in_mm(organs, settings), settings.most)
+    vertices, tetrahedra = _fill_box(organs, settings)
     turned = signed_volumes(vertices, tetrahedra) < 0
     tetrahedra[turned] = tetrahedra[turned][:, (0, 2, 1, 3)]
     inside = _inside(vertices[tetrahedra].mean(axis=1), organs)

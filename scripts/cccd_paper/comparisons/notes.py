@@ -20,7 +20,6 @@ from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES, Family
 from cccd_paper.comparisons.cohort_tables import as_smooth, at_best, baseline_rows, figure_11_rows, has_truth
 from cccd_paper.comparisons.paper_k import AUTOMATIC, CCCD, COARSE_K, DISTANCES, TABLE_3
 from cccd_paper.comparisons.reconstruction_comparison import DENSE, HARRIS
-from cccd_paper.comparisons.segmenters import REFINED
 
 __all__ = [
     "algorithm_1", "compactness", "corner_surfaces", "figure_9", "figure_10", "figure_11", "figure_12",
@@ -132,7 +131,7 @@ def segmenters(cohort: Cohort) -> str:
 def _networks_on(organ: str, table: pd.DataFrame) -> str:
     own, paper = f"{CCCD}, {FINEST}", table.groupby("method")["paper_dice_percent"].first()
     dice = table.groupby(["given", "method"], sort=False)["dice_percent"].mean()
-    networks = dice["the image"][~dice["the image"].index.str.endswith(REFINED)]
+    networks = dice["the image"]
     printed = paper[networks.index].dropna().sort_values(ascending=False)
     changes = [dice[name, own] - score for name, score in networks.items()]
     above = f"{(dice['the true mask', own] > networks).sum()} of {len(networks)}"

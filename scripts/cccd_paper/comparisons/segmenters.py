@@ -35,7 +35,6 @@ from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import Volume
 from cccd.inputs.growing import grow_region
-from cccd.inputs.refining import refine_border
 from cccd.metrics import dice, surface_distances
 from cccd.seeds import Seed
 from cccd.settings.boundaries import BoundarySettings
@@ -54,7 +53,6 @@ if TYPE_CHECKING:  # torch takes seconds to load
 __all__ = [
     "A_SEED",
     "COLUMNS",
-    "REFINED",
     "THE_IMAGE",
     "TRUE_MASK",
     "ShippedNetworks",
@@ -69,8 +67,6 @@ _Volume = TypeVar("_Volume", BoolArray, SingleArray)
 #: or the image and a voxel in the middle of each part of the organ.
 THE_IMAGE, TRUE_MASK, A_SEED = "the image", "the true mask", "the image and a seed"
 
-#: Added to the name of a network whose border was moved to the image's edges.
-REFINED = ", border moved to the image's edges"
 
 COLUMNS = (
     "method", "given", "dice_percent", "assd_mm", "hd95_mm", "parameters", "points_per_slice",
@@ -157,10 +153,9 @@ def compare_segmenters(
     DataFrame
         Columns as in `COLUMNS`. Masks are compared in 3D on the scan's grid. ``bytes_per_slice`` is a bit per
         pixel of the scan's slices for a mask, and 8 bytes per control point, as the paper counts, for CCCD.
-        The network of the highest Dice has another row for its probabilities with their border moved to the
-        image's edges (`cccd.inputs.refining`). It alone has ``surface_assd_mm``, the distance between the
-        surface that its mask leads to and the true one, and ``probability_surface_assd_mm``, that of its
-        probabilities at one half.
+        The network of the highest Dice alone has ``surface_assd_mm``, the distance between the surface that
+        its mask leads to and the true one, and ``probability_surface_assd_mm``, that of its probabilities at
+        one half.
     """
     if not segmenters.segmenters or structure.provenance.get("source") != "phantom":
         return pd.DataFrame(columns=list(COLUMNS))
@@ -188,8 +183,6 @@ def compare_segmenters(
         rows += [row, *described]
         if row["dice_percent"] > most:
             best, most = (row, chances, fitted), row["dice_percent"]
-    if best is not None:
-        rows.append(_refined_row(best[0], best[1], scan, truth, frame))
     if best is not None and structure.truth is not None:
         row, chances, fitted = best
         row["surface_assd_mm"] = _surface_distance(fitted, structure.truth, lofting)
@@ -287,21 +280,6 @@ def _middles(truth: BoolArray, frame: Frame) -> list[Seed]:
         i, j, k = (int(index) for index in np.unravel_index(depth.argmax(), depth.shape))
         seeds.append(Seed((i, j, k), (i + 1, j + 1, k + 1)))
     return seeds
-
-
-def _refined_row(
-    own: dict[str, Any], chances: SingleArray, scan: Volume, truth: BoolArray, frame: Frame
-) -> dict[str, Any]:
-    """Measure a network's probabilities, their border moved to the image's edges; ``own`` is its row."""
-    begun = time.process_time()
-    moved = refine_border(np.asarray(scan.data, np.float32), chances, frame.slice_axis) >= _LEVEL
-    seconds = (time.process_time() - begun) / scan.shape[frame.slice_axis]
-    return {
-        "method": f"{own['method']}{REFINED}",
-        "given": THE_IMAGE,
-        **_compare(moved, truth, frame),
-        "seconds_per_slice": own["seconds_per_slice"] + seconds,
-    }
 
 
 def _compare(found: BoolArray, truth: BoolArray, frame: Frame) -> dict[str, float]:

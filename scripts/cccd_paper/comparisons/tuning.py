@@ -13,9 +13,8 @@ from cccd.geometry.mesh import Mesh
 from cccd.surface.measure import Reference, measure_mesh
 from cccd_paper.comparisons.baselines.surfaces import Family, Program
 from cccd_paper.comparisons.paper_k import AS_SMOOTH, AS_SMOOTH_SLACK, BEST, DEFAULTS
-from cccd_paper.comparisons.sinc_grid import Smoothing, smoothed
 from cccd_paper.comparisons.timing import timed
-from cccd_paper.comparisons.volume_meshes import windowed_sinc
+from cccd_paper.comparisons.volume_meshes import Smoothing, windowed_sinc
 
 __all__ = ["SAMPLES", "Truth", "tuned_rows"]
 
@@ -126,9 +125,7 @@ def _candidates(family: Family | Program, structure: Structure, truth: Truth) ->
     unsmoothed = "" if isinstance(family, Program) else "no smoothing"
     for shape, mesh, seconds in family.meshes(structure):
         scorer = _Scorer(mesh, truth)
-        tried = [setting for setting in family.smoothings if setting is not None]
-        moved = dict(zip(tried, smoothed(mesh, tried), strict=True)) if tried else {}
         for setting in family.smoothings:
             name = ", ".join(filter(None, (shape, unsmoothed if setting is None else str(setting))))
-            vertices = mesh.vertices if setting is None else moved[setting]
-            yield _Candidate(*scorer.score(vertices), mesh, setting, name, seconds)
+            moved = mesh if setting is None else windowed_sinc(mesh, setting.rounds, setting.pass_band)
+            yield _Candidate(*scorer.score(moved.vertices), mesh, setting, name, seconds)

@@ -10,7 +10,7 @@ import sys
 import tempfile
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 import pyvista as pv
@@ -23,7 +23,9 @@ from cccd.geometry.mesh import Mesh
 from cccd_paper.comparisons import interpolate_contours
 
 __all__ = [
+    "GRID",
     "MORPHOLOGICAL",
+    "Smoothing",
     "antialiased_isosurface",
     "distance_isosurface",
     "flying_edges",
@@ -161,6 +163,24 @@ def morphological_isosurface(structure: Structure) -> Mesh:
         field = np.load(filled).astype(np.float32)
     mesh = from_polydata(_to_grid(field).contour([0.5], scalars="field", method="flying_edges"))
     return _in_world(structure, Mesh(mesh.vertices / (parts, 1, 1), mesh.faces))
+
+
+class Smoothing(NamedTuple):
+    """A setting of VTK's windowed-sinc filter."""
+
+    pass_band: float
+    rounds: int
+
+    def __str__(self) -> str:
+        """Write it as the tables do."""
+        slicers = ", 3D Slicer's default" if self == _SLICER else ""
+        return f"pass band {self.pass_band:g}, {self.rounds} rounds{slicers}"
+
+
+#: 3D Slicer's smoothing factor of 0.5: its pass band is 10 to the power of -4 times the factor.
+_SLICER = Smoothing(0.01, 20)
+#: What is tried.
+GRID = tuple(Smoothing(band, rounds) for band in (0.1, 0.05, 0.01) for rounds in (20, 60))
 
 
 def windowed_sinc(mesh: Mesh, iterations: int = SINC_ITERATIONS, pass_band: float = SINC_PASS_BAND) -> Mesh:

@@ -1,4 +1,4 @@
-"""OME-Zarr label maps are read whole and in slabs, lie where their axes say, and refuse what is missing."""
+"""OME-Zarr label maps lie where their axes say, and refuse what is missing."""
 
 import json
 from pathlib import Path
@@ -8,7 +8,6 @@ import pytest
 
 from cccd.cli import main
 from cccd.errors import InputError
-from cccd.geometry.distance import to_mesh
 from cccd.geometry.ply import read_ply
 
 zarr = pytest.importorskip("zarr")
@@ -54,22 +53,15 @@ def here(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("version", ["0.4", "0.5"])
-def test_slabs_and_the_whole_lie_where_the_axes_say(here, capsys, version):
+def test_a_surface_lies_where_the_axes_say(here, version):
     path = write(here / "map.ome.zarr", labels(), version)
     assert is_zarr(path)
-    assert main(["surface", "map.ome.zarr", "--label", "7", "-o", "whole.ply"]) == 0
-    assert main(["surface", "map.ome.zarr", "--label", "7", "--slab", "20", "-o", "slabs.ply", "--json"]) == 0
-    printed = capsys.readouterr().out
-    (made,) = json.loads(printed[printed.index("{") :])["surfaces"]
-    whole, slabs = read_ply("whole.ply"), read_ply("slabs.ply")
-    assert slabs.is_closed_manifold
-    assert made["volume_ml"] == pytest.approx(slabs.volume / 1000, abs=1e-4)
-    for mesh in (whole, slabs):
-        assert mesh.volume == pytest.approx((labels() == 7).sum() * np.prod(SCALE), rel=0.015)
-        middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
-        true = np.array((18.6 + 40, 0.8 * 20.3 - 3, 2 * 32.5 + 5))
-        assert np.abs(middle - true).max() < 0.35
-    assert np.abs(to_mesh(slabs.vertices, whole)).mean() < 0.15
+    assert main(["surface", "map.ome.zarr", "--label", "7", "-o", "rod.ply"]) == 0
+    mesh = read_ply("rod.ply")
+    assert mesh.volume == pytest.approx((labels() == 7).sum() * np.prod(SCALE), rel=0.015)
+    middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
+    true = np.array((18.6 + 40, 0.8 * 20.3 - 3, 2 * 32.5 + 5))
+    assert np.abs(middle - true).max() < 0.35
 
 
 def test_units_and_orientations_are_followed(here):
@@ -86,7 +78,7 @@ def test_a_time_and_a_channel_are_left_out(here):
     axes += [{"name": name, "type": "space"} for name in "zyx"]
     found = open_zarr(write(here / "map.zarr", labels(), axes=axes))
     assert found.shape == (70, 48, 40)
-    np.testing.assert_array_equal(found.read(30, 33), labels()[30:33])
+    np.testing.assert_array_equal(found.whole("7"), labels() == 7)
 
 
 def test_what_ngff_zarr_writes_is_read(here):
@@ -97,34 +89,32 @@ def test_what_ngff_zarr_writes_is_read(here):
     )  # fmt: skip
     ngff.to_ngff_zarr("map.ome.zarr", ngff.to_multiscales(image, scale_factors=[]), version="0.5")
     found = open_zarr(here / "map.ome.zarr")
-    np.testing.assert_array_equal(found.read(0, 70), labels())
+    np.testing.assert_array_equal(found.whole("3,7"), labels() > 0)
     np.testing.assert_allclose(found.affine @ (0, 0, 0, 1), (*SHIFT[::-1], 1))
     np.testing.assert_allclose(found.affine @ (1, 0, 0, 0), (0, 0, 2, 0))
 
 
-@pytest.mark.parametrize("slab", [[], ["--slab", "20"]], ids=["whole", "slabs"])
-def test_a_chunk_that_is_missing_is_named(here, capsys, slab):
+def test_a_chunk_that_is_missing_is_named(here):
     path = write(here / "map.ome.zarr", labels())
     (path / "0" / "c" / "2" / "1" / "1").unlink()
-    assert main(["surface", "map.ome.zarr", "--label", "7", "-o", "a.ply", *slab]) == 1
-    error = capsys.readouterr().err
-    assert "map.ome.zarr: chunk c/2/1/1 is missing, and the organ is cut off there; copy the folder" in error
-    assert not Path("a.ply").exists()
+    with pytest.raises(InputError, match="chunk c/2/1/1 is missing, and the organ is cut off there"):
+        open_zarr(path).whole("7")
 
 
 def test_chunks_that_are_empty_need_no_file(here):
     path = write(here / "map.ome.zarr", labels())
     assert not (path / "0" / "c" / "0" / "2" / "2").exists()  # Zarr writes none
-    assert main(["surface", "map.ome.zarr", "--slab", "20", "-o", "a.ply"]) == 0
+    np.testing.assert_array_equal(open_zarr(path).whole(""), labels() > 0)
 
 
 def test_a_damaged_chunk_is_one_line(here, capsys):
     path = write(here / "map.ome.zarr", labels())
     (path / "0" / "c" / "2" / "1" / "1").write_bytes(b"nothing")
-    assert main(["surface", "map.ome.zarr", "--slab", "20", "-o", "a.ply"]) == 1
+    assert main(["surface", "map.ome.zarr", "-o", "a.ply"]) == 1
     error = capsys.readouterr().err
     assert "is damaged" in error
     assert error.count("\n") == 1
+    assert not Path("a.ply").exists()
 
 
 def test_what_cannot_work_ends_in_one_line(here, capsys):
@@ -135,17 +125,16 @@ def test_what_cannot_work_ends_in_one_line(here, capsys):
     meta = json.loads((two / "zarr.json").read_text())
     meta["attributes"]["ome"]["multiscales"][0]["axes"] = axes[:1] + axes[:0:-1]
     (two / "zarr.json").write_text(json.dumps(meta))
+    group = zarr.open_group(write(here / "vast.ome.zarr", labels()), mode="a")
+    group.create_array("0", shape=(1000, 1000, 1000), chunks=(100, 100, 100), dtype="u1", overwrite=True)
     wrong = {
         ("nowhere.ome.zarr",): "there is no such folder",
         ("plain.zarr",): "it has no OME multiscales",
         ("two.zarr",): "its axes are c 1, x 70, y 48, z 40",
         ("map.ome.zarr", "--label", "9"): "there is no label 9 in it",
-        ("map.ome.zarr", "--label", "9", "--slab", "20"): "there is no label 9 in it",
         ("map.ome.zarr", "--label", "liver"): "label 'liver' is no number",
-        ("map.ome.zarr", "--slab", "3"): "3 slices are too few",
-        ("map.ome.zarr", "--slab", "20", "-o", "a.step"): "it cannot be written slab by slab",
         ("map.ome.zarr", "--all-labels"): "read as a label map, one label at a time",
-        ("map.nii.gz", "--slab", "20"): "is no OME-Zarr",
+        ("vast.ome.zarr",): "1000 x 1000 x 1000 voxels are too many",
     }
     for arguments, words in wrong.items():
         assert main(["surface", *arguments]) == 1
@@ -157,4 +146,4 @@ def test_what_cannot_work_ends_in_one_line(here, capsys):
 def test_an_image_of_fractions_is_no_label_map(here):
     found = open_zarr(write(here / "map.zarr", labels().astype(np.float32)))
     with pytest.raises(InputError, match="its values are no labels"):
-        found.read(0, 3)
+        found.whole("")

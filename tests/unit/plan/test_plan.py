@@ -276,11 +276,6 @@ def test_only_a_bucket_needs_its_own_client(address, extra):
     assert extra_of(PlannedJob("fetch_file", {}, [path]), plan) == extra
 
 
-def test_another_mesher_needs_another_extra():
-    plan = plan_of(MASK, surface={"tetrahedra": {"mesher": "gmsh-step"}})
-    assert extra_of(PlannedJob("fill_case", {"case": "a"}, []), plan) == "cad"
-
-
 def test_a_missing_extra_is_named_with_the_job_before_it_starts(monkeypatch):
     monkeypatch.setitem(EXTRAS, "cad", ("no_such_module",))
     plan, wildcards = plan_of(MASK), {"case": "a", "organ": "ball", "solid_format": "step"}

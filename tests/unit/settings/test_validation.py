@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from cccd.errors import InputError
-from cccd.settings.emit import keys
 from cccd.settings.messages import nearest
-from cccd.settings.removed import what_became_of
 from cccd.settings.root import Settings, whole_settings
 from cccd.settings.validation import validate_config
 
@@ -85,39 +83,6 @@ def test_bad_value_deep_inside_is_named_too(config, expected):
         validate_config(config)
     for part in expected:
         assert part in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("config", "line"),
-    [
-        (
-            {"surface": {"edge_voxels": 2}},
-            "surface.edge_voxels: it is no setting any more; the spline surface decides that by itself: "
-            "delete the key",
-        ),
-        (
-            {"surface": {"matching": {"smallest_part_voxels": 3}}},
-            "surface.matching: it is no setting any more; its smallest_part_voxels is "
-            "surface.smallest_part_voxels now; delete the others",
-        ),
-        (
-            {"curves": {"fitting": {"knots": {"few": 9}}}},
-            "curves.fitting: it is no setting any more; its value is fixed in the code now: delete the key",
-        ),
-        (
-            {"gnn": {"width": 16, "link_width": 12}},
-            "gnn.link_width: it is no setting any more; it follows from gnn.width now: delete the key",
-        ),
-    ],
-)
-def test_a_key_of_an_older_version_is_told_what_became_of_it(config, line):
-    with pytest.raises(InputError) as caught:
-        validate_config(config)
-    assert str(caught.value) == f"config key {line}"
-
-
-def test_no_key_that_is_there_is_told_to_be_gone():
-    assert [key.dotted for key in keys() if what_became_of(key.dotted)] == []
 
 
 def as_text(value):

@@ -45,7 +45,7 @@ def step(request, tmp_path_factory):
     """A file of a ball with a cavity, and the volume of its mesh."""
     mesh = together(sphere(10.0, subdivisions=3), sphere(6.0, subdivisions=3).reversed())
     smooth = request.param == "splines"
-    solids = build_solids(mesh, 0.2) if smooth else build_solids(mesh, 0.01, most_patches=12, most_facets=800)
+    solids = build_solids(mesh, 0.2) if smooth else build_solids(mesh, 0.01, most_quads=12, most_facets=800)
     path = tmp_path_factory.mktemp("step") / "organ.step"
     report = write_solids(path, "organ", solids, "step")
     assert report["smooth_shells"] == (2 if smooth else 0)

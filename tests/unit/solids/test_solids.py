@@ -74,7 +74,7 @@ def test_step_says_unit_names_and_colours(tmp_path):
 
 def test_a_tolerance_out_of_reach_is_said_and_the_solid_holds(tmp_path):
     report = write_solids(
-        tmp_path / "a.step", "a", build_solids(sphere(), 1e-4, most_patches=60, most_facets=200), "step"
+        tmp_path / "a.step", "a", build_solids(sphere(), 1e-4, most_quads=60, most_facets=200), "step"
     )
     assert report["valid"]
     assert report["faces"] <= 200

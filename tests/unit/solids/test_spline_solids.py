@@ -16,7 +16,7 @@ from cccd.files.options import ExportOptions
 from cccd.files.write import write_surface
 from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.solids.quad_faces import QuadFaces, flattened
-from cccd.solids.spline_shell import SplineShell, spline_shell_of
+from cccd.solids.spline_shell import SplineShell, grid_ids, spline_shell_of
 from cccd.surface.control_mesh import split_to_quads
 from cccd.surface.surface import LoftedSurface
 
@@ -52,6 +52,16 @@ def test_every_edge_lies_between_two_faces(mesh):
     for wire in wires:
         ends = faces.links.origin[faces.links.twin[faces.tail[wire]]]
         assert np.array_equal(ends, np.roll(faces.links.origin[wire], -1))
+
+
+def test_neighbours_share_the_points_of_their_edge():
+    ids = grid_ids(cube().quads, 5)
+    assert len(np.unique(ids)) == 8 + 12 * 3 + 6 * 9
+    sides = [face[:, (0, -1)].T.tolist() + face[(0, -1), :].tolist() for face in ids]
+    edges = sorted(
+        tuple(side) if side[0] < side[-1] else tuple(side[::-1]) for face in sides for side in face
+    )
+    assert edges[::2] == edges[1::2]
 
 
 def test_quads_of_one_polygon_become_one_face():

@@ -11,10 +11,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "geometry"))
 from solids import mesh_of, sphere
 
 from cccd.containers import Frame
-from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import TetrahedraSettings
 
-__all__ = ["FRAME", "HALF", "SETTINGS", "WIDTH", "one_wall", "two_halves"]
+__all__ = ["FRAME", "HALF", "SETTINGS", "WIDTH", "two_halves"]
 
 #: Of the bar's section, and of each organ's length, in mm.
 WIDTH, HALF = 10.0, 20.0
@@ -31,11 +30,3 @@ def two_halves():
         "right": mesh_of(box, (0, 0, HALF / 2)),
         "tumour": sphere(3.0, (0, 0, -HALF / 2), subdivisions=3),
     }
-
-
-def one_wall():
-    """Return the same with the very same triangles on both sides of the wall between the halves."""
-    organs = two_halves()
-    left = organs["left"]
-    mirrored = Mesh(left.vertices * np.array([1, 1, -1.0]), left.faces[:, ::-1].copy())
-    return organs | {"right": mirrored}

@@ -1,7 +1,6 @@
 """Tetrahedra through several organs: one conforming mesh, whose regions and boundaries are the organs'."""
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -9,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 import trimesh
-from bars import FRAME, HALF, SETTINGS, WIDTH, one_wall, two_halves
+from bars import FRAME, HALF, SETTINGS, WIDTH, two_halves
 from solids import mesh_of, sphere
 
 import cccd
@@ -17,8 +16,6 @@ from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.files.tetrahedra import WRITERS
 from cccd.geometry.mesh import Mesh
-from cccd.settings.surface import TetrahedraSettings
-from cccd.tetrahedra import gmsh_program
 from cccd.tetrahedra.build import fill_and_measure
 from cccd.tetrahedra.chords import balance_chords
 from cccd.tetrahedra.filling import fill_organs
@@ -162,88 +159,6 @@ def test_an_open_surface_is_refused():
     ball = sphere(5.0)
     with pytest.raises(InputError, match="not closed"):
         fill_organs({"open": Mesh(ball.vertices, ball.faces[1:])}, SETTINGS)
-
-
-# Other meshers ------------------------------------------------------------------------------------------
-
-
-def gmsh_runs():
-    program = shutil.which("gmsh", path=gmsh_program.search_path())
-    environment = os.environ | {"PATH": gmsh_program.search_path()}
-    return (
-        program
-        and not subprocess.run([program, "--version"], capture_output=True, env=environment).returncode
-    )
-
-
-needs_gmsh = pytest.mark.skipif(not gmsh_runs(), reason="gmsh does not run here (apt install gmsh)")
-
-
-@needs_gmsh
-def test_gmsh_fills_organs_that_share_a_wall_or_lie_in_one_another():
-    organs = one_wall()
-    settings = TetrahedraSettings(mesher="gmsh", edge_mm=6, tolerance_mm=0.4)
-    filled, report = fill_and_measure(organs, settings, dict.fromkeys(organs, FRAME))
-    assert set(filled.group_names) == {
-        *("cut_left", "cut_right", "wall_left", "wall_right"),
-        *("interface_left_right", "interface_left_tumour"),
-    }
-    assert filled.volumes.min() > 0
-    left, right, tumour = (as_sets(boundary(filled.tetrahedra[filled.regions == n])) for n in range(3))
-    assert as_sets(filled.group("interface_left_tumour")) == left & tumour == tumour
-    wall = filled.group("interface_left_right")
-    assert as_sets(wall) == left & right
-    assert filled.vertices[wall][:, :, 2] == pytest.approx(0, abs=1e-9)
-    assert Mesh(filled.vertices, wall).area == pytest.approx(WIDTH**2)
-    for name, surface in organs.items():
-        mesh = Mesh(filled.vertices, boundary(filled.tetrahedra[filled.regions == list(organs).index(name)]))
-        assert mesh.is_closed_manifold
-        assert report["organs"][name]["volume_ratio"] == pytest.approx(1, abs=0.01), surface
-    assert report["organs"]["left"]["least_dihedral_deg"]["min"] > 8
-
-
-@needs_gmsh
-def test_gmsh_fills_both_bodies_of_an_organ_and_not_its_cavity():
-    shell, hollow = sphere(8.0, subdivisions=3), sphere(5.0, subdivisions=3)
-    parts = [
-        part.to_trimesh() for part in (shell, hollow.reversed(), sphere(6.0, (20.0, 0, 0), subdivisions=3))
-    ]
-    organ = mesh_of(trimesh.util.concatenate(parts))
-    settings = TetrahedraSettings(mesher="gmsh", edge_mm=6, tolerance_mm=0.5)
-    filled = fill_organs({"organ": organ}, settings)
-    assert filled.group_names == ("wall",)
-    assert filled.volumes.sum() == pytest.approx(organ.volume, rel=0.03)
-    assert len(Mesh(filled.vertices, filled.triangles).pieces()) == 3
-
-
-@needs_gmsh
-def test_gmsh_fills_the_solids_of_step():
-    pytest.importorskip("OCP", reason="cadquery-ocp-novtk is not installed")
-    balls = {"large": sphere(9.0, subdivisions=3), "small": sphere(6.0, (20.0, 0, 0), subdivisions=3)}
-    settings = TetrahedraSettings(mesher="gmsh-step", edge_mm=8, tolerance_mm=1)
-    filled, report = fill_and_measure(balls, settings, {}, 0.5)
-    assert filled.group_names == ("wall_large", "wall_small")
-    for name, organ in report["organs"].items():
-        assert organ["volume_ratio"] == pytest.approx(1, abs=0.05)
-        radius = np.linalg.norm(
-            filled.vertices[filled.group(f"wall_{name}")] - balls[name].vertices.mean(axis=0), axis=2
-        )
-        assert radius == pytest.approx(np.abs(balls[name].vertices[:, 2]).max(), abs=0.2)
-
-
-@needs_gmsh
-def test_gmsh_is_not_asked_for_what_it_cannot_do():
-    crossing = {"liver": sphere(8.0, subdivisions=2), "spleen": sphere(8.0, (9.3, 0.1, 0.2), subdivisions=2)}
-    with pytest.raises(InputError, match=r"liver and spleen: .* intersect .*shared_walls"):
-        fill_organs(crossing, SETTINGS.model_copy(update={"mesher": "gmsh"}))
-    with pytest.raises(InputError, match=r"left and right: they touch|left and tumour: they touch"):
-        fill_organs(one_wall(), SETTINGS.model_copy(update={"mesher": "gmsh-step"}))
-
-
-def test_one_line_says_that_gmsh_is_missing(monkeypatch):
-    monkeypatch.setattr(gmsh_program, "search_path", lambda: "")
-    with pytest.raises(InputError, match=r"surface.tetrahedra.mesher: gmsh is not installed; apt install"):
-        fill_organs(two_halves(), SETTINGS.model_copy(update={"mesher": "gmsh"}))
 
 
 # What others read -------------------------------------------------------------------------------------

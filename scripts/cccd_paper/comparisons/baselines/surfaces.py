@@ -13,9 +13,9 @@ from cccd_paper.comparisons import point_meshes, programs, volume_meshes
 from cccd_paper.comparisons.baselines import Baseline, always
 from cccd_paper.comparisons.lofted_distances import lofted_distances
 from cccd_paper.comparisons.paper_k import DISTANCES
-from cccd_paper.comparisons.sinc_grid import GRID, Smoothing
 from cccd_paper.comparisons.tensor_product_loft import TUNED, tensor_product_loft
 from cccd_paper.comparisons.timing import timed
+from cccd_paper.comparisons.volume_meshes import GRID, Smoothing
 
 __all__ = ["FAMILIES", "SURFACES", "Family", "Program"]
 

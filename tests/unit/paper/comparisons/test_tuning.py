@@ -9,9 +9,8 @@ from cccd.geometry.mesh import Mesh
 from cccd.surface.measure import Reference
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES
 from cccd_paper.comparisons.paper_k import AS_SMOOTH, BEST, DISTANCES
-from cccd_paper.comparisons.sinc_grid import GRID, smoothed
 from cccd_paper.comparisons.tuning import Truth, tuned_rows
-from cccd_paper.comparisons.volume_meshes import flying_edges, has_morphological, windowed_sinc
+from cccd_paper.comparisons.volume_meshes import has_morphological, windowed_sinc
 
 RADIUS = 12.0
 
@@ -32,14 +31,6 @@ def structure():
     place = np.einsum("xy,y...->x...", affine[:3, :3], index) - 16
     mask = np.linalg.norm(place, axis=0) <= RADIUS
     return Structure("case", "ball", Frame(affine, 2, mask.shape), np.zeros(3, int), mask=mask, truth=ball())
-
-
-def test_one_pass_smooths_as_vtk_does_at_every_setting(structure):
-    rough = flying_edges(structure)
-    for setting, vertices in zip(GRID, smoothed(rough, GRID), strict=True):
-        filtered = windowed_sinc(rough, setting.rounds, setting.pass_band)
-        assert np.array_equal(filtered.faces, rough.faces)
-        assert vertices == pytest.approx(filtered.vertices, abs=1e-4)
 
 
 def test_near_triangles_measure_as_all_do():
