@@ -17,11 +17,12 @@ from cccd.junctions.ordering import count_changes
 from cccd.metrics import dice
 from cccd.seeds import parse_seeds
 from cccd.settings.surface import LoftSettings
-from cccd.surface import LoftedSurface, loft_mesh
+from cccd.surface import LoftedSurface
 from cccd.surface.measure import Reference, measure_mesh
 from cccd.tracing import trace_stack
 from cccd_paper.comparisons.baselines.decoders import DECODERS
 from cccd_paper.comparisons.decoders import decode
+from cccd_paper.comparisons.lofted_distances import filtered_mesh
 from cccd_paper.comparisons.ordering_comparison import decided_slices
 from cccd_paper.comparisons.samples import between
 from cccd_paper.junctions.grid import build_grid
@@ -89,7 +90,7 @@ def compare_map_surfaces(
     surface : LoftedSurface
         The one lofted from these.
     lofting : LoftSettings
-        As the structure's own surface was made.
+        As the structure's own surface was made. The others are filtered alike and have no spline.
 
     Returns
     -------
@@ -110,7 +111,7 @@ def compare_map_surfaces(
     def lofted(curves: Curves) -> dict[str, object]:
         if not len(curves):
             return {}
-        return measured(loft_mesh(Sections(curves), lofting))
+        return measured(filtered_mesh(Sections(curves), lofting))
 
     name, decoded = best_decoded(structure, boundaries)
     decided = len(decided_slices(boundaries))
