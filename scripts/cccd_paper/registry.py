@@ -241,6 +241,9 @@ _NOTES, _TABLES, _PLOTS = (
     "cccd_paper.figures.items.",
 )
 
+#: Of items whose comparison is `Comparison.further` for ``others``.
+_FIRST_ONLY = "The default run has the first structure of each case; `snakemake evidence` adds the others."
+
 ITEMS = (
     Item(
         "figure5",
@@ -412,10 +415,10 @@ ITEMS = (
         "The paper compares the networks' Dice on other data (93.02, 94.23 and 96.5 %) with CCCD's on the "
         "true boundary (98.49, 96.00 and 96.37 %). Here all use the same scans. The networks find the organ "
         "in the grey image. CCCD describes the true mask, each network's mask, and what the junction network "
-        "finds in the image around a seed, a voxel in the middle of each part. "
-        "The networks have 0.24 to 1.4 million parameters, fewer than "
-        "published, and are trained on phantoms of the generator that made these scans, so their Dice does "
-        "not hold for real scans. The paper's figures are of CT livers, and are shown only for livers.",
+        "finds in the image around a seed, a voxel in the middle of each part. The networks have 0.24 to 1.4 "
+        "million parameters, fewer than published, and are trained on phantoms of the generator that made "
+        "these scans, so their Dice does not hold for real scans. The paper's figures are of CT livers, and "
+        "are shown only for livers. " + _FIRST_ONLY,
         name="Table 3",
         section="paper",
         rows=(SEGMENTERS,),
@@ -586,10 +589,10 @@ ITEMS = (
         "tried with pass bands 0.1, 0.05 and 0.01 and 20 or 60 rounds (3D Slicer's default factor 0.5 is "
         "pass band 0.01). They are shown at their smallest ASSD, and at the smallest among settings that "
         "bend at most 1.05 times as much as ours. “CCCD, distances alone” is the isosurface of the distances "
-        "that our surface is made of, before filter and spline, "
-        "smoothed in the same way. Programs (niimath, 3D Slicer's own converters) also have a row at their "
-        "defaults, and none if they are not installed. Processor seconds count from the mask; ours is made "
-        "once more to be timed. Genus counts handles, next to the true surface's if it is known.",
+        "that our surface is made of, before filter and spline, smoothed in the same way. Programs "
+        "(niimath, 3D Slicer's own converters) also have a row at their defaults, and none if they are not "
+        "installed. Processor seconds count from the mask; ours is made once more to be timed. Genus counts "
+        "handles, next to the true surface's if it is known. " + _FIRST_ONLY,
         rows=(ISOSURFACES,),
         table="surfaces",
         columns=("case", "organ", "method", "seconds"),

@@ -57,8 +57,6 @@ def sheet(fresh_project):
     rows = [
         "case\torgan\timage\tmask\tboundary",
         "mask\tball\t\tmask.nii.gz\t",
-        "scan\tball\timage.nii.gz\t\t",
-        "file\tball\t\tdrawn/contours\t",
         "folder\tball\t\tdrawn\t",
         "map\tball\timage.nii.gz\t\tmap.nii.gz",
     ]
@@ -66,18 +64,15 @@ def sheet(fresh_project):
     return ["--config", "cohort=ways.tsv", "train=auto"]
 
 
-@pytest.mark.parametrize(
-    ("case", "extra"), [("mask", {}), ("scan", {}), ("file", {}), ("folder", {}), ("map", TO_ORDER)]
-)
+@pytest.mark.parametrize(("case", "extra"), [("mask", {}), ("map", TO_ORDER)])
 def test_only_what_needs_the_network_waits_for_it(fresh_project, sheet, case, extra):
     planned = fresh_project.planned(*sheet, "--", f"results/{case}/ball/surface.ply")
     assert planned == TO_THE_SURFACE | extra
 
 
-@pytest.mark.parametrize(("case", "extra"), [("mask", TO_ORDER), ("scan", TO_ORDER), ("file", {})])
-def test_a_mask_is_ordered_by_the_network_when_that_is_asked_for(fresh_project, sheet, case, extra):
-    asked = [*sheet, "curves={ordering: gnn}", "--", f"results/{case}/ball/surface.ply"]
-    assert fresh_project.planned(*asked) == TO_THE_SURFACE | extra
+def test_a_mask_is_ordered_by_the_network_when_that_is_asked_for(fresh_project, sheet):
+    asked = [*sheet, "curves={ordering: gnn}", "--", "results/mask/ball/surface.ply"]
+    assert fresh_project.planned(*asked) == TO_THE_SURFACE | TO_ORDER
 
 
 def test_every_way_ends_in_the_same_layout(fresh_project, sheet):
@@ -96,7 +91,7 @@ def test_every_way_ends_in_the_same_layout(fresh_project, sheet):
 
 def test_a_cohort_of_masks_and_contours_does_without_model_and_torch(fresh_project, sheet, tmp_path):
     lines = (fresh_project.folder / "ways.tsv").read_text().splitlines()
-    (fresh_project.folder / "ways.tsv").write_text("\n".join([*lines[:2], lines[4]]) + "\n")
+    (fresh_project.folder / "ways.tsv").write_text("\n".join(lines[:3]) + "\n")
     assert NETWORK.isdisjoint(fresh_project.planned(*sheet))
     (tmp_path / "site").mkdir()
     (tmp_path / "site" / "sitecustomize.py").write_text(NO_TORCH)
@@ -143,58 +138,8 @@ def test_slices_that_nobody_drew_are_filled_on_the_scans_grid(fresh_project, she
     assert 0 < volumes[0] < metrics["surface"]["volume_ml"] < volumes[1]
 
 
-def test_what_starts_from_outlines_is_not_compared_on_maps(fresh_project, sheet):
-    (fresh_project.folder / "ways.tsv").write_text("case\torgan\tsource\nscan\tbrain\tmni152_scan\n")
-    planned = fresh_project.planned(*sheet)
-    compared = {"compare_map_surfaces", "compare_algorithm_1"}
-    assert {rule for rule in planned if rule.startswith("compare_")} == compared
-    assert planned["adopt_gnn"] == planned["draw_region"] == 1
-
-
-def test_a_network_that_is_named_is_compared_on_masks_too(fresh_project, sheet):
-    (fresh_project.folder / "ways.tsv").write_text("case\torgan\tmask\nmask\tball\tmask.nii.gz\n")
-    named = [*sheet, "gnn={pretrained: workflow/models/junctions.pt}"]
-    assert {rule for rule in fresh_project.planned(*named) if rule in NETWORK} == {
-        "adopt_gnn",
-        "evaluate_gnn",
-        "compare_ordering",
-    }
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        (
-            ["train=true", "gnn={pretrained: workflow/models/junctions.pt}"],
-            ["gnn.pretrained", "train: false"],
-        ),
-        (["train=false", "gnn={start: workflow/models/junctions.pt}"], ["gnn.start", "train: true"]),
-        (
-            ["train=false", "gnn={pretrained: workflow/models/paper.pt}"],
-            ["workflow/models/paper.pt", "set gnn.network to paper"],
-        ),
-        (
-            ["train=false", "gnn={network: paper, pretrained: workflow/models/junctions.pt}"],
-            ["workflow/models/junctions.pt", "set gnn.network to ours"],
-        ),
-        (["train=false", "gnn={pretrained: no/such.pt}"], ["gnn.pretrained", "no file no/such.pt"]),
-        (["train=true", "gnn={start: no/such.pt}"], ["gnn.start", "no file no/such.pt"]),
-        (
-            ["train=true", "gnn={width: 16, start: workflow/models/junctions.pt}"],
-            ["its width is not 16", "set gnn.width to 32"],
-        ),
-    ],
-)
-def test_two_wishes_that_exclude_each_other_are_refused(fresh_project, settings, words):
-    run = fresh_project.snakemake("--dry-run", "--config", *settings, check=False)
+def test_two_wishes_that_exclude_each_other_are_refused(fresh_project):
+    wishes = ["train=true", "gnn={pretrained: workflow/models/junctions.pt}"]
+    run = fresh_project.snakemake("--dry-run", "--config", *wishes, check=False)
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
-    assert all(word in line for word in words)
-
-
-def test_who_trains(fresh_project):
-    """The default cohort, unless it is told not to; others when they are told to."""
-    default = ["--config", "cohort=config/cohort.tsv"]
-    assert "train_gnn" in fresh_project.planned(*default, "train=auto")
-    assert "train_gnn" not in fresh_project.planned(*default, "train=false")
-    assert "train_gnn" not in fresh_project.planned("--config", "train=auto")
-    assert "train_gnn" in fresh_project.planned("--config", "train=true")
+    assert all(word in line for word in ("gnn.pretrained", "train: false"))

@@ -33,6 +33,8 @@ def test_the_default_cohort_trains_and_others_take_the_shipped_model():
     assert not other.trained
     assert other.training_files == []
     assert other.ready == str(MODELS / "junctions.pt")
+    assert not Plan.make({"train": False}, ROOT).junctions.trained
+    assert plan_of(MAPS, train=True).junctions.trained
 
 
 def test_masks_alone_use_no_network_unless_one_is_named():
