@@ -52,7 +52,9 @@ rule surfaces:
 
 
 rule evidence:
-    """Comparisons for a closer look: thick slices, the whole chain's times, surfaces of the paper's corners."""
+    """Comparisons for a closer look: thick slices, the whole chain's times, surfaces of the paper's corners, and other
+    methods and networks on every structure.
+    """
     input:
         plan.evidence_files(),
     localrule: True

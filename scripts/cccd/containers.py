@@ -342,7 +342,7 @@ class Structure:
         return np.asarray(self.origin)[[self.frame.slice_axis, *self.frame.in_plane_axes]]
 
 
-@dataclass
+@dataclass(eq=False)
 class Boundaries:
     """Boundary pixels per slice, unordered and ragged.
 

@@ -57,8 +57,6 @@ def sheet(fresh_project):
     rows = [
         "case\torgan\timage\tmask\tboundary",
         "mask\tball\t\tmask.nii.gz\t",
-        "scan\tball\timage.nii.gz\t\t",
-        "file\tball\t\tdrawn/contours\t",
         "folder\tball\t\tdrawn\t",
         "map\tball\timage.nii.gz\t\tmap.nii.gz",
     ]
@@ -148,35 +146,8 @@ def test_slices_that_nobody_drew_are_filled_on_the_scans_grid(fresh_project, she
     assert 0 < volumes[0] < metrics["surface"]["volume_ml"] < volumes[1]
 
 
-def test_what_starts_from_outlines_is_not_compared_on_maps(fresh_project, sheet):
-    (fresh_project.folder / "ways.tsv").write_text("case\torgan\tsource\nscan\tbrain\tmni152_scan\n")
-    planned = fresh_project.planned(*sheet)
-    compared = {"compare_map_surfaces", "compare_algorithm_1"}
-    assert {rule for rule in planned if rule.startswith("compare_")} == compared
-    assert planned["adopt_gnn"] == planned["draw_region"] == 1
-
-
-def test_a_network_that_is_named_is_compared_on_masks_too(fresh_project, sheet):
-    (fresh_project.folder / "ways.tsv").write_text("case\torgan\tmask\nmask\tball\tmask.nii.gz\n")
-    named = [*sheet, "gnn={pretrained: workflow/models/junctions.pt}"]
-    assert {rule for rule in fresh_project.planned(*named) if rule in NETWORK} == {
-        "adopt_gnn",
-        "evaluate_gnn",
-        "compare_ordering",
-    }
-
-
-def test_a_network_that_cannot_be_started_from_is_refused(fresh_project):
-    """Other wishes that exclude each other: ``tests/unit/plan/test_planned_networks.py``."""
-    settings = ["train=true", "gnn={width: 16, start: workflow/models/junctions.pt}"]
-    run = fresh_project.snakemake("--dry-run", "--config", *settings, check=False)
+def test_two_wishes_that_exclude_each_other_are_refused(fresh_project):
+    wishes = ["train=true", "gnn={pretrained: workflow/models/junctions.pt}"]
+    run = fresh_project.snakemake("--dry-run", "--config", *wishes, check=False)
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
-    assert "its width is not 16" in line
-    assert "set gnn.width to 32" in line
-
-
-def test_who_trains(fresh_project):
-    """The default cohort, unless it is told not to; others when they are told to."""
-    default = ["--config", "cohort=config/cohort.tsv"]
-    assert "train_gnn" in fresh_project.planned(*default, "train=auto")
-    assert "train_gnn" not in fresh_project.planned("--config", "train=auto")
+    assert all(word in line for word in ("gnn.pretrained", "train: false"))

@@ -31,7 +31,7 @@ from cccd.errors import InputError
 from cccd.job import BATCH, take_placeholders_away
 from cccd.plan.checks import PlannedJob, check_jobs
 from cccd.plan.cohort import near
-from cccd.plan.networks import MODEL, PAPER_MODEL
+from cccd.plan.networks import MODEL
 from cccd.plan.outcome import report_failed_run, report_good_run, report_interrupted_run
 from cccd.plan.plan import SHOWN, Plan, files_of_comparison
 from cccd.plan.resources import memory, minutes

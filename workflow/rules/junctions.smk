@@ -60,37 +60,6 @@ if plan.junctions.trained:
         script:
             "../../scripts/train_gnn.py"
 
-    if plan.junctions.network == "ours":
-
-        rule train_paper_network:
-            """Train the paper's network on the same graphs, to stand beside ours in the junction table."""
-            input:
-                graphs="results/gnn/graphs.h5",
-                start=[],
-            output:
-                model=PAPER_MODEL,
-                history="results/gnn/paper_history.csv",
-            log:
-                "logs/gnn/train_paper_network.log",
-            benchmark:
-                "benchmarks/gnn/train_paper_network.tsv"
-            conda:
-                "../../envs/cccd.yaml"
-            threads: 1
-            resources:
-                mem_mb=memory(2000),
-                runtime=minutes(20),
-            params:
-                library=library("train_gnn", *plan.junctions.paper_training_code),
-                settings={
-                    **pick("gnn", "paper"),
-                    "network": "paper",
-                },
-                checkpoints="results/gnn/paper_checkpoints",
-                seed=config["seed"],
-            script:
-                "../../scripts/train_gnn.py"
-
 else:
 
     rule adopt_gnn:

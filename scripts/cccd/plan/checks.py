@@ -18,7 +18,6 @@ __all__ = ["PlannedJob", "check_jobs", "extra_of"]
 _NEEDS = {
     "generate_graphs": "gnn",
     "train_gnn": "gnn",
-    "train_paper_network": "gnn",
     "adopt_gnn": "gnn",
     "evaluate_gnn": "gnn",
     "train_segmenter": "segment",

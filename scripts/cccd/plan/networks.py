@@ -16,11 +16,10 @@ from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.settings.segmentation import INSTALLED_SEGMENTERS, is_installed_segmenter
 
-__all__ = ["MODEL", "PAPER_MODEL", "JunctionPlan", "SegmenterPlan", "find_file"]
+__all__ = ["MODEL", "JunctionPlan", "SegmenterPlan", "find_file"]
 
-#: The junction network in use, and the paper's where it is trained beside ours for the comparison.
+#: The junction network in use.
 MODEL = "results/gnn/model.pt"
-PAPER_MODEL = "results/gnn/paper.pt"
 
 #: Kinds of additions that a training needs of a network (`cccd.additions`).
 _TRAINING = ("junction network", "junction training")
@@ -104,10 +103,9 @@ class JunctionPlan:
         """The models that are compared, by the names that the table gives them."""
         if self.network == "paper":
             models = {f"the paper's, {'trained here' if self.trained else 'taken'}": MODEL}
-        elif self.trained:
-            models = {"trained here": MODEL, "the paper's, trained here": PAPER_MODEL}
         else:
-            models = {"pretrained": MODEL} if self.named else {}
+            made_or_named = self.trained or self.named
+            models = {"trained here" if self.trained else "pretrained": MODEL} if made_or_named else {}
             models["the paper's, shipped"] = self.shipped_paper
         return models | {"shipped": self.shipped}
 

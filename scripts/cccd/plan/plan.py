@@ -344,19 +344,21 @@ class Plan:
         """Return what a structure's comparisons leave that the report shows.
 
         None are made unless ``compare`` asks for them, and ones for a closer look only where it is true: else
-        the report shows those of them that are there.
+        the report shows those of them that are there (`Comparison.further`).
         """
         return [
             file
             for comparison in self._possible_comparisons(wildcards)
             for file in files_of_comparison(_folder(wildcards), comparison)
-            if self._is_shown(comparison, file)
+            if self._is_shown(comparison, wildcards, file)
         ]
 
-    def _is_shown(self, comparison: Comparison, file: str) -> bool:
-        if comparison.further and self.settings.compare == "auto":
-            return Path(file).exists()
-        return self.cohort.is_asked(self.settings.compare, self.root)
+    def _is_shown(self, comparison: Comparison, wildcards: OfStructure, file: str) -> bool:
+        asked = self.cohort.is_asked(self.settings.compare, self.root)
+        if self.settings.compare != "auto" or not comparison.further:
+            return asked
+        leads = self.cohort.of_case(wildcards.case)[0].organ == wildcards.organ
+        return (asked and leads and comparison.further == "others") or Path(file).exists()
 
     def evidence_files(self) -> list[str]:
         """Return what the comparisons for a closer look leave, of all structures."""

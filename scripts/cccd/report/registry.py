@@ -12,6 +12,7 @@ each time it starts.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from cccd.additions import added
 
@@ -78,9 +79,10 @@ class Comparison:
         network: it says how that would have done, and an item stands without it. ``maps``: those whose
         boundary pixels need ordering. ``phantoms``: phantoms for whose organ segmentation networks are
         shipped.
-    further : bool
+    further : {"", "others", "all"}
         For a closer look: ``snakemake evidence`` makes it, and the next report shows it; a run makes it with
-        the rest only where ``compare`` is true.
+        the rest only where ``compare`` is true. ``others``: of all but the first structure of each case, of
+        which every run that compares makes it.
     job : str
         Its job is ``compare_<job>``; its own ``name`` if empty. Comparisons that read the same files of the
         same structures share a job and run again together: the time to plan grows with the number of jobs.
@@ -97,7 +99,7 @@ class Comparison:
     memory_mb: tuple[int, int] = (1500, 20)
     minutes: int = 20
     of: str = "outlines"
-    further: bool = False
+    further: Literal["", "others", "all"] = ""
     job: str = ""
 
     @property

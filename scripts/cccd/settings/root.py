@@ -70,8 +70,8 @@ class Settings(Section):
     compare: Literal["auto"] | bool = setting(
         "auto",
         "true: compare with other methods and the paper; false: do not; auto: compare the default cohort",
-        why="Comparisons take several times as long as the surfaces. With auto those for a closer look are "
-        "left to the target evidence.",
+        why="Comparisons take several times as long as the surfaces. With auto those for a closer look, and "
+        "the longest of all but each case's first structure, are left to the target evidence.",
     )
     device: Literal["auto", "cpu", "cuda"] = setting(
         "auto",

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +75,7 @@ def load_paper_orderer(path: str | Path) -> Orderer | None:
         return None
 
 
+@lru_cache(maxsize=1)  # the table and the figure are of the same chain
 def run_algorithm_1(boundaries: Boundaries, paper_orderer: Orderer) -> PaperChain:
     """Run lines 12 to 22 on the boundary pixels of line 10.
 
@@ -122,17 +124,19 @@ def compare_algorithm_1(
         distance and volume bias of the surface, its ``genus`` and the true one; of the paper's chain
         processor ``seconds``.
     """
-    own = _row(OURS, structure, boundaries, curves, splines, surface.mesh)
+    reference = None if structure.mask is None else Reference.of(structure)
+    own = _row(OURS, structure, reference, boundaries, curves, splines, surface.mesh)
     if paper_orderer is None:
         return pd.DataFrame([own])
     chain = run_algorithm_1(boundaries, paper_orderer)
-    paper = _row(PAPER, structure, boundaries, chain.curves, chain.splines, chain.mesh)
+    paper = _row(PAPER, structure, reference, boundaries, chain.curves, chain.splines, chain.mesh)
     return pd.DataFrame([paper | {"seconds": chain.seconds}, own])
 
 
 def _row(
     method: str,
     structure: Structure,
+    reference: Reference | None,
     boundaries: Boundaries,
     curves: Curves,
     splines: Splines | None,
@@ -149,7 +153,6 @@ def _row(
         found |= {"control_points": points, "share": points / max(len(curves.points), 1)}
         found["dice_2d"] = _dice_2d(structure, sample_splines(splines))
     if mesh is not None and len(mesh.faces):
-        reference = None if structure.mask is None else Reference.of(structure)
         figures = measure_agreement(mesh, structure, reference, SAMPLES)
         found |= {name: figures[name] for name in _FIGURES if name in figures}
         found["genus"] = mesh.genus if mesh.is_closed_manifold else np.nan

@@ -1,14 +1,15 @@
-"""The distances that our surface is made of, as an isosurface: what filter and spline add, and lose."""
+"""Our surface before its last steps: the distances as an isosurface, the filtered mesh without a spline."""
 
 from __future__ import annotations
 
-from cccd.containers import Structure
+from cccd.containers import Sections, Structure
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
+from cccd.surface.smooth_mesh import cut_at_ends, smooth_mesh
 from cccd.surface.stack import interpolate_slices
 from cccd.tracing import trace_mask
 
-__all__ = ["lofted_distances"]
+__all__ = ["filtered_mesh", "lofted_distances"]
 
 
 def lofted_distances(structure: Structure) -> Mesh:
@@ -28,3 +29,26 @@ def lofted_distances(structure: Structure) -> Mesh:
     """
     stack = interpolate_slices(structure.sections(trace_mask(structure)), LoftSettings())
     return stack.distance.zero_surface().transformed(stack.plane_to_world(structure.frame)).outwards()
+
+
+def filtered_mesh(sections: Sections, settings: LoftSettings) -> Mesh:
+    """Mesh slices as `cccd.surface.loft_mesh` does, up to the spline.
+
+    The spline lies within some hundredths of a pixel of this mesh and takes most of the time, so rivals of
+    which only distances are shown do without it.
+
+    Parameters
+    ----------
+    sections : Sections
+        Curves, and what else is known of the slices.
+    settings : LoftSettings
+        Section ``surface`` of the configuration.
+
+    Returns
+    -------
+    Mesh
+        Closed, in world mm (RAS), outwards.
+    """
+    stack = interpolate_slices(sections, settings)
+    mesh = cut_at_ends(smooth_mesh(stack, settings.smoothing), stack.distance)
+    return mesh.transformed(stack.plane_to_world(sections.curves.frame)).outwards()

@@ -41,8 +41,8 @@ from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings, PhantomSettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface.loft import loft_mesh
 from cccd.tracing import level_curves, trace_stack
+from cccd_paper.comparisons.lofted_distances import filtered_mesh
 from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import AUTOMATIC, CCCD, OUTLINES
 from cccd_paper.comparisons.samples import middle_curve
@@ -323,6 +323,6 @@ def _cccd_rows(
 def _surface_distance(
     fitted: FittedCurves, truth: Mesh, lofting: LoftSettings, level: ProbabilityStack | None = None
 ) -> float:
-    """Average distance in mm between the surface that curves lead to and the true one."""
-    mesh = loft_mesh(Sections(fitted.curves, probability=level), lofting)
+    """Average distance in mm between the filtered mesh of curves and the true surface."""
+    mesh = filtered_mesh(Sections(fitted.curves, probability=level), lofting)
     return surface_distances(mesh, truth, np.random.default_rng(0), _SAMPLES)["assd"]

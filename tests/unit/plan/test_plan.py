@@ -151,7 +151,7 @@ def test_a_closer_look_is_a_target_of_its_own_and_the_report_shows_what_is_there
     plan = plan_of(MASK)
     evidence = plan.evidence_files()
     assert {Path(file).stem for file in evidence} == {
-        one.name for one in comparisons().values() if one.further
+        one.name for one in comparisons().values() if one.further and one.of == "outlines"
     }
     assert plan.comparison_files(named("a/ball")) == []
     for file in evidence:
@@ -159,6 +159,21 @@ def test_a_closer_look_is_a_target_of_its_own_and_the_report_shows_what_is_there
         Path(file).touch()
     assert plan.comparison_files(named("a/ball")) == evidence
     assert plan_of(MASK, compare=False).comparison_files(named("a/ball")) == []
+
+
+def test_the_default_run_makes_the_longest_comparisons_of_the_first_structure_of_each_case():
+    made = Plan.make({}, ROOT).all_comparison_rows()
+    longest = {one.name for one in comparisons().values() if one.further == "others"}
+    assert longest == {"isosurfaces", "segmenters"}
+    assert {file.removeprefix("results/") for file in made if Path(file).stem in longest} == {
+        *(
+            f"{name}/comparisons/isosurfaces.csv"
+            for name in ("mni152/brain", "phantom/liver", "chest/right_lung")
+        ),
+        "phantom/liver/comparisons/segmenters.csv",
+    }
+    assert "results/phantom/lungs/comparisons/algorithm_1.csv" in made
+    assert "results/phantom/lungs/comparisons/isosurfaces.csv" in Plan.make({}, ROOT).evidence_files()
 
 
 def test_a_calibration_of_ones_own_is_an_input_of_surfaces(tmp_path):

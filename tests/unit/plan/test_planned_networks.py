@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cccd.errors import InputError
-from cccd.plan.networks import MODEL, PAPER_MODEL
+from cccd.plan.networks import MODEL
 from cccd.plan.plan import Plan
 
 PLANS = runpy.run_path(str(Path(__file__).parent / "plans.py"))
@@ -33,6 +33,8 @@ def test_the_default_cohort_trains_and_others_take_the_shipped_model():
     assert not other.trained
     assert other.training_files == []
     assert other.ready == str(MODELS / "junctions.pt")
+    assert not Plan.make({"train": False}, ROOT).junctions.trained
+    assert plan_of(MAPS, train=True).junctions.trained
 
 
 def test_masks_alone_use_no_network_unless_one_is_named():
@@ -77,7 +79,7 @@ def test_the_models_that_are_compared():
     )
     assert trained == {
         "trained here": MODEL,
-        "the paper's, trained here": PAPER_MODEL,
+        "the paper's, shipped": str(MODELS / "paper.pt"),
         "shipped": shipped,
     }
     assert paper == {"the paper's, taken": MODEL, "shipped": shipped}

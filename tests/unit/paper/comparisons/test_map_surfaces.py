@@ -81,7 +81,8 @@ def test_surfaces_are_scored_beside_the_classical_decoder_s():
         0,
     ]
     assert table.loc[NETWORK, "dropped"] == count_changes(whole, contours)["dropped"] == 4 * slices
-    np.testing.assert_allclose(table.loc[NETWORK, "assd_mm"], table.loc[FOUND, "assd_mm"])  # the same curves
+    # the same curves, with a spline and without
+    np.testing.assert_allclose(table.loc[NETWORK, "assd_mm"], table.loc[FOUND, "assd_mm"], rtol=0.01)
     assert table["dice_3d"].min() > 0.97
     (figure,) = map_figures(*asked[:3]).values()
     assert len(figure.panels) == 2 * figure.columns == 8
