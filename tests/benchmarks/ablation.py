@@ -17,7 +17,6 @@ from unittest.mock import patch
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(Path(__file__).parent)]
 
-import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from rate_distortion import structures as structures_of_rates  # noqa: E402
 
@@ -47,8 +46,8 @@ SCANS = {
 }
 
 
-def _uncorrected(own: Any, base: Any, *_: Any) -> Any:
-    return np.zeros_like(base)
+def _uncorrected(_: Any, around: Any, *__: Any) -> Any:
+    return around.base * around.sign
 
 
 def _smooth(smooth: Mesh, *_: Any) -> Mesh:
@@ -58,7 +57,7 @@ def _smooth(smooth: Mesh, *_: Any) -> Mesh:
 #: What is replaced where a mechanism is left out.
 WITHOUT: dict[str, tuple[str, Callable[..., Any]] | None] = {
     "nothing": None,
-    "learned distance": ("cccd.surface.levels._correction", _uncorrected),
+    "learned distance": ("cccd.surface.learned_distance.DistanceNetwork.estimate", _uncorrected),
     "volume of the slices": ("cccd.surface.smooth_mesh._of_volume", _smooth),
     "less filter at lost voxels": ("cccd.surface.smooth_mesh._mended", _smooth),
 }

@@ -61,11 +61,14 @@ class Slices:
         mm, negative inside.
     spacing : (2,) float64
         mm per pixel along i and j.
+    of_pixels : bool
+        Whether distances are those to the borders of pixels.
     """
 
     z: FloatArray
     distance: SingleArray
     spacing: FloatArray
+    of_pixels: bool = False
 
     @property
     def pixel(self) -> float:
@@ -119,7 +122,9 @@ class Signs:
         def between(lower: FloatArray, upper: FloatArray) -> FloatArray:
             return (1 - share) * lower + share * upper
 
-        pixels = np.stack([to_mask(level < 0, slices.spacing) for level in slices.distance])
+        pixels = slices.distance
+        if not slices.of_pixels:
+            pixels = np.stack([to_mask(level < 0, slices.spacing) for level in slices.distance])
         before, lower, upper, after = (at(slices.distance, below + n) for n in (-1, 0, 1, 2))
         low_bend = np.where((below > 0) & ~beyond, before - 2 * lower + upper, 0.0) * across
         high_bend = np.where((below + 2 < count) & ~beyond, lower - 2 * upper + after, 0.0) * across

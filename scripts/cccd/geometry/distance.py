@@ -11,6 +11,7 @@ from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.opencv import distance_to_zero
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import voxelise
 from cccd.geometry.triangles import corners_of, point_of, squared_distance
@@ -49,16 +50,13 @@ def to_mask(mask: BoolArray, spacing: FloatArray) -> SingleArray:
     >>> to_mask(np.array([[False, False, True, True]]), np.ones(2)).tolist()
     [[1.5, 0.5, -0.5, -1.5]]
     """
-    if np.isclose(*spacing, rtol=1e-3):
-        pixels = np.where(mask, 0.5 - _away(mask), _away(~mask) - 0.5)
-        return np.asarray(pixels * float(spacing.mean()), np.float32)
+    if abs(spacing[0] - spacing[1]) <= 1e-3 * spacing[1]:
+        mask = np.ascontiguousarray(mask)
+        inwards, outwards = (distance_to_zero(side, exact=True) for side in (mask, ~mask))
+        return np.where(mask, 0.5 - inwards, outwards - 0.5) * np.float32(spacing.mean())
     half = float(spacing.min()) / 2  # neighbours along the finer axis decide where most borders lie
-    return np.asarray(np.where(mask, half - _away(mask, spacing), _away(~mask, spacing) - half), np.float32)
-
-
-def _away(inside: BoolArray, spacing: FloatArray | None = None) -> FloatArray:
-    """Distance of every pixel (I, J) to the nearest that is not inside."""
-    return np.asarray(ndimage.distance_transform_edt(inside, sampling=spacing), float)
+    inwards, outwards = (ndimage.distance_transform_edt(side, sampling=spacing) for side in (mask, ~mask))
+    return np.asarray(np.where(mask, half - inwards, outwards - half), np.float32)
 
 
 def to_polygons(

@@ -198,12 +198,16 @@ class Mesh:
 
     def count_pieces(self) -> int:
         """Count the connected pieces."""
-        return int(self._pieces().max(initial=-1)) + 1
+        return int(self._pieces.max(initial=-1)) + 1
 
     def count_bodies(self) -> int:
         """Count the connected pieces that are not the inside of a cavity: those of positive volume."""
-        volume = np.bincount(self._pieces(), np.einsum("fc,fc->f", *self._spanned()))
-        return int(np.count_nonzero(volume > 0))
+        return int(np.count_nonzero(self.piece_volumes > 0))
+
+    @property
+    def piece_volumes(self) -> FloatArray:
+        """Volumes (N,) of the connected pieces of a closed mesh; less than zero for a cavity's."""
+        return np.bincount(self._pieces, np.einsum("fc,fc->f", *self._spanned())).astype(float) / 6
 
     # Other meshes and points from this one
 
@@ -225,7 +229,7 @@ class Mesh:
 
     def pieces(self) -> list[Mesh]:
         """Split the mesh into its connected pieces, without unused vertices."""
-        piece = self._pieces()
+        piece = self._pieces
         order = np.argsort(piece, kind="stable")
         parts = np.split(self.faces[order], np.flatnonzero(np.diff(piece[order])) + 1)
         return [Mesh(self.vertices, faces).compact() for faces in parts if len(faces)]
@@ -334,6 +338,7 @@ class Mesh:
         """Count the vertices that faces have."""
         return int(np.count_nonzero(np.bincount(self.faces.ravel())))
 
+    @cached_property
     def _pieces(self) -> IntArray:
         """Give each face (F,) the number, from 0, of the connected piece that it is of."""
         ends, count = (self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel()), len(self.vertices)

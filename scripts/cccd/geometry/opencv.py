@@ -27,9 +27,10 @@ def sobel(image: ByteArray | SingleArray) -> tuple[SingleArray, SingleArray]:
     return along_j, along_i
 
 
-def distance_to_zero(mask: ByteArray | BoolArray) -> SingleArray:
-    """Distance (I, J) in pixels of every pixel to the nearest zero, by steps (chamfer)."""
-    return cast(SingleArray, cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, 3))
+def distance_to_zero(mask: ByteArray | BoolArray, exact: bool = False) -> SingleArray:
+    """Distance (I, J) in pixels of every pixel to the nearest zero, by steps (chamfer) or exactly."""
+    size = cv2.DIST_MASK_PRECISE if exact else cv2.DIST_MASK_3
+    return cast(SingleArray, cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, size))
 
 
 def components(mask: ByteArray, connectivity: int) -> tuple[IntArray, IntArray]:

@@ -145,14 +145,14 @@ class SharedWalls:
         to_plane: FloatArray = np.asarray(np.linalg.inv(_plane_to_world(frame, borders.origin)), float)
         in_plane = mesh.transformed(to_plane)
         band = estimate_band(in_plane, slices, settings.band, Calibration.read(settings.calibration))
-        volumes = [piece.volume for piece in mesh.pieces()]
+        volumes = mesh.piece_volumes
         report = {
             "control_points": 0,
             "control_bytes": 0,
             "vertices": len(mesh.vertices),
             "triangles": len(mesh.faces),
-            "bodies": sum(volume > 0 for volume in volumes),
-            "cavities": sum(volume < 0 for volume in volumes),
+            "bodies": int(np.count_nonzero(volumes > 0)),
+            "cavities": int(np.count_nonzero(volumes < 0)),
             **self.facts[label],
         }
         report["warnings"] = [

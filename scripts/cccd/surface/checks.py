@@ -147,8 +147,14 @@ def lost_voxels(mesh: Mesh, stack: SliceStack) -> tuple[FloatArray, FloatArray]:
         found.append(np.column_stack([at * slices.spacing, np.full(len(at), z)]))
     places = np.concatenate(found)
     # the nearest vertex is quickly found, and no nearer than the surface
-    places = places[cKDTree(mesh.vertices).query(places)[0] > most] if len(places) else places
-    far = unsigned_to_mesh(places, mesh) if len(places) else np.zeros(0)
+    away = cKDTree(mesh.vertices).query(places)[0] if len(places) else np.zeros(0)
+    places, away = places[away > most], away[away > most]
+    if not len(places):
+        return places, away
+    a, b = mesh.vertices[mesh.faces], mesh.vertices[np.roll(mesh.faces, 1, axis=1)]
+    reach = float(away.max() + np.linalg.norm(a - b, axis=2).max())
+    near = cKDTree(places).query(mesh.vertices, distance_upper_bound=reach)[0] < np.inf
+    far = unsigned_to_mesh(places, Mesh(mesh.vertices, mesh.faces[near[mesh.faces].any(axis=1)]).compact())
     wrong = far > most
     return places[wrong], far[wrong]
 
@@ -253,13 +259,13 @@ def _of_other_volume(mesh: Mesh, stack: SliceStack) -> list[Violation]:
 
 def _of_other_topology(mesh: Mesh, stack: SliceStack) -> list[Violation]:
     """Find parts that the slices do not imply, and parts that are missing; small ones do not count."""
-    volumes = [piece.volume for piece in mesh.pieces()]
+    volumes = mesh.piece_volumes
     least = stack.smallest
     # what touches at a corner, or across a missing slice, may be one part or two
     bodies = sum(volume >= least for volume in stack.part_volumes)
     separate = max(bodies, _separate(_with_missing(stack.slices, stack.step), least, stack))
-    found = sum(volume >= least for volume in volumes)
-    at_most = sum(volume >= SHRUNK_PART * least for volume in volumes)
+    found = int(np.count_nonzero(volumes >= least))
+    at_most = int(np.count_nonzero(volumes >= SHRUNK_PART * least))
     problems: list[Violation] = []
     if at_most < bodies or found > separate:
         implied = f"{bodies}" if bodies == separate else f"{bodies} to {separate}"

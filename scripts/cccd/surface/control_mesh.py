@@ -64,20 +64,16 @@ def control_mesh(
     Mesh
         The triangles that it was made of, the caps' included.
     """
-    few = fewer_triangles(fine, most, ends, EVENNESS, weights)
+    few = fewer_triangles(fine, most, ends, weights)
     flat = on_caps(few, ends)
     return _split(Mesh(few.vertices, few.faces[~flat]).compact()), few
 
 
 def fewer_triangles(
-    mesh: Mesh,
-    most: int,
-    ends: tuple[float, float],
-    evenness: float = 1e-4,
-    weights: FloatArray | None = None,
+    mesh: Mesh, most: int, ends: tuple[float, float], weights: FloatArray | None = None
 ) -> Mesh:
     """Collapse edges as `collapse_edges` does; what lies at the heights ``ends`` stays there exactly."""
-    few = collapse_edges(mesh, most, evenness, weights, on_caps(mesh, ends).astype(np.int64))
+    few = collapse_edges(mesh, most, EVENNESS, weights, on_caps(mesh, ends).astype(np.int64))
     vertices = few.vertices.copy()
     for end in ends:
         vertices[np.abs(vertices[:, 2] - end) < SAME_HEIGHT, 2] = end

@@ -49,8 +49,6 @@ _RINGS = {0: (5, 8), 1: (5, 8), 2: (5,)}
 #: Ratios of slice distance to pixel, and heights between slices, at which conditions are piecewise linear.
 _RATIOS = np.log(np.array([0.5, 1.0, 1.6, 2.5, 4.0, 7.0]))
 _HEIGHTS = np.array([-0.5, -0.25, 0.0, 0.25, 0.5])
-#: Places that are estimated at once: what they see stays in the processor's cache.
-_BLOCK = 2048
 
 
 def _offsets() -> IntArray:
@@ -241,12 +239,10 @@ class DistanceNetwork:
         for upside in (False, True):
             here = np.flatnonzero(around.flipped == upside)
             *inner, (last, offset) = self.layers(ratio, -height if upside else height, exact)
-            for start in range(0, len(here), _BLOCK):
-                block = here[start : start + _BLOCK]
-                values = around.seen[block]
-                for matrix, bias in inner:
-                    values = np.maximum(values @ matrix + bias, 0)
-                out[block] = (values @ last + offset)[:, 0] + around.base[block]
+            values = around.seen[here]
+            for matrix, bias in inner:
+                values = np.maximum(values @ matrix + bias, 0)
+            out[here] = (values @ last + offset)[:, 0] + around.base[here]
         return out * around.sign
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 
-from cccd.geometry.arrays import BoolArray, FloatArray, SingleArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
 from cccd.surface.learned_distance import (
     LEAST_RATIO,
@@ -31,10 +31,10 @@ ASKED_RATIOS = (7.0, 14.0)
 #: Where the network sees a pixel of a slice on the other side, it lies so far on its own, in pixels.
 LEAST = 0.05
 #: Voxels are cubes where no edge is this many times as long as another: their other two stacks of slices tell
-#: as much as the first. They are asked on so many pixels beside the surface.
-CUBES, ASKED_AGAIN = 1.1, 1.0
-#: The network's share falls to nothing over this share of the distances at which it is asked.
-FADING = 0.3
+#: as much as the first.
+CUBES = 1.1
+#: Places that are estimated at once: what they see stays in the processor's cache.
+BLOCK = 2048
 
 
 @dataclass(frozen=True)
@@ -85,13 +85,14 @@ def levels_of_slices(
     heights = np.concatenate([z[0] - beyond[::-1], z, z[-1] + beyond])
     first, last = SLICES - (not cut[0]), SLICES + len(z) - 1 + (not cut[1])
     levels = list(_levels(heights / pixel, first, last))
-    values = np.stack([_estimated(stack, level, exact) for level in levels])
+    values = _estimated(stack, levels, exact)
     on_slices = np.flatnonzero([level.height == 0 for level in levels])
     if not exact and len(levels) == len(on_slices):
         inside = stack[first : last + 1] < 0
         values = _of_cubes(values, inside, np.array([step, *spacing]) / pixel, cut)
     for low, high in itertools.pairwise(on_slices):
-        _change_sign_once(values[low : high + 1])
+        if high > low + 1:
+            _change_sign_once(values[low : high + 1])
     return np.array([level.z for level in levels]) * pixel, values * np.float32(pixel)
 
 
@@ -108,21 +109,18 @@ def _of_cubes(
         np.repeat(inside[[end]] & goes_on, REACH, axis=0) for end, goes_on in zip((0, -1), cut, strict=True)
     ]
     own, longer = slice(REACH, REACH + len(inside)), np.concatenate([beyond[0], inside, beyond[1]])
-    total, count = values.copy(), np.ones(values.shape, np.float32)
+    asked = np.zeros(longer.shape, np.bool_)
+    asked[own] = _beside_surface(values)
+    total, count = values.copy(), 1 + 2 * asked[own].astype(np.float32)
     for axis in (1, 2):
-        planes, known = np.moveaxis(longer, axis, 0), np.moveaxis(values, axis, 0)
-        asked = np.abs(known) < ASKED_AGAIN
-        summed, counted = np.moveaxis(total, axis, 0), np.moveaxis(count, axis, 0)
+        planes = np.moveaxis(longer, axis, 0)
         stack = np.full((len(planes) + 2 * SLICES, *planes.shape[1:]), RANGE, np.float32)
         for number in np.flatnonzero(planes.any(axis=(1, 2))):
-            stack[number + SLICES] = np.minimum(to_mask(planes[number], np.delete(edges, axis)), RANGE)
-        for number in np.flatnonzero(asked.any(axis=(1, 2))):
-            near = np.maximum(stack[number : number + 2 * SLICES + 1], -RANGE)
-            base = in_space(near[SLICES - 1], near[SLICES], near[SLICES + 1], 1.0, 0.0)
-            base[own][~asked[number]] = RANGE
-            again = (base + _correction(near, base, 1.0, 0.0, False))[own]
-            summed[number] += np.where(asked[number], again, 0)
-            counted[number] += asked[number]
+            stack[number + SLICES] = to_mask(planes[number], np.delete(edges, axis))
+        nodes = np.argwhere(np.moveaxis(asked, axis, 0))
+        again = _asked(stack, nodes + np.array([SLICES, 0, 0]), 1.0, 0.0, False)
+        back = np.insert(nodes[:, 1:], axis, nodes[:, 0], axis=1) - [REACH, 0, 0]
+        total[tuple(back.T)] += again
     mean = total / count
     wrong = (mean < 0) != inside
     mean[wrong] = np.copysign(np.float32(LEAST), values[wrong])
@@ -170,37 +168,78 @@ def _change_sign_once(values: SingleArray) -> None:
     values[:, *here] = way * (np.maximum.accumulate(growing, axis=0) + least) / 2
 
 
-def _estimated(stack: SingleArray, level: _Level, exact: bool) -> SingleArray:
-    """Distances (I, J) on a level, in pixels."""
+def _estimated(stack: SingleArray, levels: Sequence[_Level], exact: bool) -> SingleArray:
+    """Distances (L, I, J) on levels, in pixels: by the network beside the surface, wherever it moves that."""
+    values = np.stack([_plain(stack, level) for level in levels])
+    most = np.array([near_surface(level.ratio) if level.ratio <= MOST_RATIO else 0.0 for level in levels])
+    open_: BoolArray = np.abs(values) < most[:, None, None]
+    conditions: dict[tuple[float, float], list[int]] = {}
+    for number, level in enumerate(levels):
+        conditions.setdefault((max(level.ratio, LEAST_RATIO), level.height), []).append(number)
+    while (asked := open_ & _beside_surface(values)).any():
+        for (ratio, height), numbers in conditions.items():
+            which, *places = np.nonzero(asked[numbers])
+            slices = np.array([levels[number].nearest for number in numbers])[which]
+            found = _asked(stack, np.column_stack([slices, *places]), ratio, height, exact)
+            if height == 0:  # what a slice shows stays on its side
+                shown = stack[slices, *places]
+                found = np.where((found < 0) == (shown < 0), found, np.copysign(np.float32(LEAST), shown))
+            values[np.array(numbers)[which], *places] = found
+        open_ &= ~asked
+    return values
+
+
+def _beside_surface(values: FloatArray | SingleArray) -> BoolArray:
+    """Which nodes (L, I, J) lie on another side of the surface than one beside them."""
+    inside, beside = values < 0, np.zeros(values.shape, np.bool_)
+    for axis in range(3):
+        changes = np.diff(inside, axis=axis)
+        np.moveaxis(beside, axis, 0)[1:] |= np.moveaxis(changes, axis, 0)
+        np.moveaxis(beside, axis, 0)[:-1] |= np.moveaxis(changes, axis, 0)
+    return beside
+
+
+def _asked(stack: SingleArray, nodes: IntArray, ratio: float, height: float, exact: bool) -> SingleArray:
+    """Distances (N,) by the network above nodes (N, 3) of slices and pixels; see `in_space`."""
+    seen = np.clip(stack, -RANGE, RANGE)
+    k, *place = nodes.T
+    beside = (np.clip(k + step, 0, len(stack) - 1) for step in (-1, 0, 1))
+    base = in_space(*(seen[at, *place] for at in beside), ratio, height)
+    seen = np.pad(seen, ((SLICES, SLICES), (REACH, REACH), (REACH, REACH)), mode="edge")
+    found = np.empty_like(base)
+    for start in range(0, len(nodes), BLOCK):
+        here = slice(start, start + BLOCK)
+        around = Surroundings.of(seen, nodes[here], base[here])
+        found[here] = shipped_network().estimate(around, ratio, height, exact)
+    return found
+
+
+def _plain(stack: SingleArray, level: _Level) -> SingleArray:
+    """Distances (I, J) on a level, in pixels, without the network, or with it on coarser pixels."""
     k, ratio, height = level.nearest, level.ratio, level.height
-    own = stack[max(k - SLICES, 0) : k + SLICES + 1]
-    missing = max(SLICES - k, 0), max(k + SLICES + 1 - len(stack), 0)
-    own = np.pad(own, (missing, (0, 0), (0, 0)), mode="edge")
-    estimated = _below_pixels(own, ratio, height, exact)
-    if height == 0:  # what a slice shows stays on its side
-        wrong = (estimated < 0) != (stack[k] < 0)
-        estimated[wrong] = np.copysign(np.float32(LEAST), stack[k][wrong])
-    return estimated
-
-
-def _below_pixels(own: SingleArray, ratio: float, height: float, exact: bool) -> SingleArray:
-    """Distances (I, J) above the middle one of some slices, in pixels; see `in_space`."""
+    own = stack[np.clip(np.arange(k - SLICES, k + SLICES + 1), 0, len(stack) - 1)]
     share = np.float32(np.interp(ratio, ASKED_RATIOS, (1, 0)))
-    coarser = int(np.ceil(ratio / MOST_RATIO))
     if share == 0:
         return _cubic(own, ratio, height)
     seen = np.clip(own, -RANGE, RANGE)
-    base = in_space(seen[SLICES - 1], seen[SLICES], seen[SLICES + 1], ratio, height)
-    if coarser == 1:
-        return base + _correction(seen, base, max(ratio, LEAST_RATIO), height, exact)
+    base = in_space(*seen[SLICES - 1 : SLICES + 2], ratio, height)
+    if ratio <= MOST_RATIO:
+        return base
     # slices lie so far apart that what changes between them is seen on coarser pixels, which are well known
-    few = np.clip(own[:, ::coarser, ::coarser] / np.float32(coarser), -RANGE, RANGE)
-    coarse = in_space(few[SLICES - 1], few[SLICES], few[SLICES + 1], ratio / coarser, height)
-    correction = _correction(few, coarse, ratio / coarser, height, True)
+    coarser = int(np.ceil(ratio / MOST_RATIO))
+    few = own[:, ::coarser, ::coarser] / np.float32(coarser)
+    seen = np.clip(few, -RANGE, RANGE)
+    coarse = in_space(*seen[SLICES - 1 : SLICES + 2], ratio / coarser, height)
+    correction, near = np.zeros_like(coarse), np.abs(coarse) < near_surface(ratio / coarser)
+    nodes = np.insert(np.argwhere(near), 0, SLICES, axis=1)
+    correction[near] = _asked(few, nodes, ratio / coarser, height, True) - coarse[near]
     places: FloatArray = np.indices(base.shape).astype(float) / coarser
     moved = ndimage.map_coordinates(correction, places, np.float32, order=1, mode="nearest")
     asked = base + np.float32(coarser) * moved
     mixed = asked if share == 1 else share * asked + (1 - share) * _cubic(own, ratio, height)
+    if height == 0:
+        wrong = (mixed < 0) != (stack[k] < 0)
+        mixed[wrong] = np.copysign(np.float32(LEAST), stack[k][wrong])
     return np.asarray(mixed, np.float32)
 
 
@@ -221,18 +260,3 @@ def _cubic(own: SingleArray, ratio: float, height: float) -> SingleArray:
     plane = (1 + 2 * s) * t * t * own[low] + s * s * (3 - 2 * s) * own[low + 1]
     plane = plane + s * t * (t * slopes[0] - s * slopes[1])
     return np.asarray(plane / np.sqrt(1 + (rise / np.float32(ratio)) ** 2), np.float32)
-
-
-def _correction(own: SingleArray, base: SingleArray, ratio: float, height: float, exact: bool) -> SingleArray:
-    """By how much (I, J) the network changes the distances on a level, seen with slices around it."""
-    out, most = np.zeros_like(base), near_surface(ratio)
-    asked = np.argwhere(np.abs(base) < most)
-    if len(asked) == 0:
-        return out
-    padded = np.pad(own, ((0, 0), (REACH, REACH), (REACH, REACH)), mode="edge")
-    known = base[tuple(asked.T)]
-    nodes = np.column_stack([np.zeros(len(asked), np.int64), asked])
-    around = Surroundings.of(padded, nodes, known)
-    share = np.clip((most - np.abs(known)) / np.float32(FADING * most), 0, 1)
-    out[tuple(asked.T)] = share * (shipped_network().estimate(around, ratio, height, exact) - known)
-    return out

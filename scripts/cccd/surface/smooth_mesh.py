@@ -17,7 +17,15 @@ from cccd.surface.sampled import SampledDistance
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import SHRUNK_PART
 
-__all__ = ["MOST_OFFSET", "ROUNDS", "cut_at_ends", "default_wave", "smooth_mesh", "volume_between"]
+__all__ = [
+    "MOST_OFFSET",
+    "ROUNDS",
+    "cut_at_ends",
+    "default_wave",
+    "moved_to_ends",
+    "smooth_mesh",
+    "volume_between",
+]
 
 #: Waves of this many pixels and shorter go, or of this many slice distances. Shorter ones leave steps of
 #: pixels, and ripples between slices that are far apart; longer ones cost detail.
@@ -155,10 +163,12 @@ def cut_at_ends(mesh: Mesh, distance: SampledDistance) -> Mesh:
     """Cut a closed mesh by planes where the scan ends, and close it by planar caps."""
     if not np.isfinite(distance.ends).any():
         return mesh
+    return moved_to_ends(between_planes(moved_to_ends(mesh, distance), *distance.ends), distance)
+
+
+def moved_to_ends(mesh: Mesh, distance: SampledDistance) -> Mesh:
+    """Move vertices that lie next to where the scan ends there."""
     vertices: FloatArray = mesh.vertices.copy()
     for end in distance.ends:
         vertices[np.abs(vertices[:, 2] - end) < NEXT_TO_CUT * distance.level_step, 2] = end
-    cut = between_planes(Mesh(vertices, mesh.faces), *distance.ends)
-    for end in distance.ends:
-        cut.vertices[np.abs(cut.vertices[:, 2] - end) < 1e-9, 2] = end
-    return cut
+    return Mesh(vertices, mesh.faces)

@@ -10,7 +10,7 @@ import numpy as np
 
 from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.geometry.decimation import weigh_more
+from cccd.geometry.decimation import ahead, weigh_more
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
@@ -23,7 +23,7 @@ from cccd.surface.control_mesh import (
     with_caps,
 )
 from cccd.surface.counts import counts, warnings_of
-from cccd.surface.smooth_mesh import cut_at_ends, smooth_mesh, volume_between
+from cccd.surface.smooth_mesh import cut_at_ends, moved_to_ends, smooth_mesh, volume_between
 from cccd.surface.spline_fit import Target, fit_spline
 from cccd.surface.stack import CONTROL_BYTES, SliceStack
 from cccd.surface.surface import LoftedSurface
@@ -54,15 +54,12 @@ CALM_BAND, CALM_ROUNDS = 0.05, 30
 MOST_CURVED = 2.0
 #: Rounds of averaging the curvature with that of the neighbours.
 CURVATURE_ROUNDS = 4
-#: Rounds of finer quads where the surface lies off the mesh by so many pixels or folds, and one more where it
-#: loses a voxel ...
-REFINEMENTS, MOST_OFF = 1, 0.25
+#: Rounds of finer quads where the surface loses a voxel ...
+REFINEMENTS = 2
 #: ... and further ones where it passes through itself: narrow gaps need quads no wider than they are.
 CROSSING_REFINEMENTS = 2
 #: Where voxels are lost the coarse mesh may have so many times the triangles that it has at most elsewhere.
 LOST_FINER = 2
-#: A surface folds where it turns by more than this (radians) from a triangle to the next.
-FOLD = 1.6
 #: Area of a triangle whose edges are 1.
 EQUILATERAL = np.sqrt(3) / 4
 #: The mesh that is written has this many subdivisions: 32 triangles for each quad ...
@@ -150,12 +147,12 @@ def loft_spline(stack: SliceStack, wave: float | None = None) -> SplineSolid:
     area *= (mesh.vertices[:, 2] > ends[0]) & (mesh.vertices[:, 2] < ends[1])
     least = np.full(len(area), ACROSS / (ends[1] - ends[0]) ** 2)
     density = np.maximum(least, np.maximum(AROUND * bent**2, DENSITY * bent / stack.pixel))
-    target, cut = Target.of(mesh), cut_at_ends(mesh, stack.distance)
-    caps = _cap_triangles(cut, ends, density, target)
-    finest = caps + max(FEWEST, len(mesh.faces) // COARSER, round(float(least @ area)))
-    most = min(finest, caps + max(FEWEST, round(float(density @ area))))
-    fine = fewer_triangles(cut, SPARE * most, ends)
-    spline = _fit_and_refine(fine, target, (most, finest), stack)
+    finest = max(FEWEST, len(mesh.faces) // COARSER, round(float(least @ area)))
+    most = min(finest, max(FEWEST, round(float(density @ area))))
+    target, cut = Target.of(mesh), ahead(cut_at_ends(mesh, stack.distance), SPARE * most)
+    fine = fewer_triangles(moved_to_ends(cut, stack.distance), SPARE * most, ends)
+    caps = _cap_triangles(fine, ends, density, target)
+    spline = _fit_and_refine(fine, target, (caps + most, caps + finest), stack)
     return SplineSolid(spline, spline.tessellate(_drawn(spline)), stack)
 
 
@@ -196,10 +193,7 @@ def _fit_and_refine(fine: Mesh, target: Target, triangles: tuple[int, int], stac
         # even weights are left out: a faster collapse takes none
         start, coarse = control_mesh(fine, most, ends, weights if attempt else None)
         fit = fit_spline(start, target)
-        lost = _lost(fit.spline, stack) if attempt <= REFINEMENTS else np.zeros((0, 3))
-        places = lost
-        if attempt < REFINEMENTS and most < finest:
-            places = np.concatenate([lost, _amiss(fit.spline, target, stack)])
+        places = lost = _lost(fit.spline, stack) if attempt < REFINEMENTS else np.zeros((0, 3))
         if not len(places):
             fit.hold(volume, _drawn(start))
             places = fit.untangle(_drawn(start))
@@ -213,15 +207,6 @@ def _fit_and_refine(fine: Mesh, target: Target, triangles: tuple[int, int], stac
         most = min(len(coarse.faces) + 3 * int(there.sum()), finest * (LOST_FINER if len(lost) else 1))
     assert best is not None
     return with_caps(best[1], ends)
-
-
-def _amiss(spline: ControlMesh, target: Target, stack: SliceStack) -> FloatArray:
-    """Places (P, 3) where a spline lies off the mesh that it was fitted to, or is folded."""
-    wall = spline.tessellate(1)
-    off = np.abs(target.away(wall.vertices, wall.vertex_normals)[0]) > MOST_OFF * stack.pixel
-    _, angles, _, _, beside = wall.dihedrals
-    folded = wall.faces[beside[angles > FOLD].ravel()].ravel()
-    return np.concatenate([wall.vertices[off], wall.vertices[folded]])
 
 
 def _lost(spline: ControlMesh, stack: SliceStack) -> FloatArray:
