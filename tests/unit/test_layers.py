@@ -1,6 +1,7 @@
 """Imports run one way: between the three packages, and in each from the layers before a module's own."""
 
 import ast
+import re
 import shutil
 import subprocess
 import sys
@@ -129,16 +130,7 @@ def test_a_package_knows_only_those_before_it(package):
 def test_the_product_names_no_other_package_in_a_string():
     for name, path in MODULES.items():
         if name.split(".")[0] == "cccd":
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            nodes = filter(has_docstring, ast.walk(tree))
-            documented = {ast.get_docstring(node, clean=False) for node in nodes}
-            texts = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)} - documented
-            assert not {text for text in texts if str(text).startswith(("cccd_paper", "cccd_training"))}, name
-
-
-def has_docstring(node):
-    """Whether a node may have one."""
-    return isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef))
+            assert not re.search(r"[\"']cccd_(paper|training)", path.read_text(encoding="utf-8")), name
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -2,7 +2,7 @@
 
 from cccd.curves.describe import crossed_warnings, describe_curves, self_crossed_warnings
 from cccd.curves.fitting import corner_splines, fit_splines, sample_splines
-from cccd.curves.measures import measure_curves, sweep_k
+from cccd.curves.measures import measure_curves
 
 __all__ = [
     "corner_splines",
@@ -12,5 +12,4 @@ __all__ = [
     "measure_curves",
     "sample_splines",
     "self_crossed_warnings",
-    "sweep_k",
 ]

@@ -12,7 +12,6 @@ import shapely
 from scipy.spatial import cKDTree
 
 from cccd.containers import Curves, Splines
-from cccd.curves.corners import CRITERIA, k_cosine_corners
 from cccd.curves.fitting import FEWEST, corner_splines, sample_splines
 from cccd.geometry.arrays import owners_of, sum_per_part
 from cccd.geometry.raster import rasterise
@@ -21,7 +20,7 @@ from cccd.settings.curves import CurveSettings
 from cccd.tolerances import TINY
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 __all__ = [
     "SWEEP",
@@ -30,7 +29,6 @@ __all__ = [
     "distances",
     "measure_corners",
     "measure_curves",
-    "sweep_k",
 ]
 
 #: The k of the paper's figures 10-13.
@@ -195,43 +193,6 @@ def _window(curves: Curves) -> tuple[np.ndarray, tuple[int, int, int]]:
     return np.array([first, *low]), (last - first + 1, rows, columns)
 
 
-def sweep_k(
-    curves: Curves,
-    truth: np.ndarray | None = None,
-    origin: Sequence[int] | np.ndarray = (0, 0, 0),
-    ks: Sequence[int] = SWEEP,
-    criteria: Sequence[str] = CRITERIA,
-) -> pd.DataFrame:
-    """Measure the paper's own splines for each k and criterion (Tables 2-3, Figures 10-13).
-
-    Parameters
-    ----------
-    curves : Curves
-    truth : (S, I, J) bool array, optional
-        Ground truth; the filled curves themselves by default.
-    origin : (3,) int, optional
-        Source index (k, i, j) of the truth's first pixel.
-    ks, criteria : sequences
-        Settings of `k_cosine_corners`.
-
-    Returns
-    -------
-    DataFrame
-        One row per criterion and k; what it holds, `measure_corners` says.
-    """
-    import pandas as pd  # half a second to load, and surfaces need no table
-
-    rows = [
-        {"criterion": criterion, "k": k}
-        | measure_corners(
-            curves, k_cosine_corners(curves.points, curves.offsets, k, criterion), truth, origin
-        )
-        for criterion in criteria
-        for k in ks
-    ]
-    return pd.DataFrame(rows)
-
-
 def measure_corners(
     curves: Curves,
     corner: np.ndarray,
@@ -245,8 +206,10 @@ def measure_corners(
     curves : Curves
     corner : (P,) bool array
         Which points are control points.
-    truth, origin
-        As in `sweep_k`.
+    truth : (S, I, J) bool array, optional
+        Ground truth; the filled curves themselves by default.
+    origin : (3,) int, optional
+        Source index (k, i, j) of the truth's first pixel.
 
     Returns
     -------

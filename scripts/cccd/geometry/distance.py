@@ -59,10 +59,8 @@ def to_mask(mask: BoolArray, spacing: FloatArray) -> SingleArray:
     return np.asarray(np.where(mask, half - inwards, outwards - half), np.float32)
 
 
-def to_polygons(
-    inside: BoolArray, polygons: RaggedPolygons, spacing: FloatArray, outwards: FloatArray
-) -> SingleArray:
-    """Signed distance of every pixel (I, J) to the nearest of some polygons, each moved outwards.
+def to_polygons(inside: BoolArray, polygons: RaggedPolygons, spacing: FloatArray) -> SingleArray:
+    """Signed distance of every pixel (I, J) to the nearest of some polygons.
 
     Parameters
     ----------
@@ -72,9 +70,6 @@ def to_polygons(
         In mm from the centre of the first pixel; at least one.
     spacing : (2,) float64
         Edge lengths of a pixel in mm.
-    outwards : (C,) float64
-        Pixels by which each polygon moves along its normal, where that is an axis of the pixels; in between
-        it moves by the larger of the normal's two parts times that, as a border of whole pixels lies.
 
     Notes
     -----
@@ -86,19 +81,18 @@ def to_polygons(
     >>> square = RaggedPolygons.of([np.array([(1.0, 1), (3, 1), (3, 3), (1, 3)])])
     >>> inside = np.zeros((5, 5), bool)
     >>> inside[1:4, 1:4] = True
-    >>> to_polygons(inside, square, np.ones(2), np.full(1, 0.5))[2].tolist()
-    [0.5, -0.5, -1.5, -0.5, 0.5]
+    >>> to_polygons(inside, square, np.ones(2))[2].tolist()
+    [1.0, 0.0, -1.0, 0.0, 1.0]
     """
     foot, gap = np.full((*inside.shape, 2), np.inf), np.full(inside.shape, np.inf)
-    owner, distance = np.zeros(inside.shape, np.int64), np.empty(inside.shape, np.float32)
-    _find_nearby(polygons.points, polygons.offsets, spacing, foot, gap, owner)
-    _sweep(foot, gap, owner, spacing)
-    _sign(inside, foot, gap, owner, spacing, outwards, distance)
-    return distance
+    _find_nearby(polygons.points, polygons.offsets, spacing, foot, gap)
+    _sweep(foot, gap, spacing)
+    away = np.sqrt(gap).astype(np.float32)
+    return np.where(inside & (away > 0), -away, away)
 
 
 @jit
-def _sweep(foot: FloatArray, gap: FloatArray, owner: IntArray, spacing: FloatArray) -> None:
+def _sweep(foot: FloatArray, gap: FloatArray, spacing: FloatArray) -> None:
     """Hand the nearest points on, down and up the plane."""
     height = len(gap)
     for way in (1, -1):
@@ -106,41 +100,16 @@ def _sweep(foot: FloatArray, gap: FloatArray, owner: IntArray, spacing: FloatArr
             i = step if way > 0 else height - 1 - step
             if 0 <= i - way < height:
                 for side in (-1, 0, 1):
-                    _take_over(foot, gap, owner, i, i - way, side, spacing)
+                    _take_over(foot, gap, i, i - way, side, spacing)
             for side in (-1, 1):
-                _take_over(foot, gap, owner, i, i, side, spacing)
-
-
-@jit
-def _sign(
-    inside: BoolArray,
-    foot: FloatArray,
-    gap: FloatArray,
-    owner: IntArray,
-    spacing: FloatArray,
-    outwards: FloatArray,
-    distance: SingleArray,
-) -> None:
-    """Write the signed distances from the nearest points, each polygon moved outwards."""
-    height, width = inside.shape
-    for i in range(height):
-        for j in range(width):
-            away = np.sqrt(gap[i, j])
-            x, y = abs(i * spacing[0] - foot[i, j, 0]), abs(j * spacing[1] - foot[i, j, 1])
-            pixel = max(spacing[0] * x, spacing[1] * y) / away if away > 0 else min(spacing[0], spacing[1])
-            distance[i, j] = (-away if inside[i, j] else away) - outwards[owner[i, j]] * pixel
+                _take_over(foot, gap, i, i, side, spacing)
 
 
 @jit
 def _find_nearby(
-    points: FloatArray,
-    offsets: IntArray,
-    spacing: FloatArray,
-    foot: FloatArray,
-    gap: FloatArray,
-    owner: IntArray,
+    points: FloatArray, offsets: IntArray, spacing: FloatArray, foot: FloatArray, gap: FloatArray
 ) -> None:
-    """Write the nearest point, its squared distance and its polygon, for pixels near a polygon's edges."""
+    """Write the nearest point and its squared distance, for pixels near a polygon's edges."""
     height, width = gap.shape
     for polygon in range(len(offsets) - 1):
         first, last = offsets[polygon], offsets[polygon + 1]
@@ -164,13 +133,10 @@ def _find_nearby(
                     if ex * ex + ey * ey < gap[i, j]:
                         gap[i, j] = ex * ex + ey * ey
                         foot[i, j, 0], foot[i, j, 1] = ax + share * dx, ay + share * dy
-                        owner[i, j] = polygon
 
 
 @jit_within
-def _take_over(
-    foot: FloatArray, gap: FloatArray, owner: IntArray, i: int, a: int, side: int, spacing: FloatArray
-) -> None:
+def _take_over(foot: FloatArray, gap: FloatArray, i: int, a: int, side: int, spacing: FloatArray) -> None:
     """Let the pixels of row ``i`` take over nearer points from row ``a``, ``side`` columns beside them."""
     # A row at a time, because to hand arrays on costs more than to compare two distances.
     width = gap.shape[1]
@@ -182,7 +148,6 @@ def _take_over(
             if x * x + y * y < gap[i, j]:
                 gap[i, j] = x * x + y * y
                 foot[i, j, 0], foot[i, j, 1] = foot[a, b, 0], foot[a, b, 1]
-                owner[i, j] = owner[a, b]
 
 
 # Of meshes --------------------------------------------------------------------------------------------

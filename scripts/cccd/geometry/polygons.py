@@ -27,7 +27,7 @@ from cccd.geometry.arrays import (
     sum_per_part,
 )
 
-__all__ = ["RaggedPolygons", "resample", "signed_area"]
+__all__ = ["RaggedPolygons", "resample"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,22 +152,6 @@ class RaggedPolygons:
         wanted += ranks_of(counts) * np.repeat((end - begin) / np.maximum(counts, 1), counts)
         columns = [np.interp(wanted, position, ring[:, axis]) for axis in (0, 1)]
         return RaggedPolygons(np.column_stack(columns), offsets_of(counts))
-
-
-def signed_area(points: FloatArray) -> float:
-    """Shoelace area of one polygon (n, 2), positive when it runs counter-clockwise.
-
-    See Also
-    --------
-    RaggedPolygons.signed_areas : The same of many polygons at once.
-
-    Examples
-    --------
-    >>> signed_area(np.array([[0.0, 0], [2, 0], [2, 1], [0, 1]]))
-    2.0
-    """
-    x, y = points[:, 0] - points[0, 0], points[:, 1] - points[0, 1]
-    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
 def resample(points: FloatArray, count: int) -> FloatArray:

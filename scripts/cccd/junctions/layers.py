@@ -21,7 +21,6 @@ __all__ = [
     "Incidence",
     "MessageLayer",
     "Pools",
-    "both_ways",
 ]
 
 # Mean intensities of a slice that each layer compares with, over what it attends to.
@@ -221,11 +220,6 @@ class EquationEleven(MessagePassing):
         if received is None:
             return cast(Any, super()).aggregate(inputs, index, dim_size=dim_size)
         return received.sums(inputs)
-
-
-def both_ways(edge_index: Tensor) -> Tensor:
-    """Edges (2, 2 E) that run from first to second, then those that run back."""
-    return torch.cat([edge_index, edge_index.flip(0)], dim=1)
 
 
 @dataclass(frozen=True, eq=False)

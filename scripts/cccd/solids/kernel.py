@@ -232,15 +232,6 @@ def _double_knots(count: int, width: int) -> tuple[Any, Any]:
     return knots, times
 
 
-#: Where the four sides of a patch begin in its parameters, and how they run.
-_RIMS = (
-    ((0.0, 0.0), (1.0, 0.0)),
-    ((1.0, 0.0), (0.0, 1.0)),
-    ((1.0, 1.0), (-1.0, 0.0)),
-    ((0.0, 1.0), (0.0, -1.0)),
-)
-
-
 def _poles(net: FloatArray) -> Any:
     """Control points of a surface: u along the net's second axis, v along its first."""
     from OCP import collections, gp

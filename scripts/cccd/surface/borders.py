@@ -148,7 +148,7 @@ def _of_polygons(curves: Curves, slices: IntArray, layer: IntArray, reach: IntAr
     for number in range(len(slices)):
         here = layer == number
         own = in_mm.take(here)
-        distance[number] = to_polygons(inside[number], own, spacing, np.zeros(int(here.sum())))
+        distance[number] = to_polygons(inside[number], own, spacing)
     areas = np.abs(in_mm.signed_areas) * np.where(curves.hole, -1.0, 1.0)
     return Borders(slices, distance, first, np.bincount(layer, areas, len(slices)).astype(float), True)
 

@@ -134,7 +134,7 @@ def _distances(plane: DrawnPlane, nodes: FloatArray, pixel: float) -> SingleArra
     polygons = RaggedPolygons.of([ring - corner for ring in rings])
     inside = rasterise(polygons, (0, 0), (int(last[0]), int(last[1])))
     in_mm = RaggedPolygons(polygons.points * pixel, polygons.offsets)
-    distance = to_polygons(inside, in_mm, np.full(2, pixel), np.zeros(len(rings)))
+    distance = to_polygons(inside, in_mm, np.full(2, pixel))
     place = nodes @ axes / pixel - corner
     nearest = np.clip(place, 0, np.array(inside.shape) - 1)
     beyond = pixel * np.linalg.norm(place - nearest, axis=1)

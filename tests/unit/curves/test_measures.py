@@ -1,10 +1,11 @@
 import numpy as np
+import pandas as pd
 import pytest
 
 from cccd.containers import Curves
-from cccd.curves import corner_splines, describe_curves, fit_splines, measure_curves, sample_splines, sweep_k
+from cccd.curves import corner_splines, describe_curves, fit_splines, measure_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
-from cccd.curves.measures import _png_size, area_dice, bytes_per_slice, distances
+from cccd.curves.measures import _png_size, area_dice, bytes_per_slice, distances, measure_corners
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.metrics import dice
 from cccd.settings.curves import CurveSettings
@@ -66,9 +67,19 @@ def test_a_png_file_is_as_large_as_opencv_makes_it(blob):
         assert _png_size(picture > 0) == len(encoded)
 
 
+def sweep(curves, ks, *truth):
+    """Measure the splines of each criterion and k (Tables 2 and 3)."""
+    return pd.DataFrame(
+        {"criterion": criterion, "k": k}
+        | measure_corners(curves, k_cosine_corners(curves.points, curves.offsets, k, criterion), *truth)
+        for criterion in ("max", "min")
+        for k in ks
+    )
+
+
 def test_sweep_has_the_paper_s_shape(blob):
     mask, curves = blob(6, slices=3, waves=0.2)
-    table = sweep_k(curves, mask, (0, 0, 0)).set_index(["criterion", "k"])
+    table = sweep(curves, (3, 5, 7, 12, 20), mask, (0, 0, 0)).set_index(["criterion", "k"])
     assert len(table) == 10
     sharpest, straightest = table.loc["max"], table.loc["min"]
     for score in ("DSC", "JI", "ACC"):
@@ -89,8 +100,8 @@ def test_sweep_has_the_paper_s_shape(blob):
 
 def test_sweep_without_a_mask_takes_the_filled_curves(blob):
     mask, curves = blob(6)
-    given = sweep_k(curves, mask, (0, 0, 0), ks=(5,))
-    filled = sweep_k(curves, ks=(5,))
+    given = sweep(curves, (5,), mask, (0, 0, 0))
+    filled = sweep(curves, (5,))
     assert filled["DSC (whole)"].to_numpy() == pytest.approx(given["DSC (whole)"].to_numpy())
     assert filled["ACC (whole)"].to_numpy() == pytest.approx(given["ACC (whole)"].to_numpy())
 

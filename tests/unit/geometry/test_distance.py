@@ -40,7 +40,7 @@ def test_distance_to_a_drawn_disc_is_exact_near_it_and_nearly_so_far_away(spacin
     circle = RaggedPolygons.of(
         [17.3 * np.column_stack([np.cos(angle), np.sin(angle)]) + 30 * np.array(spacing)]
     )
-    measured = to_polygons(exact < 0, circle, np.array(spacing), np.zeros(1))
+    measured = to_polygons(exact < 0, circle, np.array(spacing))
     near = np.abs(exact) < 2 * min(spacing)
     assert measured[near] == pytest.approx(exact[near], abs=1e-4)
     assert measured == pytest.approx(exact, abs=0.1 * max(spacing))

@@ -5,7 +5,7 @@ import pydicom
 import pytest
 from scans import dicom_affine, grey, organ, row, settings, write_series, write_structure_set
 
-from cccd.geometry.polygons import signed_area
+from cccd.geometry.polygons import RaggedPolygons
 from cccd.inputs import load_structure
 
 OUTER = np.array([(0, 0), (24, 0), (24, 20), (0, 20)], float)
@@ -25,7 +25,7 @@ def curves_of(folder, contours, kind="CLOSED_PLANAR", **columns):
 
 def areas(curves):
     """Signed areas by slice: outlines count, holes are taken off."""
-    return [sorted(signed_area(points) for points in part) for part in by_slice(curves)]
+    return [sorted(RaggedPolygons.of(part).signed_areas.tolist()) for part in by_slice(curves)]
 
 
 def by_slice(curves):
@@ -52,7 +52,7 @@ def test_a_hole_is_a_hole_however_it_was_drawn(tmp_path, way):
     shapes, kind = WAYS[way]
     curves = curves_of(tmp_path, stacked(*shapes), kind)
     assert areas(curves) == [pytest.approx([-100, 480])] * 4
-    assert np.array_equal(curves.hole, [signed_area(points) < 0 for points in curves])
+    assert np.array_equal(curves.hole, curves.polygons.signed_areas < 0)
 
 
 def test_an_island_in_a_hole_is_tissue(tmp_path):

@@ -248,8 +248,9 @@ def test_a_surface_is_filled_once_for_all_formats(tmp_path):
 
     at = np.linalg.norm(np.indices((16, 16, 16)) - 7.5, axis=0)
     surface = cccd.reconstruct(at <= 6)
+    coarse = cccd.Settings(surface={"tetrahedra": {"edge_mm": 6, "tolerance_mm": 0.4}})
     for name in ("a.msh", "a.vtu", "a.inp"):
-        surface.write(tmp_path / name)
+        surface.write(tmp_path / name, settings=coarse)
     (report,) = surface.tetrahedra
     grid = pyvista.read(tmp_path / "a.vtu")
     solid = grid.extract_cells(grid.celltypes == pyvista.CellType.TETRA)
