@@ -57,6 +57,8 @@ def sheet(fresh_project):
     rows = [
         "case\torgan\timage\tmask\tboundary",
         "mask\tball\t\tmask.nii.gz\t",
+        "scan\tball\timage.nii.gz\t\t",
+        "file\tball\t\tdrawn/contours\t",
         "folder\tball\t\tdrawn\t",
         "map\tball\timage.nii.gz\t\tmap.nii.gz",
     ]
