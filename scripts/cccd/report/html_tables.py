@@ -19,6 +19,8 @@ __all__ = ["Cell", "Table", "TableColumn", "table", "words"]
 #: Endings of column names that are units, and how they are written.
 UNITS = {
     "_mm": "mm",
+    "_mm2": "mm²",
+    "_cm2": "cm²",
     "_mm3": "mm³",
     "_ml": "ml",
     "_px": "px",
