@@ -85,7 +85,8 @@ def _layers(
     found: dict[str, dict[int, str]] = {}
     view, splines, corners = files.view(), files.splines(), files.corners()
     flags, band = (view.flags, view.band) if view is not None else ({}, {})
-    if boundaries is not None and structure.mask is None:
+    traced = structure.mask is not None and not any(flag.any() for flag in flags.values())
+    if boundaries is not None and not traced:  # pixels of a mask's border are where its curve is
         owner = np.repeat(boundaries.slice, np.diff(boundaries.offsets))
         found["boundary"] = picture.pixels(boundaries.points, owner)
         if "dropped" in flags:

@@ -7,6 +7,7 @@ comes into sight; the page asks no server for anything.
 from __future__ import annotations
 
 import base64
+import html
 import json
 import zlib
 from collections.abc import Mapping, Sequence
@@ -32,8 +33,8 @@ _TITLES = {
     "curvature": "Mean curvature (1/mm)",
 }
 
-_LIGHT = {"ambient": 0.6, "diffuse": 0.5, "specular": 0.15, "roughness": 0.6, "fresnel": 0.1}
-_LAMP = {"x": 20_000, "y": 100_000, "z": 60_000}
+_LIGHT = {"ambient": 0.45, "diffuse": 0.7, "specular": 0.15, "roughness": 0.6, "fresnel": 0.1}
+_LAMP = {"x": -60_000, "y": -80_000, "z": -60_000}
 _COLOUR, _OTHER = "#d4b399", "#9eadbd"
 _NET, _CURVES = "#008f6b", "#1a5c9e"
 _GREY = "#808080"
@@ -148,7 +149,7 @@ def _scale(view: View, name: str) -> dict[str, Any]:
     values = view.values[name]
     limit = colour_limit(values, name)
     stops = colour_stops(9)[name]
-    title = {"text": _TITLES[name].format(view.reference), "side": "right"}
+    title = {"text": html.escape(_TITLES[name].format(view.reference)), "side": "right"}
     return {
         "intensity": _typed(values, np.float32),
         "colorscale": [[n / 8, f"rgb({r},{g},{b})"] for n, (r, g, b) in enumerate(stops)],
@@ -164,7 +165,13 @@ def _mesh(mesh: Mesh, name: str, colour: str, **options: Any) -> dict[str, Any]:
     axes = {axis: _typed(points[:, n], np.float32) for n, axis in enumerate("xyz")}
     corners = {corner: _typed(mesh.faces[:, n], np.uint32) for n, corner in enumerate("ijk")}
     shown = {"type": "mesh3d", "name": name, "color": colour, "showlegend": True, "showscale": False}
-    return shown | axes | corners | {"lighting": _LIGHT, "lightposition": _LAMP, "hoverinfo": "x+y+z+name"} | options
+    return (
+        shown
+        | axes
+        | corners
+        | {"lighting": _LIGHT, "lightposition": _LAMP, "hoverinfo": "x+y+z+name"}
+        | options
+    )
 
 
 def _lines(points: np.ndarray, name: str, colour: str) -> dict[str, Any]:
