@@ -622,13 +622,7 @@ ITEMS = (
             "bridged",
         ),
         plots=_PLOTS + "junctions",
-        captions=(
-            "Share of slices whose curve is right, and mean Dice, per kind of corruption.",
-            "The ten maps on which the network does worst: input, links, our curve (thin, orange) and the "
-            "truth (thick, green).",
-            "The ten worst maps: input, links, curve and truth",
-        ),
-        picture="gnn/worst.png",
+        captions=("Share of slices whose curve is right, and mean Dice, per kind of corruption.",),
         network=True,
     ),
     Item(

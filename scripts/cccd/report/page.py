@@ -35,7 +35,6 @@ from cccd.report.results import Results, StructureFiles
 from cccd.report.slices import draw_slices
 from cccd.report.structure_view import (
     StructureView,
-    encode_picture,
     figure_view,
     headline_frame,
     kinds_of_warnings,
@@ -58,9 +57,6 @@ _PAGE_WIDTH, _THUMB_WIDTH = 900, 360
 #: Plots wider than this many CSS pixels go below the paper's text instead of next to it.
 _COLUMN_PX = 780
 
-#: Width in pixels to which large pictures are reduced.
-_WIDE_PX = 1600
-
 #: Above this many structures the cohort's page leaves out the pictures (some 5 kB each).
 _THUMBS_BELOW = 1000
 
@@ -78,7 +74,6 @@ class ItemView:
     item: Item
     table: Table | None
     figures: list[tuple[Markup, str, bool]]
-    picture: str | None
 
 
 def build_report(
@@ -395,8 +390,10 @@ def _distance_table(results: Results) -> Table | None:
 def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:
     """Collect every section of items: anchor, title, introduction, and those items that were made."""
     views = [_item_view(item, results) for item in items() if item.section != "summary"]
-    compared = any(view.item.needed and (view.table or view.figures) for view in views)
-    shown = [view for view in views if view.table or (compared and (view.figures or view.picture))]
+    compared = any(view.item.needed and view.table for view in views)
+    shown = [view for view in views if view.table or (compared and view.figures)]
+    if not compared:  # what else there is describes the paper's tables
+        shown = [view for view in shown if view.item.network]
     found = [
         (key, title, text, [view for view in shown if view.item.section == key])
         for key, (title, text) in sections().items()
@@ -406,12 +403,10 @@ def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:
 
 def _item_view(item: Item, results: Results) -> ItemView:
     shown = results.table(item.table) if item.table is not None else None
-    picture = results.picture(item.picture) if item.picture is not None else None
     return ItemView(
         item,
         table(item.table, shown) if item.table is not None and shown is not None else None,
         [(svg, caption, _width(svg) > _COLUMN_PX) for svg, caption in _draw(item, results)],
-        encode_picture(picture, _WIDE_PX) if picture is not None else None,
     )
 
 

@@ -54,7 +54,7 @@ def learning_curve(history: pd.DataFrame) -> str | None:
             axis.set_title(title)
             axis.set_xlabel("epoch")
             axis.xaxis.set_major_locator(MaxNLocator(integer=True))
-            axis.legend()
+            axis.legend(loc="upper left", bbox_to_anchor=(0, -0.2), ncols=2)  # below: it covers no curve
         return to_svg(figure, "learning", "Loss and scores of the training against the epoch")
 
 

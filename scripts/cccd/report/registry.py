@@ -138,9 +138,6 @@ class Item:
         Function of `cccd.report.results.Results` and the item that returns the plots.
     captions : tuple of str
         Of the plots, in their order.
-    picture : str or None
-        File in ``results/`` shown with it, which another rule leaves; its caption and its text for those
-        who cannot see it are the last two captions.
     network : bool
         Whether it needs the trained network; it is absent from a run without one.
     """
@@ -156,7 +153,6 @@ class Item:
     tabulate: str | None = None
     plots: str | None = None
     captions: tuple[str, ...] = ()
-    picture: str | None = None
     network: bool = False
 
     @property

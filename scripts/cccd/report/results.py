@@ -119,10 +119,6 @@ class Results:
             self._rows[comparison.name] = frame if whole else None
         return self._rows[comparison.name]
 
-    def picture(self, name: str) -> Path | None:
-        """Find a picture that a rule left, by its path in ``results/``."""
-        return self.folder / name if (self.folder / name).is_file() else None
-
     def graphs(self) -> tuple[dict[str, int], dict] | None:
         """Read how many graphs the network was trained on, and what they hold."""
         return _if_there(store.read_graph_facts, self.folder / "gnn" / "graphs.h5")
