@@ -199,4 +199,4 @@ def test_a_view_comes_back(tmp_path, reference):
     np.testing.assert_array_equal(found.meshes["surface"].faces, mesh.faces)
     for name, column in values.items():
         np.testing.assert_array_equal(found.values[name], column)
-    np.testing.assert_array_equal(found.flags["junctions"], [True, False])
+    np.testing.assert_array_equal(found.flags["dropped"], [True, False])
