@@ -100,7 +100,7 @@ def figure_view(name: str, case: str, figures: Mapping[str, Any]) -> StructureVi
         organ=name,
         id=re.sub(r"[^A-Za-z0-9_-]", "-", name),
         metrics={key: value for key, value in figures.items() if value is not None},
-        headlines=_headlines({"surface": {**figures, "dice_3d": figures.get("dice")}}),
+        headlines=[],
         warnings=list(figures.get("notes", [])),
         picture=None,
         renderer=None,
