@@ -192,12 +192,6 @@ def test_ours_stand_beside_the_papers(tables):
     assert fifth["corner_ms"].fillna(fifth["curve_ms"]).notna().all()
 
 
-def test_the_papers_dice_by_k_is_one_series():
-    printed = published.TABLE_2[published.TABLE_2["detector"] == "cccd"]
-    by_k = printed["parameters"].str.removeprefix("k = ").astype(int)
-    assert dict(zip(by_k, printed["dice_percent"], strict=True)) == published.CCCD_DICE.to_dict()
-
-
 def surfaces_of(*rows, **truth):
     """Surfaces of one structure: method, ASSD and curvature."""
     table = pd.DataFrame(rows, columns=["method", "assd_mm", "curvature_per_area_mm"])
