@@ -67,7 +67,6 @@ rule all:
         "results/report.html",
         rules.surfaces.input,
         plan.region_pictures(),
-        plan.structure_pages(),
         plan.scenes(),
     localrule: True
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from cccd.geometry.ply import read_ply
 from cccd.job import job
-from cccd.report.case_page import build_case_page
+from cccd.report.page import build_case_page
 from cccd.store import read_json
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):

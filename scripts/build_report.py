@@ -1,4 +1,4 @@
-"""The report: one self-contained page."""
+"""The report: the cohort's page."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""One structure's own page, for cohorts too large for one page."""
+"""One structure's own page."""
 
 from pathlib import Path
 

@@ -38,7 +38,6 @@ def add(kind: str, name: str, what: Any) -> None:
     ``"report section"``       title and introduction
     ``"report item"``          a `cccd.report.registry.Item`
     ``"report input"``         a `cccd.report.registry.Input`
-    ``"report remark"``        a sentence that ends the note of the item of this name
     ========================== ===================================================================
 
     Raises

@@ -17,12 +17,11 @@ from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.project import PROJECT
 from cccd.store import atomic_path
-from cccd.view import sort_spatially
 
 __all__ = ["check_outputs", "write_comparison"]
 
 #: A page shows at most so many triangles of each surface.
-_TRIANGLES = 60_000
+_TRIANGLES = 30_000
 
 
 def check_outputs(paths: Sequence[Path]) -> None:
@@ -84,7 +83,7 @@ def _write_vtp(path: Path, found: Comparison, rows: Sequence[Compared]) -> None:
 def _write_glb(path: Path, found: Comparison, rows: Sequence[Compared]) -> None:
     import trimesh
 
-    from cccd.report.scene import colour_limit, colour_stops
+    from cccd.report.viewer import colour_limit, colour_stops
 
     stops = np.array(colour_stops()["distance"], float)
     limit = colour_limit(np.concatenate([_mesh(row)[1] for row in rows]), "distance")
@@ -116,8 +115,7 @@ def _view(row: Compared, other: str) -> View:
     """Make what the page shows of a row: both surfaces made small, the first one's coloured."""
     mesh, _ = _mesh(row)
     assert row.other is not None
-    shown, _ = sort_spatially(mesh.simplified(_TRIANGLES))
-    theirs, _ = sort_spatially(row.other.simplified(_TRIANGLES))
+    shown, theirs = mesh.simplified(_TRIANGLES), row.other.simplified(_TRIANGLES)
     distance = to_mesh(shown.vertices, row.other)
     if not row.other.is_closed:
         distance = np.abs(distance)

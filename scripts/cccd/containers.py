@@ -565,8 +565,7 @@ class View:
     reference : str
         What ``distance`` is measured to; empty without it.
     flags : dict of str to (P,) bool
-        ``junctions``, ``isolated_corners`` and ``dropped`` of the boundary's pixels, ``bridged`` of the
-        curves' points.
+        ``dropped`` of the boundary's pixels, ``bridged`` of the curves' points.
     band : dict of str to Curves
         Lines in which the slices meet the ``inner`` and the ``outer`` surface of the error band.
     """

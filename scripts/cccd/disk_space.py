@@ -21,7 +21,7 @@ _LEAST = {
     "surface.ply": 440_000,
     "view.h5": 270_000,
     "picture.png": 190_000,
-    "report.html": 1_500_000,
+    "report.html": 1_200_000,
 }
 
 #: A file takes a block at least; so do its job's log and benchmark, and what Snakemake notes of it.

@@ -1,7 +1,7 @@
 """What the page's viewer shows of one structure, computed once: meshes made small, and what colours them.
 
 The surface's vertices carry their distance to the reference, the mean curvature and the error band's width;
-boundary pixels and curve points carry whether a greedy chain code gets stuck on them.
+boundary pixels and curve points carry whether the ordering dropped or added them.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from cccd.bands import Band
-from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels, on_pixel_chain
+from cccd.chaincode import changed_pixels, on_pixel_chain
 from cccd.containers import Boundaries, Curves, Frame, Structure, View
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.curvature import mean_curvature
@@ -24,15 +24,14 @@ __all__ = [
     "lines_on_slices",
     "make_view",
     "reference_surface",
-    "sort_spatially",
     "voxel_surface",
 ]
 
 #: Lines of the error band on slices are kept to this share of a pixel.
 _LINE_PX = 0.05
 
-#: A mesh is simplified to at most this many triangles: then a structure takes some 1.5 MB of its page.
-VIEWER_TRIANGLES = 80_000
+#: A mesh is simplified to at most this many triangles: then a structure takes some .7 MB of its page.
+VIEWER_TRIANGLES = 30_000
 
 
 def voxel_surface(structure: Structure) -> Mesh | None:
@@ -48,31 +47,6 @@ def reference_surface(structure: Structure) -> tuple[Mesh, str] | None:
         return structure.truth.outwards(), "the analytic surface"
     voxels = voxel_surface(structure)
     return None if voxels is None else (voxels, "the mask's voxel surface")
-
-
-def sort_spatially(mesh: Mesh) -> tuple[Mesh, np.ndarray]:
-    """Sort triangles along a Morton curve and vertices by first use, so that differences are small.
-
-    Returns
-    -------
-    mesh : Mesh
-    order : (V,) int
-        Where each vertex stood before; unused vertices are dropped.
-    """
-    centroids = mesh.vertices[mesh.faces].mean(axis=1)
-    low, extent = centroids.min(axis=0), np.ptp(centroids, axis=0).max() or 1.0
-    cells = ((centroids - low) * (1023 / extent)).astype(np.uint32)
-    key = np.zeros(len(cells), np.uint32)
-    for bit in range(10):
-        for axis in range(3):
-            key |= ((cells[:, axis] >> bit) & 1) << np.uint32(3 * bit + axis)
-    faces = mesh.faces[np.argsort(key, kind="stable")]
-    used, first, inverse = np.unique(faces, return_index=True, return_inverse=True)
-    by_use = np.argsort(first)
-    rank = np.empty_like(by_use)
-    rank[by_use] = np.arange(len(by_use))
-    order = used[by_use]
-    return Mesh(mesh.vertices[order], rank[inverse].reshape(-1, 3)), order
 
 
 def make_view(
@@ -98,7 +72,7 @@ def make_view(
         How far off the surface may be.
     """
     whole, cubes = surface.outwards(), voxel_surface(structure)
-    shown, _ = sort_spatially(whole.simplified(VIEWER_TRIANGLES))
+    shown = whole.simplified(VIEWER_TRIANGLES)
     values = {"curvature": mean_curvature(whole, shown.vertices)}
     lines: dict[str, Curves] = {}
     if band is not None:
@@ -112,8 +86,8 @@ def make_view(
         values["distance"] = to_mesh(shown.vertices, reference)
     meshes = {"surface": shown}
     if cubes is not None:
-        meshes["cubes"] = sort_spatially(cubes.simplified(VIEWER_TRIANGLES))[0]
-    return View(meshes, values, len(whole.faces), name, _stuck(boundaries, curves), lines)
+        meshes["cubes"] = cubes.simplified(VIEWER_TRIANGLES)
+    return View(meshes, values, len(whole.faces), name, _changed(boundaries, curves), lines)
 
 
 def lines_on_slices(mesh: Mesh, frame: Frame, slices: IntArray) -> Curves:
@@ -133,11 +107,9 @@ def _thinned(loop: FloatArray) -> FloatArray:
     return shapely.get_coordinates(shapely.simplify(shapely.linearrings(loop), _LINE_PX))[:-1]
 
 
-def _stuck(boundaries: Boundaries | None, curves: Curves) -> dict[str, np.ndarray]:
-    """Flag the boundary's junction pixels and isolated corners (P,), and what ordering changed (P,), (Q,)."""
-    if boundaries is None:
-        return {}
-    flags = {"junctions": junction_pixels(boundaries), "isolated_corners": isolated_corners(boundaries)}
-    if on_pixel_chain(curves.points, curves.offsets).any():  # contours as given have no chain code
-        flags["dropped"], flags["bridged"] = changed_pixels(boundaries, curves)
-    return flags
+def _changed(boundaries: Boundaries | None, curves: Curves) -> dict[str, np.ndarray]:
+    """Flag the boundary's pixels (P,) that are on no curve, and the curves' points (Q,) that bridge gaps."""
+    if boundaries is None or not on_pixel_chain(curves.points, curves.offsets).any():
+        return {}  # contours as given have no chain code
+    dropped, bridged = changed_pixels(boundaries, curves)
+    return {"dropped": dropped, "bridged": bridged}

@@ -8,10 +8,10 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 46335,
-    "scripts/cccd_paper": 11604,
+    "scripts/cccd": 44505,
+    "scripts/cccd_paper": 10930,
     "scripts/cccd_training": 3661,
-    "tests": 30504,
+    "tests": 29725,
 }
 
 

@@ -191,7 +191,7 @@ def test_a_panel_of_a_picture_alone_comes_back(tmp_path):
 def test_a_view_comes_back(tmp_path, reference):
     mesh = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[0, 2, 1], [0, 1, 3]]))
     values = {"curvature": np.arange(4.0)} | ({"distance": -np.arange(4.0)} if reference else {})
-    view = View({"surface": mesh}, values, 99, reference, {"junctions": np.array([True, False])})
+    view = View({"surface": mesh}, values, 99, reference, {"dropped": np.array([True, False])})
     store.write_view(tmp_path / "view.h5", view)
     found = store.read_view(tmp_path / "view.h5")
     assert (found.triangles, found.reference, set(found.values)) == (99, reference, set(values))
@@ -199,4 +199,4 @@ def test_a_view_comes_back(tmp_path, reference):
     np.testing.assert_array_equal(found.meshes["surface"].faces, mesh.faces)
     for name, column in values.items():
         np.testing.assert_array_equal(found.values[name], column)
-    np.testing.assert_array_equal(found.flags["junctions"], [True, False])
+    np.testing.assert_array_equal(found.flags["dropped"], [True, False])

@@ -7,7 +7,7 @@ import trimesh
 from cccd.containers import Frame, Structure
 from cccd.geometry.curvature import mean_curvature
 from cccd.geometry.mesh import Mesh
-from cccd.view import reference_surface, sort_spatially
+from cccd.view import reference_surface
 
 
 def sphere(radius, subdivisions=5):
@@ -23,18 +23,6 @@ def volume(mesh):
 def test_mean_curvature_of_a_sphere_is_one_over_its_radius(radius):
     mesh = sphere(radius)
     np.testing.assert_allclose(mean_curvature(mesh, mesh.vertices[::50]), 1 / radius, rtol=1e-3)
-
-
-def test_sorting_changes_the_order_and_nothing_else():
-    mesh = sphere(10.0, 3)
-    spare = Mesh(np.vstack([[[99.0, 99, 99]], mesh.vertices]), mesh.faces + 1)  # an unused vertex
-    ordered, order = sort_spatially(spare)
-    np.testing.assert_array_equal(spare.vertices[order], ordered.vertices)
-    assert len(ordered.vertices) == len(mesh.vertices)
-    corners = {tuple(map(tuple, face)) for face in mesh.vertices[mesh.faces]}
-    assert {tuple(map(tuple, face)) for face in ordered.vertices[ordered.faces]} == corners
-    first_use = np.sort(np.unique(ordered.faces.ravel(), return_index=True)[1])
-    np.testing.assert_array_equal(ordered.faces.ravel()[first_use], np.arange(len(ordered.vertices)))
 
 
 def test_reference_is_the_truth_where_there_is_one():

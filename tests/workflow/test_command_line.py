@@ -5,7 +5,6 @@ import pytest
 
 def test_nested_values_are_read(fresh_project):
     settings = [
-        "report={pages_above: 1}",
         "surface={formats: [stl, glb]}",
         "curves={k: 9, sweep: [3, 9], max_control_points: null}",
         "gnn={graphs: {training: 20}, pretrained: null, learning_rate: 1e-3}",

@@ -97,13 +97,12 @@ def test_texts_in_the_report(tiny_copy):
         texts = [name for name in table if not pd.api.types.is_numeric_dtype(table[name])]
         table.loc[len(table) - 1, texts] = SCRIPT
         table.to_csv(path, index=False)
-    (tiny_copy.results / "tables" / "notes.json").write_text(json.dumps({"table1": SCRIPT, "figure9": IMAGE}))
     output = tiny_copy.folder / "hostile.html"
     build_report(
         results=tiny_copy.results,
         structures=[("tiny", "sphere")],
         failures=[f"tiny/sphere: {SCRIPT} {IMAGE}"],
-        config={"report": {"pages_above": 12}, "cohort": SCRIPT},
+        config={"cohort": SCRIPT},
         output=output,
         benchmarks=None,
         template_dir=ROOT / "workflow" / "report",

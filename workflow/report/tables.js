@@ -29,7 +29,7 @@ function tableCsv(table) {
 
 // Hides the structures of which not every word is said: in their names or their warnings.
 function findStructures(words, said) {
-  const entries = [...document.querySelectorAll("#table-structures tbody tr, .sheet-of-thumbs li")];
+  const entries = [...document.querySelectorAll("#table-overview tbody tr, .sheet-of-thumbs li")];
   for (const entry of entries) {
     const text = said[entry.querySelector("a")?.getAttribute("href")] ?? "";
     entry.hidden = !words.every((word) => text.includes(word));

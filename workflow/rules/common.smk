@@ -35,7 +35,7 @@ from cccd.plan.networks import MODEL
 from cccd.plan.outcome import report_failed_run, report_good_run, report_interrupted_run
 from cccd.plan.plan import SHOWN, Plan, files_of_comparison
 from cccd.plan.resources import memory, minutes
-from cccd.report.registry import comparison_jobs, tables
+from cccd.report.registry import comparison_jobs
 from cccd.segmentation.networks import networks
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS

@@ -2,7 +2,7 @@
 
 
 rule build_tables:
-    """One CSV per table of the paper, with this run's figures and the paper's, and one per further table."""
+    """One CSV per table that the structures and their comparisons give rows for."""
     input:
         metrics=plan.files("metrics.json"),
         comparisons=plan.all_comparison_rows,
@@ -15,9 +15,8 @@ rule build_tables:
                 category="Tables",
                 labels={"table": name},
             )
-            for name in tables()
+            for name in plan.tables()
         ],
-        notes="results/tables/notes.json",
     log:
         "logs/build_tables.log",
     benchmark:
@@ -35,10 +34,9 @@ rule build_tables:
 
 
 rule build_structure_page:
-    """A page of one structure, where the cohort is too large for one page."""
+    """A page of one structure: its surface to rotate, its slices, all that was measured."""
     input:
         files=[f"results/{{case}}/{{organ}}/{name}" for name in SHOWN],
-        comparisons=plan.comparison_files,
     output:
         report(
             "results/{case}/{organ}/report.html",
@@ -67,10 +65,9 @@ rule build_structure_page:
 
 
 rule build_report:
-    """The report: one self-contained page, or for a large cohort an index of the structures' pages."""
+    """The report: results and warnings of the whole cohort on one page, which leads to the structures' pages."""
     input:
-        tables=[f"results/tables/{name}.csv" for name in tables()],
-        notes="results/tables/notes.json",
+        tables=[f"results/tables/{name}.csv" for name in plan.tables()],
         junctions=plan.junctions.score_files,
         training=plan.junctions.training_files,
         files=plan.reported_files,
@@ -90,7 +87,7 @@ rule build_report:
         "../../envs/cccd.yaml"
     threads: 1
     resources:
-        # 440 MB of 2 structures, 540 of 12 on one page, 370 and 410 of 100 and 400 in an index
+        # 370 and 410 MB of 100 and 400 structures
         mem_mb=memory(1000 + len(cohort.reconstructed) // 2),
         runtime=minutes(30),
     params:

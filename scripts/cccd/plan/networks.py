@@ -117,7 +117,7 @@ class JunctionPlan:
     @property
     def score_files(self) -> list[str]:
         """What the report reads of the network's scores."""
-        return ["results/tables/junctions.csv", "results/gnn/worst.png"] if self.scored else []
+        return ["results/tables/junctions.csv"] if self.scored else []
 
     @property
     def code(self) -> list[str]:

@@ -24,7 +24,7 @@ from cccd.settings.validation import validate_config
 
 __all__ = ["OF_NO_CASE", "Plan", "files_of_comparison"]
 
-#: What a structure's page and the report read of it.
+#: What a structure's page reads of it.
 SHOWN = (
     "structure.h5",
     "boundaries.h5",
@@ -270,8 +270,12 @@ class Plan:
         return [f"results/{case}/{file}" for case in cases for file in files]
 
     def distance_files(self) -> list[str]:
-        """Return the distances between organs, of every case that has more than one."""
-        organs = Counter(name.case for name in self.cohort.reconstructed)
+        """Return the distances between organs, of every case that has more than one.
+
+        Phantoms are made each by itself: what is next to another is so by chance.
+        """
+        found = (name for name in self.cohort.reconstructed if self.cohort.rows[name]["source"] != "phantom")
+        organs = Counter(name.case for name in found)
         return [f"results/{case}/distances.csv" for case, count in organs.items() if count > 1]
 
     def scenes(self) -> list[str]:
@@ -398,18 +402,21 @@ class Plan:
 
     # The report.
 
-    def shown_files(self) -> list[str]:
-        """Return what the report reads of all structures."""
-        return [file for name in SHOWN for file in self.files(name)]
-
-    def structure_pages(self) -> list[str]:
-        """Return the structures' own pages, to which the report of a large cohort links."""
-        large = len(self.cohort.reconstructed) > self.settings.report.pages_above
-        return self.files("report.html") if large else []
-
     def reported_files(self, wildcards: object = None) -> list[str]:
-        """Return what the report waits for: all that it shows, or the pages that are made of the same."""
-        return self.structure_pages() or [*self.shown_files(), *self.all_comparison_files()]
+        """Return what the report waits for: the structures' pages, and what their comparisons drew."""
+        return [*self.files("report.html"), *self.all_comparison_files()]
+
+    def tables(self) -> list[str]:
+        """Return stems of the tables that this run's structures and comparisons give rows for."""
+        made = {Path(file).stem for file in self.all_comparison_rows()}
+        given = {"structures": True, "distances": bool(self.distance_files())}
+        return [
+            item.table
+            for item in items()
+            if item.table is not None
+            and item.tabulated
+            and given.get(item.table, bool(made) and all(one.name in made for one in item.needed))
+        ]
 
     @property
     def templates(self) -> str:
@@ -418,9 +425,8 @@ class Plan:
 
     @property
     def table_code(self) -> list[str]:
-        """Functions that the tables and their notes are made by."""
-        made = [part for item in items() for part in (item.tabulate, item.note) if part]
-        return [*made, *registrations()]
+        """Functions that the tables are made by."""
+        return [*(item.tabulate for item in items() if item.tabulate), *registrations()]
 
     @property
     def report_code(self) -> list[str]:

@@ -19,6 +19,8 @@ __all__ = ["Cell", "Table", "TableColumn", "table", "words"]
 #: Endings of column names that are units, and how they are written.
 UNITS = {
     "_mm": "mm",
+    "_mm2": "mm²",
+    "_cm2": "cm²",
     "_mm3": "mm³",
     "_ml": "ml",
     "_px": "px",
@@ -64,6 +66,9 @@ SPELLINGS = {
 
 #: Columns that hold a share and are read in percent.
 IN_PERCENT = {"volume_bias"}
+
+#: Columns whose values differ by orders of magnitude: each has four digits of its own.
+FOUR_DIGITS = {"volume_ml", "surface_area_cm2"}
 
 
 @dataclass(frozen=True)
@@ -150,7 +155,8 @@ def table(key: str, frame: pd.DataFrame, links: Iterable[str | None] | None = No
         unit = "%" if share else unit
         numeric = pd.api.types.is_numeric_dtype(series) and not pd.api.types.is_bool_dtype(series)
         columns.append(TableColumn(str(name), heading, unit, numeric))
-        decimals.append((2 if share else shared_decimals(series.to_numpy(float))) if numeric else None)
+        shared = numeric and name not in FOUR_DIGITS
+        decimals.append((2 if share else shared_decimals(series.to_numpy(float))) if shared else None)
         factors.append(100 if share else 1)
     targets = list(links) if links is not None else [None] * len(frame)
     rows = [

@@ -1,13 +1,13 @@
-"""The pages: one self-contained HTML file, readable from disk, with no request to anywhere.
+"""The pages: self-contained HTML files, readable from disk, with no request to anywhere.
 
-`build_report` makes the cohort's page. Up to a number of structures everything is in it; above, it is an
-index, and each structure has a page of its own (`build_structure_page`). Whatever file of the run is absent
-costs one sentence on the page and nothing else.
+`build_report` makes the cohort's page: results, warnings, and all else folded. Each structure has a page of
+its own (`build_structure_page`), each case whose organs share walls, too (`build_case_page`), and so has a
+comparison (`build_comparison_page`). Whatever file of the run is absent is left out.
 """
 
 from __future__ import annotations
 
-import json
+import functools
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -16,47 +16,55 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 import pandas as pd
 import yaml
 from markupsafe import Markup
 
 from cccd.console import duration
 from cccd.containers import View
+from cccd.geometry.mesh import Mesh
 from cccd.lookup import find
 from cccd.report import plots
 from cccd.report.facts import benchmark_table, provenance
-from cccd.report.html_tables import Table, table, words
-from cccd.report.measures import HEADLINES
+from cccd.report.html_tables import Table, table
 from cccd.report.numerals import number
 from cccd.report.registry import Item, comparisons, items, sections
 from cccd.report.render import VIEWS, VTK_PACKAGE
-from cccd.report.results import Results
-from cccd.report.scene import build_scene, build_surface_scene, colour_stops
+from cccd.report.results import Results, StructureFiles
+from cccd.report.slices import draw_slices
 from cccd.report.structure_view import (
     StructureView,
-    encode_picture,
     figure_view,
     headline_frame,
-    headline_label,
+    kinds_of_warnings,
+    overview,
     source_table,
     view_structure,
 )
-from cccd.report.summary import Cohort, build_tables, read_cohort, write_notes
+from cccd.report.summary import Cohort, build_tables, read_cohort
+from cccd.report.viewer import case_figure, deflate, packed, surface_figure
 from cccd.store import atomic_path
 
-__all__ = ["build_comparison_page", "build_report", "build_report_of_finished", "build_structure_page"]
+__all__ = [
+    "build_case_page", "build_comparison_page", "build_report", "build_report_of_finished",
+    "build_structure_page",
+]  # fmt: skip
 
-#: Widths in pixels of a picture in a card and in the contact sheet of a cohort.
-_CARD_WIDTH, _THUMB_WIDTH = 900, 240
+#: Widths in pixels of a picture in a structure's page and in the cohort's.
+_PAGE_WIDTH, _THUMB_WIDTH = 900, 360
 
-#: Plots wider than this many CSS pixels go below the paper's text instead of beside it.
+#: Plots wider than this many CSS pixels go below the paper's text instead of next to it.
 _COLUMN_PX = 780
 
-#: Width in pixels to which large pictures are reduced.
-_WIDE_PX = 1600
-
-#: Above this many structures the index leaves out the contact sheet (some 3 kB each).
+#: Above this many structures the cohort's page leaves out the pictures (some 5 kB each).
 _THUMBS_BELOW = 1000
+
+#: Up to this many structures each has a row of its own in the charts; above, each organ has.
+_ROWS = 40
+
+#: All organs of a case together are simplified to about this many triangles; one keeps the second at least.
+_CASE_TRIANGLES, _ORGAN_TRIANGLES = 200_000, 400
 
 
 @dataclass
@@ -64,11 +72,8 @@ class ItemView:
     """One item of the registry as the templates see it; a figure is (SVG, caption, is it wide)."""
 
     item: Item
-    note: str | None
     table: Table | None
     figures: list[tuple[Markup, str, bool]]
-    missing: str | None
-    picture: str | None
 
 
 def build_report(
@@ -92,7 +97,7 @@ def build_report(
     failures : sequence of str
         One line per structure or stage that failed.
     config : mapping
-        The configuration as merged; its section ``report`` holds ``pages_above``.
+        The configuration as merged.
     output : path
         Where the page goes.
     benchmarks : path or None
@@ -103,28 +108,25 @@ def build_report(
         Of the structures that are finished, where the tables of all could not be made: the page then shows
         what these come to.
     """
-    found = Results(results, structures)
-    if cohort is not None:
-        found = Results(results, structures, build_tables(cohort), write_notes(cohort))
-    index = len(structures) > config["report"]["pages_above"]
-    views = _structure_views(found, index)
+    found = Results(results, structures, None if cohort is None else build_tables(cohort))
+    width = _THUMB_WIDTH if len(structures) <= _THUMBS_BELOW else None
+    views = [view_structure(found, *key, width) for key in structures]
+    for view in views:  # a page that a failed run did not come to leads nowhere
+        view.link = view.link if (results / view.link).is_file() or cohort is None else ""
+    cases = dict.fromkeys(case for case, _ in structures)
     _write(
         output,
         template_dir,
         "report.html.j2",
         {
             "title": "CCCD report",
-            "index": index,
             "structures": views,
             "failures": list(failures),
-            "measured": _measured_table(found, views, index),
+            "measured": overview(views),
+            "charts": _charts(views),
+            "kinds": kinds_of_warnings(views),
             "distances": _distance_table(found),
-            "whole_cases": [
-                case
-                for case in dict.fromkeys(case for case, _ in structures)
-                if (results / case / "scene.html").is_file()
-            ],
-            "cohort_plots": _cohort_plots(views) if index else [],
+            "whole_cases": [case for case in cases if (results / case / "scene.html").is_file()],
             "sections": _sections(found),
             "sources": source_table(views),
             **_training(found, config),
@@ -163,16 +165,23 @@ def build_report_of_finished(
     build_report(results, structures, failures, config, output, benchmarks, template_dir, cohort)
 
 
-def _structure_views(results: Results, index: bool) -> list[StructureView]:
-    """Collect every structure; an index leaves out what their own pages show."""
-    thumbs = len(results.structures) <= _THUMBS_BELOW
-    width = _THUMB_WIDTH if index else _CARD_WIDTH
-    views = [view_structure(results, *key, width if thumbs else None) for key in results.structures]
-    if not index:
-        for view in views:
-            files = results.files(view.case, view.organ)
-            view.scene = build_scene(files)
-    return views
+def _charts(views: Sequence[StructureView]) -> list[Markup]:
+    """Draw volume, with its interval, and area: of every structure, or by organ where they are many."""
+    shown = [view for view in views if view.look_up("volume_ml") and view.look_up("surface_area_mm2")]
+    if len(shown) < 2:
+        return []
+    titles = "Volume (ml)", "Surface area (cm²)"
+    if len(shown) > _ROWS:
+        return [Markup(plot) for plot in plots.strips(headline_frame(shown), list(titles), "organ")]
+    names = [view.name for view in shown]
+    ends = [
+        (view.look_up("volume_low_ml") or np.nan, view.look_up("volume_high_ml") or np.nan) for view in shown
+    ]
+    volumes = [view.look_up("volume_ml") for view in shown]
+    areas = [view.look_up("surface_area_mm2") / 100 for view in shown]
+    nothing = [(np.nan, np.nan)] * len(shown)
+    drawn = plots.ranges(names, volumes, ends, titles[0]), plots.ranges(names, areas, nothing, titles[1])
+    return [Markup(plot) for plot in drawn]
 
 
 def _training(results: Results, config: Mapping[str, Any]) -> dict[str, Any]:
@@ -218,25 +227,46 @@ def build_structure_page(
         The cohort's page, to lead back to.
     """
     found = Results(results, [(case, organ)])
-    view = view_structure(found, case, organ, _CARD_WIDTH)
-    files = found.files(case, organ)
-    view.scene = build_scene(files)
-    rows = {name: files.rows(name) for name in sorted(comparisons())}
-    compared = [
-        (words(name)[0], table(name, frame)) for name, frame in rows.items() if frame is not None
-    ]  # fmt: skip
-    _write(
-        output,
-        template_dir,
-        "structure.html.j2",
-        {
-            "title": f"{case} / {organ}",
-            "structure": view,
-            "back": _relative(index, output.parent) if index is not None else None,
-            "comparisons": compared,
-            **_shared(config),
-        },
-    )
+    view, files = view_structure(found, case, organ, _PAGE_WIDTH), found.files(case, organ)
+    view.figure, view.slices = _figure(files), draw_slices(files)
+    back = _relative(index, output.parent) if index is not None else None
+    shown = {"title": f"{case} / {organ}", "structure": view, "back": back, **_shared(config)}
+    _write(output, template_dir, "structure.html.j2", shown)
+
+
+def _figure(files: StructureFiles) -> str | None:
+    """Make the figure of a structure's surface."""
+    view, splines = files.view(), files.splines()
+    if view is None:
+        return None
+    curves = splines.sample(per_pixel=0.5) if splines is not None else None
+    return packed(surface_figure(view, files.bodies() or (), curves))
+
+
+def build_case_page(
+    scene: Mapping[str, Any], meshes: Mapping[str, Mesh], template_dir: Path, output: Path
+) -> None:
+    """Write the page of a case: all organs in one view.
+
+    Parameters
+    ----------
+    scene : mapping
+        What ``scene.json`` holds.
+    meshes : mapping of str to Mesh
+        By organ, mm RAS.
+    template_dir : path
+        ``workflow/report``.
+    output : path
+        Where the page goes.
+    """
+    share = min(1.0, _CASE_TRIANGLES / max(1, sum(len(mesh.faces) for mesh in meshes.values())))
+    small = {
+        name: mesh.simplified(max(_ORGAN_TRIANGLES, int(share * len(mesh.faces))))
+        for name, mesh in meshes.items()
+    }
+    title = f"{scene['case']}: all organs"
+    figure = packed(case_figure(scene["organs"], small))
+    _write(output, template_dir, "case.html.j2", {"title": title, "figure": figure, **_shared({})})
 
 
 def build_comparison_page(
@@ -266,7 +296,8 @@ def build_comparison_page(
     for row in found["rows"]:
         caption = " ".join(part for part in (row["label"], row["name"]) if part) or "surface"
         view = figure_view(caption, f"{names[0]}, {names[1]}", row)
-        view.scene = build_surface_scene(views[caption]) if caption in views else None
+        if caption in views:
+            view.figure = packed(surface_figure(views[caption], other=names[1], colour="distance"))
         shown.append(view)
     _write(
         output,
@@ -288,16 +319,10 @@ def build_comparison_page(
 
 
 def _shared(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Collect what both kinds of page need."""
-    stops = colour_stops()
+    """Collect what all pages need."""
     return {
         "run": provenance(),
         "config": yaml.safe_dump(_plain(config), sort_keys=False, allow_unicode=True, width=100),
-        "scales": Markup(json.dumps(stops)),
-        "ramps": {
-            name: "linear-gradient(to right, " + ", ".join(f"rgb({r} {g} {b})" for r, g, b in part[::8]) + ")"
-            for name, part in stops.items()
-        },
         "vtk_package": VTK_PACKAGE,
         "view_names": ", ".join(view.name for view in VIEWS),
     }
@@ -312,17 +337,22 @@ def _write(output: Path, template_dir: Path, name: str, context: Mapping[str, An
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number, "bound": _bound}
-
-    def asset(file: str) -> Markup:
-        text = (Path(template_dir) / file).read_text(encoding="utf-8")
-        # Comments are for those who read the source, not for every page that is made from it.
-        lines = (line.rstrip() for line in text.splitlines() if not line.lstrip().startswith("// "))
-        return Markup("\n".join(lines))
-
-    environment.globals["asset"] = asset
+    environment.globals["asset"] = lambda file: Markup(_text(Path(template_dir) / file))
+    environment.globals["deflated"] = lambda file: _deflated(Path(template_dir) / file)
     text = environment.get_template(name).render(context)
     with atomic_path(output) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def _text(file: Path) -> str:
+    """Text of a file, without comments: these are for those who read the source, not for every page."""
+    lines = (line.rstrip() for line in file.read_text(encoding="utf-8").splitlines())
+    return "\n".join(line for line in lines if not line.lstrip().startswith("// "))
+
+
+@functools.cache
+def _deflated(file: Path) -> str:
+    return deflate(file.read_text(encoding="utf-8"))
 
 
 def _bound(text: str) -> str:
@@ -348,45 +378,24 @@ def _relative(path: Path, folder: Path) -> str:
     return Path(os.path.relpath(path, folder)).as_posix()
 
 
-def _measured_table(results: Results, views: Sequence[StructureView], index: bool) -> Table | None:
-    """``tables/structures.csv``, or the headlines of every structure while it is not there."""
-    frame = results.table("structures")
-    if frame is None:
-        warnings = [len(view.warnings) for view in views]
-        frame = headline_frame(views).assign(warnings=warnings)
-    if frame.empty:
-        return None
-    links = None
-    if {"case", "organ"}.issubset(frame.columns):
-        paged = {(view.case, view.organ): view for view in views}
-        keys = zip(frame["case"].astype(str), frame["organ"].astype(str), strict=True)
-        targets = {key: view.link if index else f"#{view.id}" for key, view in paged.items()}
-        links = [targets.get(key) for key in keys]
-    return table("structures", frame, links)
-
-
 def _distance_table(results: Results) -> Table | None:
     """Show ``tables/distances.csv``, where any organs of a case lie near each other."""
     frame = results.table("distances")
     return None if frame is None else table("distances", frame)
 
 
-def _cohort_plots(views: Sequence[StructureView]) -> list[Markup]:
-    labels = [headline_label(headline) for _, headline in HEADLINES]
-    return [Markup(plot) for plot in plots.strips(headline_frame(views), labels, "organ")]
-
-
 # Tables and figures -------------------------------------------------------------------------------------
 
 
 def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:
-    """Collect every section of items: anchor, title, introduction and items."""
-    views = [_item_view(item, results) for item in items()]
-    there = [view for view in views if view.table or view.note]
-    if not any(view.item.needed for view in there):
-        views = [view for view in there if view.item.network]
+    """Collect every section of items: anchor, title, introduction, and those items that were made."""
+    views = [_item_view(item, results) for item in items() if item.section != "summary"]
+    compared = any(view.item.needed and view.table for view in views)
+    shown = [view for view in views if view.table or (compared and view.figures)]
+    if not compared:  # what else there is describes the paper's tables
+        shown = [view for view in shown if view.item.network]
     found = [
-        (key, title, text, [view for view in views if view.item.section == key])
+        (key, title, text, [view for view in shown if view.item.section == key])
         for key, (title, text) in sections().items()
     ]
     return [section for section in found if section[3]]
@@ -394,21 +403,10 @@ def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:
 
 def _item_view(item: Item, results: Results) -> ItemView:
     shown = results.table(item.table) if item.table is not None else None
-    drawn = _draw(item, results)
-    note = results.notes.get(item.key)
-    missing = None
-    if item.table is not None and shown is None:
-        missing = f"This run did not make tables/{item.table}.csv."
-    elif shown is None and not drawn and note is None:
-        missing = "This run made no comparison for it."
-    picture = results.picture(item.picture) if item.picture is not None else None
     return ItemView(
         item,
-        note,
         table(item.table, shown) if item.table is not None and shown is not None else None,
-        [(svg, caption, _width(svg) > _COLUMN_PX) for svg, caption in drawn],
-        missing,
-        encode_picture(picture, _WIDE_PX) if picture is not None else None,
+        [(svg, caption, _width(svg) > _COLUMN_PX) for svg, caption in _draw(item, results)],
     )
 
 

@@ -5,6 +5,8 @@ A plot whose columns are not in its table is None: the page then shows the table
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 from matplotlib.ticker import MaxNLocator
@@ -12,7 +14,11 @@ from matplotlib.ticker import MaxNLocator
 from cccd.report.html_tables import words
 from cccd.report.svg import DASHES, INK, RULE, SERIES, SOFT, axes, style, to_svg
 
-__all__ = ["label_of", "learning_curve", "rule_times", "strips"]
+__all__ = ["label_of", "learning_curve", "ranges", "rule_times", "strips"]
+
+
+#: Values whose largest is this many times the smallest are drawn on a logarithmic axis.
+_WIDE = 20
 
 
 def label_of(name: str) -> str:
@@ -48,7 +54,7 @@ def learning_curve(history: pd.DataFrame) -> str | None:
             axis.set_title(title)
             axis.set_xlabel("epoch")
             axis.xaxis.set_major_locator(MaxNLocator(integer=True))
-            axis.legend()
+            axis.legend(loc="upper left", bbox_to_anchor=(0, -0.2), ncols=2)  # below: it covers no curve
         return to_svg(figure, "learning", "Loss and scores of the training against the epoch")
 
 
@@ -88,6 +94,34 @@ def strips(frame: pd.DataFrame, columns: list[str], group: str) -> list[str]:
             axis.set_title(name)
             plots.append(to_svg(figure, f"strip-{name}", f"{name} of every structure"))
     return plots
+
+
+def ranges(
+    names: Sequence[str], values: Sequence[float], ends: Sequence[tuple[float, float]], title: str
+) -> str:
+    """Draw one dot per structure, one below the other, with a line over its interval.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the structures.
+    values : sequence of float
+    ends : sequence of (float, float)
+        Ends of each interval; not finite where there is none.
+    title : str
+    """
+    with style():
+        figure, axis = axes(4.6, 0.75 + 0.22 * len(names))
+        rows, (low, high) = np.arange(len(names)), np.transpose(ends)
+        axis.hlines(rows, low, high, color=SERIES[0], linewidth=3, alpha=0.45)
+        axis.plot(values, rows, "o", color=SERIES[0], markersize=4.5, markeredgewidth=0)
+        # organs of very different sizes are read on a logarithmic axis
+        axis.set_xscale("log" if max(values) > _WIDE * min(values) > 0 else "linear")
+        axis.set_yticks(rows, names)
+        axis.set_ylim(len(names) - 0.4, -0.6)
+        axis.grid(axis="y", visible=False)
+        axis.set_title(title)
+        return to_svg(figure, f"ranges-{title}", f"{title} of every structure")
 
 
 def rule_times(benchmarks: pd.DataFrame, most: int = 16) -> str:

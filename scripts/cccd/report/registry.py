@@ -1,7 +1,7 @@
 """What the report has of tables and figures: one entry each.
 
-An `Item` says what it is called, which comparison of each structure it stands on, what makes its table and
-its note over the cohort, and what draws it. The rules of the workflow, the tables, the report and its
+An `Item` says what it is called, which comparison of each structure it stands on, what makes its table over
+the cohort, and what draws it. The rules of the workflow, the tables, the report and its
 contents read this list. The product's own table is that of the structures; other packages add theirs, with
 the sections that show them (`cccd.additions`).
 
@@ -25,7 +25,6 @@ __all__ = [
     "inputs",
     "items",
     "sections",
-    "tables",
 ]
 
 
@@ -117,7 +116,7 @@ class Item:
     Attributes
     ----------
     key : str
-        Its anchor in the page, and the key of its note in ``tables/notes.json``.
+        Its anchor in the page.
     title : str
         What it is about.
     text : str
@@ -135,16 +134,10 @@ class Item:
     tabulate : str or None
         Function of `cccd.report.summary.Cohort` that returns the table; without one the table is the
         rows of all structures, one below the other.
-    note : str or None
-        Function of a `Cohort` that returns one or a few sentences: how ours compares. Called only when all
-        of ``rows`` are there.
     plots : str or None
         Function of `cccd.report.results.Results` and the item that returns the plots.
     captions : tuple of str
         Of the plots, in their order.
-    picture : str or None
-        File in ``results/`` shown with it, which another rule leaves; its caption and its text for those
-        who cannot see it are the last two captions.
     network : bool
         Whether it needs the trained network; it is absent from a run without one.
     """
@@ -158,10 +151,8 @@ class Item:
     table: str | None = None
     columns: tuple[str, ...] = ()
     tabulate: str | None = None
-    note: str | None = None
     plots: str | None = None
     captions: tuple[str, ...] = ()
-    picture: str | None = None
     network: bool = False
 
     @property
@@ -224,8 +215,3 @@ def inputs() -> dict[str, Input]:
 def sections() -> dict[str, tuple[str, str]]:
     """Sections of the page that list items: title and introduction."""
     return dict(added("report section"))
-
-
-def tables() -> list[str]:
-    """Stems of the tables that ``build_tables`` makes, in the page's order."""
-    return [item.table for item in items() if item.table is not None and item.tabulated]

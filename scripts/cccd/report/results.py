@@ -10,7 +10,6 @@ import pandas as pd
 
 from cccd import store
 from cccd.containers import SliceFigure
-from cccd.report.net import ControlNet
 from cccd.report.registry import Comparison, Item
 
 __all__ = ["Results", "StructureFiles"]
@@ -57,10 +56,9 @@ class StructureFiles:
         """Read the corner points and their offsets."""
         return _if_there(store.read_corners, self.folder / "curves.h5")
 
-    def net(self) -> ControlNet | None:
-        """Read the surface's control points and the lines between them; None where it has none."""
-        bodies = _if_there(store.read_bodies, self.folder / "surface.h5")
-        return ControlNet.of(bodies) if bodies else None
+    def bodies(self):
+        """Read the surface's closed splines; one whose walls are shared has none."""
+        return _if_there(store.read_bodies, self.folder / "surface.h5")
 
     def view(self):
         """Read the small meshes and what colours them."""
@@ -84,7 +82,7 @@ class Results:
     folder : path
         ``results/``.
     structures : sequence of (case, organ)
-    tables, notes : mapping, optional
+    tables : mapping, optional
         In place of the files in ``tables/``: those of the structures that are finished, after failures.
     """
 
@@ -93,15 +91,12 @@ class Results:
         folder: Path,
         structures: Sequence[tuple[str, str]],
         tables: Mapping[str, pd.DataFrame] | None = None,
-        notes: Mapping[str, str] | None = None,
     ):
         self.folder = folder
         self.structures = structures
         self.history = store.read_table(folder / "gnn" / "history.csv")
         self._tables: dict[str, pd.DataFrame | None] = dict(tables or {})
         self._rows: dict[str, pd.DataFrame | None] = {}
-        found = _if_there(store.read_json, folder / "tables" / "notes.json") or {}
-        self.notes: dict[str, str] = found if notes is None else dict(notes)
 
     def files(self, case: str, organ: str) -> StructureFiles:
         """Find one structure's files."""
@@ -123,10 +118,6 @@ class Results:
             whole = frame is not None and set(comparison.columns).issubset(frame.columns)
             self._rows[comparison.name] = frame if whole else None
         return self._rows[comparison.name]
-
-    def picture(self, name: str) -> Path | None:
-        """Find a picture that a rule left, by its path in ``results/``."""
-        return self.folder / name if (self.folder / name).is_file() else None
 
     def graphs(self) -> tuple[dict[str, int], dict] | None:
         """Read how many graphs the network was trained on, and what they hold."""

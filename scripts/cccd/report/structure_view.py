@@ -1,4 +1,4 @@
-"""One structure as the page shows it: its headlines, its picture, what it came from."""
+"""Structures as the pages show them: headlines, warnings, pictures, what they came from."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
 from cccd.containers import Frame
 from cccd.report.html_tables import Table, table
-from cccd.report.measures import HEADLINES, Headline, Measure
+from cccd.report.measures import HEADLINES, MEASURES, Headline, Measure
 from cccd.report.numerals import number, typeset
 from cccd.report.render import picture_renderer
 from cccd.report.results import Results
-from cccd.report.scene import Scene
+from cccd.report.slices import SliceSheet
 
 __all__ = [
-    "StructureView", "encode_picture", "figure_view", "headline_frame", "headline_label", "source_table",
-    "view_structure",
+    "StructureView", "WarningKind", "encode_picture", "figure_view", "headline_frame", "headline_label",
+    "kinds_of_warnings", "overview", "source_table", "view_structure",
 ]  # fmt: skip
 
 
 @dataclass
 class StructureView:
-    """One structure as the templates see it."""
+    """One structure as the templates see it; ``figure`` is what `cccd.report.viewer.packed` made."""
 
     case: str
     organ: str
@@ -43,7 +43,8 @@ class StructureView:
     sources: list[dict[str, Any]]
     provenance: str | None
     grid: str | None
-    scene: Scene | None = None
+    figure: str | None = None
+    slices: SliceSheet | None = None
 
     @property
     def name(self) -> str:
@@ -60,6 +61,10 @@ class StructureView:
     def measured(self) -> list[tuple[str, str]]:
         """Every number of metrics.json, in words."""
         return [(key, number(value)) for key, value in _flat(self.metrics).items()]
+
+    def look_up(self, name: str) -> Any:
+        """Take a measure by its column in ``tables/structures.csv``; None where it was not measured."""
+        return next(measure for measure in MEASURES if measure.name == name).look_up(self.metrics)
 
 
 def view_structure(results: Results, case: str, organ: str, width: int | None) -> StructureView:
@@ -95,7 +100,7 @@ def figure_view(name: str, case: str, figures: Mapping[str, Any]) -> StructureVi
         organ=name,
         id=re.sub(r"[^A-Za-z0-9_-]", "-", name),
         metrics={key: value for key, value in figures.items() if value is not None},
-        headlines=_headlines({"surface": {**figures, "dice_3d": figures.get("dice")}}),
+        headlines=[],
         warnings=list(figures.get("notes", [])),
         picture=None,
         renderer=None,
@@ -104,6 +109,69 @@ def figure_view(name: str, case: str, figures: Mapping[str, Any]) -> StructureVi
         provenance=None,
         grid=None,
     )
+
+
+# Overviews ----------------------------------------------------------------------------------------------
+
+
+def overview(views: Sequence[StructureView]) -> Table | None:
+    """Show what a person asks first of every structure; ``tables/structures.csv`` has more."""
+    rows = [
+        {
+            "case": view.case,
+            "organ": view.organ,
+            "volume_ml": view.look_up("volume_ml"),
+            "interval of the volume": _interval(view),
+            "surface_area_cm2": _scaled(view.look_up("surface_area_mm2"), 0.01),
+            "size_mm": _size(view),
+            "dice with the mask": view.look_up("dice_3d"),
+            "mean_distance_mm": view.look_up("assd_mm"),
+            "distance to": view.look_up("reference"),
+            "warnings": len(view.warnings),
+        }
+        for view in views
+        if view.metrics
+    ]
+    return (
+        table("overview", pd.DataFrame(rows), [view.link for view in views if view.metrics]) if rows else None
+    )
+
+
+def _interval(view: StructureView) -> str | None:
+    low, high = (view.look_up(f"volume_{side}_ml") for side in ("low", "high"))
+    return None if low is None or high is None else f"{number(low)} to {number(high)}"
+
+
+def _size(view: StructureView) -> str | None:
+    corners = [[view.look_up(f"{side}_{axis}_mm") for axis in "xyz"] for side in ("lowest", "highest")]
+    if None in corners[0] or None in corners[1]:
+        return None
+    return " × ".join(number(high - low, 0) for low, high in zip(*corners, strict=True))
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
+
+
+class WarningKind(NamedTuple):
+    """Warnings that differ in their numbers alone; ``places`` are (view, whole text)."""
+
+    text: str
+    places: list[tuple[StructureView, str]]
+
+
+def kinds_of_warnings(views: Sequence[StructureView]) -> list[WarningKind]:
+    """Gather the warnings of all structures by kind, the most frequent first."""
+    found: dict[str, list[tuple[StructureView, str]]] = {}
+    for view in views:
+        for warning in view.warnings:
+            kind = re.sub(r"(?:…(?:, | to | and )?)+", "…", re.sub(r"\d[\d.,]*\d|\d", "…", warning))
+            found.setdefault(kind, []).append((view, warning))
+    kinds = [
+        WarningKind(places[0][1] if len({text for _, text in places}) == 1 else kind, places)
+        for kind, places in found.items()
+    ]
+    return sorted(kinds, key=lambda kind: -len(kind.places))
 
 
 def _grid(frame: Frame) -> str:
@@ -127,7 +195,7 @@ def _headlines(metrics: Mapping[str, Any]) -> list[dict[str, str]]:
     for measure, headline in HEADLINES:
         value = _value(measure, headline, metrics)
         if value is not None:
-            text = typeset(format(int(value) if headline.form == ",d" else value, headline.form))
+            text = number(value) if headline.form == "" else typeset(format(value, headline.form))
             found.append({"heading": headline.heading, "text": text, "unit": headline.unit})
     return found
 

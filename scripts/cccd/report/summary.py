@@ -1,4 +1,4 @@
-"""What all structures of a run left, as one cohort: its tables and its notes."""
+"""What all structures of a run left, as one cohort, and its tables."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 
 import pandas as pd
 
-from cccd.additions import added
 from cccd.lookup import find
 from cccd.report.measures import MEASURES
 from cccd.report.registry import Item, comparisons, items
@@ -21,7 +20,6 @@ __all__ = [
     "read_cohort",
     "structure_names",
     "structures",
-    "write_notes",
 ]
 
 
@@ -85,27 +83,6 @@ def _tabulate(item: Item, cohort: Cohort) -> pd.DataFrame:
     return pd.DataFrame(columns=list(item.columns)) if made.empty else made
 
 
-def write_notes(cohort: Cohort) -> dict[str, str]:
-    """Say how our numbers compare with the paper's, item by item, and where the paper contradicts itself.
-
-    Returns
-    -------
-    dict of str to str
-        By the items' keys; ``training`` is the paper's section 4. Of a run without comparisons only what
-        it made has any.
-    """
-    notes = {
-        item.key: find(item.note)(cohort)
-        for item in items()
-        if item.note is not None and cohort.has(item)
-    }  # fmt: skip
-    notes = {key: sentence for key, sentence in notes.items() if sentence}
-    if any(len(cohort.rows(name)) for name in comparisons()):
-        for key, remark in added("report remark").items():
-            notes[key] = f"{notes.get(key, '')} {remark}".strip()
-    return notes
-
-
 def structure_names(frame: pd.DataFrame) -> pd.Series:
     """Name each row's structure ``case / organ``; the organ alone where it says enough."""
     if not {"case", "organ"}.issubset(frame.columns):
@@ -129,7 +106,7 @@ def structures(cohort: Cohort) -> pd.DataFrame:
     rows = [
         {"case": metrics["case"], "organ": metrics["organ"]}
         | {measure.name: measure.look_up(metrics) for measure in MEASURES}
-        | {"warnings": len(metrics["warnings"])}
+        | {"warnings": " | ".join(metrics["warnings"])}
         for metrics in cohort.metrics
     ]
     return pd.DataFrame(rows, columns=["case", "organ", *(measure.name for measure in MEASURES), "warnings"])

@@ -12,7 +12,6 @@ from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings
 from cccd.settings.junctions import NetworkSettings
-from cccd.settings.report import ReportSettings
 from cccd.settings.section import Section, setting
 from cccd.settings.segmentation import SegmentationSettings
 from cccd.settings.surface import LoftSettings
@@ -106,7 +105,6 @@ class Settings(Section):
     surface: LoftSettings = setting(
         LoftSettings(), "from curves to a closed surface", why="What all the rest is for."
     )
-    report: ReportSettings = setting(ReportSettings(), "the report", why="Pages must open in a browser.")
 
 
 @functools.cache

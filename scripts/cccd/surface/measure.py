@@ -168,12 +168,24 @@ def measure_surface(surface: LoftedSurface, structure: Structure) -> dict[str, A
     reference = Reference.of(structure) if _is_known(structure) else None
     kept = control_bytes(surface)
     compactness = {"compactness": reported["marching_cubes_bytes"] / kept} if kept else {}
+    compared = {"reference": "mask" if structure.truth is None else "true surface"} if reference else {}
     return {
         **measure_mesh(surface.mesh, structure, reference),
+        **_size_and_place(surface.mesh),
+        **compared,
         **measure_band(surface),
         **reported,
         "control_bytes": kept,
         **compactness,
+    }
+
+
+def _size_and_place(mesh: Mesh) -> dict[str, Any]:
+    """Area, bounding box (its lowest and its highest corner) and centre of mass of a closed mesh, mm RAS."""
+    return {
+        "area_mm2": mesh.area,
+        "bounding_box_mm": [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()],
+        "centroid_mm": mesh.to_trimesh().center_mass.tolist(),
     }
 
 

@@ -9,12 +9,7 @@ from __future__ import annotations
 import pandas as pd
 
 __all__ = [
-    "CCCD_DICE",
-    "FIGURE_11",
-    "FIGURE_12",
-    "FIGURE_13",
     "FIGURE_15",
-    "FIGURE_17_S",
     "NETWORKS",
     "OTHER_DATA",
     "TABLE_1",
@@ -50,19 +45,8 @@ TABLE_2 = pd.DataFrame(
     columns=["detector", "parameters", "dice_percent", "control_points"],
 )
 
-#: CCCD's Dice in percent by k (section 6.2, Figure 10).
-CCCD_DICE = pd.Series({3: 98.49, 5: 95.83, 7: 96.00, 20: 88.75})
-
-#: Shares of all pixels for CCCD at k = 3 (section 6.2).
-FIGURE_11 = {"FP rate": 0.0029, "FN rate": 0.00348}
-
-#: Dice in percent at k = 20 (section 6.2.1), at k = 3 (Figure 13), and of the best snake (section 6.4).
-FIGURE_12 = pd.Series({"brain": 98.27, "liver": 87.29})
-FIGURE_13 = {"liver": 98.49, "brain": 98.42}
+#: Dice in percent of the best snake (section 6.4).
 FIGURE_15 = 79.78
-
-#: Seconds of a surface (section 6.6).
-FIGURE_17_S = 4.287
 
 #: The organ of Table 3's scans.
 TABLE_3_ORGAN = "liver"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.collections import LineCollection
 
+from cccd.geometry.subdivision import quad_edges
 from cccd.report.render import VIEWS, frame_view, paint_mesh
 from cccd.report.results import StructureFiles
 from cccd.report.svg import axes, style, to_svg
@@ -23,11 +24,13 @@ def draw_surface_still(key: str, files: StructureFiles) -> str | None:
         Id of the figure.
     files : StructureFiles
     """
-    view, net = files.view(), files.net()
-    if view is None or net is None:
+    view, bodies = files.view(), files.bodies()
+    if view is None or not bodies:
         return None
     surface = view.meshes["surface"]
-    lines = [(net.edges, _NET_COLOUR), (net.creases, _CREASE_COLOUR)]
+    edges = np.concatenate([body.vertices[quad_edges(body.quads)[0]] for body in bodies])
+    creases = np.concatenate([body.vertices[body.creases] for body in bodies])
+    lines = [(edges, _NET_COLOUR), (creases, _CREASE_COLOUR)]
     panels = [("b  spline surface", surface, []), ("c  control net", surface, lines)]
     if "cubes" in view.meshes:
         panels.insert(0, ("a  marching cubes", view.meshes["cubes"], []))
@@ -41,7 +44,7 @@ def draw_surface_still(key: str, files: StructureFiles) -> str | None:
             paint_mesh(axis, mesh.vertices, mesh.faces, centre, side, rasterized=True)
             axis.set_title(title)
             for ends, colour in drawn:
-                segments = list((net.points[ends] - centre) @ across)
+                segments = list((ends - centre) @ across)
                 axis.add_collection(
                     LineCollection(segments, colors=colour, linewidths=0.35, alpha=0.7, rasterized=True)
                 )

@@ -8,9 +8,8 @@ import pandas as pd
 
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
 from cccd_paper.comparisons.cohort_tables import as_smooth, at_best, baseline_rows
-from cccd_paper.comparisons.notes import listed
 from cccd_paper.measured.surfaces import method_table, reference_of
-from cccd_paper.measured.text import Tables
+from cccd_paper.measured.text import Tables, listed
 
 __all__ = ["programs", "programs_verdict"]
 

@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 
 from cccd_paper.comparisons.cohort_tables import as_smooth, baseline_rows
-from cccd_paper.comparisons.notes import listed
 from cccd_paper.comparisons.paper_k import AS_SMOOTH_SLACK, DISTANCES
-from cccd_paper.measured.text import Tables, markdown_table, place, written
+from cccd_paper.measured.text import Tables, listed, markdown_table, place, written
 
 __all__ = [
     "cost",

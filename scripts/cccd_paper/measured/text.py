@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-__all__ = ["Tables", "markdown_table", "place", "written"]
+__all__ = ["Tables", "listed", "markdown_table", "place", "written"]
 
 Tables = Mapping[str, pd.DataFrame]
 
@@ -16,6 +16,11 @@ def markdown_table(rows: Sequence[Mapping[str, str]]) -> str:
     header = list(rows[0])
     lines = [header, ["---"] * len(header), *([row[name] for name in header] for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def listed(parts: Sequence[str]) -> str:
+    """Join parts of a sentence."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
 def written(value: float, form: str = ".2f", missing: str = "–") -> str:

@@ -26,7 +26,8 @@ from cccd.inputs import load_structure
 from cccd.inputs.dicom import Regions, Segments, read_series
 from cccd.inputs.limits import Limits
 from cccd.inputs.readers import read_volume
-from cccd.report.case_page import build_case_page
+from cccd.report.page import build_case_page
+from cccd.report.viewer import case_figure
 
 MASK = organ()  # 44 x 38 x 14 voxels
 MARK = "Zaphod"
@@ -95,7 +96,9 @@ def test_names_of_labels_are_text_on_a_page(tmp_path):
     scene = {"case": "<b>case</b>", "organs": [told]}
     build_case_page(scene, {"a": mesh}, TEMPLATES, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "&lt;img" in page
+    (shown,) = case_figure([told], {"a": mesh})["data"]
+    assert "&lt;img" in shown["name"]
+    assert "<" not in shown["name"]
     assert "<img src=x" not in page
     assert "<script>steal" not in page
     assert "<b>case" not in page

@@ -9,7 +9,7 @@ from typing import get_args
 from cccd.additions import packages
 from cccd.dependencies import imported_files
 from cccd.lookup import find
-from cccd.report.registry import comparison_jobs, comparisons, inputs, items, sections, tables
+from cccd.report.registry import comparison_jobs, comparisons, inputs, items, sections
 from cccd.settings.root import whole_settings
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
 from cccd_paper.settings import IsosurfaceSettings
@@ -29,12 +29,11 @@ def test_keys_and_tables_are_unique():
     assert len(set(keys)) == len(keys)
     stems = [item.table for item in items() if item.table is not None]
     assert len(set(stems)) == len(stems)
-    assert set(tables()) <= set(stems)
     assert {item.section for item in items()} - {"summary"} == set(sections())
 
 
 def test_every_function_of_an_item_is_there():
-    named = [(item.key, function) for item in items() for function in (item.tabulate, item.note, item.plots)]
+    named = [(item.key, function) for item in items() for function in (item.tabulate, item.plots)]
     assert [(key, name) for key, name in named if name is not None and not is_callable(name)] == []
 
 

@@ -50,6 +50,7 @@ def test_distances_are_measured_in_cases_of_more_than_one_organ():
     other = MASK | {"organ": "cube"}
     assert plan_of(MASK, MAPS).distance_files() == []
     assert plan_of(MASK, other, MAPS).distance_files() == ["results/a/distances.csv"]
+    assert plan_of(LIVER, LIVER | {"organ": "H"}).distance_files() == []  # phantoms are made each by itself
 
 
 def test_the_bands_sides_are_files_of_their_own():
@@ -116,16 +117,18 @@ def test_a_row_that_moves_in_the_sheet_stays_the_same():
     assert first.cohort.row(named("a/ball")) != second.cohort.row(named("a/ball"))
 
 
-def test_pages_of_their_own_are_made_above_a_number_of_structures():
-    assert plan_of(MASK, MAPS, report={"pages_above": 2}).structure_pages() == []
-    pages = plan_of(MASK, MAPS, report={"pages_above": 1}).structure_pages()
-    assert pages == ["results/a/ball/report.html", "results/b/ball/report.html"]
+def test_the_report_waits_for_the_structures_pages_and_for_what_comparisons_drew():
+    plan = plan_of(MASK, MAPS, compare=True)
+    pages = ["results/a/ball/report.html", "results/b/ball/report.html"]
+    assert plan.reported_files() == [*pages, *plan.all_comparison_files()]
 
 
-def test_the_report_waits_for_the_pages_or_for_all_that_they_show():
-    plans = [plan_of(MASK, MAPS, compare=True, report={"pages_above": above}) for above in (1, 2)]
-    assert plans[0].reported_files() == plans[0].structure_pages()
-    assert plans[1].reported_files() == [*plans[1].shown_files(), *plans[1].all_comparison_files()]
+def test_tables_are_those_that_have_rows():
+    assert plan_of(MASK, MAPS).tables() == ["structures"]
+    assert plan_of(MASK, MASK | {"organ": "cube"}).tables() == ["structures", "distances"]
+    compared = plan_of(MASK, compare=True).tables()
+    assert {"structures", "surfaces", "table1_corners", "compactness"} <= set(compared)
+    assert {"distances", "map_surfaces", "segmenters", "junctions"}.isdisjoint(compared)
 
 
 @pytest.mark.parametrize(
@@ -330,7 +333,7 @@ from pathlib import Path
 import cccd.plan.checks, cccd.plan.outcome
 from cccd.plan.plan import Plan
 plan = Plan.make({}, Path(sys.argv[1]))
-plan.all_comparison_files(), plan.shown_files()
+plan.all_comparison_files(), plan.tables()
 print(*sorted({name.split(".")[0] for name in sys.modules}))
 """
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 from sample_results import make_metrics, write_run
 
 from cccd.report import svg
@@ -17,12 +19,13 @@ from cccd.report.html_tables import table
 from cccd.report.numerals import number
 from cccd.report.page import build_report, build_structure_page
 from cccd.report.registry import items
-from cccd.report.summary import build_tables, read_cohort, write_notes
+from cccd.report.structure_view import figure_view, kinds_of_warnings
+from cccd.report.summary import build_tables, read_cohort
 from cccd.store import write_json, write_table
 from cccd.surface.between import DISTANCES
 
 TEMPLATES = Path(__file__).parents[3] / "workflow" / "report"
-CONFIG = {"seed": 152, "cohort": "cohort.tsv", "report": {"pages_above": 12}}
+CONFIG = {"seed": 152, "cohort": "cohort.tsv", "compare": "auto"}
 STRUCTURES = [("phantom", "liver")]
 
 
@@ -88,36 +91,30 @@ def test_page_is_well_formed_and_refers_to_nothing_outside(text):
     )
 
 
-def test_every_item_of_the_registry_is_there(text):
-    page = Reader(text)
-    anchors = {attributes.get("id") for attributes in page.all("article")}
-    assert {item.key for item in items() if item.section != "summary"} <= anchors
-    assert [item.name for item in items() if item.name.startswith("Table")] == [
-        "Table 1", "Table 2", "Table 3", "Table 3", "Table 4", "Table 5",
-    ]  # fmt: skip
-    assert {item.name for item in items() if item.name.startswith("Figure")} == {
-        f"Figure {n}" for n in range(5, 18)
-    }
+def test_items_are_those_that_the_run_made(text):
+    shown = {attributes.get("id") for attributes in Reader(text).all("article")}
+    assert {"table1", "figure5", "figure8"} <= shown  # a table, and diagrams that need no data
+    assert shown.isdisjoint({"table2", "surfaces", "junctions"})
+    assert "did not make" not in text
 
 
-def test_what_is_absent_is_said_in_one_line(text):
-    page = Reader(text)
-    assert "This run did not make tables/table2_fuse.csv." in page.texts
-    assert "This run did not make tables/surfaces.csv." in page.texts
-
-
-def test_failures_warnings_and_numbers_are_on_the_first_screen(text, results):
+def test_failures_warnings_and_numbers_stand_open(text, results):
     page = Reader(text)
     assert "other/lungs: mask.nii.gz is empty" in page.texts
-    assert "Cut by the field of view at the top." in page.texts
+    assert ": Cut by the field of view at the top." in page.texts
     metrics = json.loads((results / "phantom" / "liver" / "metrics.json").read_text())
     assert f"{metrics['surface']['dice_3d']:.4f}" in page.texts
+    assert {"990 to 1\u202f110", "100 × 80 × 70", "true surface"} <= set(page.texts)
+    opened = text[: text.index('<details class="folded"')]
+    assert "990 to" in opened
+    assert "Cut by the field" in opened
+    assert page.all("canvas") == page.all("script")[1:] == []  # no viewer: that is on the structures' pages
 
 
 def test_provenance_names_config_checksum_and_time(text):
     page = Reader(text)
     assert "ab" * 32 in page.texts
-    assert any("pages_above: 12" in part for part in page.texts)
+    assert any("compare: auto" in part for part in page.texts)
     assert "loft_surface" in page.texts
     assert "numpy" in page.texts
 
@@ -137,7 +134,6 @@ def plain(tmp_path, results):
     (tmp_path / "results" / "tables").mkdir()
     for name, frame in build_tables(cohort).items():
         write_table(tmp_path / "results" / "tables" / f"{name}.csv", frame)
-    write_json(tmp_path / "results" / "tables" / "notes.json", write_notes(cohort))
     return tmp_path / "results"
 
 
@@ -147,7 +143,7 @@ def shown(text):
 
 def test_without_comparisons_no_word_of_the_paper(plain):
     text = shown(build(plain, STRUCTURES))
-    assert "3D Dice" in text
+    assert "Dice with the mask" in text
     assert not re.search(r"\bpaper\b|Table \d|Figure \d|Training", text)
 
 
@@ -175,17 +171,6 @@ def test_a_network_s_scores_stand_alone_where_nothing_else_is_compared(plain):
     assert not re.search(r"Table \d|Figure \d|made no comparison|did not make", text)
 
 
-@pytest.mark.parametrize("name", ["structure.h5", "boundaries.h5", "curves.h5", "surface.h5", "surface.ply",
-                                  "metrics.json", "picture.png", "view.h5"])  # fmt: skip
-def test_each_file_may_be_absent(tmp_path, results, name):
-    import shutil
-
-    partial = tmp_path / "results"
-    shutil.copytree(results, partial)
-    (partial / "phantom" / "liver" / name).unlink()
-    assert Reader(build(partial, STRUCTURES)).stack == []
-
-
 def test_names_and_texts_are_escaped(tmp_path):
     results = tmp_path / "results"
     evil = "<script>alert(1)</script>"
@@ -195,7 +180,6 @@ def test_names_and_texts_are_escaped(tmp_path):
     pd.DataFrame({evil: [evil, '"><img src=x>'], "n": [1, 2]}).to_csv(
         results / "tables" / "surfaces.csv", index=False
     )
-    write_json(results / "tables" / "notes.json", {"table1": evil})
     text = build(results, [("a", "b")], failures=[evil], config=CONFIG | {"cohort": evil})
     assert evil not in text
     assert "<img src=x" not in text
@@ -207,44 +191,63 @@ def test_same_inputs_same_bytes(tmp_path, results):
     assert build(results, STRUCTURES, first) == build(results, STRUCTURES, second)
 
 
-def test_a_structure_takes_less_than_3_mb(tmp_path, results):
+def test_a_structure_s_page_holds_its_figure_and_slices_in_less_than_3_mb(tmp_path, results):
     output = tmp_path / "page.html"
-    build_structure_page(results, "phantom", "liver", CONFIG, output, TEMPLATES)
-    assert Reader(output.read_text(encoding="utf-8")).stack == []
+    build_structure_page(results, "phantom", "liver", CONFIG, output, TEMPLATES, index=tmp_path / "all.html")
+    text = output.read_text(encoding="utf-8")
+    page = Reader(text)
+    assert page.stack == []
     assert output.stat().st_size < 3e6
+    assert [one.get("class") for one in page.all("div")].count("viewer") == 1
+    assert len(page.all("image")) > 20
+    assert page.all("a")[0]["href"] == "all.html"
+    assert not re.search(r"url\((?!#|var)|@import|https?://(?!www\.w3\.org)", text)
 
 
-def test_picture_without_opengl_names_the_package(tmp_path, results):
-    import shutil
+@pytest.mark.parametrize("name", ["structure.h5", "boundaries.h5", "curves.h5", "surface.h5", "metrics.json",
+                                  "picture.png", "view.h5"])  # fmt: skip
+def test_each_file_may_be_absent(tmp_path, results, name):
+    folder = tmp_path / "phantom" / "liver"
+    shutil.copytree(results / "phantom" / "liver", folder)
+    (folder / name).unlink()
+    build_structure_page(tmp_path, "phantom", "liver", CONFIG, folder / "report.html", TEMPLATES)
+    assert Reader((folder / "report.html").read_text(encoding="utf-8")).stack == []
+    assert Reader(build(tmp_path, STRUCTURES)).stack == []
 
-    from PIL import Image
-    from PIL.PngImagePlugin import PngInfo
 
-    partial = tmp_path / "results"
-    shutil.copytree(results, partial)
+def test_a_picture_without_opengl_names_the_package(tmp_path, results):
+    folder = tmp_path / "phantom" / "liver"
+    shutil.copytree(results / "phantom" / "liver", folder)
     stamp = PngInfo()
     stamp.add_text("renderer", "matplotlib")
-    picture = partial / "phantom" / "liver" / "picture.png"
-    Image.new("RGBA", (30, 10)).save(picture, pnginfo=stamp)
-    assert "apt install libosmesa6" in build(partial, STRUCTURES)
+    Image.new("RGBA", (30, 10)).save(folder / "picture.png", pnginfo=stamp)
+    build_structure_page(tmp_path, "phantom", "liver", CONFIG, folder / "report.html", TEMPLATES)
+    assert "apt install libosmesa6" in (folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_many_structures_make_an_index_without_their_data(tmp_path):
-    results = tmp_path / "results"
-    rng = np.random.default_rng(3)
-    structures = [(f"c{n}", "liver") for n in range(13)]
+@pytest.mark.parametrize("count", [13, 60])
+def test_every_structure_leads_to_its_page_and_is_in_the_charts(tmp_path, count):
+    results, rng = tmp_path / "results", np.random.default_rng(3)
+    structures = [(f"c{n}", ("liver", "brain")[n % 2]) for n in range(count)]
     for case, organ in structures:
         write_json(results / case / organ / "metrics.json", make_metrics(case, organ, rng))
     page = Reader(build(results, structures))
-    assert [link["href"] for link in page.all("a") if link.get("href", "").endswith("report.html")] == [
-        f"{case}/{organ}/report.html" for case, organ in structures
-    ]
-    assert page.all("canvas") == []
-    assert "13 structures reconstructed" in page.texts
-    assert (
-        "13 of 14 structures reconstructed" in Reader(build(results, [*structures, ("bad", "liver")])).texts
-    )
-    assert len([one for one in page.all("svg") if one.get("class") == "plot"]) >= 5
+    links = [link["href"] for link in page.all("a") if link.get("href", "").endswith("report.html")]
+    assert links[:count] == [f"{case}/{organ}/report.html" for case, organ in structures]
+    assert f"{count} structures reconstructed" in page.texts
+    more = Reader(build(results, [*structures, ("bad", "liver")]))
+    assert f"{count} of {count + 1} structures reconstructed" in more.texts
+    assert len([one for one in page.all("svg") if one.get("class") == "plot"]) == 2
+    rows = {"c0 / liver", "c1 / brain"} if count == 13 else {"liver", "brain"}
+    assert rows <= set(page.texts)
+
+
+def test_warnings_of_one_kind_are_one_line():
+    texts = {"a": ["Dropped 9 parts (1.5 mm)", "cut"], "b": ["Dropped 12 parts (3 mm)"], "c": ["cut", "x 1"]}
+    kinds = kinds_of_warnings([figure_view(name, "c", {"notes": said}) for name, said in texts.items()])
+    assert [(kind.text, len(kind.places)) for kind in kinds] == [
+        ("Dropped … parts (… mm)", 2), ("cut", 2), ("x 1", 1),
+    ]  # fmt: skip
 
 
 def test_benchmarks_are_summed_per_rule(tmp_path):

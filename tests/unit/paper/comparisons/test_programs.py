@@ -9,7 +9,6 @@ from cccd.errors import InputError
 from cccd.surface.measure import Reference
 from cccd_paper.comparisons import programs
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
-from cccd_paper.comparisons.notes import _absent
 from cccd_paper.comparisons.paper_k import BEST, DEFAULTS
 from cccd_paper.comparisons.tuning import Truth, tuned_rows
 
@@ -63,17 +62,6 @@ def test_the_grid_holds_the_defaults_and_no_name_twice(program):
     names = [str(setting) for setting in program.settings]
     assert len(set(names)) == len(names)
     assert [name for name in names if name.endswith("its defaults")] == [str(program.default)]
-
-
-def test_what_is_not_there_has_one_line(monkeypatch, tmp_path):
-    monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.delenv(programs.SLICER_PYTHON, raising=False)
-    assert not any(program.available() for program in PROGRAMS.values())
-    said = _absent(PROGRAMS.values(), pd.DataFrame({"method": ["CCCD"]}))
-    assert said == [
-        "No row for want of the package niimath: niimath.",
-        "No row for want of the package slicer-core: 3D Slicer, flying edges and 3D Slicer, surface nets.",
-    ]
 
 
 @pytest.mark.parametrize("python", [sys.executable, "/nowhere/python"])

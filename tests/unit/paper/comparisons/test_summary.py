@@ -37,7 +37,7 @@ def test_what_a_structure_cannot_have_stays_empty(tmp_path):
     table = structures(cohort).set_index("case")
     assert table.loc["full", "dice_3d"] == 0.5
     assert np.isnan(table.loc["bare", "dice_3d"])
-    assert table["warnings"].tolist() == [1, 1]
+    assert table["warnings"].tolist() == ["w", "w"]
     assert compactness(cohort)["png"].tolist()[0] == 9.0
     counted = ordering(cohort)
     assert counted["case"].tolist() == ["full"]
