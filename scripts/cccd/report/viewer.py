@@ -164,14 +164,10 @@ def _mesh(mesh: Mesh, name: str, colour: str, **options: Any) -> dict[str, Any]:
     points = np.round(mesh.vertices, _DECIMALS)
     axes = {axis: _typed(points[:, n], np.float32) for n, axis in enumerate("xyz")}
     corners = {corner: _typed(mesh.faces[:, n], np.uint32) for n, corner in enumerate("ijk")}
-    shown = {"type": "mesh3d", "name": name, "color": colour, "showlegend": True, "showscale": False}
-    return (
-        shown
-        | axes
-        | corners
-        | {"lighting": _LIGHT, "lightposition": _LAMP, "hoverinfo": "x+y+z+name"}
-        | options
-    )
+    # plotly.js reads tags in names
+    shown = {"type": "mesh3d", "name": html.escape(name), "color": colour, "hoverinfo": "x+y+z+name"}
+    shown |= {"showlegend": True, "showscale": False, "lighting": _LIGHT, "lightposition": _LAMP}
+    return shown | axes | corners | options
 
 
 def _lines(points: np.ndarray, name: str, colour: str) -> dict[str, Any]:
