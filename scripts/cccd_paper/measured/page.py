@@ -90,7 +90,7 @@ def _introduction(tables: Tables) -> str:
         f"{run['commit']}, {run['machine']}, Python {run['python']}). "
         "No figure is typed by hand, and a test compares the page with "
         f"`docs/measured/*.csv`. The run's {len(jobs)} jobs took {seconds:.0f} s of processor time, "
-        f"including the training of the network.{of_later} The run's report has every method of these "
+        f"the training of networks included.{of_later} The run's report has every method of these "
         "tables, and more.\n\n**References.** The phantoms are digitised from known surfaces. Their "
         "distances, volumes, normals and genus are compared with the *true surface*. The MNI brain "
         "(nilearn's ICBM152 template, 1 mm, skull-stripped: an average of 152 people, not a scan) has no "

@@ -52,16 +52,16 @@ def test_what_fits_is_taken_whole():
 
 
 def test_a_row_per_k_with_its_cost_and_its_agreement():
-    parts, ks = scanned(), (3, 7, 20)
-    table = compare_corner_surfaces(*parts, CornerSurfaceSettings(most_slices=8), LoftSettings(), ks=ks)
-    assert table["k"].tolist() == ["3", "7", "20", AUTOMATIC]
-    assert (table["slices"] == 8).all()
-    corners = table.iloc[:3]
+    parts, ks = scanned(), (3, 20)
+    table = compare_corner_surfaces(*parts, CornerSurfaceSettings(most_slices=5), LoftSettings(), ks=ks)
+    assert table["k"].tolist() == ["3", "20", AUTOMATIC]
+    assert (table["slices"] == 5).all()
+    corners = table.iloc[:2]
     assert corners["control_points"].is_monotonic_decreasing
     assert corners["dice_2d"].is_monotonic_decreasing
-    assert table.loc[[0, 3], "dice_3d"].min() > 0.97
-    kept = 8 * table["control_points"] + 4 * 8  # points, and the number of pixels of each slice's one curve
-    np.testing.assert_allclose(table["stack_bytes"], 200 * kept / 8)
+    assert table.loc[[0, 2], "dice_3d"].min() > 0.97
+    kept = 8 * table["control_points"] + 4 * 5  # points, and the number of pixels of each slice's one curve
+    np.testing.assert_allclose(table["stack_bytes"], 200 * kept / 5)
     np.testing.assert_allclose(table["seconds"], table[["order_s", "curve_s", "surface_s"]].sum(axis=1))
 
 

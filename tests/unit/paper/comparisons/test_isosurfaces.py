@@ -7,7 +7,6 @@ from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
 from cccd_paper.comparisons.isosurfaces import compare_isosurfaces
 from cccd_paper.comparisons.point_meshes import ball_pivoting, has_open3d, poisson
-from cccd_paper.comparisons.tensor_product_loft import tensor_product_loft
 from cccd_paper.comparisons.volume_meshes import (
     antialiased_isosurface,
     distance_isosurface,
@@ -86,11 +85,3 @@ def test_one_row_per_method(structure):
     assert ours["closed_manifold"]
     assert ours["self_intersections"] == 0
     assert ours["mesh_bytes"] == 12 * len(surface.mesh.vertices) + 13 * len(surface.mesh.faces)
-
-
-def test_the_papers_loft_of_a_round_stack_is_near_it(structure):
-    mesh = tensor_product_loft(trace_mask(structure))
-    assert mesh.is_closed_manifold
-    centre = structure.frame.affine[:3, :3] @ (9, 20, 20) + structure.frame.affine[:3, 3]
-    assert mesh.vertices.mean(axis=0) == pytest.approx(centre, abs=0.05)
-    assert 0.5 < mesh.volume / (2.0 * structure.mask.sum()) < 1  # its control points are on the outlines
