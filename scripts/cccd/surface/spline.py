@@ -205,9 +205,10 @@ def _fit_and_refine(cut: Mesh, target: Target, triangles: tuple[int, int], stack
                 best = len(places), fit.spline
             if not len(places) or most >= finest:
                 break
-        if len(lost) and not attempt:  # what fewer triangles have lost is sought in all
-            beside = cKDTree(lost).query(cut.vertices)[0] < BESIDE_LOST * stack.pixel
-            fine = fewer_triangles(cut, SPARE * most, ends, np.where(beside, LOST_DEARER, 1.0))
+        if len(lost) and not attempt:  # what fewer triangles have lost is sought among more
+            more = moved_to_ends(ahead(cut, len(cut.faces) // 2), stack.distance)
+            beside = cKDTree(lost).query(more.vertices)[0] < BESIDE_LOST * stack.pixel
+            fine = fewer_triangles(more, SPARE * most, ends, np.where(beside, LOST_DEARER, 1.0))
             weights = np.ones(len(fine.vertices))
         there = np.zeros(len(coarse.faces), np.bool_)
         there[nearest_faces(places, coarse)] = True
