@@ -52,7 +52,7 @@ with job(snakemake.log[0], name, snakemake.input, snakemake.output):
             *(warning for report in (*solids.values(), *volumes) for warning in report["warnings"]),
         ],
     }
-    sections = read_sections(snakemake.input.curves, snakemake.input.structure)
+    sections = read_sections(snakemake.input.contours, snakemake.input.structure)
     ranked = rank_unannotated(sections, LoftSettings(**snakemake.params.lofting))
     if ranked:
         metrics["next_slices"] = [

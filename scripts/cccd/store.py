@@ -330,9 +330,9 @@ def read_annotation(path: str | Path) -> Annotation | None:
         return _get_annotation(file["annotation"]) if "annotation" in file else None
 
 
-def read_sections(curves: str | Path, structure: str | Path) -> Sections:
-    """Read what a surface is lofted from: ``curves.h5``, and what ``structure.h5`` knows of its slices."""
-    return read_structure(structure).sections(read_curves(curves))
+def read_sections(contours: str | Path, structure: str | Path) -> Sections:
+    """Read what a surface is lofted from: ``contours.h5``, and what ``structure.h5`` knows of its slices."""
+    return read_structure(structure).sections(read_contours(contours))
 
 
 def read_drawn(path: str | Path) -> Structure | None:

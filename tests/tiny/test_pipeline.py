@@ -134,12 +134,12 @@ def test_a_touched_module_brings_back_nothing(tiny_copy):
 BEFORE_CURVES = {"train_gnn", "generate_graphs", "import_structure", "extract_boundaries", "make_contours"}
 
 
-def test_another_k_neither_retrains_nor_imports_nor_orders(tiny_copy):
+def test_another_k_neither_retrains_nor_imports_nor_orders_nor_lofts(tiny_copy):
     with (tiny_copy.folder / "tiny.yaml").open("a") as configuration:
         configuration.write("curves: {k: 5}\n")
     planned = set(tiny_copy.planned())
     assert "fit_curves" in planned
-    assert planned.isdisjoint({*BEFORE_CURVES, "compare_ordering", "evaluate_gnn"})
+    assert planned.isdisjoint({*BEFORE_CURVES, "compare_ordering", "evaluate_gnn", "loft_surface"})
 
 
 def test_another_sweep_fits_nothing_again(tiny_copy):

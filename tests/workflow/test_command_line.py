@@ -25,7 +25,7 @@ def test_what_a_nested_text_cannot_stand_for_is_refused(fresh_project):
 
 def test_surfaces_alone_wait_for_no_comparison(fresh_project):
     plan = fresh_project.planned("--config", "train=false", "surface={formats: [stl]}", "--", "surfaces")
-    on_the_way = ("import_structure", "make_contours", "fit_curves", "loft_surface", "export_surface")
+    on_the_way = ("import_structure", "make_contours", "loft_surface", "export_surface")
     assert plan == {**dict.fromkeys(on_the_way, 2), "surfaces": 1}
 
 

@@ -26,7 +26,7 @@ sys.meta_path.insert(0, NoTorch())
 """
 
 NETWORK = {"generate_graphs", "train_gnn", "adopt_gnn", "evaluate_gnn", "compare_ordering"}
-TO_THE_SURFACE = {"import_structure": 1, "make_contours": 1, "fit_curves": 1, "loft_surface": 1}
+TO_THE_SURFACE = {"import_structure": 1, "make_contours": 1, "loft_surface": 1}
 TO_ORDER = {"extract_boundaries": 1, "adopt_gnn": 1}
 
 

@@ -1,4 +1,4 @@
-"""Surfaces: curves -> closed spline surface -> meshes for viewers and CAD."""
+"""Surfaces: contours -> closed spline surface -> meshes for viewers and CAD."""
 
 #: What of the section decides on each organ alone.
 LOFTING = leave(
@@ -24,9 +24,9 @@ wildcard_constraints:
 
 
 rule loft_surface:
-    """Loft the curves of all slices: one closed surface per body."""
+    """Loft the contours of all slices: one closed surface per body."""
     input:
-        curves="results/{case}/{organ}/curves.h5",
+        contours="results/{case}/{organ}/contours.h5",
         structure="results/{case}/{organ}/structure.h5",
         calibration=plan.calibration,
     output:
@@ -48,10 +48,11 @@ rule loft_surface:
         mem_mb=memory(2500, 40),
         runtime=minutes(20),
     params:
+        way="loft_surface",
         library=library("loft_surface"),
         settings=LOFTING,
     script:
-        "../../scripts/loft_surface.py"
+        "../../scripts/{params.way}.py"
 
 
 rule share_walls:
@@ -81,7 +82,7 @@ rule share_walls:
 
 use rule loft_surface as take_surface with:
     input:
-        curves="results/{case}/{organ}/curves.h5",
+        contours="results/{case}/{organ}/contours.h5",
         structure="results/{case}/{organ}/structure.h5",
         calibration=plan.calibration,
         walls="results/{case}/walls.h5",
@@ -94,6 +95,10 @@ use rule loft_surface as take_surface with:
         "benchmarks/{case}/{organ}/take_surface.tsv"
     wildcard_constraints:
         case=SHARING,
+    params:
+        way="take_surface",
+        library=library("take_surface"),
+        settings=LOFTING,
 
 
 rule export_surface:

@@ -147,14 +147,15 @@ def lost_voxels(mesh: Mesh, stack: SliceStack) -> tuple[FloatArray, FloatArray]:
         found.append(np.column_stack([at * slices.spacing, np.full(len(at), z)]))
     places = np.concatenate(found)
     # the nearest vertex is quickly found, and no nearer than the surface
-    away = cKDTree(mesh.vertices).query(places)[0] if len(places) else np.zeros(0)
+    away = np.asarray(cKDTree(mesh.vertices).query(places)[0], float)
     places, away = places[away > most], away[away > most]
     if not len(places):
         return places, away
     a, b = mesh.vertices[mesh.faces], mesh.vertices[np.roll(mesh.faces, 1, axis=1)]
     reach = float(away.max() + np.linalg.norm(a - b, axis=2).max())
-    near = cKDTree(places).query(mesh.vertices, distance_upper_bound=reach)[0] < np.inf
-    far = unsigned_to_mesh(places, Mesh(mesh.vertices, mesh.faces[near[mesh.faces].any(axis=1)]).compact())
+    near = np.isfinite(cKDTree(places).query(mesh.vertices, distance_upper_bound=reach)[0])
+    faces = mesh.faces[np.any(near[mesh.faces], axis=1)]
+    far = unsigned_to_mesh(places, Mesh(mesh.vertices, faces).compact())
     wrong = far > most
     return places[wrong], far[wrong]
 

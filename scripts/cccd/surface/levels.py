@@ -118,7 +118,7 @@ def _of_cubes(
         for number in np.flatnonzero(planes.any(axis=(1, 2))):
             stack[number + SLICES] = to_mask(planes[number], np.delete(edges, axis))
         nodes = np.argwhere(np.moveaxis(asked, axis, 0))
-        again = _asked(stack, nodes + np.array([SLICES, 0, 0]), 1.0, 0.0, False)
+        again = _asked(_padded(stack), nodes + np.array([SLICES, 0, 0]), 1.0, 0.0, False)
         back = np.insert(nodes[:, 1:], axis, nodes[:, 0], axis=1) - [REACH, 0, 0]
         total[tuple(back.T)] += again
     mean = total / count
@@ -174,13 +174,15 @@ def _estimated(stack: SingleArray, levels: Sequence[_Level], exact: bool) -> Sin
     most = np.array([near_surface(level.ratio) if level.ratio <= MOST_RATIO else 0.0 for level in levels])
     open_: BoolArray = np.abs(values) < most[:, None, None]
     conditions: dict[tuple[float, float], list[int]] = {}
-    for number, level in enumerate(levels):
-        conditions.setdefault((max(level.ratio, LEAST_RATIO), level.height), []).append(number)
+    for number, level in enumerate(levels):  # levels whose ratios differ by rounding are asked at once
+        ratio = round(max(level.ratio, LEAST_RATIO), 6)
+        conditions.setdefault((ratio, level.height), []).append(number)
+    padded = _padded(stack)
     while (asked := open_ & _beside_surface(values)).any():
         for (ratio, height), numbers in conditions.items():
             which, *places = np.nonzero(asked[numbers])
             slices = np.array([levels[number].nearest for number in numbers])[which]
-            found = _asked(stack, np.column_stack([slices, *places]), ratio, height, exact)
+            found = _asked(padded, np.column_stack([slices, *places]), ratio, height, exact)
             if height == 0:  # what a slice shows stays on its side
                 shown = stack[slices, *places]
                 found = np.where((found < 0) == (shown < 0), found, np.copysign(np.float32(LEAST), shown))
@@ -199,17 +201,21 @@ def _beside_surface(values: FloatArray | SingleArray) -> BoolArray:
     return beside
 
 
-def _asked(stack: SingleArray, nodes: IntArray, ratio: float, height: float, exact: bool) -> SingleArray:
-    """Distances (N,) by the network above nodes (N, 3) of slices and pixels; see `in_space`."""
-    seen = np.clip(stack, -RANGE, RANGE)
-    k, *place = nodes.T
-    beside = (np.clip(k + step, 0, len(stack) - 1) for step in (-1, 0, 1))
-    base = in_space(*(seen[at, *place] for at in beside), ratio, height)
-    seen = np.pad(seen, ((SLICES, SLICES), (REACH, REACH), (REACH, REACH)), mode="edge")
+def _padded(stack: SingleArray) -> SingleArray:
+    """Slices as far as the network looks around them."""
+    around = (SLICES, SLICES), (REACH, REACH), (REACH, REACH)
+    return np.pad(np.clip(stack, -RANGE, RANGE), around, mode="edge")
+
+
+def _asked(padded: SingleArray, nodes: IntArray, ratio: float, height: float, exact: bool) -> SingleArray:
+    """Distances (N,) by the network above nodes (N, 3) of `_padded` slices and pixels; see `in_space`."""
+    k, i, j = (nodes + np.array([SLICES, REACH, REACH])).T
+    below, own, above = (padded[k + step, i, j] for step in (-1, 0, 1))
+    base = in_space(below, own, above, ratio, height)
     found = np.empty_like(base)
     for start in range(0, len(nodes), BLOCK):
         here = slice(start, start + BLOCK)
-        around = Surroundings.of(seen, nodes[here], base[here])
+        around = Surroundings.of(padded, nodes[here], base[here])
         found[here] = shipped_network().estimate(around, ratio, height, exact)
     return found
 
@@ -222,17 +228,17 @@ def _plain(stack: SingleArray, level: _Level) -> SingleArray:
     if share == 0:
         return _cubic(own, ratio, height)
     seen = np.clip(own, -RANGE, RANGE)
-    base = in_space(*seen[SLICES - 1 : SLICES + 2], ratio, height)
+    base = in_space(seen[SLICES - 1], seen[SLICES], seen[SLICES + 1], ratio, height)
     if ratio <= MOST_RATIO:
         return base
     # slices lie so far apart that what changes between them is seen on coarser pixels, which are well known
     coarser = int(np.ceil(ratio / MOST_RATIO))
     few = own[:, ::coarser, ::coarser] / np.float32(coarser)
     seen = np.clip(few, -RANGE, RANGE)
-    coarse = in_space(*seen[SLICES - 1 : SLICES + 2], ratio / coarser, height)
+    coarse = in_space(seen[SLICES - 1], seen[SLICES], seen[SLICES + 1], ratio / coarser, height)
     correction, near = np.zeros_like(coarse), np.abs(coarse) < near_surface(ratio / coarser)
     nodes = np.insert(np.argwhere(near), 0, SLICES, axis=1)
-    correction[near] = _asked(few, nodes, ratio / coarser, height, True) - coarse[near]
+    correction[near] = _asked(_padded(few), nodes, ratio / coarser, height, True) - coarse[near]
     places: FloatArray = np.indices(base.shape).astype(float) / coarser
     moved = ndimage.map_coordinates(correction, places, np.float32, order=1, mode="nearest")
     asked = base + np.float32(coarser) * moved

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
@@ -60,6 +61,8 @@ REFINEMENTS = 2
 CROSSING_REFINEMENTS = 2
 #: Where voxels are lost the coarse mesh may have so many times the triangles that it has at most elsewhere.
 LOST_FINER = 2
+#: ... and edges within so many pixels of them cost so many times as much.
+BESIDE_LOST, LOST_DEARER = 3.0, 256.0
 #: Area of a triangle whose edges are 1.
 EQUILATERAL = np.sqrt(3) / 4
 #: The mesh that is written has this many subdivisions: 32 triangles for each quad ...
@@ -149,10 +152,9 @@ def loft_spline(stack: SliceStack, wave: float | None = None) -> SplineSolid:
     density = np.maximum(least, np.maximum(AROUND * bent**2, DENSITY * bent / stack.pixel))
     finest = max(FEWEST, len(mesh.faces) // COARSER, round(float(least @ area)))
     most = min(finest, max(FEWEST, round(float(density @ area))))
-    target, cut = Target.of(mesh), ahead(cut_at_ends(mesh, stack.distance), SPARE * most)
-    fine = fewer_triangles(moved_to_ends(cut, stack.distance), SPARE * most, ends)
-    caps = _cap_triangles(fine, ends, density, target)
-    spline = _fit_and_refine(fine, target, (caps + most, caps + finest), stack)
+    target, cut = Target.of(mesh), cut_at_ends(mesh, stack.distance)
+    caps = _cap_triangles(cut, ends, density, target)
+    spline = _fit_and_refine(cut, target, (caps + most, caps + finest), stack)
     return SplineSolid(spline, spline.tessellate(_drawn(spline)), stack)
 
 
@@ -182,11 +184,13 @@ def _cap_triangles(cut: Mesh, ends: tuple[float, float], density: FloatArray, ta
     return round(RIM * float(lengths @ np.sqrt(EQUILATERAL * there)))
 
 
-def _fit_and_refine(fine: Mesh, target: Target, triangles: tuple[int, int], stack: SliceStack) -> ControlMesh:
+def _fit_and_refine(cut: Mesh, target: Target, triangles: tuple[int, int], stack: SliceStack) -> ControlMesh:
     """Fit a spline that begins with some triangles of a mesh, with finer quads where it is amiss."""
     ends = stack.distance.ends
     volume = volume_between(target.mesh, ends)
     most, finest = triangles
+    fine = moved_to_ends(ahead(cut, SPARE * most), stack.distance)
+    fine = fewer_triangles(fine, SPARE * most, ends)
     weights = np.ones(len(fine.vertices))
     best: tuple[int, ControlMesh] | None = None
     for attempt in range(1 + REFINEMENTS + CROSSING_REFINEMENTS):
@@ -201,8 +205,14 @@ def _fit_and_refine(fine: Mesh, target: Target, triangles: tuple[int, int], stac
                 best = len(places), fit.spline
             if not len(places) or most >= finest:
                 break
+        if len(lost) and not attempt:  # what fewer triangles have lost is sought among more
+            more = moved_to_ends(ahead(cut, len(cut.faces) // 2), stack.distance)
+            beside = cKDTree(lost).query(more.vertices)[0] < BESIDE_LOST * stack.pixel
+            fine = fewer_triangles(more, SPARE * most, ends, np.where(beside, LOST_DEARER, 1.0))
+            weights = np.ones(len(fine.vertices))
         there = np.zeros(len(coarse.faces), np.bool_)
         there[nearest_faces(places, coarse)] = True
+        there = coarse.with_neighbours(there)
         weigh_more(weights, fine, coarse, there)
         most = min(len(coarse.faces) + 3 * int(there.sum()), finest * (LOST_FINER if len(lost) else 1))
     assert best is not None

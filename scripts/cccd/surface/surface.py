@@ -14,11 +14,19 @@ from cccd.bands import Band
 from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.ply import read_ply
+from cccd.geometry.ply import read_ply, write_ply
 from cccd.geometry.subdivision import ControlMesh
-from cccd.store import read_band, read_bodies, read_report, read_surface_frame
+from cccd.settings.formats import NOTE
+from cccd.store import (
+    atomic_path,
+    read_band,
+    read_bodies,
+    read_report,
+    read_surface_frame,
+    write_control_meshes,
+)
 
-__all__ = ["LoftedSurface", "read_surface"]
+__all__ = ["LoftedSurface", "read_surface", "write_files"]
 
 #: Vertices this near are the same; a PLY mesh keeps them exactly, older ones as single floats.
 _SAME_POINT_MM = 1e-3
@@ -79,6 +87,14 @@ def read_surface(path: str | Path, mesh_path: str | Path) -> LoftedSurface:
     bodies = bodies if _is_of(mesh, bodies) else []
     band = read_band(path, mesh.vertices)
     return LoftedSurface(bodies, mesh, read_surface_frame(path), read_report(path), band)
+
+
+def write_files(surface: LoftedSurface, path: str | Path, mesh_path: str | Path) -> None:
+    """Write ``surface.h5`` and the PLY mesh, as `read_surface` reads them."""
+    band = None if surface.band is None else (surface.band, surface.vertices)
+    write_control_meshes(path, surface.bodies, surface.frame, surface.report, band)
+    with atomic_path(mesh_path) as part:
+        write_ply(part, surface.mesh, NOTE)
 
 
 def _is_of(mesh: Mesh, bodies: Sequence[ControlMesh]) -> bool:

@@ -48,7 +48,7 @@ def test_thick_slices_of_a_ball():
     assert_sound(surface)
     radius = np.linalg.norm(surface.vertices - 30, axis=1)
     assert np.abs(radius - 20).mean() < 0.15
-    assert np.abs(radius - 20).max() < 1.2  # at the poles, between slices that are 5 mm apart
+    assert np.abs(radius - 20).max() < 1.1  # at the poles, between slices that are 5 mm apart
 
 
 def test_a_cylinder_that_the_scan_cuts_has_flat_caps_with_a_sharp_rim():
@@ -138,7 +138,7 @@ def test_world_coordinates_follow_the_spacing():
     assert np.abs(np.linalg.norm(surface.vertices - (24, 24, 30), axis=1) - 20).mean() < 0.06
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.6, 2.5), st.sampled_from([1.0, 2.5, 5.0]))
 @example(279, 0.9375, 2.5)  # crosses itself if its control points are rounded as usual
 def test_random_blobs_are_closed_and_do_not_pass_through_themselves(seed, width, depth):

@@ -39,7 +39,7 @@ def test_as_many_triangles_as_asked_for(ring, count):
     assert mesh.is_closed_manifold
     assert (mesh.genus, mesh.count_bodies(), len(mesh.self_intersections())) == (1, 1, 0)
     lengths = edges_of(mesh)
-    assert lengths.std() / lengths.mean() < 0.25
+    assert lengths.std() / lengths.mean() < 0.2
     assert lengths.max() < 2.5 * lengths.mean()
     assert shapes_of(mesh).min() > 0.4
     fine = ring.bodies[0].tessellate(4)
