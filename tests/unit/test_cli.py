@@ -330,7 +330,7 @@ WRONG = {
     "a word as configuration": (["surface", "liver.nii.gz", "--configfile", "word.yaml"], "no keys with"),
     "an unknown key": (
         ["surface", "liver.nii.gz", "--configfile", "key.yaml"],
-        "surface.tetrahedra.elments: unknown key; did you mean 'elements'?",
+        "surface.tetrahedra.element: unknown key; did you mean 'elements'?",
     ),
     "not for Snakemake": (["surface", "liver.nii.gz", "--", "--dry-run"], "leave them out"),
 }
@@ -343,7 +343,7 @@ def test_what_cannot_work_ends_in_one_line(here, capsys, arguments, words):
     (here / "folder.png").mkdir()
     (here / "table.tsv").write_text("case\torgan\tmask\n")
     (here / "word.yaml").write_text("gmsh\n")
-    (here / "key.yaml").write_text("surface: {tetrahedra: {elments: tet10}}\n")
+    (here / "key.yaml").write_text("surface: {tetrahedra: {element: tet10}}\n")
     before = contents(here)
     assert main(arguments) == 1
     (line,) = capsys.readouterr().err.splitlines()
