@@ -206,7 +206,8 @@ def _fit_and_refine(cut: Mesh, target: Target, triangles: tuple[int, int], stack
             if not len(places) or most >= finest:
                 break
         if len(lost) and not attempt:  # what fewer triangles have lost is sought among more
-            more = moved_to_ends(ahead(cut, len(cut.faces) // 2), stack.distance)
+            more = ahead(cut, max(len(cut.faces) // 2, 2 * SPARE * most))
+            more = moved_to_ends(more, stack.distance)
             beside = cKDTree(lost).query(more.vertices)[0] < BESIDE_LOST * stack.pixel
             fine = fewer_triangles(more, SPARE * most, ends, np.where(beside, LOST_DEARER, 1.0))
             weights = np.ones(len(fine.vertices))
