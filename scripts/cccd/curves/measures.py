@@ -5,7 +5,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -19,12 +18,9 @@ from cccd.metrics import confusion
 from cccd.settings.curves import CurveSettings
 from cccd.tolerances import TINY
 
-if TYPE_CHECKING:
-    pass
-
 __all__ = [
     "SWEEP",
-    "area_dice",
+    "area_scores",
     "bytes_per_slice",
     "distances",
     "measure_corners",
@@ -45,17 +41,12 @@ _PNG_EMPTY, _PNG_PART, _PNG_CHUNK, _PNG_DIFFERENCES = 45, 8192, 12, 1
 # Agreement --------------------------------------------------------------------------------------------
 
 
-def area_dice(curves: Curves, others: Curves) -> np.ndarray:
-    """Dice scores (S,) of the areas that two sets of curves enclose on each slice of the first (even-odd).
+def area_scores(curves: Curves, others: Curves) -> tuple[np.ndarray, np.ndarray]:
+    """Dice scores (S,), and shares (S,) of area kept, of two sets of curves on each slice of the first.
 
-    Areas are those of the polygons, not of pixels: a curve through the pixel centres runs half a pixel
-    inside the organ's own border, where counting centres would be a matter of rounding.
+    Areas are those of the polygons (even-odd), not of pixels: a curve through the pixel centres runs half a
+    pixel inside the organ's own border, where counting centres would be a matter of rounding.
     """
-    return _area_scores(curves, others)[0]
-
-
-def _area_scores(curves: Curves, others: Curves) -> tuple[np.ndarray, np.ndarray]:
-    """Dice score and share of the area kept, per slice of ``curves``."""
     slices = np.unique(curves.slice)
     truth, claim = _regions(curves, slices), _regions(others, slices)
     own, other = shapely.area(truth), shapely.area(claim)
@@ -158,7 +149,7 @@ def measure_curves(curves: Curves, splines: Splines) -> dict:
     if len(curves) == 0:
         return {"slices": 0, "curves": 0, "boundary_points": 0, "control_points": 0}
     drawn = sample_splines(splines, per_pixel=2.0)
-    scores, kept = _area_scores(curves, drawn)
+    scores, kept = area_scores(curves, drawn)
     origin, shape = _window(curves)
     raster = confusion(curves.rasterise(origin, shape), drawn.rasterise(origin, shape), (1, 2))
     raster_dice = np.asarray(raster.printed["DSC"])[np.unique(curves.slice) - origin[0]]

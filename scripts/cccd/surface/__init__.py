@@ -5,7 +5,7 @@ space, on slices and between them, by `learned_distance`), `smooth_mesh` (their 
 `spline` (control mesh, fit, refinement), `checks` (what must hold).
 """
 
-from cccd.surface.loft import loft_mesh, loft_surface
+from cccd.surface.loft import loft_surface
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["LoftedSurface", "loft_mesh", "loft_surface"]
+__all__ = ["LoftedSurface", "loft_surface"]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from cccd.bands import Calibration, estimate_band
 from cccd.containers import Frame, Sections
-from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
 from cccd.surface.spline import SplineSolid, loft_spline
 from cccd.surface.stack import interpolate_slices
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["loft_in_plane", "loft_mesh", "loft_surface"]
+__all__ = ["loft_in_plane", "loft_surface"]
 
 
 def loft_surface(sections: Sections, settings: LoftSettings) -> LoftedSurface:
@@ -29,11 +28,6 @@ def loft_surface(sections: Sections, settings: LoftSettings) -> LoftedSurface:
         When there is no curve at all, or none goes around the centre of a pixel.
     """
     return _with_band(loft_in_plane(sections, settings), sections.curves.frame, settings)
-
-
-def loft_mesh(sections: Sections, settings: LoftSettings) -> Mesh:
-    """Give the mesh of `loft_surface` alone, in mm RAS: no error band, no checks of the slices."""
-    return loft_in_plane(sections, settings).rounded(sections.curves.frame)[1]
 
 
 def loft_in_plane(sections: Sections, settings: LoftSettings) -> SplineSolid:

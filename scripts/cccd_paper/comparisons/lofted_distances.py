@@ -32,7 +32,7 @@ def lofted_distances(structure: Structure) -> Mesh:
 
 
 def filtered_mesh(sections: Sections, settings: LoftSettings) -> Mesh:
-    """Mesh slices as `cccd.surface.loft_mesh` does, up to the spline.
+    """Mesh slices as `cccd.surface.loft_surface` does, up to the spline.
 
     The spline lies within some hundredths of a pixel of this mesh and takes most of the time, so rivals of
     which only distances are shown do without it.

@@ -14,7 +14,7 @@ from cccd.curves import corner_splines, describe_curves, fit_splines, sample_spl
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import _along_curve, _along_reference, fit_checked
 from cccd.curves.knots import reference
-from cccd.curves.measures import area_dice, distances
+from cccd.curves.measures import area_scores, distances
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.curves import CurveSettings
 from cccd.tracing import trace_stack
@@ -116,7 +116,7 @@ def test_a_rectangle_keeps_its_corners_and_a_circle_has_none(frame):
     radius = np.hypot(*(drawn.points[drawn.offsets[1] :] - 60).T)
     assert radius.mean() == pytest.approx(40, abs=0.3)
     assert np.ptp(radius) < 1
-    assert area_dice(curves, drawn)[0] > 0.9998
+    assert area_scores(curves, drawn)[0][0] > 0.9998
 
 
 @settings(max_examples=25, deadline=None)

@@ -5,7 +5,7 @@ import pytest
 from cccd.containers import Curves
 from cccd.curves import corner_splines, describe_curves, fit_splines, measure_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
-from cccd.curves.measures import _png_size, area_dice, bytes_per_slice, distances, measure_corners
+from cccd.curves.measures import _png_size, area_scores, bytes_per_slice, distances, measure_corners
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.metrics import dice
 from cccd.settings.curves import CurveSettings
@@ -19,12 +19,12 @@ def square(side, i=0.0, j=0.0):
     return np.array([(i, j), (i + side, j), (i + side, j + side), (i, j + side)], float)
 
 
-def test_area_dice_of_shifted_squares_and_of_holes(curves_of):
+def test_dice_of_areas_of_shifted_squares_and_of_holes(curves_of):
     first = curves_of(square(10), square(10), square(20), square(10, 5, 5)[::-1], slices=[0, 1, 2, 2])
     other = curves_of(square(10, 0, 5), square(10), square(20), slices=[0, 1, 2])
-    assert area_dice(first, other) == pytest.approx([0.5, 1, 2 * 300 / 700])
+    assert area_scores(first, other)[0] == pytest.approx([0.5, 1, 2 * 300 / 700])
     missing = curves_of(square(10), slices=[1])
-    assert area_dice(first, missing) == pytest.approx([0, 1, 0])
+    assert area_scores(first, missing)[0] == pytest.approx([0, 1, 0])
 
 
 def test_distances_are_to_the_curve_of_the_same_number(curves_of):
