@@ -30,7 +30,7 @@ import pandas as pd  # noqa: E402
 
 from cccd.containers import Curves  # noqa: E402
 from cccd.curves import fit_splines, sample_splines  # noqa: E402
-from cccd.curves.measures import area_dice, distances  # noqa: E402
+from cccd.curves.measures import area_scores, distances  # noqa: E402
 from cccd.errors import InputError  # noqa: E402
 from cccd.inputs.phantoms import make_phantom  # noqa: E402
 from cccd.settings.emit import Key, keys  # noqa: E402
@@ -78,7 +78,7 @@ def curve_figures(settings: Settings) -> Figures:
         drawn = sample_splines(splines, 4)
         rows.append(
             {
-                "curve_dice": float(area_dice(curves, drawn).mean()),
+                "curve_dice": float(area_scores(curves, drawn)[0].mean()),
                 "curve_distance_px": float(distances(curves.points, curves.offsets, drawn).mean()),
                 "curve_control_points": len(splines.control_points),
             }
