@@ -1,5 +1,6 @@
 """A user's ten lines, as type checkers see them, and what people have in memory."""
 
+import os
 import re
 import subprocess
 import sys
@@ -45,6 +46,24 @@ def test_a_type_checker_sees_types_and_a_wrong_word(tmp_path):
     assert 'is "Path"' in said
     assert 'Type of "surfaces[0].area" is "float"' in said
     assert 'No parameter named "affin"' in said
+
+
+def test_mypy_sees_the_same(tmp_path):
+    pytest.importorskip("mypy", reason="envs/checks.txt")
+    (tmp_path / "lines.py").write_text(LINES)
+    command = [
+        sys.executable,
+        "-m",
+        "mypy",
+        "--follow-imports=silent",
+        "--ignore-missing-imports",
+        "lines.py",
+    ]
+    surroundings = os.environ | {"MYPYPATH": str(ROOT / "scripts")}
+    run = subprocess.run(command, cwd=tmp_path, env=surroundings, capture_output=True, text=True, check=False)
+    seen = [line.split('"')[1] for line in run.stdout.splitlines() if "Revealed type" in line]
+    assert seen == ["cccd.api.Surface", "float", "pathlib.Path", "float"]
+    assert 'Unexpected keyword argument "affin"' in run.stdout
 
 
 def ball():
