@@ -22,7 +22,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cccd.console import millilitres
+from cccd.console import clock, millilitres
 from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import check_extra, missing_extra
 
@@ -1245,8 +1245,10 @@ def _tube(given: argparse.Namespace) -> tuple[Mesh, float | None]:
 
 
 def _warn(notes: Sequence[str]) -> None:
+    from tqdm import tqdm
+
     for note in notes:
-        print(f"warning: {note}", file=sys.stderr)
+        tqdm.write(f"warning: {note}", file=sys.stderr)  # beside a line that says what goes on
 
 
 def _root_of(given: argparse.Namespace) -> list[float] | None:
@@ -1269,8 +1271,9 @@ def _centrelines(given: argparse.Namespace) -> int:
         check_suffix(path)
     _check_files(outputs, [given.input])
     root = _root_of(given)
-    mesh, voxel = _tube(given)
-    found = find_centrelines(mesh, voxel, root, given.input.name)
+    with clock("centrelines"):
+        mesh, voxel = _tube(given)
+        found = find_centrelines(mesh, voxel, root, given.input.name)
     for path in outputs:
         write_centrelines(path, found)
     rows = [describe(branch) for branch in found.branches]
@@ -1296,17 +1299,12 @@ def _hollow(given: argparse.Namespace) -> int:
         raise InputError(
             "--root", "without --open-ends nothing is cut", "add --open-ends, or leave --root out"
         )
-    return _cut(
-        given,
-        lambda mesh: list(
-            zip(
-                hollow_wall(mesh, given.thickness, given.outwards, given.input.name),
-                ("outer", "inner"),
-                strict=True,
-            )
-        ),
-        given.open_ends,
-    )
+
+    def walls(mesh: Mesh) -> list[tuple[Mesh, str]]:
+        outer, inner = hollow_wall(mesh, given.thickness, given.outwards, given.input.name)
+        return [(outer, "outer"), (inner, "inner")]
+
+    return _cut(given, walls, given.open_ends)
 
 
 def _lumen(given: argparse.Namespace) -> int:
@@ -1323,13 +1321,15 @@ def _cut(given: argparse.Namespace, layers: Callable[[Mesh], list[tuple[Mesh, st
         check_named(path)
     _check_files(given.output, [given.input])
     root = _root_of(given)
-    mesh, voxel = _tube(given)
-    bounds, notes, ends = layers(mesh), [], []
-    if open_:
-        found = find_centrelines(mesh, voxel, root, given.input.name)
-        ends, closed = clear_ends(bounds, find_ends(found, given.input.name))
-        notes = [*found.notes, *closed]
-    named = opened(bounds, ends, given.input.name)
+    notes, ends = [], []
+    with clock(given.command):
+        mesh, voxel = _tube(given)
+        bounds = layers(mesh)
+        if open_:
+            found = find_centrelines(mesh, voxel, root, given.input.name)
+            ends, closed = clear_ends(bounds, find_ends(found, given.input.name))
+            notes = [*found.notes, *closed]
+        named = opened(bounds, ends, given.input.name)
     for path in given.output:
         write_named(path, named, _plain_stem(given.input))
     areas = {name: round(named.group(name).area, 3) for name in named.names}
@@ -1428,6 +1428,7 @@ def _report(given: argparse.Namespace) -> int:
 
 def _relabel(given: argparse.Namespace) -> int:
     import numpy as np
+    from tqdm import tqdm
 
     from cccd.containers import Grid
     from cccd.inputs.load import existing
@@ -1460,7 +1461,8 @@ def _relabel(given: argparse.Namespace) -> int:
     if note := whole.check_memory(given.cores):
         print(f"{note} ...", file=sys.stderr)
     labels = np.zeros(grid.shape, np.uint16 if int(volume.data.max()) < 1 << 16 else np.int32)
-    for value, surface, voxels in relabelled(whole, grid, given.cores):
+    progress = tqdm(disable=None, leave=False, bar_format="{desc:<40} {elapsed}")
+    for value, surface, voxels in relabelled(whole, grid, given.cores, progress.set_description_str):
         labels.reshape(-1)[voxels] = value
         if surface is not None and given.soft:
             low, share = share_of_voxels(surface.surface.lofted.mesh, grid)
@@ -1468,6 +1470,7 @@ def _relabel(given: argparse.Namespace) -> int:
             soft[tuple(slice(a, a + n) for a, n in zip(low, share.shape, strict=True))] = share
             with atomic_path(name_of_soft(given.output, surface.surface.name)) as path:
                 write_nifti(path, soft, grid.affine)
+    progress.close()
     with atomic_path(given.output) as path:
         write_nifti(path, labels, grid.affine)
     size = " x ".join(str(n) for n in grid.shape)
@@ -1480,10 +1483,10 @@ def _next(given: argparse.Namespace) -> int:
     from cccd.next_slice import rank_slices
     from cccd.settings.root import Settings
 
-    structure = cccd.read(
-        given.input, given.label, image=given.image, boundary=given.boundary, annotated=given.annotated
-    )
-    gains = rank_slices(structure, Settings())
+    of = {"image": given.image, "boundary": given.boundary, "annotated": given.annotated}
+    with clock("slices"):
+        structure = cccd.read(given.input, given.label, **of)
+        gains = rank_slices(structure, Settings())
     if given.json:
         slices = [{"slice": gain.slice, "lowers_error": round(gain.lowers, 4)} for gain in gains]
         axis = structure.frame.slice_axis

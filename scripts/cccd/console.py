@@ -9,13 +9,16 @@ from __future__ import annotations
 import logging
 import re
 import sys
+import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TextIO
 
 __all__ = [
     "JobLines",
     "OrganLines",
+    "clock",
     "duration",
     "is_of_jobs",
     "joined_warnings",
@@ -71,6 +74,22 @@ def shorten(logger: logging.Logger, is_interrupted: Callable[[], bool]) -> None:
     lines = JobLines()
     lines.addFilter(lambda record: not is_interrupted())
     logger.addHandler(lines)
+
+
+@contextmanager
+def clock(text: str) -> Iterator[None]:
+    """Show on a terminal what is being made and for how long: for what has no steps to count."""
+    from tqdm import tqdm
+
+    ended = threading.Event()
+    with tqdm(desc=text, disable=None, leave=False, bar_format="{desc} {elapsed}") as line:
+        ticking = threading.Thread(target=lambda: [line.refresh() for _ in iter(lambda: ended.wait(1), True)])
+        ticking.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            ticking.join()
 
 
 def duration(seconds: float) -> str:

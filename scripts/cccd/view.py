@@ -13,7 +13,6 @@ from cccd.bands import Band
 from cccd.chaincode import changed_pixels, on_pixel_chain
 from cccd.containers import Boundaries, Curves, Frame, Structure, View
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.geometry.curvature import mean_curvature
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
@@ -73,7 +72,7 @@ def make_view(
     """
     whole, cubes = surface.outwards(), voxel_surface(structure)
     shown = whole.simplified(VIEWER_TRIANGLES)
-    values = {"curvature": mean_curvature(whole, shown.vertices)}
+    values = {"curvature": whole.mean_curvature(shown.vertices)}
     lines: dict[str, Curves] = {}
     if band is not None:
         moved = band.moved_to(surface.vertices, shown.vertices)

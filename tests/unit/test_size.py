@@ -8,10 +8,10 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 44453,
+    "scripts/cccd": 44452,
     "scripts/cccd_paper": 10930,
     "scripts/cccd_training": 3661,
-    "tests": 29693,
+    "tests": 29691,
 }
 
 

@@ -5,7 +5,6 @@ import pytest
 import trimesh
 
 from cccd.containers import Frame, Structure
-from cccd.geometry.curvature import mean_curvature
 from cccd.geometry.mesh import Mesh
 from cccd.view import reference_surface
 
@@ -22,7 +21,7 @@ def volume(mesh):
 @pytest.mark.parametrize("radius", [5.0, 40.0])
 def test_mean_curvature_of_a_sphere_is_one_over_its_radius(radius):
     mesh = sphere(radius)
-    np.testing.assert_allclose(mean_curvature(mesh, mesh.vertices[::50]), 1 / radius, rtol=1e-3)
+    np.testing.assert_allclose(mesh.mean_curvature(mesh.vertices[::50]), 1 / radius, rtol=1e-3)
 
 
 def test_reference_is_the_truth_where_there_is_one():

@@ -194,4 +194,4 @@ def _curvature(mesh: Mesh) -> FloatArray:
     bent = np.divide(np.einsum("ec,ec->e", way, turn), along, out=np.zeros(len(way)), where=along > 0)
     count = np.maximum(np.bincount(start, minlength=len(mesh.vertices)), 1)
     mean = np.bincount(start, bent, len(mesh.vertices)) / count
-    return mesh.averages(mean, [CURVATURE_ROUNDS])[0]
+    return mesh.averaged(mean, CURVATURE_ROUNDS)

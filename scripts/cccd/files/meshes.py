@@ -13,7 +13,6 @@ from cccd.files.options import ExportOptions
 from cccd.files.stl import binary_stl
 from cccd.geometry._vtk import xml_of
 from cccd.geometry.arrays import IntArray
-from cccd.geometry.curvature import mean_curvature
 from cccd.geometry.ply import write_ply as write_mesh
 from cccd.settings.formats import NOTE
 from cccd.surface.surface import LoftedSurface
@@ -49,7 +48,7 @@ def write_vtp(path: Path, surface: LoftedSurface, options: ExportOptions) -> Non
     At its vertices are curvature (1/mm), the error band (mm) and, where no wall is shared, the body's number.
     """
     mesh = surface.mesh.to_polydata()
-    mesh.point_data["curvature"] = mean_curvature(surface.mesh, surface.vertices)
+    mesh.point_data["curvature"] = surface.mesh.mean_curvature(surface.vertices)
     if surface.bodies:
         mesh.point_data["body"] = _body_numbers(surface)
     if surface.band is not None:

@@ -2,34 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from cccd.geometry.arrays import FloatArray
 
-__all__ = ["averages"]
+__all__ = ["averaged"]
 
 #: What is left out of an average may weigh so much in all.
 NEGLIGIBLE = 1e-4
 
 
-def averages(means: csr_array, values: FloatArray, rounds: Sequence[int]) -> list[FloatArray]:
-    r"""Average vertices' values with the mean of their neighbours, so many times over.
+def averaged(means: csr_array, values: FloatArray, rounds: int) -> FloatArray:
+    r"""Average vertices' values (V,) with the mean of their neighbours, so many times over.
 
     Parameters
     ----------
     means : (V, V) float64
         Gives each vertex the mean of its neighbours, or its own value.
     values : (V,) float64
-    rounds : sequence of int
-        An average (V,) is made of each.
+    rounds : int
 
     Notes
     -----
-    With :math:`M` for the means these are :math:`((1 + M) / 2)^n v`. As :math:`((1 + \cos t) / 2)^n` is the
-    sum of :math:`\binom{2 n}{n - k} \cos(k t) / 4^n` over k from -n to n, they are sums of Chebyshev
+    With :math:`M` for the means this is :math:`((1 + M) / 2)^n v`. As :math:`((1 + \cos t) / 2)^n` is the
+    sum of :math:`\binom{2 n}{n - k} \cos(k t) / 4^n` over k from -n to n, it is a sum of Chebyshev
     polynomials of M as well, whose weights fade like a Gaussian: a few times :math:`\sqrt n` products with M
     do.
 
@@ -37,16 +36,13 @@ def averages(means: csr_array, values: FloatArray, rounds: Sequence[int]) -> lis
     --------
     Two neighbours become alike at once.
 
-    >>> averages(csr_array([[0.0, 1.0], [1.0, 0.0]]), np.array([0.0, 1.0]), [0, 1])
-    [array([0., 1.]), array([0.5, 0.5])]
+    >>> averaged(csr_array([[0.0, 1.0], [1.0, 0.0]]), np.array([0.0, 1.0]), 1)
+    array([0.5, 0.5])
     """
-    weights = [_weights(count) for count in rounds]
-    totals = [np.zeros_like(values) for _ in weights]
-    for k, polynomial in zip(range(max(map(len, weights))), _polynomials(means, values), strict=False):
-        for total, weight in zip(totals, weights, strict=True):
-            if k < len(weight):
-                total += weight[k] * polynomial
-    return totals
+    total = np.zeros_like(values)
+    for weight, polynomial in zip(_weights(rounds), _polynomials(means, values), strict=False):
+        total += weight * polynomial
+    return total
 
 
 def _polynomials(means: csr_array, values: FloatArray) -> Iterator[FloatArray]:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import os
+from typing import Any, cast
+
 import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from cccd.geometry._igl import igl
+os.environ.setdefault("IGL_NUM_THREADS", "1")  # jobs share a machine; read once, by its first function
+
+import igl as _igl  # pyright: ignore[reportMissingTypeStubs]
+
 from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.grid import ScalarGrid
@@ -26,6 +32,9 @@ __all__ = [
     "to_polygons",
     "unsigned_to_mesh",
 ]
+
+#: Its types are looser than what it returns.
+igl = cast(Any, _igl)
 
 #: Distances to polygons are exact within this many pixels of them.
 NEAR_PIXELS = 2.0

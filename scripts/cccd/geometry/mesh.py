@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from cccd.geometry._vtk import triangles_of, vtk
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
-from cccd.geometry.averaging import averages
+from cccd.geometry.averaging import averaged
 from cccd.geometry.collisions import passing_pairs
 
 if TYPE_CHECKING:
@@ -290,9 +291,19 @@ class Mesh:
         filter_.NonManifoldSmoothingOff()
         return Mesh(triangles_of(filter_)[0], self.faces)
 
-    def averages(self, values: FloatArray, rounds: Sequence[int]) -> list[FloatArray]:
-        """Average values (V,) of a closed mesh's vertices; see `cccd.geometry.averaging.averages`."""
-        return averages(self._means, values, rounds)
+    def mean_curvature(self, at: FloatArray) -> FloatArray:
+        """Estimate the mean curvature (P,) in 1/mm near the points ``at`` (P, 3); positive is convex.
+
+        Of discrete curvatures at vertices the median of the twelve that lie nearest to each point: the second
+        derivative of a triangulation is noisy at the scale of its triangles.
+        """
+        values = np.asarray(self.to_polydata().curvature("mean"))
+        _, nearest = cKDTree(self.vertices).query(at, k=min(12, len(self.vertices)))
+        return np.median(values[nearest.reshape(len(at), -1)], axis=1)
+
+    def averaged(self, values: FloatArray, rounds: int) -> FloatArray:
+        """Average values (V,) of a closed mesh's vertices; see `cccd.geometry.averaging.averaged`."""
+        return averaged(self._means, values, rounds)
 
     @cached_property
     def _means(self) -> csr_array:

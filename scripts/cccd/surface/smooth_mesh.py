@@ -99,7 +99,7 @@ def _mended(smooth: Mesh, rough: Mesh, stack: SliceStack) -> Mesh:
     """Go back towards the rough mesh where the smooth one shrank to threads, or loses voxels of slices."""
     kept = np.zeros(len(rough.vertices))
     mesh, reach = smooth, MENDED_PIXELS * stack.pixel
-    area, before = (one.averages(one.vertex_areas, [AREA_ROUNDS])[0] for one in (smooth, rough))
+    area, before = (one.averaged(one.vertex_areas, AREA_ROUNDS) for one in (smooth, rough))
     places: FloatArray = rough.vertices[area < THREAD * before]
     far = np.zeros(len(places))
     for _ in range(1 + MENDING_ROUNDS):

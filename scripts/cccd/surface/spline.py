@@ -169,7 +169,7 @@ def _curvature(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
     count = len(mesh.vertices)
     total = np.bincount(edges.ravel(), np.repeat(angles * lengths / 2, 2), count).astype(float)
     area = mesh.vertex_areas
-    bent, around = (mesh.averages(values, [CURVATURE_ROUNDS])[0] for values in (total, area))
+    bent, around = (mesh.averaged(values, CURVATURE_ROUNDS) for values in (total, area))
     return np.divide(bent, around, out=np.zeros(count), where=around > 0), area
 
 

@@ -191,11 +191,11 @@ def test_normals_of_a_ball_point_away_from_its_centre():
 
 def test_averaging_spreads_a_value_by_half_an_edge_each_time():
     ball = sphere(8)
-    assert np.allclose(ball.averages(np.ones(len(ball.vertices)), [3])[0], 1)
+    assert np.allclose(ball.averaged(np.ones(len(ball.vertices)), 3), 1)
     start = np.argmin(np.bincount(ball.faces.ravel()) != 6)  # in the middle of six triangles
     value = np.zeros(len(ball.vertices))
     value[start] = 1
-    weight = ball.averages(value, [40])[0]
+    weight = ball.averaged(value, 40)
     edge = np.sqrt(4 / np.sqrt(3) * ball.area / len(ball.faces))
     square = ((ball.vertices - ball.vertices[start]) ** 2).sum(axis=1)
     assert np.sqrt((weight * square).sum() / weight.sum() / 2) == pytest.approx(
