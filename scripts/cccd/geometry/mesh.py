@@ -294,8 +294,7 @@ class Mesh:
     def mean_curvature(self, at: FloatArray) -> FloatArray:
         """Estimate the mean curvature (P,) in 1/mm near the points ``at`` (P, 3); positive is convex.
 
-        Of discrete curvatures at vertices the median of the twelve that lie nearest to each point: the second
-        derivative of a triangulation is noisy at the scale of its triangles.
+        The median of the twelve nearest vertices: one by one they are noisy at the scale of the triangles.
         """
         values = np.asarray(self.to_polydata().curvature("mean"))
         _, nearest = cKDTree(self.vertices).query(at, k=min(12, len(self.vertices)))

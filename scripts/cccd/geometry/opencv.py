@@ -30,7 +30,8 @@ def sobel(image: ByteArray | SingleArray) -> tuple[SingleArray, SingleArray]:
 def distance_to_zero(mask: ByteArray | BoolArray, exact: bool = False) -> SingleArray:
     """Distance (I, J) in pixels of every pixel to the nearest zero, by steps (chamfer) or exactly."""
     size = cv2.DIST_MASK_PRECISE if exact else cv2.DIST_MASK_3
-    return cast(SingleArray, cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, size))
+    far = cast(SingleArray, cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, size))
+    return np.sqrt(np.rint(far * far)) if exact else far  # whole squares: the last bits differ by the call
 
 
 def components(mask: ByteArray, connectivity: int) -> tuple[IntArray, IntArray]:
