@@ -122,9 +122,7 @@ def _of_cubes(
         back = np.insert(nodes[:, 1:], axis, nodes[:, 0], axis=1) - [REACH, 0, 0]
         total[tuple(back.T)] += again
     mean = total / count
-    wrong = (mean < 0) != inside
-    mean[wrong] = np.copysign(np.float32(LEAST), values[wrong])
-    return mean
+    return _on_its_side(mean, values)
 
 
 def _beyond(planes: SingleArray, side: int, goes_on: bool, spacing: FloatArray) -> SingleArray:
@@ -183,12 +181,16 @@ def _estimated(stack: SingleArray, levels: Sequence[_Level], exact: bool) -> Sin
             which, *places = np.nonzero(asked[numbers])
             slices = np.array([levels[number].nearest for number in numbers])[which]
             found = _asked(padded, np.column_stack([slices, *places]), ratio, height, exact)
-            if height == 0:  # what a slice shows stays on its side
-                shown = stack[slices, *places]
-                found = np.where((found < 0) == (shown < 0), found, np.copysign(np.float32(LEAST), shown))
+            if height == 0:
+                found = _on_its_side(found, stack[slices, *places])
             values[np.array(numbers)[which], *places] = found
         open_ &= ~asked
     return values
+
+
+def _on_its_side(values: SingleArray, shown: SingleArray) -> SingleArray:
+    """Distances of which each stays on the side that its slice shows."""
+    return np.where((values < 0) == (shown < 0), values, np.copysign(np.float32(LEAST), shown))
 
 
 def _beside_surface(values: FloatArray | SingleArray) -> BoolArray:
@@ -243,10 +245,8 @@ def _plain(stack: SingleArray, level: _Level) -> SingleArray:
     moved = ndimage.map_coordinates(correction, places, np.float32, order=1, mode="nearest")
     asked = base + np.float32(coarser) * moved
     mixed = asked if share == 1 else share * asked + (1 - share) * _cubic(own, ratio, height)
-    if height == 0:
-        wrong = (mixed < 0) != (stack[k] < 0)
-        mixed[wrong] = np.copysign(np.float32(LEAST), stack[k][wrong])
-    return np.asarray(mixed, np.float32)
+    mixed = np.asarray(mixed, np.float32)
+    return _on_its_side(mixed, stack[k]) if height == 0 else mixed
 
 
 def _cubic(own: SingleArray, ratio: float, height: float) -> SingleArray:
