@@ -3,8 +3,8 @@
 import shutil
 
 from cccd.job import job
-from cccd.junctions.checkpoint import load_model
 from cccd.store import atomic_path
+from cccd_junctions.checkpoint import load_model
 
 with job(snakemake.log[0], "pretrained GNN", snakemake.input, snakemake.output):
     load_model(snakemake.input.model)

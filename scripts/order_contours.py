@@ -1,10 +1,10 @@
 """Order boundary pixels into closed curves by the junction network."""
 
 from cccd.job import job
-from cccd.junctions.checkpoint import load_model
-from cccd.junctions.ordering import order_contours
 from cccd.settings.junctions import InferenceSettings
 from cccd.store import read_boundaries, read_structure, write_contours
+from cccd_junctions.checkpoint import load_model
+from cccd_junctions.ordering import order_contours
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     structure = read_structure(snakemake.input.structure)

@@ -1,6 +1,6 @@
 """The ways to ordered contours that need no network: a mask is traced, drawn contours are taken.
 
-The third way, for boundary pixels that still need ordering, is `cccd.junctions.ordering`. Which one a
+The third way, for boundary pixels that still need ordering, is `cccd_junctions.ordering`. Which one a
 structure goes the workflow decides from the cohort sheet, before any job starts.
 """
 
@@ -80,7 +80,7 @@ def take_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
 
 
 def doubtful_slices(report: Mapping[str, Any], most: int = 10) -> list[str]:
-    """Say, of what `cccd.junctions.order_boundaries` reports, which slices should be looked at.
+    """Say, of what `cccd_junctions.order_boundaries` reports, which slices should be looked at.
 
     Examples
     --------

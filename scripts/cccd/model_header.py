@@ -107,7 +107,7 @@ def read_header(path: str | Path) -> ModelHeader:
     Raises
     ------
     InputError
-        When the file is not one that `cccd.junctions.checkpoint.save_model` wrote.
+        When the file is not one that `cccd_junctions.checkpoint.save_model` wrote.
     """
     try:
         content = _read_plain(path)

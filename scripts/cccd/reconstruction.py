@@ -73,9 +73,9 @@ def order_maps(
     weights : path
         A trained network.
     """
-    from cccd.boundary import extract_boundaries
-    from cccd.junctions.checkpoint import load_model  # torch takes two seconds to load
-    from cccd.junctions.ordering import order_contours
+    from cccd_junctions.boundary import extract_boundaries
+    from cccd_junctions.checkpoint import load_model  # torch takes two seconds to load
+    from cccd_junctions.ordering import order_contours
 
     pixels = extract_boundaries(structure, boundaries)
     return order_contours(structure, pixels, load_model(weights), inference)[0]

@@ -39,7 +39,7 @@ INPUTS = {
     "contours": Input(("contours.h5",), "cccd.store.read_contours"),
     "curves": Input(("curves.h5",), "cccd.store.read_curves"),
     "surface": Input(("surface.h5", "surface.ply"), "cccd.surface.surface.read_surface"),
-    "model": Input(("gnn/model.pt",), "cccd.junctions.checkpoint.load_model", shared=True),
+    "model": Input(("gnn/model.pt",), "cccd_junctions.checkpoint.load_model", shared=True),
     "orderers": Input(
         ("gnn/model.pt",),
         "cccd_paper.comparisons.orderers.load_orderers",

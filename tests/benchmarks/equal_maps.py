@@ -26,9 +26,9 @@ import pandas as pd  # noqa: E402
 import paper_network  # noqa: E402
 from out_of_distribution import unseen_maps  # noqa: E402
 
-from cccd.junctions.checkpoint import load_model  # noqa: E402
 from cccd.settings.junctions import NetworkSettings  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
+from cccd_junctions.checkpoint import load_model  # noqa: E402
 from cccd_paper.comparisons.junction_comparison import (  # noqa: E402
     TEN,
     compare_decoders,

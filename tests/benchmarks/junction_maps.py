@@ -33,12 +33,12 @@ from scipy import ndimage  # noqa: E402
 from cccd.geometry.arrays import ByteArray  # noqa: E402
 from cccd.geometry.opencv import border_pixels  # noqa: E402
 from cccd.inputs.corruptions import KINDS, corrupt  # noqa: E402
-from cccd.junctions.checkpoint import load_model  # noqa: E402
-from cccd.junctions.inference import SLICES_PER_BATCH, Predictor, read_slices  # noqa: E402
-from cccd.junctions.observation import observe  # noqa: E402
-from cccd.junctions.ordering import DEFAULTS  # noqa: E402
-from cccd.junctions.stacks import ReadSlice, label_slices  # noqa: E402
-from cccd.junctions.uncertainty import listed_from  # noqa: E402
+from cccd_junctions.checkpoint import load_model  # noqa: E402
+from cccd_junctions.inference import SLICES_PER_BATCH, Predictor, read_slices  # noqa: E402
+from cccd_junctions.observation import observe  # noqa: E402
+from cccd_junctions.ordering import DEFAULTS  # noqa: E402
+from cccd_junctions.stacks import ReadSlice, label_slices  # noqa: E402
+from cccd_junctions.uncertainty import listed_from  # noqa: E402
 from cccd_training.junctions.scoring import SliceScore, score_labels  # noqa: E402
 from cccd_training.junctions.synthetic_images import canny_map, draw_image  # noqa: E402
 from cccd_training.junctions.synthetic_maps import SyntheticMap, draw_map  # noqa: E402

@@ -6,7 +6,7 @@ The outlines are those of organs (slices of the MNI brain, of a phantom liver an
 the report's table draw random blobs. The damage is not that of `cccd.inputs.corruptions`: published
 augmentations (Cutout, DeVries and Taylor 2017; GridMask, Chen et al. 2020) and what imaging does (a noisy
 slice's threshold, ghosts of motion, coarse pixels, straight lines across). The last kind is no damage: edges
-that `cccd.boundary.edge_map` finds in slices of an MR template, under noise, with the brain's mask for label;
+of an MR template's slices, under noise, with the brain's mask as label (`cccd_junctions.boundary.edge_map`);
 the network sees these slices too. The table goes to ``docs/out_of_distribution.csv``.
 """
 
@@ -23,13 +23,13 @@ sys.path.insert(0, str(ROOT / "scripts"))
 import numpy as np  # noqa: E402
 from scipy import ndimage  # noqa: E402
 
-from cccd.boundary import edge_map  # noqa: E402
 from cccd.geometry.opencv import border_pixels  # noqa: E402
 from cccd.inputs import load_structure  # noqa: E402
 from cccd.inputs.phantoms import make_phantom  # noqa: E402
-from cccd.junctions.checkpoint import load_model  # noqa: E402
 from cccd.settings.boundaries import BoundarySettings  # noqa: E402
 from cccd.settings.imports import ImportSettings, PhantomSettings  # noqa: E402
+from cccd_junctions.boundary import edge_map  # noqa: E402
+from cccd_junctions.checkpoint import load_model  # noqa: E402
 from cccd_paper.comparisons.baselines.decoders import DECODERS  # noqa: E402
 from cccd_paper.comparisons.junction_comparison import (  # noqa: E402
     by_true_labels,

@@ -29,9 +29,9 @@ sys.path[:0] = [str(ROOT / "scripts")]
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from cccd.junctions.checkpoint import load_model, save_model  # noqa: E402
 from cccd.settings.junctions import NetworkSettings  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
+from cccd_junctions.checkpoint import load_model, save_model  # noqa: E402
 from cccd_paper.comparisons.junction_comparison import TEN, draw_test_maps  # noqa: E402
 from cccd_paper.junctions.grid import build_grid  # noqa: E402
 from cccd_paper.junctions.network import PaperNetwork  # noqa: E402

@@ -11,19 +11,19 @@ from organ import make_organ
 from scipy.interpolate import splprep
 from torch_geometric.data import Batch
 
-from cccd.boundary import extract_boundaries
 from cccd.containers import Boundaries, Curves, Sections
 from cccd.contours import trace_contours
 from cccd.curves import describe_curves
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.inputs.corruptions import corrupt
-from cccd.junctions import order_boundaries
-from cccd.junctions.checkpoint import load_model
-from cccd.junctions.ordering import order_contours
 from cccd.settings.root import Settings
 from cccd.surface import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
+from cccd_junctions import order_boundaries
+from cccd_junctions.boundary import extract_boundaries
+from cccd_junctions.checkpoint import load_model
+from cccd_junctions.ordering import order_contours
 from cccd_paper.comparisons.volume_meshes import flying_edges, windowed_sinc
 from cccd_training.junctions.data import label_map
 from cccd_training.junctions.loss import total_loss

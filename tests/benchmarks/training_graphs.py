@@ -31,10 +31,10 @@ sys.path[:0] = [str(ROOT / "scripts")]
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from cccd.junctions.checkpoint import load_model, read_model, save_model  # noqa: E402
-from cccd.junctions.network import JunctionNetwork  # noqa: E402
 from cccd.settings.junctions import NetworkSettings  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
+from cccd_junctions.checkpoint import load_model, read_model, save_model  # noqa: E402
+from cccd_junctions.network import JunctionNetwork  # noqa: E402
 from cccd_paper.comparisons.junction_comparison import by_true_labels  # noqa: E402
 from cccd_training.junctions.families import FAMILIES  # noqa: E402
 from cccd_training.junctions.frozen_graphs import generate_graphs  # noqa: E402

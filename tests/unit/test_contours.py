@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from cccd.boundary import extract_boundaries
 from cccd.containers import Frame, Structure
 from cccd.contours import take_contours, trace_contours
 from cccd.errors import InputError
-from cccd.junctions.checkpoint import load_model
-from cccd.junctions.ordering import order_contours
 from cccd.settings.boundaries import BoundarySettings
+from cccd_junctions.boundary import extract_boundaries
+from cccd_junctions.checkpoint import load_model
+from cccd_junctions.ordering import order_contours
 
 MODEL = Path(__file__).parents[2] / "workflow" / "models" / "junctions.pt"
 

@@ -75,7 +75,8 @@ def imported():
                 modules.update(alias.name.split(".")[0] for alias in node.names)
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 modules.add(node.module.split(".")[0])
-    modules -= {"cccd", "cccd_paper", "cccd_training", *ELSEWHERE, *sys.stdlib_module_names}
+    modules -= {*ELSEWHERE, *sys.stdlib_module_names}
+    modules = {name for name in modules if name.split("_")[0] != "cccd"}
     return {DISTRIBUTIONS.get(name, name) for name in modules}
 
 

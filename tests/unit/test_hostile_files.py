@@ -13,8 +13,8 @@ import pytest
 import torch
 
 from cccd.errors import InputError
-from cccd.junctions.checkpoint import load_model
 from cccd.model_header import read_header
+from cccd_junctions.checkpoint import load_model
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "scripts").rglob("*.py"))

@@ -1,10 +1,11 @@
-"""Imports run one way: between the three packages, and in each from the layers before a module's own."""
+"""Imports run one way: the core loads no package around it, and no parts of a package know each other."""
 
 import ast
 import re
 import shutil
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -12,46 +13,16 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SCRIPTS = ROOT / "scripts"
 
-#: What each package may import of the others: the product nothing. What they add to it, they register.
-PACKAGES = {"cccd": set(), "cccd_training": {"cccd"}, "cccd_paper": {"cccd", "cccd_training"}}
-
-#: Packages and single modules of each, by layer; those of one layer do not know each other.
-LAYERS = {
-    "cccd": (
-        ("console", "errors", "limits", "tolerances", "lookup", "dependencies", "project", "processes"),
-        ("additions",),
-        ("extras", "disk_space", "devices"),
-        ("settings", "geometry", "job", "remote", "sidecar_files", "seeds"),
-        ("containers", "metrics", "cohort", "dicom_objects", "model_header"),
-        ("bands",),
-        ("store",),
-        ("inputs", "torch_files"),
-        ("boundary", "tracing", "chaincode"),
-        ("contours",),
-        ("junctions", "curves", "segmentation"),
-        ("surface",),
-        ("solids", "view"),
-        ("tetrahedra",),
-        ("files",),
-        ("reconstruction", "closed_meshes", "thinning", "tubes"),
-        ("next_slice",),
-        ("api",),
-        ("pyvista_accessor", "napari_plugin", "label_survey"),
-        ("whole_map",),
-        ("relabelling",),
-        ("report", "comparison"),
-        ("comparison_files", "bids", "doctor", "plan", "workflow_command"),
-        ("cli",),
-        ("__main__",),
-    ),
-    "cccd_training": (("bands", "checkpoints", "distance"), ("junctions", "segmentation")),
-    "cccd_paper": (
-        ("settings", "registry", "phantom_files", "junctions", "segmentation"),
-        ("comparisons",),
-        ("figures", "measured"),
-        ("registration",),
-    ),
+#: What each package may import of the others. What they add to the core, they register.
+PACKAGES = {
+    "cccd": set(),
+    "cccd_junctions": {"cccd"},
+    "cccd_training": {"cccd", "cccd_junctions"},
+    "cccd_paper": {"cccd", "cccd_junctions", "cccd_training"},
 }
+
+#: What the core still imports within functions.
+WITHIN_FUNCTIONS = {"cccd_junctions"}
 
 #: Jobs of the evidence and of the training; all others know the product alone.
 BESIDE = {
@@ -71,12 +42,12 @@ ONLY = {
     "torch": {
         *("cccd.torch_files", "cccd.devices"),
         *(f"cccd.segmentation.{name}" for name in ("networks", "plain_unet", "grids", "inference", "model")),
-        *(f"cccd.junctions.{name}" for name in ("layers", "network", "graph_data", "energy", "checkpoint")),
+        *(f"cccd_junctions.{name}" for name in ("layers", "network", "graph_data", "energy", "checkpoint")),
         *("cccd_training", "cccd_paper.segmentation"),
         *(f"cccd_paper.junctions.{name}" for name in PAPER_NETWORKS),
     },
     "torch_geometric": {
-        *(f"cccd.junctions.{name}" for name in ("layers", "network", "graph_data")),
+        *(f"cccd_junctions.{name}" for name in ("layers", "network", "graph_data")),
         *(f"cccd_training.junctions.{name}" for name in ("data", "loss", "tasks")),
         *(f"cccd_paper.junctions.{name}" for name in PAPER_NETWORKS),
     },
@@ -93,10 +64,10 @@ def name_of(path):
 MODULES = {name_of(path): path for package in PACKAGES for path in sorted((SCRIPTS / package).rglob("*.py"))}
 
 
-def imported(path):
+def imported(path, nodes=ast.walk):
     """Dotted names that a file imports, wherever in it; ``from a import b`` counts as ``a.b``."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found |= {name.name for name in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -109,13 +80,13 @@ IMPORTED = {name: imported(path) for name, path in MODULES.items()}
 
 
 def part_of(name):
-    """The package or single module right below one of the three packages."""
+    """The folder or single module right below a package."""
     return name.split(".")[1]
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_a_package_knows_only_those_before_it(package):
-    known = {package, *PACKAGES[package]}
+    known = {package, *PACKAGES[package]} | (WITHIN_FUNCTIONS if package == "cccd" else set())
     wrong = {
         name: other
         for name, others in IMPORTED.items()
@@ -127,26 +98,27 @@ def test_a_package_knows_only_those_before_it(package):
     assert wrong == {}
 
 
+def test_the_core_loads_no_other_package():
+    for name, path in MODULES.items():
+        if name.split(".")[0] == "cccd":
+            loaded = {other.split(".")[0] for other in imported(path, ast.iter_child_nodes)}
+            assert loaded & set(PACKAGES) <= {"cccd"}, name
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_two_parts_of_a_package_know_each_other(package):
+    inside = {name: others for name, others in IMPORTED.items() if name.startswith(f"{package}.")}
+    graph = {part_of(name): set() for name in inside}
+    for name, others in inside.items():
+        known = {part_of(other) for other in others if other.startswith(f"{package}.")}
+        graph[part_of(name)] |= known - {part_of(name)}
+    TopologicalSorter(graph).prepare()  # a circle is an error
+
+
 def test_the_product_names_no_other_package_in_a_string():
     for name, path in MODULES.items():
         if name.split(".")[0] == "cccd":
             assert not re.search(r"[\"']cccd_(paper|training)", path.read_text(encoding="utf-8")), name
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_imports_come_from_earlier_layers(package):
-    layers = LAYERS[package]
-    layer = {name: number for number, names in enumerate(layers) for name in names}
-    inside = {name: others for name, others in IMPORTED.items() if name.startswith(f"{package}.")}
-    assert {part_of(name) for name in inside} == set(layer)
-    assert len(layer) == sum(map(len, layers))
-    wrong = {}
-    for name, others in inside.items():
-        known = {part_of(other) for other in others if other.startswith(f"{package}.")}
-        known -= {part_of(name), "__version__"}
-        if late := {other for other in known if layer[other] >= layer[part_of(name)]}:
-            wrong[name] = late
-    assert wrong == {}
 
 
 @pytest.mark.parametrize("package", ONLY)
@@ -165,12 +137,11 @@ def test_the_report_imports_no_algorithm():
 
 
 def test_a_job_calls_the_packages_alone():
+    others = {"cccd_paper", "cccd_training"}
     for script in sorted(SCRIPTS.glob("*.py")):
         known = {name.split(".")[0] for name in imported(script)}
         assert known <= {*PACKAGES, "logging", "operator", "pathlib", "shutil"}, script.name
-        assert (known <= {"cccd", "logging", "operator", "pathlib", "shutil"}) == (
-            script.stem not in BESIDE
-        ), script.name
+        assert bool(known & others) == (script.stem in BESIDE), script.name
 
 
 #: Neither the other packages are there, nor what any extra brings.

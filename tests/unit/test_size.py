@@ -8,10 +8,11 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 44452,
+    "scripts/cccd": 40406,
+    "scripts/cccd_junctions": 4046,
     "scripts/cccd_paper": 10930,
     "scripts/cccd_training": 3661,
-    "tests": 29691,
+    "tests": 29678,
 }
 
 

@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from cccd import chaincode
-from cccd.boundary import outline
 from cccd.containers import Frame, Structure
 from cccd.tracing import left_out, trace_mask, trace_stack
+from cccd_junctions.boundary import outline
 
 FRAME = Frame(np.eye(4), 2, (60, 60, 9))
 ORIGIN = np.array([3, 10, 20])

@@ -60,8 +60,7 @@ def cccd(installed, *arguments, cwd):
 def test_every_package_and_every_file_of_the_workflow_is_in_the_wheel(installed):
     named = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
     scripts = ROOT / "scripts"
-    packages = ("cccd", "cccd_paper", "cccd_training")
-    files = [path for package in packages for path in (scripts / package).rglob("*")]
+    files = [path for package in scripts.glob("cccd*") for path in package.rglob("*")]
     folders = [path.parent.relative_to(scripts) for path in files if path.name == "__init__.py"]
     assert set(named) == {".".join(folder.parts) for folder in folders} | {"cccd.pipeline"}
     for path in files:

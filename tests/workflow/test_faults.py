@@ -90,7 +90,7 @@ WRITERS = {
         for suffix in ("ply", "stl", "vtp", "glb")
     },
     "picture.png": "from cccd.report import render; render.render_surface(done / 'surface.ply', path)",
-    "model.pt": "from cccd.junctions import checkpoint; checkpoint.save_content(path, {'a': 'x' * 9999})",
+    "model.pt": "from cccd_junctions import checkpoint; checkpoint.save_content(path, {'a': 'x' * 9999})",
 }
 
 

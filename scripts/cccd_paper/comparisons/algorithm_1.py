@@ -1,7 +1,7 @@
 """Algorithm 1 as printed, from boundary pixels to eq. (10)'s surface, beside our own curves and surface.
 
-Lines 8 to 10, blur, dilation and edges, are `cccd.boundary`: an image's edges, or a mask's outline. Which
-edges line 10 means is not printed; Canny's thresholds are those of the configuration (section
+Lines 8 to 10, blur, dilation and edges, are `cccd_junctions.boundary`: an image's edges, or a mask's outline.
+Which edges line 10 means is not printed; Canny's thresholds are those of the configuration (section
 ``boundaries``).
 """
 

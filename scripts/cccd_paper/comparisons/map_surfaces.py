@@ -13,13 +13,13 @@ from scipy import ndimage
 from cccd.containers import Boundaries, Curves, Panel, Sections, SliceFigure, Structure
 from cccd.geometry.arrays import BoolArray, IntArray, offsets_of
 from cccd.geometry.mesh import Mesh
-from cccd.junctions.ordering import count_changes
 from cccd.metrics import dice
 from cccd.seeds import parse_seeds
 from cccd.settings.surface import LoftSettings
 from cccd.surface import LoftedSurface
 from cccd.surface.measure import Reference, measure_mesh
 from cccd.tracing import trace_stack
+from cccd_junctions.ordering import count_changes
 from cccd_paper.comparisons.baselines.decoders import DECODERS
 from cccd_paper.comparisons.decoders import decode
 from cccd_paper.comparisons.lofted_distances import filtered_mesh

@@ -7,10 +7,10 @@ import pandas as pd
 
 from cccd.containers import Boundaries, Curves, Structure
 from cccd.geometry.arrays import IntArray
-from cccd.junctions import Predictor, order_boundaries
-from cccd.junctions.decoding import find_outline
-from cccd.junctions.delaunay import build_graph
 from cccd.metrics import dice
+from cccd_junctions import Predictor, order_boundaries
+from cccd_junctions.decoding import find_outline
+from cccd_junctions.delaunay import build_graph
 
 __all__ = ["compare_ordering", "decided_slices"]
 
@@ -28,12 +28,12 @@ def compare_ordering(
     contours : Curves
         The traced contours, taken as the truth.
     model : Predictor
-        From `cccd.junctions.checkpoint.load_model`.
+        From `cccd_junctions.checkpoint.load_model`.
 
     Returns
     -------
     DataFrame
-        One row: the totals of `cccd.junctions.order_boundaries` (``unclosed`` as a number of slices);
+        One row: the totals of `cccd_junctions.order_boundaries` (``unclosed`` as a number of slices);
         ``slices``, and how many of them the network ``decided``, because they are no outlines already;
         ``curves`` by the network, ``curves_exact`` by tracing, and the two's Dice in three dimensions, of all
         slices (``dice``) and of the decided ones (``dice_decided``, missing where there is none).

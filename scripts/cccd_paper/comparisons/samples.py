@@ -12,11 +12,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from cccd.boundary import outline
 from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd.geometry.arrays import offsets_of
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
+from cccd_junctions.boundary import outline
 
 __all__ = [
     "SliceSample",

@@ -16,7 +16,6 @@ import numpy as np
 import pandas as pd
 from scipy import ndimage
 
-from cccd.boundary import extract_boundaries
 from cccd.containers import (
     Curves,
     FittedCurves,
@@ -42,6 +41,7 @@ from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings, PhantomSettings
 from cccd.settings.surface import LoftSettings
 from cccd.tracing import level_curves, trace_stack
+from cccd_junctions.boundary import extract_boundaries
 from cccd_paper.comparisons.lofted_distances import filtered_mesh
 from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import AUTOMATIC, CCCD, OUTLINES

@@ -10,7 +10,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import pandas as pd
 
-from cccd.boundary import extract_boundaries
 from cccd.containers import Curves, Frame, Sections, Splines, Structure
 from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
@@ -20,6 +19,7 @@ from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.surface.measure import voxel_dice
 from cccd.tracing import trace_mask
+from cccd_junctions.boundary import extract_boundaries
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd_paper.comparisons.baselines.reconstructions import RECONSTRUCTIONS, reconstruct
 from cccd_paper.comparisons.fuse import near_boundary, order_by_links

@@ -12,7 +12,7 @@ from collections import OrderedDict
 import torch
 from torch import Tensor, nn
 
-from cccd.junctions.layers import EquationEleven, Incidence
+from cccd_junctions.layers import EquationEleven, Incidence
 
 __all__ = [
     "CHANNELS",

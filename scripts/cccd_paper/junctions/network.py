@@ -83,5 +83,5 @@ class PaperNetwork(nn.Module):
         return self.values([grid_data(grid) for grid in grids])
 
     def find_loops(self, maps: Sequence[AnyArray]) -> list[list[IntArray]]:
-        """Follow the closed chains of every map (N, 2): what `cccd.junctions.inference` asks for."""
+        """Follow the closed chains of every map (N, 2): what `cccd_junctions.inference` asks for."""
         return chain_loops(maps, self)

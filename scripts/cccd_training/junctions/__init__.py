@@ -11,6 +11,6 @@ module               holds
 ``tasks``            a network, its batches, its loss and its scores; ``loss``: ours
 ``loop``             epochs, validation and what comes out; ``start``: where it begins
 ``scoring``          when an ordered slice counts as correct
-``reranker``         training of `cccd.junctions.reranking`, once, by hand
+``reranker``         training of `cccd_junctions.reranking`, once, by hand
 ==================== ===============================================================================
 """

@@ -11,10 +11,10 @@ from torch.utils.data import Dataset
 from torch_geometric.data import HeteroData
 
 from cccd.geometry.arrays import AnyArray, IntArray
-from cccd.junctions.delaunay import DelaunayGraph
-from cccd.junctions.energy import energy_weights
-from cccd.junctions.graph_data import make_data
-from cccd.junctions.observation import observe
+from cccd_junctions.delaunay import DelaunayGraph
+from cccd_junctions.energy import energy_weights
+from cccd_junctions.graph_data import make_data
+from cccd_junctions.observation import observe
 from cccd_training.junctions.labels import inside_shares, link_labels
 from cccd_training.junctions.synthetic_maps import (
     ALL_KINDS,
@@ -43,7 +43,7 @@ def label_map(drawn: SyntheticMap, hide_image: bool) -> HeteroData:
     Returns
     -------
     HeteroData
-        From `cccd.junctions.graph_data.make_data`, and besides: ``graph``, the `DelaunayGraph`; of
+        From `cccd_junctions.graph_data.make_data`, and besides: ``graph``, the `DelaunayGraph`; of
         triangles and links their labels ``y`` (the share of a triangle's area inside; 1 for links of the
         best border, else 0), the ``weight`` of their cross entropies, which sums to 1 over the slice, and
         the ``energy_weight`` of their logits.

@@ -3,7 +3,7 @@
 The shipped network orders maps of `cccd_training.junctions.damages` and edges of slices of an MR template,
 which its training never saw. A kind is one sample of conformal risk control, so that the guarantee is for a
 further kind. Training's own kinds are easier; they are measured, and decide nothing. Prints
-`cccd.junctions.uncertainty.LISTED_FROM`, and writes a table of what each kind has among its unlisted slices
+`cccd_junctions.uncertainty.LISTED_FROM`, and writes a table of what each kind has among its unlisted slices
 when the other kinds decide.
 """
 
@@ -20,16 +20,16 @@ from scipy import ndimage
 from tqdm import tqdm
 
 from cccd.bands.conformal import first_enough
-from cccd.boundary import edge_map
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray
 from cccd.geometry.opencv import border_pixels
 from cccd.inputs import load_structure
-from cccd.junctions.checkpoint import load_model
-from cccd.junctions.inference import SLICES_PER_BATCH, Predictor, read_slices
-from cccd.junctions.observation import observe
-from cccd.junctions.stacks import ReadSlice, label_slices
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.imports import ImportSettings
+from cccd_junctions.boundary import edge_map
+from cccd_junctions.checkpoint import load_model
+from cccd_junctions.inference import SLICES_PER_BATCH, Predictor, read_slices
+from cccd_junctions.observation import observe
+from cccd_junctions.stacks import ReadSlice, label_slices
 from cccd_training.junctions.damages import DAMAGES
 from cccd_training.junctions.random_masks import draw_mask
 from cccd_training.junctions.reranker import SHORTEST_PX
@@ -111,7 +111,7 @@ def _damaged(rng: np.random.Generator, kind: str) -> SyntheticMap:
 def edges_of_slices(
     mask: AnyArray, image: AnyArray, count: int, rng: np.random.Generator
 ) -> Iterator[SyntheticMap]:
-    """Edges that `cccd.boundary.edge_map` finds in noisy slices of a scan (I, J, K), along any axis."""
+    """Edges of noisy slices of a scan (I, J, K), along any axis (`cccd_junctions.boundary.edge_map`)."""
     drawn = 0
     while drawn < count:
         axis = int(rng.integers(3))

@@ -26,10 +26,10 @@ import numpy as np
 from scipy import ndimage
 from skimage import filters, morphology
 
-from cccd.boundary import gradient_ridges, outline
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, SingleArray
 from cccd.geometry.opencv import distance_to_zero, gaussian_blur
 from cccd.tolerances import CONTRAST
+from cccd_junctions.boundary import gradient_ridges, outline
 from cccd_training.junctions.random_masks import smooth_noise
 from cccd_training.junctions.synthetic_images import canny_map, draw_image
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, FloatArray
-from cccd.junctions.delaunay import DelaunayGraph
+from cccd_junctions.delaunay import DelaunayGraph
 
 __all__ = ["fill_contours", "inside_shares", "link_labels"]
 

@@ -16,9 +16,9 @@ from tqdm import tqdm
 
 from cccd.devices import chosen_device
 from cccd.errors import InputError
-from cccd.junctions.checkpoint import save_model
 from cccd.settings.junctions import NetworkSettings
 from cccd.store import atomic_path
+from cccd_junctions.checkpoint import save_model
 from cccd_training.checkpoints import Checkpoints
 from cccd_training.junctions.frozen_graphs import SPLITS, read_maps
 from cccd_training.junctions.start import fingerprint, start_from

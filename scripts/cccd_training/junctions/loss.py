@@ -8,9 +8,9 @@ from torch import Tensor, nn
 from torch_geometric.data import HeteroData
 
 from cccd.geometry.arrays import BoolArray, FloatArray, offsets_of, split_ragged
-from cccd.junctions.delaunay import DelaunayGraph
-from cccd.junctions.energy import Energy, EnergyWeights, energy_of_logits, least_energy
-from cccd.junctions.graph_data import TRIANGLE_LINKS
+from cccd_junctions.delaunay import DelaunayGraph
+from cccd_junctions.energy import Energy, EnergyWeights, energy_of_logits, least_energy
+from cccd_junctions.graph_data import TRIANGLE_LINKS
 
 __all__ = ["cut_loss", "total_loss"]
 
@@ -46,7 +46,7 @@ def cut_loss(inside: Tensor, link: Tensor, batch: HeteroData, margin: float) -> 
 
     The least is sought with every wrong triangle ``margin`` nats cheaper, so that the true labels win by a
     margin (Tsochantaridis et al. 2005; Szummer, Kohli and Hoiem 2008 for graph cuts). Mean over triangles
-    by extent. The energy is that of inference: `cccd.junctions.energy`.
+    by extent. The energy is that of inference: `cccd_junctions.energy`.
     """
     triangles = batch["triangle"]
     extent, share = triangles.energy_weight, triangles.y

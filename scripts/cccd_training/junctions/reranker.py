@@ -22,14 +22,14 @@ from torch import Tensor, nn
 from tqdm import tqdm
 
 from cccd.geometry.arrays import BoolArray, FloatArray, SingleArray
-from cccd.junctions.alternatives import FEATURES, alternatives, describe
-from cccd.junctions.checkpoint import load_model
-from cccd.junctions.energy import energy_weights, inference_energy, least_energy
-from cccd.junctions.inference import Predictor, read_slices
-from cccd.junctions.network import JunctionNetwork
-from cccd.junctions.observation import observe
-from cccd.junctions.reranking import Reranker
-from cccd.junctions.uncertainty import areas_between, doubt_facts
+from cccd_junctions.alternatives import FEATURES, alternatives, describe
+from cccd_junctions.checkpoint import load_model
+from cccd_junctions.energy import energy_weights, inference_energy, least_energy
+from cccd_junctions.inference import Predictor, read_slices
+from cccd_junctions.network import JunctionNetwork
+from cccd_junctions.observation import observe
+from cccd_junctions.reranking import Reranker
+from cccd_junctions.uncertainty import areas_between, doubt_facts
 from cccd_training.junctions.scoring import score_labels
 from cccd_training.junctions.synthetic_maps import SyntheticMap, draw_map
 
@@ -73,12 +73,12 @@ class Example:
     Attributes
     ----------
     features : (K, F) float32
-        `cccd.junctions.alternatives.FEATURES`.
+        `cccd_junctions.alternatives.FEATURES`.
     correct : (K,) bool
         Whether each has the right curves.
     dice : (K,) float32
     apart : (K, K) float32
-        Areas in pixels between any two (`cccd.junctions.uncertainty.areas_between`).
+        Areas in pixels between any two (`cccd_junctions.uncertainty.areas_between`).
     """
 
     features: SingleArray
@@ -164,7 +164,7 @@ def train_reranker(examples: Sequence[Example], epochs: int, seed: int) -> Reran
 
 
 def fit_doubt(reranker: Reranker, examples: Sequence[Example]) -> SingleArray:
-    """Fit the logistic curve (4,) of `cccd.junctions.uncertainty.chance_of_error`, by maximum likelihood.
+    """Fit the logistic curve (4,) of `cccd_junctions.uncertainty.chance_of_error`, by maximum likelihood.
 
     Parameters
     ----------

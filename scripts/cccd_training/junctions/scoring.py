@@ -12,9 +12,9 @@ import numpy as np
 from cccd.containers import Frame
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.junctions.decoding import closed_chains, fill_inside
-from cccd.junctions.delaunay import DelaunayGraph
 from cccd.metrics import dice
+from cccd_junctions.decoding import closed_chains, fill_inside
+from cccd_junctions.delaunay import DelaunayGraph
 
 __all__ = ["CORRECT_DICE", "CORRECT_HAUSDORFF_PX", "SliceScore", "hausdorff", "score_labels", "score_slice"]
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from cccd.junctions.checkpoint import read_model
 from cccd.settings.junctions import NetworkSettings
+from cccd_junctions.checkpoint import read_model
 
 __all__ = ["fingerprint", "start_from"]
 

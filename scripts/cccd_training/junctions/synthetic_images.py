@@ -11,11 +11,11 @@ from typing import cast
 import cv2
 import numpy as np
 
-from cccd.boundary import edge_map
 from cccd.geometry.arrays import BoolArray, ByteArray, SingleArray
 from cccd.geometry.opencv import distance_to_zero, gaussian_blur, sobel
 from cccd.settings.boundaries import BoundarySettings
 from cccd.tolerances import CONTRAST
+from cccd_junctions.boundary import edge_map
 from cccd_training.junctions.random_masks import smooth_noise
 
 __all__ = ["canny_map", "draw_image"]
@@ -125,7 +125,7 @@ def canny_map(
 ) -> BoolArray:
     """Canny edges (1986) of an image, in a band along the mask's border if wanted.
 
-    Every other time by `cccd.boundary.edge_map`, else by OpenCV's detector; blur and thresholds are drawn.
+    Half of them by `cccd_junctions.boundary.edge_map`, half by OpenCV; blur and thresholds are drawn.
 
     Parameters
     ----------

@@ -15,11 +15,11 @@ from torch_geometric.loader import DataLoader
 
 from cccd.additions import added
 from cccd.geometry.arrays import BoolArray
-from cccd.junctions.inference import SLICES_PER_BATCH
-from cccd.junctions.labelling import label_slice
-from cccd.junctions.network import JunctionNetwork
 from cccd.lookup import find
 from cccd.settings.junctions import NetworkSettings
+from cccd_junctions.inference import SLICES_PER_BATCH
+from cccd_junctions.labelling import label_slice
+from cccd_junctions.network import JunctionNetwork
 from cccd_training.junctions.data import EpochMaps, FrozenMaps, label_map
 from cccd_training.junctions.loss import total_loss
 from cccd_training.junctions.scoring import SliceScore, score_labels

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scans import row, settings
 
-from cccd.boundary import extract_boundaries, outline
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.inputs import load, load_structure
 from cccd.inputs.degraded import bias_field, coarser, damage_maps, rescan
 from cccd.inputs.grid import Volume
 from cccd.settings.boundaries import BoundarySettings
+from cccd_junctions.boundary import extract_boundaries, outline
 
 AFFINE = np.array([[0.0, -2, 0, 5], [1, 0, 0, -3], [0, 0, 3, 7], [0, 0, 0, 1]])
 

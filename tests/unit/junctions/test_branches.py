@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cccd.junctions.branches import SHAPE_COLUMNS, connected_nodes, find_branches
+from cccd_junctions.branches import SHAPE_COLUMNS, connected_nodes, find_branches
 
 
 def line(start, step, count):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cccd.junctions.columns import Column, FeatureSchema
+from cccd_junctions.columns import Column, FeatureSchema
 
 SCHEMA = FeatureSchema(
     Column("length", "px", "of a link"), Column("turn", "1", "of its direction", ("cos", "sin"))

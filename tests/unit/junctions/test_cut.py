@@ -2,8 +2,8 @@ import itertools
 
 import numpy as np
 
-from cccd.junctions.cut import minimum_cuts
-from cccd.junctions.delaunay import build_graph
+from cccd_junctions.cut import minimum_cuts
+from cccd_junctions.delaunay import build_graph
 
 
 def energy(inside, unary, pairwise, sides):

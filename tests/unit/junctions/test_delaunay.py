@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd.geometry.opencv import border_pixels
-from cccd.junctions.delaunay import REGION_GAPS_PX, build_graph
+from cccd_junctions.delaunay import REGION_GAPS_PX, build_graph
 
 
 def disc(radius: int) -> np.ndarray:

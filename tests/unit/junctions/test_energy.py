@@ -6,8 +6,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cccd.junctions.delaunay import build_graph
-from cccd.junctions.energy import (
+from cccd_junctions.delaunay import build_graph
+from cccd_junctions.energy import (
     EnergyWeights,
     energy_of_logits,
     energy_weights,

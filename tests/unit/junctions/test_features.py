@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 
 from cccd.geometry.opencv import border_pixels
-from cccd.junctions.delaunay import build_graph
-from cccd.junctions.features import INTENSITIES, LINKS, NODES, TRIANGLES, measure_features
-from cccd.junctions.intensity import normalised_intensity
-from cccd.junctions.network import JunctionNetwork
+from cccd_junctions.delaunay import build_graph
+from cccd_junctions.features import INTENSITIES, LINKS, NODES, TRIANGLES, measure_features
+from cccd_junctions.intensity import normalised_intensity
+from cccd_junctions.network import JunctionNetwork
 
 
 def disc():

@@ -4,11 +4,11 @@ import torch
 from torch_geometric.data import Batch
 from torch_geometric.nn import MessagePassing
 
-from cccd.junctions.delaunay import build_graph
-from cccd.junctions.graph_data import TRIANGLE_LINKS, make_data
-from cccd.junctions.intensity import normalised_intensity
-from cccd.junctions.layers import EquationEleven, HeadGate, Incidence, Pools
-from cccd.junctions.network import JunctionNetwork
+from cccd_junctions.delaunay import build_graph
+from cccd_junctions.graph_data import TRIANGLE_LINKS, make_data
+from cccd_junctions.intensity import normalised_intensity
+from cccd_junctions.layers import EquationEleven, HeadGate, Incidence, Pools
+from cccd_junctions.network import JunctionNetwork
 
 
 def layer(width_in=5, width_out=4):

@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd.geometry.opencv import border_pixels
-from cccd.junctions.intensity import image_edges, normalised_intensity
-from cccd.junctions.observation import observe
+from cccd_junctions.intensity import image_edges, normalised_intensity
+from cccd_junctions.observation import observe
 
 
 def scene():

@@ -7,15 +7,15 @@ from test_inference import SHIPPED, raster_order
 from test_parts import curves_of, dumbbell, logits_of
 
 from cccd.geometry.opencv import border_pixels
-from cccd.junctions.alternatives import FEATURES, SMALLEST_PX, alternatives, describe, pieces
-from cccd.junctions.checkpoint import load_model
-from cccd.junctions.delaunay import build_graph
-from cccd.junctions.energy import energy_weights, inference_energy, least_energy
-from cccd.junctions.inference import SLICES_PER_BATCH, read_slices
-from cccd.junctions.labelling import label_slice
-from cccd.junctions.observation import observe
-from cccd.junctions.reranking import WEIGHTS, WEIGHTS_SHA256, Reranker, shipped_reranker
-from cccd.junctions.stacks import label_slices
+from cccd_junctions.alternatives import FEATURES, SMALLEST_PX, alternatives, describe, pieces
+from cccd_junctions.checkpoint import load_model
+from cccd_junctions.delaunay import build_graph
+from cccd_junctions.energy import energy_weights, inference_energy, least_energy
+from cccd_junctions.inference import SLICES_PER_BATCH, read_slices
+from cccd_junctions.labelling import label_slice
+from cccd_junctions.observation import observe
+from cccd_junctions.reranking import WEIGHTS, WEIGHTS_SHA256, Reranker, shipped_reranker
+from cccd_junctions.stacks import label_slices
 from cccd_training.junctions.reranker import Example, draw_examples, train_reranker
 from cccd_training.junctions.scoring import score_labels
 from cccd_training.junctions.synthetic_maps import draw_map

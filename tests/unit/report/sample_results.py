@@ -9,7 +9,6 @@ import pandas as pd
 import trimesh
 
 from cccd.bands import Band
-from cccd.boundary import extract_boundaries
 from cccd.chaincode import chain_codes
 from cccd.containers import FittedCurves, Frame, Splines, Structure
 from cccd.geometry.mesh import Mesh
@@ -31,6 +30,7 @@ from cccd.store import (
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd.tracing import trace_mask
 from cccd.view import make_view
+from cccd_junctions.boundary import extract_boundaries
 
 RADII = np.array([24.0, 30.0, 21.0])
 SPACING = np.array([1.0, 1.0, 2.0])

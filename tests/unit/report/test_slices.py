@@ -9,11 +9,11 @@ import pytest
 from PIL import Image
 from sample_results import BAND, BOUNDARIES, write_results
 
-from cccd.boundary import extract_boundaries
 from cccd.containers import Frame, Structure
 from cccd.report.results import StructureFiles
 from cccd.report.slices import _display, _letters, draw_slices
 from cccd.store import write_boundaries, write_structure
+from cccd_junctions.boundary import extract_boundaries
 
 
 @pytest.fixture(scope="module")

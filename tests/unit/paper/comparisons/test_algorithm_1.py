@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 import torch
 
-from cccd.boundary import extract_boundaries
 from cccd.containers import Frame, Sections, Structure
 from cccd.curves.fitting import fit_splines
-from cccd.junctions import order_boundaries
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
+from cccd_junctions import order_boundaries
+from cccd_junctions.boundary import extract_boundaries
 from cccd_paper.comparisons.algorithm_1 import (
     OURS,
     PAPER,

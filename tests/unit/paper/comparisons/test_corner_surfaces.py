@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from cccd.boundary import extract_boundaries
 from cccd.containers import Frame, Structure
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.tracing import trace_mask
+from cccd_junctions.boundary import extract_boundaries
 from cccd_paper.comparisons.corner_surfaces import compare_corner_surfaces
 from cccd_paper.comparisons.paper_k import AUTOMATIC
 from cccd_paper.comparisons.samples import between, middle_slab

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from cccd.boundary import extract_boundaries
 from cccd.containers import Boundaries, Curves, Frame, Sections, Structure
-from cccd.junctions.ordering import count_changes
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
+from cccd_junctions.boundary import extract_boundaries
+from cccd_junctions.ordering import count_changes
 from cccd_paper.comparisons.map_surfaces import (
     FOUND,
     NETWORK,

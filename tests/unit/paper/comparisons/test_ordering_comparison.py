@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cccd.boundary import extract_boundaries
 from cccd.containers import Frame, Structure
-from cccd.junctions.checkpoint import load_model
 from cccd.settings.boundaries import BoundarySettings
 from cccd.tracing import trace_mask
+from cccd_junctions.boundary import extract_boundaries
+from cccd_junctions.checkpoint import load_model
 from cccd_paper.comparisons.ordering_comparison import compare_ordering
 
 MODEL = Path(__file__).parents[4] / "workflow" / "models" / "junctions.pt"

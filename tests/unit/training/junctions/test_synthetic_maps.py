@@ -3,8 +3,8 @@ import pytest
 
 from cccd.geometry.opencv import border_pixels
 from cccd.inputs.corruptions import KINDS, corrupt
-from cccd.junctions.decoding import fill_inside
-from cccd.junctions.delaunay import build_graph
+from cccd_junctions.decoding import fill_inside
+from cccd_junctions.delaunay import build_graph
 from cccd_training.junctions.labels import inside_shares, link_labels
 from cccd_training.junctions.random_masks import draw_mask
 from cccd_training.junctions.synthetic_maps import ALL_KINDS, draw_map, truth_mask

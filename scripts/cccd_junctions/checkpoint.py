@@ -10,11 +10,11 @@ import torch
 
 from cccd.additions import added
 from cccd.devices import chosen_device
-from cccd.junctions.inference import LoopPredictor
-from cccd.junctions.network import JunctionNetwork
 from cccd.lookup import find
 from cccd.model_header import foreign, read_header
 from cccd.torch_files import save_content
+from cccd_junctions.inference import LoopPredictor
+from cccd_junctions.network import JunctionNetwork
 
 __all__ = ["load_model", "read_model", "save_model"]
 

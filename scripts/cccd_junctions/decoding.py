@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from cccd.boundary import outline
 from cccd.containers import Curves, Frame
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import (
@@ -19,8 +18,9 @@ from cccd.geometry.arrays import (
     offsets_of,
     split_ragged,
 )
-from cccd.junctions.delaunay import DelaunayGraph, any_corner
 from cccd.tracing import trace_stack
+from cccd_junctions.boundary import outline
+from cccd_junctions.delaunay import DelaunayGraph, any_corner
 
 __all__ = [
     "SMALLEST_LOOP_PX",

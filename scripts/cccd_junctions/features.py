@@ -14,11 +14,11 @@ import numpy as np
 
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, ByteArray, FloatArray, IntArray, SingleArray
-from cccd.junctions.branches import SHAPE_COLUMNS, find_branches
-from cccd.junctions.columns import Column, FeatureSchema
-from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
-from cccd.junctions.intensity import BLURS, IntensitySlice, sample_channels
 from cccd.tolerances import LEAST_PX
+from cccd_junctions.branches import SHAPE_COLUMNS, find_branches
+from cccd_junctions.columns import Column, FeatureSchema
+from cccd_junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
+from cccd_junctions.intensity import BLURS, IntensitySlice, sample_channels
 
 __all__ = ["INTENSITIES", "LINKS", "NODES", "TRIANGLES", "GraphFeatures", "measure_features"]
 
@@ -147,7 +147,7 @@ def measure_features(graph: DelaunayGraph, intensity: IntensitySlice | None) -> 
     ----------
     graph : DelaunayGraph
     intensity : IntensitySlice or None
-        From `cccd.junctions.intensity.normalised_intensity`.
+        From `cccd_junctions.intensity.normalised_intensity`.
     """
     places = _raster_places(graph)
     inside = _triangle_intensities(graph, intensity)

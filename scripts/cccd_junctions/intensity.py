@@ -8,12 +8,12 @@ from typing import cast
 import cv2
 import numpy as np
 
-from cccd.boundary import gradient_ridges
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray, RealArray, SingleArray
 from cccd.geometry.opencv import components, distance_to_zero, gaussian_blur, sobel
-from cccd.junctions.delaunay import HASHES, pixel_hash
 from cccd.tolerances import CONTRAST
+from cccd_junctions.boundary import gradient_ridges
+from cccd_junctions.delaunay import HASHES, pixel_hash
 
 __all__ = ["BLURS", "IntensitySlice", "image_edges", "normalised_intensity", "sample_channels"]
 

@@ -10,11 +10,11 @@ import torch
 from torch import Tensor, nn
 from torch_geometric.data import Batch, HeteroData
 
-from cccd.junctions.energy import Logits
-from cccd.junctions.features import LINKS, NODES, TRIANGLES
-from cccd.junctions.graph_data import CORNER_WIDTH, CORNERS, PIXEL_LINKS, PIXEL_MESSAGES, make_data
-from cccd.junctions.layers import DirectedLinks, EquationEleven, Exchange, HeadGate, Incidence, MessageLayer
-from cccd.junctions.observation import ObservedSlice
+from cccd_junctions.energy import Logits
+from cccd_junctions.features import LINKS, NODES, TRIANGLES
+from cccd_junctions.graph_data import CORNER_WIDTH, CORNERS, PIXEL_LINKS, PIXEL_MESSAGES, make_data
+from cccd_junctions.layers import DirectedLinks, EquationEleven, Exchange, HeadGate, Incidence, MessageLayer
+from cccd_junctions.observation import ObservedSlice
 
 __all__ = ["JunctionNetwork"]
 
@@ -114,7 +114,7 @@ class JunctionNetwork(nn.Module):
 
     @cached_property
     def weights_sha256(self) -> str:
-        """SHA-256 of the weights: what `cccd.junctions.uncertainty` guarantees holds for some only."""
+        """SHA-256 of the weights: what `cccd_junctions.uncertainty` guarantees holds for some only."""
         values = [value.cpu().numpy().tobytes() for value in self.state_dict().values()]
         return hashlib.sha256(b"".join(values)).hexdigest()
 
@@ -130,5 +130,5 @@ class JunctionNetwork(nn.Module):
         ]
 
     def logits(self, slices: Sequence[ObservedSlice]) -> list[Logits]:
-        """Logits of some slices: what `cccd.junctions.inference` asks a predictor for."""
+        """Logits of some slices: what `cccd_junctions.inference` asks a predictor for."""
         return self.predict([make_data(observed.graph, observed.intensity) for observed in slices])

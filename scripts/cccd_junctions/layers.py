@@ -10,8 +10,8 @@ from torch import Tensor, nn
 from torch_geometric.data import HeteroData
 from torch_geometric.nn import MessagePassing
 
-from cccd.junctions.graph_data import LINK_POOLS, TRIANGLE_LINKS, TRIANGLE_MESSAGES, TRIANGLE_POOLS
-from cccd.junctions.intensity import BLURS
+from cccd_junctions.graph_data import LINK_POOLS, TRIANGLE_LINKS, TRIANGLE_MESSAGES, TRIANGLE_POOLS
+from cccd_junctions.intensity import BLURS
 
 __all__ = [
     "DirectedLinks",

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from cccd.geometry.arrays import BoolArray, FloatArray
-from cccd.junctions.alternatives import FEATURES, alternatives, describe, pieces
-from cccd.junctions.decoding import Outline, find_outline
-from cccd.junctions.delaunay import DelaunayGraph
-from cccd.junctions.energy import Logits, energy_weights, inference_energy, least_energy
-from cccd.junctions.parts import limit_parts
-from cccd.junctions.reranking import shipped_reranker
-from cccd.junctions.uncertainty import areas_between, chance_of_error, doubt_facts
+from cccd_junctions.alternatives import FEATURES, alternatives, describe, pieces
+from cccd_junctions.decoding import Outline, find_outline
+from cccd_junctions.delaunay import DelaunayGraph
+from cccd_junctions.energy import Logits, energy_weights, inference_energy, least_energy
+from cccd_junctions.parts import limit_parts
+from cccd_junctions.reranking import shipped_reranker
+from cccd_junctions.uncertainty import areas_between, chance_of_error, doubt_facts
 
 __all__ = ["Labelled", "label_slice"]
 

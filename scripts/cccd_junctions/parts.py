@@ -14,9 +14,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
-from cccd.junctions.decoding import SMALLEST_LOOP_PX
-from cccd.junctions.delaunay import DelaunayGraph
-from cccd.junctions.energy import HELD, Energy, least_energy
+from cccd_junctions.decoding import SMALLEST_LOOP_PX
+from cccd_junctions.delaunay import DelaunayGraph
+from cccd_junctions.energy import HELD, Energy, least_energy
 
 __all__ = ["limit_parts"]
 

@@ -10,7 +10,7 @@ the border runs::
     pairwise[l] =  border_cost * length[l]  * softplus(-logit(l is true))
 
 Pairwise energies are not negative, so that the least energy is found exactly by a minimum cut
-(`cccd.junctions.cut`). The loss of the training (`cccd_training.junctions.loss`) compares energies of the
+(`cccd_junctions.cut`). The loss of the training (`cccd_training.junctions.loss`) compares energies of the
 same terms.
 """
 
@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 import numpy as np
 
 from cccd.geometry.arrays import BoolArray, FloatArray
-from cccd.junctions.cut import minimum_cuts
-from cccd.junctions.delaunay import DelaunayGraph
+from cccd_junctions.cut import minimum_cuts
+from cccd_junctions.delaunay import DelaunayGraph
 
 if TYPE_CHECKING:
     from torch import Tensor

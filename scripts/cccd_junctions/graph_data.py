@@ -35,10 +35,10 @@ from torch_geometric.data import HeteroData
 
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, IntArray
-from cccd.junctions.delaunay import DelaunayGraph
-from cccd.junctions.features import INTENSITIES, GraphFeatures, measure_features
-from cccd.junctions.intensity import IntensitySlice
 from cccd.tolerances import LEAST_PX
+from cccd_junctions.delaunay import DelaunayGraph
+from cccd_junctions.features import INTENSITIES, GraphFeatures, measure_features
+from cccd_junctions.intensity import IntensitySlice
 
 __all__ = [
     "CORNERS",

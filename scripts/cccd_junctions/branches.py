@@ -14,8 +14,8 @@ import numpy as np
 from cccd.chaincode import DIRECTIONS
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
-from cccd.junctions.columns import Column, FeatureSchema
 from cccd.tolerances import ROUNDING
+from cccd_junctions.columns import Column, FeatureSchema
 
 __all__ = ["SHAPE_COLUMNS", "Branches", "connected_nodes", "find_branches"]
 

@@ -3,7 +3,7 @@
 The energy is a sum over triangles and links: it cannot say that an organ is one piece, that its outline is
 smooth, or that one of two parallel lines is the border all the way round. Alternatives differ from the least
 cut by one zone each, which cuts with shifted logits change as well; they are described by sums over what they
-change and by the shape of their outlines, and `cccd.junctions.reranking` chooses among them.
+change and by the shape of their outlines, and `cccd_junctions.reranking` chooses among them.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from scipy.sparse.csgraph import connected_components
 
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
-from cccd.junctions.decoding import SMALLEST_LOOP_PX, border_loops
-from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
-from cccd.junctions.energy import Energy, EnergyWeights, Logits, least_energies
+from cccd_junctions.decoding import SMALLEST_LOOP_PX, border_loops
+from cccd_junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
+from cccd_junctions.energy import Energy, EnergyWeights, Logits, least_energies
 
 __all__ = ["FEATURES", "alternatives", "describe", "pieces"]
 

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from cccd.boundary import dilation_band, edge_map, extract_boundaries, outline
 from cccd.containers import Curves, Frame, Structure
 from cccd.errors import InputError
 from cccd.settings.boundaries import BoundarySettings
+from cccd_junctions.boundary import dilation_band, edge_map, extract_boundaries, outline
 
 SETTINGS = BoundarySettings(blur_px=1.0)
 

@@ -28,7 +28,7 @@ def minimum_cuts(
     pairwise : (L,) array, not negative
         What the border costs where it runs along a link.
     neighbours, triangle_links : (T, 3) int32 arrays
-        See `cccd.junctions.delaunay.DelaunayGraph`.
+        See `cccd_junctions.delaunay.DelaunayGraph`.
 
     Returns
     -------

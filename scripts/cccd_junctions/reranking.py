@@ -15,8 +15,8 @@ from typing import Any, cast
 import numpy as np
 
 from cccd.geometry.arrays import RealArray, SingleArray
-from cccd.junctions.alternatives import FEATURES
-from cccd.junctions.uncertainty import FACTS
+from cccd_junctions.alternatives import FEATURES
+from cccd_junctions.uncertainty import FACTS
 
 __all__ = ["Reranker", "shipped_reranker"]
 
@@ -35,11 +35,11 @@ class Reranker:
     Attributes
     ----------
     mean, spread : (F,) float32
-        Of the features (`cccd.junctions.alternatives.FEATURES`) among those trained on.
+        Of the features (`cccd_junctions.alternatives.FEATURES`) among those trained on.
     weights : list of (channels in, channels out) float32
     biases : list of (channels out,) float32
     doubt : (4,) float32
-        Weights of `cccd.junctions.uncertainty.FACTS`, and the log odds of error without them.
+        Weights of `cccd_junctions.uncertainty.FACTS`, and the log odds of error without them.
     """
 
     mean: SingleArray

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from cccd.geometry.arrays import BoolArray, FloatArray, RealArray
-from cccd.junctions.delaunay import DelaunayGraph
+from cccd_junctions.delaunay import DelaunayGraph
 
 __all__ = [
     "CALIBRATED_WEIGHTS",
@@ -30,7 +30,7 @@ FACTS = ("expected change", "size", "score of the cut")
 #: The share of wrong slices among those that are not listed, and the chance of error from which on slices are
 #: listed for it: conformal risk control over 15 kinds of damage, 300 maps of each (docs/doubts.csv).
 LISTED_FROM = ((0.075, 0.0055), (0.1, 0.019), (0.15, 0.0502), (0.2, 0.1052), (0.3, 0.289))
-#: The network's weights that this holds for (`cccd.junctions.network.JunctionNetwork.weights_sha256`).
+#: The network's weights that this holds for (`cccd_junctions.network.JunctionNetwork.weights_sha256`).
 CALIBRATED_WEIGHTS = "b5621413385ed026eb63493a5796a79f242d6dc2b09de93ecfa6b4a1cbe35341"
 
 
@@ -87,7 +87,7 @@ def chance_of_error(facts: FloatArray, weights: RealArray) -> FloatArray:
     ----------
     facts : (..., 3) array
     weights : (4,) array
-        Of the facts, and the log odds where all are zero (`cccd.junctions.reranking.Reranker.doubt`).
+        Of the facts, and the log odds where all are zero (`cccd_junctions.reranking.Reranker.doubt`).
 
     Examples
     --------

@@ -9,12 +9,12 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, RealArray
-from cccd.junctions.decoding import border_loops, fill_loops, find_outline
-from cccd.junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
-from cccd.junctions.energy import Logits
-from cccd.junctions.labelling import Labelled
-from cccd.junctions.observation import ObservedSlice, observe
-from cccd.junctions.stacks import ReadSlice, label_slices, region_evidence, without_lone_parts
+from cccd_junctions.decoding import border_loops, fill_loops, find_outline
+from cccd_junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
+from cccd_junctions.energy import Logits
+from cccd_junctions.labelling import Labelled
+from cccd_junctions.observation import ObservedSlice, observe
+from cccd_junctions.stacks import ReadSlice, label_slices, region_evidence, without_lone_parts
 
 __all__ = [
     "PRIOR",
@@ -125,7 +125,7 @@ def predict_slices(
     images : sequence of (I, J) arrays or None
         Grey slice of each, in the pixels' coordinates.
     numbers : (S,) int array
-        Ascending numbers of the slices; consecutive ones are neighbours (`cccd.junctions.stacks`).
+        Ascending numbers of the slices; consecutive ones are neighbours (`cccd_junctions.stacks`).
     parts : int, optional
         Pieces of the organ on a slice at most, none of which has a hole.
     regions : sequence of (I, J) bool arrays or None, optional

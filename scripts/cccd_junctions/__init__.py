@@ -30,7 +30,7 @@ module               holds
 ==================== ===============================================================================
 """
 
-from cccd.junctions.inference import Predictor
-from cccd.junctions.ordering import order_boundaries
+from cccd_junctions.inference import Predictor
+from cccd_junctions.ordering import order_boundaries
 
 __all__ = ["Predictor", "order_boundaries"]

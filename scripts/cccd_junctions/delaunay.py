@@ -17,7 +17,7 @@ from scipy.spatial import Delaunay
 
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
-from cccd.junctions.branches import connected_nodes
+from cccd_junctions.branches import connected_nodes
 
 __all__ = [
     "HASHES",

@@ -17,10 +17,10 @@ from cccd.containers import Boundaries, Curves, Structure
 from cccd.contours import check_closed
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, RealArray, owners_of, sum_per_part
-from cccd.junctions.decoding import closed_chains
-from cccd.junctions.inference import LoopPredictor, Predictor, predict_slices
-from cccd.junctions.uncertainty import CALIBRATED_WEIGHTS, listed_from
 from cccd.settings.junctions import InferenceSettings
+from cccd_junctions.decoding import closed_chains
+from cccd_junctions.inference import LoopPredictor, Predictor, predict_slices
+from cccd_junctions.uncertainty import CALIBRATED_WEIGHTS, listed_from
 
 __all__ = ["DEFAULTS", "count_changes", "order_boundaries", "order_contours"]
 
@@ -43,7 +43,7 @@ def order_contours(
     boundaries : Boundaries
         Its boundary pixels.
     model : Predictor or LoopPredictor
-        From `cccd.junctions.checkpoint.load_model`.
+        From `cccd_junctions.checkpoint.load_model`.
     settings : InferenceSettings
 
     Returns
@@ -89,7 +89,7 @@ def order_boundaries(
     ----------
     boundaries : Boundaries
     model : Predictor, LoopPredictor or None
-        From `cccd.junctions.checkpoint.load_model`; ``None`` lets the decoder decide by walls and gaps alone.
+        From `cccd_junctions.checkpoint.load_model`; ``None`` lets the decoder decide by walls and gaps alone.
     image : (S, I, J) array, optional
         Grey slices, used where given.
     image_origin : (3,) int

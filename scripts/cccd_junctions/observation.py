@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cccd.geometry.arrays import AnyArray, RealArray
-from cccd.junctions.delaunay import DelaunayGraph, build_graph
-from cccd.junctions.intensity import IntensitySlice, image_edges, normalised_intensity
+from cccd_junctions.delaunay import DelaunayGraph, build_graph
+from cccd_junctions.intensity import IntensitySlice, image_edges, normalised_intensity
 
 __all__ = ["ObservedSlice", "observe"]
 

@@ -17,10 +17,10 @@ from scipy import ndimage
 
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.opencv import distance_to_zero
-from cccd.junctions.decoding import Outline, border_loops, fill_loops
-from cccd.junctions.delaunay import DelaunayGraph
-from cccd.junctions.energy import Logits
-from cccd.junctions.labelling import Labelled, label_slice
+from cccd_junctions.decoding import Outline, border_loops, fill_loops
+from cccd_junctions.delaunay import DelaunayGraph
+from cccd_junctions.energy import Logits
+from cccd_junctions.labelling import Labelled, label_slice
 
 __all__ = ["ReadSlice", "label_slices", "region_evidence", "without_lone_parts"]
 
@@ -71,7 +71,7 @@ def label_slices(
     numbers : (S,) int array
         Ascending.
     parts, rerank
-        As `cccd.junctions.labelling.label_slice` takes them.
+        As `cccd_junctions.labelling.label_slice` takes them.
     """
     labelled = [_label(one, None, parts, rerank) for one in slices]
     changed = np.ones(len(slices), bool)
