@@ -5,9 +5,9 @@ from pathlib import Path
 from cccd.files.scene import name_organs
 from cccd.files.write import check_format
 from cccd.job import job
-from cccd.solids.build import build_solids, write_organs
 from cccd.store import atomic_path, write_json
 from cccd.surface.surface import read_surface
+from cccd_solids.build import build_solids, write_organs
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     check_format(snakemake.output.scene)

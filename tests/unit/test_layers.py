@@ -17,12 +17,13 @@ SCRIPTS = ROOT / "scripts"
 PACKAGES = {
     "cccd": set(),
     "cccd_junctions": {"cccd"},
+    "cccd_solids": {"cccd"},
     "cccd_training": {"cccd", "cccd_junctions"},
     "cccd_paper": {"cccd", "cccd_junctions", "cccd_training"},
 }
 
 #: What the core still imports within functions.
-WITHIN_FUNCTIONS = {"cccd_junctions"}
+WITHIN_FUNCTIONS = {"cccd_junctions", "cccd_solids"}
 
 #: Jobs of the evidence and of the training; all others know the product alone.
 BESIDE = {

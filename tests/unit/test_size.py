@@ -8,11 +8,12 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 40406,
+    "scripts/cccd": 38440,
     "scripts/cccd_junctions": 4046,
     "scripts/cccd_paper": 10930,
+    "scripts/cccd_solids": 1964,
     "scripts/cccd_training": 3661,
-    "tests": 29678,
+    "tests": 29665,
 }
 
 

@@ -173,7 +173,7 @@ def _splines(path: Path) -> MeshFile:
 
 def _solid(path: Path) -> MeshFile:
     with needing(path.name, "cad"):
-        from cccd.solids.kernel import read_solid_mesh
+        from cccd_solids.kernel import read_solid_mesh
 
         vertices, faces = read_solid_mesh(path)
     return MeshFile(_merged(vertices, faces))

@@ -60,7 +60,7 @@ def write_surface(
     Returns
     -------
     dict
-        What a solid is worth, see `cccd.solids.build.write_solids`; empty for other formats.
+        What a solid is worth, see `cccd_solids.build.write_solids`; empty for other formats.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def write_surface(
         raise InputError(str(path), "that is a folder", "give the name of a file in it")
     check_format(path)
     check_writable(path)
-    write = find(FORMATS[format_of(path)].function)
+    write = find(FORMATS[format_of(path)].writer)
     with atomic_path(path) as temporary:
         try:
             return write(temporary, surface, options) or {}

@@ -137,7 +137,7 @@ class Plan:
         """Make a function of a job's wildcards: the digest of ``script`` with the writer of its format."""
 
         def writer(wildcards: Any) -> str:
-            return self.library(script, FORMATS[getattr(wildcards, wildcard)].function)
+            return self.library(script, FORMATS[getattr(wildcards, wildcard)].writer)
 
         return writer
 

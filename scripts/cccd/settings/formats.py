@@ -1,4 +1,4 @@
-"""The table of formats that a surface is written in. Their writers are in `cccd.files`."""
+"""The table of formats that a surface is written in."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Format:
     holds : str
         What the file contains, for people.
     writer : str
-        Function in `cccd.files`, called with path, surface and `cccd.files.options.ExportOptions`. Named, not
+        Path of a function, called with path, surface and `cccd.files.options.ExportOptions`. Named, not
         imported: the workflow reads this table each time it starts.
     extra : str
         The extra that writes it.
@@ -48,34 +48,31 @@ class Format:
     extra: str = ""
     made_of: Literal["mesh", "solids", "tetrahedra"] = "mesh"
 
-    @property
-    def function(self) -> str:
-        """Dotted path of the writer."""
-        return f"cccd.files.{self.writer}"
-
 
 _ALL = (
-    Format("3mf", "mesh for printing: millimetres, colour, thinnest wall", "threemf.write", "print"),
-    Format("brep", "closed solids, in OpenCASCADE's own format", "solids.write", "cad", "solids"),
-    Format("dcm", "contours on the scan's slices (RTSTRUCT)", "rtstruct.write", "dicom"),
-    Format("feb", "tetrahedra (FEBio)", "tetrahedra.write", "fe", "tetrahedra"),
-    Format("gii", "mesh (GIfTI)", "meshes.write_gii"),
-    Format("glb", "mesh in metres, y up (binary glTF)", "gltf.write"),
-    Format("iges", "closed solids (IGES 5.3)", "solids.write", "cad", "solids"),
-    Format("inp", "tetrahedra (Abaqus, CalculiX)", "tetrahedra.write", "fe", "tetrahedra"),
-    Format("msh", "tetrahedra (Gmsh 2.2)", "tetrahedra.write", "fe", "tetrahedra"),
-    Format("nii.gz", "label map on the scan's grid", "label_map.write"),
-    Format("obj", "mesh", "meshes.write_obj"),
-    Format("ply", "mesh; every later step reads it", "meshes.write_ply"),
-    Format("seg.dcm", "voxels of the row's DICOM series (SEG)", "seg.write", "dicom"),
-    Format("step", "closed solids (STEP AP242)", "solids.write", "cad", "solids"),
-    Format("stl", "mesh", "meshes.write_stl"),
-    Format("stl.dcm", "mesh within DICOM (encapsulated STL)", "encapsulated_stl.write", "dicom"),
-    Format("usd", "the spline itself: control meshes and creases", "usd.write", "usd"),
-    Format("usda", "the same in text", "usd.write", "usd"),
-    Format("usdc", "the same in binary", "usd.write", "usd"),
-    Format("vtp", "mesh with curvature and the body's number at its vertices", "meshes.write_vtp"),
-    Format("vtu", "tetrahedra (VTK)", "tetrahedra.write", "fe", "tetrahedra"),
+    Format(
+        "3mf", "mesh for printing: millimetres, colour, thinnest wall", "cccd.files.threemf.write", "print"
+    ),
+    Format("brep", "closed solids, in OpenCASCADE's own format", "cccd_solids.files.write", "cad", "solids"),
+    Format("dcm", "contours on the scan's slices (RTSTRUCT)", "cccd.files.rtstruct.write", "dicom"),
+    Format("feb", "tetrahedra (FEBio)", "cccd.files.tetrahedra.write", "fe", "tetrahedra"),
+    Format("gii", "mesh (GIfTI)", "cccd.files.meshes.write_gii"),
+    Format("glb", "mesh in metres, y up (binary glTF)", "cccd.files.gltf.write"),
+    Format("iges", "closed solids (IGES 5.3)", "cccd_solids.files.write", "cad", "solids"),
+    Format("inp", "tetrahedra (Abaqus, CalculiX)", "cccd.files.tetrahedra.write", "fe", "tetrahedra"),
+    Format("msh", "tetrahedra (Gmsh 2.2)", "cccd.files.tetrahedra.write", "fe", "tetrahedra"),
+    Format("nii.gz", "label map on the scan's grid", "cccd.files.label_map.write"),
+    Format("obj", "mesh", "cccd.files.meshes.write_obj"),
+    Format("ply", "mesh; every later step reads it", "cccd.files.meshes.write_ply"),
+    Format("seg.dcm", "voxels of the row's DICOM series (SEG)", "cccd.files.seg.write", "dicom"),
+    Format("step", "closed solids (STEP AP242)", "cccd_solids.files.write", "cad", "solids"),
+    Format("stl", "mesh", "cccd.files.meshes.write_stl"),
+    Format("stl.dcm", "mesh within DICOM (encapsulated STL)", "cccd.files.encapsulated_stl.write", "dicom"),
+    Format("usd", "the spline itself: control meshes and creases", "cccd_solids.usd.write", "usd"),
+    Format("usda", "the same in text", "cccd_solids.usd.write", "usd"),
+    Format("usdc", "the same in binary", "cccd_solids.usd.write", "usd"),
+    Format("vtp", "mesh with curvature and the body's number at its vertices", "cccd.files.meshes.write_vtp"),
+    Format("vtu", "tetrahedra (VTK)", "cccd.files.tetrahedra.write", "fe", "tetrahedra"),
 )
 
 #: Every format by its name.

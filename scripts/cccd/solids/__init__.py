@@ -1,1 +1,1 @@
-"""Solids: the final mesh as closed bodies for CAD, of B-spline patches or of facets."""
+"""Organs that share their walls."""

@@ -5,7 +5,7 @@ from closed_shapes import mesh_of, sphere, together, torus
 
 from cccd.geometry.decimation import collapse_apart, collapse_edges
 from cccd.geometry.mesh import Mesh
-from cccd.solids.bodies import split_bodies
+from cccd_solids.bodies import split_bodies
 
 
 @pytest.mark.parametrize("mesh", [sphere(), torus()])

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 from closed_shapes import mesh_of, ring
 
-from cccd.solids.fitted import fit_within
-from cccd.solids.shells import measure_deviation
+from cccd_solids.fitted import fit_within
+from cccd_solids.shells import measure_deviation
 
 
 def test_finer_where_the_tolerance_asks():

@@ -9,7 +9,7 @@ import sys
 import pytest
 from closed_shapes import sphere, together
 
-from cccd.solids.build import build_solids, write_solids
+from cccd_solids.build import build_solids, write_solids
 
 CHECK = """
 import json, os, FreeCAD, Part

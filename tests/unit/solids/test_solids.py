@@ -6,13 +6,13 @@ from closed_shapes import box, nested, ring, sphere
 
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
-from cccd.solids.build import build_solids, write_solids
+from cccd_solids.build import build_solids, write_solids
 
 pytest.importorskip("OCP", reason="cadquery-ocp-novtk is not installed")
 
 from OCP import BRep, BRepTools, IFSelect, IGESControl, STEPControl, TopAbs, TopoDS
 
-from cccd.solids.kernel import Part, check_solid, count_shapes, make_solid, write_parts
+from cccd_solids.kernel import Part, check_solid, count_shapes, make_solid, write_parts
 
 
 def shapes_of(mesh):

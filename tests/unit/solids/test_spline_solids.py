@@ -15,10 +15,10 @@ from cccd.containers import Frame
 from cccd.files.options import ExportOptions
 from cccd.files.write import write_surface
 from cccd.geometry.subdivision import SHARP, ControlMesh
-from cccd.solids.quad_faces import QuadFaces, flattened
-from cccd.solids.spline_shell import SplineShell, grid_ids, spline_shell_of
 from cccd.surface.control_mesh import split_to_quads
 from cccd.surface.surface import LoftedSurface
+from cccd_solids.quad_faces import QuadFaces, flattened
+from cccd_solids.spline_shell import SplineShell, grid_ids, spline_shell_of
 
 FRAME = Frame(np.eye(4), 2, (8, 8, 8))
 
@@ -142,7 +142,7 @@ def test_bodies_with_cavities_are_valid_and_read_back(mesh, form, tmp_path):
     assert report["volume_ml"] * 1000 == pytest.approx(wanted, rel=2e-3)
     from test_solids import read
 
-    from cccd.solids.kernel import check_solid
+    from cccd_solids.kernel import check_solid
 
     found = check_solid(read(path))
     assert found.valid

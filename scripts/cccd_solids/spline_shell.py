@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
-from cccd.geometry.limit_patches import LimitPatches, settled
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd.solids.kernel import Bound, Curve, PlanarFace, SplineFace, spline_shell
-from cccd.solids.quad_faces import QuadFaces, flattened
+from cccd_solids.kernel import Bound, Curve, PlanarFace, SplineFace, spline_shell
+from cccd_solids.limit_patches import LimitPatches, settled
+from cccd_solids.quad_faces import QuadFaces, flattened
 
 __all__ = ["SplineShell", "grid_ids", "spline_shell_of"]
 

@@ -23,7 +23,7 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.bsplines import DEGREE
 from cccd.geometry.mesh import Mesh
 from cccd.settings.formats import COLOUR
-from cccd.solids.step_points import share_points
+from cccd_solids.step_points import share_points
 
 __all__ = [
     "Bound",

@@ -6,9 +6,9 @@ import numpy as np
 
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd.solids.shells import follows
 from cccd.surface.control_mesh import control_mesh
 from cccd.surface.spline_fit import Target, fit_spline
+from cccd_solids.shells import follows
 
 __all__ = ["fit_within"]
 

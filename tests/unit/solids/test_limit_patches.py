@@ -6,8 +6,8 @@ from control_meshes import bumpy, cube, pill, torus, torus_grid
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
-from cccd.geometry.limit_patches import HalfEdges, LimitPatches, bernstein, settled
 from cccd.geometry.subdivision import SHARP
+from cccd_solids.limit_patches import HalfEdges, LimitPatches, bernstein, settled
 
 
 def away_from(points, others):

@@ -18,13 +18,13 @@ from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.settings.formats import COLOUR
-from cccd.solids.bodies import nest_pieces, split_bodies
-from cccd.solids.fitted import fit_within
-from cccd.solids.kernel import Part, check_solid, make_solid, require_kernel, write_parts
-from cccd.solids.shells import Shell, facets_within, measure_deviation
-from cccd.solids.spline_shell import SplineShell, spline_shell_of
 from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import SOLID_VOLUME
+from cccd_solids.bodies import nest_pieces, split_bodies
+from cccd_solids.fitted import fit_within
+from cccd_solids.kernel import Part, check_solid, make_solid, require_kernel, write_parts
+from cccd_solids.shells import Shell, facets_within, measure_deviation
+from cccd_solids.spline_shell import SplineShell, spline_shell_of
 
 __all__ = ["Solids", "build_solids", "write_organs", "write_solids"]
 

@@ -16,9 +16,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
-from cccd.geometry.limit_patches import HalfEdges
 from cccd.geometry.subdivision import ControlMesh
 from cccd.tolerances import ROUNDING, TINY
+from cccd_solids.limit_patches import HalfEdges
 
 __all__ = ["QuadFaces", "flattened"]
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from cccd.files.options import ExportOptions
-from cccd.solids.build import build_solids, write_solids
 from cccd.surface.surface import LoftedSurface
+from cccd_solids.build import build_solids, write_solids
 
 __all__ = ["write"]
 

@@ -10,8 +10,8 @@ import numpy as np
 from cccd.geometry.decimation import collapse_apart
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.solids.kernel import facet_shell
 from cccd.tolerances import SOLID_VOLUME
+from cccd_solids.kernel import facet_shell
 
 __all__ = ["Deviation", "Facets", "Shell", "facets_within", "follows", "measure_deviation"]
 
