@@ -699,7 +699,7 @@ def _with_materials(settings: Settings, given: argparse.Namespace) -> Settings:
     """Return settings with the table that was named, provided that something is made of it."""
     from cccd.files.write import format_of
     from cccd.settings.formats import TETRAHEDRA_FORMATS
-    from cccd.tetrahedra.materials import read_table
+    from cccd_tetrahedra.materials import read_table
 
     if not any(format_of(path) in TETRAHEDRA_FORMATS for path in given.output):
         hint = f"write one of {', '.join(f'.{form}' for form in TETRAHEDRA_FORMATS)}"
@@ -1263,8 +1263,8 @@ def _root_of(given: argparse.Namespace) -> list[float] | None:
 
 
 def _centrelines(given: argparse.Namespace) -> int:
-    from cccd.tubes.centrelines import find_centrelines
-    from cccd.tubes.files import check_suffix, describe, write_centrelines
+    from cccd_vessels.centrelines import find_centrelines
+    from cccd_vessels.files import check_suffix, describe, write_centrelines
 
     outputs = given.output or [Path(f"{_plain_stem(given.input)}_centrelines.csv")]
     for path in outputs:
@@ -1293,7 +1293,7 @@ def _centrelines(given: argparse.Namespace) -> int:
 
 
 def _hollow(given: argparse.Namespace) -> int:
-    from cccd.tubes.hollow import hollow_wall
+    from cccd_vessels.hollow import hollow_wall
 
     if not given.open_ends and given.root is not None:
         raise InputError(
@@ -1313,9 +1313,9 @@ def _lumen(given: argparse.Namespace) -> int:
 
 def _cut(given: argparse.Namespace, layers: Callable[[Mesh], list[tuple[Mesh, str]]], open_: bool) -> int:
     """Cut what bounds a solid open where asked for, write it, and print its groups."""
-    from cccd.tubes.centrelines import find_centrelines
-    from cccd.tubes.ends import clear_ends, find_ends, opened
-    from cccd.tubes.named import check_named, write_named
+    from cccd_vessels.centrelines import find_centrelines
+    from cccd_vessels.ends import clear_ends, find_ends, opened
+    from cccd_vessels.named import check_named, write_named
 
     for path in given.output:
         check_named(path)

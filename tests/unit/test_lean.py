@@ -21,7 +21,7 @@ def pytest_without(module, *arguments, cwd=ROOT):
 
 
 def test_an_example_whose_extra_is_missing_skips_and_is_named(tmp_path):
-    example = "scripts/cccd/tetrahedra/filling.py::cccd.tetrahedra.filling.fill_organs"
+    example = "scripts/cccd_tetrahedra/filling.py::cccd_tetrahedra.filling.fill_organs"
     skipped = tmp_path / "skipped"
     run = pytest_without(
         "pytetwild", "--skipped", skipped, example, "tests/unit/tetrahedra/test_mechanics.py"

@@ -469,7 +469,7 @@ def _materials(settings: Settings) -> list[str]:
     """Find the table of materials that the configuration names, if any; it is read before the first job."""
     named = settings.surface.tetrahedra.materials
     if named:
-        from cccd.tetrahedra.materials import read_table  # slow to import
+        from cccd_tetrahedra.materials import read_table  # slow to import
 
         read_table(named)
     return [named] if named else []

@@ -55,12 +55,12 @@ _ALL = (
     ),
     Format("brep", "closed solids, in OpenCASCADE's own format", "cccd_solids.files.write", "cad", "solids"),
     Format("dcm", "contours on the scan's slices (RTSTRUCT)", "cccd.files.rtstruct.write", "dicom"),
-    Format("feb", "tetrahedra (FEBio)", "cccd.files.tetrahedra.write", "fe", "tetrahedra"),
+    Format("feb", "tetrahedra (FEBio)", "cccd_tetrahedra.files.write", "fe", "tetrahedra"),
     Format("gii", "mesh (GIfTI)", "cccd.files.meshes.write_gii"),
     Format("glb", "mesh in metres, y up (binary glTF)", "cccd.files.gltf.write"),
     Format("iges", "closed solids (IGES 5.3)", "cccd_solids.files.write", "cad", "solids"),
-    Format("inp", "tetrahedra (Abaqus, CalculiX)", "cccd.files.tetrahedra.write", "fe", "tetrahedra"),
-    Format("msh", "tetrahedra (Gmsh 2.2)", "cccd.files.tetrahedra.write", "fe", "tetrahedra"),
+    Format("inp", "tetrahedra (Abaqus, CalculiX)", "cccd_tetrahedra.files.write", "fe", "tetrahedra"),
+    Format("msh", "tetrahedra (Gmsh 2.2)", "cccd_tetrahedra.files.write", "fe", "tetrahedra"),
     Format("nii.gz", "label map on the scan's grid", "cccd.files.label_map.write"),
     Format("obj", "mesh", "cccd.files.meshes.write_obj"),
     Format("ply", "mesh; every later step reads it", "cccd.files.meshes.write_ply"),
@@ -72,7 +72,7 @@ _ALL = (
     Format("usda", "the same in text", "cccd_solids.usd.write", "usd"),
     Format("usdc", "the same in binary", "cccd_solids.usd.write", "usd"),
     Format("vtp", "mesh with curvature and the body's number at its vertices", "cccd.files.meshes.write_vtp"),
-    Format("vtu", "tetrahedra (VTK)", "cccd.files.tetrahedra.write", "fe", "tetrahedra"),
+    Format("vtu", "tetrahedra (VTK)", "cccd_tetrahedra.files.write", "fe", "tetrahedra"),
 )
 
 #: Every format by its name.

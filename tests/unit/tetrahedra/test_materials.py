@@ -11,11 +11,11 @@ from bars import FRAME, HALF, SETTINGS, two_halves
 from scipy.spatial.transform import Rotation
 
 from cccd.errors import InputError
-from cccd.files.tetrahedra import WRITERS
 from cccd.inputs.grid import Volume
 from cccd.settings.surface import TetrahedraSettings
-from cccd.tetrahedra.build import fill_and_measure
-from cccd.tetrahedra.materials import bin_materials, mean_grey_values, read_table
+from cccd_tetrahedra.build import fill_and_measure
+from cccd_tetrahedra.files import WRITERS
+from cccd_tetrahedra.materials import bin_materials, mean_grey_values, read_table
 
 COLUMNS = "hu_from,hu_to,density,density_per_hu,young_mpa,young_power,poisson"
 

@@ -6,7 +6,7 @@ from bars import SETTINGS, two_halves
 
 import cccd
 from cccd.settings.surface import TetrahedraSettings
-from cccd.tetrahedra.filling import fill_organs
+from cccd_tetrahedra.filling import fill_organs
 
 pytest.importorskip("pytetwild", reason="the extra fe is not installed")
 pytest.importorskip("skfem", reason="scikit-fem is not installed")

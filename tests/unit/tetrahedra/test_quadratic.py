@@ -9,12 +9,12 @@ import pytest
 from bars import SETTINGS, two_halves
 from solids import sphere
 
-from cccd.files.tetrahedra import WRITERS
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import TetrahedraSettings
-from cccd.tetrahedra.build import fill_and_measure
-from cccd.tetrahedra.quadratic import EDGES, curve_edges, jacobian_bounds, quadratic_volumes
+from cccd_tetrahedra.build import fill_and_measure
+from cccd_tetrahedra.files import WRITERS
+from cccd_tetrahedra.quadratic import EDGES, curve_edges, jacobian_bounds, quadratic_volumes
 
 pytest.importorskip("pytetwild", reason="the extra fe is not installed")
 

@@ -14,13 +14,13 @@ from solids import mesh_of, sphere
 import cccd
 from cccd.containers import Frame
 from cccd.errors import InputError
-from cccd.files.tetrahedra import WRITERS
 from cccd.geometry.mesh import Mesh
-from cccd.tetrahedra.build import fill_and_measure
-from cccd.tetrahedra.chords import balance_chords
-from cccd.tetrahedra.filling import fill_organs
-from cccd.tetrahedra.quality import warnings_of
-from cccd.tetrahedra.shapes import FACES, dihedral_angles, radius_ratios, signed_volumes
+from cccd_tetrahedra.build import fill_and_measure
+from cccd_tetrahedra.chords import balance_chords
+from cccd_tetrahedra.files import WRITERS
+from cccd_tetrahedra.filling import fill_organs
+from cccd_tetrahedra.quality import warnings_of
+from cccd_tetrahedra.shapes import FACES, dihedral_angles, radius_ratios, signed_volumes
 
 pytest.importorskip("pytetwild", reason="the extra fe is not installed")
 

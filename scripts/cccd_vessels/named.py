@@ -10,14 +10,14 @@ import numpy as np
 
 from cccd.errors import InputError
 from cccd.extras import check_extra
-from cccd.files.tetrahedra import WRITERS as TETRAHEDRA
 from cccd.geometry.arrays import IntArray
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import TetrahedraSettings
 from cccd.store import atomic_path
-from cccd.tetrahedra.filling import TetrahedralMesh, fill_organs
-from cccd.tubes.files import vtp_text
+from cccd_tetrahedra.files import WRITERS as TETRAHEDRA
+from cccd_tetrahedra.filling import TetrahedralMesh, fill_organs
+from cccd_vessels.files import vtp_text
 
 __all__ = ["NamedMesh", "check_named", "write_named"]
 

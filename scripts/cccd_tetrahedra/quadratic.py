@@ -12,15 +12,15 @@ from scipy.spatial import cKDTree
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import nearest_points
 from cccd.geometry.mesh import Mesh
-from cccd.tetrahedra.chords import unspoiled
 from cccd.tolerances import TINY
+from cccd_tetrahedra.chords import unspoiled
 
 __all__ = ["EDGES", "FACE_EDGES", "Curved", "curve_edges", "jacobian_bounds", "quadratic_volumes"]
 
 #: Edges of a tetrahedron in the order of their middle nodes in VTK, Abaqus, CalculiX and FEBio.
 EDGES = np.array([(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)])
 
-#: Of the faces of `cccd.tetrahedra.shapes.FACES`, the edges from each corner to the next.
+#: Of the faces of `cccd_tetrahedra.shapes.FACES`, the edges from each corner to the next.
 FACE_EDGES = np.array([(2, 1, 0), (0, 4, 3), (1, 5, 4), (3, 5, 2)])
 
 #: Faces that meet at more than this angle have a ridge between them: caps meet walls at more.

@@ -16,9 +16,9 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
-from cccd.tubes.centrelines import Centrelines
-from cccd.tubes.named import NamedMesh
-from cccd.tubes.sections import Section, Slicer, across
+from cccd_vessels.centrelines import Centrelines
+from cccd_vessels.named import NamedMesh
+from cccd_vessels.sections import Section, Slicer, across
 
 __all__ = ["End", "clear_ends", "find_ends", "opened"]
 

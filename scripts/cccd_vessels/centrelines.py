@@ -23,8 +23,8 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.thickness import Lines, wall_thickness
-from cccd.tubes.sections import Section, Slicer
-from cccd.tubes.skeleton import Line, degrees, joined, skeleton_lines, without_spurs
+from cccd_vessels.sections import Section, Slicer
+from cccd_vessels.skeleton import Line, degrees, joined, skeleton_lines, without_spurs
 
 __all__ = ["Branch", "Centrelines", "find_centrelines"]
 

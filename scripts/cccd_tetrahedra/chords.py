@@ -7,8 +7,8 @@ import numpy as np
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.tetrahedra.shapes import radius_ratios, signed_volumes
 from cccd.tolerances import TINY
+from cccd_tetrahedra.shapes import radius_ratios, signed_volumes
 
 __all__ = ["balance_chords", "unspoiled"]
 

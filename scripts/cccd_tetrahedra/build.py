@@ -10,9 +10,9 @@ from cccd.containers import Frame
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import Volume
 from cccd.settings.surface import TetrahedraSettings
-from cccd.tetrahedra.filling import TetrahedralMesh, fill_organs, sizes_in_mm
-from cccd.tetrahedra.materials import assign_materials, check_materials
-from cccd.tetrahedra.quality import measure_tetrahedra, warnings_of
+from cccd_tetrahedra.filling import TetrahedralMesh, fill_organs, sizes_in_mm
+from cccd_tetrahedra.materials import assign_materials, check_materials
+from cccd_tetrahedra.quality import measure_tetrahedra, warnings_of
 
 __all__ = ["fill_and_measure"]
 

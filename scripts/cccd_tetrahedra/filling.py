@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -19,14 +19,11 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import TetrahedraSettings
-from cccd.tetrahedra.chords import balance_chords
-from cccd.tetrahedra.quadratic import FACE_EDGES, curve_edges, quadratic_volumes
-from cccd.tetrahedra.shapes import FACES, signed_volumes
+from cccd_tetrahedra.chords import balance_chords
+from cccd_tetrahedra.quadratic import FACE_EDGES, curve_edges, quadratic_volumes
+from cccd_tetrahedra.shapes import FACES, signed_volumes
 
-if TYPE_CHECKING:
-    from cccd.tetrahedra.materials import Materials
-
-__all__ = ["TetrahedralMesh", "fill_organs", "sizes_in_mm"]
+__all__ = ["Materials", "TetrahedralMesh", "fill_organs", "sizes_in_mm"]
 
 #: Without a number of the user's, edges are at most this share of the box's diagonal, as in fTetWild, ...
 EDGE_SHARE = 1 / 20
@@ -45,6 +42,27 @@ ALONG = 0.9
 
 #: They lie this near to it, in voxels.
 AT_SIDE = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Materials:
+    """Which material a tetrahedron is of, and what they are.
+
+    Attributes
+    ----------
+    number : (N,) int64
+        Material of each tetrahedron, from 0, in the order of their moduli.
+    density : (M,) float64
+        g/cm^3.
+    young : (M,) float64
+        MPa.
+    poisson : (M,) float64
+    """
+
+    number: IntArray
+    density: FloatArray
+    young: FloatArray
+    poisson: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +89,7 @@ class TetrahedralMesh:
     enclosed : (R,) float64
         Volume of the tetrahedra within each organ's surface, those of organs in it included.
     middles : (N, 6) int64 or None
-        Of quadratic tetrahedra the nodes in the middle of their edges (`cccd.tetrahedra.quadratic.EDGES`).
+        Of quadratic tetrahedra the nodes in the middle of their edges (`cccd_tetrahedra.quadratic.EDGES`).
     boundary_edges, straight_edges : int
         Of quadratic tetrahedra: edges on a boundary, and how many of them could not be curved.
     grey : (N,) float64 or None

@@ -13,8 +13,8 @@ from cccd.files.options import ExportOptions
 from cccd.geometry._vtk import xml_of
 from cccd.geometry.arrays import IntArray
 from cccd.surface.surface import LoftedSurface
-from cccd.tetrahedra.build import fill_and_measure
-from cccd.tetrahedra.filling import TetrahedralMesh
+from cccd_tetrahedra.build import fill_and_measure
+from cccd_tetrahedra.filling import TetrahedralMesh
 
 __all__ = ["WRITERS", "write"]
 

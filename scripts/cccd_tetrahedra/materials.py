@@ -14,12 +14,11 @@ from scipy import ndimage
 from scipy.special import roots_jacobi
 
 from cccd.errors import InputError
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import FloatArray
 from cccd.inputs.grid import Volume
-from cccd.tetrahedra.filling import TetrahedralMesh
+from cccd_tetrahedra.filling import Materials, TetrahedralMesh
 
 __all__ = [
-    "Materials",
     "Row",
     "assign_materials",
     "bin_materials",
@@ -65,27 +64,6 @@ class Row:
     poisson: float
     density_per_hu: float = 0.0
     young_power: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class Materials:
-    """Which material a tetrahedron is of, and what they are.
-
-    Attributes
-    ----------
-    number : (N,) int64
-        Material of each tetrahedron, from 0, in the order of their moduli.
-    density : (M,) float64
-        g/cm^3.
-    young : (M,) float64
-        MPa.
-    poisson : (M,) float64
-    """
-
-    number: IntArray
-    density: FloatArray
-    young: FloatArray
-    poisson: FloatArray
 
 
 # The table --------------------------------------------------------------------------------------------

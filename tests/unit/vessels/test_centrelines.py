@@ -13,8 +13,8 @@ import cccd
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.nifti_export import write_nifti
-from cccd.tubes.centrelines import find_centrelines
-from cccd.tubes.files import describe, write_centrelines
+from cccd_vessels.centrelines import find_centrelines
+from cccd_vessels.files import describe, write_centrelines
 
 FINE, THICK = (1.0, 1.0, 1.0), (1.0, 1.0, 3.0)
 AIRWAY = DATA / "airway_lidc_1mm" / "mask_airway.nii.gz"

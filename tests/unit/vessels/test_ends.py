@@ -12,10 +12,10 @@ from cccd.errors import InputError
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.nifti_export import write_nifti
-from cccd.tubes.centrelines import find_centrelines
-from cccd.tubes.ends import clear_ends, find_ends, opened
-from cccd.tubes.hollow import hollow_wall
-from cccd.tubes.named import write_named
+from cccd_vessels.centrelines import find_centrelines
+from cccd_vessels.ends import clear_ends, find_ends, opened
+from cccd_vessels.hollow import hollow_wall
+from cccd_vessels.named import write_named
 
 
 def mesh_of(solid):

@@ -9,10 +9,10 @@ import numpy as np
 
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
-from cccd.tetrahedra.filling import TetrahedralMesh
-from cccd.tetrahedra.quadratic import jacobian_bounds
-from cccd.tetrahedra.shapes import dihedral_angles, radius_ratios, scaled_jacobians
 from cccd.tolerances import SOLID_VOLUME
+from cccd_tetrahedra.filling import TetrahedralMesh
+from cccd_tetrahedra.quadratic import jacobian_bounds
+from cccd_tetrahedra.shapes import dihedral_angles, radius_ratios, scaled_jacobians
 
 __all__ = ["measure_tetrahedra", "warnings_of"]
 

@@ -15,7 +15,7 @@ from cccd.errors import InputError
 from cccd.geometry._vtk import vtk, xml_of
 from cccd.geometry.arrays import AnyArray
 from cccd.store import atomic_path
-from cccd.tubes.centrelines import Branch, Centrelines
+from cccd_vessels.centrelines import Branch, Centrelines
 
 __all__ = ["SUFFIXES", "check_suffix", "describe", "vtp_text", "write_centrelines"]
 
