@@ -697,7 +697,7 @@ def check_references(paths: Sequence[Path], structure: Structure) -> None:
         return
     series = _series(structure)
     if series is not None:
-        from cccd.files.rtstruct import reference_slices  # slow to import
+        from cccd_dicom.rtstruct import reference_slices  # slow to import
 
         reference_slices(series)
     elif "seg.dcm" in formats:

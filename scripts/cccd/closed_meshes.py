@@ -88,7 +88,7 @@ def drawn_planes(path: Path, label: str = "") -> list[DrawnPlane] | None:
         return [DrawnPlane(normal, rings) for normal, rings in read_csl(path)]
     if not path.is_file() or dicom_modality(path) != "RTSTRUCT":
         return None
-    from cccd.inputs.dicom import Regions  # slow to import
+    from cccd_dicom.readers import Regions  # slow to import
 
     rois = Regions.read(path).contours(label, "")
     planes = planes_of([contour for roi in rois for contour in roi], path.name)

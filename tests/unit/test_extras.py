@@ -88,8 +88,8 @@ WITHOUT = {
 def inputs(tmp_path_factory):
     """A folder with an input of every kind."""
     pytest.importorskip("highdicom")
-    from cccd.files.seg import write_seg
     from cccd.geometry.mesh import Mesh
+    from cccd_dicom.seg import write_seg
 
     trimesh = pytest.importorskip("trimesh")
     folder = tmp_path_factory.mktemp("inputs")

@@ -20,12 +20,13 @@ PACKAGES = {
     "cccd_solids": {"cccd"},
     "cccd_tetrahedra": {"cccd"},
     "cccd_vessels": {"cccd", "cccd_tetrahedra"},
+    "cccd_dicom": {"cccd"},
     "cccd_training": {"cccd", "cccd_junctions"},
     "cccd_paper": {"cccd", "cccd_junctions", "cccd_training"},
 }
 
 #: What the core still imports within functions.
-WITHIN_FUNCTIONS = {"cccd_junctions", "cccd_solids", "cccd_tetrahedra", "cccd_vessels"}
+WITHIN_FUNCTIONS = {"cccd_junctions", "cccd_solids", "cccd_tetrahedra", "cccd_vessels", "cccd_dicom"}
 
 #: Jobs of the evidence and of the training; all others know the product alone.
 BESIDE = {

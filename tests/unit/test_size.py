@@ -8,14 +8,15 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 35253,
+    "scripts/cccd": 33963,
+    "scripts/cccd_dicom": 1291,
     "scripts/cccd_junctions": 4046,
     "scripts/cccd_paper": 10930,
     "scripts/cccd_solids": 1964,
     "scripts/cccd_tetrahedra": 1493,
     "scripts/cccd_training": 3661,
     "scripts/cccd_vessels": 1690,
-    "tests": 29669,
+    "tests": 29668,
 }
 
 

@@ -47,7 +47,7 @@ from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
 
 if TYPE_CHECKING:
-    from cccd.inputs.dicom import Regions
+    from cccd_dicom.readers import Regions
 
 __all__ = [
     "FEW_SLICES",

@@ -25,7 +25,7 @@ from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE, PROBABILITY
 
 if TYPE_CHECKING:
-    from cccd.inputs.dicom import Regions, Segments
+    from cccd_dicom.readers import Regions, Segments
 
 __all__ = [
     "EACH_ITS_OWN",
@@ -71,7 +71,7 @@ def read_image(path: Path, source: str, fill_gaps: bool, referenced: str = "") -
     """
     if path.is_dir() or _is_dicom(path):
         with needing(path.name, "dicom"):
-            from cccd.inputs.dicom import read_series  # slow to import
+            from cccd_dicom.readers import read_series  # slow to import
 
         # RIDER keeps a patient's CT and PET together
         modality = "CT" if path.is_dir() and source == "rider_lung" else None
@@ -180,7 +180,7 @@ def list_labels(path: Path) -> dict[str, str]:
     if path.is_dir():
         return {name: name for name, _ in read_masks(path)}
     if _is_dicom(path):
-        from cccd.inputs.dicom import region_names, segment_names
+        from cccd_dicom.readers import region_names, segment_names
 
         names = region_names(path) if dicom_modality(path) == "RTSTRUCT" else segment_names(path)
         return {str(number): name for number, name in sorted(names.items())}
@@ -334,13 +334,13 @@ def read_label_map(path: Path) -> LabelMap:
 
 
 def _read_segments(path: Path) -> Segments:
-    from cccd.inputs.dicom import Segments  # slow to import
+    from cccd_dicom.readers import Segments  # slow to import
 
     return Segments.read(path)
 
 
 def _read_regions(path: Path) -> Regions:
-    from cccd.inputs.dicom import Regions  # slow to import
+    from cccd_dicom.readers import Regions  # slow to import
 
     return Regions.read(path)
 

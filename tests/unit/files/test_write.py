@@ -232,7 +232,7 @@ def test_every_format_that_the_configuration_knows_is_written(surface, small, tm
     for module in EXTRAS.get(FORMATS[name].extra, ()):
         pytest.importorskip(module)
     if name == "seg.dcm":
-        pytest.skip("lies on a DICOM series: tests/unit/inputs/test_dicom_out.py")
+        pytest.skip("lies on a DICOM series: tests/unit/dicom/test_dicom_out.py")
     path = tmp_path / f"surface.{name}"
     coarse = TetrahedraSettings(edge_mm=10, tolerance_mm=0.5)
     filled = FORMATS[name].made_of == "tetrahedra"  # which takes long

@@ -31,12 +31,12 @@ from scans import (
 import cccd
 from cccd.containers import Frame
 from cccd.errors import InputError
-from cccd.files.encapsulated_stl import write_encapsulated_stl
-from cccd.files.rtstruct import write_rtstruct
-from cccd.files.seg import write_seg
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs import load_structure
+from cccd_dicom.encapsulated_stl import write_encapsulated_stl
+from cccd_dicom.rtstruct import write_rtstruct
+from cccd_dicom.seg import write_seg
 
 AFFINE = dicom_affine()
 CENTRE = (AFFINE @ (18, 18, 6, 1))[:3]

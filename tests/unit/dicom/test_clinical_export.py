@@ -11,11 +11,11 @@ from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.files import label_map
 from cccd.files.options import ExportOptions
-from cccd.files.rtstruct import write_rtstruct
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs import load_structure
 from cccd.surface.surface import LoftedSurface
+from cccd_dicom.rtstruct import write_rtstruct
 
 
 def ball_mesh(centre, radius=15.0):

@@ -18,7 +18,6 @@ from pydicom.uid import generate_uid
 
 from cccd.errors import InputError
 from cccd.files.options import ExportOptions
-from cccd.files.rtstruct import copy_identity, reference_slices
 from cccd.geometry.arrays import ByteArray, FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
@@ -26,6 +25,7 @@ from cccd.inputs.grid import LPS_TO_RAS
 from cccd.inputs.readers import guarded
 from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import CONTOUR_PLANE
+from cccd_dicom.rtstruct import copy_identity, reference_slices
 
 __all__ = ["write", "write_seg"]
 

@@ -1,33 +1,30 @@
 """A SEG or RTSTRUCT and its series, in one folder or in several: which belongs to which is found."""
 
-import runpy
-from pathlib import Path
-
 import numpy as np
 import pydicom
 import pytest
+import scans
 from pydicom.dataset import Dataset
 
 import cccd
 from cccd.inputs.label_maps import list_map
 
-SCANS = runpy.run_path(str(Path(__file__).parent / "scans.py"))
-AFFINE = SCANS["affine_of"]()
+AFFINE = scans.affine_of()
 
 
 @pytest.fixture
 def organ():
-    return SCANS["organ"]()
+    return scans.organ()
 
 
 def write(folder, organ, uid="series"):
     """A series of the organ in a folder."""
-    return SCANS["write_series"](folder, SCANS["grey"](organ), AFFINE, uid=uid)
+    return scans.write_series(folder, scans.grey(organ), AFFINE, uid=uid)
 
 
 def write_contours(path, organ, series, affine=AFFINE):
     """An RTSTRUCT that refers to a series as planning systems do."""
-    SCANS["write_structure_set"](path, {"liver": SCANS["outlines"](organ, affine)})
+    scans.write_structure_set(path, {"liver": scans.outlines(organ, affine)})
     ds = pydicom.dcmread(path)
     frame, study, one = Dataset(), Dataset(), Dataset()
     one.SeriesInstanceUID = series[0].SeriesInstanceUID
@@ -42,7 +39,7 @@ def write_contours(path, organ, series, affine=AFFINE):
 def test_labels_of_an_object_among_its_series_are_listed(tmp_path, organ, kind):
     series = write(tmp_path, organ)
     if kind == "SEG":
-        SCANS["write_seg"](tmp_path / "seg.dcm", {"liver": organ}, series, ["liver"])
+        scans.write_seg(tmp_path / "seg.dcm", {"liver": organ}, series, ["liver"])
     else:
         write_contours(tmp_path / "rt.dcm", organ, series)
     assert [label.organ for label in list_map(tmp_path)] == ["liver"]
@@ -53,7 +50,7 @@ def test_labels_of_an_object_among_its_series_are_listed(tmp_path, organ, kind):
 
 def test_one_of_two_objects_is_taken_by_its_name(tmp_path, organ):
     series = write(tmp_path, organ)
-    SCANS["write_seg"](tmp_path / "seg.dcm", {"liver": organ}, series, ["liver"])
+    scans.write_seg(tmp_path / "seg.dcm", {"liver": organ}, series, ["liver"])
     write_contours(tmp_path / "rt.dcm", organ, series)
     for image in (tmp_path, None):  # an object lies in the folder of its series
         surface = cccd.reconstruct(cccd.read(tmp_path / "rt.dcm", image=image))
@@ -64,12 +61,12 @@ def test_one_of_two_objects_is_taken_by_its_name(tmp_path, organ):
 def test_of_two_series_the_one_is_taken_that_the_object_refers_to(tmp_path, organ):
     series = write(tmp_path / "all" / "first", organ)
     write(tmp_path / "all" / "second", organ[::-1], uid="other")
-    SCANS["write_seg"](tmp_path / "seg.dcm", {"liver": organ}, series, ["liver"])
+    scans.write_seg(tmp_path / "seg.dcm", {"liver": organ}, series, ["liver"])
     structure = cccd.read(tmp_path / "seg.dcm", image=tmp_path / "all")
     assert np.corrcoef(structure.image.ravel(), structure.mask.ravel())[0, 1] > 0.5
     with pytest.raises(cccd.InputError, match="2 DICOM series in this folder"):
         cccd.read(
-            SCANS["write_nifti"](tmp_path / "m.nii.gz", organ.astype(np.uint8), AFFINE),
+            scans.write_nifti(tmp_path / "m.nii.gz", organ.astype(np.uint8), AFFINE),
             image=tmp_path / "all",
         )
 
@@ -91,7 +88,7 @@ def test_a_seg_alone_names_the_end_at_which_its_series_does(tmp_path, organ, end
     cut[..., {"first": slice(9, None), "last": slice(0, 4)}[name]] = False
     series = write(tmp_path / "series", cut)
     every = np.ones_like(cut)  # a second segment has a frame on each slice
-    SCANS["write_seg"](tmp_path / "seg.dcm", {"liver": cut, "body": every}, series, ["liver", "body"])
+    scans.write_seg(tmp_path / "seg.dcm", {"liver": cut, "body": every}, series, ["liver", "body"])
     alone = cccd.read(tmp_path / "seg.dcm", "liver")
     beside = cccd.read(tmp_path / "seg.dcm", "liver", image=tmp_path / "series")
     notes = [[note for note in one.warnings if "may be cut" in note] for one in (alone, beside)]
@@ -106,7 +103,7 @@ def test_a_seg_that_ends_before_its_series_is_not_cut_there(tmp_path, organ):
     inner = organ.copy()
     inner[..., [0, 1, -2, -1]] = False
     series = write(tmp_path / "series", inner)
-    SCANS["write_seg"](tmp_path / "seg.dcm", {"liver": inner}, series, ["liver"])
+    scans.write_seg(tmp_path / "seg.dcm", {"liver": inner}, series, ["liver"])
     structure = cccd.read(tmp_path / "seg.dcm")
     assert not [note for note in structure.warnings if "may be cut" in note]
 
@@ -114,8 +111,8 @@ def test_a_seg_that_ends_before_its_series_is_not_cut_there(tmp_path, organ):
 def test_regions_without_contours_keep_no_other_from_its_surface(tmp_path, organ):
     two = organ.copy()
     two[..., :6] = two[..., 8:] = False
-    drawn = {name: SCANS["outlines"](mask, AFFINE) for name, mask in {"liver": organ, "spleen": two}.items()}
-    SCANS["write_structure_set"](tmp_path / "rt.dcm", drawn | {"couch": []})
+    drawn = {name: scans.outlines(mask, AFFINE) for name, mask in {"liver": organ, "spleen": two}.items()}
+    scans.write_structure_set(tmp_path / "rt.dcm", drawn | {"couch": []})
     surfaces, failures = cccd.reconstruct_labels(tmp_path / "rt.dcm")
     assert [surface.name for surface in surfaces] == ["liver", "spleen"]
     (line,) = failures
@@ -133,7 +130,7 @@ def test_an_organ_on_one_or_two_slices_is_a_surface_with_a_warning(tmp_path, cou
     noun = "slice" if count == 1 else "slices"
     said = f"mask lies on {count} {noun} along axis 2: where it ends above and below is a guess"
     assert said in surface.warnings
-    series = SCANS["write_series"](tmp_path, SCANS["grey"](mask > 0), affine)
+    series = scans.write_series(tmp_path, scans.grey(mask > 0), affine)
     write_contours(tmp_path / "rt.dcm", mask, series, affine)
     drawn = cccd.reconstruct(cccd.read(tmp_path))
     assert drawn.volume == pytest.approx(voxels, rel=0.15)
@@ -150,7 +147,7 @@ def test_contours_along_pixels_get_the_size_of_these(tmp_path):
         outline = shapely.union_all([shapely.box(x, y, x + size, y + size) for x, y in inside])
         ring = shapely.get_coordinates(outline.exterior)[:-1]
         contours.append(np.column_stack([ring, np.full(len(ring), z)]))
-    SCANS["write_structure_set"](tmp_path / "rt.dcm", {"ball": contours})
+    scans.write_structure_set(tmp_path / "rt.dcm", {"ball": contours})
     structure = cccd.read(tmp_path / "rt.dcm")
     assert structure.frame.spacing == pytest.approx((3, 3, 3))
     (note,) = [note for note in structure.warnings if "no image" in note]

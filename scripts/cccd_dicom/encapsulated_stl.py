@@ -13,17 +13,17 @@ from pydicom.sequence import Sequence
 from pydicom.uid import UID
 
 from cccd.files.options import ExportOptions
-from cccd.files.rtstruct import (
+from cccd.files.stl import binary_stl
+from cccd.geometry.mesh import Mesh
+from cccd.inputs.grid import LPS_TO_RAS
+from cccd.surface.surface import LoftedSurface
+from cccd_dicom.rtstruct import (
     copy_identity,
     identified_dataset,
     item_of,
     reference_slices,
     references_to,
 )
-from cccd.files.stl import binary_stl
-from cccd.geometry.mesh import Mesh
-from cccd.inputs.grid import LPS_TO_RAS
-from cccd.surface.surface import LoftedSurface
 
 __all__ = ["write", "write_encapsulated_stl"]
 

@@ -12,7 +12,7 @@ from pydicom.uid import ExplicitVRLittleEndian, RTStructureSetStorage, generate_
 from cccd.dicom_objects import dicom_modality, holds_contours, object_in
 from cccd.errors import InputError
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
+SCRIPTS = Path(__file__).parents[3] / "scripts"
 
 
 def write(path: Path, modality: str) -> Path:

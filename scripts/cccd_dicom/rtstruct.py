@@ -29,10 +29,10 @@ from cccd.files.options import ExportOptions
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
-from cccd.inputs.dicom import NO_IMAGES, known_uid, sop_uid
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import CONTOUR_PLANE
+from cccd_dicom.readers import NO_IMAGES, known_uid, sop_uid
 
 __all__ = [
     "copy_identity",

@@ -1,0 +1,1 @@
+"""DICOM: series, segmentations (SEG), structure sets (RTSTRUCT), encapsulated STL."""
