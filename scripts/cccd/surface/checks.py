@@ -21,7 +21,7 @@ from cccd.surface.fields import sampled
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import SHRUNK_PART
 
-__all__ = ["Violation", "check_surface", "check_walls", "lost_voxels"]
+__all__ = ["Violation", "check_surface", "check_walls", "lost_voxels", "pixels_within"]
 
 #: On a slice the surface lies within so many pixels of the slice's outline.
 ON_SLICE = 0.75
@@ -141,11 +141,7 @@ def lost_voxels(mesh: Mesh, stack: SliceStack) -> tuple[FloatArray, FloatArray]:
         mm from the surface.
     """
     slices, most = stack.slices, ON_SLICE * stack.pixel
-    found = [np.zeros((0, 3))]
-    for z, distance, within in zip(slices.z, slices.distance, _inside(mesh, slices), strict=True):
-        at = np.argwhere(within != (distance < 0))
-        found.append(np.column_stack([at * slices.spacing, np.full(len(at), z)]))
-    places = np.concatenate(found)
+    places = _centres(_inside(mesh, slices) != (slices.distance < 0), slices)
     # the nearest vertex is quickly found, and no nearer than the surface
     away = np.asarray(cKDTree(mesh.vertices).query(places)[0], float)
     places, away = places[away > most], away[away > most]
@@ -158,6 +154,17 @@ def lost_voxels(mesh: Mesh, stack: SliceStack) -> tuple[FloatArray, FloatArray]:
     far = unsigned_to_mesh(places, Mesh(mesh.vertices, faces).compact())
     wrong = far > most
     return places[wrong], far[wrong]
+
+
+def pixels_within(mesh: Mesh, slices: Slices) -> FloatArray:
+    """Centres (P, 3) of the slices' pixels that a closed mesh holds, in the plane's mm and height in mm."""
+    return _centres(_inside(mesh, slices), slices)
+
+
+def _centres(pixels: BoolArray, slices: Slices) -> FloatArray:
+    """Centres (P, 3) of some pixels (S, I, J), in the plane's mm and height in mm."""
+    slice_, *at = np.nonzero(pixels)
+    return np.column_stack([np.column_stack(at) * slices.spacing, slices.z[slice_]])
 
 
 def _off_slices(mesh: Mesh, stack: SliceStack) -> list[Violation]:
@@ -203,8 +210,8 @@ def _sections(mesh: Mesh, values: FloatArray, heights: FloatArray) -> list[Float
     return np.split(points[order], np.searchsorted(plane[order], np.arange(1, len(heights))))
 
 
-def _inside(mesh: Mesh, slices: Slices) -> list[BoolArray]:
-    """Which pixels (I, J) of each slice have their centre inside a closed mesh."""
+def _inside(mesh: Mesh, slices: Slices) -> BoolArray:
+    """Which pixels (S, I, J) of slices have their centre inside a closed mesh."""
     # heights to numbers of slices, which are even only in a run without missing ones
     heights = slices.z
     if len(heights) == 1:
@@ -216,7 +223,7 @@ def _inside(mesh: Mesh, slices: Slices) -> list[BoolArray]:
         scaled += np.maximum(mesh.vertices[:, 2] - heights[-1], 0) / step[-1]
     pixels = Mesh(np.column_stack([mesh.vertices[:, :2] / slices.spacing, scaled]), mesh.faces)
     block = voxelise(pixels, np.eye(4), (*slices.distance.shape[1:], len(heights)), np.zeros(3, np.int64))
-    return list(np.moveaxis(block, 2, 0))
+    return np.moveaxis(block, 2, 0)
 
 
 def _off_between(mesh: Mesh, stack: SliceStack) -> list[Violation]:

@@ -1,7 +1,7 @@
 """The closed mesh that a spline is fitted to: the distances' zero level, low-passed once.
 
 The filter takes the steps of pixels and slices off and keeps the volume. Where it would leave a voxel of a
-slice on the wrong side, as at the tip of a thin rib, it does less.
+slice on the wrong side, as at the tip of a thin rib, or let the mesh pass through itself, it does less.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.booleans import between_planes
+from cccd.geometry.collisions import MovingTriangles
 from cccd.geometry.mesh import Mesh
-from cccd.surface.checks import lost_voxels
+from cccd.surface.checks import lost_voxels, pixels_within
 from cccd.surface.sampled import SampledDistance
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import SHRUNK_PART
@@ -38,12 +39,12 @@ EDGE_PIXELS = 0.75
 WIDEST_BAND = 1.9
 #: The surface is moved at most by so many pixels to hold the slices' volume.
 MOST_OFFSET = 0.5
-#: Moves that hold it.
-VOLUME_ROUNDS = 2
+#: It holds it but for this share after a few moves: threads need the most.
+HELD_WITHIN, VOLUME_ROUNDS = 1e-4, 6
 #: Vertices within this share of a level's height of where the scan ends are moved there before it cuts.
 NEXT_TO_CUT = 0.2
 #: Rounds in which lost voxels are given back, and how far around them in pixels the filter does less.
-MENDING_ROUNDS, MENDED_PIXELS = 3, 3.0
+MENDING_ROUNDS, MENDED_PIXELS = 4, 3.0
 #: A branch as thin as a voxel is a thread where its area shrank to this share, averaged over neighbours.
 THREAD, AREA_ROUNDS = 0.3, 2
 
@@ -74,7 +75,7 @@ def smooth_mesh(stack: SliceStack, wave: float | None = None) -> Mesh:
     rough = without_small(distance.zero_surface(), stack)
     wave = default_wave(pixel, stack.step) if wave is None else wave
     band = min((np.pi * EDGE_PIXELS * pixel / max(wave, 1e-6)) ** 2, WIDEST_BAND)
-    smooth = rough.low_passed(band, ROUNDS)
+    smooth = _without_threads(rough.low_passed(band, ROUNDS), rough, stack)
     if stack.held_volume is not None:
         smooth = _of_volume(smooth, stack.held_volume, distance)
     return _mended(smooth, rough, stack)
@@ -88,37 +89,66 @@ def default_wave(pixel: float, step: float) -> float:
 def _of_volume(mesh: Mesh, volume: float, distance: SampledDistance) -> Mesh:
     """Move a mesh along its normals until it holds a volume in mm^3, by no more than `MOST_OFFSET`."""
     moved, most = 0.0, MOST_OFFSET * distance.pixel
+    there = mesh
     for _ in range(VOLUME_ROUNDS):
-        there = Mesh(mesh.vertices + moved * mesh.vertex_normals, mesh.faces)
         missing = volume - volume_between(there, distance.ends)
+        if abs(missing) <= HELD_WITHIN * volume:
+            break
         moved = float(np.clip(moved + missing / max(_area_between(there, distance.ends), 1e-9), -most, most))
-    return Mesh(mesh.vertices + moved * mesh.vertex_normals, mesh.faces)
+        there = Mesh(mesh.vertices + moved * mesh.vertex_normals, mesh.faces)
+    return there
+
+
+def _without_threads(smooth: Mesh, rough: Mesh, stack: SliceStack) -> Mesh:
+    """Go back towards the rough mesh where the smooth one shrank to a thread."""
+    area, before = (one.averaged(one.vertex_areas, AREA_ROUNDS) for one in (smooth, rough))
+    thread = np.flatnonzero(area < THREAD * before)
+    if not len(thread):
+        return smooth
+    return _between(smooth, rough, _beside(rough, rough.vertices[thread], np.zeros(len(thread)), stack))
 
 
 def _mended(smooth: Mesh, rough: Mesh, stack: SliceStack) -> Mesh:
-    """Go back towards the rough mesh where the smooth one shrank to threads, or loses voxels of slices."""
-    kept = np.zeros(len(rough.vertices))
-    mesh, reach = smooth, MENDED_PIXELS * stack.pixel
-    area, before = (one.averaged(one.vertex_areas, AREA_ROUNDS) for one in (smooth, rough))
-    places: FloatArray = rough.vertices[area < THREAD * before]
-    far = np.zeros(len(places))
-    for _ in range(1 + MENDING_ROUNDS):
-        if len(places):
-            away, nearest = cKDTree(places).query(rough.vertices)
-            near = 1 - np.clip((away - far[nearest]) / reach, 0, 1)
-            kept = np.maximum(kept, near * near * (3 - 2 * near))
-            mesh = Mesh(smooth.vertices + kept[:, None] * (rough.vertices - smooth.vertices), rough.faces)
+    """Go back towards the rough mesh where the smooth one loses voxels of slices, or crosses itself."""
+    kept, triangles = np.zeros(len(rough.vertices)), MovingTriangles(rough.faces)
+    mesh = smooth
+    for _ in range(MENDING_ROUNDS):
         places, far = lost_voxels(mesh, stack)
+        crossing = mesh.vertices[np.unique(mesh.faces[triangles.passing_pairs(mesh.vertices)])]
+        places, far = np.concatenate([places, crossing]), np.append(far, np.zeros(len(crossing)))
         if not len(places):
             break
+        kept = np.maximum(kept, _beside(rough, places, far, stack))
+        mesh = _between(smooth, rough, kept)
+        if stack.held_volume is not None:
+            mesh = _of_volume(mesh, stack.held_volume, stack.distance)
     return mesh
 
 
+def _beside(mesh: Mesh, places: FloatArray, far: FloatArray, stack: SliceStack) -> FloatArray:
+    """Shares (V,): 1 at places (P, 3), and so far (P,) around, falling to 0 within `MENDED_PIXELS`."""
+    away, nearest = cKDTree(places).query(mesh.vertices)
+    near = 1 - np.clip((away - far[nearest]) / (MENDED_PIXELS * stack.pixel), 0, 1)
+    return near * near * (3 - 2 * near)
+
+
+def _between(smooth: Mesh, rough: Mesh, share: FloatArray) -> Mesh:
+    """Vertices on the way from one mesh to another: shares (V,) of 1 are the rough one's."""
+    return Mesh(smooth.vertices + share[:, None] * (rough.vertices - smooth.vertices), rough.faces)
+
+
 def without_small(mesh: Mesh, stack: SliceStack) -> Mesh:
-    """Leave out a mesh's pieces that are too small, but for the largest."""
+    """Leave out a mesh's pieces that are too small and around no pixel's centre, but for the largest."""
     pieces = sorted(mesh.pieces(), key=lambda piece: -abs(piece.volume))
     least = SHRUNK_PART * stack.smallest
-    return Mesh.joined([piece for n, piece in enumerate(pieces) if n == 0 or abs(piece.volume) >= least])
+    count = max(1, sum(abs(piece.volume) >= least for piece in pieces))
+    large, small = pieces[:count], pieces[count:]
+    if not small:
+        return mesh
+    places = pixels_within(Mesh.joined([piece.outwards() for piece in small]), stack.slices)
+    of_piece = np.repeat(np.arange(len(small)), [len(piece.vertices) for piece in small])
+    nearest = cKDTree(np.concatenate([piece.vertices for piece in small])).query(places)[1]
+    return Mesh.joined(large + [small[number] for number in np.unique(of_piece[nearest]).tolist()])
 
 
 def volume_between(mesh: Mesh, ends: tuple[float, float]) -> float:

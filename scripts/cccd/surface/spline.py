@@ -56,7 +56,7 @@ MOST_CURVED = 2.0
 #: Rounds of averaging the curvature with that of the neighbours.
 CURVATURE_ROUNDS = 4
 #: Rounds of finer quads where the surface loses a voxel ...
-REFINEMENTS = 2
+REFINEMENTS = 3
 #: ... and further ones where it passes through itself: narrow gaps need quads no wider than they are.
 CROSSING_REFINEMENTS = 2
 #: Where voxels are lost the coarse mesh may have so many times the triangles that it has at most elsewhere.
@@ -197,6 +197,7 @@ def _fit_and_refine(cut: Mesh, target: Target, triangles: tuple[int, int], stack
         # even weights are left out: a faster collapse takes none
         start, coarse = control_mesh(fine, most, ends, weights if attempt else None)
         fit = fit_spline(start, target)
+        fit.hold(volume, 1)
         places = lost = _lost(fit.spline, stack) if attempt < REFINEMENTS else np.zeros((0, 3))
         if not len(places):
             fit.hold(volume, _drawn(start))
@@ -205,12 +206,13 @@ def _fit_and_refine(cut: Mesh, target: Target, triangles: tuple[int, int], stack
                 best = len(places), fit.spline
             if not len(places) or most >= finest:
                 break
-        if len(lost) and not attempt:  # what fewer triangles have lost is sought among more
-            more = ahead(cut, max(len(cut.faces) // 2, 2 * SPARE * most))
-            more = moved_to_ends(more, stack.distance)
-            beside = cKDTree(lost).query(more.vertices)[0] < BESIDE_LOST * stack.pixel
-            fine = fewer_triangles(more, SPARE * most, ends, np.where(beside, LOST_DEARER, 1.0))
-            weights = np.ones(len(fine.vertices))
+        if len(lost):
+            if not attempt and len(lost_voxels(fine, stack)[0]):  # it is sought among more triangles
+                fine = moved_to_ends(ahead(cut, max(len(cut.faces) // 2, 2 * SPARE * most)), stack.distance)
+                fine = fewer_triangles(fine, SPARE * most, ends, _dearer(fine, lost, stack))
+                weights = np.ones(len(fine.vertices))
+            else:
+                weights *= _dearer(fine, lost, stack)
         there = np.zeros(len(coarse.faces), np.bool_)
         there[nearest_faces(places, coarse)] = True
         there = coarse.with_neighbours(there)
@@ -218,6 +220,11 @@ def _fit_and_refine(cut: Mesh, target: Target, triangles: tuple[int, int], stack
         most = min(len(coarse.faces) + 3 * int(there.sum()), finest * (LOST_FINER if len(lost) else 1))
     assert best is not None
     return with_caps(best[1], ends)
+
+
+def _dearer(mesh: Mesh, lost: FloatArray, stack: SliceStack) -> FloatArray:
+    """Weights (V,) for the collapse of a mesh that keep it fine beside lost voxels (P, 3)."""
+    return np.where(cKDTree(lost).query(mesh.vertices)[0] < BESIDE_LOST * stack.pixel, LOST_DEARER, 1.0)
 
 
 def _lost(spline: ControlMesh, stack: SliceStack) -> FloatArray:

@@ -37,8 +37,8 @@ FACING = 0.2
 LEAST_AREA = 0.1
 #: Rounds in which what crosses moves half way back to where it began, and rounds in which it evens out.
 UNTANGLING_ROUNDS = 6
-#: Share of the volume that it may hold more or less.
-HELD_WITHIN = 1e-4
+#: Share of the volume that it may hold more or less, and moves to that.
+HELD_WITHIN, HOLDING_ROUNDS = 1e-4, 3
 #: Residual of the linear systems, and most steps to it.
 SOLVED, MOST_STEPS = 1e-3, 100
 
@@ -123,17 +123,18 @@ class SplineFit:
         self.points = self.points + by * self._normals(self.sampling @ self.points)[: len(self.points)]
 
     def hold(self, volume: float, times: int) -> None:
-        """Move the surface until it holds so many mm^3, `HELD_WITHIN` a share, after some subdivisions.
+        """Move the surface until it holds so many mm^3 at some subdivisions, but for a share `HELD_WITHIN`.
 
         By the divergence theorem, of a field along the planes where the scan cuts: none flows through them.
         """
-        for subdivisions in (SAMPLED, SAMPLED, times, times):
-            sampler = self.wall.sampler(subdivisions)
+        sampler = self.wall.sampler(times)
+        for _ in range(HOLDING_ROUNDS):
             drawn = Mesh(sampler.matrix @ self.points, sampler.triangles)
             middle = drawn.vertices[drawn.faces, :2].mean(axis=1)
             held = float(np.einsum("fc,fc->", middle, drawn.face_normals[:, :2])) / 4
-            if abs(volume - held) > HELD_WITHIN * volume:
-                self.move((volume - held) / drawn.area)
+            if abs(volume - held) <= HELD_WITHIN * volume:
+                break
+            self.move((volume - held) / drawn.area)
 
     def untangle(self, times: int) -> FloatArray:
         """Move control points where the surface passes through itself; the best of some rounds stays.
