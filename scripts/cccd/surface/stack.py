@@ -13,13 +13,12 @@ from cccd.containers import Annotation, Frame, Sections
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray, SingleArray
 from cccd.settings.surface import LoftSettings
 from cccd.surface.borders import Borders, find_borders
-from cccd.surface.endings import round_ends
 from cccd.surface.fields import LevelField
 from cccd.surface.levels import levels_of_slices
 from cccd.surface.moving_branches import move_branches
 from cccd.surface.probability import distances_of_probabilities
 from cccd.surface.sampled import SampledDistance
-from cccd.surface.undrawn import guide_lines, guides_reach, shape_undrawn
+from cccd.surface.undrawn import ends_by_guides, guide_lines, guides_reach, shape_undrawn
 
 __all__ = ["SliceStack", "interpolate_slices", "label_parts"]
 
@@ -190,7 +189,7 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
         values = np.asarray((1 - probable) * values + probable * level, np.float32)
     warnings: list[str] = []
     if annotation is not None:
-        z, values, warnings = _shaped(z, values, slices, annotation, frame, borders.origin, step)
+        z, values, warnings = _shaped(z, values, slices, annotation, frame, borders.origin)
     cut_heights = ends.heights(height, frame.slice_spacing)
     z, values = _running_on(z, values, cut_heights, slices.pixel)
     return SliceStack(
@@ -297,22 +296,22 @@ def _shaped(
     annotation: Annotation,
     frame: Frame,
     origin: IntArray,
-    step: float,
 ) -> tuple[FloatArray, SingleArray, list[str]]:
     """Shape levels between slices of which only some were drawn: ends of parts, and planes across."""
     fields, inner = _fields(z, values, slices)
-    cut = _Ends.of(frame, step, annotation).cut(slices.z)
+    below, above = (
+        [LevelField(float(h), plane, None) for h, plane in zip(z[beyond], values[beyond], strict=True)]
+        for beyond in (slice(inner[0]), slice(inner[-1] + 1, None))
+    )
     guides = guide_lines(annotation, values.shape[1:], frame, origin)
-    rounded = round_ends(fields, slices.distance, slices.spacing, step, cut, slices.pixel, guides)
-    below = [level for level in rounded if level.z < slices.z[0] - SAME_HEIGHT]
-    above = [level for level in rounded if level.z > slices.z[-1] + SAME_HEIGHT]
-    shaped, warnings = shape_undrawn([*below, *fields, *above], guides, frame)
+    shaped, warnings = shape_undrawn(fields, guides, frame)
+    levels = [*ends_by_guides(below, fields[0], guides), *shaped, *ends_by_guides(above, fields[-1], guides)]
     estimated = {float(z[n]): values[n] for n in inner}
     planes = [
         estimated.get(level.z, level.distance) if level.source_slice is not None else level.distance
-        for level in shaped
+        for level in levels
     ]
-    return np.array([level.z for level in shaped]), np.stack(planes), warnings
+    return np.array([level.z for level in levels]), np.stack(planes), warnings
 
 
 def _running_on(

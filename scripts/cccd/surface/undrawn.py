@@ -84,6 +84,25 @@ def shape_undrawn(
     return shaped, [f"{count} parts have no counterpart on the next annotated slice: they end half way to it"]
 
 
+def ends_by_guides(
+    beyond: Sequence[LevelField], last: LevelField, guides: Sequence[GuideLine]
+) -> list[LevelField]:
+    """Move levels beyond the first or the last slice to where planes across show that the organ ends."""
+    rises = [
+        (guide, guide.rise(last.distance < 0, last.z, beyond[0].z > last.z)) for guide in guides if beyond
+    ]
+    known = [(rise, guide) for guide, rise in rises if rise is not None]
+    if not known:
+        return list(beyond)
+    rise, guide = max(known, key=lambda one: one[0])
+    order = sorted([*beyond, last], key=lambda level: abs(level.z - last.z))
+    nearest = np.array([level.distance.take(guide.row, guide.axis).min() for level in order])
+    away = np.array([abs(level.z - last.z) for level in order])
+    first = int(np.argmax(nearest >= 0))
+    ends = float(np.interp(0.0, nearest[first - 1 : first + 1], away[first - 1 : first + 1]))
+    return [replace(level, z=last.z + (level.z - last.z) * rise / ends) for level in beyond]
+
+
 # parts that end ---------------------------------------------------------------------------------------
 
 
@@ -176,13 +195,13 @@ class GuideLine:
         share = np.float32(at - low)
         return (1 - share) * self.lines[low] + share * self.lines[min(low + 1, len(self.lines) - 1)]
 
-    def rise(self, part: BoolArray, z: float, way: int) -> float | None:
-        """How far in mm a part (I, J) goes on, up (1) or down (-1); None where the plane misses it."""
+    def rise(self, part: BoolArray, z: float, upwards: bool) -> float | None:
+        """How far in mm a part (I, J) goes on; None where the plane misses it."""
         met = np.flatnonzero(np.moveaxis(part, self.axis, 0)[self.row])
         start = round(z / self.step) - self.first
         if len(met) == 0 or not 0 <= start < len(self.lines):
             return None
-        beyond = self.lines[start + 1 :, met] if way > 0 else self.lines[:start, met][::-1]
+        beyond = self.lines[start + 1 :, met] if upwards else self.lines[:start, met][::-1]
         slices = np.logical_and.accumulate(beyond < 0, axis=0).sum(axis=0).max(initial=0)
         return (float(slices) + 0.5) * self.step
 
