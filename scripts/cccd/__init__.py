@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 # Where those are that `cccd.api` does not have.
-_HOMES = {"reconstruct_labels": "cccd.whole_map"}
+_HOMES = {"reconstruct_labels": "cccd_labels.whole_map"}
 
 
 def __getattr__(name: str) -> object:

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from cccd.geometry.mesh import Mesh
     from cccd.inputs.regions import DrawnLabels
     from cccd.inputs.row_files import RowFiles
-    from cccd.label_survey import SurveyedLabel
     from cccd.settings.root import Settings
-    from cccd.whole_map import LabelSurface
+    from cccd_labels.label_survey import SurveyedLabel
+    from cccd_labels.whole_map import LabelSurface
 
 __all__ = ["main"]
 
@@ -766,7 +766,7 @@ def _make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], setti
     from cccd.console import OrganLines
     from cccd.files.write import format_of
     from cccd.surface.between import near_pairs
-    from cccd.whole_map import WholeMap
+    from cccd_labels.whole_map import WholeMap
 
     scenes = [path for path in outputs if format_of(path) == "glb"]
     with tqdm(disable=None, leave=False, bar_format="{desc:<40} {elapsed}") as bar:
@@ -853,8 +853,8 @@ def _write_scene(path: Path, organs: Sequence[LabelSurface], band: bool) -> list
     """Write all organs of a map as one scene and, with ``band``, those of their error bands beside it."""
     from dataclasses import asdict
 
-    from cccd.files.scene import name_organs, write_scene
     from cccd.store import atomic_path
+    from cccd_labels.scene import name_organs, write_scene
 
     labels = {one.surface.name: asdict(one.label) for one in organs}
     scenes = {path: {one.surface.name: one.surface.lofted.mesh for one in organs}}
@@ -1042,7 +1042,7 @@ def _segment(given: argparse.Namespace) -> int:
 
 def _check(given: argparse.Namespace) -> int:
     import cccd
-    from cccd.label_survey import measure_labels, survey_labels
+    from cccd_labels.label_survey import measure_labels, survey_labels
 
     threshold = _threshold_of(given)
     from_image = bool(given.seed) or threshold is not False
@@ -1101,8 +1101,8 @@ def _survey_row(
 ) -> tuple[Structure, Sequence[SurveyedLabel], DrawnLabels | None]:
     """Read a row's structure, or all labels of a map whose organ is ``*``."""
     from cccd.inputs import load_structure
-    from cccd.label_survey import survey_labels
     from cccd.settings.root import Settings
+    from cccd_labels.label_survey import survey_labels
 
     if row["organ"] != "*":
         settings = Settings()
@@ -1199,9 +1199,9 @@ def _slices(structure: Structure) -> list[int]:
 
 
 def _compare(given: argparse.Namespace) -> int:
-    from cccd.comparison import compare, missed_limits
-    from cccd.comparison_files import check_outputs, write_comparison
     from cccd.limits import LIMITS
+    from cccd_workflow.comparison import compare, missed_limits
+    from cccd_workflow.comparison_files import check_outputs, write_comparison
 
     if len(given.label) > 2:
         raise InputError("--label", "given more than twice", "give one label, or that of A and that of B")
@@ -1434,10 +1434,10 @@ def _relabel(given: argparse.Namespace) -> int:
     from cccd.inputs.load import existing
     from cccd.inputs.nifti_export import write_nifti
     from cccd.inputs.row_files import label_values, read_image
-    from cccd.relabelling import finer_grid, name_of_soft, relabelled, share_of_voxels
     from cccd.settings.root import Settings
     from cccd.store import atomic_path
-    from cccd.whole_map import WholeMap
+    from cccd_labels.relabelling import finer_grid, name_of_soft, relabelled, share_of_voxels
+    from cccd_labels.whole_map import WholeMap
 
     if (given.voxel is None) == (given.like is None):
         raise InputError("--voxel", "one of --voxel and --like is needed", "name one of them")

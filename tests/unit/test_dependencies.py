@@ -73,7 +73,11 @@ LATER = {
     "order_contours": ["surface/loft.py", "report/render.py", "curves/fitting.py"],
     "fit_curves": ["surface/loft.py", "report/render.py"],
     "train_gnn": ["surface/loft.py", "report/render.py", "settings/surface.py", "settings/curves.py"],
-    "loft_surface": ["settings/junctions.py", "../cccd_junctions/network.py", "solids/shared_walls.py"],
+    "loft_surface": [
+        "settings/junctions.py",
+        "../cccd_junctions/network.py",
+        "../cccd_labels/shared_walls.py",
+    ],
     "take_surface": ["settings/junctions.py", "../cccd_junctions/network.py"],
 }
 

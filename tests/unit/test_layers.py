@@ -21,12 +21,14 @@ PACKAGES = {
     "cccd_tetrahedra": {"cccd"},
     "cccd_vessels": {"cccd", "cccd_tetrahedra"},
     "cccd_dicom": {"cccd"},
+    "cccd_labels": {"cccd"},
+    "cccd_workflow": {"cccd", "cccd_labels"},
     "cccd_training": {"cccd", "cccd_junctions"},
     "cccd_paper": {"cccd", "cccd_junctions", "cccd_training"},
 }
 
 #: What the core still imports within functions.
-WITHIN_FUNCTIONS = {"cccd_junctions", "cccd_solids", "cccd_tetrahedra", "cccd_vessels", "cccd_dicom"}
+WITHIN_FUNCTIONS = set(PACKAGES) - {"cccd_training", "cccd_paper"}
 
 #: Jobs of the evidence and of the training; all others know the product alone.
 BESIDE = {
