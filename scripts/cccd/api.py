@@ -45,8 +45,10 @@ from cccd.inputs.in_memory import array_of
 from cccd.inputs.load import existing, frame_of, scan_of
 from cccd.inputs.readers import SUFFIXES, without_suffix
 from cccd.inputs.row_files import EACH_ITS_OWN, RowFiles, list_labels, read_image
+from cccd.lookup import find
+from cccd.plugins import table
 from cccd.project import SHIPPED_WEIGHTS
-from cccd.reconstruction import find_contours, loft_sections, order_maps
+from cccd.reconstruction import find_contours, loft_sections
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.surface.surface import LoftedSurface
@@ -818,4 +820,5 @@ def order(
     axis = 2 if np.ndim(boundary_map) == 2 else find_slice_axis(grid, settings.import_.slice_axis)
     frame = Frame(grid, axis, (a, b, c))
     structure = Structure("boundary", "map", frame, np.zeros(3, np.int64), image=grey, boundary=maps)
+    order_maps = find(table("CURVES")["BoundaryMaps"])
     return order_maps(structure, settings.boundaries, settings.gnn.inference, weights)
