@@ -5,6 +5,8 @@ A package has a module ``plugin`` with those of these tables that it fills, dict
 ========================= ========================================================================
 table                     a row
 ========================= ========================================================================
+``COMMANDS``              a command: `Command`
+``OPTIONS``               path of what an option of ``cccd surface`` does, by the option
 ``WRITERS``               a format of files: `Format`
 ``CURVES``                path of a function that makes curves of an input, by the input's type
 ``API``                   path of a public function of ``import cccd``
@@ -29,7 +31,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
-__all__ = ["PACKAGES", "Format", "folders", "table"]
+__all__ = ["PACKAGES", "Command", "Format", "folders", "table"]
 
 #: The core, and what is around it: those that are not there add nothing.
 PACKAGES = (
@@ -37,6 +39,23 @@ PACKAGES = (
     *("cccd_junctions", "cccd_labels", "cccd_dicom", "cccd_solids", "cccd_tetrahedra", "cccd_vessels"),
     *("cccd_workflow", "cccd_paper", "cccd_training"),
 )
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of ``cccd``.
+
+    Attributes
+    ----------
+    help : str
+        One line of ``cccd --help``.
+    arguments : str
+        Path of a function that adds the arguments to the command's parser, and with ``set_defaults(run=...)``
+        what runs it and returns the exit code. Its docstring is the command's description.
+    """
+
+    help: str
+    arguments: str
 
 
 @dataclass(frozen=True)

@@ -10,3 +10,5 @@ WRITERS = {
     "msh": Format("tetrahedra (Gmsh 2.2)", *_TETRAHEDRA),
     "vtu": Format("tetrahedra (VTK)", *_TETRAHEDRA),
 }
+
+OPTIONS = {"materials": "cccd_tetrahedra.commands.with_materials"}
