@@ -207,7 +207,7 @@ def test_the_order_of_pixels_and_of_slices_changes_nothing(shipped):
 
 
 def test_the_library_orders_without_torch():
-    code = "import sys; from cccd_junctions import order_boundaries; print('torch' in sys.modules)"
+    code = "import sys; from cccd_junctions.ordering import order_boundaries; print('torch' in sys.modules)"
     found = subprocess.run(
         [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True, check=True
     )
