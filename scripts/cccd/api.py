@@ -49,6 +49,7 @@ from cccd.lookup import find
 from cccd.plugins import table
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, loft_sections
+from cccd.settings.formats import FORMATS
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.surface.surface import LoftedSurface
@@ -693,18 +694,10 @@ def _series(structure: Structure) -> Path | None:
 
 
 def check_references(paths: Sequence[Path], structure: Structure) -> None:
-    """Refuse, before any work, DICOM files that could not refer to the series that a structure came from."""
-    formats = {format_of(path): path for path in paths}
-    if not formats.keys() & {"dcm", "seg.dcm", "stl.dcm"}:
-        return
-    series = _series(structure)
-    if series is not None:
-        from cccd_dicom.rtstruct import reference_slices  # slow to import
-
-        reference_slices(series)
-    elif "seg.dcm" in formats:
-        problem = "a SEG needs its DICOM series, and there is none"
-        raise InputError(str(formats["seg.dcm"]), problem, "name the series' folder as image")
+    """Refuse, before any work, files that could not refer to the series that a structure came from."""
+    for path in paths:
+        if check := FORMATS[format_of(path)].check:
+            find(check)(path, _series(structure))
 
 
 def _holds_series(folder: Path) -> bool:

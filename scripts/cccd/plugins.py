@@ -7,6 +7,7 @@ table                     a row
 ========================= ========================================================================
 ``COMMANDS``              a command: `Command`
 ``OPTIONS``               path of what an option of ``cccd surface`` does, by the option
+``READERS``               what reads a kind of file, by suffix or DICOM's modality: `Reader`
 ``WRITERS``               a format of files: `Format`
 ``CURVES``                path of a function that makes curves of an input, by the input's type
 ``API``                   path of a public function of ``import cccd``
@@ -31,7 +32,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
-__all__ = ["PACKAGES", "Command", "Format", "folders", "table"]
+__all__ = ["PACKAGES", "Command", "Format", "Reader", "folders", "table"]
 
 #: The core, and what is around it: those that are not there add nothing.
 PACKAGES = (
@@ -59,6 +60,22 @@ class Command:
 
 
 @dataclass(frozen=True)
+class Reader:
+    """What reads a kind of file.
+
+    Attributes
+    ----------
+    read : str
+        Path of a function of the file's path.
+    names : str
+        Path of a function that lists what is in it, where that is several things: names by number.
+    """
+
+    read: str
+    names: str = ""
+
+
+@dataclass(frozen=True)
 class Format:
     """A format in which surfaces are written; its name is the files' suffix without its dot.
 
@@ -72,12 +89,16 @@ class Format:
         The extra that writes it.
     made_of : {"mesh", "solids", "tetrahedra"}
         Writers of solids and of tetrahedra return a report.
+    check : str
+        Path of a function that refuses, before any work, what could not be written: called with path, and
+        folder of the DICOM series or None.
     """
 
     holds: str
     writer: str
     extra: str = ""
     made_of: Literal["mesh", "solids", "tetrahedra"] = "mesh"
+    check: str = ""
 
 
 def folders() -> tuple[Path, ...]:

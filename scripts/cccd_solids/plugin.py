@@ -1,8 +1,12 @@
 """What this package adds to the core: see `cccd.plugins`."""
 
-from cccd.plugins import Format
+from cccd.plugins import Format, Reader
 
 _SOLIDS = ("cccd_solids.files.write", "cad", "solids")
+
+READERS = dict.fromkeys(
+    (".step", ".stp", ".iges", ".igs", ".brep"), Reader("cccd_solids.kernel.read_solid_mesh")
+)
 
 WRITERS = {
     "brep": Format("closed solids, in OpenCASCADE's own format", *_SOLIDS),

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -45,9 +45,6 @@ from cccd.seeds import parse_seeds
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
-
-if TYPE_CHECKING:
-    from cccd_dicom.readers import Regions
 
 __all__ = [
     "FEW_SLICES",
@@ -307,7 +304,7 @@ def _slice_axis(volume: Volume, settings: ImportSettings) -> int:
 
 
 def _scan_of_contours(
-    regions: Regions, row: Mapping[str, str], image: Volume | None, settings: ImportSettings
+    regions: Any, row: Mapping[str, str], image: Volume | None, settings: ImportSettings
 ) -> _Scan:
     """Take drawn contours, and of the image the slices that they were drawn on."""
     rois, location = regions.contours(row["label"], row["organ"]), regions.location

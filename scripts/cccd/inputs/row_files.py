@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -21,11 +21,10 @@ from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.labels import choose_labels
 from cccd.inputs.nnunet import Classes, is_nnunet, read_classes
 from cccd.inputs.readers import SUFFIXES, read_volume, without_suffix
+from cccd.lookup import find
+from cccd.plugins import table
 from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE, PROBABILITY
-
-if TYPE_CHECKING:
-    from cccd_dicom.readers import Regions, Segments
 
 __all__ = [
     "EACH_ITS_OWN",
@@ -71,7 +70,7 @@ def read_image(path: Path, source: str, fill_gaps: bool, referenced: str = "") -
     """
     if path.is_dir() or _is_dicom(path):
         with needing(path.name, "dicom"):
-            from cccd_dicom.readers import read_series  # slow to import
+            read_series = find(table("READERS")["series"].read)
 
         # RIDER keeps a patient's CT and PET together
         modality = "CT" if path.is_dir() and source == "rider_lung" else None
@@ -180,9 +179,8 @@ def list_labels(path: Path) -> dict[str, str]:
     if path.is_dir():
         return {name: name for name, _ in read_masks(path)}
     if _is_dicom(path):
-        from cccd_dicom.readers import region_names, segment_names
-
-        names = region_names(path) if dicom_modality(path) == "RTSTRUCT" else segment_names(path)
+        kind = "RTSTRUCT" if dicom_modality(path) == "RTSTRUCT" else "SEG"
+        names = find(table("READERS")[kind].names)(path)
         return {str(number): name for number, name in sorted(names.items())}
     if is_nnunet(path):
         return read_classes(path).present()
@@ -333,16 +331,12 @@ def read_label_map(path: Path) -> LabelMap:
     return LabelMap.of(read_volume(path))
 
 
-def _read_segments(path: Path) -> Segments:
-    from cccd_dicom.readers import Segments  # slow to import
-
-    return Segments.read(path)
+def _read_segments(path: Path) -> Any:
+    return find(table("READERS")["SEG"].read)(path)
 
 
-def _read_regions(path: Path) -> Regions:
-    from cccd_dicom.readers import Regions  # slow to import
-
-    return Regions.read(path)
+def _read_regions(path: Path) -> Any:
+    return find(table("READERS")["RTSTRUCT"].read)(path)
 
 
 def _checksum(path: Path) -> str:
@@ -370,8 +364,8 @@ class RowFiles:
 
     label_map: Callable[[Path], LabelMap] = read_label_map
     image: Callable[[Path, str, bool, str], Volume] = read_image
-    segments: Callable[[Path], Segments] = _read_segments
-    regions: Callable[[Path], Regions] = _read_regions
+    segments: Callable[[Path], Any] = _read_segments
+    regions: Callable[[Path], Any] = _read_regions
     classes: Callable[[Path], Classes] = read_classes
     checksum: Callable[[Path], str] = _checksum
 

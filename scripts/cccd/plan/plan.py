@@ -14,7 +14,7 @@ from cccd.errors import InputError
 from cccd.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
 from cccd.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find_file
 from cccd.plan.resources import digest, digest_files
-from cccd.plugins import folders
+from cccd.plugins import folders, table
 from cccd.project import shipped_weights
 from cccd.report.registry import Comparison, comparisons, inputs, items, registered
 from cccd.segmentation.networks import networks
@@ -132,6 +132,11 @@ class Plan:
     def library(self, script: str, *functions: str) -> str:
         """Digest the code that ``scripts/<script>.py`` runs, and that of the functions that it is given."""
         return digest(self.root / "scripts" / f"{script}.py", folders(), functions)
+
+    @property
+    def readers(self) -> list[str]:
+        """Functions of other packages that read what a row names."""
+        return [reader.read for reader in table("READERS").values()]
 
     def writer(self, script: str, wildcard: str) -> Callable[[Any], str]:
         """Make a function of a job's wildcards: the digest of ``script`` with the writer of its format."""
