@@ -12,7 +12,6 @@ from cccd.containers import (
     Structure,
 )
 from cccd.contours import take_contours, trace_contours
-from cccd.curves import crossed_warnings, self_crossed_warnings
 from cccd.lookup import find
 from cccd.plugins import table
 from cccd.settings.boundaries import BoundarySettings
@@ -76,6 +75,8 @@ def loft_sections(
     tell("surface")
     surface = loft_surface(sections, lofting)
     if sections.mask is None:
+        from cccd.curves import crossed_warnings, self_crossed_warnings
+
         wrong = [*self_crossed_warnings(sections.curves), *crossed_warnings(sections.curves)]
         surface.report["warnings"] = [*wrong, *surface.report["warnings"]]
     return surface

@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 30287,
+    "scripts/cccd": 30321,
     "scripts/cccd_dicom": 1348,
     "scripts/cccd_junctions": 4073,
     "scripts/cccd_labels": 2971,

@@ -80,9 +80,12 @@ def threshold_of(given: argparse.Namespace) -> bool | tuple[float | None, float 
 def settings_of(given: argparse.Namespace) -> Settings:
     """Return the defaults, or those with the keys of the file that was given."""
     from cccd.settings.root import Settings
-    from cccd.settings.validation import read_config
 
-    settings = read_config(given.configfile) if given.configfile else Settings()
+    settings = Settings()
+    if given.configfile:
+        from cccd.settings.validation import read_config
+
+        settings = read_config(given.configfile)
     if given.smooth is not None:
         if not 0 < given.smooth <= 1000:
             raise InputError("--smooth", f"{given.smooth:g} is no length in mm", "give a number up to 1000")

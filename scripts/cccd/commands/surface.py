@@ -85,10 +85,11 @@ def add_surface(command: argparse.ArgumentParser) -> None:
 
 
 def _surface(given: argparse.Namespace) -> int:
-    from cccd.inputs.zarr_labels import is_zarr
+    if not given.input.is_file():
+        from cccd.inputs.zarr_labels import is_zarr
 
-    if is_zarr(given.input):
-        return _surface_of_zarr(given)
+        if is_zarr(given.input):
+            return _surface_of_zarr(given)
     option = "--seed" if given.seed else "--threshold" if given.threshold is not None else None
     stem = plain_stem(given.input)
     if option:
@@ -123,11 +124,15 @@ def _surface(given: argparse.Namespace) -> int:
 
 def _is_shape(path: Path, label: str) -> bool:
     """Whether a file is a mesh, or contours in planes of several directions."""
+    from cccd.inputs.readers import without_suffix
+
+    if not path.is_file() or without_suffix(path.name) is not None:
+        return False
     from cccd.closed_meshes import drawn_planes
     from cccd.files.read_meshes import is_mesh
 
-    if not path.is_file() or is_mesh(path):
-        return path.is_file()
+    if is_mesh(path):
+        return True
     try:
         return drawn_planes(path, label) is not None
     except InputError:
