@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from cccd.files.scene import name_organs
 from cccd.files.write import check_format
 from cccd.job import job
 from cccd.store import atomic_path, write_json
 from cccd.surface.surface import read_surface
+from cccd_labels.scene import name_organs
 from cccd_solids.build import build_solids, write_organs
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):

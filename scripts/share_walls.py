@@ -2,8 +2,8 @@
 
 from cccd.job import job
 from cccd.settings.surface import LoftSettings
-from cccd.solids.shared_walls import read_structures, share_walls
 from cccd.store import write_conforming
+from cccd_labels.shared_walls import read_structures, share_walls
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     structures = read_structures(snakemake.input.structures)

@@ -2,10 +2,10 @@
 
 from cccd.job import job
 from cccd.settings.surface import LoftSettings
-from cccd.solids.shared_walls import take_organ
 from cccd.store import read_sections
 from cccd.surface import loft_surface
 from cccd.surface.surface import write_files
+from cccd_labels.shared_walls import take_organ
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     settings = LoftSettings(**snakemake.params.settings)

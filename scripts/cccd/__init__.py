@@ -22,7 +22,7 @@ command `cccd --help` does the same from a shell.
 """
 
 # Public names load when they are first asked for. The library never sees `snakemake`, and its imports run one
-# way (CONTRIBUTING.md). `cccd_paper` and `cccd_training` add to it what they have (`cccd.additions`).
+# way (CONTRIBUTING.md). The packages around it add what they have (`cccd.plugins`).
 # pyright: reportUnsupportedDunderAll=false
 
 __version__ = "1.0.0"
@@ -45,18 +45,16 @@ __all__ = [
     "smooth_mesh",
 ]
 
-# Where those are that `cccd.api` does not have.
-_HOMES = {"reconstruct_labels": "cccd.whole_map"}
-
 
 def __getattr__(name: str) -> object:
     """Load a public name when it is first asked for (PEP 562); the types stand in ``__init__.pyi``."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
+    from cccd.lookup import find
+    from cccd.plugins import table
 
     # by name, so that no job of the workflow counts all of the library among its own
-    value = getattr(import_module(_HOMES.get(name, "cccd.api")), name)
+    value = find(table("API").get(name, f"cccd.api.{name}"))
     globals()[name] = value
     return value
 

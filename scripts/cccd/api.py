@@ -19,16 +19,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from threadpoolctl import threadpool_limits
 
-from cccd.closed_meshes import (
-    check_overlap,
-    drawn_planes,
-    read_closed_mesh,
-    structure_of_mesh,
-    structure_of_planes,
-)
 from cccd.console import millilitres
 from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
-from cccd.curves import describe_curves
 from cccd.dicom_objects import dicom_modality, lies_in_its_series, object_in
 from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import needing
@@ -41,16 +33,17 @@ from cccd.inputs import load_structure, structure_of_array
 from cccd.inputs.annotation import AUTO, NONEMPTY, RULES
 from cccd.inputs.grey_values import image_without_mask
 from cccd.inputs.grid import Volume, check_affine, find_slice_axis
-from cccd.inputs.in_memory import array_of
 from cccd.inputs.load import existing, frame_of, scan_of
 from cccd.inputs.readers import SUFFIXES, without_suffix
 from cccd.inputs.row_files import EACH_ITS_OWN, RowFiles, list_labels, read_image
+from cccd.lookup import find
+from cccd.plugins import table
 from cccd.project import SHIPPED_WEIGHTS
-from cccd.reconstruction import find_contours, loft_sections, order_maps
+from cccd.reconstruction import find_contours, loft_sections
+from cccd.settings.formats import FORMATS
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.surface.surface import LoftedSurface
-from cccd.surface.uniform import with_uniform_triangles
 
 if TYPE_CHECKING:
     import pyvista
@@ -248,6 +241,8 @@ class Surface:
         >>> len(even.faces), even.mesh.is_watertight
         (500, True)
         """
+        from cccd.surface.uniform import with_uniform_triangles
+
         return replace(self, lofted=with_uniform_triangles(self.lofted, triangles, edge_mm))
 
     def to_pyvista(self) -> pyvista.PolyData:
@@ -591,6 +586,8 @@ def reconstruct(
     if isinstance(organ, Structure):
         structure = organ
     else:
+        from cccd.inputs.in_memory import array_of
+
         array, grid = array_of(organ, affine, spacing)
         structure = structure_of_array(array, grid, settings.import_, annotated=_rule(annotated))
         _told(structure, 5)  # two frames are the decorators'
@@ -653,6 +650,14 @@ def smooth_mesh(
     --------
     reconstruct : of voxels and contours.
     """
+    from cccd.closed_meshes import (
+        check_overlap,
+        drawn_planes,
+        read_closed_mesh,
+        structure_of_mesh,
+        structure_of_planes,
+    )
+
     settings, path = settings or _DEFAULTS, Path(path)
     tell = progress or (lambda step: None)
     tell("contours")
@@ -691,18 +696,10 @@ def _series(structure: Structure) -> Path | None:
 
 
 def check_references(paths: Sequence[Path], structure: Structure) -> None:
-    """Refuse, before any work, DICOM files that could not refer to the series that a structure came from."""
-    formats = {format_of(path): path for path in paths}
-    if not formats.keys() & {"dcm", "seg.dcm", "stl.dcm"}:
-        return
-    series = _series(structure)
-    if series is not None:
-        from cccd_dicom.rtstruct import reference_slices  # slow to import
-
-        reference_slices(series)
-    elif "seg.dcm" in formats:
-        problem = "a SEG needs its DICOM series, and there is none"
-        raise InputError(str(formats["seg.dcm"]), problem, "name the series' folder as image")
+    """Refuse, before any work, files that could not refer to the series that a structure came from."""
+    for path in paths:
+        if check := FORMATS[format_of(path)].check:
+            find(check)(path, _series(structure))
 
 
 def _holds_series(folder: Path) -> bool:
@@ -743,6 +740,8 @@ def fit_contours(
     >>> len(fitted.splines.control_points) < 30
     True
     """
+    from cccd.curves import describe_curves
+
     if not isinstance(contours, Curves):
         contours = _one_slice(contours, np.eye(4) if affine is None else np.asarray(affine, float))
     return describe_curves(contours, (settings or _DEFAULTS).curves)
@@ -818,4 +817,5 @@ def order(
     axis = 2 if np.ndim(boundary_map) == 2 else find_slice_axis(grid, settings.import_.slice_axis)
     frame = Frame(grid, axis, (a, b, c))
     structure = Structure("boundary", "map", frame, np.zeros(3, np.int64), image=grey, boundary=maps)
+    order_maps = find(table("CURVES")["BoundaryMaps"])
     return order_maps(structure, settings.boundaries, settings.gnn.inference, weights)

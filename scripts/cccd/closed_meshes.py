@@ -24,6 +24,8 @@ from cccd.geometry.sections import cross_sections
 from cccd.inputs.csl import read_csl
 from cccd.inputs.drawn_contours import assemble_contours, contour_frame
 from cccd.inputs.grid import Volume
+from cccd.lookup import find
+from cccd.plugins import table
 from cccd.surface.crossing_planes import DrawnPlane, planes_of, surface_through
 from cccd.tolerances import SLICE_DIRECTION
 
@@ -88,9 +90,7 @@ def drawn_planes(path: Path, label: str = "") -> list[DrawnPlane] | None:
         return [DrawnPlane(normal, rings) for normal, rings in read_csl(path)]
     if not path.is_file() or dicom_modality(path) != "RTSTRUCT":
         return None
-    from cccd_dicom.readers import Regions  # slow to import
-
-    rois = Regions.read(path).contours(label, "")
+    rois = find(table("READERS")["RTSTRUCT"].read)(path).contours(label, "")
     planes = planes_of([contour for roi in rois for contour in roi], path.name)
     return planes if _directions(planes) > 1 else None
 

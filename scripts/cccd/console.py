@@ -24,6 +24,7 @@ __all__ = [
     "joined_warnings",
     "millilitres",
     "organ_table",
+    "print_error",
     "shorten",
 ]
 
@@ -47,6 +48,12 @@ FORESEEN = 0.1
 NAMED = 4
 #: Seconds between the lines about a label map.
 LINES_APART = 20.0
+
+
+def print_error(line: str, code: int = 1) -> int:
+    """Say in one line what is wrong; give the exit code."""
+    print(f"Error: {' '.join(line.split())}", file=sys.stderr)
+    return code
 
 
 def is_of_jobs(record: logging.LogRecord) -> bool:

@@ -80,7 +80,7 @@ def take_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
 
 
 def doubtful_slices(report: Mapping[str, Any], most: int = 10) -> list[str]:
-    """Say, of what `cccd_junctions.order_boundaries` reports, which slices should be looked at.
+    """Say, of what `cccd_junctions.ordering.order_boundaries` reports, which slices should be looked at.
 
     Examples
     --------

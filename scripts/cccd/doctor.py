@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import importlib.util
+import json
 import sys
 import tempfile
 from collections.abc import Callable
@@ -13,7 +15,7 @@ from typing import Any, NamedTuple
 
 from cccd.extras import EXTRAS, how_to_install
 
-__all__ = ["Finding", "examine"]
+__all__ = ["Finding", "add_doctor", "examine"]
 
 
 class Finding(NamedTuple):
@@ -22,6 +24,22 @@ class Finding(NamedTuple):
     what: str
     works: bool
     detail: str  # a version, or what to do
+
+
+def add_doctor(command: argparse.ArgumentParser) -> None:
+    """Report what is installed and works: extras, GPU, off-screen drawing, CAD."""
+    command.add_argument("--json", action="store_true", help="print JSON")
+    command.set_defaults(run=_doctor)
+
+
+def _doctor(given: argparse.Namespace) -> int:
+    findings = examine()
+    if given.json:
+        print(json.dumps([finding._asdict() for finding in findings], indent=2))
+    else:
+        for what, works, detail in findings:
+            print(f"{'yes' if works else 'no ':<4} {what:<18} {detail}")
+    return 0
 
 
 def examine() -> list[Finding]:

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 from cccd.containers import (
-    BoundaryMaps,
     Curves,
-    GreyImage,
     MaskStack,
     ProbabilityStack,
     Sections,
     Structure,
 )
 from cccd.contours import take_contours, trace_contours
-from cccd.curves import crossed_warnings, self_crossed_warnings
-from cccd.extras import needing
-from cccd.project import SHIPPED_WEIGHTS
+from cccd.lookup import find
+from cccd.plugins import table
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.junctions import InferenceSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import LoftedSurface, loft_surface
 
-__all__ = ["find_contours", "loft_sections", "order_maps", "reconstruct_mask"]
+__all__ = ["find_contours", "loft_sections", "reconstruct_mask"]
 
 
 def _silent(step: str) -> None:
@@ -33,7 +29,7 @@ def _silent(step: str) -> None:
 def find_contours(structure: Structure, boundaries: BoundarySettings, inference: InferenceSettings) -> Curves:
     """Make ordered closed curves of what a structure brings.
 
-    Drawn contours are taken as they are, a mask is traced, anything else is ordered by the shipped network.
+    Drawn contours are taken as they are, a mask is traced; anything else another package orders.
 
     Parameters
     ----------
@@ -49,36 +45,11 @@ def find_contours(structure: Structure, boundaries: BoundarySettings, inference:
     match structure.source:
         case Curves():
             return take_contours(structure)[0]
-        case BoundaryMaps() | GreyImage():
-            return order_maps(structure, boundaries, inference)
         case MaskStack() | ProbabilityStack():
             return trace_contours(structure)[0]
-
-
-@needing("ordering boundary pixels", "gnn")
-def order_maps(
-    structure: Structure,
-    boundaries: BoundarySettings,
-    inference: InferenceSettings,
-    weights: str | Path = SHIPPED_WEIGHTS,
-) -> Curves:
-    """Order a structure's boundary pixels by a junction network; needs PyTorch.
-
-    Parameters
-    ----------
-    structure : Structure
-        With boundary maps, or an image and a region.
-    boundaries, inference
-        Sections ``boundaries`` and ``gnn.inference`` of the configuration.
-    weights : path
-        A trained network.
-    """
-    from cccd_junctions.boundary import extract_boundaries
-    from cccd_junctions.checkpoint import load_model  # torch takes two seconds to load
-    from cccd_junctions.ordering import order_contours
-
-    pixels = extract_boundaries(structure, boundaries)
-    return order_contours(structure, pixels, load_model(weights), inference)[0]
+        case source:
+            make = find(table("CURVES")[type(source).__name__])
+            return make(structure, boundaries, inference)
 
 
 def loft_sections(
@@ -104,6 +75,8 @@ def loft_sections(
     tell("surface")
     surface = loft_surface(sections, lofting)
     if sections.mask is None:
+        from cccd.curves import crossed_warnings, self_crossed_warnings
+
         wrong = [*self_crossed_warnings(sections.curves), *crossed_warnings(sections.curves)]
         surface.report["warnings"] = [*wrong, *surface.report["warnings"]]
     return surface

@@ -38,6 +38,8 @@ __all__ = [
     "Regions",
     "Segments",
     "known_uid",
+    "read_regions",
+    "read_segments",
     "read_series",
     "region_names",
     "segment_names",
@@ -670,3 +672,13 @@ def _contour(location: str, roi: str, item: pydicom.Dataset) -> FloatArray:
     if not np.isfinite(points).all():
         raise InputError(location, f"ROI {roi!r} has coordinates that are not finite", "export it again")
     return points @ LPS_TO_RAS[:3, :3]
+
+
+def read_segments(path: Path) -> Segments:
+    """Read a SEG."""
+    return Segments.read(path)
+
+
+def read_regions(path: Path) -> Regions:
+    """Read an RTSTRUCT."""
+    return Regions.read(path)

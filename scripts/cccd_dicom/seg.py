@@ -33,6 +33,14 @@ __all__ = ["write", "write_seg"]
 _UNUSABLE = ("its images cannot carry a SEG", "export the series again, or use RTSTRUCT")
 
 
+def check_series(path: Path, series: Path | None) -> None:
+    """Refuse a SEG without a series, or with one that it could not refer to."""
+    if series is None:
+        problem = "a SEG needs its DICOM series, and there is none"
+        raise InputError(str(path), problem, "name the series' folder as image")
+    reference_slices(series)
+
+
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write the voxels whose centres lie inside."""
     write_seg(

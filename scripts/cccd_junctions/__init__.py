@@ -29,8 +29,3 @@ module               holds
 ``ordering``         a volume's boundary pixels to curves; ``contours``: a structure's
 ==================== ===============================================================================
 """
-
-from cccd_junctions.inference import Predictor
-from cccd_junctions.ordering import order_boundaries
-
-__all__ = ["Predictor", "order_boundaries"]

@@ -8,10 +8,10 @@ from typing import Any
 
 import torch
 
-from cccd.additions import added
 from cccd.devices import chosen_device
 from cccd.lookup import find
 from cccd.model_header import foreign, read_header
+from cccd.plugins import table
 from cccd.torch_files import save_content
 from cccd_junctions.inference import LoopPredictor
 from cccd_junctions.network import JunctionNetwork
@@ -55,7 +55,7 @@ def load_model(path: str | Path) -> JunctionNetwork | LoopPredictor:
         When the file is not one that `save_model` wrote.
     """
     header, content = read_header(path), read_model(path)
-    others = added("junction network")
+    others = table("JUNCTION_NETWORKS")
     if header.network != "ours" and header.network not in others:
         raise foreign(path, f"no installed package has its network {header.network!r}")
     try:

@@ -45,7 +45,7 @@ class Predictor(Protocol):
 
 @runtime_checkable
 class LoopPredictor(Protocol):
-    """What orders a map's pixels by itself: another package's network (`cccd.additions`)."""
+    """What orders a map's pixels by itself: another package's network (`cccd.plugins`)."""
 
     def find_loops(self, maps: Sequence[AnyArray]) -> list[list[IntArray]]:
         """Find closed loops (n, 2) of pixels in every map (N, 2)."""

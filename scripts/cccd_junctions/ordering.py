@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,16 +17,44 @@ from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels
 from cccd.containers import Boundaries, Curves, Structure
 from cccd.contours import check_closed
 from cccd.errors import InputError
+from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, RealArray, owners_of, sum_per_part
+from cccd.project import SHIPPED_WEIGHTS
+from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.junctions import InferenceSettings
+from cccd_junctions.boundary import extract_boundaries
 from cccd_junctions.decoding import closed_chains
 from cccd_junctions.inference import LoopPredictor, Predictor, predict_slices
 from cccd_junctions.uncertainty import CALIBRATED_WEIGHTS, listed_from
 
-__all__ = ["DEFAULTS", "count_changes", "order_boundaries", "order_contours"]
+__all__ = ["DEFAULTS", "count_changes", "order_boundaries", "order_contours", "order_maps"]
 
 #: What holds where nobody decides.
 DEFAULTS = InferenceSettings()
+
+
+@needing("ordering boundary pixels", "gnn")
+def order_maps(
+    structure: Structure,
+    boundaries: BoundarySettings,
+    inference: InferenceSettings,
+    weights: str | Path = SHIPPED_WEIGHTS,
+) -> Curves:
+    """Order a structure's boundary pixels by a junction network; needs PyTorch.
+
+    Parameters
+    ----------
+    structure : Structure
+        With boundary maps, or an image and a region.
+    boundaries, inference
+        Sections ``boundaries`` and ``gnn.inference`` of the configuration.
+    weights : path
+        A trained network.
+    """
+    from cccd_junctions.checkpoint import load_model  # torch takes two seconds to load
+
+    pixels = extract_boundaries(structure, boundaries)
+    return order_contours(structure, pixels, load_model(weights), inference)[0]
 
 
 def order_contours(

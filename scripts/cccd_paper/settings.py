@@ -100,3 +100,10 @@ class ComparisonSettings(Section):
     thick_slices: ThickSliceSettings = setting(
         ThickSliceSettings(), "slices left out and interpolated", why="What thick slices cost."
     )
+
+
+#: The section ``comparisons``: its model and its default.
+SECTION = (
+    ComparisonSettings,
+    setting(ComparisonSettings(), "the other methods, on the same structures", why="The paper's tables."),
+)

@@ -20,10 +20,9 @@ from cccd.settings.root import Settings
 from cccd.surface import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
-from cccd_junctions import order_boundaries
 from cccd_junctions.boundary import extract_boundaries
 from cccd_junctions.checkpoint import load_model
-from cccd_junctions.ordering import order_contours
+from cccd_junctions.ordering import order_boundaries, order_contours
 from cccd_paper.comparisons.volume_meshes import flying_edges, windowed_sinc
 from cccd_training.junctions.data import label_map
 from cccd_training.junctions.loss import total_loss

@@ -37,9 +37,9 @@ from cccd.geometry.raster import voxelise  # noqa: E402
 from cccd.metrics import surface_distances  # noqa: E402
 from cccd.settings.root import Settings  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
-from cccd.solids.shared_walls import SharedWalls, on_one_grid, share_walls  # noqa: E402
 from cccd.surface.measure import mask_surface, voxel_volume  # noqa: E402
-from cccd.whole_map import WholeMap  # noqa: E402
+from cccd_labels.shared_walls import SharedWalls, on_one_grid, share_walls  # noqa: E402
+from cccd_labels.whole_map import WholeMap  # noqa: E402
 
 BRAIN = ROOT.parent / "shared" / "data" / "brain_tcga_du7294" / "mask_brain.nii.gz"
 PARCELS = 29

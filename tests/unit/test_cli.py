@@ -17,7 +17,7 @@ import cccd
 from cccd.cli import main
 from cccd.doctor import _extra
 from cccd.extras import EXTRAS
-from cccd.inputs.label_maps import colour_of
+from cccd_labels.label_maps import colour_of
 
 ROOT = Path(__file__).parents[2]
 SCANS = runpy.run_path(str(Path(__file__).parent / "inputs" / "scans.py"))

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from cccd.additions import packages
 from cccd.dependencies import imported_files
+from cccd.plugins import folders
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
-LIBRARIES = packages()
+LIBRARIES = folders()
 
 
 @pytest.fixture
@@ -73,7 +73,11 @@ LATER = {
     "order_contours": ["surface/loft.py", "report/render.py", "curves/fitting.py"],
     "fit_curves": ["surface/loft.py", "report/render.py"],
     "train_gnn": ["surface/loft.py", "report/render.py", "settings/surface.py", "settings/curves.py"],
-    "loft_surface": ["settings/junctions.py", "../cccd_junctions/network.py", "solids/shared_walls.py"],
+    "loft_surface": [
+        "settings/junctions.py",
+        "../cccd_junctions/network.py",
+        "../cccd_labels/shared_walls.py",
+    ],
     "take_surface": ["settings/junctions.py", "../cccd_junctions/network.py"],
 }
 
@@ -93,7 +97,9 @@ def test_the_closure_holds_every_module_that_a_script_really_loads(name):
         tree = ast.parse(pathlib.Path(sys.argv[1]).read_text())
         tree.body = [node for node in tree.body if isinstance(node, (ast.Import, ast.ImportFrom))]
         exec(compile(tree, sys.argv[1], "exec"))
-        modules = [module for name, module in sys.modules.items() if name.split(".")[0].startswith("cccd")]
+        names = [name for name in sys.modules if name.split(".")[0].startswith("cccd")]
+        tables = {part for name in names if name.endswith(".plugin") for part in (name, name.split(".")[0])}
+        modules = [sys.modules[name] for name in names if name not in tables - {"cccd"}]
         print(*(module.__file__ for module in modules), sep="\\n")
     """
     command = [sys.executable, "-c", textwrap.dedent(probe), str(script)]

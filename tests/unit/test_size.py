@@ -8,15 +8,17 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 33963,
-    "scripts/cccd_dicom": 1291,
-    "scripts/cccd_junctions": 4046,
-    "scripts/cccd_paper": 10930,
-    "scripts/cccd_solids": 1964,
-    "scripts/cccd_tetrahedra": 1493,
+    "scripts/cccd": 30321,
+    "scripts/cccd_dicom": 1348,
+    "scripts/cccd_junctions": 4073,
+    "scripts/cccd_labels": 2971,
+    "scripts/cccd_paper": 10921,
+    "scripts/cccd_solids": 1982,
+    "scripts/cccd_tetrahedra": 1534,
     "scripts/cccd_training": 3661,
-    "scripts/cccd_vessels": 1690,
-    "tests": 29668,
+    "scripts/cccd_vessels": 1914,
+    "scripts/cccd_workflow": 674,
+    "tests": 29666,
 }
 
 

@@ -24,7 +24,6 @@ from snakemake.cli import parse_args
 from snakemake.common import overwrite_function_params
 from snakemake.resources import Resource
 
-from cccd.additions import registrations
 from cccd.console import shorten
 from cccd.devices import DEVICE
 from cccd.errors import InputError
@@ -35,7 +34,7 @@ from cccd.plan.networks import MODEL
 from cccd.plan.outcome import report_failed_run, report_good_run, report_interrupted_run
 from cccd.plan.plan import SHOWN, Plan, files_of_comparison
 from cccd.plan.resources import memory, minutes
-from cccd.report.registry import comparison_jobs
+from cccd.report.registry import comparison_jobs, registered
 from cccd.segmentation.networks import networks
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS

@@ -57,7 +57,7 @@ rule build_structure_page:
         mem_mb=memory(1500, 20),
         runtime=minutes(15),
     params:
-        library=library("build_structure_page", *registrations()),
+        library=library("build_structure_page", *registered()),
         templates=plan.templates,
         config=config,
     script:

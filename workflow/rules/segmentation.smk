@@ -33,7 +33,7 @@ rule train_segmenter:
         runtime=minutes(60),
     params:
         library=lambda wildcards: library(
-            "train_segmenter", networks()[wildcards.network].build
+            "train_segmenter", networks()[wildcards.network].build, *plan.readers
         ),
         rows=plan.training_rows,
         sheet_folder=plan.sheet_folder,
@@ -67,7 +67,7 @@ rule segment_structure:
         mem_mb=memory(2500, 40),
         runtime=minutes(30),
     params:
-        library=library("segment_structure", *plan.segmenter.code),
+        library=library("segment_structure", *plan.segmenter.code, *plan.readers),
         row=cohort.row,
         sheet_folder=plan.sheet_folder,
         segmenter=plan.segmenter.name,

@@ -50,7 +50,7 @@ rule import_structure:
         mem_mb=memory(1500, 20),
         runtime=minutes(15),
     params:
-        library=library("import_structure"),
+        library=library("import_structure", *plan.readers),
         row=plan.sheet_row,
         sheet_name=cohort.sheet.name,
         sheet_folder=plan.sheet_folder,

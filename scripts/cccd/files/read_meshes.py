@@ -20,12 +20,14 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.inputs.readers import guarded
+from cccd.lookup import find
+from cccd.plugins import table
 from cccd.store import read_bodies
 
 __all__ = ["CAD_SUFFIXES", "MESH_SUFFIXES", "MeshFile", "is_mesh", "read_mesh"]
 
-#: Suffixes of solids, which OpenCASCADE reads.
-CAD_SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
+#: Suffixes of solids, which another package reads.
+CAD_SUFFIXES = tuple(kind for kind in table("READERS") if kind.startswith("."))
 
 #: A glTF file whose organ would be longer than this was written in mm, against the standard.
 _MOST_METRES = 10.0
@@ -173,9 +175,7 @@ def _splines(path: Path) -> MeshFile:
 
 def _solid(path: Path) -> MeshFile:
     with needing(path.name, "cad"):
-        from cccd_solids.kernel import read_solid_mesh
-
-        vertices, faces = read_solid_mesh(path)
+        vertices, faces = find(table("READERS")[path.suffix.lower()].read)(path)
     return MeshFile(_merged(vertices, faces))
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,8 +21,6 @@ from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, Sing
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
 from cccd.inputs.coarser_grid import CoarserGrid, find_coarser_grid
-from cccd.inputs.degraded import BIAS, EVERY, NOISE, damage_maps, rescan
-from cccd.inputs.drawn_contours import assemble_contours, contour_frame
 from cccd.inputs.grey_values import image_without_mask
 from cccd.inputs.grid import (
     Volume,
@@ -34,20 +32,11 @@ from cccd.inputs.grid import (
     on_grid,
     same_grid,
 )
-from cccd.inputs.growing import grow_region
-from cccd.inputs.heads import draw_head
-from cccd.inputs.phantoms import make_phantom
 from cccd.inputs.readers import without_suffix
-from cccd.inputs.regions import find_region
 from cccd.inputs.row_files import EACH_ITS_OWN, LabelMap, RowFiles, read_boundary_maps, read_mask
-from cccd.inputs.sources import brain_of_stripped, read_chest_ct, read_mni152, read_whole_body_ct
-from cccd.seeds import parse_seeds
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
-
-if TYPE_CHECKING:
-    from cccd_dicom.readers import Regions
 
 __all__ = [
     "FEW_SLICES",
@@ -81,8 +70,8 @@ SMALL_MM = 1.0
 #: Distributions whose versions provenance records.
 _READERS = ("h5py", "highdicom", "nibabel", "numpy", "pydicom", "simpleitk")
 
-#: Sources that are read from a package's data.
-_PACKAGED = {"mni152": read_mni152, "chest_ct": read_chest_ct, "whole_body_ct": read_whole_body_ct}
+#: Sources that a function ``read_<name>`` of `cccd.inputs.sources` reads from a package's data.
+_PACKAGED = ("mni152", "chest_ct", "whole_body_ct")
 
 
 @dataclass(frozen=True)
@@ -196,6 +185,9 @@ def with_segmentation_notes(structure: Structure, report: Mapping[str, Any]) -> 
 
 def _make_phantom(row: Mapping[str, str], settings: ImportSettings, seed: int) -> Structure:
     """Make a phantom, its slices' boundary maps damaged where the row's source says so."""
+    from cccd.inputs.degraded import damage_maps
+    from cccd.inputs.phantoms import make_phantom
+
     phantom = make_phantom(
         row["case"],
         row["organ"],
@@ -220,7 +212,10 @@ def _read_source(
         scan = _scan_phantom if row["source"] == "phantom_scan" else _scan_brain
         return scan(row, settings, seed)
     if row["source"] in _PACKAGED:
-        image, mask, facts = _PACKAGED[row["source"]](row["organ"], row["location"])
+        from cccd.inputs import sources
+
+        read = getattr(sources, f"read_{row['source']}")
+        image, mask, facts = read(row["organ"], row["location"])
         provenance = {"source": row["source"], **facts}
         return _Scan(frame_of(mask, settings), image.data, mask.data, provenance=provenance)
     row, implied = complete_row(row, folder)
@@ -257,6 +252,10 @@ def _scan_brain(row: Mapping[str, str], settings: ImportSettings, seed: int) -> 
 
     The mask is ground truth.
     """
+    from cccd.inputs.degraded import BIAS, EVERY, NOISE, rescan
+    from cccd.inputs.heads import draw_head
+    from cccd.inputs.sources import read_mni152
+
     clean, brain, facts = read_mni152(row["organ"], row["location"])
     rng = np.random.default_rng(seed)
     if row["source"] == "mni152_head":
@@ -276,6 +275,8 @@ def _scan_brain(row: Mapping[str, str], settings: ImportSettings, seed: int) -> 
 
 def _scan_phantom(row: Mapping[str, str], settings: ImportSettings, seed: int) -> _Scan:
     """Scan a phantom with what is around its organ, and find that in the image alone; the rest is truth."""
+    from cccd.inputs.phantoms import make_phantom
+
     i, j, k = (float(size) for size in np.multiply(settings.phantom.spacing_mm, _COARSER))
     most = np.ceil(np.divide(_AROUND_PHANTOM_MM, (i, j, k))).astype(int)
     phantom = make_phantom(
@@ -307,9 +308,11 @@ def _slice_axis(volume: Volume, settings: ImportSettings) -> int:
 
 
 def _scan_of_contours(
-    regions: Regions, row: Mapping[str, str], image: Volume | None, settings: ImportSettings
+    regions: Any, row: Mapping[str, str], image: Volume | None, settings: ImportSettings
 ) -> _Scan:
     """Take drawn contours, and of the image the slices that they were drawn on."""
+    from cccd.inputs.drawn_contours import assemble_contours, contour_frame
+
     rois, location = regions.contours(row["label"], row["organ"]), regions.location
     drawn = [contour for roi in rois for contour in roi]
     if not drawn:
@@ -398,7 +401,11 @@ def _find_organ(
     if row.get("seed"):
         return _grow_organ(image, row["seed"], settings)
     if row["source"] == "upenn_gbm":
+        from cccd.inputs.sources import brain_of_stripped
+
         return brain_of_stripped(image), {}
+    from cccd.inputs.regions import find_region
+
     axis = _slice_axis(image, settings)
     found, bounds = find_region(image.data, image.location, settings.region, slice_axis=axis)
     window = [None if np.isinf(bound) else bound for bound in bounds]
@@ -409,6 +416,9 @@ def _find_organ(
 
 def _grow_organ(image: Volume, seed: str, settings: ImportSettings) -> tuple[Volume, dict[str, Any]]:
     """Grow the organ from where a seed says that it is: a rough mask, and what it was grown from."""
+    from cccd.inputs.growing import grow_region
+    from cccd.seeds import parse_seeds
+
     seeds = parse_seeds(seed, image.location)
     spacing = np.linalg.norm(image.affine[:3, :3], axis=0)
     grown = grow_region(image.data, spacing, seeds, _slice_axis(image, settings), image.location)

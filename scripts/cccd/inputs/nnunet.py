@@ -24,7 +24,7 @@ from cccd.inputs.labels import choose_labels
 from cccd.inputs.limits import LIMITS, Limits, check_size
 from cccd.inputs.readers import dataset_names, guarded
 
-__all__ = ["Classes", "is_nnunet", "read_classes"]
+__all__ = ["Classes", "read_classes"]
 
 _HINT = "run nnUNetv2_predict --save_probabilities again, and keep both files"
 
@@ -117,11 +117,6 @@ class Classes:
             second = np.where(higher, best, np.maximum(second, probability))
             best, label = np.where(higher, probability, best), np.where(higher, np.int32(value), label)
         return _BestTwo(label, best, second)
-
-
-def is_nnunet(path: Path) -> bool:
-    """Whether a file's name is that of nnU-Net's probabilities."""
-    return path.name.lower().endswith(".npz")
 
 
 def read_classes(path: Path, limits: Limits = LIMITS) -> Classes:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,13 +19,14 @@ from cccd.inputs.coarser_grid import CoarserGrid, find_coarser_grid
 from cccd.inputs.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilities, refuse_grey_values
 from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.labels import choose_labels
-from cccd.inputs.nnunet import Classes, is_nnunet, read_classes
 from cccd.inputs.readers import SUFFIXES, read_volume, without_suffix
+from cccd.lookup import find
+from cccd.plugins import table
 from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE, PROBABILITY
 
 if TYPE_CHECKING:
-    from cccd_dicom.readers import Regions, Segments
+    from cccd.inputs.nnunet import Classes
 
 __all__ = [
     "EACH_ITS_OWN",
@@ -71,7 +72,7 @@ def read_image(path: Path, source: str, fill_gaps: bool, referenced: str = "") -
     """
     if path.is_dir() or _is_dicom(path):
         with needing(path.name, "dicom"):
-            from cccd_dicom.readers import read_series  # slow to import
+            read_series = find(table("READERS")["series"].read)
 
         # RIDER keeps a patient's CT and PET together
         modality = "CT" if path.is_dir() and source == "rider_lung" else None
@@ -159,7 +160,7 @@ def read_mask(
             raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
         mask = files.segments(path).mask(label, organ, image)
         return _with_coarser_grid(mask, mask.data)
-    if is_nnunet(path):
+    if _is_nnunet(path):
         return _field_or_mask(files.classes(path).of_organ(label, organ))
     return files.label_map(path).organ(label, organ, implied)
 
@@ -180,12 +181,11 @@ def list_labels(path: Path) -> dict[str, str]:
     if path.is_dir():
         return {name: name for name, _ in read_masks(path)}
     if _is_dicom(path):
-        from cccd_dicom.readers import region_names, segment_names
-
-        names = region_names(path) if dicom_modality(path) == "RTSTRUCT" else segment_names(path)
+        kind = "RTSTRUCT" if dicom_modality(path) == "RTSTRUCT" else "SEG"
+        names = find(table("READERS")[kind].names)(path)
         return {str(number): name for number, name in sorted(names.items())}
-    if is_nnunet(path):
-        return read_classes(path).present()
+    if _is_nnunet(path):
+        return _read_classes(path).present()
     labels = _label_map(path)
     present = [int(value) for value in np.unique(labels.data) if value > 0]
     return {str(value): labels.names.get(value, "") for value in present}
@@ -193,7 +193,7 @@ def list_labels(path: Path) -> dict[str, str]:
 
 def label_values(path: Path) -> Volume | None:
     """Read a label map's values, whole numbers, and their names; None where it is no one volume."""
-    return None if path.is_dir() or is_nnunet(path) or _is_dicom(path) else _label_map(path)
+    return None if path.is_dir() or _is_nnunet(path) or _is_dicom(path) else _label_map(path)
 
 
 def _label_map(path: Path) -> Volume:
@@ -333,16 +333,23 @@ def read_label_map(path: Path) -> LabelMap:
     return LabelMap.of(read_volume(path))
 
 
-def _read_segments(path: Path) -> Segments:
-    from cccd_dicom.readers import Segments  # slow to import
+def _is_nnunet(path: Path) -> bool:
+    """Whether a file's name is that of nnU-Net's probabilities."""
+    return path.name.lower().endswith(".npz")
 
-    return Segments.read(path)
+
+def _read_classes(path: Path) -> Classes:
+    from cccd.inputs.nnunet import read_classes
+
+    return read_classes(path)
 
 
-def _read_regions(path: Path) -> Regions:
-    from cccd_dicom.readers import Regions  # slow to import
+def _read_segments(path: Path) -> Any:
+    return find(table("READERS")["SEG"].read)(path)
 
-    return Regions.read(path)
+
+def _read_regions(path: Path) -> Any:
+    return find(table("READERS")["RTSTRUCT"].read)(path)
 
 
 def _checksum(path: Path) -> str:
@@ -370,9 +377,9 @@ class RowFiles:
 
     label_map: Callable[[Path], LabelMap] = read_label_map
     image: Callable[[Path, str, bool, str], Volume] = read_image
-    segments: Callable[[Path], Segments] = _read_segments
-    regions: Callable[[Path], Regions] = _read_regions
-    classes: Callable[[Path], Classes] = read_classes
+    segments: Callable[[Path], Any] = _read_segments
+    regions: Callable[[Path], Any] = _read_regions
+    classes: Callable[[Path], Classes] = _read_classes
     checksum: Callable[[Path], str] = _checksum
 
     @classmethod

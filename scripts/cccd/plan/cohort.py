@@ -155,7 +155,7 @@ class PlannedCohort:
         shared: dict[str, list[str]] = {}
         notes: list[str] = []
         if shared_walls is True or any(row["organ"] == "*" for row in rows):
-            from cccd.inputs.label_maps import expand_rows, shared_groups  # reads scans: slow to import
+            from cccd_labels.label_maps import expand_rows, shared_groups  # reads scans: slow to import
 
             rows, labels, notes = expand_rows(rows, sheet.parent, _LABELS)
             shared = shared_groups(rows, labels, shared_walls)

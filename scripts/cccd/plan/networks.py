@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from cccd.additions import added
 from cccd.errors import InputError
 from cccd.model_header import check_model, check_start, read_segmenter_plan
 from cccd.plan.cohort import PlannedCohort, near
+from cccd.plugins import table
 from cccd.segmentation.networks import networks
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
@@ -21,8 +21,8 @@ __all__ = ["MODEL", "JunctionPlan", "SegmenterPlan", "find_file"]
 #: The junction network in use.
 MODEL = "results/gnn/model.pt"
 
-#: Kinds of additions that a training needs of a network (`cccd.additions`).
-_TRAINING = ("junction network", "junction training")
+#: Tables in which a training finds a network (`cccd.plugins`).
+_TRAINING = ("JUNCTION_NETWORKS", "JUNCTION_TRAINING")
 
 
 def find_file(name: str, root: Path) -> Path:
@@ -121,8 +121,8 @@ class JunctionPlan:
 
     @property
     def code(self) -> list[str]:
-        """Paths of the code that another package adds for this network (`cccd.additions`); of ours none."""
-        return _added_code(self.network, "junction network")
+        """Paths of the code that another package adds for this network (`cccd.plugins`); of ours none."""
+        return _added_code(self.network, "JUNCTION_NETWORKS")
 
     @property
     def training_code(self) -> list[str]:
@@ -132,7 +132,7 @@ class JunctionPlan:
     @property
     def paper_code(self) -> list[str]:
         """Path of the code of the paper's network, whichever orders."""
-        return _added_code("paper", "junction network")
+        return _added_code("paper", "JUNCTION_NETWORKS")
 
     @property
     def paper_training_code(self) -> list[str]:
@@ -166,8 +166,8 @@ def _model_files(key: str, name: str | None, root: Path) -> tuple[str, ...]:
     return (near(path),)
 
 
-def _added_code(network: str, *kinds: str) -> list[str]:
-    return [added(kind)[network] for kind in kinds if network in added(kind)]
+def _added_code(network: str, *tables: str) -> list[str]:
+    return [table(name)[network] for name in tables if network in table(name)]
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from cccd.additions import packages, registrations
 from cccd.cohort import IMAGES_ALONE
 from cccd.errors import InputError
 from cccd.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
 from cccd.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find_file
 from cccd.plan.resources import digest, digest_files
+from cccd.plugins import folders, table
 from cccd.project import shipped_weights
-from cccd.report.registry import Comparison, comparisons, inputs, items
+from cccd.report.registry import Comparison, comparisons, inputs, items, registered
 from cccd.segmentation.networks import networks
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.root import Settings
@@ -131,7 +131,12 @@ class Plan:
 
     def library(self, script: str, *functions: str) -> str:
         """Digest the code that ``scripts/<script>.py`` runs, and that of the functions that it is given."""
-        return digest(self.root / "scripts" / f"{script}.py", packages(), functions)
+        return digest(self.root / "scripts" / f"{script}.py", folders(), functions)
+
+    @property
+    def readers(self) -> list[str]:
+        """Functions of other packages that read what a row names."""
+        return [reader.read for reader in table("READERS").values()]
 
     def writer(self, script: str, wildcard: str) -> Callable[[Any], str]:
         """Make a function of a job's wildcards: the digest of ``script`` with the writer of its format."""
@@ -426,7 +431,7 @@ class Plan:
     @property
     def table_code(self) -> list[str]:
         """Functions that the tables are made by."""
-        return [*(item.tabulate for item in items() if item.tabulate), *registrations()]
+        return [*(item.tabulate for item in items() if item.tabulate), *registered()]
 
     @property
     def report_code(self) -> list[str]:

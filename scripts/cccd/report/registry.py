@@ -3,7 +3,7 @@
 An `Item` says what it is called, which comparison of each structure it stands on, what makes its table over
 the cohort, and what draws it. The rules of the workflow, the tables, the report and its
 contents read this list. The product's own table is that of the structures; other packages add theirs, with
-the sections that show them (`cccd.additions`).
+the sections that show them (`cccd.plugins`).
 
 Functions are named by their dotted path and looked up when they are called: the workflow reads this module
 each time it starts.
@@ -11,10 +11,12 @@ each time it starts.
 
 from __future__ import annotations
 
+from collections import ChainMap
 from dataclasses import dataclass, field
-from typing import Literal
+from importlib import import_module
+from typing import Any, Literal
 
-from cccd.additions import added
+from cccd.plugins import table
 
 __all__ = [
     "Comparison",
@@ -24,6 +26,7 @@ __all__ = [
     "comparisons",
     "inputs",
     "items",
+    "registered",
     "sections",
 ]
 
@@ -191,7 +194,7 @@ DISTANCES = Item(
 
 def items() -> list[Item]:
     """Every table and figure, in the page's order."""
-    return [STRUCTURES, DISTANCES, *added("report item").values()]
+    return [STRUCTURES, DISTANCES, *(item for items in _added("ITEMS") for item in items)]
 
 
 def comparisons() -> dict[str, Comparison]:
@@ -209,9 +212,19 @@ def comparison_jobs() -> dict[str, list[Comparison]]:
 
 def inputs() -> dict[str, Input]:
     """Everything that a comparison's function may ask for, by the name of its parameter."""
-    return dict(added("report input"))
+    return dict(ChainMap(*_added("INPUTS")))
 
 
 def sections() -> dict[str, tuple[str, str]]:
     """Sections of the page that list items: title and introduction."""
-    return dict(added("report section"))
+    return {key: section for sections in _added("SECTIONS") for key, section in sections.items()}
+
+
+def _added(name: str) -> list[Any]:
+    """One of the three lists of every package that has a part of the report."""
+    return [getattr(import_module(module), name) for module in table("REPORT").values()]
+
+
+def registered() -> list[str]:
+    """Paths of what packages add to the report and to the configuration: tables and pages go by it."""
+    return [*(f"{module}.ITEMS" for module in table("REPORT").values()), *table("SETTINGS").values()]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from cccd.additions import added
 from cccd.errors import InputError
 from cccd.lookup import find
+from cccd.plugins import table
 from cccd.settings.messages import nearest
 
 if TYPE_CHECKING:  # the workflow reads this module each time it starts
@@ -52,7 +53,8 @@ NETWORKS = {
 
 def networks() -> dict[str, Network]:
     """Every network, by the name that rules, files and the configuration give it."""
-    return {**NETWORKS, **added("segmentation network")}
+    others = (find(path) for path in table("SEGMENTATION_NETWORKS").values())
+    return dict(ChainMap(*others, NETWORKS))
 
 
 def build(name: str, classes: int, width: int, sizes: Mapping[str, Any]) -> nn.Module:

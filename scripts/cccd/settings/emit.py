@@ -220,7 +220,7 @@ def documentation(sensitivity: list[dict[str, str]]) -> str:
         lines += [_row(_code(key.dotted), *_value_cells(key), _cell(key.what), _cell(key.why)) for key in own]
         if section == "surface":
             lines.append(_FORMATS_HEAD)
-            lines += [_row(_code(form.name), form.holds, form.extra) for form in FORMATS.values()]
+            lines += [_row(_code(name), form.holds, form.extra) for name, form in FORMATS.items()]
             meshes = ", ".join(name.removeprefix("band.") for name in BAND_FORMATS)
             band = "inner and outer surface of the error band, `surface_inner.stl` and `surface_outer.stl`"
             lines.append(_row(_code("band.stl"), f"{band}; also of {meshes}", ""))

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import ValidationError, create_model
 
-from cccd.additions import added
+from cccd.lookup import find
+from cccd.plugins import table
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings
@@ -109,5 +110,6 @@ class Settings(Section):
 
 @functools.cache
 def whole_settings() -> type[Settings]:
-    """Join the sections that other packages add (`cccd.additions`) to the configuration's model."""
-    return create_model("Settings", __base__=Settings, **added("settings"))
+    """Join the sections that other packages add (`cccd.plugins`) to the configuration's model."""
+    sections = {name: find(path) for name, path in table("SETTINGS").items()}
+    return create_model("Settings", __base__=Settings, **sections)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     _Format = _CaseFormat = str
 else:
     _Format = Literal[(*FORMATS, *BAND_FORMATS)]
-    _CaseFormat = Literal[CASE_FORMATS]
+    _CaseFormat = Literal[CASE_FORMATS or (None,)]
 
 
 class TetrahedraSettings(Section):

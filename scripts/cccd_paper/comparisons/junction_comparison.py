@@ -21,13 +21,13 @@ from cccd.geometry.arrays import concatenate_ragged
 from cccd.inputs.corruptions import KINDS
 from cccd.settings.junctions import NetworkSettings
 from cccd.store import atomic_path, write_table
-from cccd_junctions import order_boundaries
 from cccd_junctions.checkpoint import load_model
 from cccd_junctions.decoding import closed_chains, fill_inside
 from cccd_junctions.inference import LoopPredictor, Predictor, predict_masks
 from cccd_junctions.labelling import label_slice
 from cccd_junctions.network import JunctionNetwork
 from cccd_junctions.observation import observe
+from cccd_junctions.ordering import order_boundaries
 from cccd_paper.comparisons.baselines.decoders import DECODERS
 from cccd_paper.comparisons.decoders import decode
 from cccd_paper.junctions.network import PaperNetwork

@@ -38,8 +38,8 @@ def load_orderers(*paths: str | Path) -> list[Orderer]:
 
 
 def _load_orderer(path: str | Path) -> Orderer:
-    from cccd_junctions import order_boundaries
     from cccd_junctions.checkpoint import load_model
+    from cccd_junctions.ordering import order_boundaries
 
     model = load_model(path)
 

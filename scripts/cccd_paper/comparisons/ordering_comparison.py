@@ -8,9 +8,10 @@ import pandas as pd
 from cccd.containers import Boundaries, Curves, Structure
 from cccd.geometry.arrays import IntArray
 from cccd.metrics import dice
-from cccd_junctions import Predictor, order_boundaries
 from cccd_junctions.decoding import find_outline
 from cccd_junctions.delaunay import build_graph
+from cccd_junctions.inference import Predictor
+from cccd_junctions.ordering import order_boundaries
 
 __all__ = ["compare_ordering", "decided_slices"]
 
@@ -33,7 +34,7 @@ def compare_ordering(
     Returns
     -------
     DataFrame
-        One row: the totals of `cccd_junctions.order_boundaries` (``unclosed`` as a number of slices);
+        One row: the totals of `cccd_junctions.ordering.order_boundaries` (``unclosed``: a number of slices);
         ``slices``, and how many of them the network ``decided``, because they are no outlines already;
         ``curves`` by the network, ``curves_exact`` by tracing, and the two's Dice in three dimensions, of all
         slices (``dice``) and of the decided ones (``dice_decided``, missing where there is none).

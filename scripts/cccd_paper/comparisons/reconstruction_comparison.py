@@ -95,8 +95,8 @@ def compare_reconstruction(
     -----
     The other methods see the points alone. CCCD has up to three rows, which ``given`` tells apart: linked
     along the true chain code, which orders them; linked along what it finds of the boundary's pixels
-    (`cccd_junctions.order_boundaries`), as the boundary is never thrown away; and, like the others, ordered
-    from the points alone, as if they were a boundary map.
+    (`cccd_junctions.ordering.order_boundaries`), as the boundary is never thrown away; and, like the others,
+    ordered from the points alone, as if they were a boundary map.
     """
     rng = np.random.default_rng(seed)
     rows = []

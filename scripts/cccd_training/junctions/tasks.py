@@ -13,9 +13,9 @@ from torch.utils.data import Dataset
 from torch_geometric.data import HeteroData
 from torch_geometric.loader import DataLoader
 
-from cccd.additions import added
 from cccd.geometry.arrays import BoolArray
 from cccd.lookup import find
+from cccd.plugins import table
 from cccd.settings.junctions import NetworkSettings
 from cccd_junctions.inference import SLICES_PER_BATCH
 from cccd_junctions.labelling import label_slice
@@ -144,6 +144,6 @@ class OurTask:
 
 def make_task(frozen: Sequence[SyntheticMap], settings: NetworkSettings, seed: int) -> Task:
     """Choose by ``settings.network``; the frozen maps are those trained on."""
-    others = added("junction training")
+    others = table("JUNCTION_TRAINING")
     task = OurTask if settings.network == "ours" else find(others[settings.network])
     return task(frozen, settings, seed)

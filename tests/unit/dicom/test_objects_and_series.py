@@ -7,7 +7,7 @@ import scans
 from pydicom.dataset import Dataset
 
 import cccd
-from cccd.inputs.label_maps import list_map
+from cccd_labels.label_maps import list_map
 
 AFFINE = scans.affine_of()
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.surface_nets import split_again, split_quads
 from cccd.store import read_conforming, write_conforming
+from cccd_labels.surface_nets import split_again, split_quads
 
 
 def two_tetrahedra():

@@ -19,8 +19,8 @@ from cccd.inputs.load import structure_of_array
 from cccd.inputs.phantoms import ORGANS, make_phantom
 from cccd.settings.imports import ImportSettings
 from cccd.settings.surface import LoftSettings
-from cccd.solids.shared_walls import share_walls
 from cccd.surface.measure import mask_surface, voxel_volume
+from cccd_labels.shared_walls import share_walls
 
 RADIUS, VOXEL = 24.0, 3.0
 

@@ -12,10 +12,10 @@ import pytest
 import cccd
 from cccd.cli import main
 from cccd.errors import InputError
-from cccd.files.scene import SceneOrgan, write_segmentation
 from cccd.inputs.grid import check_affine, even_grid, find_slice_axis
 from cccd.inputs.readers import read_itk
 from cccd.metrics import dice
+from cccd_labels.scene import SceneOrgan, write_segmentation
 
 SCANS = runpy.run_path(str(Path(__file__).parent / "scans.py"))
 RADII = np.array([16.0, 13.0, 18.0])

@@ -13,12 +13,12 @@ from cccd.chaincode import on_pixel_chain
 from cccd.containers import Boundaries, Frame
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.opencv import border_pixels
-from cccd_junctions import order_boundaries
 from cccd_junctions.checkpoint import load_model
 from cccd_junctions.decoding import closed_chains, fill_inside
 from cccd_junctions.delaunay import build_graph
 from cccd_junctions.inference import predict_masks
 from cccd_junctions.labelling import label_slice
+from cccd_junctions.ordering import order_boundaries
 from cccd_training.junctions.scoring import score_slice
 from cccd_training.junctions.synthetic_maps import draw_map
 
@@ -207,7 +207,7 @@ def test_the_order_of_pixels_and_of_slices_changes_nothing(shipped):
 
 
 def test_the_library_orders_without_torch():
-    code = "import sys; from cccd_junctions import order_boundaries; print('torch' in sys.modules)"
+    code = "import sys; from cccd_junctions.ordering import order_boundaries; print('torch' in sys.modules)"
     found = subprocess.run(
         [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True, check=True
     )

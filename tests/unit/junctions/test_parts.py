@@ -4,11 +4,11 @@ from test_inference import FRAME, blob, boundaries, raster_order
 
 from cccd.geometry.opencv import border_pixels
 from cccd.settings.junctions import InferenceSettings
-from cccd_junctions import order_boundaries
 from cccd_junctions.decoding import closed_chains, fill_inside
 from cccd_junctions.delaunay import build_graph
 from cccd_junctions.energy import Energy, least_energy
 from cccd_junctions.labelling import label_slice
+from cccd_junctions.ordering import order_boundaries
 from cccd_junctions.parts import limit_parts
 from cccd_training.junctions.labels import inside_shares
 from cccd_training.junctions.scoring import score_slice

@@ -10,13 +10,13 @@ from cccd.containers import Curves, FittedCurves, Splines
 from cccd.contours import doubtful_slices
 from cccd.geometry.opencv import border_pixels
 from cccd.settings.junctions import InferenceSettings
-from cccd_junctions import order_boundaries
 from cccd_junctions.alternatives import FEATURES
 from cccd_junctions.checkpoint import load_model
 from cccd_junctions.decoding import closed_chains
 from cccd_junctions.delaunay import build_graph
 from cccd_junctions.inference import predict_slices
 from cccd_junctions.labelling import label_slice
+from cccd_junctions.ordering import order_boundaries
 from cccd_junctions.reranking import shipped_reranker
 from cccd_junctions.uncertainty import CALIBRATED_WEIGHTS, chance_of_error, doubt_facts, listed_from
 from cccd_training.junctions.reranker import Example, fit_doubt

@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 from typing import get_args
 
-from cccd.additions import packages
 from cccd.dependencies import imported_files
 from cccd.lookup import find
+from cccd.plugins import folders
 from cccd.report.registry import comparison_jobs, comparisons, inputs, items, sections
 from cccd.settings.root import whole_settings
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
@@ -20,7 +20,7 @@ SCRIPTS = Path(__file__).parents[3] / "scripts"
 def closure(together) -> set[str]:
     """Library files whose edit runs a job's comparisons again."""
     modules = [function.rpartition(".")[0] for one in together for function in one.functions]
-    files = imported_files(SCRIPTS / "compare_structure.py", packages(), modules)
+    files = imported_files(SCRIPTS / "compare_structure.py", folders(), modules)
     return {path.relative_to(SCRIPTS).as_posix() for path in files}
 
 

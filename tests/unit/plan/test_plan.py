@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from cccd.additions import added
 from cccd.errors import InputError
 from cccd.extras import EXTRAS
 from cccd.plan.checks import PlannedJob, check_jobs, extra_of
@@ -15,7 +14,7 @@ from cccd.plan.networks import MODEL
 from cccd.plan.outcome import failures, report_failed_run, report_good_run
 from cccd.plan.plan import Plan
 from cccd.plan.resources import digest, memory, minutes
-from cccd.report.registry import Comparison, comparisons
+from cccd.report.registry import Comparison, comparisons, inputs
 
 PLANS = runpy.run_path(str(Path(__file__).parent / "plans.py"))
 plan_of, named, ROOT = PLANS["plan_of"], PLANS["named"], PLANS["ROOT"]
@@ -216,7 +215,7 @@ def test_comparisons_of_a_job_keep_their_own_settings_and_share_what_they_read()
 
 
 def test_a_comparison_does_without_the_network_in_a_run_that_uses_none():
-    optional = {name for name, one in added("report input").items() if one.optional}
+    optional = {name for name, one in inputs().items() if one.optional}
     assert optional
     comparison = Comparison("c", "m.run", (*optional,))
     assert set(map(tuple, plan_of(MASK).comparison_inputs([comparison]).values())) == {()}
@@ -249,7 +248,7 @@ def test_only_an_edit_in_an_imported_module_changes_a_script_s_digest():
 
 def test_a_network_that_is_compared_is_part_of_the_comparison_s_code():
     ours, paper = (plan_of(MAPS, gnn={"network": name}) for name in ("ours", "paper"))
-    given = {name for name, one in added("report input").items() if "gnn/model.pt" in one.files}
+    given = {name for name, one in inputs().items() if "gnn/model.pt" in one.files}
     using = [one for one in comparisons().values() if given & set(one.inputs)]
     others = [one for one in comparisons().values() if not given & set(one.inputs)]
     assert using

@@ -8,8 +8,8 @@ from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
 from cccd.tracing import trace_mask
-from cccd_junctions import order_boundaries
 from cccd_junctions.boundary import extract_boundaries
+from cccd_junctions.ordering import order_boundaries
 from cccd_paper.comparisons.algorithm_1 import (
     OURS,
     PAPER,

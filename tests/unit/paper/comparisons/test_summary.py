@@ -3,9 +3,9 @@ import json
 import numpy as np
 import pandas as pd
 
-from cccd import additions
-from cccd.report.registry import Comparison, Item, items
+from cccd.report.registry import Comparison, Item
 from cccd.report.summary import build_tables, read_cohort, structures
+from cccd_paper import registry
 from cccd_paper.comparisons.cohort_tables import compactness, ordering
 
 
@@ -51,8 +51,7 @@ def test_what_a_structure_cannot_have_stays_empty(tmp_path):
 def test_a_table_is_added_by_one_entry(tmp_path, monkeypatch):
     mine = Comparison("mine", "mine.compare", ("curves",))
     item = Item("mine", "Mine", "What is measured.", rows=(mine,), table="mine")
-    items()  # registered before the patch
-    monkeypatch.setitem(additions._ADDED["report item"], "mine", item)
+    monkeypatch.setattr(registry, "ITEMS", [*registry.ITEMS, item])
     (tmp_path / "mine.csv").write_text("case,organ,x\na,b,1\n")
     tables = build_tables(read_cohort([tmp_path / "mine.csv"], []))
     assert tables["mine"].to_dict("list") == {"case": ["a"], "organ": ["b"], "x": [1]}

@@ -10,7 +10,7 @@ from cccd.geometry.raster import rasterise
 from cccd.report.registry import comparisons, items
 from cccd.report.summary import Cohort, build_tables
 from cccd.tracing import trace_mask
-from cccd_junctions import order_boundaries
+from cccd_junctions.ordering import order_boundaries
 from cccd_paper.comparisons import published
 from cccd_paper.comparisons.active_contour_comparison import active_contour_figures, compare_active_contour
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS

@@ -9,7 +9,7 @@ from cccd.containers import Boundaries, Frame
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.opencv import border_pixels
 from cccd.geometry.polygons import RaggedPolygons
-from cccd_junctions import order_boundaries
+from cccd_junctions.ordering import order_boundaries
 from cccd_paper.junctions.grid import build_grid, chain_loops, find_chains, follow_chains, keep_two
 from cccd_paper.junctions.network import PaperNetwork, grid_data
 from cccd_paper.junctions.training import grid_labels

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
+SCRIPTS = Path(__file__).parents[3] / "scripts"
 
 CODE = """
 import os, sys, time
-from cccd.processes import worker_processes
+from cccd_labels.processes import worker_processes
 
 def stay(number):
     print(os.getpid(), flush=True)

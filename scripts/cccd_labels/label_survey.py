@@ -16,11 +16,11 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.inputs.annotation import AUTO
 from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
-from cccd.inputs.label_maps import MapLabel, colour_of, list_map, read_parts
 from cccd.inputs.load import existing
 from cccd.inputs.regions import DrawnLabels, voxels_of
 from cccd.inputs.row_files import RowFiles
 from cccd.settings.root import Settings
+from cccd_labels.label_maps import MapLabel, colour_of, list_map, read_parts
 
 __all__ = ["SurveyedLabel", "affine_of", "measure_labels", "survey_labels"]
 
@@ -57,7 +57,7 @@ def measure_labels(path: Path, table: Path | None = None) -> list[tuple[Surveyed
     path : path
         A label map, a DICOM SEG or RTSTRUCT, or a folder with one of them or with a mask per organ.
     table : path, optional
-        Names of the labels, see `cccd.inputs.label_maps.read_label_table`.
+        Names of the labels, see `cccd_labels.label_maps.read_label_table`.
 
     Returns
     -------

@@ -11,10 +11,10 @@ import pytest
 import trimesh
 
 from cccd.containers import Frame
-from cccd.files.scene import describe_scene, name_organs, write_scene, write_segmentation
 from cccd.files.write import write_surface
 from cccd.geometry.mesh import Mesh
 from cccd.surface.surface import LoftedSurface
+from cccd_labels.scene import describe_scene, name_organs, write_scene, write_segmentation
 
 #: An oblique, mirrored scan.
 AFFINE = np.array([[0, -2.0, 0, 30], [-1.5, 0, 0, 20], [0, 0, 3.0, -10], [0, 0, 0, 1]])
@@ -55,7 +55,7 @@ def test_slicer_gets_names_colours_and_voxels_back(organs, tmp_path):
 
 
 def test_our_own_reader_knows_the_names(organs, tmp_path):
-    from cccd.inputs.label_maps import list_map
+    from cccd_labels.label_maps import list_map
 
     path = tmp_path / "segmentation.seg.nrrd"
     write_segmentation(path, organs, FRAME)

@@ -13,8 +13,8 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
-from cccd.solids.label_fields import LabelFields, level_blocks
-from cccd.solids.shared_walls import share_walls
+from cccd_labels.label_fields import LabelFields, level_blocks
+from cccd_labels.shared_walls import share_walls
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "dicom_totalseg_liver20" / "labels.nii.gz"
 CENTRE = np.array([15.6, 15.3, 15.8])
@@ -192,7 +192,7 @@ def test_an_organ_without_a_neighbour_is_where_it_is_alone():
 def test_slabs_change_nothing(nodes, monkeypatch):
     (structure,) = organs_of(np.where(ball((32, 32, 34))[3] < RADIUS, 1, 0), np.diag([1, 1, 3.0, 1])).values()
     (whole,) = level_blocks(structure, LoftSettings())
-    monkeypatch.setattr("cccd.solids.label_fields.SLAB_NODES", nodes)
+    monkeypatch.setattr("cccd_labels.label_fields.SLAB_NODES", nodes)
     slabs = list(level_blocks(structure, LoftSettings()))
     assert len(slabs) > 1
     np.testing.assert_allclose(np.concatenate([slab.heights for slab in slabs]), whole.heights)

@@ -8,7 +8,7 @@ from scipy import ndimage
 import cccd
 from cccd.geometry.mesh import Mesh
 from cccd.inputs import readers
-from cccd.whole_map import WholeMap
+from cccd_labels.whole_map import WholeMap
 
 #: Corners of cubes of 8 voxels: the first two touch, the others stand alone.
 CORNERS = [(3, 3, 3), (11, 3, 3), *((i, j, 20) for i in (3, 16, 29) for j in (3, 16, 29))]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.surface_nets import surface_nets
-from cccd.geometry.wall_decimation import simplified
+from cccd_labels.surface_nets import surface_nets
+from cccd_labels.wall_decimation import simplified
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import SimpleITK as sitk  # noqa: N813
 
 from cccd.cohort import read_cohort
 from cccd.errors import InputError
-from cccd.inputs.label_maps import expand_rows, list_map, read_label_table, shared_groups
+from cccd_labels.label_maps import expand_rows, list_map, read_label_table, shared_groups
 
 
 def block_map():

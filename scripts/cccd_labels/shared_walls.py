@@ -1,7 +1,7 @@
 """Organs of one scan with shared walls: every wall between two of them is one surface.
 
 The labels' signed distances, each interpolated between its own slices, meet on one grid: a node belongs to
-the label that it lies deepest in (`cccd.solids.label_fields`), and a wall runs where two distances are equal.
+the label that it lies deepest in (`cccd_labels.label_fields`), and a wall runs where two distances are equal.
 The walls are low-passed once, as the surface of an organ alone is, and moved until each label holds the
 volume of its voxels.
 """
@@ -27,16 +27,16 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, offsets_of
 from cccd.geometry.collisions import MovingTriangles, passing_pairs
 from cccd.geometry.conforming import ConformingSurface, low_passed
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.surface_nets import split_again, surface_nets, well_composed
-from cccd.geometry.wall_decimation import simplified
 from cccd.inputs.annotation import with_undrawn_filled
 from cccd.settings.surface import LoftSettings
-from cccd.solids.label_fields import LabelFields, box_of, gathered, label_sections, level_blocks
 from cccd.store import read_conforming, read_report, read_structure
 from cccd.surface import LoftedSurface
 from cccd.surface.borders import find_borders
 from cccd.surface.checks import check_walls
 from cccd.surface.smooth_mesh import ROUNDS, default_wave
+from cccd_labels.label_fields import LabelFields, box_of, gathered, label_sections, level_blocks
+from cccd_labels.surface_nets import split_again, surface_nets, well_composed
+from cccd_labels.wall_decimation import simplified
 
 __all__ = [
     "SharedWalls",
@@ -77,7 +77,7 @@ class SharedWalls:
     surface : ConformingSurface
         In mm RAS; labels are the organs' keys, and all have names.
     facts : dict of int to dict
-        What the slices tell of each organ: plain JSON; see `cccd.solids.label_fields.LevelBlock`.
+        What the slices tell of each organ: plain JSON; see `cccd_labels.label_fields.LevelBlock`.
     pinched : int
         Places of the grid at which a region touches itself.
     passing : int

@@ -19,13 +19,13 @@ from cccd.containers import Structure
 from cccd.errors import InputError
 from cccd.extras import needing
 from cccd.inputs.annotation import AUTO
-from cccd.inputs.label_maps import MapLabel, list_map
 from cccd.inputs.load import existing
 from cccd.inputs.row_files import RowFiles
-from cccd.processes import worker_processes
 from cccd.settings.root import Settings
-from cccd.solids.label_fields import LabelFields, LevelBlock, bytes_needed, level_blocks
-from cccd.solids.shared_walls import meet, on_one_grid, touching_groups
+from cccd_labels.label_fields import LabelFields, LevelBlock, bytes_needed, level_blocks
+from cccd_labels.label_maps import MapLabel, list_map
+from cccd_labels.processes import worker_processes
+from cccd_labels.shared_walls import meet, on_one_grid, touching_groups
 
 __all__ = ["LabelSurface", "WholeMap", "reconstruct_labels"]
 

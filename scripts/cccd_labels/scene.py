@@ -13,8 +13,8 @@ from cccd.files.gltf import TO_GLTF, gltf_material
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import LPS_TO_RAS
-from cccd.inputs.label_maps import colour_of
 from cccd.settings.formats import NOTE
+from cccd_labels.label_maps import colour_of
 
 __all__ = ["SceneOrgan", "describe_scene", "name_organs", "write_scene", "write_segmentation"]
 
@@ -46,7 +46,7 @@ def name_organs(meshes: Mapping[str, Mesh], labels: Mapping[str, Mapping[str, st
     meshes : mapping of str to Mesh
         By organ.
     labels : mapping
-        What the map says of each organ: see `cccd.inputs.label_maps.MapLabel`; it may say nothing.
+        What the map says of each organ: see `cccd_labels.label_maps.MapLabel`; it may say nothing.
     """
     given = [labels.get(organ, {}).get("label", "") for organ in meshes]
     own = len(set(given)) == len(given) and all(label.isdecimal() for label in given)

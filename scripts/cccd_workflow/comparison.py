@@ -25,11 +25,11 @@ from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
 from cccd.inputs.labels import plain_name
 from cccd.inputs.load import existing
 from cccd.inputs.regions import voxels_of
-from cccd.label_survey import affine_of, measure_labels
 from cccd.limits import LIMITS, TOLERANCE_MM
 from cccd.metrics import Gaps, dice, normal_angles, solid_dice
 from cccd.settings.messages import choices
 from cccd.surface.measure import SAMPLES, normal_figures, voxel_surface
+from cccd_labels.label_survey import affine_of, measure_labels
 
 __all__ = ["Compared", "Comparison", "compare", "missed_limits"]
 

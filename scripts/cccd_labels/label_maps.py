@@ -19,10 +19,10 @@ from scipy import ndimage
 from cccd.dicom_objects import object_in
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
-from cccd.inputs.freesurfer import freesurfer_names
 from cccd.inputs.grid import Volume
 from cccd.inputs.labels import plain_name
 from cccd.inputs.row_files import label_values, list_labels, read_masks
+from cccd_labels.freesurfer import freesurfer_names
 
 __all__ = [
     "MapLabel",

@@ -13,9 +13,9 @@ from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import Volume
-from cccd.inputs.label_maps import MapLabel
 from cccd.inputs.row_files import label_values
-from cccd.whole_map import LabelSurface, WholeMap
+from cccd_labels.label_maps import MapLabel
+from cccd_labels.whole_map import LabelSurface, WholeMap
 
 __all__ = ["block_of", "finer_grid", "name_of_soft", "relabelled", "share_of_voxels"]
 

@@ -1,0 +1,242 @@
+"""The command ``cccd surface``."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cccd.commands.arguments import add_band, add_input, settings_of, threshold_of
+from cccd.commands.outputs import check_outputs, describe_surface, plain_stem, print_surfaces, write_with_band
+from cccd.errors import TAKEN_TOGETHER, InputError
+from cccd.extras import check_extra
+from cccd.lookup import find
+from cccd.plugins import table
+
+if TYPE_CHECKING:
+    from cccd.api import Surface
+    from cccd.settings.root import Settings
+
+__all__ = ["add_surface"]
+
+#: Processes for a whole map where nobody says: each may need a gigabyte.
+_MOST_CORES = 4
+
+_STEPS = ("reading", "contours", "splines", "surface", "writing")
+
+
+def add_surface(command: argparse.ArgumentParser) -> None:
+    """Make a smooth closed surface, and print its volume, its size and warnings."""
+    add_input(command.add_argument_group("what is read"))
+    written = command.add_argument_group("what is written")
+    every = command.add_argument_group("all labels")
+    shape = command.add_argument_group("the surface")
+    written.add_argument(
+        "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
+        help="output file, repeatable. The suffix chooses the format: .ply .stl .obj .vtp .gii .glb .3mf "
+        "(mesh), .usd (spline), .step .iges .brep (solid), .msh .vtu .inp .feb (tetrahedra), .nii.gz (label "
+        "map), .dcm .seg.dcm .stl.dcm (RTSTRUCT, SEG, encapsulated STL). Default: the input's name with .ply "
+        "(with --seed: _seeded.ply, with --threshold: _threshold.ply), in this folder",
+    )  # fmt: skip
+    written.add_argument(
+        "--like", type=Path, metavar="SCAN",
+        help="the input is a mesh (.stl .ply .obj .glb .vtp .step) or contours in several directions (.csl): "
+        "the scan on whose grid label maps lie",
+    )  # fmt: skip
+    every.add_argument(
+        "--all-labels",
+        action="store_true",
+        help="a surface of every label; neighbours share their walls. A .glb is one scene of all",
+    )
+    every.add_argument(
+        "--names", type=Path, metavar="TABLE",
+        help="with --all-labels: names of the labels, lines of label,name below a header (.csv, .tsv), a "
+        "FreeSurfer colour table, or a dataset.json",
+    )  # fmt: skip
+    every.add_argument(
+        "--cores", type=int, default=min(os.cpu_count() or 1, _MOST_CORES), metavar="N",
+        help="with --all-labels: processes at once, each with up to a gigabyte of memory; default: all "
+        f"cores, at most {_MOST_CORES}",
+    )  # fmt: skip
+    add_band(written)
+    shape.add_argument(
+        "--smooth", type=float, metavar="MM",
+        help="smooth away waves of this length and shorter; eight pixels by default",
+    )  # fmt: skip
+    written.add_argument(
+        "--triangles", type=int, metavar="N", help="the mesh has N triangles of about one size"
+    )  # fmt: skip
+    written.add_argument(
+        "--edge-mm", type=float, metavar="MM", help="the mesh has triangles whose edges are about this long"
+    )  # fmt: skip
+    written.add_argument(
+        "--materials", metavar="CSV",
+        help="give tetrahedra elastic materials by the scan's grey values, from this table; needs --image",
+    )  # fmt: skip
+    shape.add_argument(
+        "--configfile", type=Path, metavar="YAML",
+        help="your own settings, for example 'surface: {tetrahedra: {elements: tet10}}'",
+    )  # fmt: skip
+    command.set_defaults(run=_surface)
+
+
+def _surface(given: argparse.Namespace) -> int:
+    if not given.input.is_file():
+        from cccd.inputs.zarr_labels import is_zarr
+
+        if is_zarr(given.input):
+            return _surface_of_zarr(given)
+    option = "--seed" if given.seed else "--threshold" if given.threshold is not None else None
+    stem = plain_stem(given.input)
+    if option:
+        stem += {"--seed": "_seeded", "--threshold": "_threshold"}[option]
+    outputs = given.output or [Path(f"{stem}.ply")]
+    if _is_shape(given.input, given.label):
+        return _surface_of_mesh(given, given.output or [Path(f"{stem}_smooth.ply")])
+    if given.like is not None:
+        raise InputError(
+            "--like", f"{given.input.name} is not a mesh", "leave it out; --image names the scan"
+        )
+    if option and given.all_labels:
+        raise InputError(option, "an image without a mask has no labels", "leave --all-labels out")
+    if given.label and given.all_labels:
+        raise InputError("--all-labels", "it already takes every label", "leave --label out")
+    if given.names is not None and not given.all_labels:
+        raise InputError("--names", "it names the labels of a whole map", "add --all-labels")
+    if given.cores < 1:
+        raise InputError("--cores", f"{given.cores} is no number of processes", "give 1 or more")
+    for option, value in (("--triangles", given.triangles), ("--edge-mm", given.edge_mm)):
+        if value is not None and given.all_labels:
+            raise InputError(option, "neighbours that share a wall keep its triangles", "choose one --label")
+    if given.seed:
+        check_extra("gnn", "--seed")
+    settings = settings_of(given)
+    check_outputs(outputs, [given.input, given.image])
+    if given.all_labels:
+        return find(table("OPTIONS")["all_labels"])(given, outputs, settings)
+    print_surfaces(given, [_make_surface(given, given.label, outputs, settings)])
+    return 0
+
+
+def _is_shape(path: Path, label: str) -> bool:
+    """Whether a file is a mesh, or contours in planes of several directions."""
+    from cccd.inputs.readers import without_suffix
+
+    if not path.is_file() or without_suffix(path.name) is not None:
+        return False
+    from cccd.closed_meshes import drawn_planes
+    from cccd.files.read_meshes import is_mesh
+
+    if is_mesh(path):
+        return True
+    try:
+        return drawn_planes(path, label) is not None
+    except InputError:
+        return path.name.lower().endswith(".csl")
+
+
+def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
+    """Make a smooth surface of a mesh, or put it onto a scan's grid."""
+    import cccd
+    from cccd.files.write import format_of
+
+    labelled = bool(given.label) and not given.input.name.lower().endswith(".dcm")
+    from_image = bool(given.seed) or given.threshold is not None
+    voxels = (labelled, given.all_labels, given.boundary, from_image, given.band)
+    if any(voxels):
+        problem = "a mesh has no labels, grey values, boundary maps or error band"
+        raise InputError(given.input.name, problem, "leave --label, --threshold and their like out")
+    like = given.like or given.image
+    settings = settings_of(given)
+    check_outputs(outputs, [given.input, like])
+    for path in outputs:
+        if like is None and format_of(path) in {"nii.gz", "seg.dcm"}:
+            raise InputError(str(path), "it needs the grid of a scan", "name the scan: --like ct.nii.gz")
+    began = time.perf_counter()
+    surface = _uniform(cccd.smooth_mesh(given.input, like, label=given.label, settings=settings), given)
+    files = [file for path in outputs for file in write_with_band(surface, path, settings, False)]
+    made = describe_surface(surface, files, time.perf_counter() - began)
+    print_surfaces(given, [made])
+    return 0
+
+
+def _surface_of_zarr(given: argparse.Namespace) -> int:
+    """Make a surface of a label in an OME-Zarr."""
+    import cccd
+    from cccd.inputs.zarr_labels import open_zarr
+
+    other = (
+        *(given.all_labels, given.boundary, given.threshold is not None, given.image, given.like),
+        *(given.seed, given.triangles, given.edge_mm),
+    )
+    if any(other):
+        problem = "an OME-Zarr is read as a label map, one label at a time"
+        raise InputError(given.input.name, problem, "give --label, and leave --all-labels and its like out")
+    stem = given.input.absolute().name.removesuffix(".zarr").removesuffix(".ome") or "surface"
+    outputs = given.output or [Path(f"{stem}.ply")]
+    settings = settings_of(given)
+    check_outputs(outputs, [])
+    labels = open_zarr(given.input)
+    began = time.perf_counter()
+    surface = cccd.reconstruct(labels.whole(given.label), labels.affine, settings=settings)
+    files = [file for path in outputs for file in write_with_band(surface, path, settings, given.band)]
+    made = describe_surface(surface, files, time.perf_counter() - began)
+    print_surfaces(given, [made | {"organ": stem}])
+    return 0
+
+
+def _uniform(surface: Surface, given: argparse.Namespace) -> Surface:
+    """Return the surface with the number of triangles, or the edges, that were asked for."""
+    if given.triangles is None and given.edge_mm is None:
+        return surface
+    return surface.uniform(given.triangles, given.edge_mm)
+
+
+def _make_surface(
+    given: argparse.Namespace, label: str, files: Sequence[Path], settings: Settings
+) -> dict[str, Any]:
+    """Make one surface and write it; what there is to say of it."""
+    from tqdm import tqdm
+
+    import cccd
+    from cccd.api import check_references
+
+    began = time.perf_counter()
+    with tqdm(total=len(_STEPS), disable=None, leave=False, bar_format="{desc:<12}{bar:30} {elapsed}") as bar:
+
+        def tell(step: str) -> None:
+            bar.set_description_str(step)
+            bar.update(_STEPS.index(step) - bar.n)
+
+        tell("reading")
+        structure = cccd.read(
+            given.input,
+            label,
+            image=given.image,
+            boundary=given.boundary,
+            annotated=given.annotated,
+            threshold=threshold_of(given),
+            seed=";".join(given.seed),
+            settings=settings,
+        )
+        check_references(files, structure)
+        for note in structure.warnings:
+            if TAKEN_TOGETHER in note:
+                tqdm.write(f"warning: {note}", file=sys.stderr)
+        if not _is_compiled():
+            tqdm.write("first use: compiling, once, for about 10 seconds ...", file=sys.stderr)
+        surface = _uniform(cccd.reconstruct(structure, settings=settings, progress=tell), given)
+        tell("writing")
+        files = [file for path in files for file in write_with_band(surface, path, settings, given.band)]
+    return describe_surface(surface, files, time.perf_counter() - began)
+
+
+def _is_compiled() -> bool:
+    """Whether Numba's machine code is there, or kept elsewhere, as where the library cannot be written."""
+    library = Path(__file__).parent.parent
+    elsewhere = "NUMBA_CACHE_DIR" in os.environ or not os.access(library, os.W_OK)
+    return elsewhere or any((library / "surface" / "__pycache__").glob("*.nbi"))

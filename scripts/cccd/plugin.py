@@ -1,0 +1,31 @@
+"""The core's own rows in the tables of `cccd.plugins`."""
+
+from cccd.plugins import Command, Format
+
+WRITERS = {
+    "3mf": Format(
+        "mesh for printing: millimetres, colour, thinnest wall", "cccd.files.threemf.write", "print"
+    ),
+    "gii": Format("mesh (GIfTI)", "cccd.files.meshes.write_gii"),
+    "glb": Format("mesh in metres, y up (binary glTF)", "cccd.files.gltf.write"),
+    "nii.gz": Format("label map on the scan's grid", "cccd.files.label_map.write"),
+    "obj": Format("mesh", "cccd.files.meshes.write_obj"),
+    "ply": Format("mesh; every later step reads it", "cccd.files.meshes.write_ply"),
+    "stl": Format("mesh", "cccd.files.meshes.write_stl"),
+    "vtp": Format("mesh with curvature and the body's number at its vertices", "cccd.files.meshes.write_vtp"),
+}
+
+COMMANDS = {
+    "surface": Command("make a surface of one organ, or of every label", "cccd.commands.surface.add_surface"),
+    "segment": Command(
+        "find an organ in a scan without a mask, and make its surface", "cccd.commands.segment.add_segment"
+    ),
+    "export": Command(
+        "write a finished structure of the workflow in another format", "cccd.commands.export.add_export"
+    ),
+    "next": Command("name the slice to annotate next", "cccd.commands.annotation.add_next"),
+    "calibrate": Command(
+        "calibrate the error bands on your own masks", "cccd.commands.annotation.add_calibrate"
+    ),
+    "doctor": Command("report what is installed and works", "cccd.doctor.add_doctor"),
+}

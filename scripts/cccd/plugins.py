@@ -1,0 +1,132 @@
+"""The packages around the core, and the tables by which each adds to it.
+
+A package has a module ``plugin`` with those of these tables that it fills, dictionaries by name:
+
+========================= ========================================================================
+table                     a row
+========================= ========================================================================
+``COMMANDS``              a command: `Command`
+``OPTIONS``               path of what an option of ``cccd surface`` does, by the option
+``READERS``               what reads a kind of file, by suffix or DICOM's modality: `Reader`
+``WRITERS``               a format of files: `Format`
+``CURVES``                path of a function that makes curves of an input, by the input's type
+``API``                   path of a public function of ``import cccd``
+``SETTINGS``              path of a section's model and its default (as `pydantic.create_model` has fields)
+``JUNCTION_NETWORKS``     path of a class, by the name that a ``model.pt`` says
+``JUNCTION_TRAINING``     path of what trains such a network, a `cccd_training.junctions.tasks.Task`
+``SEGMENTATION_NETWORKS`` path of a mapping like `cccd.segmentation.networks.NETWORKS`
+``REPORT``                path of a list of `cccd.report.registry.Item`, beside its INPUTS and SECTIONS
+========================= ========================================================================
+
+Functions and classes are named by their dotted path (`cccd.lookup.find`), and such a module imports nothing
+but this one: what is asked for is loaded when it is asked for.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal
+
+__all__ = ["PACKAGES", "Command", "Format", "Reader", "folders", "table"]
+
+#: The core, and what is around it: those that are not there add nothing.
+PACKAGES = (
+    "cccd",
+    *("cccd_junctions", "cccd_labels", "cccd_dicom", "cccd_solids", "cccd_tetrahedra", "cccd_vessels"),
+    *("cccd_workflow", "cccd_paper", "cccd_training"),
+)
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of ``cccd``.
+
+    Attributes
+    ----------
+    help : str
+        One line of ``cccd --help``.
+    arguments : str
+        Path of a function that adds the arguments to the command's parser, and with ``set_defaults(run=...)``
+        what runs it and returns the exit code. Its docstring is the command's description.
+    """
+
+    help: str
+    arguments: str
+
+
+@dataclass(frozen=True)
+class Reader:
+    """What reads a kind of file.
+
+    Attributes
+    ----------
+    read : str
+        Path of a function of the file's path.
+    names : str
+        Path of a function that lists what is in it, where that is several things: names by number.
+    """
+
+    read: str
+    names: str = ""
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format in which surfaces are written; its name is the files' suffix without its dot.
+
+    Attributes
+    ----------
+    holds : str
+        What the file contains, for people.
+    writer : str
+        Path of a function, called with path, surface and `cccd.files.options.ExportOptions`.
+    extra : str
+        The extra that writes it.
+    made_of : {"mesh", "solids", "tetrahedra"}
+        Writers of solids and of tetrahedra return a report.
+    check : str
+        Path of a function that refuses, before any work, what could not be written: called with path, and
+        folder of the DICOM series or None.
+    """
+
+    holds: str
+    writer: str
+    extra: str = ""
+    made_of: Literal["mesh", "solids", "tetrahedra"] = "mesh"
+    check: str = ""
+
+
+def folders() -> tuple[Path, ...]:
+    """Folders of the packages that are there."""
+    beside = Path(__file__).resolve().parent.parent
+    return tuple(beside / name for name in PACKAGES if (beside / name / "__init__.py").is_file())
+
+
+@functools.cache
+def table(name: str) -> Mapping[str, Any]:
+    """Rows of one table of all packages, by their names.
+
+    Raises
+    ------
+    ValueError
+        Two packages have a row of the same name.
+
+    Examples
+    --------
+    >>> table("WRITERS")["ply"].writer
+    'cccd.files.meshes.write_ply'
+    """
+    rows: dict[str, Any] = {}
+    for folder in folders():
+        if not (folder / "plugin.py").is_file():
+            continue
+        more = getattr(import_module(f"{folder.name}.plugin"), name, {})
+        if taken := rows.keys() & more:
+            raise ValueError(f"{folder.name}: {name} has a row {min(taken)!r} already")
+        rows |= more
+    return MappingProxyType(rows)

@@ -1,1 +1,0 @@
-"""Organs that share their walls."""

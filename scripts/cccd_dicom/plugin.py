@@ -1,0 +1,30 @@
+"""What this package adds to the core: see `cccd.plugins`."""
+
+from cccd.plugins import Format, Reader
+
+READERS = {
+    "series": Reader("cccd_dicom.readers.read_series"),
+    "SEG": Reader("cccd_dicom.readers.read_segments", "cccd_dicom.readers.segment_names"),
+    "RTSTRUCT": Reader("cccd_dicom.readers.read_regions", "cccd_dicom.readers.region_names"),
+}
+
+WRITERS = {
+    "dcm": Format(
+        "contours on the scan's slices (RTSTRUCT)",
+        "cccd_dicom.rtstruct.write",
+        "dicom",
+        check="cccd_dicom.rtstruct.check_series",
+    ),
+    "seg.dcm": Format(
+        "voxels of the row's DICOM series (SEG)",
+        "cccd_dicom.seg.write",
+        "dicom",
+        check="cccd_dicom.seg.check_series",
+    ),
+    "stl.dcm": Format(
+        "mesh within DICOM (encapsulated STL)",
+        "cccd_dicom.encapsulated_stl.write",
+        "dicom",
+        check="cccd_dicom.rtstruct.check_series",
+    ),
+}

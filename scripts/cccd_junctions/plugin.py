@@ -1,0 +1,3 @@
+"""What this package adds to the core: see `cccd.plugins`."""
+
+CURVES = dict.fromkeys(("BoundaryMaps", "GreyImage"), "cccd_junctions.ordering.order_maps")

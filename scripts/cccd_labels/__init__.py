@@ -1,0 +1,1 @@
+"""Whole label maps: all organs of a scan at once, with shared walls; scenes."""

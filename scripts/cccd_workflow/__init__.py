@@ -1,0 +1,1 @@
+"""Work on many structures: comparing surfaces and label maps."""

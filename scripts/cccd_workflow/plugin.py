@@ -1,0 +1,11 @@
+"""What this package adds to the core: see `cccd.plugins`."""
+
+from cccd.plugins import Command
+
+COMMANDS = {
+    "compare": Command("compare two surfaces, masks or label maps", "cccd_workflow.commands.add_compare"),
+    "run": Command("run the whole workflow on a cohort", "cccd_workflow.commands.add_run"),
+    "report": Command(
+        "build the report of all finished structures again", "cccd_workflow.commands.add_report"
+    ),
+}
