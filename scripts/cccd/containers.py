@@ -334,7 +334,7 @@ class Structure:
         """Combine curves of the structure with what else it knows of its slices."""
         source = self.source
         mask = source.values if isinstance(source, MaskStack) else None
-        return Sections(curves, mask, self.stack_origin, self.probability_stack, self.annotation)
+        return Sections(curves, mask, self.stack_origin, self.annotation)
 
     @property
     def stack_origin(self) -> np.ndarray:
@@ -491,9 +491,6 @@ class Sections:
         they are one pixel wide.
     mask_origin : (3,) int64 or None
         Source index (k, i, j) of its first voxel.
-    probability : ProbabilityStack or None
-        Probabilities of which the curves are the level; between slices that lie near enough to each other
-        the surface follows them.
     annotation : Annotation or None
         Where only some slices were drawn: the surface is continued between them however far apart they lie,
         and follows planes that were drawn across them.
@@ -502,7 +499,6 @@ class Sections:
     curves: Curves
     mask: np.ndarray | None = None
     mask_origin: np.ndarray | None = None
-    probability: ProbabilityStack | None = None
     annotation: Annotation | None = None
 
 

@@ -16,7 +16,6 @@ from cccd.surface.borders import Borders, find_borders
 from cccd.surface.fields import LevelField
 from cccd.surface.levels import levels_of_slices
 from cccd.surface.moving_branches import move_branches
-from cccd.surface.probability import distances_of_probabilities
 from cccd.surface.sampled import SampledDistance
 from cccd.surface.undrawn import ends_by_guides, guide_lines, guides_reach, shape_undrawn
 
@@ -28,9 +27,6 @@ CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
 RUN_ON_PIXELS = 12.0
 #: mm: levels so near to a slice are the slice's own.
 SAME_HEIGHT = 1e-6
-#: Slice distances in pixels up to which probabilities are all that tells, and from which on they tell nothing
-#: of what lies between: the contours at their level are known finely enough to be interpolated.
-PROBABLE_RATIOS = (1.0, 2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +47,6 @@ class SliceStack:
         Faces between voxels inside and outside, square to each of these.
     volume : float
         What the slices enclose in mm^3.
-    of_probability : bool
-        Whether what lies inside is where probabilities are one half and more.
     of_some_slices : bool
         Whether only some slices were drawn: ``volume`` then is an estimate.
     smallest : float
@@ -71,7 +65,6 @@ class SliceStack:
     voxel: FloatArray
     voxel_faces: IntArray
     volume: float
-    of_probability: bool
     of_some_slices: bool
     smallest: float
     smallest_voxels: float
@@ -81,7 +74,7 @@ class SliceStack:
     @property
     def held_volume(self) -> float | None:
         """The mm^3 that a surface must hold; None where the slices only tell about how much."""
-        return None if self.of_probability or self.of_some_slices else self.volume
+        return None if self.of_some_slices else self.volume
 
     @property
     def step(self) -> float:
@@ -157,8 +150,7 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
     Parameters
     ----------
     sections : Sections
-        Probabilities are the target where slices are near enough to each other. Where only some slices were
-        drawn no gap is too wide, and planes across them guide what lies between.
+        Where only some slices were drawn no gap is too wide, and planes across them guide what lies between.
     settings : LoftSettings
         Of these ``bridge_slices``, which may be missing before a run of slices ends, and
         ``smallest_part_voxels``.
@@ -181,12 +173,6 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
     voxel = np.array([step, *frame.pixel_spacing])
     slices = Slices(height, borders.distance, frame.pixel_spacing, not borders.exact)
     z, values = _all_levels(borders, slices, step, breaks, ends)
-    probable = 0.0
-    if sections.probability is not None:
-        probable = float(np.interp(step / slices.pixel, PROBABLE_RATIOS, (1.0, 0.0)))
-    if probable > 0 and sections.probability is not None:
-        level = distances_of_probabilities(sections.probability, frame, borders.origin, z, values)
-        values = np.asarray((1 - probable) * values + probable * level, np.float32)
     warnings: list[str] = []
     if annotation is not None:
         z, values, warnings = _shaped(z, values, slices, annotation, frame, borders.origin)
@@ -199,7 +185,6 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
         voxel,
         _voxel_faces(borders.inside),
         _volume(borders, frame, step, breaks, cut_heights),
-        of_probability=probable > 0,
         of_some_slices=annotation is not None,
         smallest=settings.smallest_part_voxels * float(voxel.prod()),
         smallest_voxels=settings.smallest_part_voxels,

@@ -188,8 +188,7 @@ def compare_segmenters(
         row["surface_assd_mm"] = _surface_distance(fitted, structure.truth, lofting)
         stack = ProbabilityStack(_stack(chances, frame), np.zeros(3, int))
         fitted = describe_curves(level_curves(stack, frame), fitting)
-        away = _surface_distance(fitted, structure.truth, lofting, stack)
-        row["probability_surface_assd_mm"] = away
+        row["probability_surface_assd_mm"] = _surface_distance(fitted, structure.truth, lofting)
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -320,9 +319,7 @@ def _cccd_rows(
     return rows, fitted
 
 
-def _surface_distance(
-    fitted: FittedCurves, truth: Mesh, lofting: LoftSettings, level: ProbabilityStack | None = None
-) -> float:
+def _surface_distance(fitted: FittedCurves, truth: Mesh, lofting: LoftSettings) -> float:
     """Average distance in mm between the filtered mesh of curves and the true surface."""
-    mesh = filtered_mesh(Sections(fitted.curves, probability=level), lofting)
+    mesh = filtered_mesh(Sections(fitted.curves), lofting)
     return surface_distances(mesh, truth, np.random.default_rng(0), _SAMPLES)["assd"]
