@@ -8,23 +8,13 @@ READERS = {
     "RTSTRUCT": Reader("cccd_dicom.readers.read_regions", "cccd_dicom.readers.region_names"),
 }
 
+#: They refer to the series that they were made on.
+_REFERRING = ("dicom", "mesh", "cccd_dicom.seg.check_series")
+
 WRITERS = {
-    "dcm": Format(
-        "contours on the scan's slices (RTSTRUCT)",
-        "cccd_dicom.rtstruct.write",
-        "dicom",
-        check="cccd_dicom.rtstruct.check_series",
-    ),
-    "seg.dcm": Format(
-        "voxels of the row's DICOM series (SEG)",
-        "cccd_dicom.seg.write",
-        "dicom",
-        check="cccd_dicom.seg.check_series",
-    ),
+    "dcm": Format("contours on the scan's slices (RTSTRUCT)", "cccd_dicom.rtstruct.write", *_REFERRING),
+    "seg.dcm": Format("voxels of the row's DICOM series (SEG)", "cccd_dicom.seg.write", *_REFERRING),
     "stl.dcm": Format(
-        "mesh within DICOM (encapsulated STL)",
-        "cccd_dicom.encapsulated_stl.write",
-        "dicom",
-        check="cccd_dicom.rtstruct.check_series",
+        "mesh within DICOM (encapsulated STL)", "cccd_dicom.encapsulated_stl.write", *_REFERRING
     ),
 }

@@ -35,7 +35,6 @@ from cccd.tolerances import CONTOUR_PLANE
 from cccd_dicom.readers import NO_IMAGES, known_uid, sop_uid
 
 __all__ = [
-    "check_series",
     "copy_identity",
     "identified_dataset",
     "item_of",
@@ -133,12 +132,6 @@ def write_rtstruct(
 
 #: What the images of a series have in common, and a reference to them names.
 _COMMON = ("StudyInstanceUID", "SeriesInstanceUID", "FrameOfReferenceUID")
-
-
-def check_series(path: Path, series: Path | None) -> None:
-    """Refuse a series that could not be referred to."""
-    if series is not None:
-        reference_slices(series)
 
 
 def reference_slices(folder: Path) -> list[Dataset]:

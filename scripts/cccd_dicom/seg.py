@@ -34,11 +34,12 @@ _UNUSABLE = ("its images cannot carry a SEG", "export the series again, or use R
 
 
 def check_series(path: Path, series: Path | None) -> None:
-    """Refuse a SEG without a series, or with one that it could not refer to."""
-    if series is None:
+    """Refuse a series that files could not refer to, and a SEG without one."""
+    if series is not None:
+        reference_slices(series)
+    elif path.name.lower().endswith(".seg.dcm"):
         problem = "a SEG needs its DICOM series, and there is none"
         raise InputError(str(path), problem, "name the series' folder as image")
-    reference_slices(series)
 
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:

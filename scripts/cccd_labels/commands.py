@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from tqdm import tqdm
@@ -20,9 +19,6 @@ from cccd.settings.root import Settings
 from cccd.store import atomic_path
 from cccd_labels.relabelling import finer_grid, name_of_soft, relabelled, share_of_voxels
 from cccd_labels.whole_map import WholeMap
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["add_relabel"]
 

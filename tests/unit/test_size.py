@@ -8,10 +8,10 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 30321,
-    "scripts/cccd_dicom": 1348,
+    "scripts/cccd": 30110,
+    "scripts/cccd_dicom": 1326,
     "scripts/cccd_junctions": 4073,
-    "scripts/cccd_labels": 2971,
+    "scripts/cccd_labels": 2967,
     "scripts/cccd_paper": 10921,
     "scripts/cccd_solids": 1982,
     "scripts/cccd_tetrahedra": 1534,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
@@ -19,9 +18,6 @@ from cccd.next_slice import rank_slices
 from cccd.settings.root import Settings
 from cccd.store import atomic_path
 from cccd.thinning import calibrate_masks
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["add_calibrate", "add_next"]
 
