@@ -20,9 +20,10 @@ for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
 os.environ.setdefault("VTK_SMP_MAX_THREADS", "1")
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
+sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "docs")]
 
 import pandas as pd  # noqa: E402
+from keep_tables import TABLES  # noqa: E402
 
 from cccd.cohort import read_cohort  # noqa: E402
 from cccd.inputs import load_structure  # noqa: E402
@@ -34,7 +35,6 @@ from cccd.tracing import trace_mask  # noqa: E402
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program  # noqa: E402
 from cccd_paper.comparisons.isosurfaces import compare_isosurfaces  # noqa: E402
 from cccd_paper.comparisons.thick_slices import thick_slice_experiment  # noqa: E402
-from cccd_paper.measured import TABLES  # noqa: E402
 from cccd_paper.settings import IsosurfaceSettings, ThickSliceSettings  # noqa: E402
 
 SOURCES, LETTERS = ("mni152", "phantom"), ("A", "H", "X")

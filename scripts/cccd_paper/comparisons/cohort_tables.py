@@ -2,37 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pandas as pd
 
 from cccd.report.summary import Cohort
-from cccd_paper.comparisons.paper_k import AS_SMOOTH_SLACK, BEST, DISTANCES, FIGURE_11
+from cccd_paper.comparisons.paper_k import BEST, FIGURE_11
 
 __all__ = [
-    "as_smooth",
     "at_best",
-    "baseline_rows",
     "compactness",
     "figure_11_rows",
-    "has_truth",
     "ordering",
     "shapes",
 ]
-
-
-def has_truth(rows: pd.DataFrame) -> pd.Series:
-    """Say of each row of a table of surfaces whether its structure has a true surface."""
-    return rows.get("genus_true", pd.Series(np.nan, index=rows.index)).notna()
-
-
-def baseline_rows(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows of a table of surfaces that ours is held against, tuned or not.
-
-    Ours without its own splines is no baseline, nor is marching cubes where the mask is the reference:
-    there distances are measured to it.
-    """
-    reference = (rows["method"] == "marching cubes") & ~has_truth(rows)
-    return rows[~rows["method"].isin(["CCCD", DISTANCES]) & ~reference]
 
 
 def at_best(rows: pd.DataFrame) -> pd.DataFrame:
@@ -40,13 +21,6 @@ def at_best(rows: pd.DataFrame) -> pd.DataFrame:
     if "chosen" not in rows:
         return rows
     return rows[rows["chosen"].fillna(BEST).str.contains(BEST)]
-
-
-def as_smooth(rows: pd.DataFrame, keys: list[str]) -> pd.Series:
-    """Say of each row whether it bends at most as ours does, and a little, in its group by ``keys``."""
-    ours = rows[rows["method"] == "CCCD"].set_index(keys)["curvature_per_area_mm"]
-    limit = AS_SMOOTH_SLACK * ours.loc[pd.MultiIndex.from_frame(rows[keys])].to_numpy()
-    return rows["curvature_per_area_mm"] <= limit
 
 
 def figure_11_rows(corners: pd.DataFrame) -> pd.DataFrame:

@@ -35,7 +35,6 @@ __all__ = [
     "best_decoded",
     "best_threshold",
     "compare_map_surfaces",
-    "is_classical",
     "map_figures",
     "map_links",
 ]
@@ -142,11 +141,6 @@ def _counts(boundaries: Boundaries, curves: Curves) -> dict[str, int]:
         **count_changes(boundaries, curves),
         "curves": len(curves),
     }
-
-
-def is_classical(method: str) -> bool:
-    """Whether a row of the table is that of a classical decoder."""
-    return method.startswith(_BEST)
 
 
 def best_decoded(structure: Structure, boundaries: Boundaries) -> tuple[str, Curves]:

@@ -24,7 +24,6 @@ __all__ = [
     "corner_surfaces",
     "figure_11",
     "figure_15",
-    "nearest_images",
     "segmenters",
     "table_1",
     "table_2",
@@ -71,32 +70,6 @@ def table_2(cohort: Cohort) -> pd.DataFrame:
     medians = grouped[["dice_percent", "control_points", "of_boundary_percent"]].median()
     table = medians.join(grouped["self_intersecting_percent"].mean()).reset_index()
     return _beside(table, published.TABLE_2, ["detector", "parameters"]).drop(columns="detector")
-
-
-def nearest_images(fused: pd.DataFrame, order: str = "tour") -> pd.DataFrame:
-    """Say on which image each fused detector's Dice is nearest to the paper's, on the paper's organ.
-
-    The paper does not say which image of the slice its detectors read.
-
-    Parameters
-    ----------
-    fused : DataFrame
-        As `table_2` returns it.
-    order : str
-        How the corners were ordered (`cccd_paper.comparisons.fuse.ORDERS`).
-
-    Returns
-    -------
-    DataFrame
-        A row for each ``method`` and ``parameters`` of which the paper has a Dice: the Dice in percent on
-        every image, ``paper_dice_percent``, and the ``nearest`` image.
-    """
-    rows = fused[(fused["organ"] == published.TABLE_3_ORGAN) & (fused["order"] == order)]
-    rows = rows.dropna(subset=["paper_dice_percent"])
-    keys = ["method", "parameters", "paper_dice_percent"]
-    dice = rows.pivot_table(index=keys, columns="image", values="dice_percent", sort=False)
-    off = dice.sub(dice.index.get_level_values("paper_dice_percent"), axis=0).abs()
-    return dice.assign(nearest=off.idxmin(axis=1) if len(off) else []).reset_index()
 
 
 def figure_11(cohort: Cohort) -> pd.DataFrame:

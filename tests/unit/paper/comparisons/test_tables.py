@@ -15,10 +15,10 @@ from cccd_paper.comparisons import published
 from cccd_paper.comparisons.active_contour_comparison import active_contour_figures, compare_active_contour
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd_paper.comparisons.baselines.reconstructions import RECONSTRUCTIONS
-from cccd_paper.comparisons.cohort_tables import as_smooth, baseline_rows, figure_11_rows
+from cccd_paper.comparisons.cohort_tables import figure_11_rows
 from cccd_paper.comparisons.corner_comparison import compare_corners, corner_figures, search
-from cccd_paper.comparisons.paper_k import CCCD, DISTANCES
-from cccd_paper.comparisons.paper_tables import nearest_images, segmenters
+from cccd_paper.comparisons.paper_k import CCCD
+from cccd_paper.comparisons.paper_tables import segmenters
 from cccd_paper.comparisons.parameters import GRID
 from cccd_paper.comparisons.reconstruction_comparison import (
     ALONG_PIXELS,
@@ -192,31 +192,6 @@ def test_ours_stand_beside_the_papers(tables):
     assert fifth["corner_ms"].fillna(fifth["curve_ms"]).notna().all()
 
 
-def surfaces_of(*rows, **truth):
-    """Surfaces of one structure: method, ASSD and curvature."""
-    table = pd.DataFrame(rows, columns=["method", "assd_mm", "curvature_per_area_mm"])
-    return table.assign(case="a", organ="liver", **truth)
-
-
-def test_every_baseline_counts_but_the_reference_itself_and_our_own_distances():
-    rows = (
-        ("CCCD", 0.2, 0.1),
-        (DISTANCES, 0.1, 0.1),
-        ("marching cubes", 0.0, 0.8),
-        ("surface nets", 0.1, 0.1),
-    )
-    assert baseline_rows(surfaces_of(*rows))["method"].tolist() == ["surface nets"]
-    known = baseline_rows(surfaces_of(*rows, genus_true=0))
-    assert known["method"].tolist() == ["marching cubes", "surface nets"]
-
-
-def test_what_bends_a_little_more_is_as_smooth_in_its_own_structure():
-    first = surfaces_of(("CCCD", 0.2, 0.1), ("surface nets", 0.1, 0.104), ("marching cubes", 0.3, 0.106))
-    second = surfaces_of(("CCCD", 0.2, 1.0), ("surface nets", 0.1, 0.5)).assign(organ="lungs")
-    both = pd.concat([first, second], ignore_index=True)
-    assert as_smooth(both, ["case", "organ"]).tolist() == [True, True, False, True, True]
-
-
 def test_a_detector_whose_two_sets_are_one_is_one_series_of_figure_11(rows):
     series = set(figure_11_rows(rows[0])["method"])
     assert {"FUSE3 (FAST), defaults", "FUSE2 (Shi-Tomasi), Table 2", "FUSE2 (Shi-Tomasi), Figure 9"} < series
@@ -229,25 +204,6 @@ def test_figures_of_other_data_stand_beside_no_row(organ, expected):
     table = pd.DataFrame({"case": "a", "organ": organ, "method": methods, "given": "the image"})
     quoted = segmenters(Cohort({"segmenters": table}))["paper_dice_percent"]
     assert quoted.astype(object).where(quoted.notna(), None).tolist() == expected
-
-
-def test_the_image_nearest_to_the_papers_dice_is_named():
-    columns = ["organ", "image", "method", "parameters", "order", "dice_percent", "paper_dice_percent"]
-    fast = ("FUSE3 (FAST)", "paper, Figure 9")
-    table = pd.DataFrame(
-        [
-            ("liver", "mask", *fast, "tour", 7.0, 93.15),
-            ("liver", "outline", *fast, "tour", 93.5, 93.15),
-            ("liver", "grey", *fast, "tour", 98.1, 93.15),
-            ("liver", "grey", *fast, "chain", 93.15, 93.15),  # another order
-            ("lungs", "mask", *fast, "tour", 93.15, 93.15),  # the paper's is a liver
-            ("liver", "mask", "SUSAN + B-spline", "defaults", "tour", 93.15, np.nan),
-        ],
-        columns=columns,
-    )
-    row = nearest_images(table).squeeze()
-    assert (row["method"], row["nearest"], row["mask"], row["grey"]) == (fast[0], "outline", 7.0, 98.1)
-    assert nearest_images(table[table["organ"] == "lungs"]).empty
 
 
 def test_figures_11_and_15_are_tables_too(tables, rows):

@@ -1,14 +1,18 @@
-"""What the measured page keeps of a run: small CSV files, committed beside it."""
+"""Keep what the measured page shows of a run: small CSV files in ``docs/measured``, committed with the page.
+
+python docs/keep_tables.py RESULTS
+"""
 
 from __future__ import annotations
 
 import platform
 import subprocess
+import sys
 from pathlib import Path
 
 import pandas as pd
 
-__all__ = ["BENCHMARKS", "SCRIPTS", "TABLES", "keep_tables"]
+__all__ = ["TABLES", "keep_tables"]
 
 _SURFACE = (
     "case", "organ", "method", "chosen", "setting", "dice_3d", "assd_mm", "hd95_mm", "volume_bias",
@@ -70,12 +74,6 @@ TABLES: dict[str, tuple[str, ...]] = {
     "compactness": ("case", "organ", "spline", "chain_code", "png", "raw"),
 }  # fmt: skip
 
-#: Tables beside the run's, which scripts in ``tests/benchmarks`` write.
-BENCHMARKS = ("benchmarks", "out_of_distribution", "equal_maps", "orex", "programs")
-
-#: Those that such scripts write into ``docs/measured``.
-SCRIPTS = ("paper_network", "equal_points", "point_meshes")
-
 #: Of these tables the page shows some rows alone.
 _ROWS = {
     "junctions": "kind == 'all ten'",
@@ -116,8 +114,14 @@ def _run_facts(run: Path) -> pd.DataFrame:
     model = [line for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line]
     facts = {
         "commit": commit.stdout.strip() or "unknown",
+        "jobs": len(jobs),
+        "processor seconds": round(sum(job["value"] for job in jobs)),
         "machine": model[0].partition(":")[2].strip() if model else platform.machine(),
         "python": platform.python_version(),
     }
     named = [{"fact": name, "place": "", "rule": "", "value": value} for name, value in facts.items()]
     return pd.DataFrame([*named, *jobs])
+
+
+if __name__ == "__main__":
+    keep_tables(Path(sys.argv[1]).resolve(), Path(__file__).resolve().parent / "measured")
