@@ -1,13 +1,14 @@
 """What each mechanism of the surface gives: every stack is lofted without it, beside the whole.
 
-    python tests/benchmarks/ablation.py [--scans FOLDER] [--table FILE] [NAME ...]
+    python tests/benchmarks/ablation.py [--table FILE] [--mechanisms NAME ...]      some minutes of one core
 
-Stacks are thinned or coarse copies of the shared scans, where those are, and the phantoms. Distances are to
-the complete mask or the phantom's own surface.
+Stacks are sampled from surfaces that are known exactly: bodies of exact_truth.py, and trees of thin tubes.
+The table goes to docs/measured/ablation.csv; its means go into docs/research/ablation.md.
 """
 
 import argparse
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
@@ -15,100 +16,135 @@ from typing import Any
 from unittest.mock import patch
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts"), str(Path(__file__).parent)]
+sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/unit/surface"), str(Path(__file__).parent)]
 
+import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
-from rate_distortion import structures as structures_of_rates  # noqa: E402
+from exact_truth import TURN_DEG, compile_first, ours, sources  # noqa: E402
+from scipy.spatial.transform import Rotation  # noqa: E402
+from thin_masks import THIN_MASKS  # noqa: E402
+from thin_trees import tree  # noqa: E402
+from truth_bodies import sample_stack  # noqa: E402
+from truth_measures import Target, bending, mean_distance, wrong_voxels  # noqa: E402
+from truth_tables import fill_page  # noqa: E402
 
-import cccd  # noqa: E402
-from cccd.containers import Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
-from cccd.inputs.annotation import EVERY_SLICE  # noqa: E402
-from cccd.inputs.load import structure_of_array  # noqa: E402
-from cccd.reconstruction import reconstruct_mask  # noqa: E402
-from cccd.settings.imports import ImportSettings  # noqa: E402
-from cccd.settings.surface import LoftSettings  # noqa: E402
-from cccd.surface.measure import Reference, measure_mesh  # noqa: E402
-from cccd.thinning import Thinning  # noqa: E402
 
-#: Shared scans: file, every how many slices are kept, and the edge in voxels of the blocks that are averaged.
-SCANS = {
-    "brain (TCGA), every 5th": ("brain_tcga_du7294/mask_brain.nii.gz", 5, 1),
-    "brain (TCGA), every 8th": ("brain_tcga_du7294/mask_brain.nii.gz", 8, 1),
-    "airway, every 2nd": ("airway_lidc_1mm/mask_airway.nii.gz", 2, 1),
-    "airway, every 4th": ("airway_lidc_1mm/mask_airway.nii.gz", 4, 1),
-    "lungs, every 5th": ("airway_lidc_1mm/mask_lungs.nii.gz", 5, 1),
-    "liver, every 2nd": ("liver_totalseg_ct3mm/mask_liver.nii.gz", 2, 1),
-    "colon, every 2nd": ("liver_totalseg_ct3mm/mask_colon.nii.gz", 2, 1),
-    "brain (TCGA), coarse": ("brain_tcga_du7294/mask_brain.nii.gz", 2, 3),
-    "airway, coarse": ("airway_lidc_1mm/mask_airway.nii.gz", 1, 2),
-    "lungs, coarse": ("airway_lidc_1mm/mask_lungs.nii.gz", 2, 3),
-}
+TABLE, PAGE = ROOT / "docs/measured/ablation.csv", ROOT / "docs/research/ablation.md"
+
+#: Bodies of exact_truth.py, where the data is; slices' distances in pixels; trees, by their trunk in mm.
+BODIES = ("ellipsoid", "curved sheet", "hollow ball", "pial left", "atrium_02", "atrium_04")
+RATIOS, TRUNKS, SEEDS = (1.0, 3.0, 5.0), (2.0, 3.0), (0, 1)
+#: Masks of one voxel, whose truth is not known: here voxels are counted that lie on the wrong side.
+THIN = ("shell", "ribs of one voxel", "iliac wing")
+
+
+def _first(value: Any, *_: Any) -> Any:
+    return value
+
+
+def _second(_: Any, value: Any, *__: Any) -> Any:
+    return value
 
 
 def _uncorrected(_: Any, around: Any, *__: Any) -> Any:
     return around.base * around.sign
 
 
-def _smooth(smooth: Mesh, *_: Any) -> Mesh:
-    return smooth
+def _nothing(*_: Any) -> None:
+    return None
+
+
+def _no_wave(*_: Any) -> float:
+    return 1e-6
 
 
 #: What is replaced where a mechanism is left out.
 WITHOUT: dict[str, tuple[str, Callable[..., Any]] | None] = {
     "nothing": None,
     "learned distance": ("cccd.surface.learned_distance.DistanceNetwork.estimate", _uncorrected),
-    "volume of the slices": ("cccd.surface.smooth_mesh._of_volume", _smooth),
-    "less filter at lost voxels": ("cccd.surface.smooth_mesh._mended", _smooth),
+    "three stacks of cubes": ("cccd.surface.levels._of_cubes", _first),
+    "one change of sign between slices": ("cccd.surface.levels._change_sign_once", _nothing),
+    "branches that are followed": ("cccd.surface.stack._with_branches", _second),
+    "low-pass filter": ("cccd.surface.smooth_mesh.default_wave", _no_wave),
+    "volume of the slices": ("cccd.surface.smooth_mesh._of_volume", _first),
+    "no filter on threads": ("cccd.surface.smooth_mesh._without_threads", _first),
+    "less filter at lost voxels": ("cccd.surface.smooth_mesh._mended", _first),
 }
 
 
 def main() -> None:
-    """Loft every stack with and without, and write the table."""
+    """Loft every stack with and without, and write the table and the page."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--scans", type=Path, default=ROOT.parent / "shared/data")
-    parser.add_argument("--table", type=Path, default=ROOT / "docs/ablation.csv")
-    parser.add_argument("names", nargs="*", help="some of the stacks")
+    parser.add_argument("--table", type=Path, default=TABLE)
+    parser.add_argument("--mechanisms", nargs="+", choices=list(WITHOUT), default=list(WITHOUT))
     options = parser.parse_args()
+    compile_first()
     rows: list[dict[str, Any]] = []
-    for name, (thick, whole) in structures(options.scans):
-        if options.names and name not in options.names:
-            continue
-        reference = Reference.of(whole)
-        for mechanism, replaced in WITHOUT.items():
-            rows.append({"stack": name, "without": mechanism, **lofted(thick, whole, reference, replaced)})
+    for kind, name, mask, affine, truth in stacks():
+        for mechanism in dict.fromkeys(["nothing", *options.mechanisms]):
+            rows.append(
+                {"kind": kind, "stack": name, "without": mechanism, **lofted(mask, affine, truth, mechanism)}
+            )
             print(*rows[-1].values(), flush=True)
-    pd.DataFrame(rows).to_csv(options.table, index=False, float_format="%.4g")
+    table = pd.DataFrame(rows)
+    table.to_csv(options.table, index=False, float_format="%.4g")
+    print(means(table))
+    if options.table == TABLE:
+        PAGE.write_text(fill_page(PAGE.read_text(encoding="utf-8"), "ablation", means(table)), "utf-8")
 
 
-def structures(scans: Path) -> Iterator[tuple[str, tuple[Structure, Structure]]]:
-    """Give what is lofted and what it is measured against."""
-    yield from structures_of_rates(Path())
-    for name, (file, every, block) in SCANS.items():
-        if (scans / file).exists():
-            whole = cccd.read(scans / file)
-            assert whole.mask is not None
-            how = Thinning(whole.frame.slice_axis, every * block, 0, block, averaged=block > 1)
-            affine = whole.frame.affine.copy()
-            affine[:3, 3] += affine[:3, :3] @ whole.origin
-            mask, affine = how.of(whole.mask, affine)
-            yield name, (structure_of_array(mask, affine, ImportSettings(), name, EVERY_SLICE), whole)
+def stacks() -> Iterator[tuple[str, str, np.ndarray, np.ndarray, Target | None]]:
+    """Give kind, name, mask, affine and true surface of every stack."""
+    known = sources(Rotation.from_euler("xyz", TURN_DEG, degrees=True), None, None)
+    for name in BODIES:
+        if name in known:
+            body = known[name].make()
+            truth = Target(body.truth)
+            for ratio in RATIOS:
+                yield f"1:{ratio:g}", f"{name} 1:{ratio:g}", *sample_stack(body, ratio), truth
+    for trunk in TRUNKS:
+        for ratio in RATIOS[:2]:
+            for seed in SEEDS:
+                structure, truth = tree(seed, trunk, ratio)
+                assert structure.mask is not None
+                name = f"tree {seed} of {trunk:g} mm 1:{ratio:g}"
+                yield "thin trees", name, structure.mask, structure.frame.affine, Target(truth)
+    for name in THIN:
+        if (made := THIN_MASKS[name]()) is not None:
+            yield "thin masks", name, *made, None
 
 
-def lofted(
-    thick: Structure,
-    whole: Structure,
-    reference: Reference,
-    replaced: tuple[str, Callable[..., Any]] | None,
-) -> dict[str, Any]:
-    """Loft with a function replaced, and measure."""
+def lofted(mask: np.ndarray, affine: np.ndarray, truth: Target | None, mechanism: str) -> dict[str, Any]:
+    """Loft without a mechanism, and measure."""
+    replaced, began = WITHOUT[mechanism], time.process_time()
     with patch(*replaced) if replaced else nullcontext():
-        surface = reconstruct_mask(thick, LoftSettings())
-    found = measure_mesh(surface.mesh, whole, reference)
-    keys = ("assd_mm", "hd95_mm", "bending_per_area_mm2", "genus", "volume_bias")
-    return {**{key: found.get(key) for key in keys}, "bodies": surface.report["bodies"]}
+        mesh: Mesh = ours(mask, affine)[0].mesh
+    count, farthest = wrong_voxels(mesh, mask, affine)
+    return {
+        "assd_mm": np.nan if truth is None else mean_distance(mesh, truth),
+        "bending_per_mm": bending(mesh),
+        "volume_share": mesh.volume / (mask.sum() * abs(np.linalg.det(affine[:3, :3]))),
+        "wrong_voxels": count,
+        "farthest_wrong_px": farthest,
+        "cpu_seconds": time.process_time() - began,
+    }
+
+
+def means(table: pd.DataFrame) -> str:
+    """Make a Markdown table: a row for each mechanism, ASSD without it as a share of that of the whole."""
+    whole = table[table["without"] == "nothing"].set_index("stack")
+    ratio = np.log(table["assd_mm"] / table["stack"].map(whole["assd_mm"]))
+    kinds = [kind for kind in dict.fromkeys(table["kind"]) if kind != "thin masks"]
+    lines = ["| without | " + " | ".join(f"ASSD, {kind}" for kind in kinds) + " | worst | wrong voxels |"]
+    lines.append("| --- " * (len(kinds) + 3) + "|")
+    for mechanism, rows in table.groupby("without", sort=False):
+        cells = [f"{np.exp(ratio[rows.index][rows['kind'] == kind].mean()):.3f}" for kind in kinds]
+        cells += [f"{np.exp(ratio[rows.index].max()):.2f}", f"{rows['wrong_voxels'].sum():,}"]
+        lines.append(f"| {mechanism} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
