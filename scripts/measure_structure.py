@@ -22,7 +22,7 @@ from cccd.store import (
 from cccd.surface.checks import check_walls
 from cccd.surface.measure import measure_surface, volume_warnings
 from cccd.surface.surface import read_surface
-from cccd.view import make_view
+from cccd_workflow.view import make_view
 
 #: Slices to annotate next that are named.
 NAMED = 5

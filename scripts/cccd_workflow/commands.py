@@ -114,7 +114,7 @@ def _compare(given: argparse.Namespace) -> int:
 
 
 def _run(given: argparse.Namespace) -> int:
-    from cccd.workflow_command import run_command, snakemake_command
+    from cccd_workflow.workflow_command import run_command, snakemake_command
 
     sheet, folder = given.input, given.directory or Path.cwd()
     if sheet.is_dir():
@@ -134,7 +134,7 @@ def _run(given: argparse.Namespace) -> int:
 def _sheet_of_bids(given: argparse.Namespace) -> tuple[Path, Path]:
     """Write the cohort sheet of a BIDS data set into the folder of the results."""
     import cccd
-    from cccd.bids import find_structures, write_sheet
+    from cccd_workflow.bids import find_structures, write_sheet
 
     if given.output is None or given.level is None:
         raise InputError(

@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 30028,
+    "scripts/cccd": 29654,
     "scripts/cccd_dicom": 1326,
     "scripts/cccd_junctions": 4073,
     "scripts/cccd_labels": 2967,
@@ -17,8 +17,8 @@ MOST_LINES = {
     "scripts/cccd_tetrahedra": 1534,
     "scripts/cccd_training": 3661,
     "scripts/cccd_vessels": 1914,
-    "scripts/cccd_workflow": 674,
-    "tests": 29623,
+    "scripts/cccd_workflow": 1048,
+    "tests": 29663,
 }
 
 

@@ -29,8 +29,8 @@ from cccd.store import (
 )
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd.tracing import trace_mask
-from cccd.view import make_view
 from cccd_junctions.boundary import extract_boundaries
+from cccd_workflow.view import make_view
 
 RADII = np.array([24.0, 30.0, 21.0])
 SPACING = np.array([1.0, 1.0, 2.0])

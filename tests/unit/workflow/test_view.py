@@ -6,7 +6,7 @@ import trimesh
 
 from cccd.containers import Frame, Structure
 from cccd.geometry.mesh import Mesh
-from cccd.view import reference_surface
+from cccd_workflow.view import reference_surface
 
 
 def sphere(radius, subdivisions=5):
