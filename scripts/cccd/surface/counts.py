@@ -26,17 +26,19 @@ def counts(mesh: Mesh, stack: SliceStack) -> dict[str, Any]:
 
 
 def warnings_of(stack: SliceStack) -> list[str]:
-    """Say what of the slices is not in the surface: parts smaller than a number of voxels."""
-    return [*_left_out_warnings(stack.left_out, stack.smallest_voxels), *stack.warnings]
-
-
-def _left_out_warnings(volumes: Sequence[float], smallest_voxels: float) -> list[str]:
-    """Report the parts, in mm^3, that were left out as smaller than a number of voxels."""
-    if not volumes:
-        return []
-    count, volume = len(volumes), f"{sum(volumes):.3g} mm³" + (" in total" if len(volumes) > 1 else "")
-    fragments = "1 fragment" if count == 1 else f"{count} fragments"
-    return [
-        f"dropped {fragments} smaller than {smallest_voxels:g} voxels ({volume}); lower "
-        "surface.smallest_part_voxels to keep them"
+    """Say what of the slices is not in the surface: parts and cavities smaller than a number of voxels."""
+    lines = [
+        _gone(verb, one, many, stack.left_out[one], stack.smallest_voxels)
+        for verb, one, many in (("dropped", "fragment", "fragments"), ("filled", "cavity", "cavities"))
+        if stack.left_out[one]
     ]
+    return [*lines, *stack.warnings]
+
+
+def _gone(verb: str, one: str, many: str, volumes: Sequence[float], smallest_voxels: float) -> str:
+    """Report what of some mm^3 each went as smaller than a number of voxels."""
+    count, volume = len(volumes), f"{sum(volumes):.3g} mm³" + (" in total" if len(volumes) > 1 else "")
+    return (
+        f"{verb} {count} {one if count == 1 else many} smaller than {smallest_voxels:g} voxels ({volume}); "
+        "lower surface.smallest_part_voxels to keep them"
+    )

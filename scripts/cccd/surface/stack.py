@@ -53,8 +53,8 @@ class SliceStack:
         Parts of fewer mm^3 are left out.
     smallest_voxels : float
         The same in voxels, as it was asked for.
-    left_out : list of float
-        Volumes in mm^3 of the parts that were.
+    left_out : dict of str to list of float
+        Volumes in mm^3 of each ``fragment`` that was, and of each ``cavity`` that was filled.
     warnings : tuple of str
         What a user should know of what lies between the slices.
     """
@@ -68,7 +68,7 @@ class SliceStack:
     of_some_slices: bool
     smallest: float
     smallest_voxels: float
-    left_out: list[float]
+    left_out: dict[str, list[float]]
     warnings: tuple[str, ...] = ()
 
     @property
@@ -198,23 +198,26 @@ def _usual_gap(slices: IntArray) -> int:
     return int(np.median(np.diff(slices))) if len(slices) > 1 else 1
 
 
-def _without_small(borders: Borders, frame: Frame, least: float) -> tuple[Borders, list[float]]:
-    """Leave out parts of fewer voxels, but for the largest, and fill such cavities; the parts' mm^3."""
+def _without_small(borders: Borders, frame: Frame, least: float) -> tuple[Borders, dict[str, list[float]]]:
+    """Fill cavities of fewer voxels, and leave out such parts but for the largest; mm^3 of both."""
     every = _usual_gap(borders.slices)
-    cavities, sizes = label_parts(~borders.inside, borders.slices, every, touching=1)
-    small = np.concatenate([[False], sizes < least])
-    for ends in (cavities[[0, -1]], cavities[:, [0, -1]], cavities[:, :, [0, -1]]):
-        small[np.unique(ends)] = False
-    if small.any():
-        borders = borders.without(small[cavities], frame.pixel_spacing, -1)
-    labels, sizes = label_parts(borders.inside, borders.slices, every)
-    small = sizes < least
-    small[np.argmax(sizes)] = False
-    if not small.any():
-        return borders, []
-    gone = np.concatenate([[False], small])[labels]
     voxel = every * frame.slice_spacing * float(frame.pixel_spacing.prod())
-    return borders.without(gone, frame.pixel_spacing), (sizes[small] * voxel).tolist()
+    outside, count = label_parts(~borders.inside, borders.slices, every, touching=1)
+    hidden = np.append(False, np.ones(len(count), np.bool_))
+    for ends in (outside[[0, -1]], outside[:, [0, -1]], outside[:, :, [0, -1]]):
+        hidden[np.unique(ends)] = False
+    # voxels of a cavity that touch at a corner are one, as those of a part are
+    cavities, sizes = label_parts(hidden[outside], borders.slices, every)
+    filled = sizes < least
+    if filled.any():
+        borders = borders.without(np.append(False, filled)[cavities], frame.pixel_spacing, -1)
+    gone = {"cavity": (sizes[filled] * voxel).tolist()}
+    parts, sizes = label_parts(borders.inside, borders.slices, every)
+    dropped = sizes < least
+    dropped[np.argmax(sizes)] = False
+    if dropped.any():
+        borders = borders.without(np.append(False, dropped)[parts], frame.pixel_spacing)
+    return borders, gone | {"fragment": (sizes[dropped] * voxel).tolist()}
 
 
 def label_parts(inside: BoolArray, z: RealArray, step: float, touching: int = 3) -> tuple[IntArray, IntArray]:

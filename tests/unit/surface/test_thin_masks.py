@@ -28,6 +28,23 @@ def test_no_voxel_of_a_thin_mask_is_lost(name):
     count, farthest = wrong_voxels(surface.lofted.mesh, mask, affine)
     assert count == 0
     assert farthest <= 0.75
+    assert surface.volume == pytest.approx(mask.sum() * np.linalg.det(affine[:3, :3]), rel=0.005)
+
+
+@pytest.mark.parametrize(("wide", "aside"), [(1, 0), (1, 1), (2, 1), (2, 2)])
+def test_a_vessel_of_one_pixel_through_thick_slices_stays(wide, aside):
+    i, j, k = np.indices((40, 40, 14))
+    mask = np.hypot(np.hypot(i - 19.5, j - 19.5), 3 * (k - 6.5)) <= 17
+    for n in range(3, 11):
+        mask[12 + aside * (n - 3) :, 20, n][:wide] = False
+    affine = np.diag([1.0, 1, 3, 1])
+    assert wrong_voxels(cccd.reconstruct(mask, affine).lofted.mesh, mask, affine)[0] == 0
+
+
+def test_cavities_that_are_filled_are_said():
+    mask = np.linalg.norm(np.indices((24, 24, 24)) - 11.5, axis=0) <= 9
+    mask[12, 12, 12] = False
+    assert any("filled 1 cavity" in line for line in cccd.reconstruct(mask).warnings)
 
 
 def test_endplates_of_one_voxel_are_sheets():
