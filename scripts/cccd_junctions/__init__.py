@@ -22,7 +22,7 @@ module               holds
 ``alternatives``     other labellings, described as a whole
 ``reranking``        which of them is right
 ``labelling``        a slice's labels, from the cut or an alternative of it
-``parts``            no more pieces than an organ has on a slice; ``stacks``: slices beside others
+``stacks``           slices beside others
 ``uncertainty``      how likely a slice's curves are wrong
 ``checkpoint``       ``model.pt``
 ``inference``        the forward path, batched over slices

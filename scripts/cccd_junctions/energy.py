@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 __all__ = [
-    "HELD",
     "Energy",
     "EnergyWeights",
     "Logits",
@@ -45,7 +44,7 @@ _Numbers = TypeVar("_Numbers", FloatArray, "Tensor")
 
 #: Unary energy of triangles that are held outside, those at the ghost points among them: above all that the
 #: others can gain.
-HELD = 1e9
+_HELD = 1e9
 
 # A triangle's logit counts by this power of its area, and a pixel of border costs so much per nat of doubt
 # about its link: the best compromise of ten settings on the frozen validation graphs.
@@ -126,5 +125,5 @@ def least_energy(graph: DelaunayGraph, energy: Energy[FloatArray]) -> BoolArray:
 
 def least_energies(graph: DelaunayGraph, unaries: Sequence[FloatArray], pairwise: FloatArray) -> BoolArray:
     """Inside triangles (K, T) of the least of several energies that differ in their unary terms alone."""
-    held = np.where(graph.outer, HELD, np.stack(unaries))
+    held = np.where(graph.outer, _HELD, np.stack(unaries))
     return minimum_cuts(held, pairwise, graph.neighbours, graph.triangle_links)

@@ -11,7 +11,6 @@ from cccd_junctions.alternatives import FEATURES, alternatives, describe, pieces
 from cccd_junctions.decoding import Outline, find_outline
 from cccd_junctions.delaunay import DelaunayGraph
 from cccd_junctions.energy import Logits, energy_weights, inference_energy, least_energy
-from cccd_junctions.parts import limit_parts
 from cccd_junctions.reranking import shipped_reranker
 from cccd_junctions.uncertainty import areas_between, chance_of_error, doubt_facts
 
@@ -49,7 +48,7 @@ def label_slice(
     evidence: FloatArray | None = None,
     rerank: bool = True,
 ) -> Labelled:
-    """Label the triangles of one slice, inside in as many pieces as there may be.
+    """Label the triangles of one slice.
 
     Maps that are outlines already are taken as they are; so are closed curves where the cut finds nothing.
 
@@ -58,7 +57,7 @@ def label_slice(
     graph : DelaunayGraph
     logits : tuple of (T,) and (L,) arrays
     parts : int, optional
-        Pieces at most, none of which has a hole.
+        Pieces at most, none of which has a hole: alternatives that keep to it go before the others.
     outline : Outline, optional
         Is found where it is not given.
     evidence : (T,) float64, optional
@@ -73,7 +72,7 @@ def label_slice(
     evidence = np.zeros(len(graph.triangles)) if evidence is None else evidence
     logits = logits[0] + evidence, logits[1]
     energy = inference_energy(graph, logits)
-    cut = limit_parts(graph, energy, least_energy(graph, energy), parts)
+    cut = least_energy(graph, energy)
     if not cut.any():
         return Labelled(outline.enclosed, _UNKNOWN if rerank else None)
     if not rerank:
@@ -86,7 +85,8 @@ def label_slice(
     scores = own + _EVIDENCE_SCORE * (labels @ (weights.unary * evidence))
     if parts is not None:
         found, holes = pieces(features)
-        scores[1:][(found[1:] > parts) | (holes[1:] > 0)] = -np.inf
+        fitting = (found <= parts) & (holes == 0)
+        scores[~fitting & fitting.any()] = -np.inf
     chosen = int(scores.argmax())
     size = float(features[0, FEATURES.index("size")])
     facts = doubt_facts(scores, float(own[0]), areas_between(graph, labels, chosen), size)

@@ -5,7 +5,7 @@
 Every method is timed beside its peers in the same process, on one thread, at sizes that double. Time is
 processor time, the least of three runs, so that other people's load does not count; memory is the peak
 above what the process held before. The slope is d log time / d log size. What is timed beside what:
-stages.py. Single contours in detail: bench_curves.py.
+stages.py.
 """
 
 import argparse

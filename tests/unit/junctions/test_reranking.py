@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from test_inference import SHIPPED, raster_order
-from test_parts import curves_of, dumbbell, logits_of
+from test_parts import dumbbell, logits_of
 
 from cccd.geometry.opencv import border_pixels
 from cccd_junctions.alternatives import FEATURES, SMALLEST_PX, alternatives, describe, pieces
@@ -12,7 +12,6 @@ from cccd_junctions.checkpoint import load_model
 from cccd_junctions.delaunay import build_graph
 from cccd_junctions.energy import energy_weights, inference_energy, least_energy
 from cccd_junctions.inference import SLICES_PER_BATCH, read_slices
-from cccd_junctions.labelling import label_slice
 from cccd_junctions.observation import observe
 from cccd_junctions.reranking import WEIGHTS, WEIGHTS_SHA256, Reranker, shipped_reranker
 from cccd_junctions.stacks import label_slices
@@ -98,14 +97,6 @@ def test_the_cut_itself_changes_nothing():
     changes = [n for n, name in enumerate(FEATURES) if name.split()[0] in about]
     assert (found[0, changes] == 0).all()
     assert (np.abs(found[1:, changes]).sum(axis=1) > 0).all()
-
-
-def test_parts_that_a_row_allows_are_kept_to():
-    mask, _, seen = dumbbell()
-    graph = build_graph(raster_order(seen))
-    for doubt in (-0.2, -0.5, -1.0):
-        logits = logits_of(graph, mask, (40, 69), doubt=doubt)
-        assert len(curves_of(graph, label_slice(graph, logits, 1).inside, 1)) == 1
 
 
 def test_shipped_weights_are_those_that_are_named():
