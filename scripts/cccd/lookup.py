@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 __all__ = ["call", "find"]
 
 
-def find(function: str) -> Callable[..., Any]:
-    """Look up a function by its dotted path.
+def find(path: str) -> Any:
+    """Look up a function, or what else a module has, by its dotted path.
 
     >>> find("math.hypot")(3, 4)
     5.0
     """
-    module, name = function.rsplit(".", 1)
+    module, name = path.rsplit(".", 1)
     return getattr(importlib.import_module(module), name)
 
 

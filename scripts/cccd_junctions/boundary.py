@@ -25,7 +25,7 @@ from cccd.containers import (
     Structure,
 )
 from cccd.errors import InputError
-from cccd.geometry.arrays import offsets_of, ranks_of
+from cccd.geometry.arrays import AnyArray, offsets_of, ranks_of
 from cccd.geometry.opencv import distance_to_zero
 from cccd.settings.boundaries import BoundarySettings
 
@@ -142,7 +142,7 @@ def edge_map(image: np.ndarray, region: np.ndarray | None, settings: BoundarySet
         beyond = _GREY_RANGES * (high - low)
         image = np.clip(image, low - beyond, high + beyond)
     ridge = np.zeros(image.shape, np.float32)
-    sample = []
+    sample: list[AnyArray] = []
     for first in range(0, len(image), BLOCK):
         block = slice(first, first + BLOCK)
         magnitude, thin = gradient_ridges(image[block], settings.blur_px)
@@ -205,7 +205,7 @@ def gradient_ridges(image: np.ndarray, blur_px: float) -> tuple[np.ndarray, np.n
     magnitude = np.hypot(along_i, along_j)
     scale = np.float32(_STEEPEST / (float(magnitude.max(initial=0)) or 1))
     slopes = (np.rint(scale * slope).astype(np.int16) for slope in (along_j, along_i))
-    thin = [cv2.Canny(x, y, 0, 0, L2gradient=True) > 0 for x, y in zip(*slopes, strict=True)]
+    thin: list[AnyArray] = [cv2.Canny(x, y, 0, 0, L2gradient=True) > 0 for x, y in zip(*slopes, strict=True)]
     return magnitude, np.reshape(thin, magnitude.shape)
 
 
