@@ -22,9 +22,6 @@ configfile: f"{workflow.basedir}/config/config.yaml"
 include: "workflow/rules/common.smk"
 
 
-look_up_once()
-
-
 wildcard_constraints:
     case=CASE,
     organ=NAME,
@@ -33,7 +30,6 @@ wildcard_constraints:
 include: "workflow/rules/segmentation.smk"
 include: "workflow/rules/structures.smk"
 include: "workflow/rules/junctions.smk"
-include: "workflow/rules/contours.smk"
 include: "workflow/rules/curves.smk"
 include: "workflow/rules/surfaces.smk"
 include: "workflow/rules/comparisons.smk"
@@ -66,7 +62,6 @@ rule all:
     input:
         "results/report.html",
         rules.surfaces.input,
-        plan.region_pictures(),
         plan.scenes(),
     localrule: True
 
@@ -76,7 +71,6 @@ check_targets()
 
 onstart:
     check_before_jobs()
-    switch_timers_off()
     answer_signals()
     shorten_console()
 

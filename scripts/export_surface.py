@@ -1,25 +1,32 @@
-"""Write the surface, or a side of its error band, in another format: for viewers, or lying on the scan."""
+"""Write the surface, and the sides of its error band, in other formats; and what its solids are worth."""
 
 from pathlib import Path
 
 from cccd.files.options import ExportOptions
 from cccd.files.write import write_surface
+from cccd.inputs.load import scan_of
 from cccd.job import job
-from cccd.store import read_drawn
+from cccd.settings.surface import TetrahedraSettings
+from cccd.store import read_drawn, read_structure, write_json
 from cccd.surface.surface import read_surface
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
-    surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
-    side = dict(snakemake.wildcards).get("side")
-    if side is not None:
-        surface = surface.sides()[side]
-    series = next((path for path in map(Path, snakemake.input.scan) if path.is_dir()), None)
     settings = snakemake.params.settings
+    surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
     options = ExportOptions(
         snakemake.wildcards.organ,
         settings["contour_spacing_mm"],
-        series,
+        next((path for path in map(Path, snakemake.input.scan) if path.is_dir()), None),
         keep_patient=settings["keep_patient"],
         drawn=read_drawn(snakemake.input.structure),
+        tolerance_mm=settings["step_tolerance_mm"],
+        tetrahedra=TetrahedraSettings(**settings["tetrahedra"]),
+        scan=scan_of(read_structure(snakemake.input.structure)),
     )
-    write_surface(snakemake.output[0], surface, options)
+    reports = dict(zip(snakemake.params.reported, snakemake.output.reports, strict=True))
+    for path in map(Path, snakemake.output.files):
+        stem, _, form = path.name.partition(".")
+        side = stem.partition("_")[2]
+        report = write_surface(path, surface.sides()[side] if side else surface, options)
+        if form in reports:
+            write_json(reports[form], report)

@@ -1,23 +1,33 @@
-"""Read one structure of the cohort sheet into structure.h5."""
+"""Read one structure of the cohort sheet: what came in, its boundary pixels, and ordered contours."""
 
 from pathlib import Path
 
 from cccd.cohort import naming_row
 from cccd.inputs import load_structure
 from cccd.inputs.load import with_segmentation_notes
+from cccd.inputs.regions import draw_region
 from cccd.job import job
+from cccd.lookup import call
+from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.imports import ImportSettings
-from cccd.store import read_json, write_structure
+from cccd.store import read_json, write_boundaries, write_contours, write_structure
+from cccd_junctions.boundary import extract_boundaries
 
-row = snakemake.params.row
-name = f"{row['case']}/{row['organ']}"
-folder = Path(snakemake.params.sheet_folder)
+output, params = snakemake.output, snakemake.params
+name = f"{params.row['case']}/{params.row['organ']}"
+folder = Path(params.sheet_folder)
 with (
-    job(snakemake.log[0], name, snakemake.input, snakemake.output),
-    naming_row(folder / snakemake.params.sheet_name, name),
+    job(snakemake.log[0], name, snakemake.input, output),
+    naming_row(folder / params.sheet_name, name),
 ):
-    settings = ImportSettings(**snakemake.params.settings)
-    structure = load_structure({**row, "location": name}, folder, settings, snakemake.params.seed)
+    settings = ImportSettings(**params.settings)
+    structure = load_structure({**params.row, "location": name}, folder, settings, params.seed)
     for report in snakemake.input.segmentation[1:]:  # of a mask that a segmenter made
         structure = with_segmentation_notes(structure, read_json(report))
-    write_structure(snakemake.output[0], structure)
+    write_structure(output.structure, structure)
+    boundaries = extract_boundaries(structure, BoundarySettings(**params.boundaries))
+    write_boundaries(output.boundaries, boundaries)
+    given = {"structure": structure, "boundaries": boundaries, "decoding": params.decoding}
+    write_contours(output.contours, *call(params.way, given | {"weights": snakemake.input.model}))
+    if region := output.get("region"):
+        draw_region(structure, region)

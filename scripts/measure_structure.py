@@ -1,11 +1,13 @@
-"""Everything measured on one structure, what the page's viewer shows of it, and a picture of its surface."""
+"""Everything measured on one structure, a picture of its surface, and its page."""
 
 import logging
+from pathlib import Path
 
 from cccd.contours import doubtful_slices
 from cccd.curves import measure_curves
 from cccd.job import job
 from cccd.next_slice import rank_unannotated
+from cccd.report.page import build_structure_page
 from cccd.report.render import render_surface
 from cccd.settings.surface import LoftSettings
 from cccd.store import (
@@ -71,3 +73,15 @@ with job(snakemake.log[0], name, snakemake.input, snakemake.output):
     write_view(snakemake.output.view, view)
 with job(snakemake.log[0], f"{name}, picture", snakemake.input, snakemake.output):
     logging.info("drawn with %s", render_surface(snakemake.input.mesh, snakemake.output.picture))
+with job(snakemake.log[0], f"{name}, page", snakemake.input, snakemake.output):
+    page = Path(snakemake.output.page)
+    results = page.parents[2]
+    build_structure_page(
+        results,
+        structure.case,
+        structure.organ,
+        config=snakemake.params.config,
+        output=page,
+        template_dir=Path(snakemake.scriptdir).parent / "workflow" / "report",
+        index=results / "report.html",
+    )

@@ -6,7 +6,7 @@ boundary maps and edges of grey images, with spurs, bridges and gaps.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from cccd_junctions.decoding import closed_chains
 from cccd_junctions.inference import LoopPredictor, Predictor, predict_slices
 from cccd_junctions.uncertainty import CALIBRATED_WEIGHTS, listed_from
 
-__all__ = ["DEFAULTS", "count_changes", "order_boundaries", "order_contours", "order_maps"]
+__all__ = ["DEFAULTS", "count_changes", "order_boundaries", "order_contours", "order_maps", "order_pixels"]
 
 #: What holds where nobody decides.
 DEFAULTS = InferenceSettings()
@@ -40,21 +40,18 @@ def order_maps(
     inference: InferenceSettings,
     weights: str | Path = SHIPPED_WEIGHTS,
 ) -> Curves:
-    """Order a structure's boundary pixels by a junction network; needs PyTorch.
+    """Order the boundary pixels of a structure's maps, or of its image's region, by a network (PyTorch)."""
+    pixels = extract_boundaries(structure, boundaries)
+    return order_pixels(structure, pixels, weights, inference.model_dump())[0]
 
-    Parameters
-    ----------
-    structure : Structure
-        With boundary maps, or an image and a region.
-    boundaries, inference
-        Sections ``boundaries`` and ``gnn.inference`` of the configuration.
-    weights : path
-        A trained network.
-    """
+
+def order_pixels(
+    structure: Structure, boundaries: Boundaries, weights: str | Path, decoding: Mapping[str, Any]
+) -> tuple[Curves, dict[str, Any]]:
+    """Order as `order_contours` does, by the network of a file and the section ``gnn.inference``."""
     from cccd_junctions.checkpoint import load_model  # torch takes two seconds to load
 
-    pixels = extract_boundaries(structure, boundaries)
-    return order_contours(structure, pixels, load_model(weights), inference)[0]
+    return order_contours(structure, boundaries, load_model(weights), InferenceSettings(**decoding))
 
 
 def order_contours(

@@ -78,7 +78,6 @@ CORNERS = Comparison(
         "boundary_pixels", "control_points", "self_intersects", "TP rate", "FP rate", "TN rate", "FN rate",
         "ACC", "MC", "PRE", "SPEC", "DSC", "JI", "corner_ms", "curve_ms",
     ),
-    job="curves",
 )  # fmt: skip
 
 RECONSTRUCTION = Comparison(
@@ -93,7 +92,6 @@ RECONSTRUCTION = Comparison(
         "junctions", "left_out", "closed", "dice", "ms",
     ),
     memory_mb=(2500, 20),
-    job="curves",
 )  # fmt: skip
 
 ACTIVE_CONTOUR = Comparison(
@@ -103,7 +101,6 @@ ACTIVE_CONTOUR = Comparison(
     seeded=True,
     figures="cccd_paper.comparisons.active_contour_comparison.active_contour_figures",
     columns=("slice", "method", "setting", "radius", "offset", "angle", "corners", "dice", "ms"),
-    job="curves",
 )
 
 K_SWEEP = Comparison(
@@ -118,7 +115,6 @@ K_SWEEP = Comparison(
         "rotation", "scale", "noise",
     ),
     minutes=15,
-    job="curves",
 )  # fmt: skip
 
 SEGMENTERS = Comparison(
@@ -149,7 +145,6 @@ CORNER_SURFACES = Comparison(
     memory_mb=(3000, 60),
     minutes=30,
     further="all",
-    job="corners_to_surface",
 )  # fmt: skip
 
 STAGE_TIMES = Comparison(
@@ -168,7 +163,6 @@ STAGE_TIMES = Comparison(
     memory_mb=(3000, 60),
     minutes=30,
     further="all",
-    job="corners_to_surface",
 )  # fmt: skip
 
 ISOSURFACES = Comparison(

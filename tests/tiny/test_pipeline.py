@@ -15,12 +15,8 @@ STRUCTURES = [("tiny", "sphere"), ("tiny", "two_spheres")]
 LOFT = "scripts/cccd/surface/loft.py"
 AFTER_CURVES = {
     "loft_surface",
-    "compare_algorithm_1",
-    "compare_corners_to_surface",
-    "compare_isosurfaces",
-    "compare_thick_slices",
+    "compare_structure",
     "measure_structure",
-    "build_structure_page",
     "build_tables",
     "build_report",
 }
@@ -131,7 +127,7 @@ def test_a_touched_module_brings_back_nothing(tiny_copy):
     assert tiny_copy.planned() == {}
 
 
-BEFORE_CURVES = {"train_gnn", "generate_graphs", "import_structure", "extract_boundaries", "make_contours"}
+BEFORE_CURVES = {"train_gnn", "generate_graphs", "import_structure"}
 
 
 def test_another_k_neither_retrains_nor_imports_nor_orders_nor_lofts(tiny_copy):
@@ -139,23 +135,23 @@ def test_another_k_neither_retrains_nor_imports_nor_orders_nor_lofts(tiny_copy):
         configuration.write("curves: {k: 5}\n")
     planned = set(tiny_copy.planned())
     assert "fit_curves" in planned
-    assert planned.isdisjoint({*BEFORE_CURVES, "compare_ordering", "evaluate_gnn", "loft_surface"})
+    assert planned.isdisjoint({*BEFORE_CURVES, "evaluate_gnn", "loft_surface"})
 
 
 def test_another_sweep_fits_nothing_again(tiny_copy):
     with (tiny_copy.folder / "tiny.yaml").open("a") as configuration:
         configuration.write("curves: {sweep: [3, 9]}\n")
     planned = set(tiny_copy.planned())
-    assert "compare_curves" in planned
-    assert planned.isdisjoint({*BEFORE_CURVES, "fit_curves", "loft_surface", "compare_thick_slices"})
+    assert "compare_structure" in planned
+    assert planned.isdisjoint({*BEFORE_CURVES, "fit_curves", "loft_surface"})
 
 
-def test_another_ordering_neither_retrains_nor_imports(tiny_copy):
+def test_another_ordering_does_not_retrain(tiny_copy):
     with (tiny_copy.folder / "tiny.yaml").open("a") as configuration:
         configuration.write("curves: {ordering: gnn}\n")
     planned = set(tiny_copy.planned())
-    assert {"make_contours", "fit_curves"} <= planned
-    assert planned.isdisjoint(BEFORE_CURVES - {"make_contours"})
+    assert {"import_structure", "fit_curves"} <= planned
+    assert planned.isdisjoint({"train_gnn", "generate_graphs"})
 
 
 def test_a_moved_row_brings_back_nothing_of_its_structure(tiny_copy):
@@ -170,12 +166,12 @@ def test_a_moved_row_brings_back_nothing_of_its_structure(tiny_copy):
 
 def test_one_target_builds_just_that(fresh_project):
     planned = fresh_project.planned("results/tiny/sphere/boundaries.h5")
-    assert planned == {"import_structure": 1, "extract_boundaries": 1}
+    assert planned == {"import_structure": 1}
 
 
 def test_every_planned_job_asks_for_memory(fresh_project):
     plan = fresh_project.snakemake("--dry-run").stdout
-    assert plan.count("mem_mb=") > 20
+    assert plan.count("mem_mb=") > 12
     assert "mem_mb=<TBD>" not in plan  # a group would go without it
 
 

@@ -8,9 +8,9 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 29659,
+    "scripts/cccd": 29654,
     "scripts/cccd_dicom": 1326,
-    "scripts/cccd_junctions": 3926,
+    "scripts/cccd_junctions": 3924,
     "scripts/cccd_labels": 2967,
     "scripts/cccd_paper": 9518,
     "scripts/cccd_solids": 1982,
@@ -18,7 +18,7 @@ MOST_LINES = {
     "scripts/cccd_training": 3661,
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 1048,
-    "tests": 29397,
+    "tests": 29258,
 }
 
 

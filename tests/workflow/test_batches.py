@@ -49,4 +49,4 @@ def test_a_batch_survives_its_worst_structure(fresh_project):
     # nothing stands where the bad one's files would, and it alone is made again
     assert not [path for path in (folder / "results" / "bad").rglob("*") if path.is_file()]
     ball(folder / "bad.nii.gz")
-    assert fresh_project.planned(*targets) == {"import_structure": 1, "make_contours": 1}
+    assert fresh_project.planned(*targets) == {"import_structure": 1}

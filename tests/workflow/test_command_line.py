@@ -11,8 +11,7 @@ def test_nested_values_are_read(fresh_project):
         "import={resample: true, region: {window: [null, -400]}}",
     ]
     plan = fresh_project.planned("--config", *settings)
-    assert plan["build_structure_page"] == 2
-    assert plan["export_surface"] == 4
+    assert plan["measure_structure"] == plan["export_surface"] == 2  # both formats in one job
 
 
 def test_what_a_nested_text_cannot_stand_for_is_refused(fresh_project):
@@ -25,7 +24,7 @@ def test_what_a_nested_text_cannot_stand_for_is_refused(fresh_project):
 
 def test_surfaces_alone_wait_for_no_comparison(fresh_project):
     plan = fresh_project.planned("--config", "train=false", "surface={formats: [stl]}", "--", "surfaces")
-    on_the_way = ("import_structure", "make_contours", "loft_surface", "export_surface")
+    on_the_way = ("import_structure", "loft_surface", "export_surface")
     assert plan == {**dict.fromkeys(on_the_way, 2), "surfaces": 1}
 
 
@@ -42,3 +41,11 @@ def test_a_target_that_does_not_exist_is_one_line(fresh_project, target, said):
     assert run.returncode == 1
     assert said in run.stderr.splitlines()[-1]
     assert "Traceback" not in run.stderr
+
+
+@pytest.mark.parametrize("verbose", [False, True])
+def test_the_console_has_a_line_for_each_job_in_place_of_snakemake_s_account(fresh_project, verbose):
+    options = ["--verbose"] if verbose else []
+    run = fresh_project.snakemake(*options, "--", "results/tiny/sphere/structure.h5")
+    assert ("[1/1] import_structure tiny/sphere: " in run.stderr) != verbose
+    assert ("reason: " in run.stderr) == verbose

@@ -42,7 +42,9 @@ def test_what_is_not_installed_ends_the_run_before_any_job(fresh_project):
     run = fresh_project.snakemake("--force", target, check=False)
     assert run.returncode == 1
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
-    assert line.startswith("Error: export_solid tiny/sphere/step: OCP_of_another_machine is not installed")
+    assert line.startswith(
+        "Error: export_file tiny/sphere/surface.step: OCP_of_another_machine is not installed"
+    )
     assert line.endswith("pip install '.[cad]'")
     assert step.read_text() == "of an earlier run"
     assert not (fresh_project.folder / "logs").exists()
@@ -73,4 +75,4 @@ def test_a_comparison_that_fails_in_a_job_of_several_is_named(tiny_copy):
     assert run.returncode != 0
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
     assert line.startswith("Error: tiny/sphere, k_sweep: AttributeError: ")
-    assert line.endswith("; see logs/tiny/sphere/compare_curves.log")
+    assert line.endswith("; see logs/tiny/sphere/compare_structure.log")

@@ -146,7 +146,7 @@ def test_a_worker_killed_in_any_stage_is_run_again(tiny_run, fresh_project, stri
     arguments = ["--retries", "1", "--", "results/gnn/model.pt", *(f"results/{name}" for name in targets)]
     fresh_project.snakemake(*arguments, env=strike_once(fresh_project, signal.SIGKILL))
     stages = {path.stem for path in (fresh_project.folder / "benchmarks").rglob("*.tsv")}
-    assert {"generate_graphs", "train_gnn", "make_contours", "loft_surface", "measure_structure"} < stages
+    assert {"generate_graphs", "train_gnn", "import_structure", "loft_surface", "measure_structure"} < stages
     assert {path.name for path in strike_once.folder.iterdir()} == stages
     assert not [path for path in fresh_project.results.rglob(".*") if path.is_file()]
     # the same bits as the run that nothing disturbed: nothing is lost, and nothing is drawn anew

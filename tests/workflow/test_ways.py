@@ -25,9 +25,7 @@ class NoTorch:
 sys.meta_path.insert(0, NoTorch())
 """
 
-NETWORK = {"generate_graphs", "train_gnn", "adopt_gnn", "evaluate_gnn", "compare_ordering"}
-TO_THE_SURFACE = {"import_structure": 1, "make_contours": 1, "loft_surface": 1}
-TO_ORDER = {"extract_boundaries": 1, "adopt_gnn": 1}
+NETWORK = {"generate_graphs", "train_gnn", "adopt_gnn", "evaluate_gnn", "compare_structure"}
 
 
 def ball() -> np.ndarray:
@@ -66,17 +64,20 @@ def sheet(fresh_project):
     return ["--config", "cohort=ways.tsv", "train=auto"]
 
 
-@pytest.mark.parametrize(("cases", "extra"), [(["mask", "scan", "file", "folder"], {}), (["map"], TO_ORDER)])
+@pytest.mark.parametrize(("cases", "extra"), [(["mask", "file", "folder"], {}), (["map"], {"adopt_gnn": 1})])
 def test_only_what_needs_the_network_waits_for_it(fresh_project, sheet, cases, extra):
     planned = fresh_project.planned(*sheet, "--", *surfaces_of(cases))
-    assert planned == {rule: len(cases) * jobs for rule, jobs in TO_THE_SURFACE.items()} | extra
+    assert planned == {"import_structure": len(cases), "loft_surface": len(cases)} | extra
 
 
 def test_a_mask_is_ordered_by_the_network_when_that_is_asked_for(fresh_project, sheet):
     asked = [*sheet, "curves={ordering: gnn}", "--", *surfaces_of(["scan", "file"])]
-    assert (
-        fresh_project.planned(*asked) == {rule: 2 * jobs for rule, jobs in TO_THE_SURFACE.items()} | TO_ORDER
-    )
+    assert fresh_project.planned(*asked) == {
+        "import_structure": 1,
+        "import_image": 1,  # draws the region that it finds, too
+        "loft_surface": 2,
+        "adopt_gnn": 1,
+    }
 
 
 def surfaces_of(cases):

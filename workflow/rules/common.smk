@@ -1,8 +1,5 @@
-"""The plan that all rules share, and what is done to Snakemake itself. No rules here."""
+"""The plan that all rules share, and what a run does before and after its jobs. No rules here."""
 
-import functools
-import gc
-import inspect
 import logging
 import os
 import re
@@ -11,18 +8,12 @@ import sys
 import threading
 from pathlib import Path
 
-# Snakemake makes millions of objects that live until the end: Python looks through them for garbage less often,
-# which takes an eighth off the time to plan, at the same memory
-gc.set_threshold(50_000, 20, 50)
-
 ROOT = Path(workflow.basedir)
 # the library's folder stands beside the jobs in a checkout; the wheel carries the workflow within the library
 if (ROOT / "scripts" / "cccd").is_dir():
     sys.path.insert(0, str(ROOT / "scripts"))
 
 from snakemake.cli import parse_args
-from snakemake.common import overwrite_function_params
-from snakemake.resources import Resource
 
 from cccd.console import shorten
 from cccd.devices import DEVICE
@@ -32,11 +23,11 @@ from cccd.plan.checks import PlannedJob, check_jobs
 from cccd.plan.cohort import near
 from cccd.plan.networks import MODEL
 from cccd.plan.outcome import report_failed_run, report_good_run, report_interrupted_run
-from cccd.plan.plan import SHOWN, Plan, files_of_comparison
+from cccd.plan.plan import Plan, files_of_comparison
 from cccd.plan.resources import memory, minutes
-from cccd.report.registry import comparison_jobs, registered
+from cccd.report.registry import registered
 from cccd.segmentation.networks import networks
-from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS
+from cccd.settings.formats import SOLID_FORMATS
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.settings.messages import nearest
 
@@ -66,22 +57,25 @@ cohort, library, pick, leave = plan.cohort, plan.library, plan.pick, plan.leave
 NAME = "[A-Za-z0-9_-]+"
 #: A case; `results/tables` holds the tables of all.
 CASE = f"(?!tables/){NAME}"
-#: Cases whose organs share their walls, and all others.
-SHARING = "|".join(map(re.escape, cohort.shared)) or "(?!)."
-APART = f"(?!(?:{SHARING})/){CASE}" if cohort.shared else CASE
-
 #: Priorities: first what the longest chain of jobs begins with, as structures wait for the trained network; then
 #: the way to each surface, which comparisons wait for; comparisons, by their length; and all else.
 FIRST, ON_THE_WAY = 100, 50
 
 
-def look_up_once():
-    """Keep Snakemake 9.27 from looking up the script of a job, and the parameters of its own function that evaluates
-    resources, again for every job: a sixth of the time to plan.
-    """
-    workflow.sourcecache._cache = functools.cache(workflow.sourcecache._cache)
-    parameters = inspect.signature(Resource("mem_mb", 1).evaluate).parameters
-    overwrite_function_params(Resource.evaluate, parameters)
+def only(names):
+    """Constrain the wildcard case to some structures or cases: each is a tuple of its wildcards."""
+    if set(names) == set(cohort.reconstructed):
+        return CASE  # a pattern that lists a thousand takes longer to search
+    return f"(?={'|'.join('/'.join(name) + '/' for name in names) or '(?!)'}){CASE}"
+
+
+def besides(names):
+    """Constrain the wildcard case to all but some structures or cases."""
+    return (
+        f"(?!{'|'.join('/'.join(name) + '/' for name in names)}){CASE}"
+        if names
+        else CASE
+    )
 
 
 def check_targets():
@@ -118,25 +112,12 @@ def check_before_jobs():
         sys.exit(f"Error: {error}")
 
 
-def switch_timers_off():
-    """Keep Snakemake 9.27 from setting a timer, a thread, for every job that has finished, and from looking for
-    new work whenever one rings: thousands of times a second in a large cohort. All they serve is a limit of a
-    hundred submissions a second.
-    """
-    workflow.scheduler.job_rate_limiter = None
-
-
 #: Set when the run was asked to end.
 interrupted = threading.Event()
 
 
 def answer_signals():
-    """End the jobs at SIGINT, and answer SIGTERM, which waits for them, in a thread of its own.
-
-    Snakemake 9.27 takes a lock in the handler of SIGTERM, which runs in the main thread: where that holds the lock, as
-    while a job is finished, it would wait for itself for ever.
-    """
-    graceful = workflow.scheduler.exit_gracefully
+    """End the jobs, and then the run, at SIGINT and SIGTERM."""
 
     def interrupt(*_):
         if not interrupted.is_set():
@@ -145,14 +126,8 @@ def answer_signals():
                 os.killpg(0, signal.SIGTERM)
             raise KeyboardInterrupt
 
-    def terminate(*_):
-        if not interrupted.is_set():
-            interrupted.set()
-            threading.Thread(target=graceful).start()
-
-    if signal.getsignal(signal.SIGTERM) == graceful:
-        signal.signal(signal.SIGTERM, terminate)
-        signal.signal(signal.SIGINT, interrupt)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, interrupt)
 
 
 def shorten_console():

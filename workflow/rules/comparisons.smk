@@ -1,11 +1,12 @@
 """Comparisons: the methods that the paper names and today's, on the same structures, in the same run."""
 
-#: One rule per job of the registry: compare_curves, compare_isosurfaces and so on.
-for name, together in comparison_jobs().items():
+#: One rule for all structures of which the same is compared: structures with a mask, with maps, phantoms.
+for number, (together, structures) in enumerate(plan.comparison_jobs()):
+    named = "compare_structure" + (f"_{number}" if number else "")
 
     rule:
         name:
-            f"compare_{name}"
+            named
         input:
             **plan.comparison_inputs(together),
         output:
@@ -16,9 +17,11 @@ for name, together in comparison_jobs().items():
                 for comparison in together
             },
         log:
-            f"logs/{{case}}/{{organ}}/compare_{name}.log",
+            f"logs/{{case}}/{{organ}}/{named}.log",
         benchmark:
-            f"benchmarks/{{case}}/{{organ}}/compare_{name}.tsv"
+            f"benchmarks/{{case}}/{{organ}}/{named}.tsv"
+        wildcard_constraints:
+            case=only(structures),
         # the longest first, so that none is left alone at the end
         priority: max(comparison.minutes for comparison in together)
         group:
@@ -37,7 +40,7 @@ for name, together in comparison_jobs().items():
 
 
 rule measure_structure:
-    """Everything measured on one structure, in one JSON, what the page's viewer shows of it, and a picture."""
+    """Everything measured on one structure, in one JSON, a picture, and its page."""
     input:
         structure="results/{case}/{organ}/structure.h5",
         boundaries="results/{case}/{organ}/boundaries.h5",
@@ -56,6 +59,12 @@ rule measure_structure:
             category="Surfaces",
             labels={"case": "{case}", "organ": "{organ}"},
         ),
+        page=report(
+            "results/{case}/{organ}/report.html",
+            caption="../report/structure.rst",
+            category="Structures",
+            labels={"case": "{case}", "organ": "{organ}"},
+        ),
     log:
         "logs/{case}/{organ}/measure_structure.log",
     benchmark:
@@ -69,7 +78,9 @@ rule measure_structure:
         mem_mb=memory(2500, 60),
         runtime=minutes(30),
     params:
-        library=library("measure_structure"),
+        library=library("measure_structure", *registered()),
         lofting=LOFTING,
+        templates=plan.templates,
+        config=config,
     script:
         "../../scripts/measure_structure.py"

@@ -13,7 +13,7 @@ rule fit_curves:
         "benchmarks/{case}/{organ}/fit_curves.tsv"
     priority: ON_THE_WAY
     group:
-        plan.group_before_walls
+        "structure"
     conda:
         "../../envs/cccd.yaml"
     threads: 1

@@ -33,37 +33,6 @@ rule build_tables:
         "../../scripts/build_tables.py"
 
 
-rule build_structure_page:
-    """A page of one structure: its surface to rotate, its slices, all that was measured."""
-    input:
-        files=[f"results/{{case}}/{{organ}}/{name}" for name in SHOWN],
-    output:
-        report(
-            "results/{case}/{organ}/report.html",
-            caption="../report/structure.rst",
-            category="Structures",
-            labels={"case": "{case}", "organ": "{organ}"},
-        ),
-    log:
-        "logs/{case}/{organ}/build_structure_page.log",
-    benchmark:
-        "benchmarks/{case}/{organ}/build_structure_page.tsv"
-    group:
-        plan.group_after_filling
-    conda:
-        "../../envs/cccd.yaml"
-    threads: 1
-    resources:
-        mem_mb=memory(1500, 20),
-        runtime=minutes(15),
-    params:
-        library=library("build_structure_page", *registered()),
-        templates=plan.templates,
-        config=config,
-    script:
-        "../../scripts/build_structure_page.py"
-
-
 rule build_report:
     """The report: results and warnings of the whole cohort on one page, which leads to the structures' pages."""
     input:

@@ -30,16 +30,23 @@ rule fetch_file:
 
 
 rule import_structure:
-    """Read one structure from whatever the sheet names, crop it to the organ, keep where it came from."""
+    """Read one structure from whatever the sheet names, crop it to the organ, keep where it came from; list its boundary pixels; trace
+    its mask, take its drawn contours, or let the network order the pixels.
+    """
     input:
         files=cohort.source_files,
         segmentation=plan.segmentation_files,
+        model=plan.model_files,
     output:
-        "results/{case}/{organ}/structure.h5",
+        structure="results/{case}/{organ}/structure.h5",
+        boundaries="results/{case}/{organ}/boundaries.h5",
+        contours="results/{case}/{organ}/contours.h5",
     log:
         "logs/{case}/{organ}/import_structure.log",
     benchmark:
         "benchmarks/{case}/{organ}/import_structure.tsv"
+    wildcard_constraints:
+        case=besides(plan.found_regions),
     priority: ON_THE_WAY
     group:
         "import"
@@ -47,38 +54,32 @@ rule import_structure:
         "../../envs/cccd.yaml"
     threads: 1
     resources:
-        mem_mb=memory(1500, 20),
-        runtime=minutes(15),
+        mem_mb=memory(2500, 40),
+        runtime=minutes(30),
     params:
-        library=library("import_structure", *plan.readers),
+        library=plan.import_library,
         row=plan.sheet_row,
         sheet_name=cohort.sheet.name,
         sheet_folder=plan.sheet_folder,
         settings=config["import"],
+        boundaries=config["boundaries"],
+        way=plan.contour_function,
+        decoding=plan.decoding,
         seed=config["seed"],
     script:
         "../../scripts/import_structure.py"
 
 
-rule draw_region:
-    """A picture of the region that was taken from an image without a mask, to be looked at."""
-    input:
-        structure="results/{case}/{organ}/structure.h5",
+use rule import_structure as import_image with:
     output:
-        "results/{case}/{organ}/region.png",
+        structure="results/{case}/{organ}/structure.h5",
+        boundaries="results/{case}/{organ}/boundaries.h5",
+        contours="results/{case}/{organ}/contours.h5",
+        # what was taken as the organ's region, to be looked at
+        region="results/{case}/{organ}/region.png",
     log:
-        "logs/{case}/{organ}/draw_region.log",
+        "logs/{case}/{organ}/import_image.log",
     benchmark:
-        "benchmarks/{case}/{organ}/draw_region.tsv"
-    group:
-        "structure"
-    conda:
-        "../../envs/cccd.yaml"
-    threads: 1
-    resources:
-        mem_mb=memory(1000, 20),
-        runtime=minutes(10),
-    params:
-        library=library("draw_region"),
-    script:
-        "../../scripts/draw_region.py"
+        "benchmarks/{case}/{organ}/import_image.tsv"
+    wildcard_constraints:
+        case=only(plan.found_regions),

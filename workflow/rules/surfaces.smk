@@ -12,14 +12,12 @@ LOFTING = leave(
     "shared_walls",
 )
 
+#: Cases whose organs share their walls.
+SHARING = [(case,) for case in cohort.shared]
+
 
 wildcard_constraints:
-    format="|".join(
-        re.escape(name) for name in FORMATS if name not in ("ply", *CASE_FORMATS)
-    ),
-    band_format="|".join(re.escape(name.removeprefix("band.")) for name in BAND_FORMATS),
-    side="inner|outer",
-    solid_format="|".join(CASE_FORMATS),
+    exported=plan.other_exports,
     scene_format="|".join(SOLID_FORMATS),
 
 
@@ -37,7 +35,7 @@ rule loft_surface:
     benchmark:
         "benchmarks/{case}/{organ}/loft_surface.tsv"
     wildcard_constraints:
-        case=APART,
+        case=besides(SHARING),
     priority: ON_THE_WAY
     group:
         "structure"
@@ -66,7 +64,7 @@ rule share_walls:
     benchmark:
         "benchmarks/{case}/share_walls.tsv"
     wildcard_constraints:
-        case=SHARING,
+        case=only(SHARING),
     conda:
         "../../envs/cccd.yaml"
     threads: 1
@@ -94,71 +92,28 @@ use rule loft_surface as take_surface with:
     benchmark:
         "benchmarks/{case}/{organ}/take_surface.tsv"
     wildcard_constraints:
-        case=SHARING,
+        case=only(SHARING),
     params:
         way="take_surface",
         library=library("take_surface"),
         settings=LOFTING,
 
 
-rule export_surface:
-    """The surface for a viewer or printer (STL, VTP, GLB, GIfTI, 3MF), or back on the scan: a label map on its grid (NIfTI), contours on
-    slices (RTSTRUCT).
-    """
+rule export_file:
+    """The surface in one more format, by the name of its file."""
     input:
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",
         structure="results/{case}/{organ}/structure.h5",
         scan=cohort.source_files,
-    output:
-        "results/{case}/{organ}/surface.{format}",
-    log:
-        "logs/{case}/{organ}/export_surface_{format}.log",
-    benchmark:
-        "benchmarks/{case}/{organ}/export_surface_{format}.tsv"
-    group:
-        "structure"
-    conda:
-        "../../envs/cccd.yaml"
-    threads: 1
-    resources:
-        mem_mb=memory(1500, 40),
-        runtime=minutes(10),
-    params:
-        library=plan.writer("export_surface", "format"),
-        settings=pick("surface", "contour_spacing_mm", "keep_patient"),
-    script:
-        "../../scripts/export_surface.py"
-
-
-use rule export_surface as export_side with:
-    output:
-        "results/{case}/{organ}/surface_{side}.{band_format}",
-    log:
-        "logs/{case}/{organ}/export_{side}_{band_format}.log",
-    benchmark:
-        "benchmarks/{case}/{organ}/export_{side}_{band_format}.tsv"
-    params:
-        library=plan.writer("export_surface", "band_format"),
-        settings=pick("surface", "contour_spacing_mm", "keep_patient"),
-
-
-rule export_solid:
-    """The mesh's bodies as closed solids for CAD (STEP, IGES, BREP) or as tetrahedra for simulation (MSH, VTU,
-    INP, FEB), and what they are worth.
-    """
-    input:
-        surface="results/{case}/{organ}/surface.h5",
-        mesh="results/{case}/{organ}/surface.ply",
-        structure="results/{case}/{organ}/structure.h5",
         materials=plan.materials,
     output:
-        solid="results/{case}/{organ}/surface.{solid_format}",
-        report="results/{case}/{organ}/solid_{solid_format}.json",
+        files=["results/{case}/{organ}/{exported}"],
+        reports=[],
     log:
-        "logs/{case}/{organ}/export_solid_{solid_format}.log",
+        "logs/{case}/{organ}/export_{exported}.log",
     benchmark:
-        "benchmarks/{case}/{organ}/export_solid_{solid_format}.tsv"
+        "benchmarks/{case}/{organ}/export_{exported}.tsv"
     group:
         "structure"
     conda:
@@ -168,10 +123,39 @@ rule export_solid:
         mem_mb=memory(2500, 60),
         runtime=minutes(30),
     params:
-        library=plan.writer("export_solid", "solid_format"),
-        settings=pick("surface", "step_tolerance_mm", "tetrahedra"),
+        library=lambda wildcards: plan.export_library([wildcards.exported]),
+        settings=pick(
+            "surface",
+            "contour_spacing_mm",
+            "keep_patient",
+            "step_tolerance_mm",
+            "tetrahedra",
+        ),
+        reported=[],
     script:
-        "../../scripts/export_solid.py"
+        "../../scripts/export_surface.py"
+
+
+if plan.exports:
+
+    use rule export_file as export_surface with:
+        output:
+            files=[f"results/{{case}}/{{organ}}/{file}" for file in plan.exports],
+            reports=plan.solid_reports,
+        log:
+            "logs/{case}/{organ}/export_surface.log",
+        benchmark:
+            "benchmarks/{case}/{organ}/export_surface.tsv"
+        params:
+            library=plan.export_library(plan.exports),
+            settings=pick(
+                "surface",
+                "contour_spacing_mm",
+                "keep_patient",
+                "step_tolerance_mm",
+                "tetrahedra",
+            ),
+            reported=plan.reported_formats,
 
 
 rule fill_case:

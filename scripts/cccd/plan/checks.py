@@ -10,19 +10,17 @@ from cccd.disk_space import check_room
 from cccd.extras import check_extra
 from cccd.plan.cohort import StructureName
 from cccd.plan.plan import Plan
-from cccd.settings.formats import TETRAHEDRA_FORMATS
+from cccd.settings.formats import SOLID_FORMATS, TETRAHEDRA_FORMATS
 
-__all__ = ["PlannedJob", "check_jobs", "extra_of"]
+__all__ = ["PlannedJob", "check_jobs", "extras_of"]
 
-#: Rules that need an extra whatever they work on; `extra_of` knows the others.
+#: Rules that need an extra whatever they work on; `extras_of` knows the others.
 _NEEDS = {
     "generate_graphs": "gnn",
     "train_gnn": "gnn",
     "adopt_gnn": "gnn",
     "evaluate_gnn": "gnn",
     "train_segmenter": "segment",
-    "export_solid": "cad",
-    "export_scene": "cad",
 }
 
 
@@ -34,25 +32,23 @@ class PlannedJob:
     wildcards: Mapping[str, str]
     outputs: Sequence[str]
 
-    @property
-    def makes_tetrahedra(self) -> bool:
-        """Whether it fills surfaces with tetrahedra."""
-        return self.rule == "fill_case" or self.wildcards.get("solid_format") in TETRAHEDRA_FORMATS
 
-
-def extra_of(job: PlannedJob, plan: Plan) -> str | None:
-    """Name the extra that a job cannot do without; most need none."""
-    if job.makes_tetrahedra:
-        return "fe"
+def extras_of(job: PlannedJob, plan: Plan) -> set[str]:
+    """Name the extras that a job cannot do without; most need none."""
+    formats = {Path(file).name.partition(".")[2] for file in job.outputs}
+    asked = {
+        "fe": not formats.isdisjoint(TETRAHEDRA_FORMATS),
+        "cad": not formats.isdisjoint(SOLID_FORMATS),
+        _NEEDS.get(job.rule, ""): job.rule in _NEEDS,
+    }
     if job.rule == "fetch_file":
-        address = plan.cohort.remote[job.outputs[0]].address
-        return "s3" if address.startswith("s3:") else None
-    if job.rule == "make_contours":
-        script = plan.cohort.contour_script(StructureName(job.wildcards["case"], job.wildcards["organ"]))
-        return "gnn" if script == "order_contours" else None
+        asked["s3"] = plan.cohort.remote[job.outputs[0]].address.startswith("s3:")
+    if job.rule.startswith("import_"):
+        name = StructureName(job.wildcards["case"], job.wildcards["organ"])
+        asked["gnn"] = bool(plan.model_files(name))
     if job.rule == "segment_structure":
-        return None if plan.segmenter.is_installed else "segment"
-    return _NEEDS.get(job.rule)
+        asked["segment"] = not plan.segmenter.is_installed
+    return {extra for extra, needed in asked.items() if needed}
 
 
 def check_jobs(jobs: Sequence[PlannedJob], plan: Plan, programs_are_here: bool) -> None:
@@ -74,8 +70,8 @@ def check_jobs(jobs: Sequence[PlannedJob], plan: Plan, programs_are_here: bool) 
         An extra that is not installed, or a disk without room.
     """
     if programs_are_here:
-        needing = {extra_of(job, plan): job for job in jobs}
-        for extra in sorted(filter(None, needing)):
+        needing = {extra: job for job in jobs for extra in extras_of(job, plan)}
+        for extra in sorted(needing):
             job = needing[extra]
             check_extra(extra, f"{job.rule} {'/'.join(job.wildcards.values())}")
     check_room(Path("results"), [file for job in jobs for file in job.outputs])

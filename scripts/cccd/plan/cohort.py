@@ -1,4 +1,4 @@
-"""The structures of a run: rows of the cohort sheet, their files, and the scripts that lead to contours."""
+"""The structures of a run: rows of the cohort sheet, their files, and the ways that lead to contours."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from cccd.remote import RemoteFile, is_remote, read_address
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
 
-__all__ = ["ContourScript", "OfCase", "OfDownload", "OfStructure", "PlannedCohort", "StructureName", "near"]
+__all__ = ["ContourWay", "OfCase", "OfDownload", "OfStructure", "PlannedCohort", "StructureName", "near"]
 
-#: The kinds of input that a row may name, and the scripts that lead to the contours of each.
+#: The kinds of input that a row may name, and the functions that lead to the contours of each.
 Kind = Literal["boundary maps", "drawn contours", "mask"]
-ContourScript = Literal["order_contours", "take_contours", "trace_contours"]
-_SCRIPTS: dict[Kind, ContourScript] = {
+ContourWay = Literal["order_contours", "take_contours", "trace_contours"]
+_WAYS: dict[Kind, ContourWay] = {
     "boundary maps": "order_contours",
     "drawn contours": "take_contours",
     "mask": "trace_contours",
@@ -175,7 +175,7 @@ class PlannedCohort:
     @property
     def needs_network(self) -> bool:
         """Whether contours of any structure that is reconstructed are ordered by the junction network."""
-        return any(self.contour_script(name) == "order_contours" for name in self.reconstructed)
+        return any(self.contour_way(name) == "order_contours" for name in self.reconstructed)
 
     def is_asked(self, answer: bool | Literal["auto"], root: Path) -> bool:
         """Whether a setting asks for something; ``auto`` does for the default cohort of a project."""
@@ -221,10 +221,10 @@ class PlannedCohort:
         drawn = bool(row["mask"]) and _is_drawn(self.sheet.parent / row["mask"])
         return "drawn contours" if drawn else "mask"
 
-    def contour_script(self, wildcards: OfStructure) -> ContourScript:
-        """Choose the script that leads to a structure's contours, before any job, by what the data are."""
+    def contour_way(self, wildcards: OfStructure) -> ContourWay:
+        """Choose the way to a structure's contours, before any job, by what the data are."""
         kind = self.kind(wildcards)
-        return "order_contours" if kind == "mask" and self.masks_are_ordered else _SCRIPTS[kind]
+        return "order_contours" if kind == "mask" and self.masks_are_ordered else _WAYS[kind]
 
     def source_files(self, wildcards: OfStructure) -> list[str]:
         """Return a row's own files, the voxels beside their headers, and what its cohort's layout implies.

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
 
@@ -23,17 +25,6 @@ from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config
 
 __all__ = ["OF_NO_CASE", "Plan", "files_of_comparison"]
-
-#: What a structure's page reads of it.
-SHOWN = (
-    "structure.h5",
-    "boundaries.h5",
-    "curves.h5",
-    "surface.h5",
-    "view.h5",
-    "picture.png",
-    "metrics.json",
-)
 
 #: Files of a case whose organs share their walls.
 SCENE = ("scene.glb", "segmentation.seg.nrrd", "scene.json", "scene.html")
@@ -138,14 +129,6 @@ class Plan:
         """Functions of other packages that read what a row names."""
         return [reader.read for reader in table("READERS").values()]
 
-    def writer(self, script: str, wildcard: str) -> Callable[[Any], str]:
-        """Make a function of a job's wildcards: the digest of ``script`` with the writer of its format."""
-
-        def writer(wildcards: Any) -> str:
-            return self.library(script, FORMATS[getattr(wildcards, wildcard)].writer)
-
-        return writer
-
     # Structures and cases.
 
     def files(self, name: str) -> list[str]:
@@ -177,13 +160,6 @@ class Plan:
     def sheet_folder(self) -> str:
         """The folder that the sheet's paths are relative to."""
         return near(self.cohort.sheet.parent)
-
-    def group_before_walls(self, wildcards: OfCase) -> str:
-        """Name the group of jobs before organs of a case meet.
-
-        Snakemake wants no group that begins again later.
-        """
-        return "apart" if wildcards.case in self.cohort.shared else "structure"
 
     def group_after_filling(self, wildcards: OfCase) -> str:
         """Name the group of jobs that read what is reported of the tetrahedra of a whole case."""
@@ -218,10 +194,10 @@ class Plan:
             return []
         return [f"{_folder(wildcards)}/{name}" for name in ("segmentation.nii.gz", "segmentation.json")]
 
-    def region_pictures(self) -> list[str]:
-        """Return pictures of the regions that are found in images: what was taken is worth a look."""
-        found = [name for name in self.cohort.reconstructed if self._is_region_found(self.cohort.rows[name])]
-        return _files(found, "region.png")
+    @property
+    def found_regions(self) -> list[StructureName]:
+        """The structures whose region is found in an image: what was taken is worth a look."""
+        return [name for name in self.cohort.reconstructed if self._is_region_found(self.cohort.rows[name])]
 
     def _is_region_found(self, row: Mapping[str, str]) -> bool:
         in_file = row["source"] == "files" and not (row["mask"] or row["boundary"])
@@ -235,37 +211,49 @@ class Plan:
 
     # Contours.
 
-    def contour_sources(self, wildcards: OfStructure) -> dict[str, str]:
-        """Return what a structure's contours are made of: the network only where it orders them."""
-        folder = _folder(wildcards)
-        files = {"structure": f"{folder}/structure.h5"}
-        if self.cohort.contour_script(wildcards) == "order_contours":
-            files |= {"boundaries": f"{folder}/boundaries.h5", "model": MODEL}
-        return files
+    def contour_function(self, wildcards: OfStructure) -> str:
+        """Path of the function that makes a structure's contours."""
+        way = self.cohort.contour_way(wildcards)
+        return table("CURVES")["Boundaries"] if way == "order_contours" else f"cccd.contours.{way}"
 
-    def contour_settings(self, wildcards: OfStructure) -> dict[str, Any]:
+    def model_files(self, wildcards: OfStructure) -> list[str]:
+        """Return the network that orders a structure's boundary pixels, where one does."""
+        return [MODEL] if self.cohort.contour_way(wildcards) == "order_contours" else []
+
+    def decoding(self, wildcards: OfStructure) -> dict[str, Any]:
         """Return settings of the network's decoder, and the row's parts, for pixels that it orders."""
-        if self.cohort.contour_script(wildcards) != "order_contours":
+        if not self.model_files(wildcards):
             return {}
         parts = self.cohort.row(wildcards)["parts"]
         return self.config["gnn"]["inference"] | ({"parts": int(parts)} if parts else {})
 
-    def contour_library(self, wildcards: OfStructure) -> str:
+    def import_library(self, wildcards: OfStructure) -> str:
         """Digest the code that leads to a structure's contours, with the network that orders them."""
-        script = self.cohort.contour_script(wildcards)
-        return self.library(script, *(self.junctions.code if script == "order_contours" else []))
+        classes = self.junctions.code if self.model_files(wildcards) else []
+        return self.library("import_structure", self.contour_function(wildcards), *classes)
 
     # Surfaces, and files of whole cases.
 
+    @property
+    def exports(self) -> list[str]:
+        """The files of a surface that the configuration asks for further; PLY is always written."""
+        asked = dict.fromkeys(self.settings.surface.formats)
+        return [file for name in asked for file in _export_files(name)]
+
+    @property
+    def other_exports(self) -> str:
+        """Pattern of the files of a surface that are made where one asks for them by name."""
+        names = (file for name in (*FORMATS, *BAND_FORMATS) for file in _export_files(name))
+        return "|".join(re.escape(name) for name in names if name not in self.exports)
+
+    def export_library(self, files: Iterable[str]) -> str:
+        """Digest the code that writes some of a surface's files."""
+        writers = dict.fromkeys(FORMATS[file.partition(".")[2]].writer for file in files)
+        return self.library("export_surface", *writers)
+
     def format_files(self) -> list[str]:
-        """Return the surfaces' further files that the configuration asks for; PLY is always written."""
-        names: list[str] = []
-        for name in self.settings.surface.formats:
-            if name in BAND_FORMATS:
-                names += [f"surface_{side}.{name.removeprefix('band.')}" for side in ("inner", "outer")]
-            elif name != "ply":
-                names.append(f"surface.{name}")
-        return [file for name in names for file in self.files(name)]
+        """Return the surfaces' further files that the configuration asks for."""
+        return [file for name in self.exports for file in self.files(name)]
 
     def case_format_files(self) -> list[str]:
         """Return the files of whole cases that the configuration asks for."""
@@ -288,16 +276,34 @@ class Plan:
         return [f"results/{case}/{name}" for case in self.cohort.shared for name in SCENE]
 
     @property
+    def reported_formats(self) -> list[str]:
+        """The formats that are asked for and reported on: solids and tetrahedra."""
+        return [name for name in dict.fromkeys(self.settings.surface.formats) if name in CASE_FORMATS]
+
+    @property
     def solid_reports(self) -> list[str]:
         """What is reported of each structure's solids and tetrahedra, as patterns."""
-        names = [name for name in self.settings.surface.formats if name in CASE_FORMATS]
-        return [f"results/{{case}}/{{organ}}/solid_{name}.json" for name in names]
+        return [f"results/{{case}}/{{organ}}/solid_{name}.json" for name in self.reported_formats]
 
     def case_reports(self, wildcards: OfCase) -> list[str]:
         """Return what is reported of the tetrahedra of a structure's case, where they are asked for."""
         return [f"results/{wildcards.case}/volume.json"] if self._fills_cases else []
 
     # Comparisons.
+
+    def comparison_jobs(self) -> list[tuple[list[Comparison], list[StructureName]]]:
+        """Return what is compared together in one job of a structure, and of which structures.
+
+        Comparisons for a closer look that no run makes by itself are a job of their own.
+        """
+        sets: dict[tuple[str, ...], list[StructureName]] = {}
+        for structure in self.cohort.reconstructed:
+            possible = self._possible_comparisons(structure)
+            for closer in (False, True):
+                found = [one.name for one in possible if self._is_closer(one, structure) == closer]
+                sets.setdefault(tuple(found), []).append(structure)
+        known = comparisons()
+        return [([known[name] for name in names], found) for names, found in sets.items() if names]
 
     def comparison_inputs(self, together: Sequence[Comparison]) -> dict[str, Any]:
         """Return the files of each input of some comparisons; without a network an optional one has none."""
@@ -366,8 +372,19 @@ class Plan:
         asked = self.cohort.is_asked(self.settings.compare, self.root)
         if self.settings.compare != "auto" or not comparison.further:
             return asked
-        leads = self.cohort.of_case(wildcards.case)[0].organ == wildcards.organ
-        return (asked and leads and comparison.further == "others") or Path(file).exists()
+        return (asked and not self._is_closer(comparison, wildcards)) or Path(file).exists()
+
+    def _is_closer(self, comparison: Comparison, wildcards: OfStructure) -> bool:
+        """Whether a comparison is for a closer look, for which no run makes it by itself."""
+        if self.settings.compare is True or not comparison.further:
+            return False
+        leads = self._leaders[wildcards.case] == wildcards.organ
+        return not (leads and comparison.further == "others")
+
+    @cached_property
+    def _leaders(self) -> dict[str, str]:
+        """The first organ of each case."""
+        return {name.case: name.organ for name in reversed(self.cohort.reconstructed)}
 
     def evidence_files(self) -> list[str]:
         """Return what the comparisons for a closer look leave, of all structures."""
@@ -391,7 +408,7 @@ class Plan:
         made = {
             "structures": True,
             "outlines": not maps,
-            "traced masks": self.junctions.used and self.cohort.contour_script(wildcards) == "trace_contours",
+            "traced masks": self.junctions.used and self.cohort.contour_way(wildcards) == "trace_contours",
             "maps": maps,
             "phantoms": row["source"] == "phantom" and bool(shipped_weights(wildcards.organ)),
         }
@@ -443,6 +460,13 @@ def files_of_comparison(folder: str, comparison: Comparison) -> list[str]:
     """Return what a comparison leaves in a structure's folder: its rows, and what the report draws."""
     stem = f"{folder}/comparisons/{comparison.name}"
     return [f"{stem}.csv"] + [f"{stem}.h5"] * (comparison.figures is not None)
+
+
+def _export_files(name: str) -> list[str]:
+    """Names of a surface's files in a format besides PLY; the error band has one for each side."""
+    if name in BAND_FORMATS:
+        return [f"surface_{side}.{name.removeprefix('band.')}" for side in ("inner", "outer")]
+    return [f"surface.{name}"] if name != "ply" else []
 
 
 def _files(names: Iterable[StructureName], file: str) -> list[str]:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import inspect
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any
 
 from cccd.dependencies import imported_files
 
@@ -16,15 +15,6 @@ __all__ = ["digest", "digest_files", "memory", "minutes"]
 
 #: Every further attempt gets so many times the memory of the one before.
 _GROWTH = 1.5
-
-
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-def _inspected(function: F) -> F:
-    """Keep a function's signature with it: Snakemake asks for it several times for each job."""
-    cast(Any, function).__signature__ = inspect.signature(function)
-    return function
 
 
 def memory(base_mb: int, per_input_mb: int = 0) -> Callable[[Any, Iterable[str], int], int]:
@@ -44,7 +34,6 @@ def memory(base_mb: int, per_input_mb: int = 0) -> Callable[[Any, Iterable[str],
     """
 
     # Snakemake passes these by name
-    @_inspected
     def mem_mb(wildcards: Any, input: Iterable[str], attempt: int) -> int:
         # not Snakemake's input.size_mb, which asks for every file in an event loop: a sixth of the time to
         # plan. What an earlier job of a group is yet to write counts nothing: an error here would leave the
@@ -65,7 +54,6 @@ def minutes(base: int) -> Callable[[Any, int], int]:
     60
     """
 
-    @_inspected
     def runtime(wildcards: Any, attempt: int) -> int:
         return base * attempt
 

@@ -22,7 +22,6 @@ __all__ = [
     "Comparison",
     "Input",
     "Item",
-    "comparison_jobs",
     "comparisons",
     "inputs",
     "items",
@@ -85,9 +84,6 @@ class Comparison:
         For a closer look: ``snakemake evidence`` makes it, and the next report shows it; a run makes it with
         the rest only where ``compare`` is true. ``others``: of all but the first structure of each case, of
         which every run that compares makes it.
-    job : str
-        Its job is ``compare_<job>``; its own ``name`` if empty. Comparisons that read the same files of the
-        same structures share a job and run again together: the time to plan grows with the number of jobs.
     """
 
     name: str
@@ -102,7 +98,6 @@ class Comparison:
     minutes: int = 20
     of: str = "outlines"
     further: Literal["", "others", "all"] = ""
-    job: str = ""
 
     @property
     def functions(self) -> tuple[str, ...]:
@@ -200,14 +195,6 @@ def items() -> list[Item]:
 def comparisons() -> dict[str, Comparison]:
     """Every experiment by its name, in the order of the items that stand on them."""
     return {comparison.name: comparison for item in items() for comparison in item.rows}
-
-
-def comparison_jobs() -> dict[str, list[Comparison]]:
-    """Comparisons of a structure that one job makes, by its name."""
-    jobs: dict[str, list[Comparison]] = {}
-    for comparison in comparisons().values():
-        jobs.setdefault(comparison.job or comparison.name, []).append(comparison)
-    return jobs
 
 
 def inputs() -> dict[str, Input]:

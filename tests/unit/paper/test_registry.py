@@ -9,7 +9,7 @@ from typing import get_args
 from cccd.dependencies import imported_files
 from cccd.lookup import find
 from cccd.plugins import folders
-from cccd.report.registry import comparison_jobs, comparisons, inputs, items, sections
+from cccd.report.registry import comparisons, inputs, items, sections
 from cccd.settings.root import whole_settings
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
 from cccd_paper.settings import IsosurfaceSettings
@@ -85,26 +85,8 @@ def test_reading_the_registry_loads_nothing_heavy():
     assert {"numpy", "pandas", "scipy", "torch"}.isdisjoint(run.stdout.split())
 
 
-def test_comparisons_share_a_job_where_they_are_made_of_the_same_structures_in_the_same_run():
-    assert sorted(one.name for job in comparison_jobs().values() for one in job) == sorted(comparisons())
-    assert all(len({(one.of, one.further) for one in job}) == 1 for job in comparison_jobs().values())
-
-
-def test_a_change_of_one_comparison_runs_no_other_job():
-    own = {
-        "corners": "cccd_paper/comparisons/corner_comparison.py",
-        "k_sweep": "cccd_paper/comparisons/k_sweep.py",
-        "active_contour": "cccd_paper/comparisons/active_contour_comparison.py",
-        "reconstruction": "cccd_paper/comparisons/reconstruction_comparison.py",
-        "stage_times": "cccd_paper/comparisons/stage_times.py",
-        "isosurfaces": "cccd_paper/comparisons/isosurfaces.py",
-        "thick_slices": "cccd_paper/comparisons/thick_slices.py",
-    }
-    for name, module in own.items():
-        holders = [job for job, together in comparison_jobs().items() if module in closure(together)]
-        assert holders == [comparisons()[name].job or name]
-    for together in comparison_jobs().values():  # a caption is no reason to compare again
-        assert {"cccd_paper/registry.py", "cccd/report/summary.py"}.isdisjoint(closure(together))
+def test_a_caption_is_no_reason_to_compare_again():
+    assert {"cccd_paper/registry.py", "cccd/report/summary.py"}.isdisjoint(closure(comparisons().values()))
 
 
 def test_the_configuration_knows_every_surface():

@@ -9,7 +9,7 @@ import pytest
 
 from cccd.errors import InputError
 from cccd.extras import EXTRAS
-from cccd.plan.checks import PlannedJob, check_jobs, extra_of
+from cccd.plan.checks import PlannedJob, check_jobs, extras_of
 from cccd.plan.networks import MODEL
 from cccd.plan.outcome import failures, report_failed_run, report_good_run
 from cccd.plan.plan import Plan
@@ -34,15 +34,11 @@ def here(tmp_path, monkeypatch):
 
 def test_what_orders_pixels_waits_for_the_network_and_nothing_else_does():
     plan = plan_of(MASK, MAPS | {"parts": "2"})
-    assert plan.contour_sources(named("a/ball")) == {"structure": "results/a/ball/structure.h5"}
-    assert plan.contour_sources(named("b/ball")) == {
-        "structure": "results/b/ball/structure.h5",
-        "boundaries": "results/b/ball/boundaries.h5",
-        "model": MODEL,
-    }
-    assert plan.contour_settings(named("a/ball")) == {}
+    assert plan.model_files(named("a/ball")) == []
+    assert plan.model_files(named("b/ball")) == [MODEL]
+    assert plan.decoding(named("a/ball")) == {}
     decoder = plan.config["gnn"]["inference"]
-    assert plan.contour_settings(named("b/ball")) == decoder | {"parts": 2}
+    assert plan.decoding(named("b/ball")) == decoder | {"parts": 2}
 
 
 def test_distances_are_measured_in_cases_of_more_than_one_organ():
@@ -80,8 +76,6 @@ def test_measures_wait_for_tetrahedra_of_the_case_where_they_are_asked_for(forma
 def test_organs_that_share_walls_meet_before_their_surfaces():
     halves = [{"case": "a", "organ": organ, "mask": "map.nii.gz", "label": organ} for organ in "12"]
     plan = plan_of(*halves, LIVER, surface={"shared_walls": True})
-    assert plan.group_before_walls(named("a/1")) == "apart"
-    assert plan.group_before_walls(named("p/liver")) == "structure"
     assert plan.sharing_organs("structure.h5")(named("a/1")) == [
         f"results/a/{organ}/structure.h5" for organ in "12"
     ]
@@ -93,9 +87,9 @@ def test_organs_that_share_walls_meet_before_their_surfaces():
 
 def test_a_region_that_a_threshold_finds_gets_a_picture():
     rows = (MASK, MAPS, IMAGE, {"case": "s", "organ": "brain", "source": "mni152_scan"})
-    assert plan_of(*rows).region_pictures() == ["results/c/ball/region.png", "results/s/brain/region.png"]
+    assert plan_of(*rows).found_regions == [named("c/ball"), named("s/brain")]
     segmented = plan_of(*rows, segmenter="totalsegmentator")
-    assert segmented.region_pictures() == ["results/s/brain/region.png"]
+    assert segmented.found_regions == [named("s/brain")]
 
 
 def test_an_image_alone_gets_the_segmenter_s_mask():
@@ -206,12 +200,25 @@ def test_a_comparison_gets_the_settings_that_it_names_and_no_other():
 
 
 def test_comparisons_of_a_job_keep_their_own_settings_and_share_what_they_read():
-    one = Comparison("one", "m.run", ("structure",), {"curves": "curves"}, unused=("curves.k",), job="both")
-    two = Comparison("two", "n.run", ("structure", "curves"), {"ks": "curves.sweep"}, job="both")
+    one = Comparison("one", "m.run", ("structure",), {"curves": "curves"}, unused=("curves.k",))
+    two = Comparison("two", "n.run", ("structure", "curves"), {"ks": "curves.sweep"})
     plan = plan_of(MASK)
     assert list(plan.comparison_inputs([one, two])) == ["structure", "curves"]
     settings = [plan.comparison_call(comparison)["settings"] for comparison in (one, two)]
     assert settings == [{"curves": plan.leave("curves", "k")}, {"curves": plan.pick("curves", "sweep")}]
+
+
+def test_what_is_compared_of_a_structure_is_one_job_and_a_closer_look_another():
+    rows, cube = (MASK, MAPS, LIVER), MASK | {"organ": "cube"}
+    plan, whole = plan_of(*rows, cube), plan_of(*rows, compare=True)
+    jobs = plan.comparison_jobs()
+    closer = {comparison.name for comparison in comparisons().values() if comparison.further}
+    for name in plan.cohort.reconstructed:
+        mine = [{one.name for one in together} for together, names in jobs if name in names]
+        assert sum(not names <= closer for names in mine) == 1 == len(mine) - (name != named("b/ball"))
+        assert len(set.union(*mine)) == sum(map(len, mine))
+    named_in = [names for _, names in whole.comparison_jobs()]
+    assert sorted(name for names in named_in for name in names) == sorted(whole.cohort.reconstructed)
 
 
 def test_a_comparison_does_without_the_network_in_a_run_that_uses_none():
@@ -253,7 +260,7 @@ def test_a_network_that_is_compared_is_part_of_the_comparison_s_code():
     others = [one for one in comparisons().values() if not given & set(one.inputs)]
     assert using
     assert all(ours.comparison_library([one]) == paper.comparison_library([one]) for one in others)
-    assert ours.contour_library(named("b/ball")) != paper.contour_library(named("b/ball"))
+    assert ours.import_library(named("b/ball")) != paper.import_library(named("b/ball"))
 
 
 def test_memory_grows_with_inputs_and_attempts():
@@ -266,38 +273,38 @@ def test_memory_grows_with_inputs_and_attempts():
 
 
 @pytest.mark.parametrize(
-    ("rule", "wildcards", "extra"),
+    ("rule", "case", "outputs", "extras"),
     [
-        ("import_structure", {"case": "a", "organ": "ball"}, None),
-        ("make_contours", {"case": "a", "organ": "ball"}, None),
-        ("make_contours", {"case": "b", "organ": "ball"}, "gnn"),
-        ("export_solid", {"case": "a", "organ": "ball", "solid_format": "step"}, "cad"),
-        ("export_solid", {"case": "a", "organ": "ball", "solid_format": "msh"}, "fe"),
-        ("fill_case", {"case": "a"}, "fe"),
-        ("build_scene", {"case": "a"}, None),
-        ("segment_structure", {"case": "c", "organ": "ball"}, None),
-        ("build_report", {}, None),
+        ("import_structure", "a", ["structure.h5"], set()),
+        ("import_structure", "b", ["structure.h5"], {"gnn"}),
+        ("export_surface", "a", ["surface.stl", "surface_inner.nii.gz"], set()),
+        ("export_surface", "a", ["surface.step", "solid_step.json"], {"cad"}),
+        ("export_surface", "a", ["surface.msh", "surface.step"], {"fe", "cad"}),
+        ("fill_case", "a", ["volume.feb"], {"fe"}),
+        ("build_scene", "a", ["scene.glb"], set()),
+        ("segment_structure", "c", ["segmentation.nii.gz"], set()),
+        ("build_report", "a", ["report.html"], set()),
     ],
 )
-def test_a_job_needs_an_extra_by_what_it_works_on(rule, wildcards, extra):
+def test_a_job_needs_an_extra_by_what_it_works_on(rule, case, outputs, extras):
     plan = plan_of(MASK, MAPS, IMAGE, segmenter="totalsegmentator")
-    assert extra_of(PlannedJob(rule, wildcards, []), plan) == extra
+    assert extras_of(PlannedJob(rule, {"case": case, "organ": "ball"}, outputs), plan) == extras
 
 
 @pytest.mark.parametrize(
-    ("address", "extra"), [("s3://scans/m.nii.gz", "s3"), ("https://x.org/m.nii.gz", None)]
+    ("address", "extras"), [("s3://scans/m.nii.gz", {"s3"}), ("https://x.org/m.nii.gz", set())]
 )
-def test_only_a_bucket_needs_its_own_client(address, extra):
+def test_only_a_bucket_needs_its_own_client(address, extras):
     plan = plan_of(MASK | {"mask": address})
     (path,) = plan.cohort.source_files(named("a/ball"))
-    assert extra_of(PlannedJob("fetch_file", {}, [path]), plan) == extra
+    assert extras_of(PlannedJob("fetch_file", {}, [path]), plan) == extras
 
 
 def test_a_missing_extra_is_named_with_the_job_before_it_starts(monkeypatch):
     monkeypatch.setitem(EXTRAS, "cad", ("no_such_module",))
-    plan, wildcards = plan_of(MASK), {"case": "a", "organ": "ball", "solid_format": "step"}
-    jobs = [PlannedJob("export_solid", wildcards, ["results/a/ball/surface.step"])]
-    with pytest.raises(InputError, match=r"^export_solid a/ball/step: no_such_module is not installed; "):
+    plan, wildcards = plan_of(MASK), {"case": "a", "organ": "ball"}
+    jobs = [PlannedJob("export_surface", wildcards, ["results/a/ball/surface.step"])]
+    with pytest.raises(InputError, match=r"^export_surface a/ball: no_such_module is not installed; "):
         check_jobs(jobs, plan, programs_are_here=True)
     check_jobs(jobs, plan, programs_are_here=False)
 

@@ -18,7 +18,7 @@ plan_of, named = PLANS["plan_of"], PLANS["named"]
 SCANS = Path(__file__).parents[1] / "inputs" / "scans.py"
 
 A_BALL = {"case": "a", "organ": "ball"}
-#: A row of each kind of input that no file decides, and the script that leads to its contours.
+#: A row of each kind of input that no file decides, and the way to its contours.
 KINDS = [
     ({"mask": "mask.nii.gz"}, "trace_contours"),
     ({"image": "image.nii.gz"}, "trace_contours"),
@@ -39,19 +39,19 @@ def here(tmp_path, monkeypatch):
     monkeypatch.setenv("PWD", str(tmp_path))
 
 
-@pytest.mark.parametrize(("row", "script"), KINDS)
-def test_the_kind_of_input_decides_what_leads_to_contours(row, script):
+@pytest.mark.parametrize(("row", "way"), KINDS)
+def test_the_kind_of_input_decides_what_leads_to_contours(row, way):
     row = A_BALL | row
     plan = plan_of(row)
-    assert plan.cohort.contour_script(named(f"a/{row['organ']}")) == script
-    assert plan.cohort.needs_network == (script == "order_contours")
+    assert plan.cohort.contour_way(named(f"a/{row['organ']}")) == way
+    assert plan.cohort.needs_network == (way == "order_contours")
 
 
-@pytest.mark.parametrize(("row", "script"), KINDS)
-def test_every_mask_is_ordered_where_that_is_asked_for(row, script):
+@pytest.mark.parametrize(("row", "way"), KINDS)
+def test_every_mask_is_ordered_where_that_is_asked_for(row, way):
     row = A_BALL | row
     plan = plan_of(row, curves={"ordering": "gnn"})
-    assert plan.cohort.contour_script(named(f"a/{row['organ']}")) == "order_contours"
+    assert plan.cohort.contour_way(named(f"a/{row['organ']}")) == "order_contours"
 
 
 @pytest.mark.parametrize("ordering", ["auto", "gnn"])
@@ -60,7 +60,7 @@ def test_drawn_contours_are_taken_whatever_is_asked_for(ordering):
     drawn = scans["outlines"](scans["organ"](), np.eye(4))
     scans["write_structure_set"](Path("contours"), {"ball": drawn})
     plan = plan_of(A_BALL | {"mask": "contours"}, curves={"ordering": ordering})
-    assert plan.cohort.contour_script(named("a/ball")) == "take_contours"
+    assert plan.cohort.contour_way(named("a/ball")) == "take_contours"
     assert not plan.cohort.needs_network
 
 
