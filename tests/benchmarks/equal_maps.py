@@ -54,7 +54,7 @@ def papers_networks(folder: Path) -> Iterator[tuple[int, int, PaperNetwork]]:
     channels = settings.paper.sizes["channels"]
     rate = PaperTask([], settings, Settings().seed).learning_rate
     for maps, passes in ((few, epochs), (sweep.MORE_MAPS, sweep.MORE_EPOCHS)):
-        yield maps, maps * passes, sweep.trained(folder, maps, channels, rate, passes)[0]
+        yield maps, maps * passes, sweep.trained(folder, sweep.Training(maps, passes, channels, rate))[0]
 
 
 def our_network(folder: Path) -> tuple[int, int, Path]:

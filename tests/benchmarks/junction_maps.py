@@ -207,7 +207,8 @@ def by_truth(maps: Sequence[SyntheticMap]) -> dict[str, list[dict[str, float]]]:
 def measure(seed: int, count: int, stacks: int, severity: float, kinds: Sequence[str]) -> pd.DataFrame:
     """Score every map in every way: a row each."""
     model, rows = load_model(MODEL), []
-    read_maps(single_maps(seed + 1, "mixed", 2, severity), model)  # compiles what it needs
+    warm = single_maps(seed + 1, "mixed", 2, severity)  # compiles what it needs
+    scored(warm, read_maps(warm, model), Way(1))
     for kind in kinds:
         groups = {"single": [single_maps(seed, kind, count, severity)] if count else []}
         groups["stacks"] = [stack_of_maps(seed, kind, number, severity) for number in range(stacks)]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 import torch
 from torch import Tensor
-from torch.utils.data import Dataset
+from torch.utils.data import Dataset, Subset
 from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 
@@ -29,8 +30,6 @@ __all__ = ["LinkTask", "PaperTask", "grid_labels"]
 _BATCH_SIZE = 10
 # The peak of one cycle of AdamW: the best of a sweep (docs/measured/paper_network.csv).
 _LEARNING_RATE = 0.001
-# The paper's number.
-_DROPOUT = 0.5
 
 _FLAT = Frame(np.eye(4), 2, (1, 1, 1))
 
@@ -46,19 +45,6 @@ def grid_labels(grid: GridGraph, contours: Sequence[AnyArray]) -> IntArray:
     return np.where(np.isin(*keys), 1, -1)
 
 
-class _Graphs(Dataset[Data]):
-    """Labelled graphs, in an order drawn from the seed and the epoch."""
-
-    def __init__(self, graphs: Sequence[Data], order: IntArray):
-        self.graphs, self.order = graphs, order
-
-    def __len__(self) -> int:
-        return len(self.order)
-
-    def __getitem__(self, index: int) -> Data:
-        return self.graphs[int(self.order[index])]
-
-
 class LinkTask:
     """Links with labels +1 and -1, predicted on the same graphs in every epoch.
 
@@ -67,13 +53,15 @@ class LinkTask:
     graphs : list of Data
         With ``edge_label``.
     channels : int
+    dropout : float
     learning_rate : float
-        At its peak. A sweep changes both.
+        At its peak. A sweep changes all of these.
     """
 
     def __init__(self, graphs: Sequence[Data], settings: NetworkSettings, seed: int):
         self.graphs, self.settings, self.seed = graphs, settings, seed
         self.channels, self.learning_rate = settings.paper.sizes["channels"], _LEARNING_RATE
+        self.dropout = 0.5  # the paper's number
 
     @property
     def plan(self) -> Plan:
@@ -84,14 +72,15 @@ class LinkTask:
     def network(self) -> PaperNetwork:
         """Build the network."""
         features = self.graphs[0].num_node_features if len(self.graphs) else 1
-        return PaperNetwork(self.channels, _DROPOUT, features)
+        return PaperNetwork(self.channels, self.dropout, features)
 
     def loader(self, epoch: int, threads: int) -> DataLoader[Data]:
         """Batches of the graphs."""
         order = np.random.default_rng([self.seed, RandomStream.MAP_ORDER, epoch]).permutation(
             len(self.graphs)
         )
-        return make_loader(_Graphs(self.graphs, order), len(order), _BATCH_SIZE, 1)
+        graphs = Subset(cast("Dataset[Data]", self.graphs), order.tolist())
+        return make_loader(graphs, len(order), _BATCH_SIZE, 1)
 
     def loss(self, model: PaperNetwork, batch: Data) -> Tensor:
         """Mean squared error to labels +1 and -1: the quadratic cost of Scarselli et al. (2009)."""
