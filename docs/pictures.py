@@ -101,6 +101,47 @@ def band(name: str, pixels: int = 620) -> str:
     return _screenshot(plotter, f"{name}, coloured by the width of its error band")
 
 
+def bands_in_a_cut(name: str, reader_mm: float = 2.0, samples: int = 20) -> str:
+    """Draw a cut across the slices of a mask: its surface, bands without and with another reader, samples."""
+    import nibabel
+    import numpy as np
+    from matplotlib.figure import Figure
+
+    import cccd
+
+    figure = Figure(figsize=(7, 3.6))
+    axes = figure.add_subplot()
+    alone, other = (
+        cccd.reconstruct(cccd.read(FOLDER / name), settings=cccd.Settings(surface={"reader_mm": mm}))
+        for mm in (None, reader_mm)
+    )
+    middle = (alone.vertices.min(axis=0) + alone.vertices.max(axis=0))[1] / 2
+
+    def draw(surface, **style):
+        path = surface.mesh.section(plane_origin=(0, middle, 0), plane_normal=(0, 1, 0))
+        for number, line in enumerate(path.discrete):
+            label = style.pop("label", None) if number == 0 else None
+            axes.plot(line[:, 0], line[:, 2], label=label, **style)
+
+    for number, one in enumerate(alone.samples(samples)):
+        draw(one, color="grey", lw=0.4, label=None if number else f"{samples} samples")
+    for number, side in enumerate(other.sides.values()):
+        draw(side, color="steelblue", lw=1, label=None if number else "band, with another reader")
+    for number, side in enumerate(alone.sides.values()):
+        draw(side, color="firebrick", lw=1, label=None if number else "error band")
+    draw(alone, color="black", lw=1.4, label="surface")
+    scan = nibabel.load(FOLDER / name)
+    for height in scan.affine[2, 3] + scan.affine[2, 2] * np.arange(scan.shape[2]):
+        axes.axhline(height, color="black", lw=0.4, ls=":", zorder=0)
+    low, high = alone.vertices.min(axis=0), alone.vertices.max(axis=0)
+    sides = {"xlim": (low[0] - 8, high[0] + 8), "ylim": (low[2] - 8, high[2] + 8)}
+    axes.set(aspect="equal", xlabel="mm", ylabel="mm", **sides)
+    axes.legend(fontsize=7, loc="best", framealpha=1)
+    png = io.BytesIO()
+    figure.savefig(png, dpi=130, bbox_inches="tight")
+    return _image(png.getvalue(), "a cut across the slices with both bands and samples")
+
+
 def tree(surface: str, lines: str, pixels: int = 520) -> str:
     """Draw what ``cccd centrelines -o`` wrote as VTP, coloured by the radius, in its surface."""
     import pyvista

@@ -6,16 +6,13 @@ from pathlib import Path
 from cccd.contours import doubtful_slices
 from cccd.curves import measure_curves
 from cccd.job import job
-from cccd.next_slice import rank_unannotated
 from cccd.report.page import build_structure_page
 from cccd.report.render import render_surface
-from cccd.settings.surface import LoftSettings
 from cccd.store import (
     read_boundaries,
     read_curves,
     read_json,
     read_report,
-    read_sections,
     read_splines,
     read_structure,
     write_json,
@@ -54,12 +51,9 @@ with job(snakemake.log[0], name, snakemake.input, snakemake.output):
             *(warning for report in (*solids.values(), *volumes) for warning in report["warnings"]),
         ],
     }
-    sections = read_sections(snakemake.input.contours, snakemake.input.structure)
-    ranked = rank_unannotated(sections, LoftSettings(**snakemake.params.lofting))
-    if ranked:
-        metrics["next_slices"] = [
-            {"slice": gain.slice, "lowers_error": round(gain.lowers, 4)} for gain in ranked[:NAMED]
-        ]
+    if structure.annotation is not None:
+        gaps = structure.annotation.gaps[:NAMED]
+        metrics["next_slices"] = [{"slice": number, "gap": gap} for number, gap in gaps]
     if solids:
         metrics["solids"] = {
             name: {key: value for key, value in report.items() if key not in {"format", "warnings"}}

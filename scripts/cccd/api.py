@@ -204,6 +204,60 @@ class Surface:
             side: replace(self, lofted=lofted, name=f"{self.name}_{side}") for side, lofted in sides.items()
         }
 
+    @_one_thread
+    def samples(self, count: int = 50, *, seed: int = 0) -> list[Surface]:
+        """Draw surfaces as the true one may lie: compute any number of each, and read off its interval.
+
+        Parameters
+        ----------
+        count : int
+            How many; 50 are enough for the ends of a 90 % interval.
+        seed : int
+            The same seed draws the same surfaces.
+
+        Returns
+        -------
+        list of Surface
+            Closed, with this surface's triangles; they have neither splines nor bands.
+
+        Raises
+        ------
+        InputError
+            The count is below 1, or the surface has no error band.
+
+        See Also
+        --------
+        intervals : of volume, area and largest diameter.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cccd import reconstruct
+        >>> at = np.indices((16, 16, 16)) - 7.5
+        >>> ball = reconstruct(np.linalg.norm(at, axis=0) <= 6)
+        >>> low, high = np.quantile([one.volume for one in ball.samples()], [0.05, 0.95])
+        >>> bool(low < ball.volume < high)
+        True
+        """
+        from cccd.bands.samples import draw_meshes
+
+        if self.lofted.band is None:
+            raise InputError(self.name, "the surface has no error band", "make it from a mask or contours")
+        meshes = draw_meshes(self.lofted.mesh, self.lofted.band, count, seed)
+        return [
+            replace(
+                self, lofted=replace(self.lofted, bodies=[], mesh=mesh, band=None), name=f"{self.name}_{n}"
+            )
+            for n, mesh in enumerate(meshes, 1)
+        ]
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """Intervals of volume (ml), area (mm^2) and largest diameter (mm); nothing without a band."""
+        from cccd.bands.samples import intervals
+
+        return {} if self.lofted.band is None else intervals(self.lofted.mesh, self.lofted.band)
+
     @property
     def size(self) -> tuple[float, float, float]:
         """Lengths of the mesh's bounding box along x, y and z, mm."""

@@ -226,6 +226,13 @@ class Annotation:
     slices: np.ndarray
     guides: tuple[Guide, ...] = ()
 
+    @property
+    def gaps(self) -> list[tuple[int, int]]:
+        """The slice in the middle of each gap, and how many the gap has, the widest gap first."""
+        count = np.diff(self.slices) - 1
+        widest = [n for n in np.argsort(-count, kind="stable") if count[n] > 0]
+        return [(int(self.slices[n] + (count[n] + 1) // 2), int(count[n])) for n in widest]
+
 
 @dataclass
 class Structure:
@@ -334,7 +341,7 @@ class Structure:
         """Combine curves of the structure with what else it knows of its slices."""
         source = self.source
         mask = source.values if isinstance(source, MaskStack) else None
-        return Sections(curves, mask, self.stack_origin, self.annotation)
+        return Sections(curves, mask, self.stack_origin, self.annotation, self.probability_stack)
 
     @property
     def stack_origin(self) -> np.ndarray:
@@ -494,12 +501,15 @@ class Sections:
     annotation : Annotation or None
         Where only some slices were drawn: the surface is continued between them however far apart they lie,
         and follows planes that were drawn across them.
+    probability : ProbabilityStack or None
+        Probabilities of which the curves are the level: where they are flat, the error band is wider.
     """
 
     curves: Curves
     mask: np.ndarray | None = None
     mask_origin: np.ndarray | None = None
     annotation: Annotation | None = None
+    probability: ProbabilityStack | None = None
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,6 @@ COMMANDS = {
     "export": Command(
         "write a finished structure of the workflow in another format", "cccd.commands.export.add_export"
     ),
-    "next": Command("name the slice to annotate next", "cccd.commands.annotation.add_next"),
-    "calibrate": Command(
-        "calibrate the error bands on your own masks", "cccd.commands.annotation.add_calibrate"
-    ),
+    "next": Command("name the slice to annotate next", "cccd.commands.next_slice.add_next"),
     "doctor": Command("report what is installed and works", "cccd.doctor.add_doctor"),
 }

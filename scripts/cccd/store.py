@@ -84,7 +84,10 @@ __all__ = [
 ]
 
 #: Attributes of the error band, and how near in mm vertices are that were kept as single floats.
-_BAND_FACTS = ("share", "volume_factor", "extrapolated")
+_BAND_FACTS = (
+    *("share", "volume_factor", "extrapolated", "length_mm"),
+    *("area_low", "area_high", "diameter_low", "diameter_high"),
+)
 _SAME_VERTEX_MM = 1e-3
 
 

@@ -19,7 +19,6 @@ from scipy import ndimage
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from cccd.bands import Calibration, estimate_band
 from cccd.bands.signs import Slices
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
@@ -33,6 +32,7 @@ from cccd.store import read_conforming, read_report, read_structure
 from cccd.surface import LoftedSurface
 from cccd.surface.borders import find_borders
 from cccd.surface.checks import check_walls
+from cccd.surface.loft import band_of
 from cccd.surface.smooth_mesh import ROUNDS, default_wave
 from cccd_labels.label_fields import LabelFields, box_of, gathered, label_sections, level_blocks
 from cccd_labels.surface_nets import split_again, surface_nets, well_composed
@@ -144,7 +144,7 @@ class SharedWalls:
         slices = Slices(heights, borders.distance, frame.pixel_spacing)
         to_plane: FloatArray = np.asarray(np.linalg.inv(_plane_to_world(frame, borders.origin)), float)
         in_plane = mesh.transformed(to_plane)
-        band = estimate_band(in_plane, slices, settings.band, Calibration.read(settings.calibration))
+        band = band_of(in_plane, slices, settings)
         volumes = mesh.piece_volumes
         report = {
             "control_points": 0,

@@ -1,259 +1,222 @@
-"""Train the scale of the error bands and calibrate it: ``python -m cccd_training.bands SHEET CACHE``.
+"""Calibrate the error bands on exact truth: ``python -m cccd_training.bands CACHE``.
 
-SHEET is a cohort sheet of masks and phantoms. Each organ is thinned in `STACKS` ways along any axis; what was
-compared lies in CACHE, so that a run that was cut off goes on. Writes ``cccd/bands/scale.npz`` and
-``cccd/bands/shipped.json``; prints what held-out organs' bands cover.
+Random bodies, phantoms and the cortical surfaces of nilearn are cut into slices and reconstructed; what was
+compared lies in CACHE, so that a run that was cut off goes on. Writes ``cccd/bands/shipped.json``; prints
+what the bands of held-out bodies cover. Meshes in a folder (``--kept FOLDER``) train nothing.
 """
 
 from __future__ import annotations
 
+import argparse
 import itertools
-import sys
+import pickle
 import zlib
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
-import torch
-from scipy.stats import spearmanr
-from torch import nn
+import trimesh
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+from scipy.special import expit
 
-from cccd.bands.calibration import REGIMES, SHIPPED, Thinned, calibrate
-from cccd.bands.scale import FARTHEST, WEIGHTS, Scale, shipped_scale
-from cccd.cohort import read_cohort
-from cccd.containers import Frame, Structure
+from cccd.bands.calibration import REGIMES, SHIPPED, Calibration, Curve
+from cccd.bands.signs import SIGNS
+from cccd.closed_meshes import read_closed_mesh
+from cccd.contours import trace_contours
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
-from cccd.inputs import load_structure
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import voxelise
+from cccd.inputs.annotation import EVERY_SLICE
+from cccd.inputs.implicit_solids import ImplicitFunction, mesh_zero_set
+from cccd.inputs.load import structure_of_array
+from cccd.inputs.phantoms import ORGANS
 from cccd.settings.root import Settings
 from cccd.store import atomic_path
-from cccd.thinning import Thinning, averaged, thin_once
+from cccd.surface.loft import loft_in_plane
+from cccd_calibration.coverage import coverage_figures, coverage_table
+from cccd_calibration.factors import Thinned, calibrate
+from cccd_calibration.thinning import LEAST_SLICES, compare
+from cccd_training.distance.bodies import ball_with_bumps, closed_body
 
-#: Stacks of an organ with slices left out, and ones whose voxels are averaged, which have isotropic ones.
-STACKS, AVERAGED = 8, 2
-EVERY = (2, 3, 4, 5, 6, 8, 10)
-#: Phantoms have isotropic voxels.
-SETTINGS = {"import": {"phantom": {"spacing_mm": (1.5, 1.5, 1.5)}}}
-#: Masks of more voxels are averaged over two along each axis first.
-MOST_VOXELS = 6_000_000
-#: Hidden values of each layer. With one layer of 32 bands are a little narrower, but rank vertices less well.
-WIDTHS = (64, 32)
-#: The quantile of offsets that is learnt: lower ones rank vertices better, higher ones give narrower bands
-#: at 90 %.
-QUANTILE = 0.75
-#: Offsets of fewer pixels count as this many.
-LEAST_OFFSET = 0.02
-STEPS, RATE, DECAY = 3000, 8e-3, 1e-4
-#: Stacks of a step, and points of each: widths are ranked among points of one stack.
-BATCH_STACKS, BATCH_POINTS = 16, 160
-#: Weight of pairs in the wrong order next to the quantile's loss, and how steeply it rises with their widths.
-RANKING, STEEPNESS = 2.0, 2.0
-#: Logarithms of errors, of so many pixels at least, whose difference counts up to so much.
-LEAST_DIFFERENCE, MOST_DIFFERENCE = 0.05, 2.0
-#: Points of each stack that are trained with, with repeats.
-PER_STACK = 1000
-#: Points of the true surface weigh so much more in training: they are fewer.
-TRUE_WEIGHT = 4.0
-#: Parts of the organs that are held out in turn.
-FOLDS = 6
-
-
-def thinnings(rng: np.random.Generator) -> list[tuple[int, Thinning]]:
-    """Draw the ways in which an organ is thinned, each with what its reference keeps of the slices."""
-    ways: list[tuple[int, Thinning]] = []
-    for number in range(STACKS + AVERAGED):
-        axis = int(rng.choice(3, p=[0.25, 0.25, 0.5]))
-        if number >= STACKS:
-            block = int(rng.integers(2, 4))
-            ways.append((1, Thinning(axis, block * int(rng.choice([1, 1, 2])), 0, block, averaged=True)))
-            continue
-        every, kind = EVERY[(number + int(rng.integers(2)) * 3) % len(EVERY)], rng.random()
-        block, coarser = (2, 1) if kind < 0.15 else (1, int(rng.integers(2, 4)) if kind < 0.35 else 1)
-        how = Thinning(axis, every, int(rng.integers(every)), block, bool(rng.random() < 0.25))
-        ways.append((coarser, how))
-    return ways
+#: Bodies of each kind, and stacks of each body.
+ROUND, RANDOM, STACKS = 60, 16, 3
+PHANTOMS = ("liver", "kidney", "bronchi", "lungs", "torus", "shell", "two_spheres")
+CORTICES = ("pial_left", "white_right")
+#: In pixels: edge of the cubes that triangulate a body, and how far slices lie apart at most.
+CUBE, MOST_RATIO = 0.5, 15.0
+#: mm of a pixel that cortices are cut with.
+CORTEX_PIXEL = 2.0
+#: Bodies of less volume are specks, and those of more area take too long.
+LEAST_VOXELS, MOST_AREA = 1500, 9000
+#: Values of each sign, not as logarithms, between which its curve is linear; the first is the least seen.
+KNOTS = {
+    "slope": (0.05, 0.2, 0.4, 0.8, 1.6, 4),
+    "thick": (1, 2, 4, 8, 16),
+    "curvature": (0.2, 0.4, 0.8, 1.6, 3.2, 6.4),
+}
+#: The quantile of offsets that is learnt, and how far its loss is rounded off.
+QUANTILE, ROUNDED = 0.9, 0.05
+#: Offsets get so many pixels more: their logarithm shall not run off to nothing.
+LEAST_OFFSET = 0.01
+#: Points of each stack that are trained with; weight of the curves' squares; rounds of the fit.
+PER_STACK, RIDGE, ROUNDS = 800, 1e-4, 200
+#: Parts of the bodies that are held out in turn; share of the surface that bands shall hold.
+FOLDS, SHARE = 5, 0.9
 
 
-def gather(sheet: Path, cache: Path) -> list[Thinned]:
-    """Thin and compare every organ of a sheet."""
-    settings, found = Settings.model_validate(SETTINGS), list[Thinned]()
+def bodies() -> Iterator[tuple[str, Callable[[], Mesh | None]]]:
+    """Names of bodies, and what makes each: a closed mesh whose unit is a pixel, or None."""
+    yield from ((f"round/{seed}", partial(_largest, ball_with_bumps, seed)) for seed in range(ROUND))
+    yield from ((f"random/{seed}", partial(_largest, closed_body, seed)) for seed in range(RANDOM))
+    yield from ((f"{name}/{seed}", partial(_phantom, name, seed)) for name in PHANTOMS for seed in range(2))
+    yield from ((f"cortex/{name}", partial(_cortex, name)) for name in CORTICES)
+
+
+def _largest(draw: Callable[[int], tuple[ImplicitFunction, FloatArray]], seed: int) -> Mesh | None:
+    """Mesh of the largest part of a body around the origin; None where it is very small or large."""
+    solid, half = draw(seed)
+    try:
+        mesh = max(mesh_zero_set(solid, -half, half, CUBE).pieces(), key=lambda one: one.volume)
+    except ValueError:  # there is nothing
+        return None
+    return mesh if mesh.volume > LEAST_VOXELS and mesh.area < MOST_AREA else None
+
+
+def _phantom(name: str, seed: int) -> Mesh:
+    rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
+    anatomy = ORGANS[name](rng)
+    low, high = np.asarray(anatomy.bbox_min) - 2, np.asarray(anatomy.bbox_max) + 2
+    pixel = float((high - low).max()) / rng.uniform(45, 85)
+    mesh = mesh_zero_set(anatomy.organ, low, high, pixel / 2)
+    return Mesh(mesh.vertices / pixel, mesh.faces)
+
+
+def _cortex(name: str) -> Mesh:
+    from nilearn.datasets import fetch_surf_fsaverage  # its own files, nothing is downloaded
+    from nilearn.surface import load_surf_mesh
+
+    surface = load_surf_mesh(fetch_surf_fsaverage("fsaverage5")[name])
+    smooth = trimesh.Trimesh(surface.coordinates, surface.faces).subdivide_loop(2)
+    return Mesh(np.asarray(smooth.vertices) / CORTEX_PIXEL, np.asarray(smooth.faces, np.int64)).outwards()
+
+
+def cut(name: str, mesh: Mesh, ratio: float, rng: np.random.Generator) -> Thinned | None:
+    """Cut a body, turned at random, into slices so many pixels apart, and compare its surface with it."""
+    step = np.array([1.0, 1.0, ratio])
+    points = Rotation.random(random_state=int(rng.integers(1 << 30))).apply(mesh.vertices)
+    low = points.min(axis=0) - (2 + rng.random(3)) * step
+    affine = np.diag([*step, 1.0])
+    affine[:3, 3] = low
+    shape = np.ceil((points.max(axis=0) - low) / step + 3).astype(int)
+    truth, settings = Mesh(points, mesh.faces).outwards(), Settings()
+    mask = voxelise(truth, affine, (int(shape[0]), int(shape[1]), int(shape[2])))
+    if mask.any((0, 1)).sum() < LEAST_SLICES:
+        return None
+    reading = settings.import_.model_copy(update={"slice_axis": 2})
+    structure = structure_of_array(mask, affine, reading, name, EVERY_SLICE)
+    sections = structure.sections(trace_contours(structure)[0])
+    try:
+        solid = loft_in_plane(sections, settings.surface)
+    except InputError as error:  # too thin a body for so few slices
+        print(f"  {name} {ratio:.2f}: {error}")
+        return None
+    to_plane = np.linalg.inv(solid.stack.plane_to_world(sections.curves.frame))
+    return compare(name, solid, truth.transformed(to_plane), truth.volume, rng)
+
+
+def gather(cache: Path, kept: Path | None) -> tuple[list[Thinned], list[Thinned]]:
+    """Cut all bodies, and the meshes that are kept apart."""
     cache.mkdir(parents=True, exist_ok=True)
-    for row in read_cohort(sheet):
-        file = cache / f"{row['case']}_{row['organ']}.npz"
-        if not file.exists():
-            rng = np.random.default_rng(zlib.crc32(file.stem.encode()))
-            stacks = _stacks(load_structure(row, sheet.parent, settings.import_), settings, rng)
-            with atomic_path(file) as path:
-                _keep(path, stacks)
-            print(file.stem, flush=True)
-        found += _kept(file)
-    return found
+    own = [stack for name, make in bodies() for stack in _cached(cache, name, make)]
+    paths = sorted(kept.glob("*.ply")) if kept else []
+    found = [
+        _cached(cache, f"kept/{path.stem}", lambda path=path: read_closed_mesh(path).mesh) for path in paths
+    ]
+    return own, [*itertools.chain(*found)]
 
 
-def _keep(path: Path, stacks: Sequence[Thinned]) -> None:
-    """Write what was compared: for each stack an array of each attribute."""
-    names = [field.name for field in fields(Thinned)]
-    arrays = {f"{n}/{name}": getattr(stack, name) for n, stack in enumerate(stacks) for name in names}
-    with path.open("wb") as file:
-        cast(Any, np).savez(file, **arrays)
+def _ratios(name: str, rng: np.random.Generator) -> list[float]:
+    """Draw slice distances in pixels, each from another regime; the nearest is that of cubic voxels."""
+    if name.startswith("kept/"):
+        return [1.0, 2.0, 3.0, 5.0]
+    low, high = np.array(REGIMES[:-1]), np.minimum(REGIMES[1:], MOST_RATIO)
+    drawn = np.where(low < 1, 1.0, np.exp(rng.uniform(np.log(low), np.log(high))))
+    return rng.permutation(drawn)[:STACKS].tolist()
 
 
-def _kept(path: Path) -> list[Thinned]:
-    """Read what `_keep` wrote."""
-    with np.load(path) as file:
-        count = len({name.partition("/")[0] for name in file.files})
-        values = [{f.name: file[f"{n}/{f.name}"] for f in fields(Thinned)} for n in range(count)]
-    return [Thinned(**{k: v if v.ndim else v.item() for k, v in stack.items()}) for stack in values]
+def _cached(cache: Path, name: str, make: Callable[[], Mesh | None]) -> list[Thinned]:
+    """Cut a body, or read from its file what was compared."""
+    file = cache / f"{name.replace('/', '_')}.pickle"
+    if not file.exists():
+        rng, mesh = np.random.default_rng(zlib.crc32(name.encode())), make()
+        found = [] if mesh is None else [cut(name, mesh, ratio, rng) for ratio in _ratios(name, rng)]
+        with atomic_path(file) as path:
+            path.write_bytes(pickle.dumps([stack for stack in found if stack is not None]))
+        print(name, len(found), flush=True)
+    return pickle.loads(file.read_bytes())
 
 
-def _stacks(structure: Structure, settings: Settings, rng: np.random.Generator) -> list[Thinned]:
-    structure = _apart(structure)
-    stacks: list[Thinned] = []
-    for coarser, how in thinnings(rng):
-        reference = _thinned(structure, Thinning(how.axis, coarser))
-        try:
-            stack = thin_once(reference, how, settings, rng)
-        except (InputError, ValueError) as error:  # too thin an organ for so few slices
-            print(f"  {how}: {error}")
-            continue
-        if stack is not None and np.isfinite(stack.outer).all() and np.isfinite(stack.offset).all():
-            stacks.append(stack)
-    return stacks
+def train(stacks: Sequence[Thinned], names: Sequence[str] = SIGNS) -> dict[str, Curve]:
+    """Learn what each sign adds to the logarithm of the quantile of offsets; each body weighs as much."""
+    rng, count = np.random.default_rng(0), Counter(stack.organ for stack in stacks)
+    some = [rng.choice(len(stack.offset), PER_STACK) for stack in stacks]
+    seen = np.concatenate([stack.signs[rows] for stack, rows in zip(stacks, some, strict=True)])
+    offset = np.concatenate([stack.offset[rows] for stack, rows in zip(stacks, some, strict=True)])
+    weight = np.repeat([1 / count[stack.organ] for stack in stacks], PER_STACK)
+    knots = {name: np.log(KNOTS[name]) for name in names}
+    hats = [np.interp(seen[:, SIGNS.index(n)], at, row) for n, at in knots.items() for row in np.eye(len(at))]
+    x, y = np.column_stack([np.ones(len(seen)), *hats]), np.log(np.abs(offset) + LEAST_OFFSET)
+    ridge, w = RIDGE * (np.arange(x.shape[1]) > 0), weight / weight.sum()
+
+    def loss(adds: FloatArray) -> tuple[float, FloatArray]:
+        miss = y - x @ adds
+        total = w @ (QUANTILE * miss + ROUNDED * np.logaddexp(0, -miss / ROUNDED)) + ridge @ adds**2
+        return float(total), 2 * ridge * adds - (w * (QUANTILE - expit(-miss / ROUNDED))) @ x
+
+    start, *learnt = minimize(loss, np.zeros(x.shape[1]), jac=True, method="L-BFGS-B").x
+    curves = {name: Curve((0.0,), (0.0,)) for name in SIGNS}
+    for name, at in knots.items():
+        adds, learnt = start + np.array(learnt[: len(at)]), learnt[len(at) :]
+        curves[name] = Curve((*np.round(at, 4).tolist(),), (*np.round(adds, 4).tolist(),))
+        start = 0.0
+    return curves
 
 
-def _apart(structure: Structure) -> Structure:
-    """Average large masks over two voxels along each axis."""
-    assert structure.mask is not None
-    return _thinned(structure, None) if structure.mask.size > MOST_VOXELS else structure
+def held_out(stacks: Sequence[Thinned], apart: Sequence[Thinned], names: Sequence[str] = SIGNS) -> None:
+    """Print what the bands of bodies cover that neither trained the scale nor made the factors."""
+    rows = list[dict[str, float]]()
+    for fold in range(FOLDS):
+        held = [zlib.crc32(stack.organ.encode()) % FOLDS == fold for stack in stacks]
+        known = _calibrated([stack for stack, of in zip(stacks, held, strict=True) if not of], names)
+        rows += [coverage_figures(stack, known, SHARE) for stack in itertools.compress(stacks, held)]
+    print(f"held out, {', '.join(names)}\n{coverage_table(rows)}", flush=True)
+    if apart:
+        known = _calibrated(stacks, names)
+        print(f"kept apart\n{coverage_table([coverage_figures(stack, known, SHARE) for stack in apart])}")
 
 
-def _thinned(structure: Structure, how: Thinning | None) -> Structure:
-    mask, affine = structure.mask, structure.frame.affine.copy()
-    assert mask is not None
-    affine[:3, 3] += affine[:3, :3] @ structure.origin
-    mask, affine = averaged(mask, affine, np.full(3, 2)) if how is None else how.of(mask, affine)
-    shape = mask.shape[0], mask.shape[1], mask.shape[2]
-    frame = Frame(affine, structure.frame.slice_axis, shape)
-    return replace(structure, frame=frame, origin=np.zeros(3, int), mask=mask)
+def _calibrated(stacks: Sequence[Thinned], names: Sequence[str] = SIGNS) -> Calibration:
+    kinds = sorted(Counter(organ.partition("/")[0] for organ in {stack.organ for stack in stacks}).items())
+    made_of = f"{len(stacks)} stacks of {sum(count for _, count in kinds)} bodies of exact truth: "
+    made_of += ", ".join(f"{kind} ({count})" for kind, count in kinds)
+    return calibrate(stacks, Calibration(made_of, train(stacks, names)), made_of, SHARE, "bodies")
 
 
-def train(stacks: Sequence[Thinned], seed: int = 0) -> Scale:
-    """Learn the quantile of offsets on either side from the signs; each organ weighs as much."""
-    torch.manual_seed(seed)
-    rng, names = np.random.default_rng(seed), [stack.organ for stack in stacks]
-    signs, offset, weight = [], [], []
-    for stack in stacks:
-        some = rng.choice(len(stack.offset), PER_STACK)
-        true = some >= stack.of_surface
-        signs.append((stack.outer[some], stack.inner[some]))
-        offset.append((stack.offset[some], -stack.offset[some]))
-        weight.append(np.where(true, TRUE_WEIGHT, 1.0) / names.count(stack.organ))
-    found, off, weight = np.array(signs), np.array(offset), np.array(weight)
-    flat = found.reshape(-1, found.shape[-1])
-    mean, spread = flat.mean(axis=0), flat.std(axis=0) + np.float32(1e-3)
-    x = torch.tensor((found - mean) / spread, dtype=torch.float32).clamp(-FARTHEST, FARTHEST)
-    y = torch.tensor(np.log(np.maximum(off, LEAST_OFFSET)), dtype=torch.float32)
-    error = torch.tensor(np.log(np.abs(off[:, 0]) + LEAST_DIFFERENCE), dtype=torch.float32)
-    w = torch.tensor(weight / weight.mean(), dtype=torch.float32)
-    layers = [nn.Linear(ins, outs) for ins, outs in itertools.pairwise([x.shape[-1], *WIDTHS, 1])]
-    network = nn.Sequential(layers[0], *(part for layer in layers[1:] for part in (nn.Tanh(), layer)))
-    optimiser = torch.optim.AdamW(network.parameters(), lr=RATE / 2, weight_decay=DECAY)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=STEPS)
-    for _ in range(STEPS):
-        which = torch.randint(0, len(x), (BATCH_STACKS, 1))
-        some = torch.randint(0, PER_STACK, (BATCH_STACKS, BATCH_POINTS))
-        scale = network(x[which, :, some])[..., 0]  # stacks, points, sides
-        miss = y[which, :, some] - scale
-        loss = (w[which, some][..., None] * torch.maximum(QUANTILE * miss, (QUANTILE - 1) * miss)).mean()
-        loss = loss + RANKING * _misranked(scale.logsumexp(dim=2), error[which, some])
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
-    learnt = tuple((layer.weight.detach().numpy().T, layer.bias.detach().numpy()) for layer in layers)
-    return Scale(mean, spread, learnt, "")
-
-
-def _misranked(width: torch.Tensor, error: torch.Tensor) -> torch.Tensor:
-    """How many pairs of a stack's points (S, P) are in the wrong order, smooth; alike errors count less."""
-    wider, larger = (part[:, ::2] - part[:, 1::2] for part in (width, error))
-    weight = larger.abs().clamp(max=MOST_DIFFERENCE)
-    return (weight * nn.functional.softplus(-STEEPNESS * larger.sign() * wider)).mean()
-
-
-def kin(organ: str) -> str:
-    """Return the name under which organs are held out together: all hippocampi are one kind."""
-    return organ.split("/")[1]
-
-
-def held_out(stacks: Sequence[Thinned], share: float = 0.9) -> dict[str, FloatArray]:
-    """Bands of organs whose kind neither trained the scale nor made the factors: figures (S,) per stack."""
-    kinds = np.array([kin(stack.organ) for stack in stacks])
-    fold = np.array([zlib.crc32(kind.encode()) % FOLDS for kind in kinds])
-    figures: dict[str, list[float]] = {name: [] for name in _FIGURES}
-    for number in range(FOLDS):
-        rest = [stack for stack, of in zip(stacks, fold, strict=True) if of != number]
-        scale = train(rest)
-        # factors of a scale that has seen these organs are a little too small: folds are many, organs alike
-        known = calibrate(rest, scale, "", share, "held out")
-        for stack in (stack for stack, of in zip(stacks, fold, strict=True) if of == number):
-            scores, swept = stack.scores(scale)
-            factor, volume, extrapolated = known.factors(stack.ratio, share)
-            outer, inner = scale(stack.outer), scale(stack.inner)
-            own = slice(stack.of_surface)
-            low, high = np.quantile(stack.offset[own], [(1 - share) / 2, (1 + share) / 2])
-            around = np.quantile(np.abs(stack.offset[own]), share)
-            width = factor * (outer + inner)[own].mean()
-            row = (
-                stack.ratio,
-                (scores[own] <= factor).mean(),
-                (scores[own.stop :] <= factor).mean(),
-                width / min(high - low, 2 * around),
-                spearmanr((outer + inner)[own], np.abs(stack.offset[own])).statistic,
-                swept <= volume,
-                extrapolated,
-                number,
-            )
-            for name, value in zip(_FIGURES, row, strict=True):
-                figures[name].append(float(value))
-    return {name: np.array(values) for name, values in figures.items()}
-
-
-_FIGURES = ("ratio", "covered", "true", "width", "spearman", "volume", "extrapolated", "fold")
-
-
-def main(sheet: Path, cache: Path) -> None:
+def main() -> None:
     """Gather, hold out, train on all, write."""
-    stacks = gather(sheet, cache)
-    organs = sorted({stack.organ for stack in stacks})
-    figures = held_out(stacks)
-    print(
-        "slice distance, px | stacks | own points | true points | >= 80 % | width | Spearman | volume | known"
-    )
-    for low, high in [*itertools.pairwise(REGIMES), (0, np.inf)]:
-        here = (figures["ratio"] >= low) & (figures["ratio"] < high)
-        if here.any():
-            of = {name: values[here] for name, values in figures.items()}
-            least, known = (of["covered"] >= 0.8).mean(), 1 - of["extrapolated"].mean()
-            print(
-                f"{low} to {high} | {here.sum()} | {of['covered'].mean():.3f} | {of['true'].mean():.3f}"
-                f" | {least:.2f}"
-                f" | {of['width'].mean():.2f} | {of['spearman'].mean():.2f}"
-                f" | {of['volume'].mean():.3f} | {known:.2f}"
-            )
-    scale = train(stacks)
-    plain = {"mean": scale.mean, "spread": scale.spread}
-    for number, (matrix, offsets) in enumerate(scale.layers):
-        plain |= {f"matrix{number}": matrix, f"offsets{number}": offsets}
-    cast(Any, np).savez(WEIGHTS, **plain)
-    kinds = sorted(Counter(map(kin, organs)).items())
-    made_of = f"{len(stacks)} thinned stacks of {len(organs)} organs: "
-    made_of += ", ".join(f"{kind} ({count})" if count > 1 else kind for kind, count in kinds)
-    calibrate(stacks, shipped_scale(), made_of, 0.9, sheet.name).write(SHIPPED)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("cache", type=Path)
+    parser.add_argument("--kept", type=Path, help="folder of closed meshes (.ply), in pixels, kept apart")
+    asked = parser.parse_args()
+    stacks, apart = gather(asked.cache, asked.kept)
+    for left_out in [None, *SIGNS]:
+        held_out(stacks, apart, [name for name in SIGNS if name != left_out])
+    _calibrated(stacks).write(SHIPPED)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    main()

@@ -23,7 +23,8 @@ PACKAGES = {
     "cccd_dicom": {"cccd"},
     "cccd_labels": {"cccd"},
     "cccd_workflow": {"cccd", "cccd_labels"},
-    "cccd_training": {"cccd", "cccd_junctions"},
+    "cccd_calibration": {"cccd"},
+    "cccd_training": {"cccd", "cccd_calibration", "cccd_junctions"},
     "cccd_paper": {"cccd", "cccd_junctions", "cccd_training"},
 }
 

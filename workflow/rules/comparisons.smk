@@ -79,7 +79,6 @@ rule measure_structure:
         runtime=minutes(30),
     params:
         library=library("measure_structure", *registered()),
-        lofting=LOFTING,
         templates=plan.templates,
         config=config,
     script:

@@ -1,10 +1,11 @@
 """How far a surface may be off: a band for every vertex, and intervals of volumes.
 
-`signs` is what can be seen at a vertex, `scale` and `calibration` turn it into millimetres, `conformal` holds
-the formula with the guarantee.
+`signs` is what can be seen at a vertex, `calibration` turns it into millimetres, `conformal` holds the
+formula with the guarantee. `readers` is what another reader adds, `samples` draws surfaces within the band.
 """
 
 from cccd.bands.band import Band, estimate_band
 from cccd.bands.calibration import Calibration
+from cccd.bands.readers import Reader
 
-__all__ = ["Band", "Calibration", "estimate_band"]
+__all__ = ["Band", "Calibration", "Reader", "estimate_band"]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 from scipy.spatial import cKDTree
 
 from cccd.bands.calibration import Calibration
-from cccd.bands.scale import shipped_scale
-from cccd.bands.signs import Signs, Slices
+from cccd.bands.readers import Reader
+from cccd.bands.signs import Slices, signs_of
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 
@@ -29,6 +30,10 @@ class Band:
         What ``inner`` and ``outer`` times the surface's area are multiplied by for the volume's interval.
     extrapolated : bool
         Whether the calibration knows no slices so far apart, or so near to each other.
+    length_mm : float
+        Over which errors are correlated along the surface.
+    area_low, area_high, diameter_low, diameter_high : float
+        By what the band's mean width is multiplied for the ends of these intervals, see `samples.intervals`.
     """
 
     inner: FloatArray
@@ -36,6 +41,11 @@ class Band:
     share: float
     volume_factor: float
     extrapolated: bool
+    length_mm: float = 1.0
+    area_low: float = -1.0
+    area_high: float = 1.0
+    diameter_low: float = -1.0
+    diameter_high: float = 1.0
 
     def volume_interval(self, mesh: Mesh) -> tuple[float, float]:
         """Lowest and highest volume in mm^3 of the band's mesh, for the same share."""
@@ -63,7 +73,14 @@ class Band:
         return replace(self, inner=self.inner[nearest], outer=self.outer[nearest])
 
 
-def estimate_band(mesh: Mesh, slices: Slices, share: float, calibration: Calibration) -> Band:
+def estimate_band(
+    mesh: Mesh,
+    slices: Slices,
+    share: float,
+    calibration: Calibration,
+    reader: Reader | None = None,
+    doubt: FloatArray | None = None,
+) -> Band:
     """Estimate the band of a surface that was lofted from slices.
 
     Parameters
@@ -74,13 +91,25 @@ def estimate_band(mesh: Mesh, slices: Slices, share: float, calibration: Calibra
     share : float
         Of the surface that shall lie within.
     calibration : Calibration
+    reader : Reader, optional
+        The band then holds that share of another reader's border, too.
+    doubt : (V,) float64, optional
+        How far from the border, in mm, a network's probabilities are not certain: see `find_doubt`.
 
     Raises
     ------
     InputError
         The calibration has no factors for the share.
     """
-    factor, volume_factor, extrapolated = calibration.factors(slices.ratio, share)
-    signs, scale = Signs.of(mesh, slices), shipped_scale()
-    inner, outer = (factor * slices.pixel * scale(side) for side in (signs.inner, signs.outer))
-    return Band(inner, outer, share, volume_factor / factor, extrapolated)
+    factor, volume_factor, length, extrapolated = calibration.factors(slices.ratio, share)
+    between = factor * slices.pixel * calibration.lengths(signs_of(mesh, slices))
+    width, swept = between, volume_factor / factor * between
+    if doubt is not None:
+        width, swept = np.hypot(width, doubt), np.hypot(swept, doubt)
+    if reader is not None:
+        beyond, together = reader.at(share)
+        width, swept = np.hypot(width, beyond), np.hypot(swept, together)
+    area = mesh.vertex_areas
+    ratio = float(area @ swept) / max(float(area @ width), 1e-12)
+    ends = [end / factor for name in ("area", "diameter") for end in calibration.span(name, share)]
+    return Band(width, width, share, ratio, extrapolated, length * slices.pixel, *ends)

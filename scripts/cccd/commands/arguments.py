@@ -86,9 +86,16 @@ def settings_of(given: argparse.Namespace) -> Settings:
         from cccd.settings.validation import read_config
 
         settings = read_config(given.configfile)
+    changes: dict[str, float | str] = {}
     if given.smooth is not None:
         if not 0 < given.smooth <= 1000:
             raise InputError("--smooth", f"{given.smooth:g} is no length in mm", "give a number up to 1000")
-        smoother = settings.surface.model_copy(update={"smoothing": given.smooth})
-        settings = settings.model_copy(update={"surface": smoother})
+        changes["smoothing"] = given.smooth
+    if given.reader is not None:
+        from cccd.bands import Reader
+
+        Reader.of(given.reader)  # refused before any work
+        changes["reader_mm"] = given.reader
+    if changes:
+        settings = settings.model_copy(update={"surface": settings.surface.model_copy(update=changes)})
     return settings if given.materials is None else find(table("OPTIONS")["materials"])(settings, given)

@@ -82,11 +82,14 @@ def with_name(path: Path, organ: str) -> Path:
     return path.with_name(f"{path.name[: -len(suffix)]}_{organ}{suffix}")
 
 
-def write_with_band(surface: Surface, path: Path, settings: Settings, band: bool) -> list[Path]:
-    """Write a surface and, with ``band``, those of its error band beside it."""
+def write_with_band(
+    surface: Surface, path: Path, settings: Settings, band: bool, samples: Sequence[Surface] = ()
+) -> list[Path]:
+    """Write a surface, with ``band`` those of its error band, and samples beside it."""
     files = {path: surface}
     if band:
         files |= {with_name(path, side): moved for side, moved in surface.sides.items()}
+    files |= {with_name(path, str(n)): sample for n, sample in enumerate(samples, 1)}
     for file, one in files.items():
         one.write(
             file,
@@ -149,6 +152,9 @@ def print_surface(made: dict[str, Any]) -> None:
         least, mean, most = made["edge_mm"]
         error = made["chord_error_mm"]
         print(f"  edges of {mean:.3g} mm ({least:.3g} to {most:.3g}), within {error:.2g} mm of the spline")
+    for name, (low, high) in made.get("intervals", {}).items():
+        what, _, unit = name.rpartition("_")
+        print(f"  {what}: {low:.4g} to {high:.4g} {unit}, {made['band']:.0%} interval")
     for report in made.get("tetrahedra", []):
         print(f"  {_describe_tetrahedra(report)}")
     for warning in made["warnings"]:

@@ -63,6 +63,16 @@ def add_surface(command: argparse.ArgumentParser) -> None:
         f"cores, at most {_MOST_CORES}",
     )  # fmt: skip
     add_band(written)
+    written.add_argument(
+        "--samples", type=int, metavar="N",
+        help="also draw N surfaces as the true one may lie, NAME_1 to NAME_N, and print the intervals of "
+        "volume, area and largest diameter; -o may be a folder",
+    )  # fmt: skip
+    shape.add_argument(
+        "--reader", metavar="MM",
+        help="widen the error band so that it also holds another reader's border: by how many mm two readers "
+        "differ on the mean, or a file of cccd calibrate --readers",
+    )  # fmt: skip
     shape.add_argument(
         "--smooth", type=float, metavar="MM",
         help="smooth away waves of this length and shorter; eight pixels by default",
@@ -95,6 +105,8 @@ def _surface(given: argparse.Namespace) -> int:
     if option:
         stem += {"--seed": "_seeded", "--threshold": "_threshold"}[option]
     outputs = given.output or [Path(f"{stem}.ply")]
+    if given.samples is not None:
+        outputs = [path if path.suffix and not path.is_dir() else path / f"{stem}.ply" for path in outputs]
     if _is_shape(given.input, given.label):
         return _surface_of_mesh(given, given.output or [Path(f"{stem}_smooth.ply")])
     if given.like is not None:
@@ -109,6 +121,8 @@ def _surface(given: argparse.Namespace) -> int:
         raise InputError("--names", "it names the labels of a whole map", "add --all-labels")
     if given.cores < 1:
         raise InputError("--cores", f"{given.cores} is no number of processes", "give 1 or more")
+    if given.samples is not None and given.all_labels:
+        raise InputError("--samples", "neighbours that share a wall move together", "choose one --label")
     for option, value in (("--triangles", given.triangles), ("--edge-mm", given.edge_mm)):
         if value is not None and given.all_labels:
             raise InputError(option, "neighbours that share a wall keep its triangles", "choose one --label")
@@ -146,7 +160,7 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
 
     labelled = bool(given.label) and not given.input.name.lower().endswith(".dcm")
     from_image = bool(given.seed) or given.threshold is not None
-    voxels = (labelled, given.all_labels, given.boundary, from_image, given.band)
+    voxels = (labelled, given.all_labels, given.boundary, from_image, given.band, given.samples is not None)
     if any(voxels):
         problem = "a mesh has no labels, grey values, boundary maps or error band"
         raise InputError(given.input.name, problem, "leave --label, --threshold and their like out")
@@ -171,7 +185,7 @@ def _surface_of_zarr(given: argparse.Namespace) -> int:
 
     other = (
         *(given.all_labels, given.boundary, given.threshold is not None, given.image, given.like),
-        *(given.seed, given.triangles, given.edge_mm),
+        *(given.seed, given.triangles, given.edge_mm, given.samples),
     )
     if any(other):
         problem = "an OME-Zarr is read as a label map, one label at a time"
@@ -231,8 +245,12 @@ def _make_surface(
             tqdm.write("first use: compiling, once, for about 10 seconds ...", file=sys.stderr)
         surface = _uniform(cccd.reconstruct(structure, settings=settings, progress=tell), given)
         tell("writing")
-        files = [file for path in files for file in write_with_band(surface, path, settings, given.band)]
-    return describe_surface(surface, files, time.perf_counter() - began)
+        samples = [] if given.samples is None else surface.samples(given.samples)
+        files = [
+            file for path in files for file in write_with_band(surface, path, settings, given.band, samples)
+        ]
+    made = describe_surface(surface, files, time.perf_counter() - began)
+    return made | ({"intervals": surface.intervals} if samples else {})
 
 
 def _is_compiled() -> bool:

@@ -506,8 +506,12 @@ def _materials(settings: Settings) -> list[str]:
 
 def _calibration(settings: Settings) -> list[str]:
     """Find the error bands' factors that the configuration names, if any; a missing file is refused."""
-    named = settings.surface.calibration
+    named, reader = settings.surface.calibration, settings.surface.reader_mm
     if named and not Path(named).is_file():
         hint = "make one with cccd calibrate"
         raise InputError("config key surface.calibration", f"there is no file {named}", hint)
-    return [named] if named else []
+    if reader is not None:
+        from cccd.bands import Reader  # slow to import
+
+        Reader.of(reader)
+    return [name for name in (named, reader) if isinstance(name, str) and Path(name).is_file()]

@@ -52,10 +52,9 @@ class StructureView:
         return f"{self.case} / {self.organ}"
 
     @property
-    def next_slices(self) -> list[tuple[int, str]]:
-        """Slices whose annotation would shrink the error band most, and by what share of it."""
-        found = self.metrics.get("next_slices", [])
-        return [(row["slice"], f"{row['lowers_error']:.1%}") for row in found]
+    def next_slices(self) -> list[tuple[int, int]]:
+        """Slices in the middle of the widest gaps, and how many slices each gap has."""
+        return [(row["slice"], row["gap"]) for row in self.metrics.get("next_slices", [])]
 
     @property
     def measured(self) -> list[tuple[str, str]]:

@@ -100,6 +100,12 @@ class LoftSettings(Section):
         "file that cccd calibrate wrote, for the error bands; null: the shipped one",
         why="A band is as wide as errors on the calibration's organs were; your own masks are nearer to you.",
     )
+    reader_mm: float | str | None = setting(
+        None,
+        "mean distance of two readers' borders, or a file of cccd calibrate --readers; null: one reader",
+        why="A mask is one person's. With it, bands and intervals hold for the border that another draws.",
+        unit="mm",
+    )
     formats: Annotated[tuple[_Format, ...], AfterValidator(without_repeats)] = setting(
         ("ply",),
         "the surface's files, see docs/configuration.md; ply always; band.stl: the error band's sides",

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from cccd.bands import Calibration, estimate_band
-from cccd.containers import Frame, Sections
+from cccd.bands import Band, Calibration, Reader, estimate_band
+from cccd.bands.signs import Slices
+from cccd.containers import Sections
+from cccd.geometry.arrays import FloatArray
+from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
+from cccd.surface.doubt import find_doubt
 from cccd.surface.spline import SplineSolid, loft_spline
 from cccd.surface.stack import interpolate_slices
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["loft_in_plane", "loft_surface"]
+__all__ = ["band_of", "loft_in_plane", "loft_surface"]
 
 
 def loft_surface(sections: Sections, settings: LoftSettings) -> LoftedSurface:
@@ -27,7 +31,12 @@ def loft_surface(sections: Sections, settings: LoftSettings) -> LoftedSurface:
     InputError
         When there is no curve at all, or none goes around the centre of a pixel.
     """
-    return _with_band(loft_in_plane(sections, settings), sections.curves.frame, settings)
+    solid, frame = loft_in_plane(sections, settings), sections.curves.frame
+    surface = solid.to_world(frame)
+    doubt = find_doubt(solid.mesh, sections.probability, frame, solid.stack.origin, settings.band)
+    surface.band = band_of(solid.mesh, solid.stack.slices, settings, doubt)
+    surface.report["warnings"] += surface.band.warnings(solid.stack.slices.ratio)
+    return surface
 
 
 def loft_in_plane(sections: Sections, settings: LoftSettings) -> SplineSolid:
@@ -35,10 +44,7 @@ def loft_in_plane(sections: Sections, settings: LoftSettings) -> SplineSolid:
     return loft_spline(interpolate_slices(sections, settings), settings.smoothing)
 
 
-def _with_band(solid: SplineSolid, frame: Frame, settings: LoftSettings) -> LoftedSurface:
-    """Give a solid in mm RAS, with its error band."""
-    calibration = Calibration.read(settings.calibration)
-    surface = solid.to_world(frame)
-    surface.band = estimate_band(solid.mesh, solid.stack.slices, settings.band, calibration)
-    surface.report["warnings"] += surface.band.warnings(solid.stack.slices.ratio)
-    return surface
+def band_of(mesh: Mesh, slices: Slices, settings: LoftSettings, doubt: FloatArray | None = None) -> Band:
+    """Estimate a surface's error band as the settings say: see `cccd.bands.estimate_band`."""
+    reader = None if settings.reader_mm is None else Reader.of(settings.reader_mm)
+    return estimate_band(mesh, slices, settings.band, Calibration.read(settings.calibration), reader, doubt)

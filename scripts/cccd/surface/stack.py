@@ -171,7 +171,7 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
         breaks = breaks[:0]
     height: FloatArray = np.asarray(borders.slices * frame.slice_spacing, float)
     voxel = np.array([step, *frame.pixel_spacing])
-    slices = Slices(height, borders.distance, frame.pixel_spacing, not borders.exact)
+    slices = Slices(height, borders.distance, frame.pixel_spacing)
     z, values = _all_levels(borders, slices, step, breaks, ends)
     warnings: list[str] = []
     if annotation is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from cccd.geometry.distance import to_mask
+from cccd.inputs.implicit_solids import ImplicitFunction
 from cccd.surface.learned_distance import (
     LEAST_RATIO,
     MOST_RATIO,
@@ -22,7 +23,7 @@ from cccd.surface.learned_distance import (
     near_surface,
 )
 
-__all__ = ["Sample", "draw_sample", "packed", "unpacked"]
+__all__ = ["Sample", "ball_with_bumps", "closed_body", "draw_sample", "packed", "unpacked"]
 
 Array = np.ndarray[Any, np.dtype[Any]]
 #: A smooth function of places (N, 3), negative inside.
@@ -33,6 +34,8 @@ WIDE, HIGH = 60, 84
 #: Kinds of bodies, and how often they are drawn.
 KINDS = ("smooth", "corners", "sheet", "tubes", "cut", "ovals")
 SHARES = (0.54, 0.1, 0.1, 0.12, 0.06, 0.08)
+#: Bumps of a ball: their correlation lengths, and from which to which height they reach, in pixels.
+BUMPS = {9.0: (0.8, 4.0), 4.5: (0.2, 1.6), 2.2: (0.03, 0.5)}
 #: Places of one stack.
 PLACES = 3000
 #: True distances beyond this many pixels are not learnt.
@@ -176,6 +179,39 @@ def _body(rng: np.random.Generator, ratio: float) -> _Body:
         return np.sqrt(other(points) ** 2 + third(points) ** 2 + 1e-6) - radius
 
     return _Body([[tube]] if rng.random() < 0.6 else [[tube], [body]])
+
+
+def closed_body(seed: int) -> tuple[ImplicitFunction, Array]:
+    """Draw a body that closes before a box around the origin ends: it, and half the box's edges in pixels."""
+    rng = np.random.default_rng(seed)
+    body, box = _body(rng, float(np.exp(rng.uniform(0, np.log(3))))), np.array([HIGH, WIDE, WIDE]) / 2
+    reach = rng.uniform(0.6, 1) * (box - 4)
+
+    def solid(points: Array) -> Array:
+        places = points.reshape(3, -1).T.astype(float)
+        beyond = np.maximum(np.linalg.norm(places / reach, axis=1) - 0.75, 0)
+        return (body.value(places + box) + 12 * beyond**2).reshape(points.shape[1:])
+
+    return solid, 1.35 * (box - 4)
+
+
+def ball_with_bumps(seed: int) -> tuple[ImplicitFunction, Array]:
+    """Draw a ball, drawn out and turned, with bumps: it, and half its box's edges in pixels."""
+    rng = np.random.default_rng(seed)
+    axes, turn = np.exp(rng.uniform(*np.log([11, 23]), 3)), np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    bumps = [_noise(rng, width) * np.exp(rng.uniform(*np.log(heights))) for width, heights in BUMPS.items()]
+    coefficients = ndimage.spline_filter(np.sum(bumps, axis=0, dtype=float), 3, mode="grid-wrap")
+    box = np.full(3, 31.0)
+
+    def solid(points: Array) -> Array:
+        places = points.reshape(3, -1).T.astype(float)
+        ball = (np.linalg.norm(places @ turn / axes, axis=1) - 1) * axes.min()
+        out = ndimage.map_coordinates(
+            coefficients, (places + box).T, order=3, mode="grid-wrap", prefilter=False
+        )
+        return 0.6 * (ball + out).reshape(points.shape[1:])
+
+    return solid, box
 
 
 def draw_sample(seed: int) -> Sample | None:

@@ -19,12 +19,12 @@ import pandas as pd
 from scipy import ndimage
 from tqdm import tqdm
 
-from cccd.bands.conformal import first_enough
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray
 from cccd.geometry.opencv import border_pixels
 from cccd.inputs import load_structure
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.imports import ImportSettings
+from cccd_calibration.conformal import first_enough
 from cccd_junctions.boundary import edge_map
 from cccd_junctions.checkpoint import load_model
 from cccd_junctions.inference import SLICES_PER_BATCH, Predictor, read_slices

@@ -1,6 +1,7 @@
 """Bands of surfaces whose true surface is known, and what is written of them."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,19 +9,20 @@ import pytest
 import cccd
 from cccd.bands import Band, Calibration, estimate_band
 from cccd.bands.calibration import SHIPPED, SHIPPED_SHA256
-from cccd.bands.scale import WEIGHTS, WEIGHTS_SHA256
-from cccd.bands.signs import Slices
+from cccd.bands.readers import Reader
+from cccd.bands.samples import draw_meshes
+from cccd.bands.signs import SIGNS, Slices, signs_of
 from cccd.cli import main
 from cccd.errors import InputError
 from cccd.files.write import write_surface
 from cccd.geometry.distance import to_mask
 from cccd.geometry.mesh import Mesh
-from cccd.inputs.load import structure_of_array
 from cccd.settings.root import Settings
 from cccd.store import write_control_meshes
 from cccd.surface.between import DISTANCES, Between, distance_table, least_distance
-from cccd.surface.measure import measure_surface
+from cccd.surface.doubt import FACTOR
 from cccd.surface.surface import read_surface
+from cccd_calibration.readers import Pair, calibrate_readers
 
 
 def body(axes, spacing):
@@ -66,7 +68,9 @@ def test_the_true_volume_lies_in_its_interval(ellipsoid):
     axes, _, surface = ellipsoid
     low, high = surface.volume_interval
     assert low <= 4 / 3 * np.pi * np.prod(axes) <= high
-    assert low < surface.volume < high
+    least, most = surface.intervals["diameter_mm"]
+    assert least - 0.5 <= 2 * axes.max() <= most + 0.5
+    assert surface.sides["inner"].volume < low < surface.volume < high < surface.sides["outer"].volume
 
 
 def test_the_band_is_wider_between_slices_than_on_them(ellipsoid):
@@ -82,23 +86,20 @@ def test_the_band_is_wider_between_slices_than_on_them(ellipsoid):
 def test_a_band_scales_with_the_scan():
     mask, affine = body((14, 14, 14), (1, 1, 4))
     mesh, k = cccd.reconstruct(mask, affine).lofted.mesh, np.flatnonzero(mask.any((0, 1)))
-    bands = []
+    widths = []
     for times in (1.0, 3.0):
         spacing = np.full(2, times)
         distance = np.stack([to_mask(mask[:, :, one], spacing) for one in k])
         moved = Mesh(times * (mesh.vertices - affine[:3, 3]), mesh.faces)
-        bands.append(estimate_band(moved, Slices(4 * times * k, distance, spacing), 0.9, Calibration.read()))
-    assert np.allclose(bands[1].outer, 3 * bands[0].outer, rtol=1e-3)
-    assert np.allclose(bands[1].inner, 3 * bands[0].inner, rtol=1e-3)
+        slices = Slices(4 * times * k, distance, spacing)
+        widths.append(estimate_band(moved, slices, 0.9, Calibration.read()).outer)
+    assert np.allclose(widths[1], 3 * widths[0], rtol=1e-3)
 
 
 def test_a_larger_share_is_a_wider_band():
     mask, affine = body((14, 12, 14), (1, 1, 4))
-    widths = [
-        cccd.reconstruct(mask, affine, settings=settings(band=share)).lofted.band.outer.mean()
-        for share in (0.5, 0.8, 0.9, 0.95)
-    ]
-    assert np.all(np.diff(widths) > 0)
+    made = (cccd.reconstruct(mask, affine, settings=settings(band=share)) for share in (0.5, 0.8, 0.9, 0.95))
+    assert np.all(np.diff([surface.lofted.band.outer.mean() for surface in made]) > 0)
 
 
 def test_slices_unlike_those_of_the_calibration_are_marked():
@@ -112,28 +113,15 @@ def test_files_carry_the_band(ellipsoid, tmp_path):
     pyvista = pytest.importorskip("pyvista")
     surface = ellipsoid[2].lofted
     write_surface(tmp_path / "surface.ply", surface)
-    write_control_meshes(
-        tmp_path / "surface.h5",
-        surface.bodies,
-        surface.frame,
-        surface.report,
-        (surface.band, surface.vertices),
-    )
+    band = surface.band, surface.vertices
+    write_control_meshes(tmp_path / "surface.h5", surface.bodies, surface.frame, surface.report, band)
     back = read_surface(tmp_path / "surface.h5", tmp_path / "surface.ply")
     for side in ("inner", "outer"):
         assert np.allclose(getattr(back.band, side), getattr(surface.band, side), rtol=1e-6)
     write_surface(tmp_path / "surface.vtp", back)
     arrays = pyvista.read(tmp_path / "surface.vtp").point_data
-    for name in ("inner_mm", "outer_mm"):
-        assert arrays[name].shape == (len(surface.vertices),)
-        assert np.all(arrays[name] > 0)
-
-
-def test_sides_enclose_each_other(ellipsoid):
-    surface = ellipsoid[2]
-    sides = surface.sides
-    assert sides["inner"].volume < surface.volume < sides["outer"].volume
-    assert sides["outer"].faces is surface.faces
+    assert arrays["inner_mm"].min() > 0
+    assert arrays["outer_mm"].shape == (len(surface.vertices),)
 
 
 def test_distance_between_two_organs_has_an_interval():
@@ -149,15 +137,6 @@ def test_distance_between_two_organs_has_an_interval():
     assert tuple(table.columns) == DISTANCES
 
 
-def test_metrics_hold_the_interval():
-    mask, affine = body((12, 12, 12), (1, 1, 3))
-    surface = cccd.reconstruct(mask, affine).lofted
-    figures = measure_surface(surface, structure_of_array(mask, affine, Settings().import_))
-    assert figures["volume_low_ml"] < figures["volume_ml"] < figures["volume_high_ml"]
-    assert figures["band"] == 0.9
-    assert figures["band_extrapolated"] is False
-
-
 def save(path, mask, affine):
     import nibabel
 
@@ -171,89 +150,25 @@ def test_the_command_prints_the_interval_and_writes_both_sides(tmp_path, capsys,
     assert main(["surface", str(path), "-o", "ball.stl", "--band", "--json"]) == 0
     (made,) = json.loads(capsys.readouterr().out)["surfaces"]
     assert made["volume_low_ml"] < made["volume_ml"] < made["volume_high_ml"]
-    assert made["band"] == 0.9
-    assert not made["band_extrapolated"]
+    assert (made["band"], made["band_extrapolated"]) == (0.9, False)
     assert made["files"] == ["ball.stl", "ball_inner.stl", "ball_outer.stl"]
     assert all((tmp_path / name).is_file() for name in made["files"])
 
 
-def drawn(tmp_path, keep):
+def test_the_next_slice_is_the_middle_of_the_widest_gap(tmp_path, capsys):
     mask, affine = body((15, 15, 15), (1, 1, 1))
     kept = np.zeros_like(mask)
-    kept[:, :, keep] = mask[:, :, keep]
-    return save(tmp_path / "drawn.nii.gz", kept, affine)
-
-
-def test_the_next_slice_is_one_that_nobody_drew(tmp_path, capsys):
     keep = [4, 7, 10, 22, 25, 28]
-    path = drawn(tmp_path, keep)
+    kept[:, :, keep] = mask[:, :, keep]
+    path = save(tmp_path / "drawn.nii.gz", kept, affine)
     assert main(["next", str(path), "--annotated", "nonempty", "--json"]) == 0
     slices = json.loads(capsys.readouterr().out)["slices"]
-    named = [one["slice"] for one in slices]
-    assert set(named) == {2, 5, 8, 16, 23, 26, 29}  # the middle of each gap
-    assert named[0] == 16  # of the widest, where the band is widest too
-    shrinks = [one["lowers_error"] for one in slices]
-    assert shrinks == sorted(shrinks, reverse=True)
-    assert shrinks[0] > 0
+    assert slices[0] == {"slice": 16, "gap": 11}
+    assert {one["slice"] for one in slices[1:]} == {5, 8, 23, 26}
     assert main(["next", str(path), "--annotated", "nonempty"]) == 0
-    assert f"annotate slice {named[0]} next" in capsys.readouterr().out
-
-
-def test_of_equal_gaps_those_where_the_surface_bends_come_before_straight_ones(tmp_path, capsys):
-    x, y, z = np.indices((34, 34, 52)) - np.array([16.5, 16.5, 0]).reshape(3, 1, 1, 1)
-    radius = np.sqrt(np.maximum(14.0**2 - np.maximum(z - 32, 0) ** 2, 0))  # a cylinder that ends in a dome
-    mask = (np.hypot(x, y) <= radius) & (z >= 5)
-    kept = np.zeros_like(mask)
-    kept[:, :, 6:45:6] = mask[:, :, 6:45:6]
-    path = save(tmp_path / "dome.nii.gz", kept, np.eye(4))
-    assert main(["next", str(path), "--annotated", "nonempty", "--json"]) == 0
-    shrinks = {one["slice"]: one["lowers_error"] for one in json.loads(capsys.readouterr().out)["slices"]}
-    assert min(shrinks[39], shrinks[33]) > max(shrinks[k] for k in (9, 15, 21, 27))
-
-
-def test_of_evenly_spaced_slices_one_beyond_the_end_counts_half(tmp_path, capsys):
-    x, y, z = np.indices((34, 34, 52)) - np.array([16.5, 16.5, 25]).reshape(3, 1, 1, 1)
-    mask = np.sqrt(x**2 + y**2 + z**2) < 15  # slices 11 to 39
-
-    def ranked(keep):
-        kept = np.zeros_like(mask)
-        kept[:, :, keep] = mask[:, :, keep]
-        path = save(tmp_path / "ball.nii.gz", kept, np.eye(4))
-        assert main(["next", str(path), "--annotated", "nonempty", "--json"]) == 0
-        slices = json.loads(capsys.readouterr().out)["slices"]
-        return {one["slice"]: one["lowers_error"] for one in slices}
-
-    even, uneven = (ranked(sorted({*range(12, 37, 3)} - missing)) for missing in (set(), {24}))
-    assert next(iter(even)) in (13, 34)  # between the slices nearest to the poles
-    # a wider gap far away changes little at the poles, but nobody drew every n-th slice: more may follow
-    assert uneven[37] / uneven[34] == pytest.approx(2 * even[37] / even[34], rel=0.15)
-
-
-def test_the_next_slice_lies_where_neighbours_do_not_foretell_a_slice(tmp_path, capsys):
-    x, y, z = np.indices((44, 34, 60)) - np.array([16.5, 16.5, 0]).reshape(3, 1, 1, 1)
-    aside = 9 * np.clip((z - 26) / 3, 0, 1)  # a cylinder that steps aside between slices 26 and 29
-    mask = (np.hypot(x - aside, y) <= 10) & (z >= 5) & (z < 55)
-    kept = np.zeros_like(mask)
-    kept[:, :, 6:55:6] = mask[:, :, 6:55:6]
-    path = save(tmp_path / "step.nii.gz", kept, np.eye(4))
-    assert main(["next", str(path), "--annotated", "nonempty", "--json"]) == 0
-    lowers = {one["slice"]: one["lowers_error"] for one in json.loads(capsys.readouterr().out)["slices"]}
-    assert next(iter(lowers)) == 27
-    assert lowers[27] > 3 * max(lowers[k] for k in lowers if k not in (21, 27, 33))
-
-
-def test_nothing_is_left_to_draw(tmp_path, capsys):
-    path = save(tmp_path / "ball.nii.gz", *body((9, 9, 9), (1, 1, 2)))
-    assert main(["next", str(path)]) == 1
+    assert "annotate slice 16 next" in capsys.readouterr().out
+    assert main(["next", str(save(tmp_path / "ball.nii.gz", mask, affine))]) == 1
     assert "no slice is left to draw" in capsys.readouterr().err
-
-
-def test_a_mask_of_one_slice_has_no_next_slice(tmp_path, capsys):
-    mask = np.zeros((20, 20, 9), bool)
-    mask[5:12, 5:12, 4] = True
-    path = save(tmp_path / "flat.nii.gz", mask, np.diag([1, 1, 3, 1.0]))
-    assert main(["next", str(path)]) == 1
-    assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
 # calibration ------------------------------------------------------------------------------------------
@@ -281,45 +196,35 @@ def test_own_masks_make_a_calibration_that_is_used(tmp_path, capsys):
     path = tmp_path / "own.json"
     assert main(["calibrate", str(sheet(tmp_path, 12)), "-o", str(path)]) == 0
     assert "12 organs" in capsys.readouterr().out
-    own = Calibration.read(path)
-    assert own.regimes
+    assert Calibration.read(path).regimes
     mask, affine = body((10, 9, 10), (1, 1, 3))
-    surfaces = [
-        cccd.reconstruct(mask, affine, settings=settings(calibration=name)) for name in (None, str(path))
-    ]
-    shipped, mine = (surface.lofted.band.outer for surface in surfaces)
+    made = (cccd.reconstruct(mask, affine, settings=settings(calibration=one)) for one in (None, str(path)))
+    shipped, mine = (surface.lofted.band.outer for surface in made)
     assert np.allclose(mine / shipped, (mine / shipped)[0])
     assert (mine / shipped)[0] != 1
 
 
 @pytest.mark.parametrize(
-    ("content", "problem"),
-    [
-        ("{", "that is no calibration"),
-        ('{"scale": "x"}', "that is no calibration"),
-        ('{"scale": "x", "made_of": "", "regimes": []}', "another version"),
-        (None, "cannot be read"),
-    ],
+    "content", ["{", '{"scale": {}}', '{"scale": "", "made_of": "", "regimes": []}', None]
 )
-def test_what_is_no_calibration_is_refused(tmp_path, content, problem):
+def test_what_is_no_calibration_is_refused(tmp_path, content):
     path = tmp_path / "own.json"
     if content is not None:
         path.write_text(content)
-    with pytest.raises(InputError, match=problem):
+    with pytest.raises(InputError, match="cannot be read" if content is None else "no calibration of this"):
         Calibration.read(path)
 
 
 def test_shares_that_no_factor_is_kept_for_are_refused():
-    none = Calibration((), "nothing", "")
+    none = Calibration("nothing", {})
     with pytest.raises(InputError, match="no factors for a share"):
         none.factors(3.0, 0.9)
 
 
-def test_shipped_files_are_those_that_their_hashes_name():
+def test_the_shipped_file_is_the_one_that_its_hash_names():
     import hashlib
 
-    for path, name in ((WEIGHTS, WEIGHTS_SHA256), (SHIPPED, SHIPPED_SHA256)):
-        assert hashlib.sha256(path.read_bytes()).hexdigest() == name
+    assert hashlib.sha256(SHIPPED.read_bytes()).hexdigest() == SHIPPED_SHA256
 
 
 def test_a_band_moves_to_another_mesh():
@@ -327,3 +232,98 @@ def test_a_band_moves_to_another_mesh():
     moved = band.moved_to(np.array([[0.0, 0, 0], [9, 0, 0]]), np.array([[8.0, 0, 0], [1, 0, 0], [9, 1, 0]]))
     assert moved.inner.tolist() == [2, 1, 2]
     assert moved.outer.tolist() == [4, 3, 4]
+
+
+def test_thickness_is_seen_from_the_slices():
+    mask, affine = body(np.array([30.0, 30.0, 5.0]), (1, 1, 1))
+    surface, k = cccd.reconstruct(mask, affine).lofted, np.flatnonzero(mask.any((0, 1)))
+    distance = np.stack([to_mask(mask[:, :, one], np.ones(2)) for one in k])
+    mesh = Mesh(surface.vertices - affine[:3, 3], surface.mesh.faces)
+    thick = np.exp(signs_of(mesh, Slices(k.astype(float), distance, np.ones(2)))[:, SIGNS.index("thick")])
+    assert np.abs(thick[np.hypot(*surface.vertices[:, :2].T) < 8] - 10).max() < 2
+
+
+def test_another_readers_border_widens_band_and_interval():
+    mask, affine = body((12, 12, 12), (1, 1, 3))
+    alone, other = (cccd.reconstruct(mask, affine, settings=settings(reader_mm=mm)) for mm in (None, 1.0))
+    width, wider = alone.lofted.band.outer, other.lofted.band.outer
+    assert np.allclose(wider**2 - width**2, Reader.of(1.0).at(0.9)[0] ** 2)
+    (low, high), (least, most) = alone.volume_interval, other.volume_interval
+    assert least < low < high < most
+
+
+def test_readers_that_differ_by_known_lengths_give_those_lengths(tmp_path):
+    rng = np.random.default_rng(0)
+    offsets = np.abs(rng.normal(0, 0.5, (40, 7, 999)))
+    pairs = [Pair(str(n), of, of[:, 0]) for n, of in enumerate(offsets)]
+    reader = calibrate_readers(pairs, 0.9, "pairs.tsv")
+    assert reader.at(0.9)[0] == pytest.approx(0.5 * 1.645, rel=0.15)
+    reader.write(tmp_path / "readers.json")
+    assert Reader.of(str(tmp_path / "readers.json")) == reader
+
+
+def test_pairs_of_masks_make_a_file_that_is_used(tmp_path, capsys):
+    table, out = tmp_path / "pairs.tsv", tmp_path / "readers.json"
+    affine, rows = np.eye(4), ["first\tsecond"]
+    away = np.linalg.norm(np.indices((26, 26, 26)) - 12.5, axis=0)
+    for number in range(10):
+        for reader, radius in (("a", 9.0), ("b", 9.6)):
+            save(tmp_path / f"{reader}{number}.nii.gz", away <= radius + number / 10, affine)
+        rows.append(f"a{number}.nii.gz\tb{number}.nii.gz")
+    table.write_text("\n".join(rows) + "\n")
+    given = ["calibrate", "--readers", str(table), "-o", str(out)]
+    assert main(given) == 0
+    assert "10 pairs of readers, 10 organs" in capsys.readouterr().out
+    assert Reader.of(str(out)).at(0.9)[0] == pytest.approx(0.6, abs=0.15)
+    save(tmp_path / "b0.nii.gz", away <= 9, np.diag([1, 1, 2, 1.0]))
+    assert main(given) == 1
+    assert "not on the same grid" in capsys.readouterr().err
+    (tmp_path / "b0.nii.gz").unlink()
+    assert main(given) == 1
+    assert "pairs.tsv row 2: there is no mask b0.nii.gz" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("given", ["0", "-1", "nan", "gone.json", "1000", "pixels.json"])
+def test_what_no_reader_differs_by_is_refused(given, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("pixels.json").write_text('{"made_of": "", "unit": "pixel", "widths": [1], "swept": [1]}')
+    with pytest.raises(InputError, match="in pixel, not in mm" if given == "pixels.json" else None):
+        Reader.of(given)
+
+
+def test_flat_probabilities_widen_the_band_more_than_sharp_ones():
+    mask, affine = body((12, 12, 12), (1, 1, 1))
+    away = 12 - np.linalg.norm(np.indices(mask.shape) + affine[:3, 3].reshape(3, 1, 1, 1), axis=0)
+    maps = [mask, *(1 / (1 + np.exp(-away / flat)) for flat in (0.1, 2.0))]
+    alone, sharp, flat = (cccd.reconstruct(one, affine).lofted.band.outer.mean() for one in maps)
+    assert alone < sharp < 1
+    # its slope at one half would take a logistic border down to nothing within twice its width
+    assert flat == pytest.approx(FACTOR * 2 * 2 * 0.9, rel=0.2)
+
+
+def test_samples_lie_within_the_band_as_often_as_it_says(ellipsoid):
+    surface = ellipsoid[2].lofted
+    band, normals = surface.band, surface.mesh.vertex_normals
+    drawn = [list(draw_meshes(surface.mesh, band, 60, seed=1)) for _ in range(2)]
+    off = [np.einsum("vc,vc->v", one.vertices - surface.vertices, normals) for one in drawn[0]]
+    within = np.mean([(move <= band.outer) & (move >= -band.inner) for move in off])
+    assert within == pytest.approx(0.9, abs=0.02)
+    assert np.array_equal(drawn[0][7].vertices, drawn[1][7].vertices)
+    volumes = np.quantile([one.volume for one in drawn[0]], [0.05, 0.95])
+    assert np.diff(volumes) / np.diff(ellipsoid[2].volume_interval) == pytest.approx(1, abs=0.45)
+
+
+def test_the_command_writes_samples_into_a_folder(tmp_path, capsys):
+    path = save(tmp_path / "ball.nii.gz", *body((12, 12, 12), (1, 1, 3)))
+    given = ["surface", str(path), "-o", f"{tmp_path}/out/", "--json", "--samples"]
+    assert main([*given, "3"]) == 0
+    (made,) = json.loads(capsys.readouterr().out)["surfaces"]
+    assert sorted(file.stem for file in (tmp_path / "out").iterdir()) == [
+        "ball",
+        "ball_1",
+        "ball_2",
+        "ball_3",
+    ]
+    assert set(made["intervals"]) == {"volume_ml", "area_mm2", "diameter_mm"}
+    assert main([*given, "0"]) == 1
+    assert "0 surfaces cannot be drawn" in capsys.readouterr().err

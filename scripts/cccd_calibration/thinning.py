@@ -1,4 +1,4 @@
-"""Surfaces from some slices of a mask, compared with the surface of the whole mask: calibrations."""
+"""Surfaces compared with those of the whole mask, or of another reader's: calibrations."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cccd.bands.calibration import Calibration, Thinned, calibrate
-from cccd.bands.conformal import fewest_organs
-from cccd.bands.scale import shipped_scale
-from cccd.bands.signs import Signs
+from cccd.bands.calibration import Calibration
+from cccd.bands.samples import largest_diameter
+from cccd.bands.signs import signs_of
 from cccd.containers import Frame, Structure
 from cccd.contours import trace_contours
 from cccd.errors import InputError
-from cccd.geometry.arrays import BoolArray, FloatArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import EVERY_SLICE, NONEMPTY
@@ -24,13 +23,24 @@ from cccd.settings.root import Settings
 from cccd.surface.loft import loft_in_plane
 from cccd.surface.measure import mask_surface
 from cccd.surface.spline import SplineSolid
+from cccd_calibration.conformal import fewest_organs
+from cccd_calibration.factors import Thinned, calibrate
 
-__all__ = ["EVERY", "Thinning", "averaged", "calibrate_masks", "compare", "thin", "thin_once"]
+__all__ = [
+    "EVERY",
+    "Thinning",
+    "averaged",
+    "calibrate_masks",
+    "compare",
+    "sample_offsets",
+    "thin",
+    "thin_once",
+]
 
 #: Every n-th slice is kept.
 EVERY = (2, 3, 4, 6, 8, 10)
-#: Points on the true surface, and four times as many on the lofted one.
-POINTS = 1000
+#: Points on the true surface, and as many on the lofted one.
+POINTS = 2000
 #: Fewer slices with organ than this are no stack.
 LEAST_SLICES = 4
 
@@ -91,7 +101,7 @@ def averaged(mask: BoolArray, affine: FloatArray, blocks: FloatArray) -> tuple[B
 def calibrate_masks(
     structures: Iterable[Structure], count: int, settings: Settings, location: str
 ) -> Calibration:
-    """Calibrate the shipped scale on masks of every slice.
+    """Find the factors of the shipped scale on masks of every slice.
 
     Parameters
     ----------
@@ -117,7 +127,7 @@ def calibrate_masks(
     stacks = [stack for structure in structures for stack in thin(structure, settings, rng)]
     organs = {stack.organ for stack in stacks}
     made_of = f"{len(stacks)} thinned stacks of {len(organs)} organs of {location}"
-    return calibrate(stacks, shipped_scale(), made_of, settings.surface.band, location)
+    return calibrate(stacks, Calibration.read(), made_of, settings.surface.band, location)
 
 
 def thin(structure: Structure, settings: Settings, rng: np.random.Generator) -> Iterator[Thinned]:
@@ -179,18 +189,27 @@ def thin_once(
 def compare(organ: str, solid: SplineSolid, truth: Mesh, volume: float, rng: np.random.Generator) -> Thinned:
     """Compare a lofted surface with the true one in the plane's mm and height, of ``volume`` mm^3."""
     mesh, slices = solid.mesh, solid.stack.slices
-    truth = truth if truth.volume > 0 else truth.reversed()
-    signs, area, pixel = Signs.of(mesh, slices), mesh.vertex_areas, slices.pixel
-    here = rng.choice(len(area), 4 * POINTS, p=area / area.sum())
-    points = truth.sample(POINTS, rng)
-    there = cKDTree(mesh.vertices).query(points)[1]
-    offset = np.concatenate([-to_mesh(mesh.vertices[here], truth), to_mesh(points, mesh)])
-    rows = np.concatenate([here, there])
+    rows, offset = sample_offsets(mesh, truth if truth.volume > 0 else truth.reversed(), rng)
     return Thinned(
         organ,
         slices.ratio,
-        signs.outer[rows].astype(np.float32),
-        signs.inner[rows].astype(np.float32),
-        (offset / pixel).astype(np.float32),
-        (volume - mesh.volume) / (mesh.area * pixel),
+        (mesh.vertices[rows] / slices.pixel).astype(np.float32),
+        signs_of(mesh, slices)[rows].astype(np.float32),
+        (offset / slices.pixel).astype(np.float32),
+        (volume - mesh.volume) / (mesh.area * slices.pixel),
+        (truth.area - mesh.area) / (mesh.area * mesh.curvature_per_area * slices.pixel),
+        (largest_diameter(truth.vertices) - largest_diameter(mesh.vertices)) / slices.pixel,
     )
+
+
+def sample_offsets(mesh: Mesh, truth: Mesh, rng: np.random.Generator) -> tuple[IntArray, FloatArray]:
+    """Vertices (2 N,) of a mesh, and how far in mm the true surface lies outside them.
+
+    The first half is drawn by area, the second half is nearest to points of the true surface.
+    """
+    area = mesh.vertex_areas
+    here = rng.choice(len(area), POINTS, p=area / area.sum())
+    points = truth.sample(POINTS, rng)
+    there = cKDTree(mesh.vertices).query(points)[1]
+    offset = np.concatenate([-to_mesh(mesh.vertices[here], truth), to_mesh(points, mesh)])
+    return np.concatenate([here, there]), offset

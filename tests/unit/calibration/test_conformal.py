@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cccd.bands.conformal import FACTORS, coverage_curve, fewest_organs, smallest_factor
+from cccd_calibration.conformal import FACTORS, coverage_curve, fewest_organs, smallest_factor
 
 
 def test_one_score_per_organ_gives_the_conformal_quantile():

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cccd.geometry.arrays import FloatArray
 
-__all__ = ["FACTORS", "coverage_curve", "fewest_organs", "first_enough", "smallest_factor"]
+__all__ = [
+    "FACTORS",
+    "coverage_curve",
+    "factor_of_organs",
+    "fewest_organs",
+    "first_enough",
+    "smallest_factor",
+]
 
 #: Factors that are tried, each 2.5 % above the one before.
-FACTORS = 0.1 * 1.025 ** np.arange(260)
+FACTORS = 0.01 * 1.025 ** np.arange(354)
 
 
 def coverage_curve(scores: FloatArray) -> FloatArray:
@@ -52,6 +61,14 @@ def smallest_factor(curves: FloatArray, share: float) -> float | None:
     """
     first = first_enough(curves, share)
     return None if first is None else float(FACTORS[first])
+
+
+def factor_of_organs(curves: FloatArray, names: Sequence[str], share: float) -> float | None:
+    """Return the smallest factor for curves (N, F) of which those of one organ, by its name, count as one."""
+    organs = np.array(names)
+    means = [curves[organs == organ].mean(axis=0) for organ in np.unique(organs)]
+    factor = smallest_factor(np.array(means), share)
+    return None if factor is None else round(factor, 4)
 
 
 def first_enough(curves: FloatArray, share: float) -> int | None:
