@@ -28,6 +28,7 @@ with (
     boundaries = extract_boundaries(structure, BoundarySettings(**params.boundaries))
     write_boundaries(output.boundaries, boundaries)
     given = {"structure": structure, "boundaries": boundaries, "decoding": params.decoding}
-    write_contours(output.contours, *call(params.way, given | {"weights": snakemake.input.model}))
+    given |= {"weights": model for model in snakemake.input.model}
+    write_contours(output.contours, *call(params.way, given))
     if region := output.get("region"):
         draw_region(structure, region)
