@@ -23,7 +23,7 @@ with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snake
         tetrahedra=TetrahedraSettings(**settings["tetrahedra"]),
         scan=scan_of(read_structure(snakemake.input.structure)),
     )
-    reports = dict(zip(snakemake.params.reported, snakemake.output.reports, strict=True))
+    reports = {Path(file).stem.removeprefix("solid_"): file for file in snakemake.output.reports}
     for path in map(Path, snakemake.output.files):
         stem, _, form = path.name.partition(".")
         side = stem.partition("_")[2]

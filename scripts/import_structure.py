@@ -28,7 +28,8 @@ with (
     boundaries = extract_boundaries(structure, BoundarySettings(**params.boundaries))
     write_boundaries(output.boundaries, boundaries)
     given = {"structure": structure, "boundaries": boundaries, "decoding": params.decoding}
-    given |= {"weights": model for model in snakemake.input.model}
+    for model in snakemake.input.model:
+        given["weights"] = model
     write_contours(output.contours, *call(params.way, given))
     if region := output.get("region"):
         draw_region(structure, region)

@@ -91,12 +91,14 @@ def clock(text: str) -> Iterator[None]:
     ended = threading.Event()
     with tqdm(desc=text, disable=None, leave=False, bar_format="{desc} {elapsed}") as line:
         ticking = threading.Thread(target=lambda: [line.refresh() for _ in iter(lambda: ended.wait(1), True)])
-        ticking.start()
+        if not line.disable:
+            ticking.start()
         try:
             yield
         finally:
             ended.set()
-            ticking.join()
+            if not line.disable:
+                ticking.join()
 
 
 def duration(seconds: float) -> str:

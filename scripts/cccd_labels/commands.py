@@ -63,16 +63,15 @@ def _relabel(given: argparse.Namespace) -> int:
     if note := whole.check_memory(given.cores):
         print(f"{note} ...", file=sys.stderr)
     labels = np.zeros(grid.shape, np.uint16 if int(volume.data.max()) < 1 << 16 else np.int32)
-    progress = tqdm(disable=None, leave=False, bar_format="{desc:<40} {elapsed}")
-    for value, surface, voxels in relabelled(whole, grid, given.cores, progress.set_description_str):
-        labels.reshape(-1)[voxels] = value
-        if surface is not None and given.soft:
-            low, share = share_of_voxels(surface.surface.lofted.mesh, grid)
-            soft = np.zeros(grid.shape, np.float32)
-            soft[tuple(slice(a, a + n) for a, n in zip(low, share.shape, strict=True))] = share
-            with atomic_path(name_of_soft(given.output, surface.surface.name)) as path:
-                write_nifti(path, soft, grid.affine)
-    progress.close()
+    with tqdm(disable=None, leave=False, bar_format="{desc:<40} {elapsed}") as progress:
+        for value, surface, voxels in relabelled(whole, grid, given.cores, progress.set_description_str):
+            labels.reshape(-1)[voxels] = value
+            if surface is not None and given.soft:
+                low, share = share_of_voxels(surface.surface.lofted.mesh, grid)
+                soft = np.zeros(grid.shape, np.float32)
+                soft[tuple(slice(a, a + n) for a, n in zip(low, share.shape, strict=True))] = share
+                with atomic_path(name_of_soft(given.output, surface.surface.name)) as path:
+                    write_nifti(path, soft, grid.affine)
     with atomic_path(given.output) as path:
         write_nifti(path, labels, grid.affine)
     size = " x ".join(str(n) for n in grid.shape)

@@ -131,7 +131,6 @@ rule export_file:
             "step_tolerance_mm",
             "tetrahedra",
         ),
-        reported=[],
     script:
         "../../scripts/export_surface.py"
 
@@ -155,7 +154,6 @@ if plan.exports:
                 "step_tolerance_mm",
                 "tetrahedra",
             ),
-            reported=plan.reported_formats,
 
 
 rule fill_case:

@@ -15,13 +15,8 @@ from cccd.settings.formats import SOLID_FORMATS, TETRAHEDRA_FORMATS
 __all__ = ["PlannedJob", "check_jobs", "extras_of"]
 
 #: Rules that need an extra whatever they work on; `extras_of` knows the others.
-_NEEDS = {
-    "generate_graphs": "gnn",
-    "train_gnn": "gnn",
-    "adopt_gnn": "gnn",
-    "evaluate_gnn": "gnn",
-    "train_segmenter": "segment",
-}
+_NEEDS = dict.fromkeys(("generate_graphs", "train_gnn", "adopt_gnn", "evaluate_gnn"), "gnn")
+_NEEDS["train_segmenter"] = "segment"
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,6 @@ class OfCase(Protocol):
     @property
     def case(self) -> str:
         """The sheet's column ``case``."""
-        ...
 
 
 class OfStructure(OfCase, Protocol):
@@ -47,7 +46,6 @@ class OfStructure(OfCase, Protocol):
     @property
     def organ(self) -> str:
         """The sheet's column ``organ``."""
-        ...
 
 
 class OfDownload(Protocol):
@@ -56,12 +54,10 @@ class OfDownload(Protocol):
     @property
     def key(self) -> str:
         """Name of its folder."""
-        ...
 
     @property
     def file(self) -> str:
         """Its own name."""
-        ...
 
 
 class StructureName(NamedTuple):

@@ -209,8 +209,6 @@ class Plan:
         """The rows that train segmentation networks."""
         return [dict(self.cohort.rows[name]) for name in self.cohort.training]
 
-    # Contours.
-
     def contour_function(self, wildcards: OfStructure) -> str:
         """Path of the function that makes a structure's contours."""
         way = self.cohort.contour_way(wildcards)
@@ -276,14 +274,10 @@ class Plan:
         return [f"results/{case}/{name}" for case in self.cohort.shared for name in SCENE]
 
     @property
-    def reported_formats(self) -> list[str]:
-        """The formats that are asked for and reported on: solids and tetrahedra."""
-        return [name for name in dict.fromkeys(self.settings.surface.formats) if name in CASE_FORMATS]
-
-    @property
     def solid_reports(self) -> list[str]:
         """What is reported of each structure's solids and tetrahedra, as patterns."""
-        return [f"results/{{case}}/{{organ}}/solid_{name}.json" for name in self.reported_formats]
+        names = [name for name in dict.fromkeys(self.settings.surface.formats) if name in CASE_FORMATS]
+        return [f"results/{{case}}/{{organ}}/solid_{name}.json" for name in names]
 
     def case_reports(self, wildcards: OfCase) -> list[str]:
         """Return what is reported of the tetrahedra of a structure's case, where they are asked for."""
@@ -302,8 +296,7 @@ class Plan:
             for closer in (False, True):
                 found = [one.name for one in possible if self._is_closer(one, structure) == closer]
                 sets.setdefault(tuple(found), []).append(structure)
-        known = comparisons()
-        return [([known[name] for name in names], found) for names, found in sets.items() if names]
+        return [([comparisons()[name] for name in names], found) for names, found in sets.items() if names]
 
     def comparison_inputs(self, together: Sequence[Comparison]) -> dict[str, Any]:
         """Return the files of each input of some comparisons; without a network an optional one has none."""
@@ -376,10 +369,8 @@ class Plan:
 
     def _is_closer(self, comparison: Comparison, wildcards: OfStructure) -> bool:
         """Whether a comparison is for a closer look, for which no run makes it by itself."""
-        if self.settings.compare is True or not comparison.further:
-            return False
-        leads = self._leaders[wildcards.case] == wildcards.organ
-        return not (leads and comparison.further == "others")
+        first = comparison.further == "others" and self._leaders[wildcards.case] == wildcards.organ
+        return bool(comparison.further) and self.settings.compare is not True and not first
 
     @cached_property
     def _leaders(self) -> dict[str, str]:

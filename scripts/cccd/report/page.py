@@ -25,7 +25,6 @@ from cccd.console import duration
 from cccd.containers import View
 from cccd.geometry.mesh import Mesh
 from cccd.lookup import find
-from cccd.report import plots
 from cccd.report.facts import benchmark_table, provenance
 from cccd.report.html_tables import Table, table
 from cccd.report.numerals import number
@@ -167,6 +166,8 @@ def build_report_of_finished(
 
 def _charts(views: Sequence[StructureView]) -> list[Markup]:
     """Draw volume, with its interval, and area: of every structure, or by organ where they are many."""
+    from cccd.report import plots  # loads matplotlib, which structures' pages do without
+
     shown = [view for view in views if view.look_up("volume_ml") and view.look_up("surface_area_mm2")]
     if len(shown) < 2:
         return []
@@ -186,6 +187,8 @@ def _charts(views: Sequence[StructureView]) -> list[Markup]:
 
 def _training(results: Results, config: Mapping[str, Any]) -> dict[str, Any]:
     """Collect what the training left."""
+    from cccd.report import plots
+
     history = results.history
     return {
         "history": table("history", history) if history is not None else None,
@@ -196,6 +199,8 @@ def _training(results: Results, config: Mapping[str, Any]) -> dict[str, Any]:
 
 def _times(benchmarks: Path | None) -> dict[str, Any]:
     """Collect time and memory of the run's jobs."""
+    from cccd.report import plots
+
     times = benchmark_table(benchmarks)
     if times is None:
         return {"times": None, "times_plot": None, "total_time": None}

@@ -41,6 +41,8 @@ TIME_LIMIT_S = 120
 
 _COLOUR = (0.80, 0.67, 0.56)
 _FALLBACK_TRIANGLES = 60_000
+#: Pixels of VTK's picture, to a side, that become one: smooth edges for less than its own antialiasing.
+_OVERSAMPLED = 2
 
 
 class Camera(NamedTuple):
@@ -86,7 +88,7 @@ def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420
         renderer: Renderer = "vtk" if drawn else "matplotlib"
         if drawn:
             with Image.open(temporary) as opened:
-                picture = opened.convert("RGBA")
+                picture = opened.convert("RGBA").reduce(_OVERSAMPLED)
         else:
             picture = Image.fromarray(_draw_with_matplotlib(read_ply(ply_path), pixels))
         picture.save(temporary, pnginfo=_stamp(renderer), optimize=True)
@@ -115,7 +117,7 @@ def _stamp(renderer: Renderer):
 
 def _render_with_vtk(ply_path: Path, png_path: Path, pixels: int) -> bool:
     """Whether the other process drew the picture; False when it crashed, failed or hung."""
-    command = [sys.executable, "-P", __file__, str(ply_path), str(png_path), str(pixels)]
+    command = [sys.executable, "-P", __file__, str(ply_path), str(png_path), str(_OVERSAMPLED * pixels)]
     try:
         done = subprocess.run(command, capture_output=True, timeout=TIME_LIMIT_S, check=False)
     except subprocess.TimeoutExpired:
@@ -124,23 +126,33 @@ def _render_with_vtk(ply_path: Path, png_path: Path, pixels: int) -> bool:
 
 
 def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
-    import pyvista as pv
+    """Draw three turned copies of the mesh in one scene, without PyVista, which is slow to load."""
+    from vtkmodules import vtkIOImage, vtkRenderingCore, vtkRenderingOpenGL2  # noqa: F401
+    from vtkmodules.vtkCommonTransforms import vtkTransform
+    from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
+    from vtkmodules.vtkIOPLY import vtkPLYReader
 
-    mesh = pv.read(ply_path)
-    centre = np.array(mesh.center)
-    half_height = 0.57 * np.ptp(mesh.points, axis=0).max()
-    size = [len(VIEWS) * pixels, pixels]
-    plotter = pv.Plotter(off_screen=True, shape=(1, len(VIEWS)), window_size=size, border=False)
+    vtk, size = vtkRenderingCore, (len(VIEWS) * pixels, pixels)
+    mapper, renderer = vtk.vtkPolyDataMapper(), vtk.vtkRenderer(background_alpha=0)
+    (vtkPLYReader(file_name=ply_path) >> vtkPolyDataNormals(splitting=False) >> mapper).update()
+    bounds = np.reshape(mapper.GetBounds(), (3, 2))
+    half = 0.57 * np.ptp(bounds, axis=1).max()
     for column, view in enumerate(VIEWS):
-        plotter.subplot(0, column)
-        plotter.add_mesh(mesh, color=_COLOUR, smooth_shading=True, specular=0.25, specular_power=12)
-        plotter.renderer.enable_parallel_projection()
-        eye = centre + 10 * half_height * np.array(view.towards)
-        plotter.camera_position = [eye.tolist(), centre.tolist(), view.up]
-        plotter.camera.parallel_scale = half_height
-        plotter.reset_camera_clipping_range()
-        plotter.enable_anti_aliasing("ssaa")
-    plotter.screenshot(png_path, transparent_background=True)
+        placed, turned = np.eye(4), vtkTransform()
+        placed[:3, :3] = np.cross(view.up, view.towards), view.up, view.towards
+        placed[:3, 3] = [2 * half * (column - 1), 0, 0] - placed[:3, :3] @ bounds.mean(axis=1)
+        turned.SetMatrix(placed.ravel().tolist())
+        shade = vtk.vtkProperty(color=_COLOUR, specular=0.25, specular_power=12)
+        renderer.AddActor(vtk.vtkActor(mapper=mapper, user_transform=turned, property=shade))
+    renderer.active_camera = vtk.vtkCamera(position=(0, 0, 10 * half), parallel_scale=half)
+    renderer.active_camera.ParallelProjectionOn()
+    renderer.ResetCameraClippingRange()
+    vtk.vtkLightKit().AddLightsToRenderer(renderer)
+    window = vtk.vtkRenderWindow(off_screen_rendering=True, alpha_bit_planes=1, multi_samples=0, size=size)
+    window.AddRenderer(renderer)
+    picture = vtk.vtkWindowToImageFilter(input=window, read_front_buffer=False)
+    picture.SetInputBufferTypeToRGBA()
+    vtkIOImage.vtkPNGWriter(file_name=png_path, input_connection=picture.output_port).Write()
 
 
 # matplotlib, when VTK cannot -------------------------------------------------------------------------

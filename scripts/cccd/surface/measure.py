@@ -182,10 +182,13 @@ def measure_surface(surface: LoftedSurface, structure: Structure) -> dict[str, A
 
 def _size_and_place(mesh: Mesh) -> dict[str, Any]:
     """Area, bounding box (its lowest and its highest corner) and centre of mass of a closed mesh, mm RAS."""
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    corners = mesh.vertices[mesh.faces] - low  # of tetrahedra whose fourth corner is the box's lowest
+    volumes = np.linalg.det(corners)
     return {
         "area_mm2": mesh.area,
-        "bounding_box_mm": [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()],
-        "centroid_mm": mesh.to_trimesh().center_mass.tolist(),
+        "bounding_box_mm": [low.tolist(), high.tolist()],
+        "centroid_mm": (low + volumes @ corners.sum(axis=1) / (4 * volumes.sum())).tolist(),
     }
 
 
