@@ -12,38 +12,33 @@ matrices each and once as lists of links in PyTorch Geometric, each in a process
 measured. The committed table is docs/measured/corner_graphs.csv.
 """
 
+from one_core import ROOT  # isort: skip
+
 import argparse
-import os
 import subprocess
 import sys
 import time
 from pathlib import Path
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import numpy as np
+import pandas as pd
+import torch
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts")]
-
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
-import torch  # noqa: E402
-
-from cccd.inputs.phantoms import make_phantom  # noqa: E402
-from cccd.settings.junctions import NetworkSettings  # noqa: E402
-from cccd.settings.root import Settings  # noqa: E402
-from cccd.tracing import trace_mask  # noqa: E402
-from cccd_paper.junctions.corner_graphs import (  # noqa: E402
+from cccd.inputs.phantoms import make_phantom
+from cccd.settings.junctions import NetworkSettings
+from cccd.settings.root import Settings
+from cccd.tracing import trace_mask
+from cccd_paper.junctions.corner_graphs import (
     corner_data,
     dense_matrices,
     draw_splits,
     is_right,
     number_corners,
 )
-from cccd_paper.junctions.training import LinkTask  # noqa: E402
-from cccd_training.junctions.frozen_graphs import PAPER_GRAPHS  # noqa: E402
-from cccd_training.junctions.loop import train_task  # noqa: E402
-from cccd_training.junctions.tasks import link_scores  # noqa: E402
+from cccd_paper.junctions.training import LinkTask
+from cccd_training.junctions.frozen_graphs import PAPER_GRAPHS
+from cccd_training.junctions.loop import train_task
+from cccd_training.junctions.tasks import link_scores
 
 SPACING_MM, K, EPOCHS = (0.8, 0.8, 2.5), 12, 8
 

@@ -7,30 +7,24 @@ which stands in `cccd_paper.comparisons.parameters` too; of those as good, one i
 (`cccd_paper.comparisons.equal_points`). It takes about half an hour of one core.
 """
 
+from one_core import ROOT  # isort: skip
+
 import argparse
-import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import pandas as pd
+from definition_3 import structures
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests" / "benchmarks")]
-
-import pandas as pd  # noqa: E402
-from definition_3 import structures  # noqa: E402
-
-from cccd.containers import Frame  # noqa: E402
-from cccd.inputs.phantoms import make_phantom  # noqa: E402
-from cccd.settings.imports import PhantomSettings  # noqa: E402
-from cccd.tracing import trace_mask  # noqa: E402
-from cccd_paper.comparisons.corner_comparison import search  # noqa: E402
-from cccd_paper.comparisons.equal_points import CHAIN, choose_for_shares, measure_at_shares  # noqa: E402
-from cccd_paper.comparisons.k_sweep import search_chain  # noqa: E402
-from cccd_paper.comparisons.parameters import CHAIN_GRID, GRID, open_edges  # noqa: E402
-from cccd_paper.comparisons.samples import SliceSample, choose_slices  # noqa: E402
+from cccd.containers import Frame
+from cccd.inputs.phantoms import make_phantom
+from cccd.settings.imports import PhantomSettings
+from cccd.tracing import trace_mask
+from cccd_paper.comparisons.corner_comparison import search
+from cccd_paper.comparisons.equal_points import CHAIN, choose_for_shares, measure_at_shares
+from cccd_paper.comparisons.k_sweep import search_chain
+from cccd_paper.comparisons.parameters import CHAIN_GRID, GRID, open_edges
+from cccd_paper.comparisons.samples import SliceSample, choose_slices
 
 ORGANS, SLICES, SEED = ("liver", "lungs", "kidney"), 4, 152
 

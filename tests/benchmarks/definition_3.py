@@ -7,33 +7,27 @@ support is 1 as printed. The committed table is docs/measured/definition_3.csv; 
 of one core.
 """
 
+from one_core import ROOT  # isort: skip
+
 import argparse
-import os
-import sys
 from functools import partial
 from pathlib import Path
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import numpy as np
+import pandas as pd
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts")]
-
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
-
-from cccd.cohort import read_cohort  # noqa: E402
-from cccd.containers import Curves  # noqa: E402
-from cccd.curves.corners import k_cosine  # noqa: E402
-from cccd.curves.measures import SWEEP, measure_corners  # noqa: E402
-from cccd.geometry.arrays import concatenate_ragged  # noqa: E402
-from cccd.inputs.load import load_structure  # noqa: E402
-from cccd.settings.imports import ImportSettings  # noqa: E402
-from cccd.settings.root import Settings  # noqa: E402
-from cccd.tracing import trace_mask  # noqa: E402
-from cccd_paper.comparisons.definition_3 import READINGS  # noqa: E402
-from cccd_paper.comparisons.repeatability import repeatability  # noqa: E402
-from cccd_paper.comparisons.samples import choose_slices  # noqa: E402
+from cccd.cohort import read_cohort
+from cccd.containers import Curves
+from cccd.curves.corners import k_cosine
+from cccd.curves.measures import SWEEP, measure_corners
+from cccd.geometry.arrays import concatenate_ragged
+from cccd.inputs.load import load_structure
+from cccd.settings.imports import ImportSettings
+from cccd.settings.root import Settings
+from cccd.tracing import trace_mask
+from cccd_paper.comparisons.definition_3 import READINGS
+from cccd_paper.comparisons.repeatability import repeatability
+from cccd_paper.comparisons.samples import choose_slices
 
 CASES = ("mni152/brain", "phantom/liver", "phantom/lungs")
 

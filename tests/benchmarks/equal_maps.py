@@ -10,35 +10,29 @@ Everything is drawn from the default seed. Scored are maps as in the run's junct
 models stay in --folder, and a killed run goes on from there.
 """
 
+from one_core import ROOT  # isort: skip
+
 import argparse
-import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import pandas as pd
+import paper_network
+from out_of_distribution import unseen_maps
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts")]
-
-import pandas as pd  # noqa: E402
-import paper_network  # noqa: E402
-from out_of_distribution import unseen_maps  # noqa: E402
-
-from cccd.settings.junctions import NetworkSettings  # noqa: E402
-from cccd.settings.root import Settings  # noqa: E402
-from cccd_junctions.checkpoint import load_model  # noqa: E402
-from cccd_paper.comparisons.junction_comparison import (  # noqa: E402
+from cccd.settings.junctions import NetworkSettings
+from cccd.settings.root import Settings
+from cccd_junctions.checkpoint import load_model
+from cccd_paper.comparisons.junction_comparison import (
     TEN,
     compare_decoders,
     draw_test_maps,
     network_decoder,
 )
-from cccd_paper.junctions.network import PaperNetwork  # noqa: E402
-from cccd_paper.junctions.training import PaperTask  # noqa: E402
-from cccd_training.junctions.loop import train_model  # noqa: E402
-from cccd_training.junctions.tasks import make_task  # noqa: E402
+from cccd_paper.junctions.network import PaperNetwork
+from cccd_paper.junctions.training import PaperTask
+from cccd_training.junctions.loop import train_model
+from cccd_training.junctions.tasks import make_task
 
 #: Test maps of each kind.
 TEST_MAPS = 30

@@ -14,43 +14,38 @@ the end.
 
 ``--ablation`` writes what each mechanism gains, over all kinds (`MECHANISMS`): right maps and mean Dice with
 it and without, the standard error of the difference (over maps, and of stacks over stacks), and the lines of
-its modules. “Doubts” counts a wrong map that is listed for a look as right. The committed table,
-docs/measured/junction_ablation.csv, is ``--maps 60 --stacks 2 --final``: 660 single maps and 22 stacks.
+its modules. “Doubts” counts a wrong map that is listed for a look as right. workflow/models/README.md has
+what earlier runs found.
 """
 
+from one_core import ROOT  # isort: skip
+
 import argparse
-import os
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import numpy as np
+import pandas as pd
+from scipy import ndimage
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts")]
-
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
-from scipy import ndimage  # noqa: E402
-
-from cccd.geometry.arrays import ByteArray  # noqa: E402
-from cccd.geometry.opencv import border_pixels  # noqa: E402
-from cccd.inputs.corruptions import KINDS, corrupt  # noqa: E402
-from cccd_junctions.checkpoint import load_model  # noqa: E402
-from cccd_junctions.inference import SLICES_PER_BATCH, Predictor, read_slices  # noqa: E402
-from cccd_junctions.observation import observe  # noqa: E402
-from cccd_junctions.ordering import DEFAULTS  # noqa: E402
-from cccd_junctions.stacks import ReadSlice, label_slices  # noqa: E402
-from cccd_junctions.uncertainty import listed_from  # noqa: E402
-from cccd_paper.comparisons.junction_comparison import by_true_labels  # noqa: E402
-from cccd_paper.junctions.grid import build_grid, find_chains  # noqa: E402
-from cccd_paper.junctions.training import grid_labels  # noqa: E402
-from cccd_training.junctions.scoring import SliceScore, score_labels, score_slice  # noqa: E402
-from cccd_training.junctions.synthetic_images import canny_map, draw_image  # noqa: E402
-from cccd_training.junctions.synthetic_maps import SyntheticMap, draw_map  # noqa: E402
+from cccd.geometry.arrays import ByteArray
+from cccd.geometry.opencv import border_pixels
+from cccd.inputs.corruptions import KINDS, corrupt
+from cccd_junctions.checkpoint import load_model
+from cccd_junctions.inference import SLICES_PER_BATCH, Predictor, read_slices
+from cccd_junctions.observation import observe
+from cccd_junctions.ordering import DEFAULTS
+from cccd_junctions.stacks import ReadSlice, label_slices
+from cccd_junctions.uncertainty import listed_from
+from cccd_paper.comparisons.junction_comparison import by_true_labels
+from cccd_paper.junctions.grid import build_grid, find_chains
+from cccd_paper.junctions.training import grid_labels
+from cccd_training.junctions.scoring import SliceScore, score_labels, score_slice
+from cccd_training.junctions.synthetic_images import canny_map, draw_image
+from cccd_training.junctions.synthetic_maps import SyntheticMap, draw_map
 
 MODEL = ROOT / "workflow" / "models" / "junctions.pt"
 

@@ -12,30 +12,25 @@ isosurfaces get. Baselines with windowed sinc stand at their best settings, chos
 niimath and 3D Slicer's converters have rows where they are installed (see programs.py).
 """
 
-import os
+from one_core import ROOT  # isort: skip
+
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import numpy as np
+import pandas as pd
+import pyvista as pv
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
-
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
-import pyvista as pv  # noqa: E402
-
-from cccd.containers import Curves, Frame, Sections, Structure  # noqa: E402
-from cccd.geometry.mesh import Mesh  # noqa: E402
-from cccd.geometry.polygons import RaggedPolygons  # noqa: E402
-from cccd.settings.surface import LoftSettings  # noqa: E402
-from cccd.surface import loft_surface  # noqa: E402
-from cccd.tracing import trace_mask  # noqa: E402
-from cccd_paper.comparisons.isosurfaces import compare_isosurfaces  # noqa: E402
-from cccd_paper.settings import IsosurfaceSettings  # noqa: E402
+from cccd.containers import Curves, Frame, Sections, Structure
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.polygons import RaggedPolygons
+from cccd.settings.surface import LoftSettings
+from cccd.surface import loft_surface
+from cccd.tracing import trace_mask
+from cccd_paper.comparisons.isosurfaces import compare_isosurfaces
+from cccd_paper.settings import IsosurfaceSettings
 
 REPOSITORY = "https://github.com/haimsaw/OReX"
 SOLIDS = ("balloondog", "balloondog_box", "eight_15", "hand", "hand_ok")

@@ -10,35 +10,29 @@ of an MR template's slices, under noise, with the brain's mask as label (`cccd_j
 the network sees these slices too. The table goes to ``docs/out_of_distribution.csv``.
 """
 
-import os
-import sys
+from one_core import ROOT  # isort: skip
+
 from pathlib import Path
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import numpy as np
+from scipy import ndimage
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
-
-import numpy as np  # noqa: E402
-from scipy import ndimage  # noqa: E402
-
-from cccd.geometry.opencv import border_pixels  # noqa: E402
-from cccd.inputs import load_structure  # noqa: E402
-from cccd.inputs.phantoms import make_phantom  # noqa: E402
-from cccd.settings.boundaries import BoundarySettings  # noqa: E402
-from cccd.settings.imports import ImportSettings, PhantomSettings  # noqa: E402
-from cccd_junctions.boundary import edge_map  # noqa: E402
-from cccd_junctions.checkpoint import load_model  # noqa: E402
-from cccd_paper.comparisons.baselines.decoders import DECODERS  # noqa: E402
-from cccd_paper.comparisons.junction_comparison import (  # noqa: E402
+from cccd.geometry.opencv import border_pixels
+from cccd.inputs import load_structure
+from cccd.inputs.phantoms import make_phantom
+from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.imports import ImportSettings, PhantomSettings
+from cccd_junctions.boundary import edge_map
+from cccd_junctions.checkpoint import load_model
+from cccd_paper.comparisons.baselines.decoders import DECODERS
+from cccd_paper.comparisons.junction_comparison import (
     by_true_labels,
     classical_decoder,
     compare_decoders,
     network_decoder,
 )
-from cccd_training.junctions.damages import FIRST_DAMAGES  # noqa: E402
-from cccd_training.junctions.synthetic_maps import SyntheticMap  # noqa: E402
+from cccd_training.junctions.damages import FIRST_DAMAGES
+from cccd_training.junctions.synthetic_maps import SyntheticMap
 
 #: Slices of each organ, and the shortest outline in pixels.
 SLICES, SHORTEST_PX, MARGIN_PX, SEED = 8, 150, 24, 38

@@ -15,33 +15,27 @@ share of these that is dropped: one opens a curve. The committed table is docs/m
 takes some 45 minutes of one core; a killed run goes on from the models in the folder.
 """
 
+from one_core import ROOT  # isort: skip
+
 import argparse
-import os
-import sys
 import time
 from pathlib import Path
 from typing import NamedTuple
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import numpy as np
+import pandas as pd
+import torch
+from torch_geometric.data import Batch
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts")]
-
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
-import torch  # noqa: E402
-from torch_geometric.data import Batch  # noqa: E402
-
-from cccd.settings.junctions import NetworkSettings  # noqa: E402
-from cccd.settings.root import Settings  # noqa: E402
-from cccd_junctions.checkpoint import load_model, save_model  # noqa: E402
-from cccd_paper.comparisons.junction_comparison import TEN, draw_test_maps  # noqa: E402
-from cccd_paper.junctions.grid import build_grid, keep_two  # noqa: E402
-from cccd_paper.junctions.network import PaperNetwork, grid_data  # noqa: E402
-from cccd_paper.junctions.training import PaperTask, grid_labels  # noqa: E402
-from cccd_training.junctions.frozen_graphs import generate_graphs, read_maps  # noqa: E402
-from cccd_training.junctions.loop import train_task  # noqa: E402
+from cccd.settings.junctions import NetworkSettings
+from cccd.settings.root import Settings
+from cccd_junctions.checkpoint import load_model, save_model
+from cccd_paper.comparisons.junction_comparison import TEN, draw_test_maps
+from cccd_paper.junctions.grid import build_grid, keep_two
+from cccd_paper.junctions.network import PaperNetwork, grid_data
+from cccd_paper.junctions.training import PaperTask, grid_labels
+from cccd_training.junctions.frozen_graphs import generate_graphs, read_maps
+from cccd_training.junctions.loop import train_task
 
 #: Learning rates by channels; 256 channels cost eight times as much as 64, so they get one rate.
 RATES = {16: (0.001, 0.003, 0.01, 0.03), 64: (0.001, 0.003, 0.01, 0.03), 256: (0.003,)}

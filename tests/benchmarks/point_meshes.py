@@ -6,25 +6,19 @@ against the phantoms' true surfaces and the brain's mask. The committed table is
 docs/measured/point_meshes.csv; it takes about five minutes of one core.
 """
 
+from one_core import ROOT  # isort: skip
+
 import argparse
-import os
-import sys
 from pathlib import Path
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import pandas as pd
+from definition_3 import structures
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests" / "benchmarks")]
-
-import pandas as pd  # noqa: E402
-from definition_3 import structures  # noqa: E402
-
-from cccd.surface.measure import Reference, measure_agreement  # noqa: E402
-from cccd.tracing import trace_mask  # noqa: E402
-from cccd_paper.comparisons.baselines.surfaces import SURFACES  # noqa: E402
-from cccd_paper.comparisons.timing import timed  # noqa: E402
-from cccd_paper.comparisons.tuning import SAMPLES  # noqa: E402
+from cccd.surface.measure import Reference, measure_agreement
+from cccd.tracing import trace_mask
+from cccd_paper.comparisons.baselines.surfaces import SURFACES
+from cccd_paper.comparisons.timing import timed
+from cccd_paper.comparisons.tuning import SAMPLES
 
 METHODS = ("ball pivoting", "alpha shape", "Poisson", "paper's loft, eq. (10)", "marching cubes")
 

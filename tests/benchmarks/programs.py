@@ -11,31 +11,27 @@ setting with the smallest ASSD of a grid and at the smallest among those as smoo
 defaults as well. Seconds are the processor's from the mask on. The table goes to docs/programs.csv.
 """
 
+from one_core import ROOT  # isort: skip
+
 import os
 import sys
-from pathlib import Path
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 os.environ.setdefault("VTK_SMP_MAX_THREADS", "1")
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "docs")]
+import pandas as pd
+from keep_tables import TABLES
 
-import pandas as pd  # noqa: E402
-from keep_tables import TABLES  # noqa: E402
-
-from cccd.cohort import read_cohort  # noqa: E402
-from cccd.inputs import load_structure  # noqa: E402
-from cccd.reconstruction import reconstruct_mask  # noqa: E402
-from cccd.settings.imports import ImportSettings  # noqa: E402
-from cccd.settings.root import Settings  # noqa: E402
-from cccd.settings.surface import LoftSettings  # noqa: E402
-from cccd.tracing import trace_mask  # noqa: E402
-from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program  # noqa: E402
-from cccd_paper.comparisons.isosurfaces import compare_isosurfaces  # noqa: E402
-from cccd_paper.comparisons.thick_slices import thick_slice_experiment  # noqa: E402
-from cccd_paper.settings import IsosurfaceSettings, ThickSliceSettings  # noqa: E402
+from cccd.cohort import read_cohort
+from cccd.inputs import load_structure
+from cccd.reconstruction import reconstruct_mask
+from cccd.settings.imports import ImportSettings
+from cccd.settings.root import Settings
+from cccd.settings.surface import LoftSettings
+from cccd.tracing import trace_mask
+from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
+from cccd_paper.comparisons.isosurfaces import compare_isosurfaces
+from cccd_paper.comparisons.thick_slices import thick_slice_experiment
+from cccd_paper.settings import IsosurfaceSettings, ThickSliceSettings
 
 SOURCES, LETTERS = ("mni152", "phantom"), ("A", "H", "X")
 METHODS = ("marching cubes", "surface nets", "signed distance + isosurface", *FAMILIES)

@@ -7,22 +7,17 @@ scored on 300 maps that no training sees. The table that is committed is docs/sc
 hour of one core.
 """
 
+from one_core import ROOT  # isort: skip
+
 import argparse
-import os
 import sys
 from pathlib import Path
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import pandas as pd
+from training_graphs import trained_scores
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts"), str(Path(__file__).parent)]
-
-import pandas as pd  # noqa: E402
-from training_graphs import trained_scores  # noqa: E402
-
-from cccd.settings.junctions import NetworkSettings  # noqa: E402
-from cccd_training.junctions.tasks import OurTask  # noqa: E402
+from cccd.settings.junctions import NetworkSettings
+from cccd_training.junctions.tasks import OurTask
 
 MAPS, WIDTHS = (1000, 4000, 16000), (16, 32, 64)
 #: Maps that score, and frozen ones that are trained on in every epoch and that choose among the last epochs.

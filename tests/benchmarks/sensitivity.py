@@ -9,34 +9,28 @@ figures have changed since. `python -m cccd.settings` then takes the table into
 docs/configuration.md.
 """
 
+from one_core import ROOT  # isort: skip
+
 import argparse
 import json
-import os
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import numpy as np
+import pandas as pd
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts")]
-
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
-
-from cccd.containers import Curves  # noqa: E402
-from cccd.curves import fit_splines, sample_splines  # noqa: E402
-from cccd.curves.measures import area_scores, distances  # noqa: E402
-from cccd.errors import InputError  # noqa: E402
-from cccd.inputs.phantoms import make_phantom  # noqa: E402
-from cccd.settings.emit import Key, keys  # noqa: E402
-from cccd.settings.root import Settings  # noqa: E402
-from cccd.settings.validation import validate_config  # noqa: E402
-from cccd.tracing import trace_mask  # noqa: E402
+from cccd.containers import Curves
+from cccd.curves import fit_splines, sample_splines
+from cccd.curves.measures import area_scores, distances
+from cccd.errors import InputError
+from cccd.inputs.phantoms import make_phantom
+from cccd.settings.emit import Key, keys
+from cccd.settings.root import Settings
+from cccd.settings.validation import validate_config
+from cccd.tracing import trace_mask
 
 #: Phantoms and their voxel sizes in mm: large and small, branching, with a hole, with a cavity; and with
 #: slices that lie five and eight pixels apart, between which thin parts move by more than their width.

@@ -9,26 +9,20 @@ from the first slice to the last. Then the chosen one is measured on the reporte
 committed table is docs/measured/tensor_product_loft.csv; it takes about two minutes of one core.
 """
 
+from one_core import ROOT  # isort: skip
+
 import argparse
-import os
-import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import pandas as pd
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts")]
-
-import pandas as pd  # noqa: E402
-
-from cccd.inputs.phantoms import make_phantom  # noqa: E402
-from cccd.settings.imports import PhantomSettings  # noqa: E402
-from cccd.settings.root import Settings  # noqa: E402
-from cccd.surface.measure import measure_agreement  # noqa: E402
-from cccd.tracing import trace_mask  # noqa: E402
-from cccd_paper.comparisons.tensor_product_loft import TUNED, TubeSettings, tensor_product_loft  # noqa: E402
+from cccd.inputs.phantoms import make_phantom
+from cccd.settings.imports import PhantomSettings
+from cccd.settings.root import Settings
+from cccd.surface.measure import measure_agreement
+from cccd.tracing import trace_mask
+from cccd_paper.comparisons.tensor_product_loft import TUNED, TubeSettings, tensor_product_loft
 
 ORGANS, REPORTED, SAMPLES = ("liver", "kidney"), ("liver", "lungs"), 5000
 BEFORE = TubeSettings(7, 64, 0.0, 0.0)

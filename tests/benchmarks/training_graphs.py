@@ -16,38 +16,33 @@ without fault. The table is docs/training_families.csv; it takes some five minut
 run goes on from the models in FOLDER.
 """
 
+from one_core import ROOT  # isort: skip
+
 import argparse
-import os
 import sys
 import tempfile
 from pathlib import Path
 
-for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+import numpy as np
+import pandas as pd
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts")]
-
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
-
-from cccd.settings.junctions import NetworkSettings  # noqa: E402
-from cccd.settings.root import Settings  # noqa: E402
-from cccd_junctions.checkpoint import load_model, read_model, save_model  # noqa: E402
-from cccd_junctions.network import JunctionNetwork  # noqa: E402
-from cccd_paper.comparisons.junction_comparison import by_true_labels  # noqa: E402
-from cccd_training.junctions.families import FAMILIES  # noqa: E402
-from cccd_training.junctions.frozen_graphs import generate_graphs  # noqa: E402
-from cccd_training.junctions.loop import train_model, train_task  # noqa: E402
-from cccd_training.junctions.scoring import score_slice  # noqa: E402
-from cccd_training.junctions.synthetic_maps import (  # noqa: E402
+from cccd.settings.junctions import NetworkSettings
+from cccd.settings.root import Settings
+from cccd_junctions.checkpoint import load_model, read_model, save_model
+from cccd_junctions.network import JunctionNetwork
+from cccd_paper.comparisons.junction_comparison import by_true_labels
+from cccd_training.junctions.families import FAMILIES
+from cccd_training.junctions.frozen_graphs import generate_graphs
+from cccd_training.junctions.loop import train_model, train_task
+from cccd_training.junctions.scoring import score_slice
+from cccd_training.junctions.synthetic_maps import (
     ALL_KINDS,
     KIND_WEIGHTS,
     RandomStream,
     SyntheticMap,
     draw_map,
 )
-from cccd_training.junctions.tasks import make_task  # noqa: E402
+from cccd_training.junctions.tasks import make_task
 
 __all__ = ["trained_scores"]
 
