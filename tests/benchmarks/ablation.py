@@ -33,7 +33,7 @@ from cccd.geometry.mesh import Mesh  # noqa: E402
 TABLE, PAGE = ROOT / "docs/measured/ablation.csv", ROOT / "docs/research/ablation.md"
 
 #: Bodies of exact_truth.py, where the data is; slices' distances in pixels; trees, by their trunk in mm.
-BODIES = ("ellipsoid", "curved sheet", "hollow ball", "pial left", "atrium_02", "atrium_04")
+BODIES = ("ellipsoid", "curved sheet", "hollow ball", "atrium_02", "atrium_04")
 RATIOS, TRUNKS, SEEDS = (1.0, 3.0, 5.0), (2.0, 3.0), (0, 1)
 #: Masks of one voxel, whose truth is not known: here voxels are counted that lie on the wrong side.
 THIN = ("shell", "ribs of one voxel", "iliac wing")
