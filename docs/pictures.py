@@ -61,7 +61,7 @@ def save_mask(structure, name: str) -> None:
 
 def picture_of(*names: str) -> str:
     """Draw meshes (PLY files) from three sides, one below the other."""
-    from cccd.report.render import render_surface
+    from cccd_workflow.report.render import render_surface
 
     drawn = []
     for name in names:

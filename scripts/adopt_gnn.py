@@ -2,9 +2,9 @@
 
 import shutil
 
-from cccd.job import job
 from cccd.store import atomic_path
 from cccd_junctions.checkpoint import load_model
+from cccd_workflow.job import job
 
 with job(snakemake.log[0], "pretrained GNN", snakemake.input, snakemake.output):
     load_model(snakemake.input.model)

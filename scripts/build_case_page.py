@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from cccd.geometry.ply import read_ply
-from cccd.job import job
-from cccd.report.page import build_case_page
 from cccd.store import read_json
+from cccd_workflow.job import job
+from cccd_workflow.report.page import build_case_page
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     build_case_page(

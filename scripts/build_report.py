@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from cccd.job import job
-from cccd.report.page import build_report
+from cccd_workflow.job import job
+from cccd_workflow.report.page import build_report
 
 with job(snakemake.log[0], "report", snakemake.input, snakemake.output):
     output = Path(snakemake.output[0])

@@ -2,10 +2,10 @@
 
 from operator import attrgetter
 
-from cccd.job import job
 from cccd.lookup import call, find
 from cccd.settings.root import whole_settings
 from cccd.store import write_figures, write_table
+from cccd_workflow.job import job
 
 case, organ = snakemake.wildcards.case, snakemake.wildcards.organ
 inputs = {}

@@ -1,7 +1,7 @@
 """Score the GNN and the classical decoders on the same corrupted maps."""
 
-from cccd.job import job
 from cccd_paper.comparisons.junction_comparison import evaluate
+from cccd_workflow.job import job
 
 with job(snakemake.log[0], "GNN evaluation", snakemake.input, snakemake.output):
     evaluate(

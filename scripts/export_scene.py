@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from cccd.files.write import check_format
-from cccd.job import job
 from cccd.store import atomic_path, write_json
 from cccd.surface.surface import read_surface
 from cccd_labels.scene import name_organs
 from cccd_solids.build import build_solids, write_organs
+from cccd_workflow.job import job
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     check_format(snakemake.output.scene)

@@ -5,10 +5,10 @@ from pathlib import Path
 from cccd.files.options import ExportOptions
 from cccd.files.write import write_surface
 from cccd.inputs.load import scan_of
-from cccd.job import job
 from cccd.settings.surface import TetrahedraSettings
 from cccd.store import read_drawn, read_structure, write_json
 from cccd.surface.surface import read_surface
+from cccd_workflow.job import job
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     settings = snakemake.params.settings

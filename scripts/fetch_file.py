@@ -1,8 +1,8 @@
 """Fetch a file that the sheet names by an address."""
 
-from cccd.job import job
-from cccd.remote import RemoteFile, fetch
 from cccd.store import atomic_path
+from cccd_workflow.job import job
+from cccd_workflow.remote import RemoteFile, fetch
 
 with job(snakemake.log[0], "download", snakemake.input, snakemake.output) as logger:
     with atomic_path(snakemake.output[0]) as path:

@@ -4,11 +4,11 @@ from pathlib import Path
 
 from cccd.geometry.ply import read_ply
 from cccd.inputs.load import scan_of
-from cccd.job import job
 from cccd.settings.surface import TetrahedraSettings
 from cccd.store import atomic_path, read_structure, read_surface_frame, write_json
 from cccd_tetrahedra.build import fill_and_measure
 from cccd_tetrahedra.files import WRITERS
+from cccd_workflow.job import job
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     organs = {Path(path).parent.name: read_ply(path) for path in snakemake.input.meshes}

@@ -1,9 +1,9 @@
 """Describe every contour by few points: chain codes, corners and closed splines."""
 
 from cccd.curves import describe_curves
-from cccd.job import job
 from cccd.settings.curves import CurveSettings
 from cccd.store import read_contours, write_curves
+from cccd_workflow.job import job
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     contours = read_contours(snakemake.input.contours)

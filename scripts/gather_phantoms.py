@@ -2,9 +2,9 @@
 
 import shutil
 
-from cccd.job import job
 from cccd.store import write_table
 from cccd_paper.phantom_files import gather_tables
+from cccd_workflow.job import job
 
 with job(snakemake.log[0], "phantoms", snakemake.input, snakemake.output):
     write_table(snakemake.output.table, gather_tables(snakemake.input.tables))

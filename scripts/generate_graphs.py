@@ -1,8 +1,8 @@
 """Draw the frozen synthetic junction graphs."""
 
-from cccd.job import job
 from cccd.settings.junctions import GraphSettings
 from cccd_training.junctions.frozen_graphs import generate_graphs
+from cccd_workflow.job import job
 
 with job(snakemake.log[0], "training graphs", snakemake.input, snakemake.output):
     settings = GraphSettings(**snakemake.params.settings)

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from cccd.job import job
 from cccd.store import write_table
 from cccd.surface.between import distance_table, near_pairs
 from cccd.surface.surface import read_surface
+from cccd_workflow.job import job
 
 case = snakemake.wildcards.case
 with job(snakemake.log[0], case, snakemake.input, snakemake.output):

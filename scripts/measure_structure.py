@@ -5,9 +5,6 @@ from pathlib import Path
 
 from cccd.contours import doubtful_slices
 from cccd.curves import measure_curves
-from cccd.job import job
-from cccd.report.page import build_structure_page
-from cccd.report.render import render_surface
 from cccd.store import (
     read_boundaries,
     read_curves,
@@ -21,6 +18,9 @@ from cccd.store import (
 from cccd.surface.checks import check_walls
 from cccd.surface.measure import measure_surface, volume_warnings
 from cccd.surface.surface import read_surface
+from cccd_workflow.job import job
+from cccd_workflow.report.page import build_structure_page
+from cccd_workflow.report.render import render_surface
 from cccd_workflow.view import make_view
 
 #: Slices to annotate next that are named.

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from cccd.job import job
 from cccd.segmentation.segment import segment, write_segmentation
 from cccd.segmentation.sources import read_scan
 from cccd.settings.imports import ImportSettings
+from cccd_workflow.job import job
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     row, reading = snakemake.params.row, ImportSettings(**snakemake.params.reading)

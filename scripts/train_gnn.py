@@ -1,8 +1,8 @@
 """Train a junction GNN, ours or the paper's, from its last checkpoint if there is one."""
 
-from cccd.job import job
 from cccd.settings.junctions import NetworkSettings
 from cccd_training.junctions.loop import train_model
+from cccd_workflow.job import job
 
 with job(snakemake.log[0], "GNN training", snakemake.input, snakemake.output):
     start = snakemake.input.start[0] if snakemake.input.start else None

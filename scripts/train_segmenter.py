@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from cccd.job import job
 from cccd.segmentation.model import save_segmenter
 from cccd.settings.imports import ImportSettings
 from cccd.settings.segmentation import SegmentationSettings
@@ -10,6 +9,7 @@ from cccd.store import write_table
 from cccd_training.segmentation.curve import draw_learning_curve
 from cccd_training.segmentation.scans import read_labelled_scan
 from cccd_training.segmentation.training import score_held_out, train_segmenter
+from cccd_workflow.job import job
 
 with job(snakemake.log[0], f"segmenter {snakemake.wildcards.network}", snakemake.input, snakemake.output):
     settings = SegmentationSettings(**snakemake.params.settings)

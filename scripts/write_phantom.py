@@ -1,8 +1,8 @@
 """Write one phantom as files: its true surface, its scans, and a table for each of them."""
 
-from cccd.job import job
 from cccd.store import write_table
 from cccd_paper.phantom_files import describe_scan, scan_phantom, write_scan, write_truth
+from cccd_workflow.job import job
 
 organ = snakemake.wildcards.organ
 output = snakemake.output

@@ -24,5 +24,4 @@ COMMANDS = {
         "write a finished structure of the workflow in another format", "cccd.commands.export.add_export"
     ),
     "next": Command("name the slice to annotate next", "cccd.commands.next_slice.add_next"),
-    "doctor": Command("report what is installed and works", "cccd.doctor.add_doctor"),
 }

@@ -15,7 +15,7 @@ table                     a row
 ``JUNCTION_NETWORKS``     path of a class, by the name that a ``model.pt`` says
 ``JUNCTION_TRAINING``     path of what trains such a network, a `cccd_training.junctions.tasks.Task`
 ``SEGMENTATION_NETWORKS`` path of a mapping like `cccd.segmentation.networks.NETWORKS`
-``REPORT``                path of a list of `cccd.report.registry.Item`, beside its INPUTS and SECTIONS
+``REPORT``                a module with ITEMS, INPUTS and SECTIONS, as in `cccd_workflow.report.registry`
 ========================= ========================================================================
 
 Functions and classes are named by their dotted path (`cccd.lookup.find`), and such a module imports nothing

@@ -9,7 +9,6 @@ from tqdm import tqdm
 
 import cccd
 from cccd.bands import Calibration, Reader
-from cccd.cohort import read_cohort
 from cccd.commands.outputs import check_files
 from cccd.errors import InputError
 from cccd.inputs import load_structure
@@ -17,6 +16,7 @@ from cccd.settings.root import Settings
 from cccd.store import atomic_path
 from cccd_calibration.readers import Pair, calibrate_readers, compare_readers, read_pairs
 from cccd_calibration.thinning import calibrate_masks
+from cccd_workflow.cohort import read_cohort
 
 __all__ = ["add_calibrate"]
 

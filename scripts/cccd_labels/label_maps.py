@@ -301,7 +301,7 @@ def expand_rows(
     Parameters
     ----------
     rows : sequence of mapping
-        What `cccd.cohort.read_cohort` returned.
+        What `cccd_workflow.cohort.read_cohort` returned.
     folder : path
         The sheet's, from which paths are relative.
     cache : path

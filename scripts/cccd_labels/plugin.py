@@ -5,7 +5,6 @@ from cccd.plugins import Command
 API = {"reconstruct_labels": "cccd_labels.whole_map.reconstruct_labels"}
 
 COMMANDS = {
-    "check": Command("report what an input contains, and draw it", "cccd_labels.check.add_check"),
     "relabel": Command(
         "a label map on finer, cubic or any other voxels, without stairs", "cccd_labels.commands.add_relabel"
     ),

@@ -19,7 +19,7 @@ unless ``tabulate`` names a function that makes more of them.
 
 from __future__ import annotations
 
-from cccd.report.registry import Comparison, Input, Item
+from cccd_workflow.report.registry import Comparison, Input, Item
 
 __all__ = ["INPUTS", "ITEMS", "SECTIONS"]
 

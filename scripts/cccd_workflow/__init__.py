@@ -1,1 +1,1 @@
-"""Work on many structures: comparing surfaces and label maps."""
+"""Cohorts: what is planned, run, compared and reported."""

@@ -150,8 +150,8 @@ def _sheet_of_bids(given: argparse.Namespace) -> tuple[Path, Path]:
 
 def _report(given: argparse.Namespace) -> int:
     from cccd.project import PROJECT
-    from cccd.report.page import build_report_of_finished
     from cccd.settings.root import whole_settings
+    from cccd_workflow.report.page import build_report_of_finished
 
     output = given.output or given.input / "report.html"
     check_writable(output)

@@ -83,7 +83,7 @@ def _write_vtp(path: Path, found: Comparison, rows: Sequence[Compared]) -> None:
 def _write_glb(path: Path, found: Comparison, rows: Sequence[Compared]) -> None:
     import trimesh
 
-    from cccd.report.viewer import colour_limit, colour_stops
+    from cccd_workflow.report.viewer import colour_limit, colour_stops
 
     stops = np.array(colour_stops()["distance"], float)
     limit = colour_limit(np.concatenate([_mesh(row)[1] for row in rows]), "distance")
@@ -104,7 +104,7 @@ def _write_glb(path: Path, found: Comparison, rows: Sequence[Compared]) -> None:
 
 
 def _write_page(path: Path, found: Comparison, rows: Sequence[Compared]) -> None:
-    from cccd.report.page import build_comparison_page
+    from cccd_workflow.report.page import build_comparison_page
 
     names = Path(found.first).name, Path(found.second).name
     views = {row.caption: _view(row, names[1]) for row in rows}

@@ -8,4 +8,6 @@ COMMANDS = {
     "report": Command(
         "build the report of all finished structures again", "cccd_workflow.commands.add_report"
     ),
+    "check": Command("report what an input contains, and draw it", "cccd_workflow.check.add_check"),
+    "doctor": Command("report what is installed and works", "cccd_workflow.doctor.add_doctor"),
 }

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from cccd.cohort import read_cohort
 from cccd.containers import Curves
 from cccd.curves.corners import k_cosine
 from cccd.curves.measures import SWEEP, measure_corners
@@ -28,6 +27,7 @@ from cccd.tracing import trace_mask
 from cccd_paper.comparisons.definition_3 import READINGS
 from cccd_paper.comparisons.repeatability import repeatability
 from cccd_paper.comparisons.samples import choose_slices
+from cccd_workflow.cohort import read_cohort
 
 CASES = ("mni152/brain", "phantom/liver", "phantom/lungs")
 

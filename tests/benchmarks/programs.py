@@ -21,7 +21,6 @@ os.environ.setdefault("VTK_SMP_MAX_THREADS", "1")
 import pandas as pd
 from keep_tables import TABLES
 
-from cccd.cohort import read_cohort
 from cccd.inputs import load_structure
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.imports import ImportSettings
@@ -32,6 +31,7 @@ from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
 from cccd_paper.comparisons.isosurfaces import compare_isosurfaces
 from cccd_paper.comparisons.thick_slices import thick_slice_experiment
 from cccd_paper.settings import IsosurfaceSettings, ThickSliceSettings
+from cccd_workflow.cohort import read_cohort
 
 SOURCES, LETTERS = ("mni152", "phantom"), ("A", "H", "X")
 METHODS = ("marching cubes", "surface nets", "signed distance + isosurface", *FAMILIES)

@@ -15,9 +15,9 @@ from matplotlib.image import imread
 
 import cccd
 from cccd.cli import main
-from cccd.doctor import _extra
 from cccd.extras import EXTRAS
 from cccd_labels.label_maps import colour_of
+from cccd_workflow.doctor import _extra
 
 ROOT = Path(__file__).parents[2]
 SCANS = runpy.run_path(str(Path(__file__).parent / "inputs" / "scans.py"))

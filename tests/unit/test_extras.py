@@ -28,7 +28,7 @@ importlib.machinery.PathFinder.find_spec = lambda name, path=None, target=None: 
     None if name.split(".")[0] in missing.split(",") else find(name, path, target)
 )
 
-import nibabel, numpy as np, cccd, cccd.remote
+import nibabel, numpy as np, cccd, cccd_workflow.remote
 from cccd.cli import main
 
 mask, maps = (np.asarray(nibabel.load(f"{name}.nii.gz").dataobj) > 0 for name in ("mask", "maps"))
@@ -50,7 +50,9 @@ ORDERING = (
     "cccd.reconstruct(cccd.read('maps.nii.gz', boundary=True))",
 )
 SEGMENTING = "cccd segment mask.nii.gz --segmenter hippocampus"
-FETCHING = "cccd.remote.fetch(cccd.remote.read_address('s3://bucket/mr.nii.gz', 'here'), None)"
+FETCHING = (
+    "cccd_workflow.remote.fetch(cccd_workflow.remote.read_address('s3://bucket/mr.nii.gz', 'here'), None)"
+)
 
 
 def writing(*suffixes):

@@ -89,7 +89,7 @@ WRITERS = {
         )
         for suffix in ("ply", "stl", "vtp", "glb")
     },
-    "picture.png": "from cccd.report import render; render.render_surface(done / 'surface.ply', path)",
+    "picture.png": "from cccd_workflow.report.render import *; render_surface(done / 'surface.ply', path)",
     "model.pt": "from cccd_junctions import checkpoint; checkpoint.save_content(path, {'a': 'x' * 9999})",
 }
 
@@ -251,7 +251,7 @@ def test_a_full_disk_in_every_writer(name, tiny_run, small_disk, tmp_path):
     with (disk / "filler").open("wb", buffering=0) as filler:
         assert filler.write(b"0" * 100_000) < 100_000  # as much as there is room for
     code = (
-        "import sys; from pathlib import Path; from cccd import store; from cccd.job import job\n"
+        "import sys; from pathlib import Path; from cccd import store; from cccd_workflow.job import job\n"
         "path, done, log = map(Path, sys.argv[1:])\n"
         f"with job(log, 'tiny/sphere'):\n    {WRITERS[name]}"
     )

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cccd.report.page import build_report, build_structure_page
 from cccd.store import write_json
+from cccd_workflow.report.page import build_report, build_structure_page
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = runpy.run_path(str(ROOT / "tests" / "unit" / "report" / "sample_results.py"))

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 import torch
 
-from cccd.report.page import build_report
+from cccd_workflow.report.page import build_report
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = "<script>steal()</script>"

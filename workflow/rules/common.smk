@@ -18,14 +18,14 @@ from snakemake.cli import parse_args
 from cccd.console import shorten
 from cccd.devices import DEVICE
 from cccd.errors import InputError
-from cccd.job import BATCH, take_placeholders_away
-from cccd.plan.checks import PlannedJob, check_jobs
-from cccd.plan.cohort import near
-from cccd.plan.networks import MODEL
-from cccd.plan.outcome import report_failed_run, report_good_run, report_interrupted_run
-from cccd.plan.plan import Plan, files_of_comparison
-from cccd.plan.resources import memory, minutes
-from cccd.report.registry import registered
+from cccd_workflow.job import BATCH, take_placeholders_away
+from cccd_workflow.plan.checks import PlannedJob, check_jobs
+from cccd_workflow.plan.cohort import near
+from cccd_workflow.plan.networks import MODEL
+from cccd_workflow.plan.outcome import report_failed_run, report_good_run, report_interrupted_run
+from cccd_workflow.plan.plan import Plan, files_of_comparison
+from cccd_workflow.plan.resources import memory, minutes
+from cccd_workflow.report.registry import registered
 from cccd.segmentation.networks import networks
 from cccd.settings.formats import SOLID_FORMATS
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS

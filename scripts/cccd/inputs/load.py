@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from cccd.cohort import IMAGES_ALONE, complete_row
 from cccd.containers import Annotation, Curves, Frame, Grid, Structure
 from cccd.dicom_objects import dicom_modality, object_in, referenced_series
 from cccd.errors import InputError
@@ -32,6 +31,7 @@ from cccd.inputs.grid import (
     on_grid,
     same_grid,
 )
+from cccd.inputs.layouts import IMAGES_ALONE, complete_row
 from cccd.inputs.readers import without_suffix
 from cccd.inputs.row_files import EACH_ITS_OWN, LabelMap, RowFiles, read_boundary_maps, read_mask
 from cccd.settings.imports import ImportSettings
@@ -104,7 +104,7 @@ def load_structure(
     Parameters
     ----------
     row : mapping
-        One row of `cccd.cohort.read_cohort`.
+        One row of `cccd_workflow.cohort.read_cohort`.
     sheet_dir : path
         Folder of the cohort sheet, from which the row's paths are relative.
     settings : ImportSettings

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
-from cccd.report.summary import Cohort
 from cccd_paper.comparisons.paper_k import BEST, FIGURE_11
+from cccd_workflow.report.summary import Cohort
 
 __all__ = [
     "at_best",

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from cccd.report.summary import Cohort
 from cccd_paper.comparisons import published
 from cccd_paper.comparisons.baselines.reconstructions import RECONSTRUCTIONS
 from cccd_paper.comparisons.paper_k import CCCD
 from cccd_paper.comparisons.parameters import UNTUNED
 from cccd_paper.comparisons.reconstruction_comparison import DENSE, HARRIS, POINTS
+from cccd_workflow.report.summary import Cohort
 
 __all__ = [
     "RATES",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
-from cccd.report.svg import INK, RULE, axes, style, to_svg
+from cccd_workflow.report.svg import INK, RULE, axes, style, to_svg
 
 __all__ = ["draw_steps"]
 

@@ -12,9 +12,6 @@ import pandas as pd
 
 from cccd.containers import Panel, SliceFigure
 from cccd.geometry.arrays import split_ragged
-from cccd.report.registry import Item
-from cccd.report.results import Results
-from cccd.report.summary import structure_names
 from cccd_paper.comparisons.cohort_tables import at_best, figure_11_rows
 from cccd_paper.comparisons.paper_k import CCCD, COARSE_K
 from cccd_paper.comparisons.reconstruction_comparison import DENSE
@@ -22,6 +19,9 @@ from cccd_paper.figures import plots
 from cccd_paper.figures.diagrams import draw_steps
 from cccd_paper.figures.panels import LINK_LOOKS, LOOKS, MAP_LOOKS, OUTLINE_LOOKS, Looks, draw_slice_figure
 from cccd_paper.figures.stills import draw_surface_still
+from cccd_workflow.report.registry import Item
+from cccd_workflow.report.results import Results
+from cccd_workflow.report.summary import structure_names
 
 __all__ = [
     "algorithm_1", "compactness", "figure_5", "figure_6", "figure_7", "figure_8", "figure_9", "figure_10",

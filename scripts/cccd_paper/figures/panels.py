@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cccd.containers import Panel, SliceFigure
-from cccd.report.svg import INK, SERIES, style, to_svg
+from cccd_workflow.report.svg import INK, SERIES, style, to_svg
 
 __all__ = ["LINK_LOOKS", "LOOKS", "MAP_LOOKS", "OUTLINE_LOOKS", "draw_slice_figure"]
 

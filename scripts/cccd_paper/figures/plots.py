@@ -12,9 +12,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from cccd.report.plots import label_of
-from cccd.report.summary import structure_names
-from cccd.report.svg import DASHES, INK, MARKERS, SERIES, SOFT, axes, legend_below, style, to_svg
+from cccd_workflow.report.plots import label_of
+from cccd_workflow.report.summary import structure_names
+from cccd_workflow.report.svg import DASHES, INK, MARKERS, SERIES, SOFT, axes, legend_below, style, to_svg
 
 __all__ = ["lines", "methods", "rates"]
 

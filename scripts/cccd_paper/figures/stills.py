@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.collections import LineCollection
 
 from cccd.geometry.subdivision import quad_edges
-from cccd.report.render import VIEWS, frame_view, paint_mesh
-from cccd.report.results import StructureFiles
-from cccd.report.svg import axes, style, to_svg
+from cccd_workflow.report.render import VIEWS, frame_view, paint_mesh
+from cccd_workflow.report.results import StructureFiles
+from cccd_workflow.report.svg import axes, style, to_svg
 
 __all__ = ["draw_surface_still"]
 

@@ -6,7 +6,6 @@ import pytest
 from scans import row, settings, write_nifti
 
 import cccd
-from cccd.cohort import read_cohort
 from cccd.containers import Annotation, Sections
 from cccd.errors import InputError
 from cccd.inputs import load_structure, structure_of_array
@@ -16,6 +15,7 @@ from cccd.store import read_annotation, read_compared, read_structure, write_str
 from cccd.surface import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
+from cccd_workflow.cohort import read_cohort
 
 ORIGIN = np.array([3, 10, 20])
 

@@ -21,10 +21,10 @@ from scans import (
 )
 from scipy import ndimage
 
-from cccd.cohort import read_cohort
 from cccd.errors import InputError
 from cccd.inputs import load_structure
 from cccd.settings.validation import validate_config
+from cccd_workflow.cohort import read_cohort
 
 
 def test_mni152_brain():

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
-from cccd.cohort import read_cohort
 from cccd.errors import InputError
 from cccd_labels.label_maps import expand_rows, list_map, read_label_table, shared_groups
+from cccd_workflow.cohort import read_cohort
 
 
 def block_map():

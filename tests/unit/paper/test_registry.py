@@ -6,13 +6,13 @@ import sys
 from pathlib import Path
 from typing import get_args
 
-from cccd.dependencies import imported_files
 from cccd.lookup import find
 from cccd.plugins import folders
-from cccd.report.registry import comparisons, inputs, items, sections
 from cccd.settings.root import whole_settings
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
 from cccd_paper.settings import IsosurfaceSettings
+from cccd_workflow.dependencies import imported_files
+from cccd_workflow.report.registry import comparisons, inputs, items, sections
 
 SCRIPTS = Path(__file__).parents[3] / "scripts"
 
@@ -77,7 +77,7 @@ def test_the_functions_of_a_comparison_accept_what_its_job_passes():
 
 
 def test_reading_the_registry_loads_nothing_heavy():
-    probe = "import sys; from cccd.report.registry import items; items(); print(*sys.modules)"
+    probe = "import sys; from cccd_workflow.report.registry import items; items(); print(*sys.modules)"
     run = subprocess.run(
         [sys.executable, "-c", probe], cwd=SCRIPTS, capture_output=True, text=True, check=True
     )
@@ -86,7 +86,8 @@ def test_reading_the_registry_loads_nothing_heavy():
 
 
 def test_a_caption_is_no_reason_to_compare_again():
-    assert {"cccd_paper/registry.py", "cccd/report/summary.py"}.isdisjoint(closure(comparisons().values()))
+    shown = {"cccd_paper/registry.py", "cccd_workflow/report/summary.py"}
+    assert shown.isdisjoint(closure(comparisons().values()))
 
 
 def test_the_configuration_knows_every_surface():

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from cccd.plan.cohort import StructureName
-from cccd.plan.plan import Plan
+from cccd_workflow.plan.cohort import StructureName
+from cccd_workflow.plan.plan import Plan
 
 ROOT = Path(__file__).parents[3]
 

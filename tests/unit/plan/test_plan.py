@@ -9,12 +9,12 @@ import pytest
 
 from cccd.errors import InputError
 from cccd.extras import EXTRAS
-from cccd.plan.checks import PlannedJob, check_jobs, extras_of
-from cccd.plan.networks import MODEL
-from cccd.plan.outcome import failures, report_failed_run, report_good_run
-from cccd.plan.plan import Plan
-from cccd.plan.resources import digest, memory, minutes
-from cccd.report.registry import Comparison, comparisons, inputs
+from cccd_workflow.plan.checks import PlannedJob, check_jobs, extras_of
+from cccd_workflow.plan.networks import MODEL
+from cccd_workflow.plan.outcome import failures, report_failed_run, report_good_run
+from cccd_workflow.plan.plan import Plan
+from cccd_workflow.plan.resources import digest, memory, minutes
+from cccd_workflow.report.registry import Comparison, comparisons, inputs
 
 PLANS = runpy.run_path(str(Path(__file__).parent / "plans.py"))
 plan_of, named, ROOT = PLANS["plan_of"], PLANS["named"], PLANS["ROOT"]
@@ -336,8 +336,8 @@ def test_what_failed_of_a_row_that_was_removed_is_not_a_failure_any_more():
 PLANNING = """
 import sys
 from pathlib import Path
-import cccd.plan.checks, cccd.plan.outcome
-from cccd.plan.plan import Plan
+import cccd_workflow.plan.checks, cccd_workflow.plan.outcome
+from cccd_workflow.plan.plan import Plan
 plan = Plan.make({}, Path(sys.argv[1]))
 plan.all_comparison_files(), plan.tables()
 print(*sorted({name.split(".")[0] for name in sys.modules}))

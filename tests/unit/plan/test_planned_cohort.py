@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cccd.errors import InputError
-from cccd.plan.plan import Plan
+from cccd_workflow.plan.plan import Plan
 
 PLANS = runpy.run_path(str(Path(__file__).parent / "plans.py"))
 plan_of, named = PLANS["plan_of"], PLANS["named"]

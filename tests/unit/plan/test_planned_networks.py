@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from cccd.errors import InputError
-from cccd.plan.networks import MODEL
-from cccd.plan.plan import Plan
+from cccd_workflow.plan.networks import MODEL
+from cccd_workflow.plan.plan import Plan
 
 PLANS = runpy.run_path(str(Path(__file__).parent / "plans.py"))
 plan_of, ROOT = PLANS["plan_of"], PLANS["ROOT"]

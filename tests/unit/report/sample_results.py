@@ -14,7 +14,6 @@ from cccd.containers import FittedCurves, Frame, Splines, Structure
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply, write_ply
 from cccd.geometry.subdivision import ControlMesh
-from cccd.report.render import render_surface
 from cccd.settings.boundaries import BoundarySettings
 from cccd.store import (
     read_boundaries,
@@ -30,6 +29,7 @@ from cccd.store import (
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries
+from cccd_workflow.report.render import render_surface
 from cccd_workflow.view import make_view
 
 RADII = np.array([24.0, 30.0, 21.0])

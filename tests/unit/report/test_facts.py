@@ -4,7 +4,7 @@ import re
 import tomllib
 from pathlib import Path
 
-from cccd.report.facts import PACKAGES
+from cccd_workflow.report.facts import PACKAGES
 
 ROOT = Path(__file__).parents[3]
 

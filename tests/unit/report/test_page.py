@@ -13,16 +13,16 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 from sample_results import make_metrics, write_run
 
-from cccd.report import svg
-from cccd.report.facts import benchmark_table
-from cccd.report.html_tables import table
-from cccd.report.numerals import number
-from cccd.report.page import build_report, build_structure_page
-from cccd.report.registry import items
-from cccd.report.structure_view import figure_view, kinds_of_warnings
-from cccd.report.summary import build_tables, read_cohort
 from cccd.store import write_json, write_table
 from cccd.surface.between import DISTANCES
+from cccd_workflow.report import svg
+from cccd_workflow.report.facts import benchmark_table
+from cccd_workflow.report.html_tables import table
+from cccd_workflow.report.numerals import number
+from cccd_workflow.report.page import build_report, build_structure_page
+from cccd_workflow.report.registry import items
+from cccd_workflow.report.structure_view import figure_view, kinds_of_warnings
+from cccd_workflow.report.summary import build_tables, read_cohort
 
 TEMPLATES = Path(__file__).parents[3] / "workflow" / "report"
 CONFIG = {"seed": 152, "cohort": "cohort.tsv", "compare": "auto"}

@@ -7,7 +7,7 @@ from PIL import Image
 
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import write_ply
-from cccd.report import render
+from cccd_workflow.report import render
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import ast
 from pathlib import Path
 
-FOLDER = Path(__file__).parents[3] / "scripts" / "cccd" / "report"
+FOLDER = Path(__file__).parents[3] / "scripts" / "cccd_workflow" / "report"
 
 
 def test_the_reader_alone_names_files():

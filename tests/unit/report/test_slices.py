@@ -10,10 +10,10 @@ from PIL import Image
 from sample_results import BAND, BOUNDARIES, write_results
 
 from cccd.containers import Frame, Structure
-from cccd.report.results import StructureFiles
-from cccd.report.slices import _display, _letters, draw_slices
 from cccd.store import write_boundaries, write_structure
 from cccd_junctions.boundary import extract_boundaries
+from cccd_workflow.report.results import StructureFiles
+from cccd_workflow.report.slices import _display, _letters, draw_slices
 
 
 @pytest.fixture(scope="module")

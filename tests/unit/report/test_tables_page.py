@@ -3,8 +3,8 @@
 import re
 from pathlib import Path
 
-from cccd.report.measures import MEASURES
 from cccd.surface.between import DISTANCES
+from cccd_workflow.report.measures import MEASURES
 
 PAGE = Path(__file__).parents[3] / "docs" / "tables.md"
 

@@ -11,9 +11,9 @@ import pytest
 pytest.importorskip("monai")
 
 from cccd.cli import main
-from cccd.cohort import complete_row
 from cccd.errors import InputError
 from cccd.inputs.grid import Volume
+from cccd.inputs.layouts import complete_row
 from cccd.inputs.nifti_export import write_nifti
 from cccd.project import PROJECT
 from cccd.segmentation.external import run_external

@@ -3,10 +3,10 @@ import json
 import numpy as np
 import pandas as pd
 
-from cccd.report.registry import Comparison, Item
-from cccd.report.summary import build_tables, read_cohort, structures
 from cccd_paper import registry
 from cccd_paper.comparisons.cohort_tables import compactness, ordering
+from cccd_workflow.report.registry import Comparison, Item
+from cccd_workflow.report.summary import build_tables, read_cohort, structures
 
 
 def test_rows_carry_their_structures_names_and_empty_tables_none(tmp_path):

@@ -7,8 +7,6 @@ from known_curves import bean
 
 from cccd.containers import Frame, Structure
 from cccd.geometry.raster import rasterise
-from cccd.report.registry import comparisons, items
-from cccd.report.summary import Cohort, build_tables
 from cccd.tracing import trace_mask
 from cccd_junctions.ordering import order_boundaries
 from cccd_paper.comparisons import published
@@ -31,6 +29,8 @@ from cccd_paper.comparisons.reconstruction_comparison import (
 )
 from cccd_paper.comparisons.samples import choose_slices, to_bytes
 from cccd_paper.settings import ComparisonSettings
+from cccd_workflow.report.registry import comparisons, items
+from cccd_workflow.report.summary import Cohort, build_tables
 
 SLICES = ComparisonSettings(corners={"n_slices": 2}).corners
 

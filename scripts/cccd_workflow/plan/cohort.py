@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
-from cccd.cohort import brings_maps, complete_row, read_cohort
 from cccd.dicom_objects import holds_contours
 from cccd.errors import InputError
-from cccd.remote import RemoteFile, is_remote, read_address
+from cccd.inputs.layouts import complete_row
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
+from cccd_workflow.cohort import brings_maps, read_cohort
+from cccd_workflow.remote import RemoteFile, is_remote, read_address
 
 __all__ = ["ContourWay", "OfCase", "OfDownload", "OfStructure", "PlannedCohort", "StructureName", "near"]
 
@@ -88,8 +89,8 @@ class PlannedCohort:
     sheet : path
         The cohort sheet.
     rows : dict
-        By name, as `cccd.cohort.read_cohort` returns them, with a row for each label in the place of organ
-        ``*`` and local paths in the place of addresses.
+        By name, as `cccd_workflow.cohort.read_cohort` returns them, with a row for each label in the place of
+        organ ``*`` and local paths in the place of addresses.
     masks_are_ordered : bool
         Whether the junction network traces masks too (``curves: ordering: gnn``).
     remote : dict

@@ -5,10 +5,10 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cccd.cohort import SCHEMA, naming_row, read_cohort
 from cccd.errors import InputError
+from cccd_workflow.cohort import SCHEMA, naming_row, read_cohort
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def write(folder, text):

@@ -85,7 +85,7 @@ def _opengl() -> Finding:
 
     from cccd.geometry.mesh import Mesh
     from cccd.geometry.ply import write_ply
-    from cccd.report.render import VTK_PACKAGE, render_surface
+    from cccd_workflow.report.render import VTK_PACKAGE, render_surface
 
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
     mesh = Mesh(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))

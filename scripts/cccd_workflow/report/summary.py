@@ -9,9 +9,9 @@ from typing import Any
 import pandas as pd
 
 from cccd.lookup import find
-from cccd.report.measures import MEASURES
-from cccd.report.registry import Item, comparisons, items
 from cccd.store import read_json, read_table
+from cccd_workflow.report.measures import MEASURES
+from cccd_workflow.report.registry import Item, comparisons, items
 
 __all__ = [
     "Cohort",

@@ -10,7 +10,7 @@ import pandas as pd
 
 from cccd import store
 from cccd.containers import SliceFigure
-from cccd.report.registry import Comparison, Item
+from cccd_workflow.report.registry import Comparison, Item
 
 __all__ = ["Results", "StructureFiles"]
 

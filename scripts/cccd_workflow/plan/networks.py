@@ -9,12 +9,12 @@ from pathlib import Path
 
 from cccd.errors import InputError
 from cccd.model_header import check_model, check_start, read_segmenter_plan
-from cccd.plan.cohort import PlannedCohort, near
 from cccd.plugins import table
 from cccd.segmentation.networks import networks
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.settings.segmentation import INSTALLED_SEGMENTERS, is_installed_segmenter
+from cccd_workflow.plan.cohort import PlannedCohort, near
 
 __all__ = ["MODEL", "JunctionPlan", "SegmenterPlan", "find_file"]
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cccd.report.numerals import number, shared_decimals
+from cccd_workflow.report.numerals import number, shared_decimals
 
 __all__ = ["Cell", "Table", "TableColumn", "table", "words"]
 

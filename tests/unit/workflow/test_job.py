@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from cccd.errors import InputError
-from cccd.job import BATCH, job, take_placeholders_away
+from cccd_workflow.job import BATCH, job, take_placeholders_away
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
+SCRIPTS = Path(__file__).parents[3] / "scripts"
 
 
 def run_job(body, log, files="", **batch):
@@ -17,7 +17,7 @@ def run_job(body, log, files="", **batch):
         f"""
         import errno
         from cccd.errors import InputError
-        from cccd.job import job
+        from cccd_workflow.job import job
         with job({str(log)!r}, "case/organ"{files}):
             {body}
         """

@@ -25,14 +25,15 @@ from cccd.console import duration
 from cccd.containers import View
 from cccd.geometry.mesh import Mesh
 from cccd.lookup import find
-from cccd.report.facts import benchmark_table, provenance
-from cccd.report.html_tables import Table, table
-from cccd.report.numerals import number
-from cccd.report.registry import Item, comparisons, items, sections
-from cccd.report.render import VIEWS, VTK_PACKAGE
-from cccd.report.results import Results, StructureFiles
-from cccd.report.slices import draw_slices
-from cccd.report.structure_view import (
+from cccd.store import atomic_path
+from cccd_workflow.report.facts import benchmark_table, provenance
+from cccd_workflow.report.html_tables import Table, table
+from cccd_workflow.report.numerals import number
+from cccd_workflow.report.registry import Item, comparisons, items, sections
+from cccd_workflow.report.render import VIEWS, VTK_PACKAGE
+from cccd_workflow.report.results import Results, StructureFiles
+from cccd_workflow.report.slices import draw_slices
+from cccd_workflow.report.structure_view import (
     StructureView,
     figure_view,
     headline_frame,
@@ -41,9 +42,8 @@ from cccd.report.structure_view import (
     source_table,
     view_structure,
 )
-from cccd.report.summary import Cohort, build_tables, read_cohort
-from cccd.report.viewer import case_figure, deflate, packed, surface_figure
-from cccd.store import atomic_path
+from cccd_workflow.report.summary import Cohort, build_tables, read_cohort
+from cccd_workflow.report.viewer import case_figure, deflate, packed, surface_figure
 
 __all__ = [
     "build_case_page", "build_comparison_page", "build_report", "build_report_of_finished",
@@ -166,7 +166,7 @@ def build_report_of_finished(
 
 def _charts(views: Sequence[StructureView]) -> list[Markup]:
     """Draw volume, with its interval, and area: of every structure, or by organ where they are many."""
-    from cccd.report import plots  # loads matplotlib, which structures' pages do without
+    from cccd_workflow.report import plots  # loads matplotlib, which structures' pages do without
 
     shown = [view for view in views if view.look_up("volume_ml") and view.look_up("surface_area_mm2")]
     if len(shown) < 2:
@@ -187,7 +187,7 @@ def _charts(views: Sequence[StructureView]) -> list[Markup]:
 
 def _training(results: Results, config: Mapping[str, Any]) -> dict[str, Any]:
     """Collect what the training left."""
-    from cccd.report import plots
+    from cccd_workflow.report import plots
 
     history = results.history
     return {
@@ -199,7 +199,7 @@ def _training(results: Results, config: Mapping[str, Any]) -> dict[str, Any]:
 
 def _times(benchmarks: Path | None) -> dict[str, Any]:
     """Collect time and memory of the run's jobs."""
-    from cccd.report import plots
+    from cccd_workflow.report import plots
 
     times = benchmark_table(benchmarks)
     if times is None:

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cccd.disk_space import check_room
 from cccd.extras import check_extra
-from cccd.plan.cohort import StructureName
-from cccd.plan.plan import Plan
 from cccd.settings.formats import SOLID_FORMATS, TETRAHEDRA_FORMATS
+from cccd_workflow.disk_space import check_room
+from cccd_workflow.plan.cohort import StructureName
+from cccd_workflow.plan.plan import Plan
 
 __all__ = ["PlannedJob", "check_jobs", "extras_of"]
 

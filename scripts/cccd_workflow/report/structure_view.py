@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from cccd.containers import Frame
-from cccd.report.html_tables import Table, table
-from cccd.report.measures import HEADLINES, MEASURES, Headline, Measure
-from cccd.report.numerals import number, typeset
-from cccd.report.render import picture_renderer
-from cccd.report.results import Results
-from cccd.report.slices import SliceSheet
+from cccd_workflow.report.html_tables import Table, table
+from cccd_workflow.report.measures import HEADLINES, MEASURES, Headline, Measure
+from cccd_workflow.report.numerals import number, typeset
+from cccd_workflow.report.render import picture_renderer
+from cccd_workflow.report.results import Results
+from cccd_workflow.report.slices import SliceSheet
 
 __all__ = [
     "StructureView", "WarningKind", "encode_picture", "figure_view", "headline_frame", "headline_label",
@@ -29,7 +29,7 @@ __all__ = [
 
 @dataclass
 class StructureView:
-    """One structure as the templates see it; ``figure`` is what `cccd.report.viewer.packed` made."""
+    """One structure as the templates see it; ``figure`` is what `cccd_workflow.report.viewer.packed` made."""
 
     case: str
     organ: str

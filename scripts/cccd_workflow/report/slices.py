@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from cccd.containers import Boundaries, Curves, Frame, Structure
-from cccd.report.results import StructureFiles
+from cccd_workflow.report.results import StructureFiles
 
 __all__ = ["LAYERS", "SliceSheet", "draw_slices"]
 

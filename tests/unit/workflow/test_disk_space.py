@@ -3,8 +3,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from cccd.disk_space import check_room, least_bytes
 from cccd.errors import InputError
+from cccd_workflow.disk_space import check_room, least_bytes
 
 
 def test_room_is_asked_of_the_disk_and_replaced_files_count_once(tmp_path, monkeypatch):

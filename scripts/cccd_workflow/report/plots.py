@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.ticker import MaxNLocator
 
-from cccd.report.html_tables import words
-from cccd.report.svg import DASHES, INK, RULE, SERIES, SOFT, axes, style, to_svg
+from cccd_workflow.report.html_tables import words
+from cccd_workflow.report.svg import DASHES, INK, RULE, SERIES, SOFT, axes, style, to_svg
 
 __all__ = ["label_of", "learning_curve", "ranges", "rule_times", "strips"]
 

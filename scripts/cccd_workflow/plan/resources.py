@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from cccd.dependencies import imported_files
+from cccd_workflow.dependencies import imported_files
 
 __all__ = ["digest", "digest_files", "memory", "minutes"]
 

@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from cccd.errors import InputError
-from cccd.remote import RemoteFile, fetch, is_remote, read_address
+from cccd_workflow.remote import RemoteFile, fetch, is_remote, read_address
 
 BYTES = bytes(range(256)) * 5000
 SHA256 = hashlib.sha256(BYTES).hexdigest()

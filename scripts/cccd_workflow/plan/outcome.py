@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from cccd.job import INTERRUPTED
-from cccd.plan.cohort import StructureName
-from cccd.plan.plan import OF_NO_CASE, Plan
+from cccd_workflow.job import INTERRUPTED
+from cccd_workflow.plan.cohort import StructureName
+from cccd_workflow.plan.plan import OF_NO_CASE, Plan
 
 __all__ = ["failures", "report_failed_run", "report_good_run", "report_interrupted_run"]
 
@@ -67,7 +67,9 @@ def report_failed_run(plan: Plan) -> None:
     lines = failures(plan)
     _print_failures(lines)
     if any(Path(file).exists() for file in plan.files("metrics.json")):
-        from cccd.report.page import build_report_of_finished  # slow to import, and most runs need none
+        from cccd_workflow.report.page import (
+            build_report_of_finished,  # slow to import, and most runs need none
+        )
 
         build_report_of_finished(
             _REPORT.parent,

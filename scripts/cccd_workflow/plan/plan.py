@@ -11,18 +11,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
 
-from cccd.cohort import IMAGES_ALONE
 from cccd.errors import InputError
-from cccd.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
-from cccd.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find_file
-from cccd.plan.resources import digest, digest_files
+from cccd.inputs.layouts import IMAGES_ALONE
 from cccd.plugins import folders, table
 from cccd.project import shipped_weights
-from cccd.report.registry import Comparison, comparisons, inputs, items, registered
 from cccd.segmentation.networks import networks
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config
+from cccd_workflow.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
+from cccd_workflow.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find_file
+from cccd_workflow.plan.resources import digest, digest_files
+from cccd_workflow.report.registry import Comparison, comparisons, inputs, items, registered
 
 __all__ = ["OF_NO_CASE", "Plan", "files_of_comparison"]
 
@@ -228,7 +228,7 @@ class Plan:
     def import_library(self, wildcards: OfStructure) -> str:
         """Digest the code that leads to a structure's contours, with the network that orders them."""
         classes = self.junctions.code if self.model_files(wildcards) else []
-        return self.library("import_structure", self.contour_function(wildcards), *classes)
+        return self.library("import_structure", self.contour_function(wildcards), *classes, *self.readers)
 
     # Surfaces, and files of whole cases.
 

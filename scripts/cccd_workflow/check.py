@@ -15,7 +15,6 @@ import numpy as np
 from nibabel.orientations import aff2axcodes
 
 import cccd
-from cccd.cohort import read_cohort
 from cccd.commands.arguments import add_input, threshold_of
 from cccd.commands.outputs import check_files
 from cccd.console import print_error
@@ -27,6 +26,7 @@ from cccd.inputs.row_files import RowFiles
 from cccd.settings.root import Settings
 from cccd.store import atomic_path, check_writable
 from cccd_labels.label_survey import measure_labels, survey_labels
+from cccd_workflow.cohort import read_cohort
 
 if TYPE_CHECKING:
     from cccd.containers import Structure

@@ -130,10 +130,10 @@ class Item:
     columns : tuple of str
         Columns that the table has at least.
     tabulate : str or None
-        Function of `cccd.report.summary.Cohort` that returns the table; without one the table is the
+        Function of `cccd_workflow.report.summary.Cohort` that returns the table; without one the table is the
         rows of all structures, one below the other.
     plots : str or None
-        Function of `cccd.report.results.Results` and the item that returns the plots.
+        Function of `cccd_workflow.report.results.Results` and the item that returns the plots.
     captions : tuple of str
         Of the plots, in their order.
     network : bool
@@ -172,7 +172,7 @@ STRUCTURES = Item(
     section="summary",
     table="structures",
     columns=("case", "organ", "dice_3d", "assd_mm", "volume_bias", "control_bytes", "warnings"),
-    tabulate="cccd.report.summary.structures",
+    tabulate="cccd_workflow.report.summary.structures",
 )
 
 #: Distances between organs of a case.
@@ -183,7 +183,7 @@ DISTANCES = Item(
     section="summary",
     table="distances",
     columns=("case", "organ", "other_organ", "distance_mm", "low_mm", "high_mm"),
-    tabulate="cccd.report.summary.distances",
+    tabulate="cccd_workflow.report.summary.distances",
 )
 
 

@@ -1,5 +1,0 @@
-"""The report: pictures, tables, figures and a page that shows the surface in three dimensions.
-
-Entry points are in `cccd.report.page` (the pages) and `cccd.report.render` (a picture of one surface).
-Nothing is imported here, so that drawing a picture does not depend on what the page is made of.
-"""
