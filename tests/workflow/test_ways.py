@@ -25,7 +25,7 @@ class NoTorch:
 sys.meta_path.insert(0, NoTorch())
 """
 
-NETWORK = {"generate_graphs", "train_gnn", "adopt_gnn", "evaluate_gnn", "compare_structure"}
+NETWORK = {"generate_graphs", "train_gnn", "adopt_gnn", "evaluate_gnn"}
 
 
 def ball() -> np.ndarray:

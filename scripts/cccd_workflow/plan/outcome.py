@@ -28,8 +28,6 @@ def failures(plan: Plan) -> list[str]:
 def _is_of(file: Path, plan: Plan) -> bool:
     """Whether a job's file belongs to a structure or a case of the sheet, or to neither."""
     match file.parts[1:]:
-        case (_,):
-            return True
         case (folder, *_) if folder in OF_NO_CASE:
             return True
         case (case, _):

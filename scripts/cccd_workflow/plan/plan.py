@@ -363,9 +363,8 @@ class Plan:
 
     def _is_shown(self, comparison: Comparison, wildcards: OfStructure, file: str) -> bool:
         asked = self.cohort.is_asked(self.settings.compare, self.root)
-        if self.settings.compare != "auto" or not comparison.further:
-            return asked
-        return (asked and not self._is_closer(comparison, wildcards)) or Path(file).exists()
+        there = self.settings.compare == "auto" and comparison.further and Path(file).exists()
+        return (asked and not self._is_closer(comparison, wildcards)) or bool(there)
 
     def _is_closer(self, comparison: Comparison, wildcards: OfStructure) -> bool:
         """Whether a comparison is for a closer look, for which no run makes it by itself."""

@@ -35,8 +35,7 @@ def memory(base_mb: int, per_input_mb: int = 0) -> Callable[[Any, Iterable[str],
 
     # Snakemake passes these by name
     def mem_mb(wildcards: Any, input: Iterable[str], attempt: int) -> int:
-        # Snakemake's input.size_mb takes a sixth of the time to plan. What an earlier job of a group is yet
-        # to write counts nothing: an error would leave the group without this job's request
+        # not Snakemake's slow input.size_mb; files that a group is yet to write are no error here
         sized = input if per_input_mb else ()
         size_mb = sum(os.path.getsize(file) for file in sized if os.path.exists(file)) / 2**20
         return int((base_mb + per_input_mb * size_mb) * _GROWTH ** (attempt - 1))

@@ -132,9 +132,10 @@ def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
     from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
     from vtkmodules.vtkIOPLY import vtkPLYReader
 
-    vtk, size = vtkRenderingCore, (len(VIEWS) * pixels, pixels)
+    vtk = vtkRenderingCore
     mapper, renderer = vtk.vtkPolyDataMapper(), vtk.vtkRenderer(background_alpha=0)
     (vtkPLYReader(file_name=ply_path) >> vtkPolyDataNormals(splitting=False) >> mapper).update()
+    assert mapper.GetInput().GetNumberOfPoints(), f"no mesh in {ply_path}"
     bounds = np.reshape(mapper.GetBounds(), (3, 2))
     half = 0.57 * np.ptp(bounds, axis=1).max()
     for column, view in enumerate(VIEWS):
@@ -144,14 +145,14 @@ def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
         turned.SetMatrix(placed.ravel().tolist())
         shade = vtk.vtkProperty(color=_COLOUR, specular=0.25, specular_power=12)
         renderer.AddActor(vtk.vtkActor(mapper=mapper, user_transform=turned, property=shade))
-    renderer.active_camera = vtk.vtkCamera(position=(0, 0, 10 * half), parallel_scale=half)
-    renderer.active_camera.ParallelProjectionOn()
-    renderer.ResetCameraClippingRange()
+    renderer.active_camera.parallel_projection = True
+    renderer.ResetCamera()
+    renderer.active_camera.parallel_scale = half
     vtk.vtkLightKit().AddLightsToRenderer(renderer)
-    window = vtk.vtkRenderWindow(off_screen_rendering=True, alpha_bit_planes=1, multi_samples=0, size=size)
+    window = vtk.vtkRenderWindow(off_screen_rendering=True, alpha_bit_planes=1, multi_samples=0)
+    window.size = len(VIEWS) * pixels, pixels
     window.AddRenderer(renderer)
-    picture = vtk.vtkWindowToImageFilter(input=window, read_front_buffer=False)
-    picture.SetInputBufferTypeToRGBA()
+    picture = vtk.vtkWindowToImageFilter(input=window, read_front_buffer=False, input_buffer_type=4)  # RGBA
     vtkIOImage.vtkPNGWriter(file_name=png_path, input_connection=picture.output_port).Write()
 
 
