@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -142,7 +142,7 @@ def _read(path: Path) -> Calibration:
             str(plain["made_of"]),
             {name: Curve(**{key: (*of,) for key, of in plain["scale"][name].items()}) for name in SIGNS},
             tuple(
-                Regime(**{key: (*of,) if isinstance(of, list) else of for key, of in one.items()})
+                Regime(**cast(Any, {key: (*of,) if isinstance(of, list) else of for key, of in one.items()}))
                 for one in plain["regimes"]
             ),
             {name: tuple((low, high) for low, high in ends) for name, ends in plain["spans"].items()},

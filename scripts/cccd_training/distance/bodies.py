@@ -198,7 +198,7 @@ def closed_body(seed: int) -> tuple[ImplicitFunction, Array]:
 def ball_with_bumps(seed: int) -> tuple[ImplicitFunction, Array]:
     """Draw a ball, drawn out and turned, with bumps: it, and half its box's edges in pixels."""
     rng = np.random.default_rng(seed)
-    axes, turn = np.exp(rng.uniform(*np.log([11, 23]), 3)), np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    axes, turn = np.exp(rng.uniform(*np.log([11, 23]), size=3)), np.linalg.qr(rng.standard_normal((3, 3)))[0]
     bumps = [_noise(rng, width) * np.exp(rng.uniform(*np.log(heights))) for width, heights in BUMPS.items()]
     coefficients = ndimage.spline_filter(np.sum(bumps, axis=0, dtype=float), 3, mode="grid-wrap")
     box = np.full(3, 31.0)
