@@ -1,4 +1,7 @@
-"""What the layouts of named cohorts' downloads imply of a row: its mask and its label."""
+"""What the layouts of named cohorts' downloads imply of a row: its mask and its label.
+
+Imported at every parse of the workflow, so it imports nothing heavy.
+"""
 
 from __future__ import annotations
 
