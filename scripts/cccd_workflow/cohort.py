@@ -17,7 +17,7 @@ from typing import Any
 import yaml
 
 from cccd.errors import InputError
-from cccd.inputs.layouts import IMAGES_ALONE
+from cccd.layouts import IMAGES_ALONE
 from cccd.project import PROJECT
 from cccd.seeds import parse_seeds
 from cccd.settings.messages import choices, nearest

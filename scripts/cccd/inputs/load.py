@@ -31,9 +31,9 @@ from cccd.inputs.grid import (
     on_grid,
     same_grid,
 )
-from cccd.inputs.layouts import IMAGES_ALONE, complete_row
 from cccd.inputs.readers import without_suffix
 from cccd.inputs.row_files import EACH_ITS_OWN, LabelMap, RowFiles, read_boundary_maps, read_mask
+from cccd.layouts import IMAGES_ALONE, complete_row
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files

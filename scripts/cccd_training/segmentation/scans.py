@@ -10,10 +10,10 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import Volume, on_grid
-from cccd.inputs.layouts import complete_row
 from cccd.inputs.load import existing
 from cccd.inputs.readers import read_volume
 from cccd.inputs.row_files import EACH_ITS_OWN, read_mask
+from cccd.layouts import complete_row
 from cccd.segmentation.sources import read_scan, scan_phantom
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import choices

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple, Protocol
 
 from cccd.dicom_objects import holds_contours
 from cccd.errors import InputError
-from cccd.inputs.layouts import complete_row
+from cccd.layouts import complete_row
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
 from cccd_workflow.cohort import brings_maps, read_cohort

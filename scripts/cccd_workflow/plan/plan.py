@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from cccd.errors import InputError
-from cccd.inputs.layouts import IMAGES_ALONE
+from cccd.layouts import IMAGES_ALONE
 from cccd.plugins import folders, table
 from cccd.project import shipped_weights
 from cccd.segmentation.networks import networks

@@ -13,8 +13,8 @@ pytest.importorskip("monai")
 from cccd.cli import main
 from cccd.errors import InputError
 from cccd.inputs.grid import Volume
-from cccd.inputs.layouts import complete_row
 from cccd.inputs.nifti_export import write_nifti
+from cccd.layouts import complete_row
 from cccd.project import PROJECT
 from cccd.segmentation.external import run_external
 from cccd.segmentation.model import load_segmenter
