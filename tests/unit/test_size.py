@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 24661,
+    "scripts/cccd": 24665,
     "scripts/cccd_calibration": 737,
     "scripts/cccd_dicom": 1326,
     "scripts/cccd_junctions": 3924,
@@ -19,7 +19,7 @@ MOST_LINES = {
     "scripts/cccd_training": 3660,
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5967,
-    "tests": 29270,
+    "tests": 29266,
 }
 
 
