@@ -1,11 +1,7 @@
-<<<<<<< HEAD
 """What the layouts of named cohorts' downloads imply of a row: its mask and its label.
 
 Imported at every parse of the workflow, so it imports nothing heavy.
 """
-=======
-"""What layouts of named cohorts' downloads imply of a row. Planning imports it: nothing heavy here."""
->>>>>>> 9eed5a5
 
 from __future__ import annotations
 
