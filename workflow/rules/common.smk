@@ -1,5 +1,6 @@
 """The plan that all rules share, and what a run does before and after its jobs. No rules here."""
 
+import gc
 import logging
 import os
 import re
@@ -7,6 +8,9 @@ import signal
 import sys
 import threading
 from pathlib import Path
+
+# A plan's millions of objects live until the end: Python looks through them for garbage less often
+gc.set_threshold(50_000, 20, 50)
 
 ROOT = Path(workflow.basedir)
 # the library's folder stands beside the jobs in a checkout; the wheel carries the workflow within the library
@@ -22,7 +26,11 @@ from cccd_workflow.job import BATCH, take_placeholders_away
 from cccd_workflow.plan.checks import PlannedJob, check_jobs
 from cccd_workflow.plan.cohort import near
 from cccd_workflow.plan.networks import MODEL
-from cccd_workflow.plan.outcome import report_failed_run, report_good_run, report_interrupted_run
+from cccd_workflow.plan.outcome import (
+    report_failed_run,
+    report_good_run,
+    report_interrupted_run,
+)
 from cccd_workflow.plan.plan import Plan, files_of_comparison
 from cccd_workflow.plan.resources import memory, minutes
 from cccd_workflow.report.registry import registered
