@@ -16,13 +16,13 @@ from typing import Any
 from unittest.mock import patch
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/unit/surface"), str(Path(__file__).parent)]
+sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(Path(__file__).parent)]
 
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from exact_truth import TURN_DEG, compile_first, ours, sources  # noqa: E402
 from scipy.spatial.transform import Rotation  # noqa: E402
-from thin_masks import THIN_MASKS  # noqa: E402
+from support.thin_masks import THIN_MASKS  # noqa: E402
 from thin_trees import tree  # noqa: E402
 from truth_bodies import sample_stack  # noqa: E402
 from truth_measures import Target, bending, mean_distance, wrong_voxels  # noqa: E402

@@ -35,12 +35,12 @@ for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
 os.environ.setdefault("VTK_SMP_MAX_THREADS", "1")
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/unit/surface"), str(Path(__file__).parent)]
+sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(Path(__file__).parent)]
 
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from scipy.spatial.transform import Rotation  # noqa: E402
-from thin_masks import THIN_MASKS  # noqa: E402
+from support.thin_masks import THIN_MASKS  # noqa: E402
 from truth_bodies import (  # noqa: E402
     ANALYTIC,
     CORTICAL,

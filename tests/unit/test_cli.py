@@ -2,7 +2,6 @@
 
 import json
 import os
-import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 from matplotlib.image import imread
+from support import scans
 
 import cccd
 from cccd.cli import main
@@ -20,7 +20,6 @@ from cccd_labels.label_maps import colour_of
 from cccd_workflow.doctor import _extra
 
 ROOT = Path(__file__).parents[2]
-SCANS = runpy.run_path(str(Path(__file__).parent / "inputs" / "scans.py"))
 AFFINE = np.diag([1.0, 1.0, 2.5, 1.0])
 
 
@@ -140,7 +139,7 @@ def test_a_file_of_settings_is_followed(here, capsys):
 def test_dicom_contours_and_what_check_says_of_them(here, capsys):
     pytest.importorskip("pydicom")
     (here / "drawn").mkdir()
-    SCANS["write_structure_set"](here / "drawn" / "rt", {"Liver": SCANS["outlines"](ball(), AFFINE)})
+    scans.write_structure_set(here / "drawn" / "rt", {"Liver": scans.outlines(ball(), AFFINE)})
     assert main(["surface", "drawn", "--label", "Liver"]) == 0
     assert main(["check", "drawn", "-o", "look.png"]) == 0
     said = capsys.readouterr().out
@@ -244,8 +243,8 @@ def test_check_of_drawn_regions_and_of_a_folder_of_masks(here, capsys):
     pytest.importorskip("pydicom")
     rois = {"Liver": ball(), "Vessel": ball(radius=3), "Point": ball(radius=1)}
     (here / "drawn").mkdir()
-    drawn = {name: SCANS["outlines"](mask, AFFINE) for name, mask in rois.items()}
-    SCANS["write_structure_set"](here / "drawn" / "rt", drawn)
+    drawn = {name: scans.outlines(mask, AFFINE) for name, mask in rois.items()}
+    scans.write_structure_set(here / "drawn" / "rt", drawn)
     (here / "masks").mkdir()
     for name, mask in rois.items():
         nibabel.save(nibabel.Nifti1Image(mask.astype(np.uint8), AFFINE), here / "masks" / f"{name}.nii.gz")
@@ -363,7 +362,7 @@ def test_the_folder_one_is_in_has_a_name(here, capsys, monkeypatch, command):
 def test_two_series_in_a_folder_are_refused(here, capsys):
     pytest.importorskip("pydicom")
     for name in ("first", "second"):
-        SCANS["write_series"](here / "scan" / name, 100 * ball().astype(np.int16), AFFINE, uid=name)
+        scans.write_series(here / "scan" / name, 100 * ball().astype(np.int16), AFFINE, uid=name)
     assert main(["surface", "scan", "--threshold"]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert "first" in line
@@ -371,13 +370,13 @@ def test_two_series_in_a_folder_are_refused(here, capsys):
 
 
 @pytest.fixture
-def scans(here):
+def image_alone(here):
     """An image alone, as a series, a file of it, and NIfTI: a bright ball in air."""
     pytest.importorskip("pydicom")
     grey = np.where(ball(), 100, -900).astype(np.int16)
     noise = np.random.default_rng(0).integers(-20, 20, grey.shape)
-    SCANS["write_series"](here / "scan", grey + noise, AFFINE)
-    SCANS["write_nifti"](here / "scan.nii.gz", (grey + noise).astype(np.int16), AFFINE)
+    scans.write_series(here / "scan", grey + noise, AFFINE)
+    scans.write_nifti(here / "scan.nii.gz", (grey + noise).astype(np.int16), AFFINE)
     return here
 
 
@@ -386,19 +385,19 @@ def scans(here):
 @pytest.mark.parametrize(
     "label", [[], ["--label", "liver"], ["--label", "5"]], ids=["none", "name", "number"]
 )
-def test_no_organ_is_found_in_an_image_without_a_mask(scans, capsys, command, name, label):
-    before = files(scans)
+def test_no_organ_is_found_in_an_image_without_a_mask(image_alone, capsys, command, name, label):
+    before = files(image_alone)
     assert main([command, name, *label]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert name.rsplit("/", 1)[-1] in line
     assert "--threshold LOW:HIGH" in line
     assert "--image" in line
-    assert files(scans) == before
+    assert files(image_alone) == before
 
 
 @pytest.mark.parametrize("name", ["scan", "scan.nii.gz"])
 @pytest.mark.parametrize("window", [[], ["0:"], ["-200:300"]], ids=str)
-def test_a_threshold_is_called_one(scans, capsys, name, window):
+def test_a_threshold_is_called_one(image_alone, capsys, name, window):
     assert main(["surface", name, "--threshold", *window, "--json"]) == 0
     (made,) = json.loads(capsys.readouterr().out)["surfaces"]
     assert made["organ"] == "threshold"
@@ -424,14 +423,14 @@ def test_a_threshold_is_called_one(scans, capsys, name, window):
         (["scan.nii.gz", "--threshold", "3000:"], "no region between 3000"),
     ],
 )
-def test_thresholds_that_cannot_be_meant(scans, capsys, arguments, words):
+def test_thresholds_that_cannot_be_meant(image_alone, capsys, arguments, words):
     assert main(["surface", *arguments]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
 
 
 @pytest.mark.parametrize("name", ["scan", "scan.nii.gz"])
-def test_a_seed_says_where_the_organ_is(scans, capsys, name):
+def test_a_seed_says_where_the_organ_is(image_alone, capsys, name):
     pytest.importorskip("torch")
     middle = ",".join(str(int(index)) for index in np.argwhere(ball()).mean(axis=0))
     assert main(["surface", name, "--seed", middle, "--json"]) == 0
@@ -452,29 +451,29 @@ def test_a_seed_says_where_the_organ_is(scans, capsys, name):
         (["--seed", "3,3,3", "--all-labels"], "--seed: an image without a mask has no labels"),
     ],
 )
-def test_seeds_that_cannot_be_meant(scans, capsys, arguments, words):
+def test_seeds_that_cannot_be_meant(image_alone, capsys, arguments, words):
     assert main(["surface", "scan.nii.gz", *arguments]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
 
 
-def test_what_cannot_be_referred_to_is_said_before_the_work(scans, capsys, monkeypatch):
+def test_what_cannot_be_referred_to_is_said_before_the_work(image_alone, capsys, monkeypatch):
     pydicom = pytest.importorskip("pydicom")
-    file = min((scans / "scan").iterdir())
+    file = min((image_alone / "scan").iterdir())
     image = pydicom.dcmread(file)
     del image.SOPClassUID, image.file_meta.MediaStorageSOPClassUID
     pydicom.dcmwrite(file, image, enforce_file_format=False)
     monkeypatch.setattr(cccd, "reconstruct", None)
-    before = files(scans)
+    before = files(image_alone)
     for suffix in ("dcm", "seg.dcm", "stl.dcm"):
         asked = ["surface", "liver.nii.gz", "--image", "scan", "-o", "a.ply", "-o", f"a.{suffix}"]
         assert main(asked) == 1
         (line,) = capsys.readouterr().err.splitlines()
         assert f"{file.name}: it has no SOPClassUID" in line
-    assert files(scans) == before
+    assert files(image_alone) == before
 
 
-def test_a_threshold_in_python(scans):
+def test_a_threshold_in_python(image_alone):
     with pytest.raises(cccd.InputError, match="an image without a mask, so it has no label 'liver'"):
         cccd.read("scan", "liver")
     with pytest.raises(cccd.InputError, match="an image without a mask"):

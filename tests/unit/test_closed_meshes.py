@@ -1,13 +1,12 @@
 """Meshes of others become organs: closed, smooth, in their place. What is mended is reported."""
 
 import json
-import runpy
-from pathlib import Path
 
 import nibabel
 import numpy as np
 import pytest
 import trimesh
+from support import scans
 
 import cccd
 from cccd.cli import main
@@ -17,7 +16,6 @@ from cccd.files.read_meshes import read_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import surface_distances
 
-SCANS = runpy.run_path(str(Path(__file__).parent / "inputs" / "scans.py"))
 AFFINE = np.array([[-1.0, 0, 0, 40], [0, -1.0, 0, 35], [0, 0, 2.5, -45], [0, 0, 0, 1]])
 SHAPE = (80, 70, 36)
 
@@ -75,7 +73,7 @@ def test_a_mesh_on_a_scan_s_grid_is_the_voxels_inside_it(here):
 
 
 def test_a_mesh_on_a_series_becomes_seg_and_rtstruct(here):
-    SCANS["write_series"](here / "ct", np.zeros(SHAPE, np.int16), AFFINE)
+    scans.write_series(here / "ct", np.zeros(SHAPE, np.int16), AFFINE)
     outputs = ["-o", "egg.seg.dcm", "-o", "egg.dcm"]
     assert main(["surface", "egg.stl", "--like", "ct", *outputs]) == 0
     for name in ("egg.seg.dcm", "egg.dcm"):

@@ -2,7 +2,6 @@
 
 import json
 import os
-import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -11,11 +10,11 @@ import nibabel
 import numpy as np
 import pytest
 from scipy import ndimage
+from support import scans
 
 from cccd.extras import EXTRAS, check_extra, missing_extra, needing
 
 ROOT = Path(__file__).parents[2]
-SCANS = runpy.run_path(str(Path(__file__).parent / "inputs" / "scans.py"))
 AFFINE = np.diag([1.0, 1.0, 2.5, 1.0])
 
 #: Runs commands and expressions where modules are not: nothing finds them, as where it was never installed.
@@ -101,14 +100,14 @@ def inputs(tmp_path_factory):
     for name, data in {"mask": ball, "maps": ball & ~inner}.items():
         nibabel.save(nibabel.Nifti1Image(data.astype(np.uint8), AFFINE), folder / f"{name}.nii.gz")
     for name in ("mask.nrrd", "mask.mha"):
-        SCANS["write_itk"](folder / name, ball.astype(np.uint8), AFFINE)
-    grey, grid = 100 * ball.astype(np.int16), SCANS["dicom_affine"](spacing=(1, 1, 2.5))
+        scans.write_itk(folder / name, ball.astype(np.uint8), AFFINE)
+    grey, grid = 100 * ball.astype(np.int16), scans.dicom_affine(spacing=(1, 1, 2.5))
     nibabel.save(nibabel.Nifti1Image(grey, AFFINE), folder / "grey.nii.gz")
-    SCANS["write_series"](folder / "series", grey, grid)
+    scans.write_series(folder / "series", grey, grid)
     for name in ("drawn", "enhanced", "labels.ome.zarr", "results/case/organ"):
         (folder / name).mkdir(parents=True)
-    SCANS["write_structure_set"](folder / "drawn" / "rt.dcm", {"ball": SCANS["outlines"](ball, AFFINE)})
-    SCANS["write_enhanced"](folder / "enhanced" / "ct.dcm", grey, grid, range(13))
+    scans.write_structure_set(folder / "drawn" / "rt.dcm", {"ball": scans.outlines(ball, AFFINE)})
+    scans.write_enhanced(folder / "enhanced" / "ct.dcm", grey, grid, range(13))
     sphere = trimesh.creation.icosphere(3, 8.0)
     mesh = Mesh(sphere.vertices + (grid @ (12, 12, 6, 1))[:3], np.asarray(sphere.faces, np.int64))
     write_seg(folder / "seg.dcm", mesh, name="ball", reference=folder / "series")

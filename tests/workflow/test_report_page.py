@@ -2,7 +2,6 @@
 
 import io
 import os
-import runpy
 import shutil
 import time
 from pathlib import Path
@@ -10,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from support import sample_results
 
 from cccd.store import write_json
 from cccd_workflow.report.page import build_report, build_structure_page
 
 ROOT = Path(__file__).parents[2]
-SAMPLES = runpy.run_path(str(ROOT / "tests" / "unit" / "report" / "sample_results.py"))
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
@@ -38,7 +37,7 @@ STRUCTURES = [("phantom", "liver")]
 def report(tmp_path_factory):
     """The cohort's page; its structure's page lies beside."""
     root = tmp_path_factory.mktemp("a run with spaces")
-    results = SAMPLES["write_run"](root, STRUCTURES, picture=False)
+    results = sample_results.write_run(root, STRUCTURES, picture=False)
     output = results / "report.html"
     build_report(results, STRUCTURES, [], CONFIG, output, root / "benchmarks", TEMPLATES)
     own = results / "phantom" / "liver" / "report.html"
@@ -161,7 +160,7 @@ def test_page_of_200_structures_is_small_and_opens_fast(tmp_path, open_page):
     noise = Image.fromarray(rng.integers(0, 255, (20, 60), np.uint8))  # harder to pack than any organ
     noise.resize((630, 210)).save(tmp_path / "picture.png")
     for case, organ in structures:
-        write_json(results / case / organ / "metrics.json", SAMPLES["make_metrics"](case, organ, rng))
+        write_json(results / case / organ / "metrics.json", sample_results.make_metrics(case, organ, rng))
         shutil.copy(tmp_path / "picture.png", results / case / organ)
     output = results / "report.html"
     build_report(results, structures, [], CONFIG, output, None, TEMPLATES)

@@ -1,8 +1,6 @@
 """The data decide the way to the contours: what masks, drawn contours and boundary maps wait for."""
 
 import json
-import runpy
-from pathlib import Path
 
 import h5py
 import nibabel
@@ -10,10 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
+from support import scans
 
 import cccd
-
-SCANS = runpy.run_path(str(Path(__file__).parents[1] / "unit" / "inputs" / "scans.py"))
 
 #: Loaded by every Python: whatever imports torch fails.
 NO_TORCH = """
@@ -50,8 +47,8 @@ def sheet(fresh_project):
         image = nibabel.Nifti1Image(data.astype(np.float32), np.diag([1.0, 1.0, 2.0, 1.0]))
         nibabel.save(image, folder / f"{name}.nii.gz")
     (folder / "drawn").mkdir()
-    drawn = SCANS["outlines"](mask, np.diag([1.0, 1.0, 2.0, 1.0]))
-    SCANS["write_structure_set"](folder / "drawn" / "contours", {"ball": drawn})
+    drawn = scans.outlines(mask, np.diag([1.0, 1.0, 2.0, 1.0]))
+    scans.write_structure_set(folder / "drawn" / "contours", {"ball": drawn})
     rows = [
         "case\torgan\timage\tmask\tboundary",
         "mask\tball\t\tmask.nii.gz\t",

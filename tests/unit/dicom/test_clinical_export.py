@@ -5,7 +5,7 @@ import numpy as np
 import pydicom
 import pytest
 import trimesh
-from scans import affine_of, dicom_affine, full, grey, inside, row, settings, write_series
+from support.scans import affine_of, dicom_affine, full, grey, inside, row, settings, write_series
 
 from cccd.containers import Frame
 from cccd.errors import InputError

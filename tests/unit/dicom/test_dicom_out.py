@@ -14,7 +14,7 @@ import numpy as np
 import pydicom
 import pytest
 import trimesh
-from scans import (
+from support.scans import (
     affine_of,
     dicom_affine,
     empty_uids,

@@ -3,8 +3,8 @@
 import numpy as np
 import pydicom
 import pytest
-import scans
 from pydicom.dataset import Dataset
+from support import scans
 
 import cccd
 from cccd_labels.label_maps import list_map

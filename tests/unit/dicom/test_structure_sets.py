@@ -3,7 +3,7 @@
 import numpy as np
 import pydicom
 import pytest
-from scans import dicom_affine, grey, organ, row, settings, write_series, write_structure_set
+from support.scans import dicom_affine, grey, organ, row, settings, write_series, write_structure_set
 
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.inputs import load_structure

@@ -10,7 +10,7 @@ import nibabel
 import numpy as np
 import pytest
 import trimesh
-from shapes import SETTINGS, ball, curves_of, fork
+from support.shapes import SETTINGS, ball, curves_of, fork
 
 from cccd.containers import Frame, Sections
 from cccd.errors import InputError

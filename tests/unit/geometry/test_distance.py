@@ -2,7 +2,7 @@ import sys
 
 import numpy as np
 import pytest
-from solids import box, sphere
+from support.solids import box, sphere
 
 from cccd.geometry.distance import (
     grid_to_mesh,

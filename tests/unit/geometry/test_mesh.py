@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from solids import box, sphere, torus
+from support.solids import box, sphere, torus
 
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
-from solids import torus
+from support.solids import torus
 
 from cccd.errors import InputError
 from cccd.geometry.ply import read_ply, write_ply

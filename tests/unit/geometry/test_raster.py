@@ -3,7 +3,7 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from solids import sphere
+from support.solids import sphere
 
 from cccd.containers import Curves, Frame
 from cccd.geometry.polygons import RaggedPolygons

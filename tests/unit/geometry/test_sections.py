@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from solids import box, sphere
+from support.solids import box, sphere
 
 from cccd.geometry.sections import cross_sections
 

@@ -3,7 +3,7 @@
 import nibabel
 import numpy as np
 import pytest
-from scans import row, settings, write_nifti
+from support.scans import row, settings, write_nifti
 
 import cccd
 from cccd.containers import Annotation, Sections

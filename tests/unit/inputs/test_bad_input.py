@@ -9,7 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from scans import (
+from scipy.spatial.transform import Rotation
+from support.scans import (
     affine_of,
     dicom_affine,
     grey,
@@ -24,7 +25,6 @@ from scans import (
     write_series,
     write_structure_set,
 )
-from scipy.spatial.transform import Rotation
 
 from cccd.errors import InputError
 from cccd.inputs import load_structure

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from scans import DATA, row, write_nifti
-from scans import settings as import_settings
 from scipy import ndimage
+from support.scans import DATA, row, write_nifti
+from support.scans import settings as import_settings
 
 import cccd
 from cccd.cli import main

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scans import row, settings
+from support.scans import row, settings
 
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError

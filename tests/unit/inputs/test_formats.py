@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from scans import (
+from scipy import ndimage
+from support.scans import (
     affine_of,
     dicom_affine,
     full,
@@ -19,7 +20,6 @@ from scans import (
     write_series,
     write_structure_set,
 )
-from scipy import ndimage
 
 from cccd.inputs import load_structure
 

@@ -5,9 +5,9 @@ import time
 import nibabel
 import numpy as np
 import pytest
-from scans import DATA, affine_of, row, settings, write_nifti
 from scipy import ndimage
 from scipy.spatial import cKDTree
+from support.scans import DATA, affine_of, row, settings, write_nifti
 
 import cccd
 from cccd.cli import main

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from scans import affine_of, full, row, settings, write_itk, write_nifti
+from support.scans import affine_of, full, row, settings, write_itk, write_nifti
 
 from cccd.errors import InputError
 from cccd.inputs import load_structure

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from scans import affine_of, full, row, settings, write_nifti
+from support.scans import affine_of, full, row, settings, write_nifti
 
 from cccd.errors import InputError
 from cccd.inputs import load_structure

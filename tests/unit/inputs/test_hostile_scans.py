@@ -3,7 +3,7 @@
 import numpy as np
 import pydicom
 import pytest
-from scans import (
+from support.scans import (
     ROOT,
     dicom_affine,
     grey,

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scans import row, settings
+from support.scans import row, settings
 
 from cccd.geometry.ply import read_ply
 from cccd.inputs import load_structure

@@ -3,8 +3,8 @@ import itertools
 
 import numpy as np
 import pytest
-from scans import row, settings
 from scipy import ndimage
+from support.scans import row, settings
 
 from cccd.errors import InputError
 from cccd.geometry.raster import voxelise

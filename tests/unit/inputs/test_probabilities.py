@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scans import affine_of, full, organ, row, settings, write_nifti
+from support.scans import affine_of, full, organ, row, settings, write_nifti
 
 import cccd
 from cccd.containers import Frame, ProbabilityStack

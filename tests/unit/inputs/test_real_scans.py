@@ -7,7 +7,7 @@ import pydicom
 import pytest
 import shapely
 import trimesh
-from scans import DATA, empty_uids, full, referred, row, settings
+from support.scans import DATA, empty_uids, full, referred, row, settings
 
 from cccd.cli import main
 from cccd.containers import Sections

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from scans import affine_of, chest, full, grey, organ, row, settings, write_nifti
+from support.scans import affine_of, chest, full, grey, organ, row, settings, write_nifti
 
 from cccd.errors import InputError
 from cccd.inputs import load_structure

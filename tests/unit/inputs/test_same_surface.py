@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 import pyvista
-from scans import (
+from support.scans import (
     outlines,
     row,
     settings,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import pyvista
 import yaml
-from scans import (
+from scipy import ndimage
+from support.scans import (
     ROOT,
     affine_of,
     chest,
@@ -19,7 +20,6 @@ from scans import (
     write_nifti,
     write_series,
 )
-from scipy import ndimage
 
 from cccd.errors import InputError
 from cccd.inputs import load_structure

@@ -1,13 +1,12 @@
 """Slices lie where their headers say: of a tilted gantry aside of each other, uneven ones at any height."""
 
 import json
-import runpy
-from pathlib import Path
 
 import nibabel
 import numpy as np
 import pydicom
 import pytest
+from support import scans
 
 import cccd
 from cccd.cli import main
@@ -17,7 +16,6 @@ from cccd.inputs.readers import read_itk
 from cccd.metrics import dice
 from cccd_labels.scene import SceneOrgan, write_segmentation
 
-SCANS = runpy.run_path(str(Path(__file__).parent / "scans.py"))
 RADII = np.array([16.0, 13.0, 18.0])
 TRUE_ML = 4 / 3 * np.pi * RADII.prod() / 1000
 
@@ -72,8 +70,8 @@ def test_a_tilted_scan_gives_the_surface_of_a_straight_one(apart):
 def test_a_tilted_volume_reads_and_comes_back(here, capsys):
     affine, size = tilted(20, 2.5)
     mask = phantom(affine, size)
-    SCANS["write_nifti"](here / "tilted.nii.gz", mask.astype(np.uint8), affine)
-    SCANS["write_itk"](here / "tilted.nrrd", mask.astype(np.uint8), affine)
+    scans.write_nifti(here / "tilted.nii.gz", mask.astype(np.uint8), affine)
+    scans.write_itk(here / "tilted.nrrd", mask.astype(np.uint8), affine)
     for name in ("tilted.nii.gz", "tilted.nrrd"):
         structure = cccd.read(name)
         assert structure.frame.slice_axis == 2
@@ -97,7 +95,7 @@ def test_label_maps_with_shared_walls_may_be_tilted(here):
     affine, size = tilted(20, 2.5)
     labels = phantom(affine, size).astype(np.uint8)
     labels[32:][labels[32:] > 0] = 2
-    SCANS["write_nifti"](here / "map.nii.gz", labels, affine)
+    scans.write_nifti(here / "map.nii.gz", labels, affine)
     surfaces, failures = cccd.reconstruct_labels("map.nii.gz")
     assert failures == []
     for label, surface in enumerate(surfaces, 1):
@@ -111,8 +109,8 @@ def test_label_maps_with_shared_walls_may_be_tilted(here):
 
 def scan(folder, affine, mask, **changes):
     """A series with a SEG and an RTSTRUCT of the mask."""
-    series = SCANS["write_series"](folder / "ct", SCANS["grey"](mask), affine, **changes)
-    SCANS["write_seg"](folder / "mask.dcm", {"organ": mask}, series, ["organ"])
+    series = scans.write_series(folder / "ct", scans.grey(mask), affine, **changes)
+    scans.write_seg(folder / "mask.dcm", {"organ": mask}, series, ["organ"])
 
 
 def planes_of(series_folder):
@@ -127,13 +125,13 @@ def test_dicom_with_gantry_tilt_goes_there_and_back(here):
     mask = phantom(affine, size)
     scan(here, affine, mask)
     structure = cccd.read("mask.dcm", image="ct")
-    np.testing.assert_array_equal(SCANS["full"](structure), mask)
+    np.testing.assert_array_equal(scans.full(structure), mask)
     assert structure.frame.tilt == pytest.approx(18, abs=0.01)
     surface = cccd.reconstruct(structure)
     assert surface.volume / 1000 == pytest.approx(TRUE_ML, rel=0.01)
     surface.write("back.seg.dcm")
     again = cccd.read("back.seg.dcm", image="ct")
-    assert dice(mask, SCANS["full"](again)) > 0.985
+    assert dice(mask, scans.full(again)) > 0.985
     alone = cccd.read("back.seg.dcm")  # also without the series
     assert alone.frame.tilt == pytest.approx(18, abs=0.01)
     surface.write("back.dcm")
@@ -157,9 +155,9 @@ def test_a_segmentation_on_uneven_slices_lies_at_its_heights(here, apart):
         mask, changes = phantom(affine, size, heights), {"heights": heights}
     else:
         mask, changes = phantom(affine, size), {"skip": (8, 13)}
-    series = SCANS["write_series"](here / "ct", SCANS["grey"](mask), affine, **changes)
+    series = scans.write_series(here / "ct", scans.grey(mask), affine, **changes)
     kept = [c for c in range(size[2]) if c not in changes.get("skip", ())]
-    SCANS["write_seg"](here / "mask.dcm", {"organ": mask[..., kept]}, series, ["organ"])
+    scans.write_seg(here / "mask.dcm", {"organ": mask[..., kept]}, series, ["organ"])
     structure = cccd.read("mask.dcm", image="ct")
     assert structure.warnings
     surface = cccd.reconstruct(structure)
@@ -187,7 +185,7 @@ def test_contours_on_uneven_planes_lie_at_their_heights(here):
         for z in heights
         if (s := np.sqrt(1 - (z / RADII[2]) ** 2))
     ]
-    SCANS["write_structure_set"](here / "rt.dcm", {"organ": rings})
+    scans.write_structure_set(here / "rt.dcm", {"organ": rings})
     surface = cccd.reconstruct(cccd.read("rt.dcm"))
     assert surface.volume / 1000 == pytest.approx(TRUE_ML, rel=0.015)
     assert off(surface.vertices).mean() < 0.2
@@ -202,7 +200,7 @@ def test_uneven_and_missing_slices_of_a_series_are_interpolated_and_said(here):
     world = index @ affine[:3, :3].T + affine[:3, 3]
     depth = (1 - np.linalg.norm(world / RADII, axis=-1)) * RADII.min()
     image = (100 * np.clip(depth / 2, -1, 1)).astype(np.int16)  # partial volume over 4 mm
-    SCANS["write_series"](here / "ct", image, affine, heights=heights)
+    scans.write_series(here / "ct", image, affine, heights=heights)
     structure = cccd.read("ct", threshold=(0, None))
     assert any("unevenly spaced" in note for note in structure.warnings)
     assert cccd.reconstruct(structure).volume / 1000 == pytest.approx(TRUE_ML, rel=0.01)

@@ -1,11 +1,11 @@
 """What the rules ask of a plan: files, settings, code, groups; and how quickly it is made."""
 
-import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from support import plans
 
 from cccd.errors import InputError
 from cccd.extras import EXTRAS
@@ -16,8 +16,7 @@ from cccd_workflow.plan.plan import Plan
 from cccd_workflow.plan.resources import digest, memory, minutes
 from cccd_workflow.report.registry import Comparison, comparisons, inputs
 
-PLANS = runpy.run_path(str(Path(__file__).parent / "plans.py"))
-plan_of, named, ROOT = PLANS["plan_of"], PLANS["named"], PLANS["ROOT"]
+plan_of, named, ROOT = plans.plan_of, plans.named, plans.ROOT
 
 MASK = {"case": "a", "organ": "ball", "mask": "mask.nii.gz"}
 MAPS = {"case": "b", "organ": "ball", "boundary": "maps.nii.gz"}

@@ -1,7 +1,6 @@
 """Rows of a sheet, as planned: scripts that lead to contours, files that are inputs, what is refused."""
 
 import os
-import runpy
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,13 +8,12 @@ from types import SimpleNamespace
 import nibabel
 import numpy as np
 import pytest
+from support import plans, scans
 
 from cccd.errors import InputError
 from cccd_workflow.plan.plan import Plan
 
-PLANS = runpy.run_path(str(Path(__file__).parent / "plans.py"))
-plan_of, named = PLANS["plan_of"], PLANS["named"]
-SCANS = Path(__file__).parents[1] / "inputs" / "scans.py"
+plan_of, named = plans.plan_of, plans.named
 
 A_BALL = {"case": "a", "organ": "ball"}
 #: A row of each kind of input that no file decides, and the way to its contours.
@@ -56,9 +54,8 @@ def test_every_mask_is_ordered_where_that_is_asked_for(row, way):
 
 @pytest.mark.parametrize("ordering", ["auto", "gnn"])
 def test_drawn_contours_are_taken_whatever_is_asked_for(ordering):
-    scans = runpy.run_path(str(SCANS))
-    drawn = scans["outlines"](scans["organ"](), np.eye(4))
-    scans["write_structure_set"](Path("contours"), {"ball": drawn})
+    drawn = scans.outlines(scans.organ(), np.eye(4))
+    scans.write_structure_set(Path("contours"), {"ball": drawn})
     plan = plan_of(A_BALL | {"mask": "contours"}, curves={"ordering": ordering})
     assert plan.cohort.contour_way(named("a/ball")) == "take_contours"
     assert not plan.cohort.needs_network
@@ -92,8 +89,8 @@ def test_a_file_that_is_missing_or_of_the_future_is_no_input():
 def test_a_row_without_its_mask_is_left_out_and_named_unless_it_was_imported():
     rows = [A_BALL | {"mask": "mask.nii.gz"}, {"case": "b", "organ": "ball", "mask": "nowhere.nii.gz"}]
     Path("mask.nii.gz").write_bytes(b"")
-    config = {"cohort": str(PLANS["write_sheet"](rows))}
-    cohort = Plan.make(config, PLANS["ROOT"], leave_out_missing=True).cohort
+    config = {"cohort": str(plans.write_sheet(rows))}
+    cohort = Plan.make(config, plans.ROOT, leave_out_missing=True).cohort
     assert cohort.reconstructed == [named("a/ball")]
     (error,) = cohort.missing.values()
     assert str(error).startswith("sheet.tsv row 3: mask: there is no nowhere.nii.gz in ")
@@ -102,15 +99,15 @@ def test_a_row_without_its_mask_is_left_out_and_named_unless_it_was_imported():
     imported = Path("results/b/ball/structure.h5")
     imported.parent.mkdir(parents=True)
     imported.write_bytes(b"")
-    again = Plan.make(config, PLANS["ROOT"], leave_out_missing=True).cohort
+    again = Plan.make(config, plans.ROOT, leave_out_missing=True).cohort
     assert again.reconstructed == [named("a/ball"), named("b/ball")]
     assert not again.missing
 
 
 def test_a_cohort_without_any_mask_is_refused():
-    config = {"cohort": str(PLANS["write_sheet"]([A_BALL | {"mask": "nowhere.nii.gz"}]))}
+    config = {"cohort": str(plans.write_sheet([A_BALL | {"mask": "nowhere.nii.gz"}]))}
     with pytest.raises(InputError, match=r"sheet\.tsv row 2: mask: there is no nowhere"):
-        Plan.make(config, PLANS["ROOT"], leave_out_missing=True)
+        Plan.make(config, plans.ROOT, leave_out_missing=True)
 
 
 def test_the_mask_that_a_cohort_s_layout_implies_is_an_input():

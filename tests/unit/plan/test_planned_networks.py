@@ -1,17 +1,15 @@
 """Which networks a run trains, takes and compares, and what it refuses."""
 
-import runpy
 import shutil
-from pathlib import Path
 
 import pytest
+from support import plans
 
 from cccd.errors import InputError
 from cccd_workflow.plan.networks import MODEL
 from cccd_workflow.plan.plan import Plan
 
-PLANS = runpy.run_path(str(Path(__file__).parent / "plans.py"))
-plan_of, ROOT = PLANS["plan_of"], PLANS["ROOT"]
+plan_of, ROOT = plans.plan_of, plans.ROOT
 
 MODELS = ROOT / "workflow" / "models"
 MASK = {"case": "a", "organ": "ball", "mask": "mask.nii.gz"}

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
-from sample_results import make_metrics, write_run
+from support.sample_results import make_metrics, write_run
 
 from cccd.store import write_json, write_table
 from cccd.surface.between import DISTANCES

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 from PIL import Image
-from sample_results import BAND, BOUNDARIES, write_results
+from support.sample_results import BAND, BOUNDARIES, write_results
 
 from cccd.containers import Frame, Structure
 from cccd.store import write_boundaries, write_structure

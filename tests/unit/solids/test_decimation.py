@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
-from closed_shapes import mesh_of, sphere, together, torus
+from support.closed_shapes import mesh_of, sphere, together, torus
 
 from cccd.geometry.decimation import collapse_apart, collapse_edges
 from cccd.geometry.mesh import Mesh

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from closed_shapes import mesh_of, ring
+from support.closed_shapes import mesh_of, ring
 
 from cccd_solids.fitted import fit_within
 from cccd_solids.shells import measure_deviation

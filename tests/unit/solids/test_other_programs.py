@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from closed_shapes import sphere, together
+from support.closed_shapes import sphere, together
 
 from cccd_solids.build import build_solids, write_solids
 

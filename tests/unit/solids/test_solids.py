@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from closed_shapes import box, nested, ring, sphere
+from support.closed_shapes import box, nested, ring, sphere
 
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh

@@ -9,7 +9,7 @@ from scipy.interpolate import BSpline
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "geometry"))
 
-from control_meshes import CORNERS, bumpy, cube, pill, polygon_area, torus, turned
+from support.control_meshes import CORNERS, bumpy, cube, pill, polygon_area, torus, turned
 
 from cccd.containers import Frame
 from cccd.files.options import ExportOptions

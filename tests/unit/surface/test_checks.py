@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapes import SETTINGS, ball, curves_of
+from support.shapes import SETTINGS, ball, curves_of
 from trimesh import creation
 
 from cccd.containers import Frame, Sections

@@ -1,11 +1,9 @@
 """Contours on planes that cross give the solid that they were cut from."""
 
-import runpy
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
+from support import scans
 
 import cccd
 from cccd.cli import main
@@ -14,8 +12,6 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.metrics import surface_distances
 from cccd.surface.crossing_planes import planes_of, surface_through
-
-SCANS = runpy.run_path(str(Path(__file__).parents[1] / "inputs" / "scans.py"))
 
 
 def egg():
@@ -95,7 +91,7 @@ def test_an_rtstruct_of_two_orientations_is_one_organ(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     drawn = cut(egg(), [(1, 0, 0), (0, 0, 1)], np.arange(-24, 25, 6.0))
     rings = [ring * (-1, -1, 1) for _, section in drawn for ring in section]
-    SCANS["write_structure_set"](tmp_path / "rt.dcm", {"organ": rings})
+    scans.write_structure_set(tmp_path / "rt.dcm", {"organ": rings})
     assert main(["surface", "rt.dcm", "--label", "organ", "-o", "organ.ply"]) == 0
     assert cccd.smooth_mesh("rt.dcm").volume == pytest.approx(egg().volume, rel=0.03)
 

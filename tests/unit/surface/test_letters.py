@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from shapes import structure_of
+from support.shapes import structure_of
 
 from cccd.inputs.implicit_solids import ImplicitFunction, sample_lattice
 from cccd.inputs.phantoms import ORGANS

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.ndimage import binary_opening, gaussian_filter
 from scipy.spatial.transform import Rotation
-from shapes import SETTINGS, ball, curves_of, fork, grid, structure_of
+from support.shapes import SETTINGS, ball, curves_of, fork, grid, structure_of
 
 from cccd.containers import Curves, Frame, Sections
 from cccd.errors import InputError

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
-from shapes import curves_of
+from support.shapes import curves_of
 
 from cccd.containers import Sections
 from cccd.settings.surface import LoftSettings

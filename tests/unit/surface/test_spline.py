@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import binary_opening, gaussian_filter
-from shapes import ball, curves_of, fork, grid
+from support.shapes import ball, curves_of, fork, grid
 from trimesh import creation
 
 from cccd.containers import Sections

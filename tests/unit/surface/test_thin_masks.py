@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from thin_masks import endplates, iliac_wing, ribs, shell
+from support.thin_masks import endplates, iliac_wing, ribs, shell
 from truth_measures import wrong_voxels
 
 import cccd

@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from bars import FRAME, HALF, SETTINGS, two_halves
 from scipy.spatial.transform import Rotation
+from support.bars import FRAME, HALF, SETTINGS, two_halves
 
 from cccd.errors import InputError
 from cccd.inputs.grid import Volume

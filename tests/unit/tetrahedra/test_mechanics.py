@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bars import SETTINGS, two_halves
+from support.bars import SETTINGS, two_halves
 
 import cccd
 from cccd.settings.surface import TetrahedraSettings

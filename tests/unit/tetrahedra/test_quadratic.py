@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bars import SETTINGS, two_halves
-from solids import sphere
+from support.bars import SETTINGS, two_halves
+from support.solids import sphere
 
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh

@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 import trimesh
-from bars import FRAME, HALF, SETTINGS, WIDTH, two_halves
-from solids import mesh_of, sphere
+from support.bars import FRAME, HALF, SETTINGS, WIDTH, two_halves
+from support.solids import mesh_of, sphere
 
 import cccd
 from cccd.containers import Frame

@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from scans import DATA
-from tubes import Tube, helix, straight, turned, voxels
+from support.scans import DATA
+from support.tubes import Tube, helix, straight, turned, voxels
 
 import cccd
 from cccd.errors import InputError

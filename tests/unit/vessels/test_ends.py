@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
+from support.tubes import Tube, straight, voxels
 from test_centrelines import FINE, fork
-from tubes import Tube, straight, voxels
 
 import cccd
 from cccd.cli import main

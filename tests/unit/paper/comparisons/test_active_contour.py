@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from known_curves import bean, circle
+from support.known_curves import bean, circle
 
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice

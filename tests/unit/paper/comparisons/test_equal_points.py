@@ -2,7 +2,7 @@
 
 import numpy as np
 import pandas as pd
-from known_curves import bean
+from support.known_curves import bean
 
 from cccd.containers import Frame, Structure
 from cccd.geometry.raster import rasterise

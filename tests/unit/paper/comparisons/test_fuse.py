@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from known_curves import bean, circle
+from support.known_curves import bean, circle
 
 from cccd_paper.comparisons.baselines.reconstructions import reconstruct
 from cccd_paper.comparisons.fuse import (

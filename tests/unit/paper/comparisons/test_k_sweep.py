@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from known_curves import bean
+from support.known_curves import bean
 
 from cccd.containers import Curves, Frame, Structure
 from cccd.curves.corners import DETECTORS

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from known_curves import circle, ring_links
+from support.known_curves import circle, ring_links
 
 from cccd_paper.comparisons.links import closed_order, count_links, enclosed_region, unique_links
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from known_curves import bean, circle, ring_links
 from scipy.spatial.distance import pdist
+from support.known_curves import bean, circle, ring_links
 
 from cccd_paper.comparisons.baselines.reconstructions import RECONSTRUCTIONS, reconstruct
 from cccd_paper.comparisons.links import count_links

@@ -3,7 +3,7 @@ import io
 import numpy as np
 import pandas as pd
 import pytest
-from known_curves import bean
+from support.known_curves import bean
 
 from cccd.containers import Frame, Structure
 from cccd.geometry.raster import rasterise

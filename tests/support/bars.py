@@ -8,10 +8,9 @@ import trimesh
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "geometry"))
 
-from solids import mesh_of, sphere
-
 from cccd.containers import Frame
 from cccd.settings.surface import TetrahedraSettings
+from support.solids import mesh_of, sphere
 
 __all__ = ["FRAME", "HALF", "SETTINGS", "WIDTH", "two_halves"]
 

@@ -8,9 +8,8 @@ import trimesh
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "geometry"))
 
-from solids import box, mesh_of, sphere, torus
-
 from cccd.geometry.mesh import Mesh
+from support.solids import box, mesh_of, sphere, torus
 
 __all__ = ["box", "mesh_of", "moved", "nested", "ring", "sphere", "together", "torus"]
 
