@@ -12,7 +12,7 @@ Reconstruct
     shared walls; `smooth_mesh` makes one of a mesh.
 Use
     `Surface.mesh` is the triangle mesh in mm (RAS), `Surface.bodies` the closed splines (`ControlMesh`),
-    `Surface.write` writes a file by its suffix.
+    `Surface.write` writes a file by its suffix, `compare` measures how far two agree.
 Step by step
     `order` turns boundary pixels into `Curves`, `fit_contours` fits splines to them (`FittedCurves`).
 
@@ -36,6 +36,7 @@ __all__ = [
     "Structure",
     "Surface",
     "__version__",
+    "compare",
     "fit_contours",
     "labels",
     "order",

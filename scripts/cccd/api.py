@@ -193,8 +193,7 @@ class Surface:
     @property
     def volume_interval(self) -> tuple[float, float] | None:
         """Lowest and highest volume, mm^3, with the share of ``surface.band``; None without a band."""
-        band = self.lofted.band
-        return None if band is None else band.volume_interval(self.lofted.mesh)
+        return self.lofted.volume_interval
 
     @property
     def sides(self) -> dict[str, Surface]:

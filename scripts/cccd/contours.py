@@ -89,7 +89,7 @@ def doubtful_slices(report: Mapping[str, Any], most: int = 10) -> list[str]:
     check these slices, the most doubtful first: 7, 3 (2 of 4; about 1.2 are expected to be wrong; of the \
 others at most 10 % on average)
     >>> print(*doubtful_slices(found | {"doubtful": [3, 1, 0]}))
-    check all 4 slices: 3 are doubtful, and about 1.2 are expected to be wrong
+    most slices are doubtful (3 of 4; about 1.2 are expected to be wrong): check each of them
     """
     doubtful = report.get("doubtful", [])
     if not doubtful:
@@ -97,7 +97,7 @@ others at most 10 % on average)
     whole = len(report["slices"])
     wrong = f"about {report['expected_wrong']:.2g} are expected to be wrong"
     if len(doubtful) > whole / 2:  # such a list helps nobody to choose
-        return [f"check all {whole} slices: {len(doubtful)} are doubtful, and {wrong}"]
+        return [f"most slices are doubtful ({len(doubtful)} of {whole}; {wrong}): check each of them"]
     listed = ", ".join(map(str, doubtful[:most])) + (" and so on" if len(doubtful) > most else "")
     if report["unlisted_wrong"] is not None:
         wrong += f"; of the others at most {100 * report['unlisted_wrong']:.3g} % on average"

@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from cccd.commands.outputs import describe_surface, print_json, with_name, write_with_band
 from cccd.console import OrganLines, joined_warnings, organ_table, print_error
+from cccd.errors import InputError
 from cccd.files.write import format_of
 from cccd.store import atomic_path
 from cccd.surface.between import near_pairs
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from cccd.settings.root import Settings
     from cccd_labels.whole_map import LabelSurface
 
-__all__ = ["make_all_surfaces"]
+__all__ = ["make_all_surfaces", "without_written"]
 
 #: What is shown while the labels of a map are made: which one, how much is done, how long it takes yet.
 _ALL_BAR = "{desc:<32} {percentage:3.0f}% {bar:20} {elapsed}, {remaining} left"
@@ -35,6 +36,11 @@ def make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], settin
     with tqdm(disable=None, leave=False, bar_format="{desc:<40} {elapsed}") as bar:
         bar.set_description_str("reading")
         whole = WholeMap.read(given.input, given.names, given.image, given.annotated, settings)
+    if given.resume:
+        if scenes or given.json or given.band:
+            problem = "a scene, --json and --band need all organs again"
+            raise InputError("--resume", problem, "leave one of them out")
+        whole = without_written(whole, outputs)
     if note := whole.check_memory(given.cores):
         print(f"{note} ...", file=sys.stderr)
     voxels, told = whole.voxels, 0
@@ -77,6 +83,21 @@ def make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], settin
     return 1 if whole.failures else 0
 
 
+def without_written(whole: WholeMap, outputs: Sequence[Path]) -> WholeMap:
+    """Leave out organs whose files are there, newer than the map; none that shares walls with another."""
+    since = whole.path.stat().st_mtime if whole.path.is_file() else 0.0
+    files = {
+        number: [with_name(path, structure.organ) for path in outputs]
+        for number, structure in whole.structures.items()
+    }
+    left = whole.without(
+        {n for n, paths in files.items() if all(p.is_file() and p.stat().st_mtime > since for p in paths)}
+    )
+    kept = len(whole.structures) - len(left.structures)
+    print(f"{kept} of {len(whole.structures)} organs are written already", file=sys.stderr)
+    return left
+
+
 def _as_far_as_possible(
     surfaces: Iterable[LabelSurface], made: Mapping[int, object], count: int
 ) -> Iterator[LabelSurface]:
@@ -84,7 +105,7 @@ def _as_far_as_possible(
     try:
         yield from surfaces
     except (KeyboardInterrupt, MemoryError):
-        again = "the same command makes all of them again"
+        again = "the same command with --resume makes the others"
         print(f"{len(made)} of {count} organs are written; {again}", file=sys.stderr)
         raise
 
@@ -107,7 +128,9 @@ def _print_table(made: Sequence[Mapping[str, Any]]) -> None:
 
 def _fail_each(failures: Sequence[str], told: int) -> int:
     """Report the failures that were not told yet; how many there are now."""
-    for line in failures[told:]:
+    new = failures[told:]
+    why = {label: [reason] for label, _, reason in (line.partition(": ") for line in new)}
+    for line in joined_warnings(why) if len(new) > 1 else new:
         print_error(line)
     return len(failures)
 

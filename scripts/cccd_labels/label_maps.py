@@ -20,9 +20,8 @@ from cccd.dicom_objects import object_in
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import Volume
-from cccd.inputs.labels import plain_name
+from cccd.inputs.labels import freesurfer_labels, plain_name
 from cccd.inputs.row_files import label_values, list_labels, read_masks
-from cccd_labels.freesurfer import freesurfer_names
 
 __all__ = [
     "MapLabel",
@@ -81,7 +80,7 @@ def list_map(path: Path, table: Path | None = None) -> list[MapLabel]:
         A label map, a DICOM SEG or RTSTRUCT, or a folder of one-organ masks.
     table : path, optional
         Its names go first; see `read_label_table`. Otherwise those in the file count, those in the
-        ``dataset.json`` beside it, and FreeSurfer's where the file looks like one of its own.
+        ``dataset.json`` beside it, and FreeSurfer's where the file or its numbers look like its own.
 
     Raises
     ------
@@ -138,13 +137,14 @@ def _named(
     named = read_label_table(table) if table is not None else {}
     if not found:
         raise InputError(path.name, "it contains no label", "give a label map, a SEG or a folder of masks")
-    guessed = freesurfer_names(path, [int(label) for label in found if label.isdecimal()])
+    known = freesurfer_labels(path.name, [int(label) for label in found if label.isdecimal()])
     labels: list[MapLabel] = []
     for label, name in found.items():
-        row = named.get(label, MapLabel(label))
-        name = row.name or name or guessed.get(label, "")
+        row, guess = named.get(label, MapLabel(label)), known.get(int(label) if label.isdecimal() else 0)
+        name = row.name or name or (guess[0] if guess else "")
+        colour = row.colour or (guess[1] if guess and name == guess[0] else "")
         organ = plain_name(name) or f"label_{plain_name(label)}"
-        labels.append(MapLabel(label, name, organ, row.colour, row.code, why.get(label, "")))
+        labels.append(MapLabel(label, name, organ, colour, row.code, why.get(label, "")))
     twice = {organ for organ, count in Counter(label.organ.lower() for label in labels).items() if count > 1}
     return [
         MapLabel(**{**asdict(label), "organ": f"{label.organ}_{plain_name(label.label)}"})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -115,6 +115,11 @@ class WholeMap:
     def voxels(self) -> dict[int, int]:
         """How many voxels, or points of drawn contours, each structure has: the time that it takes."""
         return {number: _size(structure) for number, structure in self.structures.items()}
+
+    def without(self, finished: Collection[int]) -> WholeMap:
+        """Leave out organs that are finished; of those that touch, all or none."""
+        groups = [group for group in self._groups() if not {*group} <= {*finished}]
+        return replace(self, structures={n: self.structures[n] for group in groups for n in group})
 
     def check_memory(self, n_jobs: int) -> str:
         """Say how much memory the surfaces need where that is much; empty where it is not.

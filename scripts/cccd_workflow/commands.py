@@ -106,7 +106,7 @@ def _compare(given: argparse.Namespace) -> int:
     if given.json:
         print(json.dumps({**found.as_json(), "limits": limits, "missed": missed}, indent=2))
     else:
-        print(found.as_text())
+        print(found)
         for line in missed:
             print(f"missed: {line}")
         print(*given.output, sep="\n", end="\n" * bool(given.output))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cccd.api import read
+from cccd.api import Surface, read
 from cccd.closed_meshes import mend
 from cccd.errors import InputError
 from cccd.files.read_meshes import is_mesh, read_mesh
@@ -112,10 +112,11 @@ class Comparison:
             "notes": self.notes,
         }
 
-    def as_text(self) -> str:
+    def __str__(self) -> str:
         """Write a table, and below it the notes."""
-        headings = ["", *(_HEADINGS[name] for name in _FIGURES)]
-        lines = [[row.caption, *map(_shown, row.figures.values())] for row in self.rows]
+        headings = ["", *_HEADINGS.values()]
+        shown = [["-" if v is None else f"{v:.4g}" for v in row.figures.values()] for row in self.rows]
+        lines = [[row.caption, *values] for row, values in zip(self.rows, shown, strict=True)]
         widths = [max(map(len, column)) for column in zip(headings, *lines, strict=True)]
         table = [
             "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])])
@@ -138,16 +139,11 @@ _HEADINGS = {
     "normals_median_deg": "normals deg",
     "normals_p90_deg": "p90 deg",
 }
-_FIGURES = tuple(_HEADINGS)
-
-
-def _shown(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4g}"
 
 
 def compare(
-    first: str | Path,
-    second: str | Path,
+    first: str | Path | Surface,
+    second: str | Path | Surface,
     labels: Sequence[str] = (),
     tolerance_mm: float = TOLERANCE_MM,
     heat_map: bool = False,
@@ -156,7 +152,7 @@ def compare(
 
     Parameters
     ----------
-    first, second : path
+    first, second : path or Surface
         A mesh (PLY, STL, OBJ, GLB, VTP, GIfTI), ``surface.h5``, a solid (STEP, IGES, BREP), a mask or label
         map (NIfTI, NRRD, MHA), a DICOM SEG or RTSTRUCT, or a folder with a mask per organ.
     labels : sequence of str
@@ -170,10 +166,10 @@ def compare(
     Returns
     -------
     Comparison
-        A row's figures are ``dice``, ``assd_mm``, ``hd95_mm``, ``hausdorff_mm``, ``surface_dice`` (share of
-        both surfaces within the tolerance), ``volume_a_ml``, ``volume_b_ml``, ``volume_bias`` (first over
-        second, less 1), ``normals_median_deg`` and ``normals_p90_deg``. A label that one input lacks has a
-        Dice of 0 and no distances.
+        Printed as a table. A row's figures are ``dice``, ``assd_mm``, ``hd95_mm``, ``hausdorff_mm``,
+        ``surface_dice`` (share of both surfaces within the tolerance), ``volume_a_ml``, ``volume_b_ml``,
+        ``volume_bias`` (first over second, less 1), ``normals_median_deg`` and ``normals_p90_deg``. A label
+        that one input lacks has a Dice of 0 and no distances.
 
     Raises
     ------
@@ -181,19 +177,22 @@ def compare(
         Not readable, no such label, or no label in common.
     """
     wanted = [*labels, *labels] if len(labels) == 1 else list(labels) or ["", ""]
-    paths = [existing(Path(path).absolute(), Path(path).name) for path in (first, second)]
     notes: list[str] = []
-    mine, theirs = (_read(path, label, notes) for path, label in zip(paths, wanted, strict=True))
-    pairs = _pairs(mine, theirs, (paths[0].name, paths[1].name))
-    rows = [_compared(one, other, tolerance_mm, heat_map) for one, other in pairs]
-    return Comparison(str(first), str(second), tolerance_mm, rows, notes)
+    mine, theirs = (_read(one, label, notes) for one, label in zip((first, second), wanted, strict=True))
+    names = [one.name if isinstance(one, Surface) else str(one) for one in (first, second)]
+    pairs = _pairs(mine, theirs, (Path(names[0]).name, Path(names[1]).name))
+    rows = [_compared(*pair, tolerance_mm, heat_map) for pair in pairs]
+    return Comparison(*names, tolerance_mm, rows, notes)
 
 
 # What is compared -------------------------------------------------------------------------------------
 
 
-def _read(path: Path, label: str, notes: list[str]) -> list[_Shape]:
+def _read(given: str | Path | Surface, label: str, notes: list[str]) -> list[_Shape]:
     """Read every label of an input, or the one that is asked for."""
+    if isinstance(given, Surface):
+        return [_Shape.of_mesh(given.lofted.mesh)]
+    path = existing(Path(given).absolute(), Path(given).name)
     if path.is_file() and is_mesh(path):
         found = read_mesh(path)
         notes += found.notes
@@ -260,7 +259,7 @@ def _listed(shapes: Sequence[_Shape]) -> str:
 
 
 def _compared(first: _Shape | None, second: _Shape | None, tolerance: float, heat_map: bool) -> Compared:
-    figures: dict[str, float | None] = dict.fromkeys(_FIGURES)
+    figures: dict[str, float | None] = dict.fromkeys(_HEADINGS)
     for shape, name in ((first, "volume_a_ml"), (second, "volume_b_ml")):
         if shape is not None and shape.volume is not None:
             figures[name] = shape.volume / 1000

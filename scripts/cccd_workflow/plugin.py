@@ -2,6 +2,7 @@
 
 from cccd.plugins import Command
 
+API = {"compare": "cccd_workflow.comparison.compare"}
 COMMANDS = {
     "compare": Command("compare two surfaces, masks or label maps", "cccd_workflow.commands.add_compare"),
     "run": Command("run the whole workflow on a cohort", "cccd_workflow.commands.add_run"),

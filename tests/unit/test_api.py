@@ -19,7 +19,7 @@ from cccd.tolerances import CONTROL_POINT_PIXELS
 
 PUBLIC = {
     *("fit_contours", "labels", "order", "read", "reconstruct", "reconstruct_labels", "smooth_mesh"),
-    *("ControlMesh", "Curves", "FittedCurves", "InputError", "Settings", "Structure", "Surface"),
+    *("compare", "ControlMesh", "Curves", "FittedCurves", "InputError", "Settings", "Structure", "Surface"),
     "__version__",
 }
 SCRIPTS = Path(__file__).parents[2] / "scripts"
@@ -38,7 +38,7 @@ def surface():
 
 def test_what_is_public_is_listed_once_and_is_there():
     assert set(cccd.__all__) == PUBLIC
-    handed_on = {*import_module("cccd.api").__all__, "reconstruct_labels"}  # by the stub
+    handed_on = {*import_module("cccd.api").__all__, "compare", "reconstruct_labels"}  # by the stub
     assert handed_on == PUBLIC - {"__version__"}
     for name in PUBLIC - {"__version__"}:
         assert getattr(cccd, name).__doc__

@@ -2,19 +2,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import ndimage
+from test_tracing import blobs, trace
 
 from cccd import chaincode
 from cccd.containers import Boundaries, Frame
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.tracing import trace_stack
 
 FRAME = Frame(np.eye(4), 2, (60, 60, 9))
-ORIGIN = np.array([3, 10, 20])
-
-
-def trace(mask):
-    return trace_stack(np.atleast_3d(mask).reshape(-1, *mask.shape[-2:]), ORIGIN, FRAME)
 
 
 def boundaries_of(*pictures):
@@ -22,13 +16,6 @@ def boundaries_of(*pictures):
     parts = [np.argwhere([[char == "#" for char in row] for row in picture]) for picture in pictures]
     points, offsets = concatenate_ragged(parts)
     return Boundaries(points.astype(np.int32), offsets, np.arange(len(parts), dtype=np.int32), FRAME)
-
-
-def blobs(seed, shape=(3, 24, 26)):
-    """Smooth random regions with several components and holes."""
-    rng = np.random.default_rng(seed)
-    noise = ndimage.gaussian_filter(rng.normal(size=shape), (0, 1.5, 1.5), mode="constant")
-    return noise > noise.std() * rng.uniform(-0.5, 1)
 
 
 # Codes ----------------------------------------------------------------------------------------------

@@ -64,7 +64,7 @@ def test_every_package_and_every_file_of_the_workflow_is_in_the_wheel(installed)
     folders = [path.parent.relative_to(scripts) for path in files if path.name == "__init__.py"]
     assert set(named) == {".".join(folder.parts) for folder in folders} | {"cccd.pipeline"}
     for path in files:
-        if path.is_file() and path.suffix in (".py", ".pyi", ".npz", ".typed"):
+        if path.is_file() and path.suffix in (".py", ".pyi", ".npz", ".txt", ".typed"):
             assert (installed / path.relative_to(scripts)).is_file(), path
     carried = [ROOT / "Snakefile", ROOT / "LICENSE", ROOT / "envs" / "cccd.yaml"]
     carried += [*(ROOT / "scripts").glob("*.py"), *(ROOT / "config").glob("*.[ty]*")]

@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 #: What is said of triangles of one size.
-_UNIFORM = ("edge_mm", "chord_error_mm")
+_UNIFORM = ("edge_mm", "chord_error_mm", "spline_ml")
 
 
 def plain_stem(path: Path) -> str:
@@ -150,8 +150,8 @@ def print_surface(made: dict[str, Any]) -> None:
     print(f"  {volume}, {size} mm{pieces}, {made['triangles']} triangles, {made['seconds']:.1f} s")
     if "chord_error_mm" in made:
         least, mean, most = made["edge_mm"]
-        error = made["chord_error_mm"]
-        print(f"  edges of {mean:.3g} mm ({least:.3g} to {most:.3g}), within {error:.2g} mm of the spline")
+        off = f"within {made['chord_error_mm']:.2g} mm of the spline of {millilitres(made['spline_ml'])}"
+        print(f"  edges of {mean:.3g} mm ({least:.3g} to {most:.3g}), {off}")
     for name, (low, high) in made.get("intervals", {}).items():
         what, _, unit = name.rpartition("_")
         print(f"  {what}: {low:.4g} to {high:.4g} {unit}, {made['band']:.0%} interval")

@@ -62,6 +62,10 @@ def add_surface(command: argparse.ArgumentParser) -> None:
         help="with --all-labels: processes at once, each with up to a gigabyte of memory; default: all "
         f"cores, at most {_MOST_CORES}",
     )  # fmt: skip
+    every.add_argument(
+        "--resume", action="store_true",
+        help="with --all-labels, after a call that was interrupted: keep organs whose files are there",
+    )  # fmt: skip
     add_band(written)
     written.add_argument(
         "--samples", type=int, metavar="N",
@@ -119,6 +123,8 @@ def _surface(given: argparse.Namespace) -> int:
         raise InputError("--all-labels", "it already takes every label", "leave --label out")
     if given.names is not None and not given.all_labels:
         raise InputError("--names", "it names the labels of a whole map", "add --all-labels")
+    if given.resume and not given.all_labels:
+        raise InputError("--resume", "it continues a whole map", "add --all-labels")
     if given.cores < 1:
         raise InputError("--cores", f"{given.cores} is no number of processes", "give 1 or more")
     if given.samples is not None and given.all_labels:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
+from pathlib import Path
 
 from cccd.errors import InputError
 from cccd.settings.messages import choices
 
-__all__ = ["choose_labels", "plain_name"]
+__all__ = ["choose_labels", "freesurfer_labels", "plain_name"]
+
+#: A map is FreeSurfer's with so many labels, none of another number, and white matter on both sides.
+_FEWEST, _WHITE_MATTER = 12, {2, 41}
 
 
 def plain_name(name: str) -> str:
@@ -72,3 +77,24 @@ def _labels_called(names: dict[int, str], wanted: str) -> list[int]:
     if exact:
         return exact
     return [number for number, name in names.items() if name.strip().lower() == wanted.lower()]
+
+
+def freesurfer_labels(location: str, present: Collection[int]) -> dict[int, tuple[str, str]]:
+    """Names and colours by FreeSurfer's numbers (and SynthSeg's); none for a map that has others.
+
+    Examples
+    --------
+    >>> freesurfer_labels("aparc+aseg.mgz", [17, 999, 2035])
+    {17: ('Left-Hippocampus', '#dcd814'), 2035: ('ctx-rh-insula', '#ffc020')}
+    >>> freesurfer_labels("liver.nii.gz", [17])
+    {}
+    """
+    is_named = re.search(r"aseg|aparc|wmparc|synthseg|\.mg[zh]$", location.lower())
+    if not is_named and (len(present) < _FEWEST or not {*present} >= _WHITE_MATTER):
+        return {}
+    known: dict[int, tuple[str, str]] = {}
+    for line in Path(__file__).with_name("freesurfer.txt").read_text(encoding="utf-8").splitlines()[1:]:
+        number, name, *rgb = line.split()
+        known[int(number)] = name, "#" + bytes(map(int, rgb)).hex()
+    found = {number: known[number] for number in present if number in known}
+    return found if is_named or len(found) == len(present) else {}

@@ -18,7 +18,7 @@ from cccd.geometry.arrays import AnyArray
 from cccd.inputs.coarser_grid import CoarserGrid, find_coarser_grid
 from cccd.inputs.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilities, refuse_grey_values
 from cccd.inputs.grid import Volume, on_grid
-from cccd.inputs.labels import choose_labels
+from cccd.inputs.labels import choose_labels, freesurfer_labels
 from cccd.inputs.readers import SUFFIXES, read_volume, without_suffix
 from cccd.lookup import find
 from cccd.plugins import table
@@ -186,9 +186,7 @@ def list_labels(path: Path) -> dict[str, str]:
         return {str(number): name for number, name in sorted(names.items())}
     if _is_nnunet(path):
         return _read_classes(path).present()
-    labels = _label_map(path)
-    present = [int(value) for value in np.unique(labels.data) if value > 0]
-    return {str(value): labels.names.get(value, "") for value in present}
+    return {str(value): name for value, name in read_label_map(path).names.items()}
 
 
 def label_values(path: Path) -> Volume | None:
@@ -267,14 +265,14 @@ class LabelMap:
         Labels; of probabilities where they are one half and above.
     probable : bool
         Whether the volume holds probabilities.
-    present : list of int
-        Labels above 0.
+    names : dict of int to str
+        Labels above 0, and their names where something says them.
     """
 
     volume: Volume
     data: AnyArray
     probable: bool
-    present: list[int]
+    names: dict[int, str]
 
     @classmethod
     def of(cls, volume: Volume) -> LabelMap:
@@ -286,7 +284,9 @@ class LabelMap:
             below = f" but for negative values (down to {least}), and labels are above 0" if least < 0 else ""
             hint = "check that it belongs to this organ"
             raise InputError(volume.location, f"the mask is empty{below}", hint)
-        return cls(volume, data, probable, present)
+        known = freesurfer_labels(volume.location, present)
+        names = {value: volume.names.get(value) or known.get(value, ("",))[0] for value in present}
+        return cls(volume, data, probable, names)
 
     @cached_property
     def coarser(self) -> CoarserGrid | None:
@@ -295,7 +295,7 @@ class LabelMap:
 
     def organ(self, label: str, organ: str, implied: tuple[int, ...] = ()) -> Volume:
         """Take an organ's boolean mask; probabilities stay what they are."""
-        volume, location, present = self.volume, self.volume.location, self.present
+        volume, location, present = self.volume, self.volume.location, list(self.names)
         if self.probable:
             if label:
                 raise InputError(
@@ -303,8 +303,7 @@ class LabelMap:
                 )
             return _field_or_mask(replace(volume, data=np.clip(volume.data, 0, 1).astype(np.float32)))
         warnings: list[str] = []
-        names = {value: volume.names.get(value, "") for value in present}
-        called = [value for value, name in names.items() if name.lower() == organ.lower()]
+        called = [value for value, name in self.names.items() if name.lower() == organ.lower()]
         if implied:
             chosen = [value for value in present if value in implied]
             if not chosen:
@@ -312,11 +311,11 @@ class LabelMap:
                     location, f"it has none of the labels {', '.join(map(str, implied))}", choices(present)
                 )
         elif label or len(called) == 1:
-            chosen = choose_labels(names, label, organ, location, "label")
+            chosen = choose_labels(self.names, label, organ, location, "label")
         else:
             chosen = present
             if len(present) > 1:
-                warnings = [f"{location}: {TAKEN_TOGETHER} {_as_one_organ(names)}"]
+                warnings = [f"{location}: {TAKEN_TOGETHER} {_as_one_organ(self.names)}"]
         # one label is found in a fifth of the time of several
         data = self.data == chosen[0] if len(chosen) == 1 else np.isin(self.data, chosen)
         return replace(volume, data=data, coarser=self.coarser, warnings=volume.warnings + warnings)

@@ -194,10 +194,10 @@ def _size_and_place(mesh: Mesh) -> dict[str, Any]:
 
 def measure_band(surface: LoftedSurface) -> dict[str, Any]:
     """Measure the volume's interval in ml and the band's mean width in mm; whether it is extrapolated."""
-    band, area = surface.band, surface.mesh.vertex_areas
-    if band is None:
+    band, interval, area = surface.band, surface.volume_interval, surface.mesh.vertex_areas
+    if band is None or interval is None:
         return {}
-    low, high = band.volume_interval(surface.mesh)
+    low, high = interval
     return {
         "band": band.share,
         "volume_low_ml": low / 1000,

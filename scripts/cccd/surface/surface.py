@@ -65,6 +65,13 @@ class LoftedSurface:
         """The mesh's vertices (V, 3) in mm RAS."""
         return self.mesh.vertices
 
+    @property
+    def volume_interval(self) -> tuple[float, float] | None:
+        """Lowest and highest volume in mm^3, the spline's where triangles are few; None without a band."""
+        if self.band is None or "uniform" not in self.report:
+            return self.band and self.band.volume_interval(self.mesh)
+        return self.report["uniform"]["volume_interval"]
+
     def sides(self) -> dict[str, LoftedSurface]:
         """Return the error band's surfaces, ``inner`` and ``outer``; nothing without a band."""
         if self.band is None:

@@ -66,7 +66,8 @@ def with_uniform_triangles(
     LoftedSurface
         Vertices lie on the tessellated spline, within .05 voxels of it, and sharp rims stay.
         ``report["uniform"]`` has the number of ``triangles``, their edges' ``edge_mm`` (least, mean, largest)
-        and ``chord_error_mm``, the largest distance between triangles and spline.
+        and ``chord_error_mm``, the largest distance between triangles and spline. The interval of the volume
+        stays the spline's.
 
     Raises
     ------
@@ -108,7 +109,8 @@ def with_uniform_triangles(
         hint = "raise --triangles" if edge_mm is None else "give a shorter --edge-mm"
         raise InputError(option, f"{len(mesh.faces)} triangles would pass through each other", hint)
     band = surface.band and surface.band.moved_to(surface.vertices, mesh.vertices)
-    report = surface.report | {"uniform": _measured(mesh, fine)}
+    spline = {"spline_ml": surface.mesh.volume / 1000, "volume_interval": surface.volume_interval}
+    report = surface.report | {"uniform": _measured(mesh, fine) | spline}
     return replace(surface, mesh=mesh, band=band, report=report)
 
 
@@ -154,13 +156,15 @@ def _parts(mesh: Mesh) -> IntArray:
 
 
 def _relaxed(coarse: Mesh, fine: Mesh, parts: IntArray) -> Mesh:
-    """Move vertices to the middle of their triangles, and onto the surface; those of ridges stay."""
-    vertices = nearest_points(coarse.vertices, fine)
-    fixed = _on_ridges(Mesh(vertices, coarse.faces), fine, parts)
+    """Move vertices to the middle of their triangles along the surface; those of ridges stay."""
+    mesh = Mesh(nearest_points(coarse.vertices, fine), coarse.faces)
+    fixed = _on_ridges(mesh, fine, parts)
     for _ in range(ROUNDS):
-        moved = nearest_points(_middles(Mesh(vertices, coarse.faces)), fine)
-        vertices = np.where(fixed[:, None], vertices, moved)
-    return Mesh(vertices, coarse.faces)
+        normal, step = mesh.vertex_normals, _middles(mesh) - mesh.vertices
+        step -= np.einsum("vc,vc->v", step, normal)[:, None] * normal  # inwards, tips would be lost
+        moved = nearest_points(mesh.vertices + step, fine)
+        mesh = Mesh(np.where(fixed[:, None], mesh.vertices, moved), coarse.faces)
+    return mesh
 
 
 def _on_ridges(coarse: Mesh, fine: Mesh, parts: IntArray) -> BoolArray:

@@ -2,26 +2,18 @@
 
 import numpy as np
 import pytest
+from control_meshes import CORNERS, SIDES, torus_grid
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
 
-CORNERS = np.array([(x, y, z) for z in (-1.0, 1) for y in (-1.0, 1) for x in (-1.0, 1)])
-SIDES = np.array([(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)])
 CUBE = ControlMesh(CORNERS, SIDES)
 CUBE_EDGES, _ = quad_edges(SIDES)
 
 
 def with_creases(sharpness):
     return ControlMesh(CORNERS, SIDES, CUBE_EDGES, np.full(12, float(sharpness)))
-
-
-def torus_grid(around=9, along=14):
-    """Control points (around, along, 3) of a torus that is not round, both ways closed."""
-    u, v = np.meshgrid(*(2 * np.pi * np.arange(n) / n for n in (around, along)), indexing="ij")
-    radius = 5 + (1 + 0.3 * np.sin(2 * v)) * np.cos(u)
-    return np.stack([radius * np.cos(v), radius * np.sin(v), np.sin(u) + 0.2 * np.cos(3 * v)], axis=-1)
 
 
 def quads_of(shape):

@@ -72,10 +72,16 @@ def test_names_come_from_dataset_json_beside_the_map(nifti):
     assert names(nifti)["7"] == "pancreas"
 
 
-def test_names_come_from_freesurfers_numbers(tmp_path):
-    path = tmp_path / "aseg.mgz"
-    nib.save(nib.MGHImage(block_map(), np.eye(4)), path)
-    assert names(path)["17"] == "Left-Hippocampus"
+def test_freesurfer_s_numbers_are_recognised_where_all_of_them_fit(tmp_path):
+    numbers = [2, 3, 4, 5, 7, 8, 10, 11, 12, 13, 17, 41, 53, 1035]
+    data = np.kron(np.diag(numbers), np.ones((4, 4)))[:, :, None].repeat(4, axis=2)
+    path, other = tmp_path / "brain.nii.gz", tmp_path / "body.nii.gz"
+    nib.save(nib.Nifti1Image(data.astype(np.int16), np.eye(4)), path)
+    found = {label.label: (label.organ, label.colour) for label in list_map(path)}
+    assert found["53"] == ("Right-Hippocampus", "#dcd814")
+    assert found["1035"] == ("ctx-lh-insula", "#ffc020")
+    nib.save(nib.Nifti1Image(np.where(data == 13, 9, data).astype(np.int16), np.eye(4)), other)
+    assert names(other)["53"] == "label_53"
 
 
 TABLES = {

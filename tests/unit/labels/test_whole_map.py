@@ -1,13 +1,17 @@
 """All labels of a map: the same surfaces however many processes make them, each when it is ready."""
 
+import os
+
 import nibabel
 import numpy as np
 import pytest
 from scipy import ndimage
 
 import cccd
+from cccd.commands.outputs import with_name
 from cccd.geometry.mesh import Mesh
 from cccd.inputs import readers
+from cccd_labels.all_surfaces import without_written
 from cccd_labels.whole_map import WholeMap
 
 #: Corners of cubes of 8 voxels: the first two touch, the others stand alone.
@@ -89,3 +93,14 @@ def test_labels_of_one_file_share_what_was_read(cubes, monkeypatch):
         np.testing.assert_array_equal(structure.mask, alone.mask)
         np.testing.assert_array_equal(structure.origin, alone.origin)
         assert (structure.provenance, structure.warnings) == (alone.provenance, alone.warnings)
+
+
+def test_a_resumed_call_leaves_out_what_is_written_and_what_touches_only_that(cubes, tmp_path):
+    whole, outputs = whole_map(cubes), [tmp_path / "o.stl", tmp_path / "o.ply"]
+    for path in outputs:
+        for organ in whole.structures.values():
+            with_name(path, organ.organ).touch()
+    assert without_written(whole, outputs).structures == {}
+    (tmp_path / "o_label_2.stl").unlink()  # it shares a wall with the first
+    os.utime(tmp_path / "o_label_7.ply", (0, 0))  # older than the map
+    assert set(without_written(whole, outputs).structures) == {1, 2, 7}

@@ -24,13 +24,6 @@ IMAGE = {"case": "c", "organ": "ball", "image": "scan.nii.gz"}
 LIVER = {"case": "p", "organ": "liver", "source": "phantom"}
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    """The folder of the run."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PWD", str(tmp_path))
-
-
 def test_what_orders_pixels_waits_for_the_network_and_nothing_else_does():
     plan = plan_of(MASK, MAPS | {"parts": "2"})
     assert plan.model_files(named("a/ball")) == []

@@ -30,13 +30,6 @@ KINDS = [
 ]
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    """The folder of the run."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PWD", str(tmp_path))
-
-
 @pytest.mark.parametrize(("row", "way"), KINDS)
 def test_the_kind_of_input_decides_what_leads_to_contours(row, way):
     row = A_BALL | row

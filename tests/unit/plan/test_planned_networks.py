@@ -17,13 +17,6 @@ MAPS = {"case": "b", "organ": "ball", "boundary": "maps.nii.gz"}
 TRAIN = {"case": "t", "organ": "ball", "image": "i.nii.gz", "mask": "m.nii.gz", "role": "train"}
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    """The folder of the run."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PWD", str(tmp_path))
-
-
 def test_the_default_cohort_trains_and_others_take_the_shipped_model():
     default, other = Plan.make({}, ROOT).junctions, plan_of(MAPS).junctions
     assert default.trained

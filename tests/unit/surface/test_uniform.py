@@ -49,6 +49,15 @@ def test_as_many_triangles_as_asked_for(ring, count):
     assert said["edge_mm"] == pytest.approx([lengths.min(), lengths.mean(), lengths.max()])
 
 
+def test_few_triangles_keep_tips_and_the_spline_s_interval():
+    at = (np.indices((70, 24, 24)) - np.array([34.5, 11.5, 11.5]).reshape(3, 1, 1, 1)).T / (32, 9, 9)
+    spindle = cccd.reconstruct((np.linalg.norm(at, axis=-1) <= 1).T)
+    few = spindle.uniform(triangles=200)
+    assert few.size[0] > 0.95 * spindle.size[0]  # .91 where vertices move to the middle through the inside
+    assert few.volume_interval == spindle.volume_interval
+    assert few.lofted.report["uniform"]["spline_ml"] == pytest.approx(spindle.volume / 1000)
+
+
 def test_more_triangles_lie_nearer_by_the_square_of_their_edges(ring):
     few, many = (ring.uniform(triangles=n).lofted.report["uniform"]["chord_error_mm"] for n in (750, 6000))
     assert many < few / 4
