@@ -7,7 +7,7 @@ import re
 import signal
 import sys
 import threading
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 # A plan's millions of objects live until the end: Python looks through them for garbage less often
 gc.set_threshold(50_000, 20, 50)
@@ -70,20 +70,21 @@ CASE = f"(?!tables/){NAME}"
 FIRST, ON_THE_WAY = 100, 50
 
 
+def listed(names):
+    """Make a pattern of structures or cases, each a tuple of its wildcards."""
+    return "|".join(f"{PurePosixPath(*name)}/" for name in names)
+
+
 def only(names):
-    """Constrain the wildcard case to some structures or cases: each is a tuple of its wildcards."""
+    """Constrain the wildcard case to some structures or cases."""
     if set(names) == set(cohort.reconstructed):
         return CASE  # a pattern that lists a thousand takes longer to search
-    return f"(?={'|'.join('/'.join(name) + '/' for name in names) or '(?!)'}){CASE}"
+    return f"(?={listed(names) or '(?!)'}){CASE}"
 
 
 def besides(names):
     """Constrain the wildcard case to all but some structures or cases."""
-    return (
-        f"(?!{'|'.join('/'.join(name) + '/' for name in names)}){CASE}"
-        if names
-        else CASE
-    )
+    return f"(?!{listed(names)}){CASE}" if names else CASE
 
 
 def check_targets():
