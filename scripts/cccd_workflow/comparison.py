@@ -182,7 +182,7 @@ def compare(
     names = [one.name if isinstance(one, Surface) else str(one) for one in (first, second)]
     pairs = _pairs(mine, theirs, (Path(names[0]).name, Path(names[1]).name))
     rows = [_compared(*pair, tolerance_mm, heat_map) for pair in pairs]
-    return Comparison(*names, tolerance_mm, rows, notes)
+    return Comparison(names[0], names[1], tolerance_mm, rows, notes)
 
 
 # What is compared -------------------------------------------------------------------------------------

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from control_meshes import CORNERS, SIDES, torus_grid
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
+from support.control_meshes import CORNERS, SIDES, torus_grid
 
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
 
