@@ -1,4 +1,7 @@
 """What this package adds to the core: see `cccd.plugins`."""
 
-CURVES = dict.fromkeys(("BoundaryMaps", "GreyImage"), "cccd_junctions.ordering.order_maps")
-CURVES["Boundaries"] = "cccd_junctions.ordering.order_pixels"
+CURVES = {
+    "BoundaryMaps": "cccd_junctions.ordering.order_maps",
+    "GreyImage": "cccd_junctions.ordering.order_maps",
+    "Boundaries": "cccd_junctions.ordering.order_pixels",
+}

@@ -1,4 +1,4 @@
-"""Calibrate the error bands on exact truth: ``python -m cccd_training.bands CACHE``.
+"""Calibrate the error bands on exact truth: ``python -m cccd_training.bands``.
 
 Random bodies, phantoms and the cortical surfaces of nilearn are cut into slices and reconstructed; what was
 compared lies in CACHE, so that a run that was cut off goes on. Writes ``cccd/bands/shipped.json``; prints
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import pickle
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -35,7 +34,6 @@ from cccd.inputs.implicit_solids import ImplicitFunction, mesh_zero_set
 from cccd.inputs.load import structure_of_array
 from cccd.inputs.phantoms import ORGANS
 from cccd.settings.root import Settings
-from cccd.store import atomic_path
 from cccd.surface.loft import loft_in_plane
 from cccd_calibration.coverage import coverage_figures, coverage_table
 from cccd_calibration.factors import Thinned, calibrate
@@ -128,14 +126,11 @@ def cut(name: str, mesh: Mesh, ratio: float, rng: np.random.Generator) -> Thinne
     return compare(name, solid, truth.transformed(to_plane), truth.volume, rng)
 
 
-def gather(cache: Path, kept: Path | None) -> tuple[list[Thinned], list[Thinned]]:
+def gather(kept: Path | None) -> tuple[list[Thinned], list[Thinned]]:
     """Cut all bodies, and the meshes that are kept apart."""
-    cache.mkdir(parents=True, exist_ok=True)
-    own = [stack for name, make in bodies() for stack in _cached(cache, name, make)]
+    own = [stack for name, make in bodies() for stack in _cut(name, make)]
     paths = sorted(kept.glob("*.ply")) if kept else []
-    found = [
-        _cached(cache, f"kept/{path.stem}", lambda path=path: read_closed_mesh(path).mesh) for path in paths
-    ]
+    found = [_cut(f"kept/{path.stem}", lambda path=path: read_closed_mesh(path).mesh) for path in paths]
     return own, [*itertools.chain(*found)]
 
 
@@ -148,16 +143,12 @@ def _ratios(name: str, rng: np.random.Generator) -> list[float]:
     return rng.permutation(drawn)[:STACKS].tolist()
 
 
-def _cached(cache: Path, name: str, make: Callable[[], Mesh | None]) -> list[Thinned]:
-    """Cut a body, or read from its file what was compared."""
-    file = cache / f"{name.replace('/', '_')}.pickle"
-    if not file.exists():
-        rng, mesh = np.random.default_rng(zlib.crc32(name.encode())), make()
-        found = [] if mesh is None else [cut(name, mesh, ratio, rng) for ratio in _ratios(name, rng)]
-        with atomic_path(file) as path:
-            path.write_bytes(pickle.dumps([stack for stack in found if stack is not None]))
-        print(name, len(found), flush=True)
-    return pickle.loads(file.read_bytes())
+def _cut(name: str, make: Callable[[], Mesh | None]) -> list[Thinned]:
+    """Cut a body at some distances of slices."""
+    rng, mesh = np.random.default_rng(zlib.crc32(name.encode())), make()
+    found = [] if mesh is None else [cut(name, mesh, ratio, rng) for ratio in _ratios(name, rng)]
+    print(name, len(found), flush=True)
+    return [stack for stack in found if stack is not None]
 
 
 def train(stacks: Sequence[Thinned], names: Sequence[str] = SIGNS) -> dict[str, Curve]:
@@ -209,10 +200,9 @@ def _calibrated(stacks: Sequence[Thinned], names: Sequence[str] = SIGNS) -> Cali
 def main() -> None:
     """Gather, hold out, train on all, write."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("cache", type=Path)
     parser.add_argument("--kept", type=Path, help="folder of closed meshes (.ply), in pixels, kept apart")
     asked = parser.parse_args()
-    stacks, apart = gather(asked.cache, asked.kept)
+    stacks, apart = gather(asked.kept)
     for left_out in [None, *SIGNS]:
         held_out(stacks, apart, [name for name in SIGNS if name != left_out])
     _calibrated(stacks).write(SHIPPED)

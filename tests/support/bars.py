@@ -1,12 +1,7 @@
 """A bar of two organs end to end, with a ball in one of them, that the scan cuts at both ends."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import trimesh
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "geometry"))
 
 from cccd.containers import Frame
 from cccd.settings.surface import TetrahedraSettings

@@ -1,12 +1,7 @@
 """Closed meshes of known volume and genus, one by one and several in one mesh."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import trimesh
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "geometry"))
 
 from cccd.geometry.mesh import Mesh
 from support.solids import box, mesh_of, sphere, torus

@@ -15,8 +15,13 @@ from cccd_workflow.plan.plan import Plan
 __all__ = ["PlannedJob", "check_jobs", "extras_of"]
 
 #: Rules that need an extra whatever they work on; `extras_of` knows the others.
-_NEEDS = dict.fromkeys(("generate_graphs", "train_gnn", "adopt_gnn", "evaluate_gnn"), "gnn")
-_NEEDS["train_segmenter"] = "segment"
+_NEEDS = {
+    "generate_graphs": "gnn",
+    "train_gnn": "gnn",
+    "adopt_gnn": "gnn",
+    "evaluate_gnn": "gnn",
+    "train_segmenter": "segment",
+}
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,7 @@ class OfCase(Protocol):
     @property
     def case(self) -> str:
         """The sheet's column ``case``."""
+        ...
 
 
 class OfStructure(OfCase, Protocol):
@@ -47,6 +48,7 @@ class OfStructure(OfCase, Protocol):
     @property
     def organ(self) -> str:
         """The sheet's column ``organ``."""
+        ...
 
 
 class OfDownload(Protocol):
@@ -55,10 +57,12 @@ class OfDownload(Protocol):
     @property
     def key(self) -> str:
         """Name of its folder."""
+        ...
 
     @property
     def file(self) -> str:
         """Its own name."""
+        ...
 
 
 class StructureName(NamedTuple):

@@ -134,7 +134,10 @@ def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
 
     vtk = vtkRenderingCore
     mapper, renderer = vtk.vtkPolyDataMapper(), vtk.vtkRenderer(background_alpha=0)
-    (vtkPLYReader(file_name=ply_path) >> vtkPolyDataNormals(splitting=False) >> mapper).update()
+    reader = vtkPLYReader(file_name=ply_path)
+    normals = vtkPolyDataNormals(splitting=False, input_connection=reader.output_port)
+    mapper.SetInputConnection(normals.output_port)
+    mapper.Update()
     assert mapper.GetInput().GetNumberOfPoints(), f"no mesh in {ply_path}"
     bounds = np.reshape(mapper.GetBounds(), (3, 2))
     half = 0.57 * np.ptp(bounds, axis=1).max()
