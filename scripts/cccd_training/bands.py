@@ -1,8 +1,7 @@
 """Calibrate the error bands on exact truth: ``python -m cccd_training.bands``.
 
-Random bodies, phantoms and the cortical surfaces of nilearn are cut into slices and reconstructed; what was
-compared lies in CACHE, so that a run that was cut off goes on. Writes ``cccd/bands/shipped.json``; prints
-what the bands of held-out bodies cover. Meshes in a folder (``--kept FOLDER``) train nothing.
+Random bodies, phantoms and the cortical surfaces of nilearn are cut into slices and reconstructed; writes
+``cccd/bands/shipped.json``, and prints what the bands of held-out bodies cover. Meshes in a folder (``--kept FOLDER``) train nothing.
 """
 
 from __future__ import annotations
