@@ -5,7 +5,7 @@ from pathlib import Path
 from cccd_workflow.plan.cohort import StructureName
 from cccd_workflow.plan.plan import Plan
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 
 
 def write_sheet(rows, name="sheet.tsv"):

@@ -22,7 +22,7 @@ from skimage.measure import find_contours
 
 from cccd.settings.imports import ImportSettings
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared" / "data"
 #: What studies are referred to by, retired (PS3.6, annex A).
 STUDY_CLASS = "1.2.840.10008.3.1.2.3.1"

@@ -14,7 +14,7 @@ import numpy as np
 __all__ = ["ILIAC_WING", "THIN_MASKS", "endplates", "iliac_wing", "ribs", "shell", "spine"]
 
 #: Label map of a CT of 3 mm next to the checkout, and the value of its left hip (TotalSegmentator v2).
-ILIAC_WING = Path(__file__).resolve().parents[4] / "shared/data/liver_totalseg_ct3mm/labels.nii.gz"
+ILIAC_WING = Path(__file__).resolve().parents[3] / "shared/data/liver_totalseg_ct3mm/labels.nii.gz"
 _HIP_LEFT = 77
 
 #: Of a sagittal spine, mm: pixels, and slices from left to right.
