@@ -19,7 +19,7 @@ MOST_LINES = {
     "scripts/cccd_training": 3649,
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5979,
-    "tests": 29233,
+    "tests": 29235,
 }
 
 
