@@ -312,7 +312,7 @@ def test_a_torn_file_in_a_run_is_named_with_a_hint(tiny_copy):
     assert str(torn.relative_to(tiny_copy.folder)) in line
     assert "delete it and run snakemake again" in line
     torn.unlink()
-    tiny_copy.snakemake(measures)
+    tiny_copy.snakemake(measures, str(torn.relative_to(tiny_copy.folder)))
     store.read_structure(torn)
 
 
