@@ -1,7 +1,7 @@
 """Calibrate the error bands on exact truth: ``python -m cccd_training.bands``.
 
-Random bodies, phantoms and the cortical surfaces of nilearn are cut into slices and reconstructed; writes
-``cccd/bands/shipped.json``, and prints what the bands of held-out bodies cover. Meshes of ``--kept`` train nothing.
+Random bodies, phantoms and nilearn's cortical surfaces are cut into slices and reconstructed; writes
+``cccd/bands/shipped.json``, and prints what held-out bands cover. Meshes of ``--kept`` train nothing.
 """
 
 from __future__ import annotations
