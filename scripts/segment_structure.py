@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from cccd.segmentation.segment import segment, write_segmentation
-from cccd.segmentation.sources import read_scan
 from cccd.settings.imports import ImportSettings
+from cccd_datasets.whole_scans import read_scan
+from cccd_segmentation.segment import segment, write_segmentation
 from cccd_workflow.job import job
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from cccd.segmentation.model import save_segmenter
 from cccd.settings.imports import ImportSettings
-from cccd.settings.segmentation import SegmentationSettings
 from cccd.store import write_table
+from cccd_segmentation.model import save_segmenter
+from cccd_segmentation.settings import SegmentationSettings
 from cccd_training.segmentation.curve import draw_learning_curve
 from cccd_training.segmentation.scans import read_labelled_scan
 from cccd_training.segmentation.training import score_held_out, train_segmenter

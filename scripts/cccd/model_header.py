@@ -87,7 +87,7 @@ def read_segmenter_plan(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        When the file is not one that `cccd.segmentation.model.save_segmenter` wrote.
+        When the file is not one that `cccd_segmentation.model.save_segmenter` wrote.
     """
     try:
         content = _read_plain(path)

@@ -17,9 +17,6 @@ WRITERS = {
 
 COMMANDS = {
     "surface": Command("make a surface of one organ, or of every label", "cccd.commands.surface.add_surface"),
-    "segment": Command(
-        "find an organ in a scan without a mask, and make its surface", "cccd.commands.segment.add_segment"
-    ),
     "export": Command(
         "write a finished structure of the workflow in another format", "cccd.commands.export.add_export"
     ),

@@ -10,11 +10,14 @@ table                     a row
 ``READERS``               what reads a kind of file, by suffix or DICOM's modality: `Reader`
 ``WRITERS``               a format of files: `Format`
 ``CURVES``                path of a function that makes curves of an input, by the input's type
+``SOURCES``               path of what makes a row's `Scan` or `Structure`, by its source: called with row,
+                          settings and seed
+``MASKS``                 path of what finds an organ in an image, by how (`cccd.inputs.load.find_organ`)
 ``API``                   path of a public function of ``import cccd``
 ``SETTINGS``              path of a section's model and its default (as `pydantic.create_model` has fields)
 ``JUNCTION_NETWORKS``     path of a class, by the name that a ``model.pt`` says
 ``JUNCTION_TRAINING``     path of what trains such a network, a `cccd_training.junctions.tasks.Task`
-``SEGMENTATION_NETWORKS`` path of a mapping like `cccd.segmentation.networks.NETWORKS`
+``SEGMENTATION_NETWORKS`` path of a mapping like `cccd_segmentation.networks.NETWORKS`
 ``REPORT``                a module with ITEMS, INPUTS and SECTIONS, as in `cccd_workflow.report.registry`
 ========================= ========================================================================
 
@@ -37,7 +40,8 @@ __all__ = ["PACKAGES", "Command", "Format", "Reader", "folders", "table"]
 #: The core, and what is around it: those that are not there add nothing.
 PACKAGES = (
     "cccd",
-    *("cccd_junctions", "cccd_labels", "cccd_dicom", "cccd_solids", "cccd_tetrahedra", "cccd_vessels"),
+    *("cccd_segmentation", "cccd_datasets", "cccd_junctions", "cccd_labels", "cccd_dicom"),
+    *("cccd_solids", "cccd_tetrahedra", "cccd_vessels"),
     *("cccd_calibration", "cccd_workflow", "cccd_paper", "cccd_training"),
 )
 

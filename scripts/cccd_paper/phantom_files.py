@@ -12,8 +12,8 @@ import pandas as pd
 from cccd.containers import Structure
 from cccd.geometry.ply import write_ply
 from cccd.inputs.nifti_export import write_nifti
-from cccd.inputs.phantoms import make_phantom
 from cccd.store import atomic_path, read_table
+from cccd_datasets.phantoms import make_phantom
 
 __all__ = ["describe_scan", "gather_tables", "scan_phantom", "write_scan", "write_truth"]
 

@@ -29,14 +29,14 @@ from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs.annotation import EVERY_SLICE
-from cccd.inputs.implicit_solids import ImplicitFunction, mesh_zero_set
 from cccd.inputs.load import structure_of_array
-from cccd.inputs.phantoms import ORGANS
 from cccd.settings.root import Settings
 from cccd.surface.loft import loft_in_plane
 from cccd_calibration.coverage import coverage_figures, coverage_table
 from cccd_calibration.factors import Thinned, calibrate
 from cccd_calibration.thinning import LEAST_SLICES, compare
+from cccd_datasets.implicit_solids import ImplicitFunction, mesh_zero_set
+from cccd_datasets.phantoms import ORGANS
 from cccd_training.distance.bodies import ball_with_bumps, closed_body
 
 #: Bodies of each kind, and stacks of each body.

@@ -19,8 +19,8 @@ import yaml
 from cccd.errors import InputError
 from cccd.layouts import IMAGES_ALONE
 from cccd.project import PROJECT
-from cccd.seeds import parse_seeds
 from cccd.settings.messages import choices, nearest
+from cccd_segmentation.seeds import parse_seeds
 
 __all__ = ["SCHEMA", "brings_maps", "naming_row", "read_cohort"]
 

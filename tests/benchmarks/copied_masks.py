@@ -23,11 +23,11 @@ from scipy import ndimage  # noqa: E402
 from cccd.containers import Frame, Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.inputs.load import structure_of_array  # noqa: E402
-from cccd.inputs.phantoms import make_phantom  # noqa: E402
 from cccd.reconstruction import reconstruct_mask  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
 from cccd.surface.measure import Reference, measure_mesh  # noqa: E402
+from cccd_datasets.phantoms import make_phantom  # noqa: E402
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES  # noqa: E402
 from cccd_paper.comparisons.volume_meshes import windowed_sinc  # noqa: E402
 

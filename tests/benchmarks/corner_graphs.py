@@ -24,10 +24,10 @@ import numpy as np
 import pandas as pd
 import torch
 
-from cccd.inputs.phantoms import make_phantom
 from cccd.settings.junctions import NetworkSettings
 from cccd.settings.root import Settings
 from cccd.tracing import trace_mask
+from cccd_datasets.phantoms import make_phantom
 from cccd_paper.junctions.corner_graphs import (
     corner_data,
     dense_matrices,

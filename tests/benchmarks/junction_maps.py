@@ -33,7 +33,7 @@ from scipy import ndimage
 
 from cccd.geometry.arrays import ByteArray
 from cccd.geometry.opencv import border_pixels
-from cccd.inputs.corruptions import KINDS, corrupt
+from cccd_datasets.corruptions import KINDS, corrupt
 from cccd_junctions.checkpoint import load_model
 from cccd_junctions.inference import SLICES_PER_BATCH, Predictor, read_slices
 from cccd_junctions.observation import observe

@@ -3,7 +3,7 @@
     python tests/benchmarks/out_of_distribution.py
 
 The outlines are those of organs (slices of the MNI brain, of a phantom liver and kidney), where training and
-the report's table draw random blobs. The damage is not that of `cccd.inputs.corruptions`: published
+the report's table draw random blobs. The damage is not that of `cccd_datasets.corruptions`: published
 augmentations (Cutout, DeVries and Taylor 2017; GridMask, Chen et al. 2020) and what imaging does (a noisy
 slice's threshold, ghosts of motion, coarse pixels, straight lines across). The last kind is no damage: edges
 of an MR template's slices, under noise, with the brain's mask as label (`cccd_junctions.boundary.edge_map`);
@@ -19,9 +19,9 @@ from scipy import ndimage
 
 from cccd.geometry.opencv import border_pixels
 from cccd.inputs import load_structure
-from cccd.inputs.phantoms import make_phantom
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.imports import ImportSettings, PhantomSettings
+from cccd_datasets.phantoms import make_phantom
 from cccd_junctions.boundary import edge_map
 from cccd_junctions.checkpoint import load_model
 from cccd_paper.comparisons.baselines.decoders import DECODERS

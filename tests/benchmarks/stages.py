@@ -15,11 +15,11 @@ from cccd.containers import Boundaries, Curves, Sections
 from cccd.contours import trace_contours
 from cccd.curves import describe_curves
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.inputs.corruptions import corrupt
 from cccd.settings.root import Settings
 from cccd.surface import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
+from cccd_datasets.corruptions import corrupt
 from cccd_junctions.boundary import extract_boundaries
 from cccd_junctions.checkpoint import load_model
 from cccd_junctions.ordering import order_boundaries, order_contours

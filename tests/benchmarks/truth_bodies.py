@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from truth_measures import edge_counts, from_polydata, inside, to_polydata
 
 from cccd.geometry.mesh import Mesh
-from cccd.inputs.implicit_solids import (
+from cccd_datasets.implicit_solids import (
     ImplicitFunction,
     ellipsoid,
     mesh_zero_set,
@@ -24,7 +24,7 @@ from cccd.inputs.implicit_solids import (
     subtraction,
     torus,
 )
-from cccd.inputs.phantoms import ORGANS
+from cccd_datasets.phantoms import ORGANS
 
 __all__ = [
     "ANALYTIC",

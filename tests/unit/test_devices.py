@@ -32,8 +32,8 @@ def test_a_device_that_is_not_there_is_refused(monkeypatch, name, words):
 def test_a_gpu_gives_the_probabilities_of_the_processor(monkeypatch):
     pytest.importorskip("monai")
     from cccd.inputs.grid import Volume
-    from cccd.segmentation.inference import probabilities
-    from cccd.segmentation.model import load_segmenter
+    from cccd_segmentation.inference import probabilities
+    from cccd_segmentation.model import load_segmenter
 
     scan = Volume(np.random.default_rng(0).normal(0, 1, (40, 44, 36)).astype(np.float32), np.eye(4), "scan")
     weights = PROJECT / "workflow" / "models" / "segmenters" / "hippocampus" / "nnunet.pt"

@@ -8,18 +8,20 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 24703,
+    "scripts/cccd": 21271,
     "scripts/cccd_calibration": 737,
+    "scripts/cccd_datasets": 1783,
     "scripts/cccd_dicom": 1326,
     "scripts/cccd_junctions": 3927,
     "scripts/cccd_labels": 2744,
     "scripts/cccd_paper": 9501,
+    "scripts/cccd_segmentation": 1718,
     "scripts/cccd_solids": 1982,
     "scripts/cccd_tetrahedra": 1534,
     "scripts/cccd_training": 3649,
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5979,
-    "tests": 29235,
+    "tests": 29239,
 }
 
 

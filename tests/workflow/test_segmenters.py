@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("monai")
 
-from cccd.segmentation.model import load_segmenter
+from cccd_segmentation.model import load_segmenter
 
 SHEET = """case\torgan\tsource\trole
 train_1\tkidney\tphantom\ttrain

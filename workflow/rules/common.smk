@@ -34,7 +34,7 @@ from cccd_workflow.plan.outcome import (
 from cccd_workflow.plan.plan import Plan, files_of_comparison
 from cccd_workflow.plan.resources import memory, minutes
 from cccd_workflow.report.registry import registered
-from cccd.segmentation.networks import networks
+from cccd_segmentation.networks import networks
 from cccd.settings.formats import SOLID_FORMATS
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.settings.messages import nearest

@@ -1,4 +1,4 @@
-"""Readers and sources of scans: a row of the cohort sheet -> `cccd.containers.Structure`.
+"""Readers of scans: a row of the cohort sheet -> `cccd.containers.Structure`.
 
 ===================  ===============================================================================
 module               holds
@@ -7,14 +7,8 @@ module               holds
 ``row_files``        the files of a row: image, mask, boundary maps
 ``readers``          NIfTI, NRRD, MHA and what else SimpleITK reads
 ``nnunet``           nnU-Net's probabilities
-``dicom``            image series, segmentations (SEG), structure sets (RTSTRUCT)
-``contours``         drawn contours to ordered curves
-``regions``          an organ found by its grey values, where there is no mask
-``growing``          an organ grown from a seed in an image
-``sources``          scans that come with a package
-``phantoms``         scans of organs whose surface is known, made of ``implicit_solids``
-``degraded``         structures without a mask: a noisy scan, damaged boundary maps (``corruptions``)
-``phantom_files``    phantoms as a folder of files, for others
+``drawn_contours``   drawn contours to ordered curves
+``regions``          a picture of what was read
 ``grid``             `Volume`, and its move to another grid
 ``labels``           which labels, segments or regions are meant
 ``nifti_export``     volumes as NIfTI

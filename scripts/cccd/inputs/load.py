@@ -33,17 +33,23 @@ from cccd.inputs.grid import (
 )
 from cccd.inputs.readers import without_suffix
 from cccd.inputs.row_files import EACH_ITS_OWN, LabelMap, RowFiles, read_boundary_maps, read_mask
-from cccd.layouts import IMAGES_ALONE, complete_row
+from cccd.layouts import complete_row
+from cccd.lookup import find
+from cccd.plugins import table
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
 
 __all__ = [
     "FEW_SLICES",
+    "MARGIN_VOXELS",
+    "Scan",
     "existing",
+    "find_organ",
     "frame_of",
     "load_structure",
     "scan_of",
+    "slice_axis_of",
     "structure_of_array",
     "with_segmentation_notes",
 ]
@@ -57,10 +63,6 @@ MARGIN_VOXELS = 3
 # And around a rough region, on either side of whose border edges are sought.
 _REGION_MARGIN_VOXELS = 8
 
-# What is scanned around a phantom's organ, mm, and by how much its voxels are larger than a mask's phantom's:
-# a quick scan, and seconds to order.
-_AROUND_PHANTOM_MM, _COARSER = 45.0, (2, 2, 1)
-
 # Longer than any organ: a header in micrometres asks for a mesh that fills every memory.
 _MOST_MM = 10_000
 
@@ -70,13 +72,10 @@ SMALL_MM = 1.0
 #: Distributions whose versions provenance records.
 _READERS = ("h5py", "highdicom", "nibabel", "numpy", "pydicom", "simpleitk")
 
-#: Sources that a function ``read_<name>`` of `cccd.inputs.sources` reads from a package's data.
-_PACKAGED = ("mni152", "chest_ct", "whole_body_ct")
-
 
 @dataclass(frozen=True)
-class _Scan:
-    """What a row stands for, on one grid, before it is cropped."""
+class Scan:
+    """What a row stands for, on one grid, before it is cropped to its organ (3D arrays of one shape)."""
 
     frame: Frame
     image: SingleArray | None = None
@@ -127,10 +126,9 @@ def load_structure(
     """
     location = row["location"]
     try:
-        if row["source"] in ("phantom", "damaged_phantom"):
-            return _make_phantom(row, settings, seed)
-        scan = _read_source(row, Path(sheet_dir), settings, seed, files)
-        return _crop(scan, row)
+        made = table("SOURCES").get(row["source"])
+        scan = find(made)(row, settings, seed) if made else _read_files(row, Path(sheet_dir), settings, files)
+        return scan if isinstance(scan, Structure) else _crop(scan, row)
     except InputError as error:
         raise error.at(location) from None
     except MemoryError:
@@ -173,7 +171,7 @@ def structure_of_array(
     volume = LabelMap.of(Volume(array, check_affine(affine, name), name)).organ("", name)
     layers = _mask_layers(volume.data)
     frame, coarser = frame_of(volume, settings), volume.coarser
-    scan = _Scan(frame, **layers, coarser=coarser, annotated=annotated, warnings=volume.warnings)
+    scan = Scan(frame, **layers, coarser=coarser, annotated=annotated, warnings=volume.warnings)
     return _crop(scan, {"case": name, "organ": name, "location": name})
 
 
@@ -183,41 +181,11 @@ def with_segmentation_notes(structure: Structure, report: Mapping[str, Any]) -> 
     return replace(structure, provenance=provenance, warnings=[*structure.warnings, *report["warnings"]])
 
 
-def _make_phantom(row: Mapping[str, str], settings: ImportSettings, seed: int) -> Structure:
-    """Make a phantom, its slices' boundary maps damaged where the row's source says so."""
-    from cccd.inputs.degraded import damage_maps
-    from cccd.inputs.phantoms import make_phantom
-
-    phantom = make_phantom(
-        row["case"],
-        row["organ"],
-        settings.phantom.spacing_mm,
-        seed=seed,
-        margin_voxels=MARGIN_VOXELS,
-        location=row["location"],
-    )
-    if row["source"] == "phantom":
-        return phantom
-    return damage_maps(phantom, np.random.default_rng(seed))
-
-
 # one grid -------------------------------------------------------------------------------------------
 
 
-def _read_source(
-    row: Mapping[str, str], folder: Path, settings: ImportSettings, seed: int, files: RowFiles
-) -> _Scan:
-    """Read what a row stands for, except a phantom."""
-    if row["source"] in IMAGES_ALONE:
-        scan = _scan_phantom if row["source"] == "phantom_scan" else _scan_brain
-        return scan(row, settings, seed)
-    if row["source"] in _PACKAGED:
-        from cccd.inputs import sources
-
-        read = getattr(sources, f"read_{row['source']}")
-        image, mask, facts = read(row["organ"], row["location"])
-        provenance = {"source": row["source"], **facts}
-        return _Scan(frame_of(mask, settings), image.data, mask.data, provenance=provenance)
+def _read_files(row: Mapping[str, str], folder: Path, settings: ImportSettings, files: RowFiles) -> Scan:
+    """Read the files that a row names."""
     row, implied = complete_row(row, folder)
     paths = {name: existing(folder / row[name], name) for name in ("image", "mask", "boundary") if row[name]}
     referenced = ""
@@ -247,61 +215,12 @@ def _read_source(
     return replace(scan, provenance=provenance, warnings=warnings + scan.warnings)
 
 
-def _scan_brain(row: Mapping[str, str], settings: ImportSettings, seed: int) -> _Scan:
-    """Scan the MNI brain anew, or a head around it, and find its region in this image alone.
-
-    The mask is ground truth.
-    """
-    from cccd.inputs.degraded import BIAS, EVERY, NOISE, rescan
-    from cccd.inputs.heads import draw_head
-    from cccd.inputs.sources import read_mni152
-
-    clean, brain, facts = read_mni152(row["organ"], row["location"])
-    rng = np.random.default_rng(seed)
-    if row["source"] == "mni152_head":
-        clean = draw_head(clean, brain, rng)
-    image, mask = rescan(clean, brain, rng)
-    region, found = _find_organ(image, row, settings)
-    provenance = {
-        "source": row["source"],
-        **facts,
-        "scan": {"every": list(EVERY), "noise": NOISE, "bias": BIAS},
-        "seed": seed,
-        **found,
-    }
-    frame = frame_of(image, settings)
-    return _Scan(frame, image.data, mask.data, region=region.data, provenance=provenance)
-
-
-def _scan_phantom(row: Mapping[str, str], settings: ImportSettings, seed: int) -> _Scan:
-    """Scan a phantom with what is around its organ, and find that in the image alone; the rest is truth."""
-    from cccd.inputs.phantoms import make_phantom
-
-    i, j, k = (float(size) for size in np.multiply(settings.phantom.spacing_mm, _COARSER))
-    most = np.ceil(np.divide(_AROUND_PHANTOM_MM, (i, j, k))).astype(int)
-    phantom = make_phantom(
-        row["case"],
-        row["organ"],
-        (i, j, k),
-        seed=seed,
-        margin_voxels=(int(most[0]), int(most[1]), int(most[2])),
-        location=row["location"],
-        contrast=False,
-    )
-    image = scan_of(phantom)
-    assert image is not None
-    region, found = _find_organ(image, row, settings)
-    provenance = phantom.provenance | {"source": row["source"], **found}
-    layers = {"mask": phantom.mask, "region": region.data, "truth": phantom.truth}
-    return _Scan(frame_of(image, settings), image.data, **layers, provenance=provenance)
-
-
 def frame_of(volume: Volume, settings: ImportSettings) -> Frame:
     """Return the grid of a volume, its slice axis as the settings choose it."""
-    return Frame(volume.affine, _slice_axis(volume, settings), volume.shape)
+    return Frame(volume.affine, slice_axis_of(volume, settings), volume.shape)
 
 
-def _slice_axis(volume: Volume, settings: ImportSettings) -> int:
+def slice_axis_of(volume: Volume, settings: ImportSettings) -> int:
     """Axis along which slices run; uneven ones are DICOM's, on a grid that may be finer than their pixels."""
     known = volume.uneven and settings.slice_axis == "auto"
     return 2 if known else find_slice_axis(volume.affine, settings.slice_axis)
@@ -309,7 +228,7 @@ def _slice_axis(volume: Volume, settings: ImportSettings) -> int:
 
 def _scan_of_contours(
     regions: Any, row: Mapping[str, str], image: Volume | None, settings: ImportSettings
-) -> _Scan:
+) -> Scan:
     """Take drawn contours, and of the image the slices that they were drawn on."""
     from cccd.inputs.drawn_contours import assemble_contours, contour_frame
 
@@ -331,7 +250,7 @@ def _scan_of_contours(
     if image is not None and keep is not None:
         grey = image.data[tuple(keep if axis == frame.slice_axis else slice(None) for axis in range(3))]
     annotated = row.get("annotated", AUTO)
-    return _Scan(frame, grey, contours=contours, annotated=annotated, warnings=warnings + notes)
+    return Scan(frame, grey, contours=contours, annotated=annotated, warnings=warnings + notes)
 
 
 def _scan_of_voxels(
@@ -341,7 +260,7 @@ def _scan_of_voxels(
     image: Volume | None,
     settings: ImportSettings,
     files: RowFiles,
-) -> _Scan:
+) -> Scan:
     """Read mask and boundary maps, or find the organ in the image, and move all to one grid."""
     mask = read_mask(paths["mask"], row, implied, image, files) if "mask" in paths else None
     boundary = read_boundary_maps(paths["boundary"]) if "boundary" in paths else None
@@ -351,10 +270,10 @@ def _scan_of_voxels(
         assert image is not None  # the sheet's check
         if row["label"]:
             raise image_without_mask(image.location, row["label"])
-        found, provenance = _find_organ(image, row, settings)
+        found, provenance = find_organ(image, row, settings)
         if row.get("seed"):
             frame = frame_of(image, settings)
-            return _Scan(frame, image.data, region=found.data, provenance=provenance, warnings=found.warnings)
+            return Scan(frame, image.data, region=found.data, provenance=provenance, warnings=found.warnings)
         mask = drawn = found
     warnings = [note for volume in (mask, boundary) if volume is not None for note in volume.warnings]
     if image is not None and on_grid(drawn, image.affine, image.shape, fill=False) is not None:
@@ -379,7 +298,7 @@ def _scan_of_voxels(
         layers["annotated"] = NONEMPTY if rule == AUTO and uneven else rule
         if mask is not None:
             layers["coarser"] = _coarser(mask, layers["mask"], grid)
-    return _Scan(frame_of(grid, settings), **layers, provenance=provenance, warnings=warnings)
+    return Scan(frame_of(grid, settings), **layers, provenance=provenance, warnings=warnings)
 
 
 def _coarser(mask: Volume, moved: AnyArray, grid: Volume) -> CoarserGrid | None:
@@ -394,53 +313,15 @@ def _mask_layers(mask: AnyArray) -> dict[str, Any]:
     return {"mask": mask} if mask.dtype == bool else {"mask": mask >= 0.5, "probability": mask}
 
 
-def _find_organ(
+def find_organ(
     image: Volume, row: Mapping[str, str], settings: ImportSettings
 ) -> tuple[Volume, dict[str, Any]]:
-    """Find the organ in an image without a mask: a mask, and how it was found."""
-    if row.get("seed"):
-        return _grow_organ(image, row["seed"], settings)
-    if row["source"] == "upenn_gbm":
-        from cccd.inputs.sources import brain_of_stripped
+    """Find the organ in an image without a mask: a mask, and how it was found, for provenance.
 
-        return brain_of_stripped(image), {}
-    from cccd.inputs.regions import find_region
-
-    axis = _slice_axis(image, settings)
-    found, bounds = find_region(image.data, image.location, settings.region, slice_axis=axis)
-    window = [None if np.isinf(bound) else bound for bound in bounds]
-    region = settings.region.as_config() | {"window": window}
-    note = f"{image.location}: no mask; the organ is found by a threshold: grey values {_range(*bounds)}"
-    return Volume(found, image.affine, image.location, warnings=[note]), {"region": region}
-
-
-def _grow_organ(image: Volume, seed: str, settings: ImportSettings) -> tuple[Volume, dict[str, Any]]:
-    """Grow the organ from where a seed says that it is: a rough mask, and what it was grown from."""
-    from cccd.inputs.growing import grow_region
-    from cccd.seeds import parse_seeds
-
-    seeds = parse_seeds(seed, image.location)
-    spacing = np.linalg.norm(image.affine[:3, :3], axis=0)
-    grown = grow_region(image.data, spacing, seeds, _slice_axis(image, settings), image.location)
-    tissue = [round(grown.low, 4), round(grown.high, 4)]
-    note = (
-        f"{image.location}: no mask; the organ is grown from seed {'; '.join(map(str, seeds))}: "
-        f"grey values {_range(*tissue)} after smoothing"
-    )
-    doubts = [
-        f"{image.location}: the image shows no clear border around seed {seed}, so the region may be wrong; "
-        "cccd check draws it; another voxel, a box or a mask may help"
-        for seed in grown.doubtful
-    ]
-    facts = {"region": {"seed": [str(one) for one in seeds], "tissue": tissue}}
-    return Volume(grown.mask, image.affine, image.location, warnings=[note, *doubts]), facts
-
-
-def _range(low: float, high: float) -> str:
-    """Say a range of grey values of which either end may be infinite."""
-    if np.isinf(high):
-        return f"from {low:.4g} on"
-    return f"up to {high:.4g}" if np.isinf(low) else f"from {low:.4g} to {high:.4g}"
+    A package does it, by a seed, from what skull stripping left, or by a threshold: table ``MASKS``.
+    """
+    how = "seed" if row.get("seed") else "stripped" if row["source"] == "upenn_gbm" else "threshold"
+    return find(table("MASKS")[how])(image, row, settings)
 
 
 def _move_to_grid(volume: Volume, grid: Volume, interpolate: bool) -> tuple[AnyArray, list[str]]:
@@ -515,7 +396,7 @@ def _extent_of_contours(contours: Curves, frame: Frame) -> tuple[IntArray, IntAr
     return first, last, len(np.unique(contours.slice))
 
 
-def _extent_of_voxels(scan: _Scan) -> tuple[IntArray, IntArray, int]:
+def _extent_of_voxels(scan: Scan) -> tuple[IntArray, IntArray, int]:
     """First and last index (3,) of the organ in the frame, and the number of its slices."""
     axis = scan.frame.slice_axis
     drawn = next(array for array in (scan.region, scan.boundary, scan.mask) if array is not None)
@@ -527,7 +408,7 @@ def _extent_of_voxels(scan: _Scan) -> tuple[IntArray, IntArray, int]:
     return first, last, slices
 
 
-def _annotation(scan: _Scan, first: IntArray, last: IntArray, location: str) -> Annotation | None:
+def _annotation(scan: Scan, first: IntArray, last: IntArray, location: str) -> Annotation | None:
     """Find which slices of a mask or of contours were drawn, where that is not all from first to last."""
     frame = scan.frame
     if scan.contours is not None:
@@ -555,7 +436,7 @@ def _on_slices(mask: BoolArray, origin: IntArray, frame: Frame, slices: IntArray
     return mask & np.expand_dims(kept, frame.in_plane_axes)
 
 
-def _on_coarser_grid(scan: _Scan, row: Mapping[str, str]) -> _Scan:
+def _on_coarser_grid(scan: Scan, row: Mapping[str, str]) -> Scan:
     """Read a mask whose voxels are copies at those that they were copied from."""
     grid, mask, frame = scan.coarser, scan.mask, scan.frame
     if grid is None or mask is None or scan.probability is not None:
@@ -574,7 +455,7 @@ def _on_coarser_grid(scan: _Scan, row: Mapping[str, str]) -> _Scan:
     return replace(scan, frame=coarse, mask=coarse_mask, image=image, warnings=[*scan.warnings, note])
 
 
-def _crop(scan: _Scan, row: Mapping[str, str]) -> Structure:
+def _crop(scan: Scan, row: Mapping[str, str]) -> Structure:
     """Crop a scan to its organ with a margin on every side."""
     scan = _on_coarser_grid(scan, row)
     # Beyond the slices that were drawn the organ may go on as far as their widest gap.

@@ -1,4 +1,4 @@
-"""A region found in a grey image where nobody drew a mask: window or Otsu, largest components."""
+"""A picture of what was read: its slices in three planes, with the outline of mask, region or labels."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from nibabel.orientations import aff2axcodes
-from scipy import ndimage
 
 from cccd.containers import (
     BoundaryMaps,
@@ -19,81 +18,13 @@ from cccd.containers import (
     ProbabilityStack,
     Structure,
 )
-from cccd.errors import InputError
-from cccd.geometry.arrays import AnyArray, BoolArray, SingleArray
-from cccd.settings.imports import RegionSettings
+from cccd.geometry.arrays import AnyArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["DrawnLabels", "draw_region", "find_region", "voxels_of"]
-
-
-def find_region(
-    image: SingleArray,
-    location: str,
-    settings: RegionSettings,
-    *,
-    slice_axis: int,
-) -> tuple[BoolArray, tuple[float, float]]:
-    """Find an organ by its grey values.
-
-    Parameters
-    ----------
-    image : (a, b, c) float32
-        Grey values (HU for CT).
-    location : str
-        What a message names.
-    settings : RegionSettings
-        Otsu's threshold is that of IEEE Trans. SMC 9:62, 1979; components are 6-connected. With
-        ``drop_border``, an organ that is cut by the scan's first or last slice stays.
-    slice_axis : int
-        Axis along which slices run.
-
-    Returns
-    -------
-    mask : (a, b, c) bool
-        The organ.
-    bounds : (float, float)
-        The window used, infinite where it has no bound.
-
-    Raises
-    ------
-    InputError
-        The image is of one grey value, or the window holds no voxel or all of them.
-    """
-    if image.min() == image.max():
-        raise InputError(location, f"all its grey values are {image.min():g}", "give another scan, or a mask")
-    if settings.window == "otsu":
-        from skimage.filters import threshold_otsu  # slow to import
-
-        low, high = float(threshold_otsu(image)), None
-    else:
-        low, high = settings.window
-    low, high = (-np.inf if low is None else low), (np.inf if high is None else high)
-    labels, count = ndimage.label((image >= low) & (image <= high))
-    sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    sizes[0] = 0
-    if settings.drop_border:
-        sizes[_reaching_sides(labels, slice_axis)] = 0
-    chosen = np.argsort(-sizes, kind="stable")[: settings.components]
-    chosen = chosen[sizes[chosen] >= max(settings.smallest_share * sizes.max(), 1)]
-    mask = np.isin(labels, chosen)
-    if mask.all() or not mask.any():
-        found = "the whole image lies" if mask.any() else "no region"
-        raise InputError(
-            location,
-            f"{found} between {low:g} and {high:g} (grey values {image.min():g} to {image.max():g})",
-            "give another range (--threshold LOW:HIGH; import: region: window)",
-        )
-    return (ndimage.binary_fill_holes(mask) if settings.fill_holes else mask), (low, high)
-
-
-def _reaching_sides(labels: AnyArray, slice_axis: int) -> AnyArray:
-    """Labels on the four sides of the slices."""
-    sides = [labels.take(end, axis).ravel() for axis in range(3) if axis != slice_axis for end in (0, -1)]
-    return np.unique(np.concatenate(sides))
+__all__ = ["DrawnLabels", "draw_region", "voxels_of"]
 
 
 class DrawnLabels(NamedTuple):

@@ -14,7 +14,6 @@ from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings
 from cccd.settings.junctions import NetworkSettings
 from cccd.settings.section import Section, setting
-from cccd.settings.segmentation import SegmentationSettings
 from cccd.settings.surface import LoftSettings
 
 __all__ = ["Settings", "whole_settings"]
@@ -23,7 +22,7 @@ __all__ = ["Settings", "whole_settings"]
 class Settings(Section):
     """All settings, section by section; what is not given has its default.
 
-    The sections are ``import_`` (``import`` in YAML), ``segmentation``, ``boundaries``, ``gnn``, ``curves``,
+    The sections are ``import_`` (``import`` in YAML), ``boundaries``, ``gnn``, ``curves``,
     ``surface`` and ``report``. docs/configuration.md has every key with its unit, range and reason.
 
     Examples
@@ -90,9 +89,6 @@ class Settings(Section):
         "from a row of the sheet to one cropped structure",
         why="Scans come in many ways.",
         alias="import",
-    )
-    segmentation: SegmentationSettings = setting(
-        SegmentationSettings(), "networks that find organs in scans", why="Table 3's, and nnU-Net's."
     )
     boundaries: BoundarySettings = setting(
         BoundarySettings(), "from slices to boundary pixels", why="Section 4.3, Algorithm 1."

@@ -18,9 +18,9 @@ from matplotlib.collections import LineCollection
 
 from cccd.containers import Boundaries, Frame
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.inputs.corruptions import KINDS
 from cccd.settings.junctions import NetworkSettings
 from cccd.store import atomic_path, write_table
+from cccd_datasets.corruptions import KINDS
 from cccd_junctions.checkpoint import load_model
 from cccd_junctions.decoding import closed_chains, fill_inside
 from cccd_junctions.inference import LoopPredictor, Predictor, predict_masks

@@ -14,7 +14,6 @@ from cccd.containers import Boundaries, Curves, Panel, Sections, SliceFigure, St
 from cccd.geometry.arrays import BoolArray, IntArray, offsets_of
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import dice
-from cccd.seeds import parse_seeds
 from cccd.settings.surface import LoftSettings
 from cccd.surface import LoftedSurface
 from cccd.surface.measure import Reference, measure_mesh
@@ -26,6 +25,7 @@ from cccd_paper.comparisons.lofted_distances import filtered_mesh
 from cccd_paper.comparisons.ordering_comparison import decided_slices
 from cccd_paper.comparisons.samples import between
 from cccd_paper.junctions.grid import build_grid
+from cccd_segmentation.seeds import parse_seeds
 
 __all__ = [
     "FOUND",

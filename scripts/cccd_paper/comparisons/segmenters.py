@@ -33,9 +33,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import Volume
-from cccd.inputs.growing import grow_region
 from cccd.metrics import dice, surface_distances
-from cccd.seeds import Seed
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings, PhantomSettings
@@ -46,9 +44,11 @@ from cccd_paper.comparisons.lofted_distances import filtered_mesh
 from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import AUTOMATIC, CCCD, OUTLINES
 from cccd_paper.comparisons.samples import middle_curve
+from cccd_segmentation.growing import grow_region
+from cccd_segmentation.seeds import Seed
 
 if TYPE_CHECKING:  # torch takes seconds to load
-    from cccd.segmentation.model import Segmenter
+    from cccd_segmentation.model import Segmenter
 
 __all__ = [
     "A_SEED",
@@ -120,7 +120,7 @@ class ShippedNetworks:
 
 def load_segmenters(*paths: str | Path) -> ShippedNetworks:
     """Load the segmentation networks that are shipped for an organ, each with its plan."""
-    from cccd.segmentation.model import load_segmenter
+    from cccd_segmentation.model import load_segmenter
 
     return ShippedNetworks([load_segmenter(path) for path in paths])
 
@@ -159,7 +159,7 @@ def compare_segmenters(
     """
     if not segmenters.segmenters or structure.provenance.get("source") != "phantom":
         return pd.DataFrame(columns=list(COLUMNS))
-    from cccd.segmentation.networks import networks, parameters
+    from cccd_segmentation.networks import networks, parameters
 
     scan, truth = segmenters.scan(structure, seed)
     frame = Frame(scan.affine, structure.frame.slice_axis, scan.shape)
@@ -200,7 +200,7 @@ def network_figures(structure: Structure, segmenters: ShippedNetworks, seed: int
     drawn = next((pair for pair in segmenters.segmenters if pair[1].network == _DRAWN), None)
     if drawn is None or structure.provenance.get("source") != "phantom":
         return {}
-    from cccd.segmentation.networks import networks
+    from cccd_segmentation.networks import networks
 
     own = middle_curve(trace_stack(structure.required_stack("mask"), structure.stack_origin, structure.frame))
     if own is None:
@@ -221,7 +221,7 @@ def network_figures(structure: Structure, segmenters: ShippedNetworks, seed: int
 
 def _whole_scan(structure: Structure, seed: int) -> tuple[Volume, BoolArray]:
     """Scan a phantom with all that is around the organ; its true mask."""
-    from cccd.segmentation.sources import scan_phantom
+    from cccd_datasets.whole_scans import scan_phantom
 
     spacing = structure.provenance["spacing_mm"]
     reading = ImportSettings(phantom=PhantomSettings(spacing_mm=spacing))
@@ -230,7 +230,7 @@ def _whole_scan(structure: Structure, seed: int) -> tuple[Volume, BoolArray]:
 
 def _chances(segmenter: Segmenter, scan: Volume) -> SingleArray:
     """Probabilities (a, b, c) of any label, specks left out."""
-    from cccd.segmentation.inference import labels_of, probabilities
+    from cccd_segmentation.inference import labels_of, probabilities
 
     model, plan = segmenter
     found = probabilities(model, scan, plan)

@@ -1,10 +1,10 @@
 """The segmentation networks of Table 3."""
 
-from cccd.segmentation.networks import Network
+from cccd_segmentation.networks import Network
 
 __all__ = ["NETWORKS"]
 
-#: As `cccd.segmentation.networks.NETWORKS`.
+#: As `cccd_segmentation.networks.NETWORKS`.
 NETWORKS = {
     "polar_unet": Network("Polar U-Net", "cccd_paper.segmentation.polar_unet.PolarUNet", 32, 9),
     "kiunet_3d": Network("KiU-Net 3D", "cccd_paper.segmentation.kiunet.KiUNet3D", 32, 8),

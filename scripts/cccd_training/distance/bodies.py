@@ -10,7 +10,6 @@ import numpy as np
 from scipy import ndimage
 
 from cccd.geometry.distance import to_mask
-from cccd.inputs.implicit_solids import ImplicitFunction
 from cccd.surface.learned_distance import (
     LEAST_RATIO,
     MOST_RATIO,
@@ -22,6 +21,7 @@ from cccd.surface.learned_distance import (
     in_space,
     near_surface,
 )
+from cccd_datasets.implicit_solids import ImplicitFunction
 
 __all__ = ["Sample", "ball_with_bumps", "closed_body", "draw_sample", "packed", "unpacked"]
 

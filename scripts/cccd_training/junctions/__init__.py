@@ -4,7 +4,7 @@
 module               holds
 ==================== ===============================================================================
 ``random_masks``     synthetic organs; ``synthetic_images``, ``synthetic_maps``, ``labels``: images, noisy
-                     boundary maps (`cccd.inputs.corruptions`) and labels of them
+                     boundary maps (`cccd_datasets.corruptions`) and labels of them
 ``families``         boundary maps of other causes: edges of images, torn outlines, edge detectors
 ``frozen_graphs``    ``graphs.h5``: graphs drawn once
 ``data``             labelled maps

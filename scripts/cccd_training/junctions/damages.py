@@ -2,7 +2,7 @@
 
 Published augmentations (Cutout, DeVries and Taylor 2017; GridMask, Chen et al. 2020), what imaging does (a
 noisy slice's threshold, ghosts of motion, coarse pixels, streaks of metal, calcifications), and what is drawn
-or stored with an outline (hatching, letters, lost pixels). `cccd.inputs.corruptions` has the kinds that
+or stored with an outline (hatching, letters, lost pixels). `cccd_datasets.corruptions` has the kinds that
 training draws. Every function takes a generator, a mask (I, J) and its outline (I, J) bool, and returns a
 map.
 """

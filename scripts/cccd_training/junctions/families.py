@@ -1,4 +1,4 @@
-"""Families of boundary maps beside `cccd.inputs.corruptions`: other ways in which a map comes about.
+"""Families of boundary maps beside `cccd_datasets.corruptions`: other ways in which a map comes about.
 
 A kind of damage is one defect; a family is one cause. Leaving a whole family out of training says what a map
 of another cause than training's gets. None of them is among `cccd_training.junctions.damages`, so that those

@@ -10,7 +10,7 @@ import numpy as np
 
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, SingleArray
 from cccd.geometry.opencv import border_pixels, distance_to_zero
-from cccd.inputs.corruptions import KINDS, corrupt
+from cccd_datasets.corruptions import KINDS, corrupt
 from cccd_training.junctions.families import FAMILIES
 from cccd_training.junctions.labels import fill_contours
 from cccd_training.junctions.random_masks import draw_mask

@@ -24,9 +24,9 @@ from torch import Tensor
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import Volume
-from cccd.segmentation.grids import WorkingGrid
-from cccd.segmentation.plan import Plan, make_intensity, orientation_of, spacing_of
-from cccd.settings.segmentation import SegmentationSettings
+from cccd_segmentation.grids import WorkingGrid
+from cccd_segmentation.plan import Plan, make_intensity, orientation_of, spacing_of
+from cccd_segmentation.settings import SegmentationSettings
 
 __all__ = ["Example", "LabelledScan", "batches", "make_plan", "prepare", "split_patients"]
 

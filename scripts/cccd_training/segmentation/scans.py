@@ -14,9 +14,9 @@ from cccd.inputs.load import existing
 from cccd.inputs.readers import read_volume
 from cccd.inputs.row_files import EACH_ITS_OWN, read_mask
 from cccd.layouts import complete_row
-from cccd.segmentation.sources import read_scan, scan_phantom
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import choices
+from cccd_datasets.whole_scans import read_scan, scan_phantom
 from cccd_training.segmentation.examples import LabelledScan
 
 __all__ = ["read_labelled_scan"]

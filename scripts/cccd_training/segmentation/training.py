@@ -19,11 +19,11 @@ from tqdm import tqdm
 
 from cccd.devices import chosen_device
 from cccd.metrics import dice
-from cccd.segmentation.inference import device_of, labels_of, predict, probabilities
-from cccd.segmentation.model import load_segmenter
-from cccd.segmentation.networks import build, networks, parameters
-from cccd.segmentation.plan import Plan
-from cccd.settings.segmentation import SegmentationSettings
+from cccd_segmentation.inference import device_of, labels_of, predict, probabilities
+from cccd_segmentation.model import load_segmenter
+from cccd_segmentation.networks import build, networks, parameters
+from cccd_segmentation.plan import Plan
+from cccd_segmentation.settings import SegmentationSettings
 from cccd_training.checkpoints import Checkpoints
 from cccd_training.segmentation.examples import (
     Example,
@@ -50,7 +50,7 @@ _GRADIENT_NORM = 12.0  # nnU-Net's
 
 
 class Supervised(Protocol):
-    """What every network (`cccd.segmentation.networks`) has for its training."""
+    """What every network (`cccd_segmentation.networks`) has for its training."""
 
     def outputs(self, volume: Tensor, labels: Tensor) -> list[tuple[Tensor, Tensor]]:
         """Return pairs of logits and labels, the final ones first."""
@@ -80,7 +80,7 @@ def train_segmenter(
     scans : sequence of LabelledScan
         Split by patients: ``settings.test_share`` of them score the network and train nothing.
     network : str
-        Its name in `cccd.segmentation.networks.networks`.
+        Its name in `cccd_segmentation.networks.networks`.
     settings : SegmentationSettings
     seed : int
         Weights, split, order and variation of the scans are drawn from it.
@@ -208,7 +208,7 @@ def score_held_out(
     Parameters
     ----------
     path : path
-        Of `cccd.segmentation.model.save_segmenter`.
+        Of `cccd_segmentation.model.save_segmenter`.
     scans, settings, seed
         As for `train_segmenter`, which make the same split.
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from cccd.errors import InputError
 from cccd.model_header import check_model, check_start, read_segmenter_plan
 from cccd.plugins import table
-from cccd.segmentation.networks import networks
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
-from cccd.settings.segmentation import INSTALLED_SEGMENTERS, is_installed_segmenter
+from cccd_segmentation.networks import networks
+from cccd_segmentation.settings import INSTALLED_SEGMENTERS, is_installed_segmenter
 from cccd_workflow.plan.cohort import PlannedCohort, near
 
 __all__ = ["MODEL", "JunctionPlan", "SegmenterPlan", "find_file"]
@@ -200,7 +200,7 @@ class SegmenterPlan:
         InputError
             Nothing is there to train the network on, or no such network and file.
         """
-        name, known = settings.segmenter, networks()
+        name, known, whole = settings.segmenter, networks(), settings.as_config()
         if name is None:
             return cls(None)
         if is_installed_segmenter(name):
@@ -210,8 +210,8 @@ class SegmenterPlan:
                 problem = f"{name} is to be trained, and {cohort.sheet.name} has no row of role train"
                 hint = "add such rows, or name a file of workflow/models/segmenters"
                 raise InputError("config key segmenter", problem, hint)
-            weights = f"results/segmenters/{name}/model.pt"
-            return cls(name, (weights,), _joined(settings.segmentation.labels or [1]), (known[name].build,))
+            weights, labels = f"results/segmenters/{name}/model.pt", whole["segmentation"]["labels"]
+            return cls(name, (weights,), _joined(labels or [1]), (known[name].build,))
         path = find_file(name, root)
         if not path.is_file():
             problem = f"there is neither a network nor a file {name}"

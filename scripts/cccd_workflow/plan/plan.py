@@ -15,10 +15,10 @@ from cccd.errors import InputError
 from cccd.layouts import IMAGES_ALONE
 from cccd.plugins import folders, table
 from cccd.project import shipped_weights
-from cccd.segmentation.networks import networks
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config
+from cccd_segmentation.networks import networks
 from cccd_workflow.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
 from cccd_workflow.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find_file
 from cccd_workflow.plan.resources import digest, digest_files
@@ -126,8 +126,9 @@ class Plan:
 
     @property
     def readers(self) -> list[str]:
-        """Functions of other packages that read what a row names."""
-        return [reader.read for reader in table("READERS").values()]
+        """Functions of other packages that read or make what a row names, or find an organ in it."""
+        made = (*table("SOURCES").values(), *table("MASKS").values())
+        return [*(reader.read for reader in table("READERS").values()), *made]
 
     # Structures and cases.
 
@@ -183,8 +184,7 @@ class Plan:
         """
         row = self.cohort.row(wildcards)
         if self.is_segmented(row):
-            mask, _ = self.segmentation_files(wildcards)
-            made = os.path.relpath(mask, self.cohort.sheet.parent)
+            made = os.path.relpath(self.segmentation_files(wildcards)[0], self.cohort.sheet.parent)
             row = row | {"mask": made, "label": self.segmenter.labels}
         return {key: value for key, value in sorted(row.items()) if key != "location"}
 

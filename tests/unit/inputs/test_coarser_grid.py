@@ -16,10 +16,10 @@ from cccd.cli import main
 from cccd.inputs import load_structure
 from cccd.inputs.coarser_grid import find_coarser_grid
 from cccd.inputs.load import structure_of_array
-from cccd.inputs.phantoms import ORGANS, make_phantom
 from cccd.settings.imports import ImportSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.measure import mask_surface, voxel_volume
+from cccd_datasets.phantoms import ORGANS, make_phantom
 from cccd_labels.shared_walls import share_walls
 
 RADIUS, VOXEL = 24.0, 3.0

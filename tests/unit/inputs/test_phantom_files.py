@@ -6,8 +6,8 @@ from support.scans import row, settings
 
 from cccd.geometry.ply import read_ply
 from cccd.inputs import load_structure
-from cccd.inputs.phantoms import ORGANS
 from cccd.settings.imports import PHANTOM_ORGANS
+from cccd_datasets.phantoms import ORGANS
 from cccd_paper.phantom_files import describe_scan, scan_phantom, write_scan, write_truth
 
 PIXEL_MM = (1.5, 1.5)

@@ -111,7 +111,7 @@ def test_a_network_s_name_means_the_weights_that_the_sheet_trains():
     segmenter = plan_of(TRAIN, segmenter="nnunet", segmentation={"labels": [3, 5]}).segmenter
     assert segmenter.weights == ("results/segmenters/nnunet/model.pt",)
     assert segmenter.labels == "3,5"
-    assert segmenter.code == ("cccd.segmentation.plain_unet.PlainUNet",)
+    assert segmenter.code == ("cccd_segmentation.plain_unet.PlainUNet",)
     assert plan_of(TRAIN, segmenter="nnunet").segmenter.labels == "1"
 
 
@@ -120,7 +120,7 @@ def test_a_file_of_weights_says_what_it_is():
     segmenter = plan_of(MASK, segmenter=str(path)).segmenter
     assert segmenter.weights == (str(path),)
     assert segmenter.labels == "1,2"
-    assert segmenter.code == ("cccd.segmentation.plain_unet.PlainUNet",)
+    assert segmenter.code == ("cccd_segmentation.plain_unet.PlainUNet",)
 
 
 def test_an_installed_program_has_no_weights_here():

@@ -16,11 +16,11 @@ from cccd.inputs.grid import Volume
 from cccd.inputs.nifti_export import write_nifti
 from cccd.layouts import complete_row
 from cccd.project import PROJECT
-from cccd.segmentation.external import run_external
-from cccd.segmentation.model import load_segmenter
-from cccd.segmentation.networks import networks
-from cccd.segmentation.segment import find_segmenter
 from cccd.settings.imports import ImportSettings, PhantomSettings
+from cccd_segmentation.external import run_external
+from cccd_segmentation.model import load_segmenter
+from cccd_segmentation.networks import networks
+from cccd_segmentation.segment import find_segmenter
 from cccd_training.segmentation.scans import read_labelled_scan
 
 ROW = dict.fromkeys(("case", "organ", "source", "image", "mask", "label", "boundary", "role"), "")

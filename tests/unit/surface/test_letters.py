@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from support.shapes import structure_of
 
-from cccd.inputs.implicit_solids import ImplicitFunction, sample_lattice
-from cccd.inputs.phantoms import ORGANS
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
 from cccd.surface.measure import measure_mesh
+from cccd_datasets.implicit_solids import ImplicitFunction, sample_lattice
+from cccd_datasets.phantoms import ORGANS
 
 #: The axis of the letter (0 to its side, 1 through its plane, 2 upwards) along which it is sliced, and its
 #: voxels; through its plane the strokes are no thicker than three slices of 5 mm.

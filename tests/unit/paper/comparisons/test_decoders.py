@@ -4,7 +4,7 @@ import pytest
 
 from cccd.geometry.opencv import border_pixels
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.inputs.corruptions import corrupt
+from cccd_datasets.corruptions import corrupt
 from cccd_paper.comparisons.baselines.decoders import DECODERS
 from cccd_paper.comparisons.decoders import decode
 from cccd_training.junctions.scoring import score_slice

@@ -8,8 +8,8 @@ pytest.importorskip("monai")
 
 from cccd.containers import Frame, Structure  # noqa: E402
 from cccd.inputs.grid import Volume  # noqa: E402
-from cccd.segmentation.plan import Intensity, Plan  # noqa: E402
 from cccd_paper.comparisons.segmenters import ShippedNetworks  # noqa: E402
+from cccd_segmentation.plan import Intensity, Plan  # noqa: E402
 
 
 class Bright(torch.nn.Module):

@@ -10,10 +10,10 @@ pytest.importorskip("monai")
 from torch import nn  # noqa: E402
 
 from cccd.errors import InputError  # noqa: E402
-from cccd.segmentation.networks import build, networks, parameters  # noqa: E402
-from cccd.segmentation.plain_unet import PlainUNet  # noqa: E402
 from cccd_paper.segmentation.hdenseunet import LAYERS_2D, DenseEncoder  # noqa: E402
 from cccd_paper.segmentation.polar_unet import PolarUNet, UNet  # noqa: E402
+from cccd_segmentation.networks import build, networks, parameters  # noqa: E402
+from cccd_segmentation.plain_unet import PlainUNet  # noqa: E402
 
 
 def published(make):

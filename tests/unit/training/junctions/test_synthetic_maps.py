@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from cccd.geometry.opencv import border_pixels
-from cccd.inputs.corruptions import KINDS, corrupt
+from cccd_datasets.corruptions import KINDS, corrupt
 from cccd_junctions.decoding import fill_inside
 from cccd_junctions.delaunay import build_graph
 from cccd_training.junctions.labels import inside_shares, link_labels

@@ -13,12 +13,12 @@ pytest.importorskip("monai")
 from cccd.errors import InputError  # noqa: E402
 from cccd.inputs.grid import Volume  # noqa: E402
 from cccd.inputs.readers import read_volume  # noqa: E402
-from cccd.segmentation.grids import WorkingGrid  # noqa: E402
-from cccd.segmentation.inference import labels_of, probabilities  # noqa: E402
-from cccd.segmentation.model import load_segmenter, save_segmenter  # noqa: E402
-from cccd.segmentation.networks import NETWORKS, Network  # noqa: E402
-from cccd.segmentation.segment import segment, write_segmentation  # noqa: E402
-from cccd.settings.segmentation import SegmentationSettings  # noqa: E402
+from cccd_segmentation.grids import WorkingGrid  # noqa: E402
+from cccd_segmentation.inference import labels_of, probabilities  # noqa: E402
+from cccd_segmentation.model import load_segmenter, save_segmenter  # noqa: E402
+from cccd_segmentation.networks import NETWORKS, Network  # noqa: E402
+from cccd_segmentation.segment import segment, write_segmentation  # noqa: E402
+from cccd_segmentation.settings import SegmentationSettings  # noqa: E402
 from cccd_training.segmentation.examples import LabelledScan, make_plan, split_patients  # noqa: E402
 from cccd_training.segmentation.training import score_held_out, train_segmenter  # noqa: E402
 

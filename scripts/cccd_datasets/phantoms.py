@@ -1,6 +1,6 @@
 """CT-like phantoms whose true surface is known.
 
-An organ is the zero set of a smooth function (`cccd.inputs.implicit_solids`), varied by the seed. Its
+An organ is the zero set of a smooth function (`cccd_datasets.implicit_solids`), varied by the seed. Its
 scan has the grid of a LiTS volume, partial volume through the thick slices, the scanner's blur and noise, and
 the neighbours that a CT shows around the organ. The mask holds the voxels whose centres lie inside.
 """
@@ -18,7 +18,8 @@ from scipy.spatial.transform import Rotation
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
-from cccd.inputs.implicit_solids import (
+from cccd.settings.messages import nearest
+from cccd_datasets.implicit_solids import (
     ImplicitFunction,
     Tissue,
     capsule,
@@ -34,7 +35,6 @@ from cccd.inputs.implicit_solids import (
     union,
     warped,
 )
-from cccd.settings.messages import nearest
 
 __all__ = ["ORGANS", "make_phantom"]
 

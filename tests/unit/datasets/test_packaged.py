@@ -58,7 +58,7 @@ def test_chest_ct():
 
 
 def test_chest_ct_without_its_package(monkeypatch):
-    monkeypatch.setattr("cccd.inputs.sources.find_spec", lambda name: None)
+    monkeypatch.setattr("cccd_datasets.packaged.find_spec", lambda name: None)
     with pytest.raises(InputError, match="pip install slicerio"):
         load_structure(row(source="chest_ct", organ="lungs"), ".", settings())
 

@@ -1,4 +1,4 @@
-"""Scans that come with a package, and the brain of a skull-stripped scan."""
+"""Scans that come with a package."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from scipy import ndimage
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     import pyvista
     from nibabel.spatialimages import SpatialImage
 
-__all__ = ["brain_of_stripped", "read_chest_ct", "read_mni152", "read_whole_body_ct"]
+__all__ = ["read_chest_ct", "read_mni152", "read_whole_body_ct"]
 
 #: Labels of the chest CT's segmentation, by organ.
 _CHEST = {"lungs": (5, 6), "right_lung": (5,), "left_lung": (6,)}
@@ -189,18 +188,3 @@ def _compare_checksum(file: Path, digest: str, location: str) -> None:
         kept.write_text(f"{digest}\n")
     except OSError:  # a read-only cache belongs to someone else
         return
-
-
-def brain_of_stripped(image: Volume) -> Volume:
-    """Find the brain in a skull-stripped scan: the largest component of what is not zero, cavities filled.
-
-    Returns
-    -------
-    Volume
-        Boolean, on the grid of ``image``; empty where the image is zero throughout.
-    """
-    labels, count = ndimage.label(image.data != 0)
-    sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    sizes[0] = 0
-    mask = ndimage.binary_fill_holes(labels == sizes.argmax()) if count else labels > 0
-    return Volume(mask, image.affine, image.location)

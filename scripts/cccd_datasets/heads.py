@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from cccd.geometry.arrays import AnyArray, SingleArray
 from cccd.inputs.grid import Volume
-from cccd.inputs.implicit_solids import (
+from cccd_datasets.implicit_solids import (
     Tissue,
     capsule,
     ellipsoid,

@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, SingleArray
-from cccd.seeds import Seed
+from cccd_segmentation.seeds import Seed
 
 __all__ = ["GrownRegion", "grow_region"]
 

@@ -14,7 +14,7 @@ from cccd.devices import DEVICE
 from cccd.errors import InputError
 from cccd.inputs.load import existing
 from cccd.inputs.row_files import read_image
-from cccd.segmentation.segment import find_segmenter, segment, write_labels
+from cccd_segmentation.segment import find_segmenter, segment, write_labels
 
 __all__ = ["add_segment"]
 

@@ -4,9 +4,9 @@ from support.scans import affine_of, full, row, settings, write_nifti
 
 from cccd.errors import InputError
 from cccd.inputs import load_structure
-from cccd.inputs.growing import grow_region
 from cccd.metrics import dice
-from cccd.seeds import parse_seeds
+from cccd_segmentation.growing import grow_region
+from cccd_segmentation.seeds import parse_seeds
 
 SHAPE = (72, 60, 24)
 SPACING = np.array((1.5, 1.5, 4.0))

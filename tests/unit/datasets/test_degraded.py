@@ -6,10 +6,10 @@ from support.scans import row, settings
 
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
-from cccd.inputs import load_structure, sources
-from cccd.inputs.degraded import bias_field, coarser, damage_maps, rescan
+from cccd.inputs import load_structure
 from cccd.inputs.grid import Volume
 from cccd.settings.boundaries import BoundarySettings
+from cccd_datasets.degraded import bias_field, coarser, damage_maps, rescan
 from cccd_junctions.boundary import extract_boundaries, outline
 
 AFFINE = np.array([[0.0, -2, 0, 5], [1, 0, 0, -3], [0, 0, 3, 7], [0, 0, 0, 1]])
@@ -51,7 +51,7 @@ def test_no_ground_truth_is_in_band_window_or_crop(monkeypatch):
     for radius in (14.0, 6.0):
         image, _, facts = brain()
         _, mask, _ = brain(radius)
-        monkeypatch.setattr(sources, "read_mni152", lambda *_, made=(image, mask, facts): made)
+        monkeypatch.setattr("cccd_datasets.packaged.read_mni152", lambda *_, made=(image, mask, facts): made)
         structure = load_structure(row(source="mni152_scan", organ="brain"), ".", settings(), seed=4)
         found.append((structure, extract_boundaries(structure, BoundarySettings())))
     (one, pixels), (other, same_pixels) = found
@@ -66,7 +66,7 @@ def test_no_ground_truth_is_in_band_window_or_crop(monkeypatch):
     ("window", "words"), [((5000, None), "no region between 5000"), ((-1, None), "the whole image lies")]
 )
 def test_a_threshold_that_finds_nothing_or_everything_is_named(monkeypatch, window, words):
-    monkeypatch.setattr(sources, "read_mni152", lambda *_: brain())
+    monkeypatch.setattr("cccd_datasets.packaged.read_mni152", lambda *_: brain())
     asked = settings(region={"window": window})
     with pytest.raises(InputError, match=words) as error:
         load_structure(row(source="mni152_scan", organ="brain"), ".", asked)

@@ -1,7 +1,7 @@
 import pytest
 
 from cccd.errors import InputError
-from cccd.seeds import Seed, parse_seeds
+from cccd_segmentation.seeds import Seed, parse_seeds
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ class Plan:
     Attributes
     ----------
     network : str
-        Its name in `cccd.segmentation.networks.networks`.
+        Its name in `cccd_segmentation.networks.networks`.
     width, sizes
         What it is built with.
     labels : tuple of int

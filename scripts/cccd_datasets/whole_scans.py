@@ -11,9 +11,9 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import Volume
 from cccd.inputs.load import existing
-from cccd.inputs.phantoms import make_phantom
 from cccd.inputs.row_files import read_image
 from cccd.settings.imports import ImportSettings
+from cccd_datasets.phantoms import make_phantom
 
 __all__ = ["read_scan", "scan_phantom"]
 
@@ -39,7 +39,7 @@ def read_scan(row: Mapping[str, str], folder: Path, settings: ImportSettings, se
 def scan_phantom(case: str, organ: str, settings: ImportSettings, seed: int) -> tuple[Volume, AnyArray]:
     """Scan a phantom with what is around its organ: the image, and the mask (a, b, c) bool on its grid.
 
-    The voxels are those of `cccd.inputs.phantoms.make_phantom`, but more of them, with noise of their own.
+    The voxels are those of `cccd_datasets.phantoms.make_phantom`, but more of them, with noise of their own.
     """
     spacing = settings.phantom.spacing_mm
     most = np.ceil(np.divide(_PHANTOM_MARGIN_MM, spacing)).astype(int)

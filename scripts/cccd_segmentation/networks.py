@@ -47,7 +47,7 @@ class Network:
 
 #: This package's own network.
 NETWORKS = {
-    "nnunet": Network("nnU-Net (plain)", "cccd.segmentation.plain_unet.PlainUNet", 32, 16, {"levels": 4})
+    "nnunet": Network("nnU-Net (plain)", "cccd_segmentation.plain_unet.PlainUNet", 32, 16, {"levels": 4})
 }
 
 

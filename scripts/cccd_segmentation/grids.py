@@ -12,7 +12,7 @@ from monai.transforms.spatial.array import Orientation, Spacing
 from torch import Tensor
 
 from cccd.geometry.arrays import AnyArray, FloatArray
-from cccd.segmentation.plan import Plan, spacing_of
+from cccd_segmentation.plan import Plan, spacing_of
 
 __all__ = ["WorkingGrid"]
 

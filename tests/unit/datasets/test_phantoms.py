@@ -9,7 +9,8 @@ from support.scans import row, settings
 from cccd.errors import InputError
 from cccd.geometry.raster import voxelise
 from cccd.inputs import load_structure
-from cccd.inputs.implicit_solids import (
+from cccd.tolerances import PROJECTION_MM
+from cccd_datasets.implicit_solids import (
     capsule,
     ellipsoid,
     half_space,
@@ -20,8 +21,7 @@ from cccd.inputs.implicit_solids import (
     torus,
     union,
 )
-from cccd.inputs.phantoms import ORGANS, make_phantom
-from cccd.tolerances import PROJECTION_MM
+from cccd_datasets.phantoms import ORGANS, make_phantom
 
 COARSE = (2.0, 2.0, 6.0)
 

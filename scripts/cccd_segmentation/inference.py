@@ -13,8 +13,8 @@ from torch import Tensor, nn
 
 from cccd.geometry.arrays import AnyArray, SingleArray
 from cccd.inputs.grid import Volume
-from cccd.segmentation.grids import WorkingGrid
-from cccd.segmentation.plan import Plan
+from cccd_segmentation.grids import WorkingGrid
+from cccd_segmentation.plan import Plan
 
 __all__ = ["device_of", "labels_of", "predict", "probabilities"]
 
@@ -100,7 +100,7 @@ def labels_of(found: SingleArray, plan: Plan, smallest_share: float = 0.1) -> An
 
     Examples
     --------
-    >>> from cccd.segmentation.plan import Intensity
+    >>> from cccd_segmentation.plan import Intensity
     >>> plan = Plan("nnunet", 8, {}, (5,), "RAS", (1.0, 1.0, 1.0), Intensity("MR"), (32, 32, 32))
     >>> inside = np.zeros((1, 1, 30), np.float32)
     >>> inside[..., 1:13] = inside[..., 20] = 0.9

@@ -10,9 +10,9 @@ from torch import nn
 
 from cccd.devices import chosen_device
 from cccd.model_header import foreign_segmenter, read_segmenter_plan
-from cccd.segmentation.networks import build
-from cccd.segmentation.plan import Plan
 from cccd.torch_files import save_content
+from cccd_segmentation.networks import build
+from cccd_segmentation.plan import Plan
 
 __all__ = ["Segmenter", "load_segmenter", "save_segmenter"]
 

@@ -10,6 +10,7 @@ from cccd.settings.section import Section, setting
 
 __all__ = [
     "INSTALLED_SEGMENTERS",
+    "SECTION",
     "SegmentationSettings",
     "is_installed_segmenter",
 ]
@@ -100,3 +101,10 @@ class SegmentationSettings(Section):
         why="bfloat16 takes .6 to .9 of the time on CPUs that multiply it. But torch 2.13 then reads "
         "uninitialised memory where a volume is 2 voxels wide: weights differ from run to run, or are lost.",
     )
+
+
+#: The section ``segmentation``: its model and its default.
+SECTION = (
+    SegmentationSettings,
+    setting(SegmentationSettings(), "networks that find organs in scans", why="Table 3's, and nnU-Net's."),
+)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cccd.inputs.grid import Volume
-from cccd.inputs.heads import draw_head
+from cccd_datasets.heads import draw_head
 
 TOP = 40
 

@@ -16,10 +16,10 @@ from cccd.inputs.grid import Volume
 from cccd.inputs.nifti_export import write_nifti
 from cccd.model_header import read_segmenter_plan
 from cccd.project import PROJECT
-from cccd.segmentation.external import run_external
 from cccd.settings.messages import choices
-from cccd.settings.segmentation import INSTALLED_SEGMENTERS, is_installed_segmenter
 from cccd.store import atomic_path, write_json
+from cccd_segmentation.external import run_external
+from cccd_segmentation.settings import INSTALLED_SEGMENTERS, is_installed_segmenter
 
 __all__ = ["Segmentation", "find_segmenter", "segment", "write_labels", "write_segmentation"]
 
@@ -79,7 +79,7 @@ def segment(image: Volume, segmenter: str | Path | Sequence[str], organ: str) ->
     image : Volume
         The whole scan.
     segmenter : path or str
-        A file of weights, or what `cccd.segmentation.external.run_external` knows.
+        A file of weights, or what `cccd_segmentation.external.run_external` knows.
     organ : str
         What to look for, for those who know several; else what messages name.
 
@@ -102,8 +102,8 @@ def segment(image: Volume, segmenter: str | Path | Sequence[str], organ: str) ->
 
 @needing("segmenting by a network", "segment")
 def _by_network(image: Volume, path: str, organ: str) -> Segmentation:
-    from cccd.segmentation.inference import labels_of, probabilities
-    from cccd.segmentation.model import load_segmenter
+    from cccd_segmentation.inference import labels_of, probabilities
+    from cccd_segmentation.model import load_segmenter
 
     model, plan = load_segmenter(path)
     notes = plan.differences(image)

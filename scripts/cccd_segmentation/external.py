@@ -20,7 +20,7 @@ from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.nifti_export import write_nifti
 from cccd.inputs.readers import read_volume
 from cccd.settings.messages import choices, nearest
-from cccd.settings.segmentation import is_installed_segmenter
+from cccd_segmentation.settings import is_installed_segmenter
 
 __all__ = ["TOTALSEGMENTATOR", "run_external", "total_names"]
 

@@ -120,7 +120,7 @@ def damage_maps(
     Structure
         With ``boundary``, without an image; ``provenance["damaged"]`` says which slice was damaged how.
     """
-    from cccd.inputs.corruptions import KINDS, corrupt  # OpenCV draws them
+    from cccd_datasets.corruptions import KINDS, corrupt  # OpenCV draws them
 
     kinds = kinds or [kind for kind in KINDS if kind not in ("clean", "everything")]
     axis = structure.frame.slice_axis

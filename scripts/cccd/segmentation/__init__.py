@@ -1,1 +1,0 @@
-"""Masks from scans: segmentation networks, and segmenters that are installed beside."""

@@ -1,0 +1,1 @@
+"""Masks of scans that have none: thresholds, seeds, networks, and segmenters that are installed beside."""
