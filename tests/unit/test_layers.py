@@ -136,7 +136,7 @@ def test_a_job_calls_the_packages_alone():
     for script in sorted(SCRIPTS.glob("*.py")):
         known = {name.split(".")[0] for name in imported(script)}
         assert known <= {*PACKAGES, "logging", "operator", "pathlib", "shutil"}, script.name
-        assert ("cccd_paper" in known or "cccd_training" in known) == (script.stem in BESIDE.split()), script.name
+        assert bool(known & {"cccd_paper", "cccd_training"}) == (script.stem in BESIDE.split()), script
 
 
 #: Neither the other packages are there, nor what any extra brings.
