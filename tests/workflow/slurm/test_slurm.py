@@ -81,7 +81,7 @@ def test_a_batch_survives_its_worst_structure(cluster, submit, fresh_project):
     targets = [str(path.relative_to(fresh_project.folder)) for path in (good, bad)]
     run = submit("slurm", *options, "--", *targets)
     assert run.process.wait(300) == 1
-    assert "bad/lines: no slice has a closed boundary" in run.said
+    assert "bad/lines: tiny.tsv row 3: no slice has a closed boundary" in run.said
     assert good.exists()
     assert not bad.exists()
 
