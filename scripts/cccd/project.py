@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-__all__ = ["PROJECT", "SHIPPED_WEIGHTS", "shipped_weights"]
+__all__ = ["PROJECT", "SHIPPED_WEIGHTS"]
 
 _CARRIED = Path(__file__).resolve().parent / "pipeline"
 
@@ -17,8 +17,3 @@ PROJECT = _CARRIED if _CARRIED.is_dir() else Path(__file__).resolve().parents[2]
 
 #: The junction network that comes along.
 SHIPPED_WEIGHTS = PROJECT / "workflow" / "models" / "junctions.pt"
-
-
-def shipped_weights(organ: str) -> list[Path]:
-    """Files of the segmentation networks that are shipped for a phantom's organ, by name."""
-    return sorted((PROJECT / "workflow" / "models" / "segmenters" / f"phantom_{organ}").glob("*.pt"))

@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 21271,
+    "scripts/cccd": 21270,
     "scripts/cccd_calibration": 737,
     "scripts/cccd_datasets": 1783,
     "scripts/cccd_dicom": 1326,
@@ -21,7 +21,7 @@ MOST_LINES = {
     "scripts/cccd_training": 3649,
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5979,
-    "tests": 29239,
+    "tests": 29233,
 }
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 
 __all__ = ["ConformingSurface", "low_passed"]
@@ -89,11 +89,6 @@ class ConformingSurface:
         """Edges (E, 2) along which three walls meet, or more."""
         edges, count = self.edges
         return edges[count > 2]
-
-    @property
-    def on_junctions(self) -> BoolArray:
-        """Vertices (V,) along these."""
-        return np.bincount(self.junctions.ravel(), minlength=len(self.vertices)) > 0
 
     def _part(self, faces: IntArray) -> Mesh:
         return Mesh(self.vertices, faces).compact()

@@ -14,7 +14,7 @@ from typing import Any, cast
 from cccd.errors import InputError
 from cccd.layouts import IMAGES_ALONE
 from cccd.plugins import folders, table
-from cccd.project import shipped_weights
+from cccd.project import PROJECT
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config
@@ -400,7 +400,7 @@ class Plan:
             "outlines": not maps,
             "traced masks": self.junctions.used and self.cohort.contour_way(wildcards) == "trace_contours",
             "maps": maps,
-            "phantoms": row["source"] == "phantom" and bool(shipped_weights(wildcards.organ)),
+            "phantoms": row["source"] == "phantom" and bool(_shipped_segmenters(wildcards)),
         }
         return [comparison for comparison in comparisons().values() if made[comparison.of]]
 
@@ -472,8 +472,8 @@ def _has_image_alone(row: Mapping[str, str]) -> bool:
 
 
 def _shipped_segmenters(wildcards: OfStructure) -> list[str]:
-    """Weights of the segmentation networks that come with the project for a structure's organ."""
-    return [near(path) for path in shipped_weights(wildcards.organ)]
+    """Weights of the segmentation networks that come with the project for a phantom's organ."""
+    return sorted(map(near, PROJECT.glob(f"workflow/models/segmenters/phantom_{wildcards.organ}/*.pt")))
 
 
 def _without(value: Any, section: str, unused: Iterable[str]) -> Any:

@@ -45,7 +45,5 @@ def test_a_plane_needs_least_and_lines_keep_their_vertices(halves):
     flat, bent = ((surface.regions.min(axis=1) > 0) for surface in (fewer, halves))
     assert flat.sum() < 0.35 * bent.sum()
     assert len(fewer.triangles) < 0.4 * len(halves.triangles)
-    lines = [
-        {point.tobytes() for point in surface.vertices[surface.on_junctions]} for surface in (fewer, halves)
-    ]
+    lines = [{point.tobytes() for point in one.vertices[one.junctions.ravel()]} for one in (fewer, halves)]
     assert lines[0] == lines[1]
