@@ -10,7 +10,7 @@ from scipy import ndimage
 from cccd.geometry.arrays import FloatArray, SingleArray
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["SIGNS", "Slices", "signs_of", "thickness"]
+__all__ = ["SIGNS", "Slices", "signs_of"]
 
 #: The signs of a vertex, in the columns' order, as logarithms; lengths are in pixels.
 SIGNS = (
@@ -75,22 +75,22 @@ def signs_of(mesh: Mesh, slices: Slices) -> FloatArray:
     share = np.clip((points[:, 2] - low) / gap, 0, 1)
     pixels = {
         "slope": 4 * share * (1 - share) * gap * np.abs(normal[:, 2]) / slices.pixel,
-        "thick": thickness(points, normal, slices),
+        "thick": _thickness(points, normal, slices),
         "curvature": np.full(len(points), mesh.curvature_per_area * slices.step),
     }
     return np.log(np.column_stack([pixels[name] for name in SIGNS]) + LEAST_PIXELS)
 
 
-def thickness(points: FloatArray, normal: FloatArray, slices: Slices, most: float = STEPS[-1]) -> FloatArray:
-    """Pixels (P,) from points on a surface along their normals through the organ, at most ``most``."""
+def _thickness(points: FloatArray, normal: FloatArray, slices: Slices) -> FloatArray:
+    """Pixels (P,) from points on a surface along their normals through the organ, to its other side."""
     heights = np.arange(len(slices.z))
-    found, nearer, held = np.full(len(points), most), 0.0, np.zeros(len(points))
-    for step in STEPS[: STEPS.index(most) + 1]:
+    found, nearer, held = np.full(len(points), STEPS[-1]), 0.0, np.zeros(len(points))
+    for step in STEPS:
         there = points - step * slices.pixel * normal
         index = [np.interp(there[:, 2], slices.z, heights), *(there[:, :2] / slices.spacing).T]
         off = ndimage.map_coordinates(slices.distance, index, float, order=1, mode="nearest")
         off = np.maximum(off, np.maximum(slices.z[0] - there[:, 2], there[:, 2] - slices.z[-1]))
-        out = (off > 0) & (found == most)
+        out = (off > 0) & (found == STEPS[-1])
         share = np.divide(held, held + off, out=np.zeros(len(points)), where=out)
         found = np.where(out, nearer + share * (step - nearer), found)
         nearer, held = step, np.maximum(-off, 0)

@@ -316,10 +316,7 @@ def _mask_layers(mask: AnyArray) -> dict[str, Any]:
 def find_organ(
     image: Volume, row: Mapping[str, str], settings: ImportSettings
 ) -> tuple[Volume, dict[str, Any]]:
-    """Find the organ in an image without a mask: a mask, and how it was found, for provenance.
-
-    A package does it, by a seed, from what skull stripping left, or by a threshold: table ``MASKS``.
-    """
+    """Find the organ in an image without a mask, by a row of ``MASKS``: a mask, and how, for provenance."""
     how = "seed" if row.get("seed") else "stripped" if row["source"] == "upenn_gbm" else "threshold"
     return find(table("MASKS")[how])(image, row, settings)
 

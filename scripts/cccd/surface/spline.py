@@ -59,8 +59,8 @@ CURVATURE_ROUNDS = 4
 REFINEMENTS = 3
 #: ... and further ones where it passes through itself: narrow gaps need quads no wider than they are.
 CROSSING_REFINEMENTS = 2
-#: Where voxels are lost the coarse mesh may have so many times the triangles that it has at most elsewhere.
-LOST_FINER = 2
+#: Where it is amiss the coarse mesh may have so many times the triangles that it has at most elsewhere.
+AMISS_FINER = 2
 #: ... and edges within so many pixels of them cost so many times as much.
 BESIDE_LOST, LOST_DEARER = 3.0, 256.0
 #: Area of a triangle whose edges are 1.
@@ -204,7 +204,7 @@ def _fit_and_refine(cut: Mesh, target: Target, triangles: tuple[int, int], stack
             places = fit.untangle(_drawn(start))
             if best is None or len(places) < best[0]:
                 best = len(places), fit.spline
-            if not len(places) or most >= finest:
+            if not len(places) or most >= AMISS_FINER * finest:
                 break
         if len(lost):
             if not attempt and len(lost_voxels(fine, stack)[0]):  # it is sought among more triangles
@@ -217,7 +217,7 @@ def _fit_and_refine(cut: Mesh, target: Target, triangles: tuple[int, int], stack
         there[nearest_faces(places, coarse)] = True
         there = coarse.with_neighbours(there)
         weigh_more(weights, fine, coarse, there)
-        most = min(len(coarse.faces) + 3 * int(there.sum()), finest * (LOST_FINER if len(lost) else 1))
+        most = min(len(coarse.faces) + 3 * int(there.sum()), AMISS_FINER * finest)
     assert best is not None
     return with_caps(best[1], ends)
 

@@ -37,6 +37,9 @@ EVENNESS = 10.0
 #: Rounds in which vertices move to the middle of their triangles; after five little changes.
 ROUNDS = 5
 
+#: A tip stays: a vertex whose triangles have their middle so far inside, by the root of their area.
+TIP = 0.2
+
 #: Triangles that meet at more than this angle have a ridge between them, where the scan cuts an organ.
 SHARP_DEG = 40.0
 
@@ -161,7 +164,9 @@ def _relaxed(coarse: Mesh, fine: Mesh, parts: IntArray) -> Mesh:
     fixed = _on_ridges(mesh, fine, parts)
     for _ in range(ROUNDS):
         normal, step = mesh.vertex_normals, _middles(mesh) - mesh.vertices
-        step -= np.einsum("vc,vc->v", step, normal)[:, None] * normal  # inwards, tips would be lost
+        inwards = np.einsum("vc,vc->v", step, normal)
+        tips = inwards < -TIP * np.sqrt(mesh.vertex_areas)
+        step = np.where(tips[:, None], 0, step - inwards[:, None] * normal)  # else tips would be lost
         moved = nearest_points(mesh.vertices + step, fine)
         mesh = Mesh(np.where(fixed[:, None], mesh.vertices, moved), coarse.faces)
     return mesh
