@@ -252,10 +252,11 @@ class Surface:
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """Intervals of volume (ml), area (mm^2) and largest diameter (mm); nothing without a band."""
+        """Intervals of the spline's volume (ml), area (mm^2) and largest diameter (mm), if it has a band."""
         from cccd.bands.samples import intervals
 
-        return {} if self.lofted.band is None else intervals(self.lofted.mesh, self.lofted.band)
+        whole = self.lofted.whole or self.lofted
+        return intervals(whole.mesh, whole.band) if self.lofted.band and whole.band else {}
 
     @property
     def size(self) -> tuple[float, float, float]:
@@ -497,6 +498,8 @@ def read_organ(
     if image is not None:
         columns["image"] = str(Path(image).absolute())
     organ = chosen if chosen and not chosen.replace(",", "").isdecimal() else name
+    if chosen.isdecimal():
+        organ = ""  # the file may have a name for it
     if alone:
         organ = {"seed": "seeded", "threshold": "threshold"}[alone]
     row = {"case": name, "organ": organ, "source": "files", "label": chosen, "location": path.name}

@@ -11,14 +11,13 @@ import errno
 import re
 import signal
 import sys
-import threading
 import warnings
 from collections.abc import Sequence
-from typing import Any
 
 from cccd.console import print_error
 from cccd.errors import TAKEN_TOGETHER, InputError
 from cccd.extras import missing_extra
+from cccd.interruption import interruptible
 from cccd.lookup import find
 from cccd.plugins import table
 
@@ -61,11 +60,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 0
     parsed.further = given[cut + 1 :]
-    before = _take_sigterm()
     try:
         if parsed.further and parsed.command != "run":
             raise InputError("--", "only cccd run passes arguments to Snakemake", "leave them out")
-        with warnings.catch_warnings():  # of Python; commands say it themselves, in one line
+        with interruptible(), warnings.catch_warnings():  # of Python; commands say it in one line
             warnings.filterwarnings("ignore", f".*{TAKEN_TOGETHER}")
             return parsed.run(parsed)
     except InputError as error:
@@ -82,20 +80,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return print_error(
             f"{error.filename or 'file'}: {error.strerror or error}; check the folder's rights and space"
         )
-    finally:
-        if before is not None:
-            signal.signal(signal.SIGTERM, before)
-
-
-def _take_sigterm() -> Any:
-    """Let SIGTERM do what Ctrl-C does, and take half-written files away; give the handler before."""
-    if threading.current_thread() is not threading.main_thread():
-        return None
-
-    def interrupt(number: int, _: object) -> None:
-        raise KeyboardInterrupt(number)
-
-    return signal.signal(signal.SIGTERM, interrupt)
 
 
 def _with_ranges_joined(words: Sequence[str]) -> list[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -414,7 +414,7 @@ class Segments:
                 )
         with guarded(location, "its frames form no volume", "export it on the slices of one series"):
             if not self._frames.is_regular:
-                return self._frames.volume(seg, chosen, location)
+                return replace(self._frames.volume(seg, chosen, location), names=self.names)
             volume = seg.get_volume(segment_numbers=chosen, combine_segments=False)
             volume = volume.flip_spatial(0)  # slices along the normal, as a series'
         data = np.asarray(volume.array)
@@ -424,7 +424,8 @@ class Segments:
             mask = np.pad(mask, ((0, 0), (0, 0), (1, 1)))
             affine[:3, 3] -= affine[:3, 2]
         affine = check_affine(LPS_TO_RAS @ affine, location)
-        return Volume(mask, affine, location, frame_of_reference=str(volume.frame_of_reference_uid or ""))
+        frame = str(volume.frame_of_reference_uid or "")
+        return Volume(mask, affine, location, self.names, frame_of_reference=frame)
 
     @cached_property
     def _frames(self) -> _Frames:

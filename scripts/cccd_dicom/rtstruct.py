@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections import Counter
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -160,7 +161,7 @@ def reference_slices(folder: Path) -> list[Dataset]:
             folder.name, "no DICOM images in this folder", "give the folder of the source series"
         )
     _refuse_namesakes(found, folder.name)
-    _complete_common_uids(found, folder.name)
+    _complete_common_uids(found, folder)
     return found
 
 
@@ -185,7 +186,7 @@ def _own_uid(image: Dataset, keyword: str, file: Path) -> str:
     return uid
 
 
-def _complete_common_uids(slices: list[Dataset], location: str) -> None:
+def _complete_common_uids(slices: list[Dataset], folder: Path) -> None:
     """Write what the images of a series have in common into those that lack it."""
     instances = sorted(image.SOPInstanceUID for image in slices)
     made_up: list[str] = []
@@ -198,7 +199,13 @@ def _complete_common_uids(slices: list[Dataset], location: str) -> None:
             if not known_uid(image.get(keyword)):
                 setattr(image, keyword, uid)
     if made_up:
-        logger.warning("%s: its images have no %s; the references use new ones", location, ", ".join(made_up))
+        _warn_of_new_uids(folder, ", ".join(made_up))
+
+
+@cache
+def _warn_of_new_uids(folder: Path, keywords: str) -> None:
+    """Warn once of a folder, which every file that refers to it reads anew."""
+    logger.warning("%s: its images have no %s; the references use new ones", folder.name, keywords)
 
 
 def item_of(**attributes: object) -> Dataset:

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from cccd.errors import InputError
 from cccd.extras import missing_extra
+from cccd.interruption import interruptible
 
 __all__ = ["BATCH", "INTERRUPTED", "job", "take_placeholders_away"]
 
@@ -79,9 +80,9 @@ def job(
     )
     logging.captureWarnings(True)
     logger = logging.getLogger("cccd")
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # half-written files are taken away
     try:
-        yield logger
+        with interruptible():
+            yield logger
     except KeyboardInterrupt:
         logger.error("interrupted")
         tell(f"{name}: {INTERRUPTED}")
@@ -104,8 +105,6 @@ def job(
             _leave_placeholders(log, made)
             sys.exit(0)
         sys.exit(1)
-    finally:
-        signal.signal(signal.SIGTERM, before)
     failed.unlink(missing_ok=True)
 
 

@@ -1,9 +1,12 @@
 """The command: what a newcomer types works; what cannot work ends in one line, with nothing half written."""
 
+import ctypes
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import nibabel
@@ -16,6 +19,7 @@ from support import scans
 import cccd
 from cccd.cli import main
 from cccd.extras import EXTRAS
+from cccd.interruption import interruptible
 from cccd_labels.label_maps import colour_of
 from cccd_workflow.doctor import _extra
 
@@ -123,7 +127,7 @@ def test_python_warns_of_labels_that_become_one_organ(here):
         cccd.reconstruct(labels, AFFINE)
     assert [warning.filename for warning in (*told, *told_of_array)] == [__file__] * 2
     cccd.reconstruct(structure)  # once is enough
-    cccd.read("labels.nii.gz", 5)
+    assert cccd.read("labels.nii.gz", 5).organ == "label_5"
     cccd.read("liver.nii.gz")
 
 
@@ -145,6 +149,7 @@ def test_dicom_contours_and_what_check_says_of_them(here, capsys):
     said = capsys.readouterr().out
     assert all(word in said for word in ("drawn contours", "7 with organ", "2.5 mm apart", "1 Liver"))
     assert {"drawn.ply", "look.png"} <= files(here)
+    assert cccd.read("drawn", 1).organ == "Liver"
 
 
 def test_check_says_axes_labels_and_cut_ends(here, capsys):
@@ -267,6 +272,7 @@ def test_check_tells_probabilities_from_a_mask(here, capsys):
 
 WRONG = {
     "no file": (["surface", "livre.nii.gz"], "did you mean 'liver.nii.gz'"),
+    "no file of a like name": (["surface", "spleen.nii.gz"], "; correct the path"),
     "no folder": (["surface", "there/liver.nii.gz"], "nor its folder"),
     "a folder of nothing": (["surface", "nothing"], "no file in this folder"),
     "an empty mask": (["surface", "empty.nii.gz"], "the mask is empty"),
@@ -536,6 +542,13 @@ def test_a_format_whose_extra_is_missing_is_refused_before_anything_is_read(
     said = capsys.readouterr().err.strip()
     assert said.splitlines() == [said]
     assert f"pip install '.[{extra}]'" in said
+
+
+def test_a_signal_is_heard_where_c_calls_back_as_compilers_do():
+    callback = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGTERM))
+    with pytest.raises(KeyboardInterrupt), interruptible():
+        callback()
+        time.sleep(5)
 
 
 def test_interrupting_leaves_nothing_half_written(here, capsys, monkeypatch):

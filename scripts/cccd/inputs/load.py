@@ -87,6 +87,7 @@ class Scan:
     truth: Mesh | None = None
     coarser: CoarserGrid | None = None
     annotated: str = EVERY_SLICE
+    names: Mapping[int, str] = field(default_factory=dict[int, str])
     provenance: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
@@ -103,7 +104,7 @@ def load_structure(
     Parameters
     ----------
     row : mapping
-        One row of `cccd_workflow.cohort.read_cohort`.
+        One row of `cccd_workflow.cohort.read_cohort`. An empty organ gets the name of its label in the file.
     sheet_dir : path
         Folder of the cohort sheet, from which the row's paths are relative.
     settings : ImportSettings
@@ -128,7 +129,11 @@ def load_structure(
     try:
         made = table("SOURCES").get(row["source"])
         scan = find(made)(row, settings, seed) if made else _read_files(row, Path(sheet_dir), settings, files)
-        return scan if isinstance(scan, Structure) else _crop(scan, row)
+        if isinstance(scan, Structure):
+            return scan
+        if not row["organ"]:
+            row = {**row, "organ": scan.names.get(int(row["label"])) or f"label_{row['label']}"}
+        return _crop(scan, row)
     except InputError as error:
         raise error.at(location) from None
     except MemoryError:
@@ -250,7 +255,8 @@ def _scan_of_contours(
     if image is not None and keep is not None:
         grey = image.data[tuple(keep if axis == frame.slice_axis else slice(None) for axis in range(3))]
     annotated = row.get("annotated", AUTO)
-    return Scan(frame, grey, contours=contours, annotated=annotated, warnings=warnings + notes)
+    known: dict[str, Any] = {"contours": contours, "annotated": annotated, "names": regions.names}
+    return Scan(frame, grey, **known, warnings=warnings + notes)
 
 
 def _scan_of_voxels(
@@ -291,7 +297,7 @@ def _scan_of_voxels(
             layers[name], notes = _move_to_grid(volume, grid, settings.resample)
             warnings += notes
     if mask is not None:
-        layers |= _mask_layers(layers["mask"])
+        layers |= _mask_layers(layers["mask"]) | {"names": mask.names}
     if "mask" in paths and boundary is None:
         rule = row.get("annotated", AUTO)
         uneven = any(volume is not None and volume.uneven for volume in (mask, image))
@@ -367,7 +373,7 @@ def existing(path: Path, column: str) -> Path:
     if not folder.is_dir():
         raise InputError(column, f"{path.name} is not there, nor its folder {folder}", "correct the path")
     names = sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith("."))
-    hint = nearest(path.name, names, lambda name: without_suffix(name) or name)
+    hint = nearest(path.name, names, lambda name: without_suffix(name) or name, "correct the path")
     raise InputError(column, f"there is no {path.name} in {folder}", hint)
 
 

@@ -318,7 +318,8 @@ class LabelMap:
                 warnings = [f"{location}: {TAKEN_TOGETHER} {_as_one_organ(self.names)}"]
         # one label is found in a fifth of the time of several
         data = self.data == chosen[0] if len(chosen) == 1 else np.isin(self.data, chosen)
-        return replace(volume, data=data, coarser=self.coarser, warnings=volume.warnings + warnings)
+        notes = volume.warnings + warnings
+        return replace(volume, data=data, names=self.names, coarser=self.coarser, warnings=notes)
 
 
 def read_label_map(path: Path) -> LabelMap:

@@ -20,8 +20,10 @@ _TYPE_NAMES = {
 }
 
 
-def nearest(word: str, candidates: Iterable[str], named: Callable[[str], str] = str) -> str:
-    """Return ``"did you mean 'x'?"`` for a near miss, otherwise ``"choose one of ..."``.
+def nearest(
+    word: str, candidates: Iterable[str], named: Callable[[str], str] = str, otherwise: str = ""
+) -> str:
+    """Return ``"did you mean 'x'?"`` for a near miss, otherwise ``"choose one of ..."`` or other advice.
 
     Parameters
     ----------
@@ -38,7 +40,7 @@ def nearest(word: str, candidates: Iterable[str], named: Callable[[str], str] = 
     known = list(candidates)
     lower = {named(name).lower(): name for name in reversed(known)}
     match = difflib.get_close_matches(named(str(word)).lower(), lower, n=1, cutoff=0.6)
-    return f"did you mean {lower[match[0]]!r}?" if match else choices(known)
+    return f"did you mean {lower[match[0]]!r}?" if match else otherwise or choices(known)
 
 
 def choices(candidates: Iterable[Any], limit: int = 20) -> str:

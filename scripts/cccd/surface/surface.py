@@ -52,6 +52,8 @@ class LoftedSurface:
         Plain JSON: bodies, cavities, cut ends, control points, bytes, warnings.
     band : Band or None
         How far off the mesh may be; None where nothing tells.
+    whole : LoftedSurface or None
+        With the spline's own tessellation, where triangles are few: intervals are of that.
     """
 
     bodies: list[ControlMesh]
@@ -59,6 +61,7 @@ class LoftedSurface:
     frame: Frame
     report: dict[str, Any] = field(default_factory=_nothing)
     band: Band | None = None
+    whole: LoftedSurface | None = None
 
     @property
     def vertices(self) -> FloatArray:
@@ -68,9 +71,8 @@ class LoftedSurface:
     @property
     def volume_interval(self) -> tuple[float, float] | None:
         """Lowest and highest volume in mm^3, the spline's where triangles are few; None without a band."""
-        if self.band is None or "uniform" not in self.report:
-            return self.band and self.band.volume_interval(self.mesh)
-        return self.report["uniform"]["volume_interval"]
+        whole = self.whole or self
+        return self.band and whole.band and whole.band.volume_interval(whole.mesh)
 
     def sides(self) -> dict[str, LoftedSurface]:
         """Return the error band's surfaces, ``inner`` and ``outer``; nothing without a band."""

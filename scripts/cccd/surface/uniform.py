@@ -69,8 +69,7 @@ def with_uniform_triangles(
     LoftedSurface
         Vertices lie on the tessellated spline, within .05 voxels of it, and sharp rims stay.
         ``report["uniform"]`` has the number of ``triangles``, their edges' ``edge_mm`` (least, mean, largest)
-        and ``chord_error_mm``, the largest distance between triangles and spline. The interval of the volume
-        stays the spline's.
+        and ``chord_error_mm``, the largest distance between triangles and spline. Intervals stay the spline's.
 
     Raises
     ------
@@ -112,9 +111,10 @@ def with_uniform_triangles(
         hint = "raise --triangles" if edge_mm is None else "give a shorter --edge-mm"
         raise InputError(option, f"{len(mesh.faces)} triangles would pass through each other", hint)
     band = surface.band and surface.band.moved_to(surface.vertices, mesh.vertices)
-    spline = {"spline_ml": surface.mesh.volume / 1000, "volume_interval": surface.volume_interval}
-    report = surface.report | {"uniform": _measured(mesh, fine) | spline}
-    return replace(surface, mesh=mesh, band=band, report=report)
+    whole = surface.whole or surface
+    uniform = _measured(mesh, fine) | {"spline_ml": whole.mesh.volume / 1000}
+    report = surface.report | {"uniform": uniform}
+    return replace(surface, mesh=mesh, band=band, report=report, whole=whole)
 
 
 def uniform_mesh(fine: Mesh, count: int) -> Mesh:

@@ -102,7 +102,7 @@ def strip(dataset, blank=False):
 
 @pytest.mark.parametrize("blank", [True, False], ids=["blank", "absent"])
 @pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
-def test_what_only_the_header_says_of_an_image_is_referred_to(tmp_path, kind, blank):
+def test_what_only_the_header_says_of_an_image_is_referred_to(tmp_path, kind, blank, caplog):
     series = write_series(tmp_path / "dicom", grey(organ()), AFFINE)
     edit_headers(tmp_path / "dicom", partial(strip, blank=blank))
     write_kind(kind, tmp_path / "out.dcm", tmp_path / "dicom")
@@ -113,6 +113,7 @@ def test_what_only_the_header_says_of_an_image_is_referred_to(tmp_path, kind, bl
     other = pydicom.dcmread(tmp_path / "other.dcm")
     assert written.StudyInstanceUID == other.StudyInstanceUID
     assert written.FrameOfReferenceUID == other.FrameOfReferenceUID
+    assert caplog.text.count("its images have no StudyInstanceUID") == 1
 
 
 @pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
