@@ -69,7 +69,8 @@ def with_uniform_triangles(
     LoftedSurface
         Vertices lie on the tessellated spline, within .05 voxels of it, and sharp rims stay.
         ``report["uniform"]`` has the number of ``triangles``, their edges' ``edge_mm`` (least, mean, largest)
-        and ``chord_error_mm``, the largest distance between triangles and spline. Intervals stay the spline's.
+        and ``chord_error_mm``, the largest distance between triangles and spline. Intervals stay those of
+        the spline.
 
     Raises
     ------
