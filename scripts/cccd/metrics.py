@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.booleans import shared_volume
@@ -201,7 +201,7 @@ def surface_distances(
 def _farthest(mesh: Mesh, other: Mesh, points: FloatArray, distances: FloatArray) -> float:
     """Largest distance to another mesh, of points (P, 3) whose distances (P,) are known, and of vertices."""
     far = float(distances.max())
-    away, nearest = cKDTree(points).query(mesh.vertices)
+    away, nearest = scipy.spatial.cKDTree(points).query(mesh.vertices)
     further = mesh.vertices[distances[nearest] + away > far]  # no others can be: a step away is a step more
     return max(far, float(unsigned_to_mesh(further, other).max())) if len(further) else far
 

@@ -22,7 +22,6 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from cccd.bands import Band
 from cccd.containers import (
     Annotation,
     Boundaries,
@@ -39,12 +38,14 @@ from cccd.containers import (
     View,
 )
 from cccd.errors import InputError
-from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.subdivision import ControlMesh
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # loaded where they are read: each job has a process of its own
     import pandas as pd
+
+    from cccd.bands import Band
+    from cccd.geometry.conforming import ConformingSurface
+    from cccd.geometry.subdivision import ControlMesh
 
 __all__ = [
     "GraphSplit",
@@ -707,6 +708,8 @@ def read_band(path: str | Path, vertices: npt.NDArray[np.float64]) -> Band | Non
         group = file["band"]
         inner, outer, points = (_get(group, name).astype(float) for name in ("inner", "outer", "vertices"))
         facts = {name: group.attrs[name].item() for name in _BAND_FACTS}
+    from cccd.bands import Band
+
     band = Band(inner, outer, **facts)
     same = points.shape == vertices.shape and np.allclose(points, vertices, atol=_SAME_VERTEX_MM)
     return band if same else band.moved_to(points, vertices)
@@ -743,6 +746,8 @@ def _put_bodies(root: h5py.Group, bodies: Sequence[ControlMesh]) -> None:
 
 
 def _get_body(group: h5py.Group) -> ControlMesh:
+    from cccd.geometry.subdivision import ControlMesh
+
     quads, creases = (_get(group, name).astype(np.int64) for name in ("quads", "creases"))
     return ControlMesh(_get(group, "vertices"), quads, creases, _get(group, "crease_sharpness").astype(float))
 
@@ -765,6 +770,8 @@ def write_conforming(path: str | Path, surface: ConformingSurface, report: Mappi
 
 def read_conforming(path: str | Path) -> ConformingSurface:
     """Read the surfaces of a case's organs that share their walls."""
+    from cccd.geometry.conforming import ConformingSurface
+
     with _open(path) as file:
         names = {int(label): name for label, name in _get_json(file, "names").items()}
         return ConformingSurface(

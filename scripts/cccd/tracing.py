@@ -9,7 +9,7 @@ from typing import cast
 
 import contourpy
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from cccd.containers import Curves, Frame, ProbabilityStack, Structure
 from cccd.geometry.arrays import FloatArray, RealArray, concatenate_ragged, owners_of, split_ragged
@@ -189,7 +189,7 @@ def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curve
     missing = mask & ~curves.rasterise(origin, mask.shape)
     in_plane = np.zeros((3, 3, 3), bool)
     in_plane[1] = True
-    labels, count = ndimage.label(mask, structure=in_plane)
+    labels, count = scipy.ndimage.label(mask, structure=in_plane)
     size = np.bincount(labels.ravel(), minlength=count + 1)
     lost = np.bincount(labels[missing], minlength=count + 1)
     whole = (lost == size) & (lost > 0)
@@ -206,7 +206,7 @@ def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curve
 
 def _wholly_missing(mask: np.ndarray, missing: np.ndarray) -> np.ndarray:
     """Voxels (P,) of each part of a mask (S, I, J) whose voxels are all missing."""
-    labels, count = ndimage.label(mask, structure=np.ones((3, 3, 3), bool))
+    labels, count = scipy.ndimage.label(mask, structure=np.ones((3, 3, 3), bool))
     size = np.bincount(labels[mask], minlength=count + 1)
     lost = np.bincount(labels[missing], minlength=count + 1)
     return size[(lost == size) & (lost > 0)]

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from cccd.containers import (
     Boundaries,
@@ -155,7 +155,7 @@ def edge_map(image: np.ndarray, region: np.ndarray | None, settings: BoundarySet
     candidates = ridge > _HYSTERESIS * upper
     in_plane = np.zeros((3, 3, 3), bool)
     in_plane[1] = True
-    labels, count = ndimage.label(candidates, structure=in_plane)
+    labels, count = scipy.ndimage.label(candidates, structure=in_plane)
     strong = np.zeros(count + 1, bool)
     strong[labels[ridge > upper]] = True
     strong[0] = False
@@ -182,7 +182,7 @@ def _band_around(region: np.ndarray, dilations: int) -> np.ndarray:
 
 def _dilate(stack: np.ndarray) -> np.ndarray:
     """Dilate each slice by the square kernel."""
-    return ndimage.maximum_filter(stack, (1, KERNEL, KERNEL))
+    return scipy.ndimage.maximum_filter(stack, (1, KERNEL, KERNEL))
 
 
 def gradient_ridges(image: np.ndarray, blur_px: float) -> tuple[np.ndarray, np.ndarray]:
@@ -200,8 +200,8 @@ def gradient_ridges(image: np.ndarray, blur_px: float) -> tuple[np.ndarray, np.n
         By Sobel's kernels, eight times the slope per pixel.
     thin : (S, I, J) bool array
     """
-    blurred = ndimage.gaussian_filter(image.astype(np.float32), (0, blur_px, blur_px), mode="nearest")
-    along_i, along_j = (ndimage.sobel(blurred, axis=axis, mode="nearest") for axis in (1, 2))
+    blurred = scipy.ndimage.gaussian_filter(image.astype(np.float32), (0, blur_px, blur_px), mode="nearest")
+    along_i, along_j = (scipy.ndimage.sobel(blurred, axis=axis, mode="nearest") for axis in (1, 2))
     magnitude = np.hypot(along_i, along_j)
     scale = np.float32(_STEEPEST / (float(magnitude.max(initial=0)) or 1))
     slopes = (np.rint(scale * slope).astype(np.int16) for slope in (along_j, along_i))

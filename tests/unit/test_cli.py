@@ -547,8 +547,7 @@ def test_a_format_whose_extra_is_missing_is_refused_before_anything_is_read(
 def test_a_signal_is_heard_where_c_calls_back_as_compilers_do():
     callback = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGTERM))
     with pytest.raises(KeyboardInterrupt), interruptible():
-        callback()
-        time.sleep(5)
+        (callback(), time.sleep(5))
 
 
 def test_interrupting_leaves_nothing_half_written(here, capsys, monkeypatch):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from cccd.bands.calibration import Calibration
 from cccd.bands.readers import Reader
@@ -69,7 +69,7 @@ class Band:
 
     def moved_to(self, vertices: FloatArray, points: FloatArray) -> Band:
         """Return the band at other points (P, 3): that of the nearest of its ``vertices`` (V, 3)."""
-        nearest = cKDTree(vertices).query(points)[1]
+        nearest = scipy.spatial.cKDTree(vertices).query(points)[1]
         return replace(self, inner=self.inner[nearest], outer=self.outer[nearest])
 
 

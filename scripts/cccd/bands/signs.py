@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from cccd.geometry.arrays import FloatArray, SingleArray
 from cccd.geometry.mesh import Mesh
@@ -88,7 +88,7 @@ def _thickness(points: FloatArray, normal: FloatArray, slices: Slices) -> FloatA
     for step in STEPS:
         there = points - step * slices.pixel * normal
         index = [np.interp(there[:, 2], slices.z, heights), *(there[:, :2] / slices.spacing).T]
-        off = ndimage.map_coordinates(slices.distance, index, float, order=1, mode="nearest")
+        off = scipy.ndimage.map_coordinates(slices.distance, index, float, order=1, mode="nearest")
         off = np.maximum(off, np.maximum(slices.z[0] - there[:, 2], there[:, 2] - slices.z[-1]))
         out = (off > 0) & (found == STEPS[-1])
         share = np.divide(held, held + off, out=np.zeros(len(points)), where=out)

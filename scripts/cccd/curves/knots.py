@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from cccd.curves.periodic import least_squares, project, tangent_least_squares
 from cccd.geometry._jit import jit, jit_dividing_by_zero, jit_within
@@ -450,9 +450,8 @@ def reference(
         return samples, corner
     tap = np.arange(-reach, reach + 1)
     narrow, wide = np.exp(-0.5 * (tap / step) ** 2), np.exp(-0.25 * (tap / step) ** 2)
-    smooth = ndimage.convolve1d(line, 2 * narrow / narrow.sum() - wide / wide.sum(), axis=0, mode="wrap")[
-        ::_FINER
-    ]
+    kernel = 2 * narrow / narrow.sum() - wide / wide.sum()
+    smooth = scipy.ndimage.convolve1d(line, kernel, axis=0, mode="wrap")[::_FINER]
     if corner.any():
         away = np.abs(fine[::_FINER, None] - at[None, :]).min(axis=1)
         smooth = samples + np.minimum(away / (4 * sigma), 1)[:, None] * (smooth - samples)

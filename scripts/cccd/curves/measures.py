@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 import shapely
-from scipy.spatial import cKDTree
 
 from cccd.containers import Curves, Splines
 from cccd.curves.fitting import FEWEST, corner_splines, sample_splines
@@ -71,7 +71,7 @@ def _regions(curves: Curves, slices: np.ndarray) -> np.ndarray:
 def distances(points: np.ndarray, offsets: np.ndarray, curves: Curves) -> np.ndarray:
     """Distance (P,) in pixels from ragged points to the closed polygon of the same number."""
     owner, drawn = owners_of(offsets), curves.polygons.owners
-    tree = cKDTree(np.column_stack([curves.points, drawn * _APART]))
+    tree = scipy.spatial.cKDTree(np.column_stack([curves.points, drawn * _APART]))
     nearest = tree.query(np.column_stack([points, owner * _APART]))[1]
     near, least = curves.points[nearest], np.full(len(points), np.inf)
     for neighbour in (curves.polygons.successors, curves.polygons.predecessors):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.sparse import csr_array
+import scipy
 
 from cccd.geometry.arrays import FloatArray
 
@@ -15,7 +15,7 @@ __all__ = ["averaged"]
 NEGLIGIBLE = 1e-4
 
 
-def averaged(means: csr_array, values: FloatArray, rounds: int) -> FloatArray:
+def averaged(means: scipy.sparse.csr_array, values: FloatArray, rounds: int) -> FloatArray:
     r"""Average vertices' values (V,) with the mean of their neighbours, so many times over.
 
     Parameters
@@ -36,7 +36,7 @@ def averaged(means: csr_array, values: FloatArray, rounds: int) -> FloatArray:
     --------
     Two neighbours become alike at once.
 
-    >>> averaged(csr_array([[0.0, 1.0], [1.0, 0.0]]), np.array([0.0, 1.0]), 1)
+    >>> averaged(scipy.sparse.csr_array([[0.0, 1.0], [1.0, 0.0]]), np.array([0.0, 1.0]), 1)
     array([0.5, 0.5])
     """
     total = np.zeros_like(values)
@@ -45,7 +45,7 @@ def averaged(means: csr_array, values: FloatArray, rounds: int) -> FloatArray:
     return total
 
 
-def _polynomials(means: csr_array, values: FloatArray) -> Iterator[FloatArray]:
+def _polynomials(means: scipy.sparse.csr_array, values: FloatArray) -> Iterator[FloatArray]:
     """Yield Chebyshev polynomials of the means, of rising degree, times the values (V,)."""
     yield values
     before, polynomial = values, means @ values

@@ -6,8 +6,7 @@ import os
 from typing import Any, cast
 
 import numpy as np
-from scipy import ndimage
-from scipy.spatial import cKDTree
+import scipy
 
 os.environ.setdefault("IGL_NUM_THREADS", "1")  # jobs share a machine; read once, by its first function
 
@@ -64,7 +63,8 @@ def to_mask(mask: BoolArray, spacing: FloatArray) -> SingleArray:
         inwards, outwards = (distance_to_zero(side, exact=True) for side in (mask, ~mask))
         return np.where(mask, 0.5 - inwards, outwards - 0.5) * np.float32(spacing.mean())
     half = float(spacing.min()) / 2  # neighbours along the finer axis decide where most borders lie
-    inwards, outwards = (ndimage.distance_transform_edt(side, sampling=spacing) for side in (mask, ~mask))
+    to_border = scipy.ndimage.distance_transform_edt
+    inwards, outwards = (to_border(side, sampling=spacing) for side in (mask, ~mask))
     return np.asarray(np.where(mask, half - inwards, outwards - half), np.float32)
 
 
@@ -194,7 +194,8 @@ class NearTriangles:
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
-        self._tree = cKDTree(mesh.vertices[mesh.faces].mean(axis=1), balanced_tree=False, compact_nodes=False)
+        centres = mesh.vertices[mesh.faces].mean(axis=1)
+        self._tree = scipy.spatial.cKDTree(centres, balanced_tree=False, compact_nodes=False)
 
     def nearest(self, points: FloatArray) -> IntArray:
         """Faces (P, K) whose centres are nearest to points (P, 3)."""

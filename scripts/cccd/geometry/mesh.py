@@ -8,14 +8,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+import scipy
 
 from cccd.geometry._vtk import triangles_of, vtk
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.averaging import averaged
-from cccd.geometry.collisions import passing_pairs
 
 if TYPE_CHECKING:
     import pyvista
@@ -185,6 +182,8 @@ class Mesh:
 
     def self_intersections(self) -> IntArray:
         """Pairs (K, 2) of triangles that pass through each other; see `cccd.geometry.collisions`."""
+        from cccd.geometry.collisions import passing_pairs  # loads a compiler
+
         return passing_pairs(self.vertices, self.faces)
 
     @property
@@ -296,8 +295,11 @@ class Mesh:
 
         The median of the twelve nearest vertices: one by one they are noisy at the scale of the triangles.
         """
-        values = np.asarray(self.to_polydata().curvature("mean"))
-        _, nearest = cKDTree(self.vertices).query(at, k=min(12, len(self.vertices)))
+        filter_ = vtk("vtkFiltersGeneral").vtkCurvatures(curvature_type=1)  # the mean
+        filter_.SetInputData(self.to_vtk())
+        filter_.Update()
+        values = vtk("util.numpy_support").vtk_to_numpy(filter_.GetOutput().GetPointData().GetScalars())
+        _, nearest = scipy.spatial.cKDTree(self.vertices).query(at, k=min(12, len(self.vertices)))
         return np.median(values[nearest.reshape(len(at), -1)], axis=1)
 
     def averaged(self, values: FloatArray, rounds: int) -> FloatArray:
@@ -305,12 +307,12 @@ class Mesh:
         return averaged(self._means, values, rounds)
 
     @cached_property
-    def _means(self) -> csr_array:
+    def _means(self) -> scipy.sparse.csr_array:
         """Matrix (V, V) of the mean of each vertex's neighbours."""
         ends, starts = self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel()
         count = len(self.vertices)
         degree = np.bincount(ends, minlength=count)
-        return coo_array((1 / degree[ends], (ends, starts)), shape=(count, count)).tocsr()
+        return scipy.sparse.coo_array((1 / degree[ends], (ends, starts)), shape=(count, count)).tocsr()
 
     def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Draw points (count, 3) uniformly by area."""
@@ -352,8 +354,8 @@ class Mesh:
     def _pieces(self) -> IntArray:
         """Give each face (F,) the number, from 0, of the connected piece that it is of."""
         ends, count = (self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel()), len(self.vertices)
-        links = coo_array((np.ones(self.faces.size, bool), ends), shape=(count, count))
-        _, piece = connected_components(links, directed=False)
+        links = scipy.sparse.coo_array((np.ones(self.faces.size, bool), ends), shape=(count, count))
+        _, piece = scipy.sparse.csgraph.connected_components(links, directed=False)
         return np.unique(piece[self.faces[:, 0]], return_inverse=True)[1]
 
     def _spanned(self) -> tuple[FloatArray, FloatArray]:
@@ -377,5 +379,7 @@ def _count_fans(faces: IntArray) -> int:
     arriving = vertex * count + vertex[preceding]
     partner = np.empty_like(corner)
     partner[np.argsort(arriving)] = np.argsort(leaving)  # both hold all edges, each once
-    links = coo_array((np.ones(faces.size, bool), (corner, partner)), shape=(faces.size, faces.size))
-    return int(connected_components(links, directed=False)[0])
+    links = scipy.sparse.coo_array(
+        (np.ones(faces.size, bool), (corner, partner)), shape=(faces.size, faces.size)
+    )
+    return int(scipy.sparse.csgraph.connected_components(links, directed=False)[0])

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
@@ -282,7 +282,7 @@ def interpolate_on_grid(
     on_grid : The same without interpolation, where the voxels coincide.
     """
     relation = np.linalg.inv(volume.affine) @ affine
-    data = ndimage.affine_transform(
+    data = scipy.ndimage.affine_transform(
         volume.data, relation[:3, :3], relation[:3, 3], tuple(shape), order=order, mode="nearest"
     )
     return replace(volume, data=data, affine=affine)

@@ -13,8 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import find_objects, label
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
@@ -87,9 +86,9 @@ class SliceParts:
         >>> parts.half_widths.round(1), np.abs(parts.leans).round(1)  # twice as long: at 60 degrees
         (array([5.5]), array([[0. , 1.7]]))
         """
-        found, count = label(distance < 0)
+        found, count = scipy.ndimage.label(distance < 0)
         labels = np.asarray(found, np.int64)
-        boxes = [[[side.start, side.stop] for side in box] for box in find_objects(labels)]
+        boxes = [[[side.start, side.stop] for side in box] for box in scipy.ndimage.find_objects(labels)]
         i, j = np.nonzero(labels)
         part = labels[i, j] - 1
         covered = np.clip(0.5 - distance[i, j] / np.sqrt(spacing.prod()), 0, 1)  # share of a pixel
@@ -313,7 +312,7 @@ class SliceGap:
             & (np.maximum(*widths) <= _WIDER * np.minimum(*widths) + pixel)
         )
         cost = np.where(told, sum(self._off(a, b, way)), _ANYTHING_NEARER + apart)
-        rows, columns = linear_sum_assignment(np.where(follows, cost, _NEVER))
+        rows, columns = scipy.optimize.linear_sum_assignment(np.where(follows, cost, _NEVER))
         chosen = follows[rows, columns]
         return np.column_stack([low[rows[chosen]], high[columns[chosen]]])
 

@@ -91,7 +91,7 @@ def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420
                 picture = opened.convert("RGBA").reduce(_OVERSAMPLED)
         else:
             picture = Image.fromarray(_draw_with_matplotlib(read_ply(ply_path), pixels))
-        picture.save(temporary, pnginfo=_stamp(renderer), optimize=True)
+        picture.save(temporary, pnginfo=_stamp(renderer))
     return renderer
 
 

@@ -221,7 +221,7 @@ def _greys(structure: Structure) -> np.ndarray | None:
 
 def _webp(grey: np.ndarray, matrix: np.ndarray, most: float) -> str:
     """One slice (I, J) as it lies on the screen, of ``most`` pixels at most: base64 WebP."""
-    from PIL import Image
+    from PIL import Image, WebPImagePlugin  # noqa: F401  or Pillow loads all its formats
 
     grey = grey.T if matrix[0, 0] != 0 else grey  # x runs along i: rows of the picture are j
     grey = grey[:: -1 if matrix[1, :2].sum() < 0 else 1, :: -1 if matrix[0, :2].sum() < 0 else 1]

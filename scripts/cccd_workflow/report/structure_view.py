@@ -201,7 +201,7 @@ def _headlines(metrics: Mapping[str, Any]) -> list[dict[str, str]]:
 
 def encode_picture(path: Path, width: int) -> str:
     """Encode a picture as base64 WebP at most ``width`` pixels wide, transparency kept."""
-    from PIL import Image
+    from PIL import Image, WebPImagePlugin  # noqa: F401  or Pillow loads all its formats
 
     with Image.open(path) as opened:
         picture = opened.convert("RGBA")
