@@ -160,6 +160,7 @@ def test_a_given_curve_that_crosses_itself_is_a_warning_of_the_surface():
         (lambda: cccd.reconstruct(np.zeros((9, 9, 9), bool)), ["the mask is empty"]),
         (lambda: cccd.reconstruct(np.ones((9, 9), bool)), ["2 dimensions"]),
         (lambda: cccd.reconstruct(ball(), np.zeros((4, 4))), ["no extent"]),
+        (lambda: cccd.reconstruct(ball(), np.eye(3)), ["shape (3, 3); give a 4 x 4 matrix"]),
         (lambda: cccd.fit_contours([np.zeros((2, 2))]), ["contour 0", "(2, 2)"]),
         (lambda: cccd.fit_contours([]), ["there is none"]),
         (lambda: cccd.order(np.zeros((2, 2, 2, 2))), ["(2, 2, 2, 2)"]),

@@ -99,7 +99,9 @@ def check_affine(affine: npt.ArrayLike | None, location: str) -> FloatArray:
         slice are, also where the gantry is tilted.
     """
     affine = np.asarray(affine, np.float64)
-    if affine.shape != (4, 4) or not np.isfinite(affine).all():
+    if affine.shape != (4, 4):
+        raise InputError(location, f"its affine has shape {affine.shape}", "give a 4 x 4 matrix")
+    if not np.isfinite(affine).all():
         raise InputError(location, "its affine is not finite", "export the scan again")
     spacing = np.linalg.norm(affine[:3, :3], axis=0)
     if (spacing <= 0).any():

@@ -120,7 +120,7 @@ def overview(views: Sequence[StructureView]) -> Table | None:
             "case": view.case,
             "organ": view.organ,
             "volume_ml": view.look_up("volume_ml"),
-            "interval of the volume": _interval(view),
+            "interval of the volume_ml": _interval(view),
             "surface_area_cm2": _scaled(view.look_up("surface_area_mm2"), 0.01),
             "size_mm": _size(view),
             "dice with the mask": view.look_up("dice_3d"),
