@@ -15,8 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from threadpoolctl import threadpool_limits
 
 from cccd.console import millilitres
@@ -182,13 +180,7 @@ class Surface:
         >>> reconstruct(np.concatenate([ball, ball])).pieces
         2
         """
-        faces, count = self.faces, len(self.vertices)
-        ends = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
-        links = coo_array((np.ones(faces.size, bool), ends), shape=(count, count))
-        _, piece = connected_components(links, directed=False)
-        a, b, c = np.moveaxis(self.vertices[faces], 1, 0)
-        volumes = np.bincount(piece[faces[:, 0]], np.einsum("fc,fc->f", a, np.cross(b, c)))
-        return int(np.count_nonzero(volumes > 0))
+        return self.lofted.mesh.count_bodies()
 
     @property
     def volume_interval(self) -> tuple[float, float] | None:
@@ -223,10 +215,6 @@ class Surface:
         ------
         InputError
             The count is below 1, or the surface has no error band.
-
-        See Also
-        --------
-        intervals : of volume, area and largest diameter.
 
         Examples
         --------
@@ -322,11 +310,8 @@ class Surface:
         Parameters
         ----------
         path : path
-            Ends with ``.ply``, ``.stl``, ``.obj``, ``.vtp``, ``.gii``, ``.glb``, ``.3mf``, ``.usd``,
-            ``.usda``, ``.usdc`` (the spline itself), ``.step``, ``.iges``, ``.brep`` (closed solids),
-            ``.msh``, ``.vtu``, ``.inp``, ``.feb`` (tetrahedra), ``.nii.gz`` (a label map on the scan's
-            grid), ``.dcm`` (contours, RTSTRUCT), ``.seg.dcm`` (SEG) or ``.stl.dcm`` (encapsulated STL). If
-            something fails, no file is left.
+            Ends with ``.ply``, ``.stl``, ``.step``, ``.vtu`` or another suffix of those that ``cccd surface
+            --help`` lists. If something fails, no file is left.
         contour_spacing_mm : float, optional
             Distance of the RTSTRUCT's planes. Default: that of the scan's slices.
         keep_patient : bool

@@ -104,8 +104,6 @@ def clock(text: str) -> Iterator[None]:
 def duration(seconds: float) -> str:
     """Say how long, in the largest unit that fits.
 
-    Examples
-    --------
     >>> duration(7.4), duration(100), duration(7000)
     ('7 s', '2 min', '1 h 57 min')
     """
@@ -118,8 +116,6 @@ def duration(seconds: float) -> str:
 def joined_warnings(warnings: Mapping[str, Sequence[str]]) -> list[str]:
     """Join warnings of organs that differ in numbers alone: one line for each kind, the commonest first.
 
-    Examples
-    --------
     >>> joined_warnings({"liver": ["2 holes"], "aorta": ["2 holes"], "heart": ["3 holes", "open"]})
     ['2 holes: 3 organs (liver, aorta, heart)', 'open: heart']
     """
@@ -138,8 +134,6 @@ def joined_warnings(warnings: Mapping[str, Sequence[str]]) -> list[str]:
 def organ_table(rows: Sequence[tuple[str, float, int, int]]) -> str:
     """Write a table of organs: name, ml, triangles, warnings.
 
-    Examples
-    --------
     >>> print(organ_table([("liver", 1503.26, 29670, 1), ("aorta", 81.5, 702, 0)]))
     organ    volume  triangles  warnings
     liver   1503 ml      29670         1
@@ -154,8 +148,6 @@ def organ_table(rows: Sequence[tuple[str, float, int, int]]) -> str:
 def millilitres(volume: float) -> str:
     """Write a volume (ml) with four digits, or all those before its point.
 
-    Examples
-    --------
     >>> millilitres(14876.3), millilitres(254.81), millilitres(0.0004321)
     ('14876 ml', '254.8 ml', '0.0004321 ml')
     """

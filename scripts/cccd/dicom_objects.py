@@ -71,13 +71,7 @@ def object_in(path: Path) -> Path:
 
 
 def referenced_series(path: Path) -> str:
-    """Read the UID of the series that a SEG or RTSTRUCT was made on; empty where it names none or is neither.
-
-    Examples
-    --------
-    >>> referenced_series(Path("not_there.dcm"))
-    ''
-    """
+    """Read the UID of the series that a SEG or RTSTRUCT was made on; empty where there is none."""
     if dicom_modality(path) not in ("SEG", "RTSTRUCT"):
         return ""
     import pydicom
@@ -93,13 +87,7 @@ def referenced_series(path: Path) -> str:
 
 
 def lies_in_its_series(path: Path) -> bool:
-    """Whether a file is a SEG or RTSTRUCT that lies in one folder with the series that it was made on.
-
-    Examples
-    --------
-    >>> lies_in_its_series(Path("not_there.dcm"))
-    False
-    """
+    """Whether a file is a SEG or RTSTRUCT that lies in one folder with the series that it was made on."""
     series = referenced_series(path)
     return bool(series) and any(_series_of(file) == series for file in path.parent.iterdir() if file != path)
 
@@ -118,11 +106,6 @@ def holds_contours(path: Path) -> bool:
     """Whether what the sheet names as a mask is drawn contours: an RTSTRUCT, or a folder with one.
 
     Of a path that cannot be read the answer is no; the job that imports it says what is wrong.
-
-    Examples
-    --------
-    >>> holds_contours(Path("not_there.dcm"))
-    False
     """
     try:
         found = object_in(path)

@@ -24,8 +24,7 @@ def interruptible() -> Iterator[None]:
 
     def heard(ignored: sys.UnraisableHookArgs) -> None:
         if isinstance(ignored.exc_value, KeyboardInterrupt):  # C called back, as LLVM does: it asks again
-            number = (*ignored.exc_value.args, signal.SIGINT)[0]
-            threading.Timer(0.1, os.kill, (os.getpid(), number)).start()
+            threading.Timer(0.1, os.kill, (os.getpid(), (*ignored.exc_value.args, signal.SIGINT)[0])).start()
         else:
             hook(ignored)
 

@@ -424,8 +424,8 @@ class Segments:
             mask = np.pad(mask, ((0, 0), (0, 0), (1, 1)))
             affine[:3, 3] -= affine[:3, 2]
         affine = check_affine(LPS_TO_RAS @ affine, location)
-        frame = str(volume.frame_of_reference_uid or "")
-        return Volume(mask, affine, location, self.names, frame_of_reference=frame)
+        reference = str(volume.frame_of_reference_uid or "")
+        return Volume(mask, affine, location, self.names, frame_of_reference=reference)
 
     @cached_property
     def _frames(self) -> _Frames:

@@ -46,6 +46,7 @@ __all__ = [
 ]
 
 logger = logging.getLogger(__name__)
+_warn_once = cache(logger.warning)  # a series is read for each file that refers to it
 
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
@@ -77,7 +78,7 @@ def write_rtstruct(
     reference: str | Path | None = None,
     keep_patient: bool = False,
 ) -> None:
-    """Write a closed mesh as one ROI of a DICOM RTSTRUCT.
+    """Write a closed mesh as one ROI of a DICOM RTSTRUCT: closed loops, whose nesting says what is a hole.
 
     Parameters
     ----------
@@ -102,10 +103,6 @@ def write_rtstruct(
     ------
     InputError
         No DICOM images in ``reference``, or the planes miss the mesh.
-
-    Notes
-    -----
-    Every loop is a ``CLOSED_PLANAR`` contour; holes are determined by nesting (even-odd).
     """
     normal = frame.normal
     spacing = frame.slice_spacing if spacing_mm is None else float(spacing_mm)
@@ -161,7 +158,7 @@ def reference_slices(folder: Path) -> list[Dataset]:
             folder.name, "no DICOM images in this folder", "give the folder of the source series"
         )
     _refuse_namesakes(found, folder.name)
-    _complete_common_uids(found, folder)
+    _complete_common_uids(found, str(folder))
     return found
 
 
@@ -186,7 +183,7 @@ def _own_uid(image: Dataset, keyword: str, file: Path) -> str:
     return uid
 
 
-def _complete_common_uids(slices: list[Dataset], folder: Path) -> None:
+def _complete_common_uids(slices: list[Dataset], location: str) -> None:
     """Write what the images of a series have in common into those that lack it."""
     instances = sorted(image.SOPInstanceUID for image in slices)
     made_up: list[str] = []
@@ -199,13 +196,7 @@ def _complete_common_uids(slices: list[Dataset], folder: Path) -> None:
             if not known_uid(image.get(keyword)):
                 setattr(image, keyword, uid)
     if made_up:
-        _warn_of_new_uids(folder, ", ".join(made_up))
-
-
-@cache
-def _warn_of_new_uids(folder: Path, keywords: str) -> None:
-    """Warn once of a folder, which every file that refers to it reads anew."""
-    logger.warning("%s: its images have no %s; the references use new ones", folder.name, keywords)
+        _warn_once("%s: its images have no %s; the references use new ones", location, ", ".join(made_up))
 
 
 def item_of(**attributes: object) -> Dataset:

@@ -271,73 +271,64 @@ def test_check_tells_probabilities_from_a_mask(here, capsys):
 
 
 WRONG = {
-    "no file": (["surface", "livre.nii.gz"], "did you mean 'liver.nii.gz'"),
-    "no file of a like name": (["surface", "spleen.nii.gz"], "; correct the path"),
-    "no folder": (["surface", "there/liver.nii.gz"], "nor its folder"),
-    "a folder of nothing": (["surface", "nothing"], "no file in this folder"),
-    "an empty mask": (["surface", "empty.nii.gz"], "the mask is empty"),
-    "a label that is not there": (["surface", "labels.nii.gz", "--label", "6"], "choose one of 5, 7"),
-    "an unknown suffix": (["surface", "liver.nii.gz", "-o", "a.tsl"], ".obj, .ply, "),
-    "no folder to write into": (["surface", "liver.nii.gz", "-o", "liver.nii.gz/a.ply"], "not a folder"),
-    "over the input": (["surface", "liver.nii.gz", "-o", "liver.nii.gz"], "that is the input"),
-    "a folder as output": (["surface", "liver.nii.gz", "-o", "taken.ply"], "that is a folder"),
-    "over the image": (
-        ["surface", "liver.nii.gz", "--image", "labels.nii.gz", "-o", "labels.nii.gz"],
-        "that is the input",
-    ),
-    "over a mask of a folder": (
-        ["surface", ".", "--label", "liver", "-o", "liver.nii.gz"],
-        "that is the input",
-    ),
-    "a picture over the input": (["check", "liver.nii.gz", "-o", "liver.nii.gz"], "end its name with .png"),
-    "a folder as picture": (["check", "liver.nii.gz", "-o", "folder.png"], "that is a folder"),
+    "no file": ("surface livre.nii.gz", "did you mean 'liver.nii.gz'"),
+    "no file of a like name": ("surface spleen.nii.gz", "; correct the path"),
+    "no folder": ("surface there/liver.nii.gz", "nor its folder"),
+    "a folder of nothing": ("surface nothing", "no file in this folder"),
+    "an empty mask": ("surface empty.nii.gz", "the mask is empty"),
+    "a label that is not there": ("surface labels.nii.gz --label 6", "choose one of 5, 7"),
+    "an unknown suffix": ("surface liver.nii.gz -o a.tsl", ".obj, .ply, "),
+    "no folder to write into": ("surface liver.nii.gz -o liver.nii.gz/a.ply", "not a folder"),
+    "over the input": ("surface liver.nii.gz -o liver.nii.gz", "that is the input"),
+    "a folder as output": ("surface liver.nii.gz -o taken.ply", "that is a folder"),
+    "over the image": ("surface liver.nii.gz --image labels.nii.gz -o labels.nii.gz", "that is the input"),
+    "over a mask of a folder": ("surface . --label liver -o liver.nii.gz", "that is the input"),
+    "a picture over the input": ("check liver.nii.gz -o liver.nii.gz", "end its name with .png"),
+    "a folder as picture": ("check liver.nii.gz -o folder.png", "that is a folder"),
     "a SEG of no series": (
-        ["surface", "liver.nii.gz", "-o", "a.ply", "-o", "a.seg.dcm"],
+        "surface liver.nii.gz -o a.ply -o a.seg.dcm",
         "a.seg.dcm: a SEG needs its DICOM series",
     ),
     "labels over the scan": (
-        ["segment", "liver.nii.gz", "--segmenter", "hippocampus", "--labels", "liver.nii.gz"],
+        "segment liver.nii.gz --segmenter hippocampus --labels liver.nii.gz",
         "that is the input",
     ),
     "labels of no format": (
-        ["segment", "liver.nii.gz", "--segmenter", "hippocampus", "--labels", "a.ply"],
+        "segment liver.nii.gz --segmenter hippocampus --labels a.ply",
         "end its name with .nii.gz",
     ),
     "an organ that the weights do not know": (
-        ["segment", "liver.nii.gz", "--segmenter", "hippocampus", "--organ", "liver"],
+        "segment liver.nii.gz --segmenter hippocampus --organ liver",
         "trained to find hippocampus, not liver",
     ),
     "labels and surface in one": (
-        ["segment", "liver.nii.gz", "--segmenter", "hippocampus", "--labels", "a.nii.gz", "-o", "a.nii.gz"],
+        "segment liver.nii.gz --segmenter hippocampus --labels a.nii.gz -o a.nii.gz",
         "named twice",
     ),
-    "one output twice": (["surface", "liver.nii.gz", "-o", "a.ply", "-o", "a.ply"], "named twice"),
-    "a label of one mask": (["surface", "liver.nii.gz", "--label", "liver"], "no label 'liver'"),
-    "names of one label": (["surface", "labels.nii.gz", "--names", "names.csv"], "add --all-labels"),
-    "no process": (["surface", "labels.nii.gz", "--all-labels", "--cores", "0"], "give 1 or more"),
-    "one label and all": (["surface", "labels.nii.gz", "--label", "5", "--all-labels"], "leave --label out"),
-    "a threshold upside down": (
-        ["surface", "liver.nii.gz", "--threshold", "300:100"],
-        "300.0, 100.0) is not a range",
-    ),
-    "a folder of boundary maps": (["surface", "nothing", "--boundary"], "a folder, not a volume"),
-    "a sheet as mask": (["surface", "table.tsv"], "a table, not a volume"),
-    "a mask as sheet": (["run", "liver.nii.gz"], "not a cohort sheet"),
-    "no segmenter": (["segment", "liver.nii.gz", "--segmenter", "lvier"], "choose one of hippocampus"),
-    "no report": (["report", "nothing"], "no structure is finished there"),
-    "no sheet": (["run", "sheet.tsv"], "no such cohort sheet"),
-    "no level": (["run", "nothing"], "participant"),
-    "no masks in BIDS": (["run", "nothing", "out", "participant"], "no sub-*_mask.nii.gz"),
-    "no finished structure": (["export", "nothing", "-o", "a.stl"], "surface.h5"),
-    "no configuration": (["surface", "liver.nii.gz", "--configfile", "mine.yaml"], "mine.yaml: not there"),
-    "a table as configuration": (["surface", "liver.nii.gz", "--configfile", "table.tsv"], "no YAML"),
-    "a configuration of bytes": (["surface", "liver.nii.gz", "--configfile", "liver.nii.gz"], "no YAML"),
-    "a word as configuration": (["surface", "liver.nii.gz", "--configfile", "word.yaml"], "no keys with"),
+    "one output twice": ("surface liver.nii.gz -o a.ply -o a.ply", "named twice"),
+    "a label of one mask": ("surface liver.nii.gz --label liver", "no label 'liver'"),
+    "names of one label": ("surface labels.nii.gz --names names.csv", "add --all-labels"),
+    "no process": ("surface labels.nii.gz --all-labels --cores 0", "give 1 or more"),
+    "one label and all": ("surface labels.nii.gz --label 5 --all-labels", "leave --label out"),
+    "a threshold upside down": ("surface liver.nii.gz --threshold 300:100", "300.0, 100.0) is not a range"),
+    "a folder of boundary maps": ("surface nothing --boundary", "a folder, not a volume"),
+    "a sheet as mask": ("surface table.tsv", "a table, not a volume"),
+    "a mask as sheet": ("run liver.nii.gz", "not a cohort sheet"),
+    "no segmenter": ("segment liver.nii.gz --segmenter lvier", "choose one of hippocampus"),
+    "no report": ("report nothing", "no structure is finished there"),
+    "no sheet": ("run sheet.tsv", "no such cohort sheet"),
+    "no level": ("run nothing", "participant"),
+    "no masks in BIDS": ("run nothing out participant", "no sub-*_mask.nii.gz"),
+    "no finished structure": ("export nothing -o a.stl", "surface.h5"),
+    "no configuration": ("surface liver.nii.gz --configfile mine.yaml", "mine.yaml: not there"),
+    "a table as configuration": ("surface liver.nii.gz --configfile table.tsv", "no YAML"),
+    "a configuration of bytes": ("surface liver.nii.gz --configfile liver.nii.gz", "no YAML"),
+    "a word as configuration": ("surface liver.nii.gz --configfile word.yaml", "no keys with"),
     "an unknown key": (
-        ["surface", "liver.nii.gz", "--configfile", "key.yaml"],
+        "surface liver.nii.gz --configfile key.yaml",
         "surface.tetrahedra.element: unknown key; did you mean 'elements'?",
     ),
-    "not for Snakemake": (["surface", "liver.nii.gz", "--", "--dry-run"], "leave them out"),
+    "not for Snakemake": ("surface liver.nii.gz -- --dry-run", "leave them out"),
 }
 
 
@@ -350,7 +341,7 @@ def test_what_cannot_work_ends_in_one_line(here, capsys, arguments, words):
     (here / "word.yaml").write_text("gmsh\n")
     (here / "key.yaml").write_text("surface: {tetrahedra: {element: tet10}}\n")
     before = contents(here)
-    assert main(arguments) == 1
+    assert main(arguments.split()) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("Error: ")
     assert words in line
@@ -491,20 +482,14 @@ def test_a_threshold_in_python(image_alone):
 
 
 UNWRITABLE = {
-    "not by root": (["surface", "nowhere.nii.gz", "-o", "/proc/a.ply"], "/proc/a.ply: the folder"),
-    "nor below": (["surface", "nowhere.nii.gz", "-o", "/sys/new/a.stl"], "/sys/new/a.stl: the folder"),
-    "no labels": (
-        ["segment", "nowhere.nii.gz", "--segmenter", "a", "--labels", "/proc/a.nii"],
-        "/proc/a.nii:",
-    ),
-    "no picture": (["check", "liver.nii.gz", "-o", "/proc/a.png"], "/proc/a.png: the folder"),
-    "no results": (["run", "sheet.tsv", "--directory", "/proc"], "/proc/results: the folder"),
-    "no sheet of BIDS": (["run", ".", "/proc/out", "participant"], "/proc/out/cohort.tsv: the folder"),
-    "no report": (["report", ".", "-o", "/sys/a.html"], "/sys/a.html: the folder"),
-    "below a file": (
-        ["surface", "nowhere.nii.gz", "-o", "liver.nii.gz/b/a.ply"],
-        "liver.nii.gz is not a folder",
-    ),
+    "not by root": ("surface nowhere.nii.gz -o /proc/a.ply", "/proc/a.ply: the folder"),
+    "nor below": ("surface nowhere.nii.gz -o /sys/new/a.stl", "/sys/new/a.stl: the folder"),
+    "no labels": ("segment nowhere.nii.gz --segmenter a --labels /proc/a.nii", "/proc/a.nii:"),
+    "no picture": ("check liver.nii.gz -o /proc/a.png", "/proc/a.png: the folder"),
+    "no results": ("run sheet.tsv --directory /proc", "/proc/results: the folder"),
+    "no sheet of BIDS": ("run . /proc/out participant", "/proc/out/cohort.tsv: the folder"),
+    "no report": ("report . -o /sys/a.html", "/sys/a.html: the folder"),
+    "below a file": ("surface nowhere.nii.gz -o liver.nii.gz/b/a.ply", "liver.nii.gz is not a folder"),
 }
 
 
@@ -513,7 +498,7 @@ UNWRITABLE = {
 def test_what_cannot_be_written_is_refused_before_anything_is_read(here, capsys, arguments, words):
     (here / "sheet.tsv").write_text("case\torgan\tmask\na\tliver\tliver.nii.gz\n")
     before = files(here)
-    assert main(arguments) == 1
+    assert main(arguments.split()) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
     assert "give a folder that you can write to" in line

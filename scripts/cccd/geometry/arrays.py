@@ -11,6 +11,7 @@ from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 __all__ = [
     "AnyArray",
@@ -22,6 +23,7 @@ __all__ = [
     "RealArray",
     "SingleArray",
     "concatenate_ragged",
+    "connected_parts",
     "offsets_of",
     "owners_of",
     "predecessors",
@@ -43,6 +45,12 @@ RealArray: TypeAlias = npt.NDArray[np.integer[Any] | np.floating[Any]]
 AnyArray: TypeAlias = npt.NDArray[Any]
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
+def connected_parts(first: IntArray, second: IntArray, count: int) -> IntArray:
+    """Give each of ``count`` nodes the number, from 0, of the connected part that edges (E,) put it in."""
+    links = scipy.sparse.coo_array((np.ones(len(first), bool), (first, second)), shape=(count, count))
+    return np.asarray(scipy.sparse.csgraph.connected_components(links, directed=False)[1], np.int64)
 
 
 def offsets_of(counts: npt.ArrayLike) -> IntArray:

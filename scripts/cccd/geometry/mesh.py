@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from cccd.geometry._vtk import triangles_of, vtk
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
 from cccd.geometry.averaging import averaged
 
 if TYPE_CHECKING:
@@ -296,9 +296,8 @@ class Mesh:
         The median of the twelve nearest vertices: one by one they are noisy at the scale of the triangles.
         """
         filter_ = vtk("vtkFiltersGeneral").vtkCurvatures(curvature_type=1)  # the mean
-        filter_.SetInputData(self.to_vtk())
-        filter_.Update()
-        values = vtk("util.numpy_support").vtk_to_numpy(filter_.GetOutput().GetPointData().GetScalars())
+        found = filter_(self.to_vtk()).GetPointData().GetScalars()
+        values = vtk("util.numpy_support").vtk_to_numpy(found)
         _, nearest = scipy.spatial.cKDTree(self.vertices).query(at, k=min(12, len(self.vertices)))
         return np.median(values[nearest.reshape(len(at), -1)], axis=1)
 
@@ -353,9 +352,9 @@ class Mesh:
     @cached_property
     def _pieces(self) -> IntArray:
         """Give each face (F,) the number, from 0, of the connected piece that it is of."""
-        ends, count = (self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel()), len(self.vertices)
-        links = scipy.sparse.coo_array((np.ones(self.faces.size, bool), ends), shape=(count, count))
-        _, piece = scipy.sparse.csgraph.connected_components(links, directed=False)
+        piece = connected_parts(
+            self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel(), len(self.vertices)
+        )
         return np.unique(piece[self.faces[:, 0]], return_inverse=True)[1]
 
     def _spanned(self) -> tuple[FloatArray, FloatArray]:
@@ -379,7 +378,4 @@ def _count_fans(faces: IntArray) -> int:
     arriving = vertex * count + vertex[preceding]
     partner = np.empty_like(corner)
     partner[np.argsort(arriving)] = np.argsort(leaving)  # both hold all edges, each once
-    links = scipy.sparse.coo_array(
-        (np.ones(faces.size, bool), (corner, partner)), shape=(faces.size, faces.size)
-    )
-    return int(scipy.sparse.csgraph.connected_components(links, directed=False)[0])
+    return int(connected_parts(corner, partner, faces.size).max()) + 1

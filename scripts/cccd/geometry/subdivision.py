@@ -15,9 +15,8 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array, vstack
-from scipy.sparse.csgraph import connected_components
 
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import FloatArray, IntArray, connected_parts
 from cccd.geometry.mesh import Mesh
 
 __all__ = ["SHARP", "ControlMesh", "Sampler", "SubdivisionStep", "quad_edges", "subdivide"]
@@ -114,10 +113,8 @@ class ControlMesh:
 
     def pieces(self) -> list[ControlMesh]:
         """Split into connected pieces, without unused control points, those with the lowest ones first."""
-        count = len(self.vertices)
         ends, starts = self.quads.ravel(), np.roll(self.quads, 1, axis=1).ravel()
-        links = coo_array((np.ones(len(ends), bool), (ends, starts)), shape=(count, count))
-        _, piece = connected_components(links, directed=False)
+        piece = connected_parts(ends, starts, len(self.vertices))
         found: list[ControlMesh] = []
         for n in np.unique(piece[self.quads[:, 0]]):
             used, quads = np.unique(self.quads[piece[self.quads[:, 0]] == n], return_inverse=True)

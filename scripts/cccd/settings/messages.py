@@ -32,8 +32,6 @@ def nearest(
     named : callable
         Gives the part of each that is compared, such as a file's name without its suffix.
 
-    Examples
-    --------
     >>> nearest("livre", ["liver", "spleen"])
     "did you mean 'liver'?"
     """
@@ -55,8 +53,6 @@ def choices(candidates: Iterable[Any], limit: int = 20) -> str:
 def describe(schema: Mapping[str, Any]) -> str:
     """Say what a value must be by its JSON schema: kind, choices, range, and the key's own description.
 
-    Examples
-    --------
     >>> describe({"type": "integer", "minimum": 1, "description": "Slices."})
     'give a whole number at least 1 (Slices)'
     """

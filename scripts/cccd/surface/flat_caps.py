@@ -6,11 +6,9 @@ from typing import Any, cast
 
 import manifold3d
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, cKDTree
 
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import FloatArray, IntArray, connected_parts
 
 __all__ = ["fill_rim"]
 
@@ -110,11 +108,7 @@ def _inside(points: FloatArray, rim: IntArray) -> IntArray:
     order = np.argsort(keys)
     opposite = order[np.minimum(np.searchsorted(keys, back, sorter=order), len(keys) - 1)]
     linked = (keys[opposite] == back) & ~np.isin(keys, wanted) & ~np.isin(back, wanted)
-    links = coo_array(
-        (np.ones(int(linked.sum()), bool), (owner[linked], owner[opposite[linked]])),
-        shape=(len(triangles), len(triangles)),
-    )
-    part = connected_components(links, directed=False)[1]
+    part = connected_parts(owner[linked], owner[opposite[linked]], len(triangles))
     return triangles[np.isin(part, part[owner[np.isin(keys, wanted)]])]
 
 

@@ -6,11 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from cccd.errors import InputError
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
 from cccd.geometry.decimation import collapse_apart, collapse_edges
 from cccd.geometry.distance import nearest_faces, nearest_points, unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
@@ -154,9 +152,7 @@ def _parts(mesh: Mesh) -> IntArray:
     """Tell which part between ridges each face (F,) is of."""
     bends = mesh.dihedrals
     first, second = bends.faces[np.degrees(bends.angles) < SHARP_DEG].T
-    count = len(mesh.faces)
-    links = coo_array((np.ones(len(first), bool), (first, second)), shape=(count, count))
-    return np.asarray(connected_components(links, directed=False)[1], np.int64)
+    return connected_parts(first, second, len(mesh.faces))
 
 
 def _relaxed(coarse: Mesh, fine: Mesh, parts: IntArray) -> Mesh:

@@ -79,10 +79,12 @@ def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420
         What drew it.
     """
     from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
 
     from cccd.geometry.ply import read_ply
     from cccd.store import atomic_path
 
+    stamp = PngInfo()
     with atomic_path(png_path) as temporary:
         drawn = _render_with_vtk(Path(ply_path), temporary, pixels)
         renderer: Renderer = "vtk" if drawn else "matplotlib"
@@ -91,7 +93,8 @@ def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420
                 picture = opened.convert("RGBA").reduce(_OVERSAMPLED)
         else:
             picture = Image.fromarray(_draw_with_matplotlib(read_ply(ply_path), pixels))
-        picture.save(temporary, pnginfo=_stamp(renderer))
+        stamp.add_text("renderer", renderer)
+        picture.save(temporary, pnginfo=stamp)
     return renderer
 
 
@@ -102,14 +105,6 @@ def picture_renderer(png_path: str | Path) -> Renderer | None:
     with Image.open(png_path) as picture:
         stamp = getattr(picture, "text", {}).get("renderer")
     return stamp if stamp in ("vtk", "matplotlib") else None
-
-
-def _stamp(renderer: Renderer):
-    from PIL.PngImagePlugin import PngInfo
-
-    stamp = PngInfo()
-    stamp.add_text("renderer", renderer)
-    return stamp
 
 
 # VTK, in a process of its own ------------------------------------------------------------------------

@@ -39,9 +39,8 @@ _TITLES = {
 
 _LIGHT = {"ambient": 0.45, "diffuse": 0.7, "specular": 0.15, "roughness": 0.6, "fresnel": 0.1}
 _LAMP = {"x": -60_000, "y": -80_000, "z": -60_000}
-_COLOUR, _OTHER = "#d4b399", "#9eadbd"
+_COLOUR, _OTHER, _GREY = "#d4b399", "#9eadbd", "#808080"
 _NET, _CURVES = "#008f6b", "#1a5c9e"
-_GREY = "#808080"
 
 #: Coordinates of meshes and of lines are rounded to this many decimals of a mm.
 _DECIMALS, _OF_LINES = 2, 1
@@ -134,8 +133,8 @@ def colour_stops(count: int = 65) -> dict[str, list[list[int]]]:
     for name, written in _COLOURS.items():
         known = np.frombuffer(bytes.fromhex(written), np.uint8).reshape(-1, 3)
         at = np.linspace(0, len(known) - 1, count)
-        between = [np.interp(at, np.arange(len(known)), channel) for channel in known.T]
-        stops[name] = np.rint(np.transpose(between)).astype(int).tolist()
+        between = np.rint([np.interp(at, np.arange(len(known)), channel) for channel in known.T])
+        stops[name] = between.T.astype(int).tolist()
     return stops
 
 
