@@ -11,7 +11,7 @@ MOST_LINES = {
     "scripts/cccd": 21267,
     "scripts/cccd_calibration": 737,
     "scripts/cccd_datasets": 1783,
-    "scripts/cccd_dicom": 1326,
+    "scripts/cccd_dicom": 1325,
     "scripts/cccd_junctions": 3927,
     "scripts/cccd_labels": 2744,
     "scripts/cccd_paper": 9501,
@@ -20,8 +20,8 @@ MOST_LINES = {
     "scripts/cccd_tetrahedra": 1534,
     "scripts/cccd_training": 3649,
     "scripts/cccd_vessels": 1914,
-    "scripts/cccd_workflow": 5979,
-    "tests": 29233,
+    "scripts/cccd_workflow": 5976,
+    "tests": 29232,
 }
 
 

@@ -297,7 +297,7 @@ class Mesh:
         """
         filter_ = vtk("vtkFiltersGeneral").vtkCurvatures(curvature_type=1)  # the mean
         found = filter_(self.to_vtk()).GetPointData().GetScalars()
-        values = vtk("util.numpy_support").vtk_to_numpy(found)
+        values: FloatArray = vtk("util.numpy_support").vtk_to_numpy(found)
         _, nearest = scipy.spatial.cKDTree(self.vertices).query(at, k=min(12, len(self.vertices)))
         return np.median(values[nearest.reshape(len(at), -1)], axis=1)
 
