@@ -37,10 +37,6 @@ ORGANS_OF_A_PROCESS = 8
 PROCESS_BYTES, MUCH_BYTES = 0.6e9, 2e9
 
 
-def _nothing(_: object) -> None:
-    """Tell nobody."""
-
-
 class LabelSurface(NamedTuple):
     """The surface of one label of a map."""
 
@@ -48,11 +44,6 @@ class LabelSurface(NamedTuple):
     label: MapLabel
     surface: Surface
     seconds: float  # that it took alone
-
-
-class _Lofted(NamedTuple):
-    surface: Surface
-    seconds: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +134,7 @@ class WholeMap:
         return said if needed > MUCH_BYTES else ""
 
     def surfaces(
-        self, n_jobs: int, tell: Callable[[str], None], done: Callable[[int], object] = _nothing
+        self, n_jobs: int, tell: Callable[[str], None], done: Callable[[int], object] = lambda number: None
     ) -> Iterator[LabelSurface]:
         """Make the surfaces: organs that touch no other first, then those that do, group by group.
 
@@ -213,7 +204,8 @@ class WholeMap:
             else:
                 surface = surface_of(self.structures[number], lofted)
                 yield LabelSurface(number, self.labels[number], surface, seconds)
-        yield from self._alone([n for n in group if n not in walls.surface.names], n_jobs, tell, _nothing)
+        rest = [number for number in group if number not in walls.surface.names]
+        yield from self._alone(rest, n_jobs, tell, lambda number: None)
 
     def _worked(
         self,
@@ -243,14 +235,14 @@ class WholeMap:
 
 
 @threadpool_limits.wrap(limits=1)
-def _loft(structure: Structure, settings: Settings) -> _Lofted | InputError:
+def _loft(structure: Structure, settings: Settings) -> tuple[Surface, float] | InputError:
     """Make one organ's own surface, in this process or another."""
     began = time.perf_counter()
     try:
         surface = reconstruct_structure(structure, settings)
     except InputError as error:
         return error
-    return _Lofted(surface, time.perf_counter() - began)
+    return surface, time.perf_counter() - began
 
 
 @threadpool_limits.wrap(limits=1)
