@@ -126,11 +126,10 @@ class WholeMap:
         most = max(bytes_needed({n: self.structures[n] for n in group}) for group in groups)
         processes = min(n_jobs, -(-len(self.structures) // ORGANS_OF_A_PROCESS))
         needed = most + (processes * PROCESS_BYTES if processes > 1 else 0)
-        there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else np.inf
         said = f"{len(self.structures)} labels need about {needed / 1e9:.1f} GB of memory"
-        if needed > there:
+        if needed > (there := _memory_there()):
             hint = "give --cores 1, fewer labels, a coarser map (cccd relabel), or shared_walls: false"
-            raise InputError(self.path.name, f"{said}; this machine has {there / 1e9:.1f} GB", hint)
+            raise InputError(self.path.name, f"{said}; there are {there / 1e9:.1f} GB", hint)
         return said if needed > MUCH_BYTES else ""
 
     def surfaces(
@@ -252,6 +251,16 @@ def _interpolate(structure: Structure, settings: Settings) -> list[LevelBlock] |
         return list(level_blocks(structure, settings.surface))
     except InputError as error:
         return error
+
+
+def _memory_there() -> float:
+    """Bytes that the machine has, or that a container or a batch job leaves to this process."""
+    pages = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else np.inf
+    own = Path("/proc/self/cgroup")
+    group = Path("/sys/fs/cgroup", own.read_text().strip().rpartition("::/")[2] if own.is_file() else "")
+    limits = [folder / "memory.max" for folder in (group, *group.parents)]
+    said = [file.read_text().strip() for file in limits if file.is_file()]
+    return min([pages, *(float(text) for text in said if text.isdecimal())])
 
 
 def _size(structure: Structure) -> int:
