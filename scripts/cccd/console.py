@@ -116,13 +116,13 @@ def duration(seconds: float) -> str:
 def joined_warnings(warnings: Mapping[str, Sequence[str]]) -> list[str]:
     """Join warnings of organs that differ in numbers alone: one line for each kind, the commonest first.
 
-    >>> joined_warnings({"liver": ["2 holes"], "aorta": ["2 holes"], "heart": ["3 holes", "open"]})
+    >>> joined_warnings({"liver": ["2 holes"], "aorta": ["2 holes"], "heart": ["1 hole", "open"]})
     ['2 holes: 3 organs (liver, aorta, heart)', 'open: heart']
     """
     kinds: dict[str, list[tuple[str, str]]] = {}
-    for organ, lines in warnings.items():
-        for line in lines:
-            kinds.setdefault(re.sub(r"[\d.,-]+", "0", line), []).append((organ, line))
+    for organ, line in ((organ, line) for organ, lines in warnings.items() for line in lines):
+        kind = re.sub(r"[\d.,-]+|(ies|[ys]|is|are)\b| in total", "", line)  # singular and plural are one
+        kinds.setdefault(kind, []).append((organ, line))
     joined: list[str] = []
     for found in sorted(kinds.values(), key=len, reverse=True):
         organs = list(dict.fromkeys(organ for organ, _ in found))

@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from scipy import ndimage
 
 from cccd.containers import Grid
 from cccd.errors import InputError
-from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
+from cccd.geometry.arrays import IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import Volume
@@ -128,20 +129,11 @@ def share_of_voxels(mesh: Mesh, grid: Grid) -> tuple[IntArray, SingleArray]:
 
 def _nearest(volume: Volume, grid: Grid) -> IntArray:
     """Values of the nearest voxels of a volume at those of a grid, flat; 0 beyond it."""
-    relation: FloatArray = np.asarray(np.linalg.solve(volume.affine, grid.affine), float)
-    found = np.zeros(grid.shape, np.int64)
-    b, c = np.indices(grid.shape[1:])
-    limit = np.array(volume.data.shape)
-    for a in range(grid.shape[0]):  # a plane at a time: indices of all would be large
-        at = np.rint(
-            relation[:3, 0, None, None] * a
-            + relation[:3, 1, None, None] * b
-            + relation[:3, 2, None, None] * c
-            + relation[:3, 3, None, None]
-        ).astype(np.int64)
-        inside = ((at >= 0) & (at < limit[:, None, None])).all(axis=0)
-        found[a][inside] = volume.data[tuple(at[:, inside])]
-    return found.ravel()
+    relation = np.linalg.solve(volume.affine, grid.affine)
+    matrix, offset = relation[:3, :3], relation[:3, 3]
+    return ndimage.affine_transform(
+        volume.data, matrix, offset, grid.shape, order=0, mode="grid-constant"
+    ).ravel()
 
 
 def name_of_soft(path: Path, organ: str) -> Path:

@@ -8,6 +8,7 @@ volume of its voxels.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import prod
@@ -23,7 +24,7 @@ from cccd.bands.signs import Slices
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, offsets_of
-from cccd.geometry.collisions import MovingTriangles, passing_pairs
+from cccd.geometry.collisions import passing_pairs
 from cccd.geometry.conforming import ConformingSurface, low_passed
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import with_undrawn_filled
@@ -66,6 +67,8 @@ VOLUME = 0.01
 UNFOLDING_ROUNDS = 10
 #: What lies within so many edges of them is looked at again; vertices move by less.
 UNFOLDING_REACH = 4.0
+#: Triangles are compared with each other in slabs of so many: each takes some 200 bytes meanwhile.
+SLAB_TRIANGLES = 500_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -477,22 +480,30 @@ def _unfolded(surface: ConformingSurface, before: FloatArray) -> tuple[FloatArra
     Returns them and how many pairs of triangles still do.
     """
     vertices = surface.vertices.copy()
-    pairs = passing_pairs(vertices, surface.triangles)
-    if len(pairs) == 0:
-        return vertices, 0
-    edges = surface.vertices[surface.edges[0]]
-    reach = UNFOLDING_REACH * float(np.linalg.norm(edges[:, 0] - edges[:, 1], axis=1).mean())
-    centres = vertices[surface.triangles[pairs.ravel()]].mean(axis=1)
-    away = cKDTree(centres).query(vertices, distance_upper_bound=reach)[0]
-    near: BoolArray = np.asarray(away < reach, np.bool_)
-    triangles = surface.triangles[near[surface.triangles].any(axis=1)]
-    moving = MovingTriangles(triangles)
+    pairs = _passing(vertices, surface.triangles)
+    size = np.linalg.norm(np.ptp(vertices[surface.triangles], axis=1), axis=1).mean() if len(pairs) else 0.0
     for _ in range(UNFOLDING_ROUNDS):
-        pairs = moving.passing_pairs(vertices)
         if len(pairs) == 0:
             break
-        folded = np.zeros(len(vertices), bool)
-        folded[triangles[pairs.ravel()]] = True
-        folded[triangles[folded[triangles].any(axis=1)]] = True
+        centres = vertices[surface.triangles[pairs.ravel()]].mean(axis=1)
+        away = cKDTree(centres).query(vertices, distance_upper_bound=UNFOLDING_REACH * size)[0]
+        near: BoolArray = np.asarray(np.isfinite(away), np.bool_)
+        around = np.flatnonzero(near[surface.triangles].any(axis=1))
+        folded = np.zeros(len(vertices), np.bool_)
+        folded[surface.triangles[pairs.ravel()]] = True
+        folded[surface.triangles[around[folded[surface.triangles[around]].any(axis=1)]]] = True
         vertices[folded] = (vertices[folded] + before[folded]) / 2
-    return vertices, len(moving.passing_pairs(vertices))
+        pairs = around[passing_pairs(vertices, surface.triangles[around])]
+    return vertices, len(pairs)
+
+
+def _passing(vertices: FloatArray, triangles: IntArray) -> IntArray:
+    """Find the pairs (K, 2) of triangles that pass through each other, slab by slab: all take much memory."""
+    height = vertices[triangles, 2]
+    low, high = height.min(axis=1), height.max(axis=1)
+    edges = np.quantile(low, np.linspace(0, 1, len(triangles) // SLAB_TRIANGLES + 2)) if len(low) else low
+    found: list[IntArray] = [np.zeros((0, 2), np.int64)]
+    for begin, end in itertools.pairwise(edges):
+        members = np.flatnonzero((low <= end) & (high >= begin))
+        found.append(members[passing_pairs(vertices, triangles[members])])
+    return np.unique(np.sort(np.concatenate(found), axis=1), axis=0)

@@ -47,34 +47,34 @@ def simplified(surface: ConformingSurface, tolerance: float) -> ConformingSurfac
     if len(surface.triangles) == 0:
         return surface
     area = float(Mesh(surface.vertices, surface.triangles).face_areas.mean())
-    edge = (area / EQUILATERAL) ** 0.5
-    density = _needed(surface, tolerance, edge)
+    edge, density = (area / EQUILATERAL) ** 0.5, None
     for shift in SHIFTS:
         patch = _patches(surface, ACROSS * edge, shift)
-        surface, density = _with_fewer(surface, patch, density, NEAR * edge, tolerance)
+        surface, density = _with_fewer(surface, patch, density, edge, tolerance)
     return surface
 
 
 def _with_fewer(
-    surface: ConformingSurface, patch: IntArray, density: FloatArray, near: float, tolerance: float
+    surface: ConformingSurface, patch: IntArray, density: FloatArray | None, edge: float, tolerance: float
 ) -> tuple[ConformingSurface, FloatArray]:
     """Collapse edges of patches, of which each triangle (T,) has a number, to as many by area as are needed.
 
-    Returns the walls and how many triangles by area each one's patch needs.
+    Returns the walls, and how many each triangle's patch needs: ``density`` (T,), or what curvature says.
     """
     order = np.argsort(patch, kind="stable")
     members = np.split(order, np.flatnonzero(np.diff(patch[order])) + 1)
     border = _of_several(surface, patch)
-    area = Mesh(surface.vertices, surface.triangles).face_areas
-    needed = np.bincount(patch, area * density)
-    target = np.bincount(patch, np.where(border[surface.triangles].any(axis=1), 1.0, area * density))
-    fewer = [
-        _collapsed(Mesh(surface.vertices, surface.triangles[faces]), int(target[number]), near, tolerance)
-        for number, faces in enumerate(members)
-    ]
-    sizes = [len(faces if mesh is None else mesh.faces) for faces, mesh in zip(members, fewer, strict=True)]
-    of_patch = needed / np.maximum(np.bincount(patch, area), 1e-12)
-    return _joined(surface, members, fewer, np.flatnonzero(border)), np.repeat(of_patch, sizes)
+    fewer: list[Mesh | None] = []
+    needed: list[FloatArray] = []
+    for faces in members:
+        part = Mesh(surface.vertices, surface.triangles[faces]).compact()
+        area = part.face_areas
+        dense = _needed(part, tolerance, edge) if density is None else density[faces]
+        kept = border[surface.triangles[faces]].any(axis=1)
+        target = int(np.where(kept, 1.0, area * dense).sum())
+        fewer.append(_collapsed(part, target, NEAR * edge, tolerance))
+        needed.append(np.full(len((fewer[-1] or part).faces), (area @ dense) / max(float(area.sum()), 1e-12)))
+    return _joined(surface, members, fewer, np.flatnonzero(border)), np.concatenate(needed)
 
 
 def _of_several(surface: ConformingSurface, patch: IntArray) -> BoolArray:
@@ -94,26 +94,22 @@ def _patches(surface: ConformingSurface, width: float, shift: float) -> IntArray
     return np.asarray(np.unique(keys, return_inverse=True)[1], np.int64)
 
 
-def _needed(surface: ConformingSurface, tolerance: float, edge: float) -> FloatArray:
-    """Triangles (T,) by area that a wall needs there, none smaller than of an edge."""
-    pair, count = np.sort(surface.regions, axis=1), len(surface.triangles)
-    bends = Mesh(surface.vertices, surface.triangles).dihedrals
-    within = (pair[bends.faces[:, 0]] == pair[bends.faces[:, 1]]).all(axis=1)
-    faces, areas = bends.faces[within], np.maximum(bends.areas[within], 1e-12)
-    curvature = 1.5 * bends.lengths[within] * bends.angles[within] / areas
-    square = np.bincount(faces.ravel(), np.repeat(curvature**2, 2), count)
-    curvature = np.sqrt(square / np.maximum(np.bincount(faces.ravel(), minlength=count), 1))
+def _needed(patch: Mesh, tolerance: float, edge: float) -> FloatArray:
+    """Triangles (T,) by area that a patch of a wall needs, none smaller than of an edge."""
+    bends, count = patch.dihedrals, len(patch.faces)
+    curvature = 1.5 * bends.lengths * bends.angles / np.maximum(bends.areas, 1e-12)
+    square = np.bincount(bends.faces.ravel(), np.repeat(curvature**2, 2), count)
+    curvature = np.sqrt(square / np.maximum(np.bincount(bends.faces.ravel(), minlength=count), 1))
     length = np.sqrt(8 * tolerance / np.maximum(curvature, 1e-9))
     return 1 / (EQUILATERAL * np.clip(length, edge, LONGEST * edge) ** 2)
 
 
-def _collapsed(patch: Mesh, target: int, near: float, tolerance: float) -> Mesh | None:
+def _collapsed(before: Mesh, target: int, near: float, tolerance: float) -> Mesh | None:
     """Collapse a patch's edges but for those that touch its border; None where that changes the topology."""
-    if len(patch.faces) < FEWEST or target >= len(patch.faces):
+    if len(before.faces) < FEWEST or target >= len(before.faces):
         return None
     import fast_simplification  # pyright: ignore[reportMissingTypeStubs]
 
-    before = patch.compact()
     vertices, faces = cast(Any, fast_simplification).simplify(
         before.vertices, before.faces, target_count=target, preserve_border=True
     )

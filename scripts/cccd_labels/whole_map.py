@@ -37,10 +37,6 @@ ORGANS_OF_A_PROCESS = 8
 PROCESS_BYTES, MUCH_BYTES = 0.6e9, 2e9
 
 
-def _nothing(_: object) -> None:
-    """Tell nobody."""
-
-
 class LabelSurface(NamedTuple):
     """The surface of one label of a map."""
 
@@ -48,11 +44,6 @@ class LabelSurface(NamedTuple):
     label: MapLabel
     surface: Surface
     seconds: float  # that it took alone
-
-
-class _Lofted(NamedTuple):
-    surface: Surface
-    seconds: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,15 +126,14 @@ class WholeMap:
         most = max(bytes_needed({n: self.structures[n] for n in group}) for group in groups)
         processes = min(n_jobs, -(-len(self.structures) // ORGANS_OF_A_PROCESS))
         needed = most + (processes * PROCESS_BYTES if processes > 1 else 0)
-        there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else np.inf
         said = f"{len(self.structures)} labels need about {needed / 1e9:.1f} GB of memory"
-        if needed > there:
+        if needed > (there := _memory_there()):
             hint = "give --cores 1, fewer labels, a coarser map (cccd relabel), or shared_walls: false"
-            raise InputError(self.path.name, f"{said}; this machine has {there / 1e9:.1f} GB", hint)
+            raise InputError(self.path.name, f"{said}; there are {there / 1e9:.1f} GB", hint)
         return said if needed > MUCH_BYTES else ""
 
     def surfaces(
-        self, n_jobs: int, tell: Callable[[str], None], done: Callable[[int], object] = _nothing
+        self, n_jobs: int, tell: Callable[[str], None], done: Callable[[int], object] = lambda number: None
     ) -> Iterator[LabelSurface]:
         """Make the surfaces: organs that touch no other first, then those that do, group by group.
 
@@ -213,7 +203,8 @@ class WholeMap:
             else:
                 surface = surface_of(self.structures[number], lofted)
                 yield LabelSurface(number, self.labels[number], surface, seconds)
-        yield from self._alone([n for n in group if n not in walls.surface.names], n_jobs, tell, _nothing)
+        rest = [number for number in group if number not in walls.surface.names]
+        yield from self._alone(rest, n_jobs, tell, lambda number: None)
 
     def _worked(
         self,
@@ -243,14 +234,14 @@ class WholeMap:
 
 
 @threadpool_limits.wrap(limits=1)
-def _loft(structure: Structure, settings: Settings) -> _Lofted | InputError:
+def _loft(structure: Structure, settings: Settings) -> tuple[Surface, float] | InputError:
     """Make one organ's own surface, in this process or another."""
     began = time.perf_counter()
     try:
         surface = reconstruct_structure(structure, settings)
     except InputError as error:
         return error
-    return _Lofted(surface, time.perf_counter() - began)
+    return surface, time.perf_counter() - began
 
 
 @threadpool_limits.wrap(limits=1)
@@ -260,6 +251,16 @@ def _interpolate(structure: Structure, settings: Settings) -> list[LevelBlock] |
         return list(level_blocks(structure, settings.surface))
     except InputError as error:
         return error
+
+
+def _memory_there() -> float:
+    """Bytes that the machine has, or that a container or a batch job leaves to this process."""
+    pages = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else np.inf
+    own = Path("/proc/self/cgroup")
+    group = Path("/sys/fs/cgroup", own.read_text().strip().rpartition("::/")[2] if own.is_file() else "")
+    limits = [folder / "memory.max" for folder in (group, *group.parents)]
+    said = [file.read_text().strip() for file in limits if file.is_file()]
+    return min([pages, *(float(text) for text in said if text.isdecimal())])
 
 
 def _size(structure: Structure) -> int:
