@@ -6,7 +6,7 @@
 Both networks are trained on 25, 70 and 200 frozen training graphs of the default seed, and on no others; the
 fewer there are, the more epochs, so that all take as many steps. The same few graphs choose the epoch, the
 same 50 are scored. These are short trainings, of some six CPU minutes together. The table that is committed
-is docs/training_graphs.csv.
+is docs/measured/training_graphs.csv.
 
 ``--families`` asks instead how our network's score depends on how many maps it saw, and of how many families
 (`cccd_training.junctions.families`; `DAMAGE` is the training's own generator). One family is left out at a
@@ -185,7 +185,7 @@ def main() -> None:
     parser.add_argument("--families", action="store_true", help="maps and families instead of graphs")
     parser.add_argument("--models", type=Path, default=Path("training_families"), help="with --families")
     arguments = parser.parse_args()
-    name = "training_families.csv" if arguments.families else "training_graphs.csv"
+    name = "training_families.csv" if arguments.families else "measured/training_graphs.csv"
     table, rows = arguments.table or ROOT / "docs" / name, []
     if arguments.families:
         family_scores(table, arguments.models)
