@@ -49,7 +49,7 @@ def write_subjects(path: Path, cohort: Cohort) -> None:
         for subject, fit, tolerance, problem in zip(
             cohort.subjects, cohort.fits, cohort.tolerances, cohort.problems, strict=True
         )
-        for mesh in [fit.spline.tessellate(1)]
+        for mesh in [fit.spline.tessellate(DRAWN)]
     ]
     write_table(path, pd.DataFrame(rows))
 

@@ -56,13 +56,14 @@ def subject(name: str, mesh: Mesh, group: str = "", mirrored: bool = False) -> S
     return Subject(Row("sheet.tsv", name, None, None, mirrored, group), mesh, 1.0)
 
 
-def on_body(points, mesh: Mesh):
-    """Where on the body points of a deformed one were before."""
+def on_body(points, mesh: Mesh, other: Mesh | None = None):
+    """Where on the body, or on another mesh with its faces, the points of a deformed one are."""
+    other = other or body()
     face = mesh.faces[nearest_faces(points, mesh)]
     a, b, c = (mesh.vertices[face[:, k]] for k in range(3))
     edges = np.stack([b - a, c - a], axis=2)
     weights = np.einsum("nij,nj->ni", np.linalg.pinv(edges), points - a).clip(0, 1)
-    corners = [body().vertices[face[:, k]] for k in range(3)]
+    corners = [other.vertices[face[:, k]] for k in range(3)]
     return (
         corners[0] + weights[:, :1] * (corners[1] - corners[0]) + weights[:, 1:] * (corners[2] - corners[0])
     )
