@@ -22,7 +22,7 @@ MOST_LINES = {
     "scripts/cccd_training": 3649,
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5976,
-    "tests": 29232,
+    "tests": 29712,
 }
 
 
