@@ -84,6 +84,27 @@ def heat_map(name: str, most_mm: float, pixels: int = 420) -> str:
     return _screenshot(plotter, f"{name}, coloured by the distance to the other surface")
 
 
+def group_map(name: str, pixels: int = 360) -> str:
+    """Draw what ``cccd shapes`` wrote as VTP: the difference of the groups, and its p values."""
+    import pyvista
+
+    surface = pyvista.read(FOLDER / name)
+    plotter = pyvista.Plotter(off_screen=True, shape=(1, 2), window_size=(2 * pixels, pixels))
+    most = float(abs(surface["difference_outwards_mm"]).max())
+    shown = {
+        "difference_outwards_mm": ("difference, mm", "RdBu_r", (-most, most)),
+        "p": ("p", "YlOrRd_r", (0, 0.1)),
+    }
+    for column, (scalars, (title, colours, limits)) in enumerate(shown.items()):
+        plotter.subplot(0, column)
+        bar = {"title": title, "color": "black", "n_labels": 3, "position_y": 0.02}
+        drawn = {"scalars": scalars, "cmap": colours, "clim": limits, "scalar_bar_args": bar}
+        plotter.add_mesh(surface.copy(), **drawn, smooth_shading=True)
+        plotter.view_xz()
+        plotter.camera.zoom(0.8)
+    return _screenshot(plotter, "difference of the groups in mm, and p values, on the mean surface")
+
+
 def band(name: str, pixels: int = 620) -> str:
     """Draw what ``cccd surface -o`` wrote as VTP, coloured by the width of its error band."""
     import numpy as np

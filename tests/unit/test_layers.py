@@ -24,6 +24,7 @@ PACKAGES = {
     "cccd_vessels": "tetrahedra",
     "cccd_dicom": "",
     "cccd_labels": "",
+    "cccd_shapes": "labels",
     "cccd_workflow": "labels segmentation tetrahedra",
     "cccd_calibration": "workflow",
     "cccd_training": "calibration datasets junctions segmentation",
@@ -38,7 +39,7 @@ PAPER_NETWORKS = ("network", "training", "general_gnn", "corner_graphs")
 
 #: The only modules that may import these; a package's name stands for all that is in it.
 ONLY = {
-    "h5py": {"cccd.store"},
+    "h5py": {"cccd.store", "cccd_shapes.files"},
     "monai": {
         *(f"cccd_segmentation.{name}" for name in ("plain_unet", "grids", "inference")),
         *(f"cccd_training.segmentation.{name}" for name in ("examples", "training", "scores")),

@@ -1,0 +1,280 @@
+"""Move a template onto a subject: similarity, then smooth modes, then all control points.
+
+Each round pairs samples of the spline with the subject's surface, in both directions and by place and normal,
+and solves one least squares for distances along normals plus what the displacement bends. What bends over
+less than a length costs much; the length falls from the organ's size to a quad's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array, hstack
+from scipy.sparse.linalg import LinearOperator, SuperLU, cg
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.distance import unsigned_to_mesh
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.subdivision import ControlMesh, Sampler
+from cccd.surface.spline_fit import SplineFit, Target
+from cccd_shapes.template import Template
+
+__all__ = ["Fit", "Goal", "fit_template", "similarity"]
+
+#: The spline is sampled at so many subdivisions: 4 points for each quad.
+SAMPLED = 1
+#: Points of the subject's surface that look for the spline, for each sample of the spline.
+SEEN = 1.0
+#: Triangles of a subject's mesh that are used at most.
+MOST_TRIANGLES = 40_000
+#: Lengths, as shares of the organ's radius, over which the modes may bend; rounds at each.
+MODE_LENGTHS, MODE_ROUNDS = (0.7, 0.4, 0.25, 0.16, 0.1, 0.06), 3
+#: Lengths, in edges of a quad, over which all control points may bend; rounds at each.
+POINT_LENGTHS, POINT_ROUNDS = (1.6, 0.9, 0.5), 2
+#: Share of the data's weight by which control points stay where they are.
+HELD = 1e-4
+#: Residual of the linear systems, and most steps to it.
+SOLVED, MOST_STEPS = 1e-2, 100
+#: A normal that is turned by one radian is as far off as so many radii of the organ.
+TURNED = 1.0
+#: Normals that agree less (cosine) are of the other side of a sheet.
+FACING = 0.2
+#: Most rounds of the similarity, and the change, as a share of the radius, at which it ends.
+SIMILAR_ROUNDS, STILL = 40, 1e-4
+#: Subdivisions of the surface that is checked, as of what is written.
+DRAWN = 2
+
+
+class Goal:
+    """A subject's surface as a template looks for it.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed, oriented outwards, in the template's mm.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh.simplified(MOST_TRIANGLES)
+        self.normals = self.mesh.vertex_normals
+        self.areas = self.mesh.vertex_areas
+        self._trees: dict[float, cKDTree] = {}
+
+    def tree(self, turned: float) -> cKDTree:
+        """Tree of the vertices by place and normal, of which one radian counts as so many mm."""
+        if turned not in self._trees:
+            self._trees = {turned: cKDTree(np.hstack([self.mesh.vertices, turned * self.normals]))}
+        return self._trees[turned]
+
+    def seen(self, count: int) -> IntArray:
+        """Choose vertices by their areas, at most ``count``; the same ones each time."""
+        if count >= len(self.areas):
+            return np.flatnonzero(self.areas > 0)
+        draw = np.random.default_rng(0).random(len(self.areas))
+        # the largest of draw^(1/area): a sample without replacement by area (Efraimidis and Spirakis 2006)
+        return np.argsort(np.log(draw) / np.maximum(self.areas, 1e-12))[-count:]
+
+
+class _Pairs(NamedTuple):
+    """Samples of the spline (P,), directions (P, 3), how far (P,) along them to the subject, weights (P,)."""
+
+    sample: IntArray
+    normal: FloatArray
+    off: FloatArray
+    weight: FloatArray
+
+
+def _pairs(points: FloatArray, triangles: IntArray, goal: Goal, turned: float) -> _Pairs:
+    """Pair samples (P, 3) of the spline and the subject's surface, each with the nearest of the other."""
+    spline = Mesh(points, triangles)
+    normals, areas = spline.vertex_normals, spline.vertex_areas
+    nearest = goal.tree(turned).query(np.hstack([points, turned * normals]))[1]
+    plane = goal.normals[nearest]
+    off = np.einsum("pc,pc->p", goal.mesh.vertices[nearest] - points, plane)
+    weight = areas * (np.einsum("pc,pc->p", plane, normals) > FACING)
+    seen = goal.seen(round(SEEN * len(points)))
+    place, along = goal.mesh.vertices[seen], goal.normals[seen]
+    back = cKDTree(np.hstack([points, turned * normals])).query(np.hstack([place, turned * along]))[1]
+    off_back = np.einsum("pc,pc->p", place - points[back], along)
+    facing = np.einsum("pc,pc->p", along, normals[back]) > FACING
+    weight_back = facing * (goal.areas[seen] if len(seen) == len(goal.areas) else np.ones(len(seen)))
+    return _Pairs(
+        np.concatenate([np.arange(len(points)), back]),
+        np.concatenate([plane, along]),
+        np.concatenate([off, off_back]),
+        np.concatenate([weight / max(weight.sum(), 1e-12), weight_back / max(weight_back.sum(), 1e-12)]) / 2,
+    )
+
+
+def similarity(template: Template, mesh: Mesh, scaled: bool = True) -> FloatArray:
+    """Find the similarity (4, 4) that moves a template onto a subject's mesh; its start is the image's axes.
+
+    Parameters
+    ----------
+    template : Template
+    mesh : Mesh
+        Closed, in mm.
+    scaled : bool
+        Whether the size may change.
+    """
+    goal, sampler = Goal(mesh), template.spline.sampler(0)
+    start = template.spline.tessellate(0)
+    scale = float(np.sqrt(goal.mesh.area / template.area)) if scaled else 1.0
+    middle, centre = _centroid(start), _centroid(goal.mesh)
+    affine = np.eye(4)
+    affine[:3, :3] *= scale
+    affine[:3, 3] = centre - scale * middle
+    radius = scale * template.radius
+    for _ in range(SIMILAR_ROUNDS):
+        points = start.vertices @ affine[:3, :3].T + affine[:3, 3]
+        pairs = _pairs(points, sampler.triangles, goal, TURNED * radius)
+        arm = points[pairs.sample] - centre
+        rows = [np.cross(arm, pairs.normal), pairs.normal]
+        rows += [np.einsum("pc,pc->p", arm, pairs.normal)[:, None]] if scaled else []
+        matrix = np.hstack(rows)
+        weighted = matrix * pairs.weight[:, None]
+        # what the surface does not tell, as of a sphere's turning, stays as it is
+        held = np.diag(1e-6 * np.trace(weighted.T @ matrix) / 7 * np.ones(matrix.shape[1]))
+        move = np.asarray(np.linalg.solve(weighted.T @ matrix + held, weighted.T @ pairs.off), float)
+        step = _small_similarity(move, centre)
+        affine = step @ affine
+        if np.abs(step - np.eye(4))[:3].max() < STILL * max(1.0, radius):
+            break
+    return affine
+
+
+def _centroid(mesh: Mesh) -> FloatArray:
+    """Mean of the surface (3,)."""
+    return np.asarray(np.average(mesh.vertices, axis=0, weights=mesh.vertex_areas), float)
+
+
+def _small_similarity(move: FloatArray, centre: FloatArray) -> FloatArray:
+    """Similarity (4, 4) around a centre of a rotation vector, a shift and perhaps a growth (6 or 7,)."""
+    affine = np.eye(4)
+    growth = float(np.exp(np.clip(move[6], -0.2, 0.2))) if len(move) > 6 else 1.0
+    angle = float(np.linalg.norm(move[:3]))
+    turn = move[:3] * min(1.0, 0.3 / max(angle, 1e-12))  # at most .3 radians a round
+    affine[:3, :3] = growth * np.asarray(Rotation.from_rotvec(turn).as_matrix())
+    affine[:3, 3] = centre + move[3:6] - affine[:3, :3] @ centre
+    return affine
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A template on a subject.
+
+    Attributes
+    ----------
+    spline : ControlMesh
+        The template's quads on the subject, in its mm.
+    rms : float
+        Root mean square distance in mm of both surfaces to each other.
+    crossings : int
+        Pairs of triangles of the fitted surface that pass through each other.
+    distortion : float
+        Root mean square of the logarithm (base 2) of how much quads' areas changed, but for the size.
+    """
+
+    spline: ControlMesh
+    rms: float
+    crossings: int
+    distortion: float
+
+
+def fit_template(template: Template, mesh: Mesh) -> Fit:
+    """Fit a template's spline to a subject's mesh.
+
+    Parameters
+    ----------
+    template : Template
+    mesh : Mesh
+        Closed, oriented outwards.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from cccd_shapes.template import control_mesh_of
+    >>> ball = trimesh.creation.icosphere(4, 10.0)
+    >>> mesh = Mesh(np.array(ball.vertices), np.array(ball.faces, np.int64))
+    >>> longer = Mesh(mesh.vertices * (1, 1, 1.3), mesh.faces)
+    >>> fit = fit_template(Template(control_mesh_of(mesh, 300)), longer)
+    >>> fit.rms < 0.05, fit.crossings
+    (True, 0)
+    """
+    affine = similarity(template, mesh)
+    goal = Goal(mesh.transformed(np.asarray(np.linalg.inv(affine), float)))
+    sampler = template.spline.sampler(SAMPLED)
+    smooth = _by_modes(template, goal, sampler)
+    points = _by_points(template, smooth, goal, sampler)
+    fit = SplineFit(template.spline.moved(smooth), Target.of(goal.mesh))
+    fit.points = points
+    crossings = len(fit.untangle(DRAWN))
+    spline = fit.spline.transformed(affine)
+    return Fit(spline, surface_rms(spline.tessellate(DRAWN), mesh), crossings, _distortion(template, spline))
+
+
+def surface_rms(first: Mesh, second: Mesh) -> float:
+    """Root mean square distance in mm between two surfaces, from the vertices of both."""
+    there = np.average(unsigned_to_mesh(first.vertices, second) ** 2, weights=first.vertex_areas)
+    back = np.average(unsigned_to_mesh(second.vertices, first) ** 2, weights=second.vertex_areas)
+    return float(np.sqrt((there + back) / 2))
+
+
+def _distortion(template: Template, spline: ControlMesh) -> float:
+    """Root mean square of log2 of the quads' changes of area, but for their mean."""
+    areas = [np.sum(one.tessellate(0).face_areas.reshape(2, -1), axis=0) for one in (template.spline, spline)]
+    change = np.log2(np.maximum(areas[1], 1e-12) / np.maximum(areas[0], 1e-12))
+    weight = areas[0] / areas[0].sum()
+    return float(np.sqrt(weight @ (change - weight @ change) ** 2))
+
+
+def _by_modes(template: Template, goal: Goal, sampler: Sampler) -> FloatArray:
+    """Control points (V, 3) that smooth modes move onto the subject's surface."""
+    modes, points = template.modes, template.spline.vertices
+    count = modes.shape[1]
+    sampled = sampler.matrix @ modes
+    bent = np.einsum("vk,vk->k", modes, template.bending @ modes)
+    amounts = np.zeros((3, count))
+    for length in np.repeat(MODE_LENGTHS, MODE_ROUNDS) * template.radius:
+        now = points + (amounts @ modes.T).T
+        pairs = _pairs(sampler.matrix @ now, sampler.triangles, goal, TURNED * template.radius)
+        rows = np.hstack([pairs.normal[:, axis, None] * sampled[pairs.sample] for axis in range(3)])
+        weighted = rows * pairs.weight[:, None]
+        penalty = np.tile(length**4 * bent, 3) + 1e-6
+        system = weighted.T @ rows + np.diag(penalty)
+        move = np.linalg.solve(system, weighted.T @ pairs.off - penalty * amounts.ravel())
+        amounts = amounts + move.reshape(3, count)
+    return points + (amounts @ modes.T).T
+
+
+def _by_points(template: Template, smooth: FloatArray, goal: Goal, sampler: Sampler) -> FloatArray:
+    """Control points (V, 3), from smooth ones on, each moved by itself."""
+    points, count = smooth, len(smooth)
+    for length in np.repeat(POINT_LENGTHS, POINT_ROUNDS) * template.edge:
+        pairs = _pairs(sampler.matrix @ points, sampler.triangles, goal, length)
+        chosen = csr_array(sampler.matrix[pairs.sample])
+        rows = csr_array(hstack([diags_array(pairs.normal[:, axis]) @ chosen for axis in range(3)]))
+        turned = csr_array(rows.T @ diags_array(pairs.weight))
+        # bending is counted from the smooth fit: the large changes of shape are no distortion
+        stiffness = csr_array(length**4 * template.bending + HELD * template.metric)
+        matrix = LinearOperator((3 * count,) * 2, partial(_system, stiffness, turned, rows), dtype=float)
+        before = LinearOperator((3 * count,) * 2, partial(_nearly, template.solver(length)), dtype=float)
+        pull = (length**4 * template.bending @ (points - smooth)).T.ravel()
+        move, _ = cg(matrix, turned @ pairs.off - pull, rtol=SOLVED, maxiter=MOST_STEPS, M=before)
+        points = points + move.reshape(3, count).T
+    return points
+
+
+def _system(stiffness: csr_array, turned: csr_array, rows: csr_array, move: FloatArray) -> FloatArray:
+    """Multiply a displacement (3 V,) by the matrix of the least squares."""
+    return np.asarray(turned @ (rows @ move) + (stiffness @ move.reshape(3, -1).T).T.ravel(), float)
+
+
+def _nearly(solver: SuperLU, move: FloatArray) -> FloatArray:
+    """Solve the same for displacements along each axis by themselves, as if normals had all directions."""
+    return np.asarray(solver.solve(np.ascontiguousarray(move.reshape(3, -1).T)).T.ravel(), float)

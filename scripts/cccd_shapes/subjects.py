@@ -1,0 +1,221 @@
+"""The cohort: a sheet with a row for each subject, and the closed surface of each."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cccd.closed_meshes import read_closed_mesh
+from cccd.containers import Frame
+from cccd.errors import InputError
+from cccd.files.read_meshes import is_mesh
+from cccd.geometry.arrays import FloatArray
+from cccd.geometry.mesh import Mesh
+from cccd.store import read_report, read_surface_frame
+from cccd.surface.surface import read_surface, write_files
+
+__all__ = ["MIRROR", "Row", "Subject", "fingerprint", "read_sheet", "read_subject"]
+
+#: Columns that a sheet may have.
+COLUMNS = ("name", "surface", "mask", "label", "mirrored", "group")
+#: What is said in the column ``mirrored``.
+YES, NO = ("yes", "true", "1"), ("", "no", "false", "0")
+#: Reflects x: a left organ lies as a right one.
+MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
+#: Fewest subjects that have a mean and a mode.
+FEWEST = 3
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the sheet.
+
+    Attributes
+    ----------
+    where : str
+        File and row, for messages.
+    name : str
+    path : Path
+        Of a surface, or of a mask.
+    label : str or None
+        Of the mask; None for a surface.
+    mirrored : bool
+        Whether the subject is reflected in x before it is compared.
+    group : str
+    """
+
+    where: str
+    name: str
+    path: Path
+    label: str | None
+    mirrored: bool
+    group: str
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A subject's surface.
+
+    Attributes
+    ----------
+    row : Row
+    mesh : Mesh
+        Closed, oriented outwards, in mm RAS, reflected if the row says so.
+    pixel : float
+        Edge of a pixel in mm: of the scan, or of a mesh without one the median edge.
+    notes : tuple of str
+        What was mended, one line each.
+    """
+
+    row: Row
+    mesh: Mesh
+    pixel: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The subject's name."""
+        return self.row.name
+
+    @property
+    def frame(self) -> Frame:
+        """A grid of the scan's pixels."""
+        return Frame(np.diag([self.pixel, self.pixel, self.pixel, 1.0]), 2, (1, 1, 1))
+
+    @property
+    def to_world(self) -> FloatArray:
+        """Affine (4, 4) from ``mesh`` back to mm RAS."""
+        return MIRROR if self.row.mirrored else np.eye(4)
+
+
+def read_sheet(path: str | Path) -> list[Row]:
+    """Read a sheet of subjects: tab-separated, with a header.
+
+    Parameters
+    ----------
+    path : path
+        Columns: ``name``, and ``surface`` or ``mask``; optionally ``label`` of the mask, ``mirrored`` (yes or
+        no) and ``group``. Paths are relative to the sheet.
+
+    Raises
+    ------
+    InputError
+        A column is unknown, or a row does not name one file that is there.
+    """
+    path = Path(path)
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file, delimiter="\t")
+            lines, columns = list(reader), list(reader.fieldnames or [])
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path.name, f"not a readable sheet: {error}", "give a tab-separated file") from None
+    for column in columns:
+        if column not in COLUMNS:
+            raise InputError(path.name, f"unknown column {column!r}", f"columns are {', '.join(COLUMNS)}")
+    if "name" not in columns or not {"surface", "mask"} & set(columns):
+        raise InputError(
+            path.name, "columns are missing", "give name, and surface or mask, separated by tabs"
+        )
+    rows = [_row(path, number, line) for number, line in enumerate(lines, 2)]
+    names = [row.name for row in rows]
+    for row in rows:
+        if names.count(row.name) > 1:
+            raise InputError(row.where, f"the name {row.name!r} is there twice", "give each its own name")
+    if len(rows) < FEWEST:
+        raise InputError(path.name, f"it has {len(rows)} subjects", f"give at least {FEWEST}")
+    return rows
+
+
+def _row(sheet: Path, number: int, line: Mapping[str, str | None]) -> Row:
+    """Check one line of the sheet."""
+    where = f"{sheet.name} row {number}"
+    cells = {name: (line.get(name) or "").strip() for name in COLUMNS}
+    if not re.fullmatch(r"[A-Za-z0-9_-]+", cells["name"]):
+        raise InputError(where, f"name {cells['name']!r}", "use letters, digits, - and _")
+    if bool(cells["surface"]) == bool(cells["mask"]):
+        raise InputError(where, "it needs one of surface and mask", "fill one of the two columns")
+    path = sheet.parent / (cells["surface"] or cells["mask"])
+    if not path.exists():
+        raise InputError(where, f"{path}: there is no such file", "correct the path")
+    if cells["surface"] and not is_mesh(path):
+        raise InputError(where, f"{path.name} is not a surface", "put masks into the column mask")
+    if cells["mirrored"].lower() not in (*YES, *NO):
+        raise InputError(where, f"mirrored is {cells['mirrored']!r}", "write yes or no")
+    label = cells["label"] if cells["mask"] else None
+    return Row(where, cells["name"], path, label, cells["mirrored"].lower() in YES, cells["group"])
+
+
+def fingerprint(*parts: object) -> str:
+    """Return a short text that changes with what it is made of.
+
+    Examples
+    --------
+    >>> fingerprint("a", np.zeros(3)) == fingerprint("a", np.zeros(3)) != fingerprint("a", np.ones(3))
+    True
+    """
+    made = hashlib.sha256()
+    for part in parts:
+        made.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
+    return made.hexdigest()[:20]
+
+
+def read_subject(row: Row, folder: Path) -> Subject:
+    """Read a subject's surface; that of a mask is made, and kept in a folder for the next time.
+
+    Raises
+    ------
+    InputError
+        The file is not readable, or the surface is open.
+    """
+    try:
+        if row.label is None:
+            mended = read_closed_mesh(row.path)
+            mesh, notes = mended.mesh, mended.notes
+            pixel = (
+                float(min(read_surface_frame(row.path).spacing))
+                if row.path.suffix == ".h5"
+                else _median_edge(mesh)
+            )
+        else:
+            mesh, pixel, notes = _surface_of_mask(row, folder)
+    except InputError as error:
+        raise error.at(row.where) from None
+    mesh, left_out = _largest(mesh)
+    return Subject(row, mesh.transformed(MIRROR) if row.mirrored else mesh, pixel, (*notes, *left_out))
+
+
+def _largest(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
+    """Return the largest of a mesh's pieces, and a line where there are others."""
+    pieces = sorted(mesh.pieces(), key=lambda piece: -piece.volume)
+    if len(pieces) < 2:
+        return mesh, ()
+    volume = sum(piece.volume for piece in pieces[1:]) / 1000
+    return pieces[0], (f"left out all but the largest of {len(pieces)} pieces ({volume:.3g} ml)",)
+
+
+def _median_edge(mesh: Mesh) -> float:
+    edges = np.diff(mesh.vertices[mesh.faces[:, [0, 1, 2, 0]]], axis=1)
+    return float(np.median(np.linalg.norm(edges, axis=2)))
+
+
+def _surface_of_mask(row: Row, folder: Path) -> tuple[Mesh, float, tuple[str, ...]]:
+    """Surface, pixel and warnings of a mask, made as ``cccd surface`` does."""
+    import cccd
+
+    path, mesh_path = folder / f"{row.name}.h5", folder / f"{row.name}.ply"
+    files = sorted(row.path.rglob("*")) if row.path.is_dir() else [row.path]
+    state = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+    made_of = fingerprint(cccd.__version__, state, row.label)
+    if not (path.is_file() and mesh_path.is_file() and read_report(path).get("made_of") == made_of):
+        surface = cccd.reconstruct(cccd.read(row.path, row.label or ""))
+        lofted = surface.lofted
+        lofted.report |= {"made_of": made_of, "warnings": list(surface.warnings)}
+        write_files(lofted, path, mesh_path)
+    kept = read_surface(path, mesh_path)
+    return kept.mesh, float(min(kept.frame.spacing)), tuple(kept.report["warnings"])

@@ -1,0 +1,211 @@
+"""One template lies on every subject, at the same places, in any order; what is no such organ is listed."""
+
+import functools
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.closed_shapes import sphere
+
+from cccd.cli import main
+from cccd.errors import InputError
+from cccd.geometry.distance import nearest_faces
+from cccd.geometry.mesh import Mesh
+from cccd.geometry.ply import read_ply, write_ply
+from cccd.store import read_bodies
+from cccd_shapes.cohort import aligned, fit_cohort
+from cccd_shapes.fit import fit_template, similarity
+from cccd_shapes.subjects import MIRROR, Row, Subject, read_sheet
+from cccd_shapes.template import Template, control_mesh_of
+
+#: Control points: enough for smooth bodies.
+POINTS = 160
+
+
+#: Directions of two bumps and a hollow, and how high they are.
+FEATURES = (((1, 0.2, 0.3), 0.5), ((-0.3, 1, -0.5), 0.4), ((0, -0.7, 0.8), -0.35))
+
+
+def nearness(unit, way):
+    return np.exp(-8 * (1 - unit @ np.array(way) / np.linalg.norm(way)))
+
+
+@functools.cache
+def body() -> Mesh:
+    """A body with two bumps and a hollow: places that a correspondence has to find."""
+    ball = sphere(10.0, subdivisions=4)
+    unit = ball.vertices / 10
+    height = np.ones(len(unit))
+    for way, rise in FEATURES:
+        height += rise * nearness(unit, way)
+    return Mesh(10 * unit * height[:, None] * (1, 1.2, 1.5), ball.faces)
+
+
+def deformed(seed: int, size: float = 1.0) -> Mesh:
+    """The body, moved by a random smooth field of some waves, with the same vertices."""
+    draw = np.random.default_rng(seed)
+    vertices = body().vertices
+    move = np.zeros_like(vertices)
+    for _ in range(4):
+        wave, phase = draw.normal(size=(3, 3)) / 18, draw.uniform(0, 6.3, 3)
+        move += np.sin(vertices @ wave.T + phase) @ draw.normal(size=(3, 3)).T
+    return Mesh(vertices + size * move / 2, body().faces)
+
+
+def subject(name: str, mesh: Mesh, group: str = "", mirrored: bool = False) -> Subject:
+    return Subject(Row("sheet.tsv", name, None, None, mirrored, group), mesh, 1.0)
+
+
+def on_body(points, mesh: Mesh, other: Mesh | None = None):
+    """Where on the body, or on another mesh with its faces, the points of a deformed one are."""
+    other = other or body()
+    face = mesh.faces[nearest_faces(points, mesh)]
+    a, b, c = (mesh.vertices[face[:, k]] for k in range(3))
+    edges = np.stack([b - a, c - a], axis=2)
+    weights = np.einsum("nij,nj->ni", np.linalg.pinv(edges), points - a).clip(0, 1)
+    corners = [other.vertices[face[:, k]] for k in range(3)]
+    return (
+        corners[0] + weights[:, :1] * (corners[1] - corners[0]) + weights[:, 1:] * (corners[2] - corners[0])
+    )
+
+
+def subjects():
+    """Five of one organ, and a ball with a wrong label."""
+    return [subject(f"s{n}", deformed(n, 0.25)) for n in range(5)] + [
+        subject("wrong", sphere(12.0, subdivisions=4))
+    ]
+
+
+@pytest.fixture(scope="module")
+def cohort(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cohort")
+    return fit_cohort(subjects(), folder, POINTS), folder
+
+
+def test_a_template_lies_at_the_same_places_of_every_subject():
+    template = Template(control_mesh_of(body(), POINTS))
+    before = template.spline.tessellate(0).vertices
+    unit = before / (1, 1.2, 1.5)
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    on_feature = np.max([nearness(unit, way) for way, _ in FEATURES], axis=0) > 0.25
+    for seed in range(3):
+        after = fit_template(template, deformed(seed)).spline.tessellate(0).vertices
+        off = np.linalg.norm(on_body(after, deformed(seed)) - before, axis=1)
+        assert np.median(off[on_feature]) < 0.5  # mm: half a pixel
+        assert np.median(np.linalg.norm(after - before, axis=1)) > 1
+
+
+def test_fits_are_closed_near_and_simple_and_what_is_no_such_organ_is_listed(cohort):
+    found, _ = cohort
+    assert [bool(problem) for problem in found.problems] == [False] * 5 + [True]
+    assert "mixtures of the others" in found.problems[-1]
+    for fit in found.fits[:5]:
+        mesh = fit.spline.tessellate(2)
+        assert fit.rms < 0.1
+        assert mesh.is_closed_manifold
+        assert len(mesh.self_intersections()) == 0
+
+
+def test_the_order_of_rows_changes_no_bit_and_fits_are_kept(cohort):
+    found, folder = cohort
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*.h5")}
+    again = fit_cohort([subjects()[n] for n in (3, 0, 5, 4, 2, 1)], folder, POINTS)
+    assert [one.name for one in again.subjects] == [one.name for one in subjects()]
+    for one, other in zip(found.fits, again.fits, strict=True):
+        assert np.array_equal(one.spline.vertices, other.spline.vertices)
+    assert before == {path: path.stat().st_mtime_ns for path in folder.rglob("*.h5")}
+
+
+def test_a_tolerance_that_none_keeps_is_an_error(cohort):
+    with pytest.raises(InputError, match=r"s0: .* mm \(rms\) from its own surface, more than 0.001"):
+        fit_cohort(subjects(), cohort[1], POINTS, tolerance=0.001)
+
+
+def test_a_similarity_is_found_exactly():
+    template = Template(control_mesh_of(body(), POINTS))
+    angle = np.deg2rad(25)
+    affine = np.eye(4)
+    affine[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    affine[:3, :3] *= 1.4
+    affine[:3, 3] = 30, -20, 7
+    moved = template.spline.tessellate(2).transformed(affine)
+    assert similarity(template, moved) == pytest.approx(affine, abs=0.02)
+
+
+def test_alignment_undoes_rotations_and_sizes_only_where_asked():
+    template = Template(control_mesh_of(body(), POINTS))
+    shape, turn = template.spline.vertices, np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    shapes = np.array([shape, 1.5 * shape @ turn.T + 9])
+    same = aligned(shapes, template, scaled=True)
+    assert same[0] == pytest.approx(same[1], abs=1e-6)
+    kept = aligned(shapes, template, scaled=False)
+    assert 1.5 * kept[0] == pytest.approx(kept[1], abs=1e-6)
+
+
+def test_modes_are_smooth_and_of_unit_size():
+    template = Template(control_mesh_of(body(), POINTS))
+    modes = template.modes
+    assert modes.T @ (template.metric @ modes) == pytest.approx(np.eye(modes.shape[1]), abs=1e-6)
+    bent = np.einsum("vk,vk->k", modes, template.bending @ modes)
+    assert bent[0] == pytest.approx(0, abs=1e-9)
+    assert bent[1] < bent[10] < bent[-1]
+
+
+# The command ------------------------------------------------------------------------------------------
+
+
+def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path):
+    lines = ["name\tsurface\tmirrored\tgroup"]
+    for n in range(6):
+        mesh, mirrored = deformed(n, 0.5), n % 2
+        write_ply(tmp_path / f"{n}.ply", mesh.transformed(MIRROR) if mirrored else mesh, "")
+        lines.append(f"s{n}\t{n}.ply\t{'yes' if mirrored else 'no'}\t{'left' if mirrored else 'right'}")
+    (tmp_path / "sheet.tsv").write_text("\n".join(lines))
+    out = tmp_path / "model"
+    words = ["shapes", tmp_path / "sheet.tsv", "-o", out, "--points", POINTS, "--permutations", 99]
+    assert main([str(word) for word in words]) == 0
+    table = pd.read_csv(out / "subjects.csv")
+    assert table.fits.tolist() == ["yes"] * 6
+    assert table.volume_ml.to_numpy() == pytest.approx(table.own_volume_ml.to_numpy(), rel=0.01)
+    meshes = [read_ply(out / "fitted" / f"s{n}.ply") for n in range(6)]
+    for n, mesh in enumerate(meshes):
+        faces = mesh.faces if n % 2 == 0 else mesh.faces[:, ::-1]
+        assert np.array_equal(faces, meshes[0].faces)
+        assert mesh.volume > 0
+        own = deformed(n, 0.5).transformed(MIRROR) if n % 2 else deformed(n, 0.5)
+        assert mesh.vertices.mean(axis=0) == pytest.approx(own.vertices.mean(axis=0), abs=2)
+    (spline,) = read_bodies(out / "modes" / "mode_1_plus_2.h5")
+    assert spline.tessellate(1).is_closed_manifold
+    points = np.loadtxt(out / "particles" / "s0_local.particles")
+    assert points == pytest.approx(meshes[0].vertices[: len(points)], abs=1e-5)
+    assert len(pd.read_csv(out / "scores.csv")) == 6
+    assert (out / "groups.vtp").is_file()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("name\tsurfaces\na\tb.ply", "unknown column 'surfaces'"),
+        ("name\nb", "columns are missing"),
+        ("name\tsurface\na\tb.ply", "sheet.tsv row 2: .*there is no such file"),
+        ("name\tsurface\na b\tsheet.tsv", "row 2: name 'a b'"),
+        ("name\tsurface\na\tsheet.tsv", "sheet.tsv is not a surface"),
+        ("name\tmask\tmirrored\na\tsheet.tsv\tperhaps", "mirrored is 'perhaps'"),
+        ("name\tmask\na\tsheet.tsv\na\tsheet.tsv", "the name 'a' is there twice"),
+        ("name\tmask\na\tsheet.tsv", "it has 1 subjects"),
+    ],
+)
+def test_a_wrong_sheet_is_one_line(tmp_path, text, said):
+    (tmp_path / "sheet.tsv").write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_sheet(tmp_path / "sheet.tsv")
+
+
+def test_the_wider_shape_is_reached_from_the_narrower_one():
+    """Fits go far: a third longer, and bent."""
+    mesh = body()
+    far = mesh.vertices * (1, 1, 1.33)
+    far[:, 0] += far[:, 2] ** 2 / 60
+    fit = fit_template(Template(control_mesh_of(mesh, POINTS)), Mesh(far, mesh.faces))
+    assert fit.rms < 0.15
+    assert fit.crossings == 0
