@@ -1,6 +1,6 @@
 """One spline for a cohort against the least that it must beat: a template that is moved to nearest points.
 
-    python tests/benchmarks/shapes.py [--kept FOLDER] [--hippocampi N] [--table FILE]
+    python tests/benchmarks/shapes.py [--kept FOLDER] [--hippocampi N] [--bodies N] [--points N] [--table CSV]
 
 Cohorts: mixtures of five smooth deformations of a body with two bumps and a hollow, whose correspondence is
 known, and the hippocampi of /work/shared/data, where they are. All methods move the same template, which
@@ -33,7 +33,6 @@ from cccd_shapes.subjects import Row, Subject, read_subject  # noqa: E402
 from cccd_shapes.template import Template  # noqa: E402
 
 HIPPOCAMPI = Path("/work/shared/data/hippocampus_msd/labels")
-POINTS = 800
 #: Smoothing of thin plate splines, and rounds.
 SMOOTHINGS, ROUNDS = (0.1, 1.0, 10.0), 4
 #: Landmarks of the thin plate splines: every so many control points.
@@ -53,14 +52,14 @@ def main() -> None:
     parser.add_argument("--kept", type=Path, default=Path("/tmp/cccd_shapes"))
     parser.add_argument("--hippocampi", type=int, default=195)
     parser.add_argument("--bodies", type=int, default=20)
+    parser.add_argument("--points", type=int, default=800)
     given = parser.parse_args()
     rows: list[dict[str, Any]] = []
     bodies = [subject(f"body_{n:03}", mixture(n)) for n in range(given.bodies)]
-    rows += measured("bodies", bodies, given.kept / "bodies")
+    rows += measured("bodies", bodies, given.kept / "bodies", given.points)
     if HIPPOCAMPI.is_dir():
-        rows += measured(
-            "hippocampi", list(hippocampi(given.hippocampi, given.kept)), given.kept / "hippocampi"
-        )
+        found = list(hippocampi(given.hippocampi, given.kept))
+        rows += measured("hippocampi", found, given.kept / "hippocampi", given.points)
     table = pd.DataFrame(rows)
     print(table.round(3).to_string())
     table.to_csv(given.table, index=False, float_format="%.4g")
@@ -85,10 +84,10 @@ def hippocampi(count: int, kept: Path) -> Iterator[Subject]:
         yield read_subject(Row(name, name, path, "1,2", False, ""), kept / "surfaces")
 
 
-def measured(name: str, subjects: list[Subject], folder: Path) -> list[dict[str, Any]]:
+def measured(name: str, subjects: list[Subject], folder: Path, points: int) -> list[dict[str, Any]]:
     """Measure ours and the rivals on one cohort."""
     begin = time.process_time()
-    cohort = fit_cohort(subjects, folder, POINTS)
+    cohort = fit_cohort(subjects, folder, points)
     seconds = time.process_time() - begin
     subjects, template = [cohort.subjects[n] for n in cohort.used], cohort.template
     start = time.process_time()
@@ -96,6 +95,7 @@ def measured(name: str, subjects: list[Subject], folder: Path) -> list[dict[str,
     pose_seconds = time.process_time() - start
     ours = [cohort.fits[n].spline.vertices for n in cohort.used]
     facts = {"cohort": name, "subjects": len(cohort.subjects), "fit": len(subjects)}
+    facts["control_points"] = len(template.masses)
     sampler = template.spline.sampler(1)
     found = [figures("CCCD", [sampler.matrix @ one for one in ours], subjects, template, name)]
     found[0]["cpu_seconds"] = seconds
