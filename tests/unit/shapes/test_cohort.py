@@ -167,14 +167,14 @@ def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path)
     table = pd.read_csv(out / "subjects.csv")
     assert table.fits.tolist() == ["yes"] * 6
     assert table.volume_ml.to_numpy() == pytest.approx(table.own_volume_ml.to_numpy(), rel=0.01)
-    meshes = [read_ply(out / "fitted" / f"s{n}.ply") for n in range(6)]
+    meshes = [read_ply(out / "fitted" / f"s{n}" / "surface.ply") for n in range(6)]
     for n, mesh in enumerate(meshes):
         faces = mesh.faces if n % 2 == 0 else mesh.faces[:, ::-1]
         assert np.array_equal(faces, meshes[0].faces)
         assert mesh.volume > 0
         own = deformed(n, 0.5).transformed(MIRROR) if n % 2 else deformed(n, 0.5)
         assert mesh.vertices.mean(axis=0) == pytest.approx(own.vertices.mean(axis=0), abs=2)
-    (spline,) = read_bodies(out / "modes" / "mode_1_plus_2.h5")
+    (spline,) = read_bodies(out / "modes" / "mode_1_plus_2" / "surface.h5")
     assert spline.tessellate(1).is_closed_manifold
     points = np.loadtxt(out / "particles" / "s0_local.particles")
     assert points == pytest.approx(meshes[0].vertices[: len(points)], abs=1e-5)
