@@ -138,7 +138,7 @@ def figures(
         numbers = [int(one.name[-3:]) for one in subjects]
         places = np.array([on_body(points, mixture(n)) for points, n in zip(shapes, numbers, strict=True)])
         error = np.linalg.norm(places - places.mean(axis=0), axis=2)
-        found["correspondence_median_mm"] = np.median(error)
+        found["correspondence_median_mm"] = round(float(np.median(error)), 4)
     points = _aligned(np.array(shapes), template)
     weights = csr_array(diags_array(mean.vertex_areas / mean.area))
     model = principal_modes(points, weights)
