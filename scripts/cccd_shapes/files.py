@@ -12,10 +12,9 @@ from cccd.containers import Frame
 from cccd.geometry._vtk import xml_of
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.ply import write_ply
 from cccd.geometry.subdivision import ControlMesh
-from cccd.settings.formats import NOTE
-from cccd.store import atomic_path, write_control_meshes, write_table
+from cccd.store import atomic_path, write_table
+from cccd.surface.surface import LoftedSurface, write_files
 from cccd_shapes.cohort import Cohort
 from cccd_shapes.statistics import GroupTest, ModelQuality, ShapeModel
 
@@ -66,21 +65,18 @@ def write_fits(folder: Path, cohort: Cohort, aligned: FloatArray) -> None:
     """
     for subject, fit in zip(cohort.subjects, cohort.fits, strict=True):
         spline = fit.spline.transformed(subject.to_world)
-        write_spline(folder / "fitted" / subject.name, spline, subject.pixel)
+        _write_spline(folder / "fitted" / subject.name, spline, subject.frame)
         _write_particles(folder / "particles" / f"{subject.name}_local.particles", spline)
     for number, points in zip(cohort.used, aligned, strict=True):
         name = f"{cohort.subjects[number].name}_world.particles"
         _write_particles(folder / "particles" / name, cohort.template.spline.moved(points))
 
 
-def write_spline(stem: Path, spline: ControlMesh, pixel: float) -> None:
-    """Write ``.h5`` and ``.ply`` of a spline, for a grid of pixels with an edge in mm."""
-    mesh = spline.tessellate(DRAWN)
-    frame = Frame(np.diag([pixel, pixel, pixel, 1.0]), 2, (1, 1, 1))
+def _write_spline(folder: Path, spline: ControlMesh, frame: Frame) -> None:
+    """Write ``surface.h5`` and ``surface.ply`` of a spline, as ``cccd export`` reads them."""
     report = {"control_points": len(spline.vertices), "warnings": []}
-    write_control_meshes(stem.with_name(f"{stem.name}.h5"), [spline], frame, report)
-    with atomic_path(stem.with_name(f"{stem.name}.ply")) as part:
-        write_ply(part, mesh, NOTE)
+    surface = LoftedSurface([spline], spline.tessellate(DRAWN), frame, report)
+    write_files(surface, folder / "surface.h5", folder / "surface.ply")
 
 
 def _write_particles(path: Path, spline: ControlMesh) -> None:
@@ -91,7 +87,7 @@ def _write_particles(path: Path, spline: ControlMesh) -> None:
 
 def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: ModelQuality) -> list[str]:
     """Write mean, modes and how good they are; return a line for each drawn shape that crosses itself."""
-    pixel, spline = min(subject.pixel for subject in cohort.subjects), cohort.template.spline
+    frame, spline = cohort.subjects[0].frame, cohort.template.spline
     with atomic_path(folder / "modes.h5") as part, h5py.File(part, "w", track_order=True) as file:
         for name, values in (
             ("mean", model.mean), ("modes", model.modes), ("deviations_mm", model.deviations),
@@ -110,14 +106,14 @@ def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: ModelQ
         "specificity_error_mm": quality.specificity_error,
     }
     write_table(folder / "modes.csv", pd.DataFrame(table))
-    write_spline(folder / "mean", spline.moved(model.mean), pixel)
+    _write_spline(folder / "mean", spline.moved(model.mean), frame)
     warnings: list[str] = []
     shown = min(SHOWN_MOST, 1 + int(np.searchsorted(model.compactness, SHOWN_SHARE)), len(model.deviations))
     for number in range(shown):
         for at in SHOWN_AT:
             name = f"mode_{number + 1}_{'plus' if at > 0 else 'minus'}_{abs(at)}"
             shape = spline.moved(model.shape([0.0] * number + [float(at)]))
-            write_spline(folder / "modes" / name, shape, pixel)
+            _write_spline(folder / "modes" / name, shape, frame)
             if crossing := len(shape.tessellate(DRAWN).self_intersections()):
                 warnings.append(f"{name} passes through itself at {crossing} places")
     return warnings

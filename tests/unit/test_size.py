@@ -16,7 +16,7 @@ MOST_LINES = {
     "scripts/cccd_labels": 2744,
     "scripts/cccd_paper": 9501,
     "scripts/cccd_segmentation": 1718,
-    "scripts/cccd_shapes": 1500,
+    "scripts/cccd_shapes": 1388,
     "scripts/cccd_solids": 1982,
     "scripts/cccd_tetrahedra": 1534,
     "scripts/cccd_training": 3649,

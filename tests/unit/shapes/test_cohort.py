@@ -19,7 +19,7 @@ from cccd_shapes.subjects import MIRROR, Row, Subject, read_sheet
 from cccd_shapes.template import Template, control_mesh_of
 
 #: Control points: enough for smooth bodies.
-POINTS = 160
+POINTS = 110
 
 
 #: Directions of two bumps and a hollow, and how high they are.
@@ -122,7 +122,7 @@ def test_a_tolerance_that_none_keeps_is_an_error(cohort):
 
 
 def test_a_similarity_is_found_exactly():
-    template = Template(control_mesh_of(body(), POINTS))
+    template = Template(control_mesh_of(body(), 2 * POINTS))
     angle = np.deg2rad(25)
     affine = np.eye(4)
     affine[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
@@ -167,14 +167,14 @@ def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path)
     table = pd.read_csv(out / "subjects.csv")
     assert table.fits.tolist() == ["yes"] * 6
     assert table.volume_ml.to_numpy() == pytest.approx(table.own_volume_ml.to_numpy(), rel=0.01)
-    meshes = [read_ply(out / "fitted" / f"s{n}.ply") for n in range(6)]
+    meshes = [read_ply(out / "fitted" / f"s{n}" / "surface.ply") for n in range(6)]
     for n, mesh in enumerate(meshes):
         faces = mesh.faces if n % 2 == 0 else mesh.faces[:, ::-1]
         assert np.array_equal(faces, meshes[0].faces)
         assert mesh.volume > 0
         own = deformed(n, 0.5).transformed(MIRROR) if n % 2 else deformed(n, 0.5)
         assert mesh.vertices.mean(axis=0) == pytest.approx(own.vertices.mean(axis=0), abs=2)
-    (spline,) = read_bodies(out / "modes" / "mode_1_plus_2.h5")
+    (spline,) = read_bodies(out / "modes" / "mode_1_plus_2" / "surface.h5")
     assert spline.tessellate(1).is_closed_manifold
     points = np.loadtxt(out / "particles" / "s0_local.particles")
     assert points == pytest.approx(meshes[0].vertices[: len(points)], abs=1e-5)
