@@ -136,7 +136,7 @@ def organ_table(rows: Sequence[tuple[str, float, int, int]]) -> str:
 
     >>> print(organ_table([("liver", 1503.26, 29670, 1), ("aorta", 81.5, 702, 0)]))
     organ    volume  triangles  warnings
-    liver   1503 ml      29670         1
+    liver 1503.3 ml      29670         1
     aorta   81.5 ml        702         0
     """
     width = max(len("organ"), *(len(name) for name, *_ in rows)) if rows else 5
@@ -146,12 +146,12 @@ def organ_table(rows: Sequence[tuple[str, float, int, int]]) -> str:
 
 
 def millilitres(volume: float) -> str:
-    """Write a volume (ml) with four digits, or all those before its point.
+    """Write a volume (ml) with four digits, or all those before its point and one behind.
 
-    >>> millilitres(14876.3), millilitres(254.81), millilitres(0.0004321)
-    ('14876 ml', '254.8 ml', '0.0004321 ml')
+    >>> millilitres(14876.32), millilitres(254.81), millilitres(0.0004321)
+    ('14876.3 ml', '254.8 ml', '0.0004321 ml')
     """
-    return f"{volume:.0f} ml" if volume >= 1000 else f"{volume:.4g} ml"
+    return f"{volume:.1f} ml" if volume >= 1000 else f"{volume:.4g} ml"
 
 
 class JobLines(logging.Handler):
