@@ -68,7 +68,7 @@ WITHOUT: dict[str, tuple[str, Callable[..., Any]] | None] = {
     "branches that are followed": ("cccd.surface.stack._with_branches", _second),
     "low-pass filter": ("cccd.surface.smooth_mesh.default_wave", _no_wave),
     "volume of the slices": ("cccd.surface.smooth_mesh._of_volume", _first),
-    "less filter where it shrinks": ("cccd.surface.smooth_mesh._without_threads", _first),
+    "less filter where it shrinks": ("cccd.surface.smooth_mesh._kept_where_shrunk", _first),
     "less filter at lost voxels": ("cccd.surface.smooth_mesh._mended", _first),
 }
 

@@ -78,7 +78,7 @@ def smooth_mesh(stack: SliceStack, wave: float | None = None) -> Mesh:
     rough = without_small(distance.zero_surface(), stack)
     wave = default_wave(pixel, stack.step) if wave is None else wave
     band = min((np.pi * EDGE_PIXELS * pixel / max(wave, 1e-6)) ** 2, WIDEST_BAND)
-    smooth = _without_threads(rough.low_passed(band, ROUNDS), rough, stack)
+    smooth = _kept_where_shrunk(rough.low_passed(band, ROUNDS), rough, stack)
     if stack.held_volume is not None:
         smooth = _of_volume(smooth, stack.held_volume, distance)
     return _mended(smooth, rough, stack)
@@ -102,7 +102,7 @@ def _of_volume(mesh: Mesh, volume: float, distance: SampledDistance) -> Mesh:
     return there
 
 
-def _without_threads(smooth: Mesh, rough: Mesh, stack: SliceStack) -> Mesh:
+def _kept_where_shrunk(smooth: Mesh, rough: Mesh, stack: SliceStack) -> Mesh:
     """Go back towards the rough mesh where the smooth one shrank, all the way where it is a thread."""
     inwards = ((rough.vertices - smooth.vertices) * rough.vertex_normals).sum(axis=1) / stack.pixel
     kept = np.clip(LESS * rough.averaged(inwards, INWARD_ROUNDS), 0, 1)

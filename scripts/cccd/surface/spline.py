@@ -61,7 +61,7 @@ REFINEMENTS = 3
 CROSSING_REFINEMENTS = 2
 #: Where it is amiss the coarse mesh may have so many times the triangles that it has at most elsewhere.
 AMISS_FINER = 2
-#: ... and edges within so many pixels of them cost so many times as much.
+#: Edges within so many pixels of lost voxels cost so many times as much.
 BESIDE_LOST, LOST_DEARER = 3.0, 256.0
 #: Area of a triangle whose edges are 1.
 EQUILATERAL = np.sqrt(3) / 4
