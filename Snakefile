@@ -38,12 +38,20 @@ include: "workflow/rules/report.smk"
 include: "workflow/rules/phantoms.smk"
 
 
+rule missing_rows:
+    """Stand in for rows whose files are missing: a run with nothing else to do is then no good run either."""
+    output:
+        touch(MISSING_ROWS),
+    localrule: True
+
+
 rule surfaces:
     """Every surface in every format that is asked for, and nothing else."""
     input:
         plan.files("surface.ply"),
         plan.format_files(),
         plan.case_format_files(),
+        rules.missing_rows.output if cohort.missing else [],
     localrule: True
 
 
@@ -53,6 +61,7 @@ rule evidence:
     """
     input:
         plan.evidence_files(),
+        rules.missing_rows.output if cohort.missing else [],
     localrule: True
 
 

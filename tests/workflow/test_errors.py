@@ -66,6 +66,11 @@ def test_one_bad_structure_keeps_no_other_from_its_surface(tiny_copy):
     assert "1 failed:" in run.stderr
     page = (tiny_copy.results / "report.html").read_text()
     assert "not_there.nii.gz" in page
+    # all else is finished now, and the run still is no good one
+    again = tiny_copy.snakemake("surfaces", check=False)
+    assert again.returncode == 1
+    assert "1 failed:" in again.stderr
+    assert not (tiny_copy.results / "missing_rows").exists()
 
 
 def test_a_comparison_that_fails_in_a_job_of_several_is_named(tiny_copy):

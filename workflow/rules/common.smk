@@ -39,12 +39,17 @@ from cccd.settings.formats import SOLID_FORMATS
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.settings.messages import nearest
 
+#: Made in a run with rows whose files are missing and removed at its end, so that there is always a job to run:
+#: Snakemake ends well, and calls none of its handlers, where there is nothing to do.
+MISSING_ROWS = Path("results", "missing_rows")
+
 if workflow.remote_exec:
     # a job of a cluster: its structures fail one by one, and not all because of one
     os.environ[BATCH] = "1"
 elif not any(Path(".snakemake", "locks").glob("*")):
     # those of a run that was killed before it could take them away; of one that still goes on they stay
     take_placeholders_away()
+    MISSING_ROWS.unlink(missing_ok=True)
 
 try:
     plan = Plan.make(config, ROOT, leave_out_missing=True)
@@ -147,6 +152,7 @@ def shorten_console():
 
 def tell_where_results_are():
     """End a good run by saying where to look; one that left structures out is none."""
+    MISSING_ROWS.unlink(missing_ok=True)
     if take_placeholders_away() or cohort.missing:
         report_failed_run(plan)
         sys.exit(1)
@@ -155,6 +161,7 @@ def tell_where_results_are():
 
 def list_failures():
     """End a bad run: every failure in one line, and a report of the structures that are finished."""
+    MISSING_ROWS.unlink(missing_ok=True)
     take_placeholders_away()
     if interrupted.is_set():
         report_interrupted_run(plan)
