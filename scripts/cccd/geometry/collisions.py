@@ -23,6 +23,8 @@ _CELL = 1.5
 _FIRST_PAIRS = 1024
 #: Cells, about, of the grid in which triangles near those that have moved are looked up.
 _MOST_CELLS = 2e6
+#: Share of the triangles that are looked up there; the few that are longer always count as near.
+_USUAL = 0.99
 
 
 class MovingTriangles:
@@ -46,19 +48,16 @@ class MovingTriangles:
     def __init__(self, faces: IntArray) -> None:
         self.faces = faces
         self._vertices: FloatArray | None = None
-        self._longest = 0.0  # side of a triangle's box
         self._pairs = np.zeros((0, 2), np.int64)
 
     def passing_pairs(self, vertices: FloatArray) -> IntArray:
         """Find the pairs (K, 2) that pass through each other, with the vertices (V, 3) as they are now."""
         if self._vertices is None:
             self._pairs = passing_pairs(vertices, self.faces)
-            self._longest = _longest_side(vertices, self.faces)
         else:
             moved = _any_of_three(_any_of_three(vertices != self._vertices)[self.faces])
             still = self._pairs[~(moved[self._pairs[:, 0]] | moved[self._pairs[:, 1]])]
-            self._longest = max(self._longest, _longest_side(vertices, self.faces[moved]))
-            near = np.flatnonzero(_near(vertices, self.faces, moved, self._longest))
+            near = np.flatnonzero(_near(vertices, self.faces, moved))
             found = near[passing_pairs(vertices, self.faces[near], moved[near])]
             self._pairs = np.concatenate([still, found])
         self._vertices = vertices.copy()
@@ -70,30 +69,24 @@ def _any_of_three(flags: BoolArray) -> BoolArray:
     return flags[:, 0] | flags[:, 1] | flags[:, 2]
 
 
-def _longest_side(vertices: FloatArray, faces: IntArray) -> float:
-    """Longest side of the boxes of triangles."""
+def _near(vertices: FloatArray, faces: IntArray, moved: BoolArray) -> BoolArray:
+    """Triangles (F,) that may reach the box of a moved one; and some more."""
     lower, upper = _corners_of_boxes(vertices, faces)
-    return float((upper - lower).max(initial=0.0))
-
-
-def _near(vertices: FloatArray, faces: IntArray, moved: BoolArray, longest: float) -> BoolArray:
-    """Triangles (F,), none longer than so much, that may reach the box of a moved one; and some more."""
-    lower, upper = _corners_of_boxes(vertices, faces[moved])
-    if not len(lower):
+    if not moved.any():
         return moved
-    origin = lower.min(axis=0) - longest
-    extent = upper.max(axis=0) + longest - origin
-    width = max(longest, float(np.cbrt(extent.prod() / _MOST_CELLS)), 1e-12)
-    cells = (extent / width).astype(np.int64) + 2
-    # the first corner of what reaches a box lies within ``longest`` of it: two cells or three along each axis
-    first, last = (((side - origin) / width).astype(np.int64) for side in (lower - longest, upper + longest))
+    side = (upper - lower).max(axis=1)
+    usual = float(np.quantile(side, _USUAL))
+    # what is no longer than usual reaches a box where its lower corner lies in it, or below it by so much
+    first, last = lower[moved] - usual, upper[moved]
+    origin, extent = first.min(axis=0), np.ptp(np.concatenate([first, last]), axis=0)
+    width = max(usual, float(np.cbrt(extent.prod() / _MOST_CELLS)), 1e-12)
+    cells = (extent / width).astype(np.int64) + 1
     marked = np.zeros(cells, np.bool_)
-    for step in np.ndindex(4, 4, 4):
-        marked[tuple(np.minimum(first + step, last).T)] = True
-    place = np.floor((vertices[faces[:, 0]] - origin) / width)
+    marked.ravel()[_grid_entries(np.hstack([first - origin, last - origin]) / width, cells)[0]] = True
+    place = np.floor((lower - origin) / width)
     within = ~_any_of_three((place < 0) | (place >= cells))
-    near = np.zeros(len(faces), np.bool_)
-    near[within] = marked[tuple(place[within].astype(np.int64).T)]
+    near = side > usual
+    near[within] |= marked[tuple(place[within].astype(np.int64).T)]
     return near
 
 
