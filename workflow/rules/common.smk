@@ -23,7 +23,7 @@ from cccd.console import shorten
 from cccd.devices import DEVICE
 from cccd.errors import InputError
 from cccd_workflow.job import BATCH, take_placeholders_away
-from cccd_workflow.plan.checks import PlannedJob, check_jobs
+from cccd_workflow.plan.checks import PlannedJob, check_jobs, check_slurm
 from cccd_workflow.plan.cohort import near
 from cccd_workflow.plan.networks import MODEL
 from cccd_workflow.plan.outcome import (
@@ -94,13 +94,14 @@ def besides(names):
 
 def check_targets():
     """Refuse what was asked for by name and nothing makes; called after all rules."""
-    known = [rule.name for rule in workflow.rules]
+    known = {rule.name: rule for rule in workflow.rules}
+    meant = [name for name, rule in known.items() if not rule.output]
     try:
         for target in targets_asked_for():
             plan.check_target(target)
             made = any(rule.is_producer(target) for rule in workflow.rules)
             if not made and target not in known:
-                raise InputError(target, "nothing makes that", nearest(target, known))
+                raise InputError(target, "nothing makes that", nearest(target, meant))
     except InputError as error:
         sys.exit(f"Error: {error}")
 
@@ -121,6 +122,8 @@ def check_before_jobs():
     ]
     here = not workflow.deployment_settings.deployment_method
     try:
+        if workflow.executor_plugin.name == "slurm":
+            check_slurm()
         check_jobs(jobs, plan, programs_are_here=here)
     except InputError as error:
         sys.exit(f"Error: {error}")

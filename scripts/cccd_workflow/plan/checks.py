@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cccd.errors import InputError
 from cccd.extras import check_extra
 from cccd.settings.formats import SOLID_FORMATS, TETRAHEDRA_FORMATS
 from cccd_workflow.disk_space import check_room
 from cccd_workflow.plan.cohort import StructureName
 from cccd_workflow.plan.plan import Plan
 
-__all__ = ["PlannedJob", "check_jobs", "extras_of"]
+__all__ = ["PlannedJob", "check_jobs", "check_slurm", "extras_of"]
 
 #: Rules that need an extra whatever they work on; `extras_of` knows the others.
 _NEEDS = {
@@ -22,6 +24,10 @@ _NEEDS = {
     "evaluate_gnn": "gnn",
     "train_segmenter": "segment",
 }
+
+
+#: A controller that is busy answers within a minute.
+SLURM_ANSWERS_S = 60
 
 
 @dataclass(frozen=True)
@@ -75,3 +81,13 @@ def check_jobs(jobs: Sequence[PlannedJob], plan: Plan, programs_are_here: bool) 
             job = needing[extra]
             check_extra(extra, f"{job.rule} {'/'.join(job.wildcards.values())}")
     check_room(Path("results"), [file for job in jobs for file in job.outputs])
+
+
+def check_slurm() -> None:
+    """Refuse a run on Slurm where no Slurm answers: Snakemake would wait for it and hear no signal."""
+    asked = ["sinfo", "--noheader", "--format=%P"]
+    try:
+        subprocess.run(asked, capture_output=True, check=True, timeout=SLURM_ANSWERS_S)
+    except (OSError, subprocess.SubprocessError):
+        hint = "start the run where sinfo lists partitions, or leave out --profile slurm"
+        raise InputError("slurm", "no Slurm answers here", hint) from None

@@ -9,7 +9,7 @@ from support import plans
 
 from cccd.errors import InputError
 from cccd.extras import EXTRAS
-from cccd_workflow.plan.checks import PlannedJob, check_jobs, extras_of
+from cccd_workflow.plan.checks import PlannedJob, check_jobs, check_slurm, extras_of
 from cccd_workflow.plan.networks import MODEL
 from cccd_workflow.plan.outcome import failures, report_failed_run, report_good_run
 from cccd_workflow.plan.plan import Plan
@@ -342,3 +342,9 @@ def test_planning_imports_neither_arrays_nor_networks_nor_snakemake():
     assert run.returncode == 0, run.stderr
     heavy = {"h5py", "matplotlib", "nibabel", "numpy", "pandas", "pyvista", "scipy", "snakemake", "torch"}
     assert heavy.isdisjoint(run.stdout.split())
+
+
+def test_a_run_on_slurm_is_refused_where_none_answers(monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(InputError, match="no Slurm answers here; start the run where"):
+        check_slurm()
