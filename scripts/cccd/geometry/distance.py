@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from typing import Any, cast
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy
@@ -35,6 +36,8 @@ __all__ = [
 #: Its types are looser than what it returns.
 igl = cast(Any, _igl)
 
+#: Boxes around the triangles of a mesh, kept while it is: they take longer to make than to ask.
+_TREES: WeakKeyDictionary[Mesh, Any] = WeakKeyDictionary()
 #: Distances to polygons are exact within this many pixels of them.
 NEAR_PIXELS = 2.0
 #: A squared distance is known up to this share of itself.
@@ -179,7 +182,10 @@ def unsigned_to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:
 
 def _nearest(points: FloatArray, mesh: Mesh) -> tuple[FloatArray, IntArray, FloatArray]:
     """Squared distances (P,), faces (P,) and places (P, 3) of the nearest points on a mesh."""
-    return igl.point_mesh_squared_distance(np.asarray(points, float), mesh.vertices, mesh.faces)
+    if (tree := _TREES.get(mesh)) is None:
+        tree = _TREES[mesh] = igl.AABB()
+        tree.init(mesh.vertices, mesh.faces)
+    return tree.squared_distance(mesh.vertices, mesh.faces, np.asarray(points, float))
 
 
 class NearTriangles:
