@@ -128,9 +128,9 @@ def _rounded(spline: ControlMesh, tolerance: float) -> tuple[ControlMesh, Mesh, 
     if len(pairs):
         finer = spline.rounded(tolerance / FINER)
         fine = finer.tessellate(_drawn(finer))
-        none = fine.self_intersections()
-        if not len(none):
-            return finer, fine, none
+        fewer = fine.self_intersections()
+        if len(fewer) < len(pairs):
+            return finer, fine, fewer
     return rounded, mesh, pairs
 
 

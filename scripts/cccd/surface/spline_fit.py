@@ -35,8 +35,9 @@ MOST_STEP, EVENING = 0.5, 0.5
 FACING = 0.2
 #: A sample counts for at least this share of the median sample's area.
 LEAST_AREA = 0.1
-#: Rounds in which what crosses moves half way back to where it began, and rounds in which it evens out.
-UNTANGLING_ROUNDS = 6
+#: Rounds in which what crosses moves half way back to where it began, and then rounds in which it and what is
+#: beside it evens out: these are over when so many have not made it cross less.
+UNTANGLING_ROUNDS, EVENING_ROUNDS, PATIENCE = 6, 40, 8
 #: Share of the volume that it may hold more or less, and moves to that.
 HELD_WITHIN, HOLDING_ROUNDS = 1e-4, 3
 #: Residual of the linear systems, and most steps to it.
@@ -154,20 +155,22 @@ class SplineFit:
         sampler = self.wall.sampler(times)
         triangles = MovingTriangles(sampler.triangles)
         fewest, best, places = np.inf, self.points, np.zeros((0, 3))
-        for back in (True, False):
-            points, moving = best, np.zeros(len(best), np.bool_)
-            for _ in range(1 + UNTANGLING_ROUNDS):
+        for back, rounds in ((True, UNTANGLING_ROUNDS), (False, EVENING_ROUNDS)):
+            points, moving, waited = best, np.zeros(len(best), np.bool_), 0
+            for _ in range(1 + rounds):
                 pairs = triangles.passing_pairs(sampler.matrix @ points)
                 number, near = len(pairs), _moving(sampler, pairs)
+                waited += 1
                 if number < fewest:
-                    fewest, best = number, points
+                    fewest, best, waited = number, points, 0
                     places = (sampler.matrix @ points)[sampler.triangles[pairs[:, 0], 0]]
-                if not number:
-                    self.points = best
-                    return places
-                moving |= near
+                if not number or waited > PATIENCE:
+                    break
+                moving |= near if back else near | (self.neighbours @ near > 0)
                 target = self.wall.vertices if back else self.neighbours @ points
                 points = np.where(moving[:, None], (points + target) / 2, points)
+            if not fewest:
+                break
         self.points = best
         return places
 
