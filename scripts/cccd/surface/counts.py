@@ -37,7 +37,8 @@ def warnings_of(stack: SliceStack) -> list[str]:
 
 def _gone(verb: str, one: str, many: str, volumes: Sequence[float], smallest_voxels: float) -> str:
     """Report what of some mm^3 each went as smaller than a number of voxels."""
-    count, volume = len(volumes), f"{sum(volumes):.3g} mm³" + (" in total" if len(volumes) > 1 else "")
+    total = np.format_float_positional(sum(volumes), 3, fractional=False, trim="-")
+    count, volume = len(volumes), f"{total} mm³" + (" in total" if len(volumes) > 1 else "")
     return (
         f"{verb} {count} {one if count == 1 else many} smaller than {smallest_voxels:g} voxels ({volume}); "
         "lower surface.smallest_part_voxels to keep them"

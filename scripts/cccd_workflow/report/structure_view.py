@@ -138,7 +138,10 @@ def overview(views: Sequence[StructureView]) -> Table | None:
 
 def _interval(view: StructureView) -> str | None:
     low, high = (view.look_up(f"volume_{side}_ml") for side in ("low", "high"))
-    return None if low is None or high is None else f"{number(low)} to {number(high)}"
+    if low is None or high is None:
+        return None
+    decimals = 1 if high >= 1000 else None  # four digits would hide the interval of a litre and more
+    return f"{number(low, decimals)} to {number(high, decimals)}"
 
 
 def _size(view: StructureView) -> str | None:
