@@ -140,7 +140,7 @@ def _interval(view: StructureView) -> str | None:
     low, high = (view.look_up(f"volume_{side}_ml") for side in ("low", "high"))
     if low is None or high is None:
         return None
-    decimals = 1 if high >= 1000 else None  # four digits would hide the interval of a litre and more
+    decimals = 1 if high >= 1000 and high - low < 10 else None  # four digits would hide so narrow a one
     return f"{number(low, decimals)} to {number(high, decimals)}"
 
 
