@@ -7,10 +7,9 @@ both are what the workflow's jobs make, to the last bit.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -19,27 +18,33 @@ from threadpoolctl import threadpool_limits
 
 from cccd.console import millilitres
 from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
-from cccd.dicom_objects import dicom_modality, lies_in_its_series, object_in
-from cccd.errors import TAKEN_TOGETHER, InputError
+from cccd.dicom_objects import object_in
+from cccd.errors import EarlyWarning, InputError, MergedLabels
 from cccd.extras import needing
 from cccd.files.options import ExportOptions
 from cccd.files.write import format_of, write_surface
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.subdivision import ControlMesh
-from cccd.inputs import load_structure, structure_of_array
-from cccd.inputs.annotation import AUTO, NONEMPTY, RULES
-from cccd.inputs.grey_values import image_without_mask
+from cccd.inputs import read_request, structure_of_array
+from cccd.inputs.annotation import AUTO
+from cccd.inputs.file_requests import (
+    Label,
+    Threshold,
+    check_rule,
+    holds_series,
+    name_of,
+    refuse_image,
+    request_for,
+)
 from cccd.inputs.grid import Volume, check_affine, find_slice_axis
 from cccd.inputs.load import existing, frame_of, scan_of
-from cccd.inputs.readers import SUFFIXES, without_suffix
-from cccd.inputs.row_files import EACH_ITS_OWN, RowFiles, list_labels, read_image
+from cccd.inputs.row_files import list_labels, read_image
 from cccd.lookup import find
 from cccd.plugins import table
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, loft_sections
 from cccd.settings.formats import FORMATS
-from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd.surface.surface import LoftedSurface
 
@@ -66,9 +71,6 @@ __all__ = [
 ]
 
 _DEFAULTS = Settings()
-
-#: DICOM modalities that are no images.
-_OBJECTS = ("SEG", "RTSTRUCT", "RTPLAN", "RTDOSE")
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -375,12 +377,12 @@ def labels(path: str | Path) -> dict[str, str]:
 
 def read(
     path: str | Path,
-    label: str | int | Iterable[int] = "",
+    label: Label = "",
     *,
     image: str | Path | None = None,
     boundary: bool = False,
     annotated: str = AUTO,
-    threshold: bool | tuple[float | None, float | None] = False,
+    threshold: Threshold = False,
     seed: str = "",
     settings: Settings | None = None,
 ) -> Structure:
@@ -430,139 +432,26 @@ def read(
     labels : what a file contains.
     reconstruct : the surface of the result.
     """
-    structure = read_organ(
-        path,
-        label,
-        settings or _DEFAULTS,
-        EACH_ITS_OWN,
-        image=image,
-        boundary=boundary,
-        annotated=annotated,
-        threshold=threshold,
-        seed=seed,
-    )
-    return _told(structure, 3)
+    settings = settings or _DEFAULTS
+    with needing("cccd.read"):
+        request = request_for(
+            path,
+            label,
+            image=image,
+            boundary=boundary,
+            annotated=annotated,
+            threshold=threshold,
+            seeds=(seed,) if seed else (),
+        )
+        return _warned(read_request(request, settings.import_, settings.seed), 2)
 
 
-@needing("cccd.read")
-def read_organ(
-    path: str | Path,
-    label: str | int | Iterable[int],
-    settings: Settings,
-    files: RowFiles,
-    *,
-    image: str | Path | None = None,
-    boundary: bool = False,
-    annotated: str = AUTO,
-    threshold: bool | tuple[float | None, float | None] = False,
-    seed: str = "",
-) -> Structure:
-    """Read one organ as `read` does, of files that may be shared, and without its Python warning."""
-    path = Path(path).absolute()
-    existing(path, path.name)
-    name = name_of(path)
-    chosen = _chosen(label)
-    alone = "seed" if seed else "threshold" if threshold is not False else None
-    wanted = "boundary" if boundary else "image" if alone else _column_of(path)
-    if alone and (chosen or image is not None or boundary):
-        problem = f"a {alone} cannot be combined with a label, an image or boundary maps"
-        hint = "give only the image" + "; a threshold does not find organs" * (alone == "threshold")
-        raise InputError(path.name, problem, hint)
-    if threshold is not False:
-        if seed:
-            problem = "a seed cannot be combined with a threshold"
-            raise InputError(path.name, problem, "give one of them")
-        settings = _with_window(settings, threshold)
-    elif not (boundary or seed):
-        refuse_image(path, chosen)
-    if annotated == NONEMPTY and wanted != "mask":
-        raise InputError(path.name, "annotated: nonempty needs a mask", "leave annotated out")
-    columns = {"image": "", "mask": "", "boundary": "", wanted: str(path)}
-    if wanted == "mask" and (_holds_images(path) if path.is_dir() else lies_in_its_series(path)):
-        columns["image"] = str(path if path.is_dir() else path.parent)
-    if image is not None:
-        columns["image"] = str(Path(image).absolute())
-    organ = chosen if chosen and not chosen.replace(",", "").isdecimal() else name
-    if chosen.isdecimal():
-        organ = ""  # the file may have a name for it
-    if alone:
-        organ = {"seed": "seeded", "threshold": "threshold"}[alone]
-    row = {"case": name, "organ": organ, "source": "files", "label": chosen, "location": path.name}
-    row |= {"seed": seed, "annotated": _rule(annotated), **columns}
-    return load_structure(row, path.parent, settings.import_, settings.seed, files)
-
-
-def _chosen(label: str | int | Iterable[int]) -> str:
-    """Return labels as the cohort sheet writes them."""
-    if isinstance(label, (str, Integral)):
-        return str(label)
-    if isinstance(label, Iterable):
-        return ",".join(str(value) for value in label)
-    raise InputError("label", f"{label!r} is not a label", "give its value, its name, or several values")
-
-
-def _told(structure: Structure, level: int) -> Structure:
+def _warned(structure: Structure, level: int) -> Structure:
     """Warn, before any work, that all labels of a map become one organ; ``level``: whose line is named."""
     for note in structure.warnings:
-        if TAKEN_TOGETHER in note:
-            warnings.warn(note, stacklevel=level)
+        if isinstance(note, EarlyWarning):
+            warnings.warn(note, MergedLabels, stacklevel=level + 1)
     return structure
-
-
-def refuse_image(path: Path, label: str = "") -> None:
-    """Refuse a DICOM image or series in which a label is looked for."""
-    if _column_of(path) == "image":
-        raise image_without_mask(path.name, label)
-
-
-def _with_window(settings: Settings, threshold: bool | tuple[float | None, float | None]) -> Settings:
-    """Return settings whose threshold is this range of grey values."""
-    if isinstance(threshold, bool):
-        return settings
-    if not _is_range(threshold):
-        hint = "give (low, high), the lower one first, None for no bound (--threshold LOW:HIGH)"
-        raise InputError("threshold", f"{threshold!r} is not a range", hint)
-    low, high = threshold
-    region = settings.import_.region.model_copy(update={"window": (low, high)})
-    reading = settings.import_.model_copy(update={"region": region})
-    return settings.model_copy(update={"import_": reading})
-
-
-def _is_range(threshold: object) -> bool:
-    """Whether something is two bounds, of which one may be None, and the lower one is the first."""
-    if not isinstance(threshold, (tuple, list)) or len(threshold) != 2:
-        return False
-    bounds = [bound for bound in threshold if bound is not None]
-    if not bounds or not all(isinstance(bound, Real) and not np.isnan(float(bound)) for bound in bounds):
-        return False
-    return len(bounds) == 1 or bounds[0] < bounds[1]
-
-
-def name_of(path: Path) -> str:
-    """Return a file's name without the suffix of its format, a folder's as it is."""
-    if path.is_dir():
-        return path.name
-    plain = without_suffix(path.name)
-    return path.stem if plain is None else plain
-
-
-def _column_of(path: Path) -> str:
-    """Which column of the cohort sheet a path would stand in: ``mask``, or ``image`` for a series alone."""
-    if not path.is_dir():
-        return "image" if dicom_modality(path) not in (None, "", *_OBJECTS) else "mask"
-    files = [file for file in path.rglob("*") if file.is_file()]
-    if not files:
-        raise InputError(path.name, "there is no file in this folder", "give a mask or a DICOM folder")
-    masks = any(file.name.lower().endswith(SUFFIXES) for file in path.iterdir())
-    if masks or object_in(path) != path or all(dicom_modality(file) is None for file in files):
-        return "mask"
-    return "image"
-
-
-def _holds_images(folder: Path) -> bool:
-    """Whether a folder holds DICOM images beside a segmentation."""
-    kinds = {dicom_modality(file) for file in folder.iterdir() if file.is_file()}
-    return bool(kinds - {None, "", *_OBJECTS})
 
 
 @needing("cccd.reconstruct")
@@ -630,8 +519,8 @@ def reconstruct(
         from cccd.inputs.in_memory import array_of
 
         array, grid = array_of(organ, affine, spacing)
-        structure = structure_of_array(array, grid, settings.import_, annotated=_rule(annotated))
-        _told(structure, 5)  # two frames are the decorators'
+        structure = structure_of_array(array, grid, settings.import_, annotated=check_rule(annotated))
+        _warned(structure, 4)  # two frames are the decorators'
     return reconstruct_structure(structure, settings, tell)
 
 
@@ -723,17 +612,10 @@ def smooth_mesh(
     return Surface(lofted, structure.organ, series, notes, given=given, scan=scan)
 
 
-def _rule(annotated: str) -> str:
-    """Return a rule by which slices count as drawn, provided that there is such a one."""
-    if annotated not in RULES:
-        raise InputError("annotated", f"{annotated!r} is not known", nearest(annotated, RULES))
-    return annotated
-
-
 def _series(structure: Structure) -> Path | None:
     """Folder of the DICOM series that a structure came from."""
     folders = (Path(name) for name in structure.provenance.get("files", ()))
-    return next((folder for folder in folders if folder.is_dir() and _holds_series(folder)), None)
+    return next((folder for folder in folders if folder.is_dir() and holds_series(folder)), None)
 
 
 def check_references(paths: Sequence[Path], structure: Structure) -> None:
@@ -741,11 +623,6 @@ def check_references(paths: Sequence[Path], structure: Structure) -> None:
     for path in paths:
         if check := FORMATS[format_of(path)].check:
             find(check)(path, _series(structure))
-
-
-def _holds_series(folder: Path) -> bool:
-    """Whether a folder is read as a DICOM series, or holds one beside a segmentation."""
-    return _holds_images(folder) or _column_of(folder) == "image"
 
 
 @needing("cccd.fit_contours")

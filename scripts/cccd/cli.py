@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Sequence
 
 from cccd.console import print_error
-from cccd.errors import TAKEN_TOGETHER, InputError
+from cccd.errors import InputError, MergedLabels
 from cccd.extras import missing_extra
 from cccd.interruption import interruptible
 from cccd.lookup import find
@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if parsed.further and parsed.command != "run":
             raise InputError("--", "only cccd run passes arguments to Snakemake", "leave them out")
         with interruptible(), warnings.catch_warnings():  # of Python; commands say it in one line
-            warnings.filterwarnings("ignore", f".*{TAKEN_TOGETHER}")
+            warnings.simplefilter("ignore", MergedLabels)
             return parsed.run(parsed)
     except InputError as error:
         return print_error(str(error))

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-__all__ = ["TAKEN_TOGETHER", "InputError"]
+__all__ = ["EarlyWarning", "InputError", "MergedLabels"]
 
-#: How the note on labels that become one organ begins: it is told before work begins.
-TAKEN_TOGETHER = "no label given, so all"
+
+class MergedLabels(UserWarning):
+    """Python's warning that several labels became one organ, as nobody said which."""
+
+
+class EarlyWarning(str):
+    """One line that a user should read before the work begins, not after it."""
 
 
 class InputError(ValueError):

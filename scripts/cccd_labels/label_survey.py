@@ -9,12 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cccd.api import read, read_organ, refuse_image
+from cccd.api import read
 from cccd.containers import Structure
 from cccd.dicom_objects import object_in
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray
+from cccd.inputs import read_request
 from cccd.inputs.annotation import AUTO
+from cccd.inputs.file_requests import refuse_image, request_for
 from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
 from cccd.inputs.load import existing
 from cccd.inputs.regions import DrawnLabels, voxels_of
@@ -82,7 +84,7 @@ def _read_one_by_one(path: Path, table: Path | None) -> Iterator[tuple[MapLabel,
     files, settings = RowFiles.shared(), Settings()
     for label in list_map(path, table):
         try:
-            organ = read_organ(path, label.label, settings, files)
+            organ = read_request(request_for(path, label.label), settings.import_, settings.seed, files)
         except InputError as error:
             yield replace(label, left_out=error.problem), None
         else:

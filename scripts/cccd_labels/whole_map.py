@@ -14,11 +14,13 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cccd.api import Surface, read_organ, reconstruct_structure, refuse_image, surface_of
+from cccd.api import Surface, reconstruct_structure, surface_of
 from cccd.containers import Structure
 from cccd.errors import InputError
 from cccd.extras import needing
+from cccd.inputs import read_request
 from cccd.inputs.annotation import AUTO
+from cccd.inputs.file_requests import refuse_image, request_for
 from cccd.inputs.load import existing
 from cccd.inputs.row_files import RowFiles
 from cccd.settings.root import Settings
@@ -95,7 +97,8 @@ class WholeMap:
                 whole.failures.append(f"label {label.label}: {why}")
                 continue
             try:
-                organ = read_organ(path, label.label, settings, files, image=image, annotated=annotated)
+                request = request_for(path, label.label, image=image, annotated=annotated)
+                organ = read_request(request, settings.import_, settings.seed, files)
             except InputError as error:
                 whole.failures.append(f"label {label.label}: {error}")
             else:

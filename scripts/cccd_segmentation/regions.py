@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,6 +11,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, SingleArray
 from cccd.inputs.grid import Volume
 from cccd.inputs.load import slice_axis_of
+from cccd.request import Request
 from cccd.settings.imports import ImportSettings, RegionSettings
 from cccd_segmentation.growing import grow_region
 from cccd_segmentation.seeds import parse_seeds
@@ -22,24 +22,26 @@ __all__ = ["brain_of_stripped", "by_seed", "by_stripping", "by_threshold", "find
 Found: TypeAlias = tuple[Volume, dict[str, Any]]
 
 
-def by_threshold(image: Volume, row: Mapping[str, str], settings: ImportSettings) -> Found:
-    """Find the organ by its grey values, as the settings' ``region`` says."""
+def by_threshold(image: Volume, request: Request, settings: ImportSettings) -> Found:
+    """Find the organ by its grey values, as the request's window and the settings' ``region`` say."""
     axis = slice_axis_of(image, settings)
-    found, bounds = find_region(image.data, image.location, settings.region, slice_axis=axis)
+    found, bounds = find_region(
+        image.data, image.location, settings.region, slice_axis=axis, window=request.window
+    )
     window = [None if np.isinf(bound) else bound for bound in bounds]
     region = settings.region.as_config() | {"window": window}
     note = f"{image.location}: no mask; the organ is found by a threshold: grey values {_range(*bounds)}"
     return Volume(found, image.affine, image.location, warnings=[note]), {"region": region}
 
 
-def by_stripping(image: Volume, row: Mapping[str, str], settings: ImportSettings) -> Found:
+def by_stripping(image: Volume, request: Request, settings: ImportSettings) -> Found:
     """Take the brain that skull stripping left."""
     return brain_of_stripped(image), {}
 
 
-def by_seed(image: Volume, row: Mapping[str, str], settings: ImportSettings) -> Found:
+def by_seed(image: Volume, request: Request, settings: ImportSettings) -> Found:
     """Grow the organ from where a seed says that it is: a rough mask, and what it was grown from."""
-    seeds = parse_seeds(row["seed"], image.location)
+    seeds = [seed for text in request.seeds for seed in parse_seeds(text, image.location)]
     spacing = np.linalg.norm(image.affine[:3, :3], axis=0)
     grown = grow_region(image.data, spacing, seeds, slice_axis_of(image, settings), image.location)
     tissue = [round(grown.low, 4), round(grown.high, 4)]
@@ -69,6 +71,7 @@ def find_region(
     settings: RegionSettings,
     *,
     slice_axis: int,
+    window: tuple[float | None, float | None] | None = None,
 ) -> tuple[BoolArray, tuple[float, float]]:
     """Find an organ by its grey values.
 
@@ -83,6 +86,8 @@ def find_region(
         ``drop_border``, an organ that is cut by the scan's first or last slice stays.
     slice_axis : int
         Axis along which slices run.
+    window : (float or None, float or None), optional
+        In place of the settings'.
 
     Returns
     -------
@@ -98,12 +103,13 @@ def find_region(
     """
     if image.min() == image.max():
         raise InputError(location, f"all its grey values are {image.min():g}", "give another scan, or a mask")
-    if settings.window == "otsu":
+    wanted = window or settings.window
+    if wanted == "otsu":
         from skimage.filters import threshold_otsu  # slow to import
 
         low, high = float(threshold_otsu(image)), None
     else:
-        low, high = settings.window
+        low, high = wanted
     low, high = (-np.inf if low is None else low), (np.inf if high is None else high)
     labels, count = ndimage.label((image >= low) & (image <= high))
     sizes = np.bincount(labels.ravel(), minlength=count + 1)

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from nibabel.orientations import aff2axcodes
 
-import cccd
-from cccd.commands.arguments import add_input, threshold_of
+from cccd.commands.arguments import add_input, read_given
 from cccd.commands.outputs import check_files
 from cccd.console import print_error
 from cccd.containers import BoundaryMaps, Curves, GreyImage
@@ -58,8 +57,7 @@ def add_check(command: argparse.ArgumentParser) -> None:
 
 
 def _check(given: argparse.Namespace) -> int:
-    threshold = threshold_of(given)
-    from_image = bool(given.seed) or threshold is not False
+    from_image = bool(given.seed) or given.threshold is not None
     if given.output is not None:
         if given.output.suffix.lower() != ".png":
             raise InputError(str(given.output), "the picture is a PNG", "end its name with .png")
@@ -67,15 +65,7 @@ def _check(given: argparse.Namespace) -> int:
     if given.input.suffix == ".tsv":
         return _check_sheet(given)
     if given.label or given.boundary or from_image or not given.input.exists():
-        structure = cccd.read(
-            given.input,
-            given.label,
-            image=given.image,
-            boundary=given.boundary,
-            annotated=given.annotated,
-            threshold=threshold,
-            seed=";".join(given.seed),
-        )
+        structure = read_given(given, Settings())
         plain = given.boundary or from_image
         listed = [] if plain else [label for label, _ in measure_labels(given.input)]
         found = [_check_one(given, structure, listed)]

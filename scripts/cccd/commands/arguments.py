@@ -11,9 +11,11 @@ from cccd.lookup import find
 from cccd.plugins import table
 
 if TYPE_CHECKING:
+    from cccd.containers import Structure
+    from cccd.inputs.file_requests import Threshold
     from cccd.settings.root import Settings
 
-__all__ = ["add_band", "add_input", "settings_of", "threshold_of"]
+__all__ = ["add_band", "add_input", "read_given", "settings_of"]
 
 
 #: A parser, or a group of its arguments.
@@ -65,7 +67,24 @@ def add_band(command: Arguments) -> None:
     )  # fmt: skip
 
 
-def threshold_of(given: argparse.Namespace) -> bool | tuple[float | None, float | None]:
+def read_given(given: argparse.Namespace, settings: Settings) -> Structure:
+    """Read what the arguments of `add_input` name."""
+    from cccd.inputs import read_request
+    from cccd.inputs.file_requests import request_for
+
+    request = request_for(
+        given.input,
+        given.label,
+        image=given.image,
+        boundary=given.boundary,
+        annotated=given.annotated,
+        threshold=threshold_of(given),
+        seeds=tuple(given.seed),
+    )
+    return read_request(request, settings.import_, settings.seed)
+
+
+def threshold_of(given: argparse.Namespace) -> Threshold:
     """Return what `cccd.read` takes as threshold."""
     if not given.threshold:
         return given.threshold is not None

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 
-import cccd
-from cccd.commands.arguments import add_input
+from cccd.commands.arguments import add_input, read_given
 from cccd.errors import InputError
+from cccd.settings.root import Settings
 
 __all__ = ["add_next"]
 
@@ -19,8 +19,7 @@ def add_next(command: argparse.ArgumentParser) -> None:
 
 
 def _next(given: argparse.Namespace) -> int:
-    of = {"image": given.image, "boundary": given.boundary, "annotated": given.annotated}
-    structure = cccd.read(given.input, given.label, **of)
+    structure = read_given(given, Settings())
     gaps = [] if structure.annotation is None else structure.annotation.gaps
     if not gaps:
         problem = "no slice is left to draw between those that are annotated"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cccd.console import millilitres
-from cccd.errors import TAKEN_TOGETHER, InputError
+from cccd.errors import EarlyWarning, InputError
 from cccd.store import check_writable
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ _UNIFORM = ("edge_mm", "chord_error_mm", "spline_ml")
 
 def plain_stem(path: Path) -> str:
     """Return a file's or folder's name without the suffix of its format."""
-    from cccd.api import name_of
+    from cccd.inputs.file_requests import name_of
 
     return name_of(path.absolute())
 
@@ -158,7 +158,7 @@ def print_surface(made: dict[str, Any]) -> None:
     for report in made.get("tetrahedra", []):
         print(f"  {_describe_tetrahedra(report)}")
     for warning in made["warnings"]:
-        if TAKEN_TOGETHER not in warning:  # that was said before
+        if not isinstance(warning, EarlyWarning):  # that was said before
             print(f"  warning: {warning}")
 
 

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cccd.commands.arguments import add_band, add_input, settings_of, threshold_of
+from cccd.commands.arguments import add_band, add_input, read_given, settings_of
 from cccd.commands.outputs import check_outputs, describe_surface, plain_stem, print_surfaces, write_with_band
-from cccd.errors import TAKEN_TOGETHER, InputError
+from cccd.errors import EarlyWarning, InputError
 from cccd.extras import check_extra
 from cccd.lookup import find
 from cccd.plugins import table
@@ -138,7 +138,7 @@ def _surface(given: argparse.Namespace) -> int:
     check_outputs(outputs, [given.input, given.image])
     if given.all_labels:
         return find(table("OPTIONS")["all_labels"])(given, outputs, settings)
-    print_surfaces(given, [_make_surface(given, given.label, outputs, settings)])
+    print_surfaces(given, [_make_surface(given, outputs, settings)])
     return 0
 
 
@@ -216,9 +216,7 @@ def _uniform(surface: Surface, given: argparse.Namespace) -> Surface:
     return surface.uniform(given.triangles, given.edge_mm)
 
 
-def _make_surface(
-    given: argparse.Namespace, label: str, files: Sequence[Path], settings: Settings
-) -> dict[str, Any]:
+def _make_surface(given: argparse.Namespace, files: Sequence[Path], settings: Settings) -> dict[str, Any]:
     """Make one surface and write it; what there is to say of it."""
     from tqdm import tqdm
 
@@ -233,19 +231,10 @@ def _make_surface(
             bar.update(_STEPS.index(step) - bar.n)
 
         tell("reading")
-        structure = cccd.read(
-            given.input,
-            label,
-            image=given.image,
-            boundary=given.boundary,
-            annotated=given.annotated,
-            threshold=threshold_of(given),
-            seed=";".join(given.seed),
-            settings=settings,
-        )
+        structure = read_given(given, settings)
         check_references(files, structure)
         for note in structure.warnings:
-            if TAKEN_TOGETHER in note:
+            if isinstance(note, EarlyWarning):
                 tqdm.write(f"warning: {note}", file=sys.stderr)
         if not _is_compiled():
             tqdm.write("first use: compiling, once, for about 10 seconds ...", file=sys.stderr)

@@ -1,10 +1,11 @@
-"""Readers of scans: a row of the cohort sheet -> `cccd.containers.Structure`.
+"""Readers of scans: a `cccd.request.Request` -> `cccd.containers.Structure`.
 
 ===================  ===============================================================================
 module               holds
 ===================  ===============================================================================
-``load``             `load_structure`: a row's files on one grid, cropped to the organ
-``row_files``        the files of a row: image, mask, boundary maps
+``load``             `read_request`: its files on one grid, cropped to the organ
+``row_files``        the files of a request: image, mask, boundary maps
+``file_requests``    requests of a path and a caller's other arguments
 ``readers``          NIfTI, NRRD, MHA and what else SimpleITK reads
 ``nnunet``           nnU-Net's probabilities
 ``drawn_contours``   drawn contours to ordered curves
@@ -15,6 +16,6 @@ module               holds
 ===================  ===============================================================================
 """
 
-from cccd.inputs.load import load_structure, structure_of_array
+from cccd.inputs.load import load_structure, read_request, structure_of_array
 
-__all__ = ["load_structure", "structure_of_array"]
+__all__ = ["load_structure", "read_request", "structure_of_array"]

@@ -1,4 +1,4 @@
-"""From a row of the cohort sheet to a `Structure`."""
+"""From a request, or a row of the cohort sheet, to a `Structure`."""
 
 from __future__ import annotations
 
@@ -32,10 +32,19 @@ from cccd.inputs.grid import (
     same_grid,
 )
 from cccd.inputs.readers import without_suffix
-from cccd.inputs.row_files import EACH_ITS_OWN, LabelMap, RowFiles, read_boundary_maps, read_mask
-from cccd.layouts import complete_row
+from cccd.inputs.row_files import (
+    EACH_ITS_OWN,
+    LabelMap,
+    RowFiles,
+    checksum,
+    read_boundary_maps,
+    read_image,
+    read_mask,
+)
+from cccd.layouts import completed
 from cccd.lookup import find
 from cccd.plugins import table
+from cccd.request import Request
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
@@ -48,6 +57,7 @@ __all__ = [
     "find_organ",
     "frame_of",
     "load_structure",
+    "read_request",
     "scan_of",
     "slice_axis_of",
     "structure_of_array",
@@ -99,20 +109,32 @@ def load_structure(
     seed: int = 0,
     files: RowFiles = EACH_ITS_OWN,
 ) -> Structure:
+    """Read the structure of a row of the cohort sheet (`cccd_workflow.cohort.read_cohort`).
+
+    Parameters
+    ----------
+    row, sheet_dir
+        See `cccd.request.Request.of_row`.
+    settings, seed, files
+        See `read_request`.
+    """
+    return read_request(Request.of_row(row, Path(sheet_dir)), settings, seed, files)
+
+
+def read_request(
+    request: Request, settings: ImportSettings, seed: int = 0, files: RowFiles = EACH_ITS_OWN
+) -> Structure:
     """Read one structure, cropped to its organ with a margin.
 
     Parameters
     ----------
-    row : mapping
-        One row of `cccd_workflow.cohort.read_cohort`. An empty organ gets the name of its label in the file.
-    sheet_dir : path
-        Folder of the cohort sheet, from which the row's paths are relative.
+    request : Request
     settings : ImportSettings
         How it is read.
     seed : int
         Determines everything random in a phantom, a scan and its damage.
     files : RowFiles
-        Rows of the same files share what was read of them by ``RowFiles.shared()``.
+        Requests of the same files share what was read of them by ``RowFiles.shared()``.
 
     Returns
     -------
@@ -123,17 +145,18 @@ def load_structure(
     Raises
     ------
     InputError
-        Names the row, what is wrong, and a hint.
+        Names the request's location, what is wrong, and a hint.
     """
-    location = row["location"]
+    location = request.location
     try:
-        made = table("SOURCES").get(row["source"])
-        scan = find(made)(row, settings, seed) if made else _read_files(row, Path(sheet_dir), settings, files)
+        made = table("SOURCES").get(request.source)
+        scan = find(made)(request, settings, seed) if made else _read_files(request, settings, files)
         if isinstance(scan, Structure):
             return scan
-        if not row["organ"]:
-            row = {**row, "organ": scan.names.get(int(row["label"])) or f"label_{row['label']}"}
-        return _crop(scan, row)
+        if not request.organ:
+            organ = scan.names.get(int(request.label)) or f"label_{request.label}"
+            request = replace(request, organ=organ)
+        return _crop(scan, request)
     except InputError as error:
         raise error.at(location) from None
     except MemoryError:
@@ -177,7 +200,7 @@ def structure_of_array(
     layers = _mask_layers(volume.data)
     frame, coarser = frame_of(volume, settings), volume.coarser
     scan = Scan(frame, **layers, coarser=coarser, annotated=annotated, warnings=volume.warnings)
-    return _crop(scan, {"case": name, "organ": name, "location": name})
+    return _crop(scan, Request(name, name, name))
 
 
 def with_segmentation_notes(structure: Structure, report: Mapping[str, Any]) -> Structure:
@@ -189,10 +212,10 @@ def with_segmentation_notes(structure: Structure, report: Mapping[str, Any]) -> 
 # one grid -------------------------------------------------------------------------------------------
 
 
-def _read_files(row: Mapping[str, str], folder: Path, settings: ImportSettings, files: RowFiles) -> Scan:
-    """Read the files that a row names."""
-    row, implied = complete_row(row, folder)
-    paths = {name: existing(folder / row[name], name) for name in ("image", "mask", "boundary") if row[name]}
+def _read_files(request: Request, settings: ImportSettings, files: RowFiles) -> Scan:
+    """Read the files that a request names."""
+    request = completed(request)
+    paths = {name: existing(path, name) for name, path in request.files.items()}
     referenced = ""
     if "mask" in paths:
         paths["mask"] = object_in(paths["mask"])
@@ -200,19 +223,20 @@ def _read_files(row: Mapping[str, str], folder: Path, settings: ImportSettings, 
             referenced = referenced_series(paths["mask"])
     image = None
     if "image" in paths:
-        image = files.image(paths["image"], row["source"], settings.fill_gaps, referenced)
+        image = files.read(read_image, paths["image"], request.source, settings.fill_gaps, referenced)
     if "mask" in paths and paths["mask"].is_file() and dicom_modality(paths["mask"]) == "RTSTRUCT":
         if "boundary" in paths:
             raise InputError(
-                row["location"], "an RTSTRUCT cannot be combined with boundary maps", "empty one of them"
+                request.location, "an RTSTRUCT cannot be combined with boundary maps", "empty one of them"
             )
-        scan = _scan_of_contours(files.regions(paths["mask"]), row, image, settings)
+        regions = files.read(find(table("READERS")["RTSTRUCT"].read), paths["mask"])
+        scan = _scan_of_contours(regions, request, image, settings)
     else:
-        scan = _scan_of_voxels(paths, row, implied, image, settings, files)
+        scan = _scan_of_voxels(paths, request, image, settings, files)
     provenance = {
-        "source": row["source"],
-        "label": row["label"],
-        "files": _checksums(row, folder, files),
+        "source": request.source,
+        "label": request.label,
+        "files": _checksums(request, files),
         "versions": dict(_versions()),
         **scan.provenance,
     }
@@ -231,13 +255,11 @@ def slice_axis_of(volume: Volume, settings: ImportSettings) -> int:
     return 2 if known else find_slice_axis(volume.affine, settings.slice_axis)
 
 
-def _scan_of_contours(
-    regions: Any, row: Mapping[str, str], image: Volume | None, settings: ImportSettings
-) -> Scan:
+def _scan_of_contours(regions: Any, request: Request, image: Volume | None, settings: ImportSettings) -> Scan:
     """Take drawn contours, and of the image the slices that they were drawn on."""
     from cccd.inputs.drawn_contours import assemble_contours, contour_frame
 
-    rois, location = regions.contours(row["label"], row["organ"]), regions.location
+    rois, location = regions.contours(request.label, request.organ), regions.location
     drawn = [contour for roi in rois for contour in roi]
     if not drawn:
         raise InputError(location, "its ROI holds points only", "choose another ROI")
@@ -254,30 +276,28 @@ def _scan_of_contours(
     grey = None
     if image is not None and keep is not None:
         grey = image.data[tuple(keep if axis == frame.slice_axis else slice(None) for axis in range(3))]
-    annotated = row.get("annotated", AUTO)
-    known: dict[str, Any] = {"contours": contours, "annotated": annotated, "names": regions.names}
+    known: dict[str, Any] = {"contours": contours, "annotated": request.annotated, "names": regions.names}
     return Scan(frame, grey, **known, warnings=warnings + notes)
 
 
 def _scan_of_voxels(
     paths: Mapping[str, Path],
-    row: Mapping[str, str],
-    implied: tuple[int, ...],
+    request: Request,
     image: Volume | None,
     settings: ImportSettings,
     files: RowFiles,
 ) -> Scan:
     """Read mask and boundary maps, or find the organ in the image, and move all to one grid."""
-    mask = read_mask(paths["mask"], row, implied, image, files) if "mask" in paths else None
+    mask = read_mask(paths["mask"], request, image, files) if "mask" in paths else None
     boundary = read_boundary_maps(paths["boundary"]) if "boundary" in paths else None
     provenance: dict[str, Any] = {}
     drawn = mask if boundary is None else boundary
     if drawn is None:
         assert image is not None  # the sheet's check
-        if row["label"]:
-            raise image_without_mask(image.location, row["label"])
-        found, provenance = find_organ(image, row, settings)
-        if row.get("seed"):
+        if request.label:
+            raise image_without_mask(image.location, request.label)
+        found, provenance = find_organ(image, request, settings)
+        if request.seeds:
             frame = frame_of(image, settings)
             return Scan(frame, image.data, region=found.data, provenance=provenance, warnings=found.warnings)
         mask = drawn = found
@@ -299,9 +319,9 @@ def _scan_of_voxels(
     if mask is not None:
         layers |= _mask_layers(layers["mask"]) | {"names": mask.names}
     if "mask" in paths and boundary is None:
-        rule = row.get("annotated", AUTO)
         uneven = any(volume is not None and volume.uneven for volume in (mask, image))
-        layers["annotated"] = NONEMPTY if rule == AUTO and uneven else rule
+        rule = NONEMPTY if request.annotated == AUTO and uneven else request.annotated
+        layers["annotated"] = rule
         if mask is not None:
             layers["coarser"] = _coarser(mask, layers["mask"], grid)
     return Scan(frame_of(grid, settings), **layers, provenance=provenance, warnings=warnings)
@@ -319,12 +339,10 @@ def _mask_layers(mask: AnyArray) -> dict[str, Any]:
     return {"mask": mask} if mask.dtype == bool else {"mask": mask >= 0.5, "probability": mask}
 
 
-def find_organ(
-    image: Volume, row: Mapping[str, str], settings: ImportSettings
-) -> tuple[Volume, dict[str, Any]]:
+def find_organ(image: Volume, request: Request, settings: ImportSettings) -> tuple[Volume, dict[str, Any]]:
     """Find the organ in an image without a mask, by a row of ``MASKS``: a mask, and how, for provenance."""
-    how = "seed" if row.get("seed") else "stripped" if row["source"] == "upenn_gbm" else "threshold"
-    return find(table("MASKS")[how])(image, row, settings)
+    how = "seed" if request.seeds else "stripped" if request.source == "upenn_gbm" else "threshold"
+    return find(table("MASKS")[how])(image, request, settings)
 
 
 def _move_to_grid(volume: Volume, grid: Volume, interpolate: bool) -> tuple[AnyArray, list[str]]:
@@ -439,7 +457,7 @@ def _on_slices(mask: BoolArray, origin: IntArray, frame: Frame, slices: IntArray
     return mask & np.expand_dims(kept, frame.in_plane_axes)
 
 
-def _on_coarser_grid(scan: Scan, row: Mapping[str, str]) -> Scan:
+def _on_coarser_grid(scan: Scan, location: str) -> Scan:
     """Read a mask whose voxels are copies at those that they were copied from."""
     grid, mask, frame = scan.coarser, scan.mask, scan.frame
     if grid is None or mask is None or scan.probability is not None:
@@ -448,7 +466,7 @@ def _on_coarser_grid(scan: Scan, row: Mapping[str, str]) -> Scan:
     coarse_mask = grid.of(mask)
     # of so few voxels it is as likely an organ with flat sides of its own
     voxels_wide = [int(coarse_mask.any(axis=tuple({0, 1, 2} - {axis})).sum()) for axis in range(3)]
-    if min(voxels_wide) < FEW_SLICES or _annotation(scan, first, last, row["location"]) is not None:
+    if min(voxels_wide) < FEW_SLICES or _annotation(scan, first, last, location) is not None:
         return scan
     a, b, c = (len(index) for index in grid.index)
     coarse = Frame(frame.affine @ grid.affine, frame.slice_axis, (a, b, c), Grid(frame.affine, frame.shape))
@@ -458,9 +476,9 @@ def _on_coarser_grid(scan: Scan, row: Mapping[str, str]) -> Scan:
     return replace(scan, frame=coarse, mask=coarse_mask, image=image, warnings=[*scan.warnings, note])
 
 
-def _crop(scan: Scan, row: Mapping[str, str]) -> Structure:
+def _crop(scan: Scan, request: Request) -> Structure:
     """Crop a scan to its organ with a margin on every side."""
-    scan = _on_coarser_grid(scan, row)
+    scan = _on_coarser_grid(scan, request.location)
     # Beyond the slices that were drawn the organ may go on as far as their widest gap.
     frame = scan.frame
     if scan.contours is None:
@@ -471,14 +489,14 @@ def _crop(scan: Scan, row: Mapping[str, str]) -> Structure:
         along = np.arange(3) == frame.slice_axis  # how far an image reaches to the sides is not always known
         warnings = scan.warnings + _cut_notes(frame, np.where(along, first, 1), np.where(along, last, 0))
     if slices < FEW_SLICES:
-        lies = f"{row['organ']} lies on {slices} slice{'s'[: slices > 1]} along axis {frame.slice_axis}"
+        lies = f"{request.organ} lies on {slices} slice{'s'[: slices > 1]} along axis {frame.slice_axis}"
         warnings = [*warnings, f"{lies}: where it ends above and below is a guess"]
-    annotation = _annotation(scan, first, last, row["location"])
+    annotation = _annotation(scan, first, last, request.location)
     empty = int(last[frame.slice_axis] - first[frame.slice_axis]) + 1 - slices
     if empty and annotation is None and scan.contours is None:
         between = f"{empty} slice{'s'[: empty > 1]} between the organ's first and last"
         warnings = [*warnings, f"{between} {'are' if empty > 1 else 'is'} empty: filled from the others"]
-    warnings = warnings + _size_notes(frame, first, last, row["location"])
+    warnings = warnings + _size_notes(frame, first, last, request.location)
     margin = MARGIN_VOXELS if scan.region is None else _REGION_MARGIN_VOXELS
     first, last = first - margin, last + margin
     if annotation is not None:
@@ -499,8 +517,8 @@ def _crop(scan: Scan, row: Mapping[str, str]) -> Structure:
     if annotation is not None and mask is not None:
         mask = _on_slices(mask, first, frame, annotation.slices)
     return Structure(
-        case=row["case"],
-        organ=row["organ"],
+        case=request.case,
+        organ=request.organ,
         frame=frame,
         origin=first.astype(np.int64),
         image=None if image is None else np.ascontiguousarray(image, np.float32),
@@ -562,12 +580,13 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _checksums(row: Mapping[str, str], folder: Path, files: RowFiles) -> dict[str, str]:
-    """Checksums of what a row names, and of the voxels in files beside headers, by their names."""
+def _checksums(request: Request, files: RowFiles) -> dict[str, str]:
+    """Checksums of what a request names, and of the voxels in files beside headers, by their names."""
     found: dict[str, str] = {}
-    for name in filter(None, (row[column] for column in ("image", "mask", "boundary"))):
-        path = folder / name
-        found[name] = files.checksum(path)
+    for named in filter(None, (request.image, request.mask, request.boundary)):
+        path = request.folder / named
+        found[str(named)] = files.read(checksum, path)
         for voxels in voxel_files(path):
-            found[str(Path(name).parent / os.path.relpath(voxels, path.parent))] = files.checksum(voxels)
+            name = named.parent / os.path.relpath(voxels, path.parent)
+            found[str(name)] = files.read(checksum, voxels)
     return found

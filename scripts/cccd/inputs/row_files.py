@@ -1,18 +1,18 @@
-"""The files that a row of the cohort sheet names, as volumes: image, mask and boundary maps."""
+"""The files of a request as volumes: image, mask and boundary maps."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
-from functools import cache, cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from cccd.dicom_objects import dicom_modality
-from cccd.errors import TAKEN_TOGETHER, InputError
+from cccd.errors import EarlyWarning, InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.coarser_grid import CoarserGrid, find_coarser_grid
@@ -22,6 +22,7 @@ from cccd.inputs.labels import choose_labels, freesurfer_labels
 from cccd.inputs.readers import SUFFIXES, read_volume, without_suffix
 from cccd.lookup import find
 from cccd.plugins import table
+from cccd.request import Request
 from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE, PROBABILITY
 
@@ -32,6 +33,7 @@ __all__ = [
     "EACH_ITS_OWN",
     "LabelMap",
     "RowFiles",
+    "checksum",
     "label_values",
     "list_labels",
     "read_boundary_maps",
@@ -40,6 +42,9 @@ __all__ = [
     "read_mask",
     "read_masks",
 ]
+
+
+_Read = TypeVar("_Read")
 
 
 def _is_dicom(path: Path) -> bool:
@@ -118,13 +123,7 @@ def read_boundary_maps(path: Path) -> Volume:
     return replace(volume, data=maps)
 
 
-def read_mask(
-    path: Path,
-    row: Mapping[str, str],
-    implied: tuple[int, ...],
-    image: Volume | None,
-    files: RowFiles,
-) -> Volume:
+def read_mask(path: Path, request: Request, image: Volume | None, files: RowFiles) -> Volume:
     """Read an organ's mask.
 
     Parameters
@@ -132,10 +131,8 @@ def read_mask(
     path : path
         A label map, a binary or a probability map, nnU-Net's probabilities, a DICOM SEG, or a folder of
         one-organ masks.
-    row : mapping
+    request : Request
         Its ``label`` and ``organ`` say which labels are the organ.
-    implied : tuple of int
-        Labels that the cohort's layout implies, of which some may be missing; empty where it implies none.
     image : Volume, optional
         The image, to which a SEG has to refer.
     files : RowFiles
@@ -151,18 +148,18 @@ def read_mask(
     InputError
         Not readable, neither labels nor probabilities, no such label, or empty.
     """
-    label, organ = row["label"], row["organ"]
+    label, organ = request.label, request.organ
     if path.is_dir():
         return _read_mask_folder(path, label or organ)
     if _is_dicom(path):
         modality = dicom_modality(path)
         if modality != "SEG":
             raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
-        mask = files.segments(path).mask(label, organ, image)
+        mask = files.read(find(table("READERS")["SEG"].read), path).mask(label, organ, image)
         return _with_coarser_grid(mask, mask.data)
     if _is_nnunet(path):
-        return _field_or_mask(files.classes(path).of_organ(label, organ))
-    return files.label_map(path).organ(label, organ, implied)
+        return _field_or_mask(files.read(_read_classes, path).of_organ(label, organ))
+    return files.read(read_label_map, path).organ(label, organ, request.implied)
 
 
 def list_labels(path: Path) -> dict[str, str]:
@@ -315,7 +312,7 @@ class LabelMap:
         else:
             chosen = present
             if len(present) > 1:
-                warnings = [f"{location}: {TAKEN_TOGETHER} {_as_one_organ(self.names)}"]
+                warnings = [EarlyWarning(f"{location}: no label given, so all {_as_one_organ(self.names)}")]
         # one label is found in a fifth of the time of several
         data = self.data == chosen[0] if len(chosen) == 1 else np.isin(self.data, chosen)
         notes = volume.warnings + warnings
@@ -344,49 +341,34 @@ def _read_classes(path: Path) -> Classes:
     return read_classes(path)
 
 
-def _read_segments(path: Path) -> Any:
-    return find(table("READERS")["SEG"].read)(path)
-
-
-def _read_regions(path: Path) -> Any:
-    return find(table("READERS")["RTSTRUCT"].read)(path)
-
-
-def _checksum(path: Path) -> str:
-    """SHA-256 of a file, or of the names and checksums of all files in a folder."""
+def checksum(path: Path) -> str:
+    """Compute the SHA-256 of a file, or of the names and checksums of all files in a folder."""
     if path.is_file():
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     inside = (file for file in sorted(path.rglob("*")) if file.is_file())
-    lines = [f"{_checksum(file)} {file.relative_to(path)}" for file in inside]
+    lines = [f"{checksum(file)} {file.relative_to(path)}" for file in inside]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
-@dataclass(frozen=True)
 class RowFiles:
-    """How the files that rows name are read: each row reads its own, or rows of the same file share it.
+    """Reads the files that are asked for: each time, or ``shared``, once as long as this is kept."""
 
-    Attributes
-    ----------
-    label_map, image, segments, regions, classes : callable
-        `read_label_map`, `read_image`, and those of a DICOM SEG, an RTSTRUCT and nnU-Net's probabilities, or
-        such as remember what they have read.
-    checksum : callable
-        SHA-256 of a file or folder.
-    """
-
-    label_map: Callable[[Path], LabelMap] = read_label_map
-    image: Callable[[Path, str, bool, str], Volume] = read_image
-    segments: Callable[[Path], Any] = _read_segments
-    regions: Callable[[Path], Any] = _read_regions
-    classes: Callable[[Path], Classes] = _read_classes
-    checksum: Callable[[Path], str] = _checksum
+    def __init__(self, shared: bool = False) -> None:
+        self._found: dict[tuple[Any, ...], Any] | None = {} if shared else None
 
     @classmethod
     def shared(cls) -> RowFiles:
-        """Read every file once, and keep it as long as this is kept."""
-        own = EACH_ITS_OWN
-        return cls(**{way.name: cache(getattr(own, way.name)) for way in fields(cls)})
+        """Read every file once."""
+        return cls(shared=True)
+
+    def read(self, reader: Callable[..., _Read], *given: object) -> _Read:
+        """Return what a reader returns of its arguments."""
+        if self._found is None:
+            return reader(*given)
+        if (reader, *given) not in self._found:
+            self._found[reader, *given] = reader(*given)
+        return self._found[reader, *given]
 
 
 #: Every row reads its own files.

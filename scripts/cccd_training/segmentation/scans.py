@@ -13,7 +13,8 @@ from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.load import existing
 from cccd.inputs.readers import read_volume
 from cccd.inputs.row_files import EACH_ITS_OWN, read_mask
-from cccd.layouts import complete_row
+from cccd.layouts import completed
+from cccd.request import Request
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import choices
 from cccd_datasets.whole_scans import read_scan, scan_phantom
@@ -48,17 +49,17 @@ def read_labelled_scan(
         image, mask = scan_phantom(row["case"], row["organ"], settings, seed)
         return LabelledScan(row["case"], image, mask.astype(np.uint8), row["source"])
     image = read_scan(row, folder, settings)
-    row, implied = complete_row(row, folder)
-    if not row["mask"]:
+    request = completed(Request.of_row(row, folder))
+    if request.mask is None:
         raise InputError(
-            row["location"], "a training row without a mask", "give the labels in the column mask"
+            request.location, "a training row without a mask", "give the labels in the column mask"
         )
-    path = existing(folder / row["mask"], "mask")
+    path = existing(folder / request.mask, "mask")
     if labels:
         drawn = read_volume(path)
         classes = _classes(drawn.data, labels, path.name)
     else:
-        drawn = read_mask(path, row, implied, image, EACH_ITS_OWN)
+        drawn = read_mask(path, request, image, EACH_ITS_OWN)
         classes = (drawn.data >= 0.5).astype(np.uint8)
     moved = on_grid(Volume(classes, drawn.affine, drawn.location), image.affine, image.shape, fill=0)
     if moved is None:

@@ -12,7 +12,8 @@ from typing import Literal, NamedTuple, Protocol
 
 from cccd.dicom_objects import holds_contours
 from cccd.errors import InputError
-from cccd.layouts import complete_row
+from cccd.layouts import completed
+from cccd.request import Request
 from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
 from cccd_workflow.cohort import brings_maps, read_cohort
@@ -234,10 +235,10 @@ class PlannedCohort:
         missing file or a name against the layout, and what is dated in the future (a clock ran ahead
         somewhere), than which every output would be older, an error to Snakemake.
         """
-        row = self.row(wildcards)
+        request = Request.of_row(self.row(wildcards), self.sheet.parent)
         with contextlib.suppress(InputError):
-            row, _ = complete_row(row, self.sheet.parent)
-        named = [self.sheet.parent / row[column] for column in ("image", "mask", "boundary") if row[column]]
+            request = completed(request)
+        named = list(request.files.values())
         paths = named + [voxels for path in named for voxels in voxel_files(path)]
         there = {near(path) for path in paths if path.exists() and path.stat().st_mtime <= time.time()}
         return sorted(there | ({near(path) for path in named} & self.remote.keys()))

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,9 @@ from cccd.cli import main
 from cccd.errors import InputError
 from cccd.inputs.grid import Volume
 from cccd.inputs.nifti_export import write_nifti
-from cccd.layouts import complete_row
+from cccd.layouts import completed
 from cccd.project import PROJECT
+from cccd.request import Request
 from cccd.settings.imports import ImportSettings, PhantomSettings
 from cccd_segmentation.external import run_external
 from cccd_segmentation.model import load_segmenter
@@ -118,12 +120,13 @@ def test_the_decathlon_s_folders_imply_mask_and_label(tmp_path):
         '{"labels": {"0": "background", "1": "Anterior", "2": "Posterior"}}'
     )
     row = ROW | {"source": "msd", "image": "imagesTr/a.nii.gz"}
-    assert complete_row(row | {"organ": "posterior"}, tmp_path)[1] == (2,)
-    completed, labels = complete_row(row, tmp_path)
-    assert completed["mask"] == "labelsTr/a.nii.gz"
-    assert labels == (1, 2)
+    request = Request.of_row(row, tmp_path)
+    assert completed(replace(request, organ="posterior")).implied == (2,)
+    whole = completed(request)
+    assert whole.mask == Path("labelsTr/a.nii.gz")
+    assert whole.implied == (1, 2)
     with pytest.raises(InputError, match="is not in imagesTr"):
-        complete_row(row | {"image": "a.nii.gz"}, tmp_path)
+        completed(replace(request, image=Path("a.nii.gz")))
 
 
 def test_phantoms_that_train_are_others_and_not_cropped_to_the_organ():
