@@ -71,4 +71,4 @@ def wheel(session: nox.Session) -> None:
 def settings(session: nox.Session) -> None:
     """Write the files that are generated from the settings."""
     session.install("-r", "envs/requirements.txt")
-    session.run("python", "-m", "cccd.settings", env={"PYTHONPATH": "scripts"})
+    session.run("python", "docs/settings_pages.py", env={"PYTHONPATH": "scripts"})

@@ -5,7 +5,7 @@
 Keys of the curves are tried on outlines of phantoms. One key at a time, all others at their defaults.
 A value that its range does not allow becomes the nearest that it does (halfway to a bound that it must not
 reach). Rows are written as they come, and a run goes on where the last one stopped, unless the defaults' own
-figures have changed since. `python -m cccd.settings` then takes the table into
+figures have changed since. `python docs/settings_pages.py` then takes the table into
 docs/configuration.md.
 """
 
@@ -21,12 +21,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from settings_pages import Key, keys
 
 from cccd.containers import Curves
 from cccd.curves import fit_splines, sample_splines
 from cccd.curves.measures import area_scores, distances
 from cccd.errors import InputError
-from cccd.settings.emit import Key, keys
 from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config
 from cccd.tracing import trace_mask

@@ -45,8 +45,10 @@ def setting(default: _T, what: str, *, why: str, unit: str = "", **limits: Any) 
     >>> Scissors(length_mm=90).length_mm
     90.0
     """
-    extra: dict[str, Any] = {"why": why, "unit": unit}
-    return cast(_T, Field(cast(Any, default), description=what, json_schema_extra=extra, **limits))
+    extra: dict[str, Any] = {"what": what, "why": why, "unit": unit}
+    described = f"{what} [{unit}]" if unit else what
+    about = f"{described[:1].upper()}{described[1:].rstrip('.')}. {why}"
+    return cast(_T, Field(cast(Any, default), description=about, json_schema_extra=extra, **limits))
 
 
 class Section(BaseModel):

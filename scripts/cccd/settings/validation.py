@@ -2,23 +2,42 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from types import NoneType
+from typing import Any, cast, get_args
 
 import yaml
 from pydantic import ValidationError
+from pydantic.fields import FieldInfo
 
 from cccd.errors import InputError
-from cccd.settings.messages import describe, nearest, show
+from cccd.settings.messages import nearest
 from cccd.settings.root import Settings, whole_settings
-from cccd.settings.schema import raw_schema
+from cccd.settings.section import Section
 
 __all__ = ["explain", "read_config", "validate_config"]
 
 _REFUSED_KEYS = ("extra_forbidden", "invalid_key")
+
+#: What pydantic says, and what people do who write YAML.
+_WISHES = {
+    "^Input should be ": "",
+    "a valid integer": "a whole number",
+    "a valid boolean": "true or false",
+    "a valid string": "text",
+    "a valid tuple": "a list",
+    "a valid dictionary.*": "a section of keys",
+    "a valid ": "a ",
+    "^greater than or equal to": "a number at least",
+    "^greater than": "a number above",
+    "^less than or equal to": "a number at most",
+    "^less than": "a number below",
+    "^Tuple should have (.*) after validation.*": r"a list with \1",
+}
 
 
 def validate_config(config: Mapping[str, Any]) -> Settings:
@@ -83,59 +102,83 @@ def explain(error: ValidationError, config: Mapping[str, Any]) -> InputError:
     violations = error.errors(include_url=False)
     # an unknown key is most often the cause of the others (a misspelt key is also missing)
     first = min(violations, key=lambda one: (one["type"] not in _REFUSED_KEYS, _dotted(one["loc"])))
-    path, value, schema = _follow(first["loc"], config)
+    path, value = _follow(first["loc"], config)
     key = f"config key {_dotted(path)}" if path else "config"
+    section, field = _declared(path)
     if first["type"] in _REFUSED_KEYS:
-        return InputError(key, "unknown key", nearest(str(path[-1]), schema.get("properties", {})))
+        return InputError(key, "unknown key", nearest(str(path[-1]), section))
     if isinstance(value, float) and not math.isfinite(value):
         return InputError(key, f"{value} is not a finite number", "give a number")
-    if reason := first.get("ctx", {}).get("error"):
-        return InputError(key, str(reason), describe(schema))
-    hint = describe(schema)
-    if isinstance(value, str) and "enum" in schema:
-        near = nearest(value, [item for item in schema["enum"] if isinstance(item, str)])
-        hint = near if near.startswith("did") else hint
-    elif value is None:
+    extra = field.json_schema_extra if field else None
+    about = f" ({extra['what']})" if isinstance(extra, dict) else ""
+    context = first.get("ctx", {})
+    if reason := context.get("error"):
+        return InputError(key, str(reason), f"give each once{about}")
+    near = nearest(str(value), re.findall("'([^']*)'", str(context.get("expected", ""))))
+    if isinstance(value, str) and near.startswith("did"):
+        return InputError(key, f"{_show(value)} is not allowed", near)
+    alike = [one for one in violations if _follow(one["loc"], config)[0] == path]
+    wishes = ["a list" if _is_inside(one["loc"][len(path) :]) else _wish(one["msg"]) for one in alike]
+    if field and NoneType in get_args(field.annotation):
+        wishes.append("null")
+    hint = f"give {' or '.join(dict.fromkeys(wishes))}{about}"
+    if value is None:
         hint = f"{hint}; leave the key out to keep the default"
-    return InputError(key, f"{show(value)} is not allowed", hint)
+    return InputError(key, f"{_show(value)} is not allowed", hint)
 
 
-def _follow(
-    location: tuple[int | str, ...], config: Mapping[str, Any]
-) -> tuple[list[Any], Any, Mapping[str, Any]]:
-    """Walk along an error's location as far as the configuration goes: path, value there, its schema."""
-    # pydantic appends the names of a union's branches and the like, which lead nowhere. An unknown key ends
-    # the path, with the schema of the section that it stands in.
-    path: list[Any] = []
+def _is_inside(branch: tuple[int | str, ...]) -> bool:
+    """Whether it is an entry of a list that fails in one branch of a union."""
+    return any(isinstance(part, int) for part in branch)
+
+
+def _wish(message: str) -> str:
+    """Say what pydantic wants in the words of those who write YAML."""
+    for pattern, words in _WISHES.items():
+        message = re.sub(pattern, words, message)
+    return message
+
+
+def _follow(location: tuple[int | str, ...], config: Mapping[str, Any]) -> tuple[list[int | str], Any]:
+    """Walk along an error's location as far as the configuration goes: the path, and the value there."""
+    # pydantic appends the names of a union's branches and the like, which lead nowhere
+    path: list[int | str] = []
     value: Any = config
-    schema: Mapping[str, Any] = raw_schema()
     for part in location:
-        inner = _inner(schema, part)
         if isinstance(value, Mapping):
-            known = {str(name): name for name in cast(Mapping[Any, Any], value)}
-            if str(part) not in known:
+            inside = {str(name): inner for name, inner in cast(Mapping[Any, Any], value).items()}
+            if str(part) not in inside:
                 break
-            value, path = cast(Any, value[known[str(part)]]), [*path, part]
+            value = inside[str(part)]
         elif isinstance(value, (list, tuple)) and isinstance(part, int):
-            value, path = cast(list[Any], value)[part], [*path, part]
+            value = cast(list[Any], value)[part]
         else:
             break
-        if inner is None:
+        path.append(part)
+    return path, cast(Any, value)
+
+
+def _declared(path: Sequence[int | str]) -> tuple[Mapping[str, FieldInfo], FieldInfo | None]:
+    """Return the keys of the section that a path leads into, and the last key that is declared."""
+    section, field = whole_settings(), None
+    named: dict[str, FieldInfo] = {}
+    for part in path:
+        named = {inner.alias or name: inner for name, inner in section.model_fields.items()}
+        if str(part) not in named:
             break
-        schema = inner
-    return path, cast(Any, value), schema
+        field = named[str(part)]
+        kind = field.annotation
+        if not (isinstance(kind, type) and issubclass(kind, Section)):
+            break
+        section = kind
+    return named, field
 
 
-def _inner(schema: Mapping[str, Any], part: int | str) -> Mapping[str, Any] | None:
-    """Return the schema of one key of a mapping, or of one entry of a list."""
-    if isinstance(part, str):
-        named: dict[str, Any] = schema.get("properties", {})
-        patterns: dict[str, Any] = schema.get("patternProperties", {})
-        fitting = (inner for pattern, inner in patterns.items() if re.search(pattern, part))
-        return named.get(part) or next(fitting, None)
-    fixed: list[Mapping[str, Any]] = schema.get("prefixItems", [])
-    return fixed[part] if part < len(fixed) else schema.get("items")
-
-
-def _dotted(path: tuple[Any, ...] | list[Any]) -> str:
+def _dotted(path: Sequence[int | str]) -> str:
     return ".".join(str(part) for part in path)
+
+
+def _show(value: Any) -> str:
+    """Write a value as it would stand in JSON, text in single quotes, cut after 60 characters."""
+    text = f"'{value}'" if isinstance(value, str) else json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
+from settings_pages import documentation, editor_schema, generated_files, keys, yaml_defaults
 
 from cccd.errors import InputError
-from cccd.settings.emit import documentation, editor_schema, generated_files, keys, yaml_defaults
 from cccd.settings.root import whole_settings
 from cccd.settings.validation import validate_config
 
@@ -17,7 +17,7 @@ KEYS = [key for key in keys() if not key.group]
 
 @pytest.mark.parametrize("path", generated_files(ROOT), ids=lambda path: path.name)
 def test_generated_files_are_current(path):
-    """Run `PYTHONPATH=scripts python -m cccd.settings` when this fails."""
+    """Run `PYTHONPATH=scripts python docs/settings_pages.py` when this fails."""
     assert path.read_text(encoding="utf-8") == generated_files(ROOT)[path]
 
 
@@ -26,11 +26,12 @@ def test_every_key_says_what_it_is_and_why():
     wrong = []
     for key in KEYS:
         number = any(kind in str(key.schema) for kind in ("'number'", "'integer'"))
+        what, why = key.schema["what"], key.schema["why"]
         complaints = {
-            "what it is ends in a full stop": key.what.endswith(".") and not key.what.endswith("..."),
-            "what it is stands nowhere": not key.what,
-            "its reason is no sentence": not key.why.endswith(".") or len(key.why.split()) < 2,
-            "a number needs a unit": number and not key.unit,
+            "what it is ends in a full stop": what.endswith(".") and not what.endswith("..."),
+            "what it is stands nowhere": not what,
+            "its reason is no sentence": not why.endswith(".") or len(why.split()) < 2,
+            "a number needs a unit": number and not key.schema["unit"],
         }
         wrong += [f"{key.dotted}: {complaint}" for complaint, true in complaints.items() if true]
     assert wrong == []
