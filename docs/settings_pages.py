@@ -151,7 +151,7 @@ _SENSITIVITY_HEAD = """
 ## How much results depend on them
 
 How each figure changes, in percent, if a key has half or twice its value, or the nearest value in its range.
-Measured on outlines of phantoms, thin structures among them, by `tests/benchmarks/sensitivity.py`;
+Measured on outlines of phantoms, thin structures among them, by `bench/sensitivity.py`;
 `docs/sensitivity.csv` has all figures. Dice and distance compare splines with pixels; points is the number of
 control points.
 

@@ -35,7 +35,7 @@ PACKAGES = {
 BESIDE = "evaluate_gnn gather_phantoms generate_graphs train_gnn train_segmenter write_phantom"
 
 #: Modules of the paper's networks.
-PAPER_NETWORKS = ("network", "training", "general_gnn", "corner_graphs")
+PAPER_NETWORKS = ("network", "training", "general_gnn")
 
 #: The only modules that may import these; a package's name stands for all that is in it.
 ONLY = {

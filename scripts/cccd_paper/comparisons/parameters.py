@@ -10,7 +10,7 @@ corner.
 
 Section 2's detectors on the chain code have their functions' defaults, and the best of `CHAIN_GRID` by
 `cccd_paper.comparisons.k_sweep.search_chain` on the same slices and within the same share of pixels. No best
-lies at an end of its grid (`open_edges`). `tests/benchmarks/corner_grids.py` runs both searches.
+lies at an end of its grid (`open_edges`). `bench/corner_grids.py` runs both searches.
 """
 
 from __future__ import annotations

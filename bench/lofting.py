@@ -1,6 +1,6 @@
 """Time and memory of the whole lofting beside signed distance, isosurface and windowed sinc.
 
-    python tests/benchmarks/lofting.py [--every N] [MASK ...]
+    python bench/lofting.py [--every N] [MASK ...]
 
 Masks are files that ``cccd surface`` reads; without any it takes the MNI brain at 1 mm, every fifth slice
 of it, and phantom lungs and a kidney. Both methods get the same stack and start from the mask, ours by
@@ -16,7 +16,7 @@ from pathlib import Path
 for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "scripts"), str(Path(__file__).parent)]
 
 import numpy as np  # noqa: E402

@@ -1,7 +1,7 @@
 """How a trained network's score depends on the number of its training graphs (the paper's section 8).
 
-    python tests/benchmarks/training_graphs.py [--table FILE]
-    python tests/benchmarks/training_graphs.py --families [--table FILE] [--models FOLDER]
+    python bench/training_graphs.py [--table FILE]
+    python bench/training_graphs.py --families [--table FILE] [--models FOLDER]
 
 Both networks are trained on 25, 70 and 200 frozen training graphs of the default seed, and on no others; the
 fewer there are, the more epochs, so that all take as many steps. The same few graphs choose the epoch, the

@@ -30,7 +30,7 @@ from cccd_training.junctions.synthetic_maps import draw_map
 
 __all__ = ["STAGES"]
 
-MODEL = Path(__file__).parents[2] / "workflow" / "models" / "junctions.pt"
+MODEL = Path(__file__).parents[1] / "workflow" / "models" / "junctions.pt"
 
 Methods = dict[str, Callable[[], object]]
 

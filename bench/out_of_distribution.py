@@ -1,6 +1,6 @@
 """Boundary maps that the junction network's training never saw.
 
-    python tests/benchmarks/out_of_distribution.py
+    python bench/out_of_distribution.py
 
 The outlines are those of organs (slices of the MNI brain, of a phantom liver and kidney), where training and
 the report's table draw random blobs. The damage is not that of `cccd_datasets.corruptions`: published

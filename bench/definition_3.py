@@ -1,4 +1,4 @@
-"""Definition 3's three readings on the default cohort's masks: `python tests/benchmarks/definition_3.py`.
+"""Definition 3's three readings on the default cohort's masks: `python bench/definition_3.py`.
 
 `cccd_paper.comparisons.definition_3` has the readings. A row is a reading and a k on one structure: share
 of the pixels that are corners, Dice of the splines through them against the mask, how often corners are

@@ -1,6 +1,6 @@
 """The paper's network and ours, trained on the same number of maps and scored on the same others.
 
-    nice -n 10 python tests/benchmarks/equal_maps.py
+    nice -n 10 python bench/equal_maps.py
 
 The default run trains ours on 200 frozen maps and 2,000 fresh ones, 3,000 passes over maps in all, and the
 paper's network on its own 200 graphs, 1,600 passes. Here the paper's passes 3,000 as well, twice 1,500

@@ -1,9 +1,9 @@
 """Ours and other tools against surfaces that are known exactly, from data that every checkout has.
 
-    python tests/benchmarks/exact_truth.py [--all]            the whole table: some 10 minutes of one core
-    python tests/benchmarks/exact_truth.py ball "pial left" --slices 1 3
-    python tests/benchmarks/exact_truth.py --folder MESHES [--pixel 0.5]
-    python tests/benchmarks/exact_truth.py --thin             voxels on the wrong side, of thin masks
+    python bench/exact_truth.py [--all]            the whole table: some 10 minutes of one core
+    python bench/exact_truth.py ball "pial left" --slices 1 3
+    python bench/exact_truth.py --folder MESHES [--pixel 0.5]
+    python bench/exact_truth.py --thin             voxels on the wrong side, of thin masks
 
 Bodies are sampled at voxel centres, with slices 1, 2, 3 and 5 pixels apart, and reconstructed from the
 mask; the result is compared with the body itself, never with the voxels' steps. Bodies: analytic ones; the
@@ -34,7 +34,7 @@ for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 os.environ.setdefault("VTK_SMP_MAX_THREADS", "1")
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(Path(__file__).parent)]
 
 import numpy as np  # noqa: E402

@@ -1,6 +1,6 @@
 """Draw README's picture: a mask of thick slices as isosurface, as filtered isosurface and as spline surface.
 
-    python tests/benchmarks/readme_picture.py
+    python bench/readme_picture.py
 
 The kidney is the project's phantom, so its surface is known: the distances to it (ASSD) are printed. The
 filter is VTK's windowed sinc at the best setting of the grid in `truth_rivals`.
@@ -21,7 +21,7 @@ from truth_rivals import EDGES, by_windowed_sinc, isosurface, with_margin
 
 from cccd.geometry.mesh import Mesh
 
-PICTURE = Path(__file__).parents[2] / "docs" / "surface.png"
+PICTURE = Path(__file__).parents[1] / "docs" / "surface.png"
 #: Slices lie so many pixels of 1 mm apart.
 APART = 8.0
 #: Directions from which each surface is seen, and pixels of a view.

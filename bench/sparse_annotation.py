@@ -1,6 +1,6 @@
 """Masks of which every 5th, 10th or 20th slice was kept, filled again, beside ITK's and signed distances.
 
-    python tests/benchmarks/sparse_annotation.py [--gaps N ...] [--only NAME ...] [--csv FILE] [MASK ...]
+    python bench/sparse_annotation.py [--gaps N ...] [--only NAME ...] [--csv FILE] [MASK ...]
 
 Masks are files that ``cccd surface`` reads; without any it takes those of ``../shared/data`` that are there,
 and phantoms. The first slice that is kept lies half a gap within the organ. Three ways fill the rest: the
@@ -25,7 +25,7 @@ from pathlib import Path
 for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "scripts"), str(Path(__file__).parent)]
 
 import numpy as np  # noqa: E402

@@ -1,6 +1,6 @@
 """How many boundary maps the shipped network and its decoder order as they should: alone, and in stacks.
 
-    python tests/benchmarks/junction_maps.py [--maps 20] [--stacks 1] [--severity 1] [--kinds mixed ...]
+    python bench/junction_maps.py [--maps 20] [--stacks 1] [--severity 1] [--kinds mixed ...]
                                              [--final] [--ablation FILE]
 
 Every map is of one organ without holes, whose outline is `SHORTEST_PX` long at least. Single maps are of

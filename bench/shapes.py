@@ -1,6 +1,6 @@
 """One spline for a cohort against the least that it must beat: a template that is moved to nearest points.
 
-    python tests/benchmarks/shapes.py [--kept FOLDER] [--hippocampi N] [--bodies N] [--points N] [--table CSV]
+    python bench/shapes.py [--kept FOLDER] [--hippocampi N] [--bodies N] [--points N] [--table CSV]
 
 Cohorts: mixtures of five smooth deformations of a body with two bumps and a hollow, whose correspondence is
 known, and the hippocampi of /work/shared/data, where they are. All methods move the same template, which
@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(ROOT / "tests/unit/shapes")]
 
 import numpy as np  # noqa: E402

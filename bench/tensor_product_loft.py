@@ -1,4 +1,4 @@
-"""Tune the paper's surface, eq. (10), on training phantoms: `python tests/benchmarks/tensor_product_loft.py`.
+"""Tune the paper's surface, eq. (10), on training phantoms: `python bench/tensor_product_loft.py`.
 
 The paper prints the equation, but not k, the number of control points around a slice, nor what becomes of
 the half pixel beyond pixels' centres and of the ends

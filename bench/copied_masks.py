@@ -1,6 +1,6 @@
 """Masks computed on coarse voxels and copied to a scan's fine ones: ours beside tuned isosurfaces.
 
-    python tests/benchmarks/copied_masks.py [--table FILE]
+    python bench/copied_masks.py [--table FILE]
 
 Phantoms, whose surface is known, are cut at voxels of 1.5 and 3 mm and copied to .75 x .75 x 1 mm as
 `scipy.ndimage.zoom` of order 0 does, and with it TotalSegmentator. The isosurfaces are those of the report,
@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "scripts")]
 
 import numpy as np  # noqa: E402

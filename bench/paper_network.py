@@ -1,6 +1,6 @@
 """The paper's network: a sweep over channels and learning rate, what the best one learns, and where it fails.
 
-    nice -n 15 python tests/benchmarks/paper_network.py --folder paper_network
+    nice -n 15 python bench/paper_network.py --folder paper_network
 
 Every network is Spektral's `GeneralGNN` (`cccd_paper.junctions.general_gnn`), trained on the run's 200 graphs
 for the same number of epochs and scored on the 40 validation graphs: F1 of its links, share of maps whose

@@ -1,6 +1,6 @@
 """How much results depend on a number that a user may set: at half, once and twice its value.
 
-    python tests/benchmarks/sensitivity.py [--only curves ...] [--table FILE] [--fresh]
+    python bench/sensitivity.py [--only curves ...] [--table FILE] [--fresh]
 
 Keys of the curves are tried on outlines of phantoms. One key at a time, all others at their defaults.
 A value that its range does not allow becomes the nearest that it does (halfway to a bound that it must not

@@ -1,6 +1,6 @@
 """A blind set that others can rerun: the parallel-plane solids of OReX, every method against the true solid.
 
-    python tests/benchmarks/orex.py [FOLDER]
+    python bench/orex.py [FOLDER]
 
 OReX (Sawdayee, Vaxman and Bermano, CVPR 2023; github.com/haimsaw/OReX) publishes contours on a few planes
 (``.csl``) and the solids that they were cut from. Nothing here was tuned on them. ``FOLDER`` is a checkout of

@@ -1,6 +1,6 @@
 """Run the benchmarks, all or some, with a table and a figure of the results.
 
-    python tests/benchmarks/run.py [--sizes 2] [--out FOLDER] [junctions network curves surface pipeline]
+    python bench/run.py [--sizes 2] [--out FOLDER] [junctions network curves surface pipeline]
 
 Every method is timed beside its peers in the same process, on one thread, at sizes that double. Time is
 processor time, the least of three runs, so that other people's load does not count; memory is the peak
@@ -21,7 +21,7 @@ from pathlib import Path
 for library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "scripts"), str(Path(__file__).parent)]
 
 import matplotlib  # noqa: E402

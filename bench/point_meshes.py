@@ -1,4 +1,4 @@
-"""Surfaces from points alone, the paper's [3] to [5]: `python tests/benchmarks/point_meshes.py`.
+"""Surfaces from points alone, the paper's [3] to [5]: `python bench/point_meshes.py`.
 
 Ball pivoting, alpha shapes and Poisson reconstruction (Open3D, `pip install open3d`; it needs the system's
 libusb-1.0) get the pixels of the default cohort's outlines, as the paper's loft does. All are measured

@@ -2,7 +2,7 @@
 
     pip install niimath
     python -m venv slicer && slicer/bin/pip install slicer-core
-    CCCD_SLICER_PYTHON=slicer/bin/python python tests/benchmarks/programs.py
+    CCCD_SLICER_PYTHON=slicer/bin/python python bench/programs.py
 
 Both programs are optional: one that is not there has no row, and a line says so. Structures are those of the
 default cohort that have a mask, whole and, but for the letters, from every n-th slice. All methods get the

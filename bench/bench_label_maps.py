@@ -1,6 +1,6 @@
 """Whole label maps: shared walls beside vtkSurfaceNets3D at its best of a grid of settings.
 
-    PYTHONPATH=scripts python tests/benchmarks/bench_label_maps.py
+    PYTHONPATH=scripts python bench/bench_label_maps.py
 
 A ball of three sectors around a smaller ball, 48 x 48 x 48 voxels. The truth is the same map at a quarter of
 the voxel: distances are between surfaces (ASSD, mean over the organs), bending is that within walls, lines

@@ -1,6 +1,6 @@
 """What each mechanism of the surface gives: every stack is lofted without it, beside the whole.
 
-    python tests/benchmarks/ablation.py [--table FILE] [--mechanisms NAME ...]      some minutes of one core
+    python bench/ablation.py [--table FILE] [--mechanisms NAME ...]      some minutes of one core
 
 Stacks are sampled from surfaces that are known exactly: bodies of exact_truth.py, and trees of thin tubes.
 The table goes to docs/measured/ablation.csv; its means go into docs/research/ablation.md.
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(Path(__file__).parent)]
 
 import numpy as np  # noqa: E402

@@ -1,9 +1,9 @@
 """The paper's graphs read as graphs of corners: what the network learns on them, and what they take.
 
-    nice -n 15 python tests/benchmarks/corner_graphs.py
+    nice -n 15 python bench/corner_graphs.py
 
 Section 4.3 has 290 graphs of liver contours, whose corners number 1,917 over the data set
-(`cccd_paper.junctions.corner_graphs`). Here they come from one liver of another phantom than the reported
+(`corner_graph_data`). Here they come from one liver of another phantom than the reported
 one, 66 slices 2.5 mm apart, and k = 12 of Definition 3, at which its different corner points are nearest to
 1,917. The network is trained twice, with features +1 and -1 as printed and with the corners' places as
 well, and scored on the 50 test graphs, whose slices it has not seen. "no network" gives links random
@@ -23,18 +23,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import torch
-
-from cccd.settings.junctions import NetworkSettings
-from cccd.settings.root import Settings
-from cccd.tracing import trace_mask
-from cccd_datasets.phantoms import make_phantom
-from cccd_paper.junctions.corner_graphs import (
+from corner_graph_data import (
     corner_data,
     dense_matrices,
     draw_splits,
     is_right,
     number_corners,
 )
+
+from cccd.settings.junctions import NetworkSettings
+from cccd.settings.root import Settings
+from cccd.tracing import trace_mask
+from cccd_datasets.phantoms import make_phantom
 from cccd_paper.junctions.training import LinkTask
 from cccd_training.junctions.frozen_graphs import PAPER_GRAPHS
 from cccd_training.junctions.loop import train_task

@@ -1,10 +1,10 @@
-"""Corner detectors with every chance: `python tests/benchmarks/corner_grids.py`.
+"""Corner detectors with every chance: `python bench/corner_grids.py`.
 
 Searches the grids of the detectors on pixels and on the chain code on training phantoms, of a case that no
 cohort reports on, and writes two tables into docs/measured. `corner_grids.csv` has the best of each grid,
 which stands in `cccd_paper.comparisons.parameters` too; of those as good, one inside the grid.
 `equal_points.csv` has the detectors on the default cohort at equal numbers of points
-(`cccd_paper.comparisons.equal_points`). It takes about half an hour of one core.
+(`equal_points`). It takes about half an hour of one core.
 """
 
 from one_core import ROOT  # isort: skip
@@ -15,13 +15,13 @@ from pathlib import Path
 
 import pandas as pd
 from definition_3 import structures
+from equal_points import CHAIN, choose_for_shares, measure_at_shares
 
 from cccd.containers import Frame
 from cccd.settings.imports import PhantomSettings
 from cccd.tracing import trace_mask
 from cccd_datasets.phantoms import make_phantom
 from cccd_paper.comparisons.corner_comparison import search
-from cccd_paper.comparisons.equal_points import CHAIN, choose_for_shares, measure_at_shares
 from cccd_paper.comparisons.k_sweep import search_chain
 from cccd_paper.comparisons.parameters import CHAIN_GRID, GRID, open_edges
 from cccd_paper.comparisons.samples import SliceSample, choose_slices

@@ -1,6 +1,6 @@
 """Trees of thin tubes whose surface is known: ours beside a tuned isosurface, by the radius of the trunk.
 
-    python tests/benchmarks/thin_trees.py [--table FILE]
+    python bench/thin_trees.py [--table FILE]
 
 A trunk forks twice, tubes taper and bend; the thinnest have .46 of its radius. Masks are cut at pixels
 of 1 mm and slices 1 to 3 mm apart. The isosurface is that of signed distances, smoothed by windowed sinc at
@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "scripts")]
 
 import numpy as np  # noqa: E402

@@ -1,6 +1,6 @@
 """What whole label maps cost, in ``docs/measured/label_maps.csv``: seconds, memory, triangles, volumes.
 
-    python tests/benchmarks/label_map_costs.py FOLDER [MAP ...]
+    python bench/label_map_costs.py FOLDER [MAP ...]
 
 A map is a file of the folder; the others' rows stay. ``spine.nii.gz``, ``brain.nii.gz`` and ``body.nii.gz``
 are made there where they are missing: 14 labels on 17 slices of 512 x 512; MNI's grey and white matter
@@ -34,7 +34,7 @@ from cccd.settings.root import Settings
 from cccd.surface.measure import mask_surface, voxel_volume
 from cccd_labels.whole_map import WholeMap
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "docs" / "measured" / "label_maps.csv"
 CT = ROOT.parent / "shared" / "data" / "liver_totalseg_ct3mm" / "labels.nii.gz"
 COMMAND = (sys.executable, "-c", "import sys; from cccd.cli import main; sys.exit(main())")

@@ -1,9 +1,6 @@
 import numpy as np
 import pytest
-
-from cccd.containers import Frame
-from cccd.tracing import trace_stack
-from cccd_paper.junctions.corner_graphs import (
+from corner_graph_data import (
     corner_data,
     dense_matrices,
     draw_graph,
@@ -11,6 +8,9 @@ from cccd_paper.junctions.corner_graphs import (
     is_right,
     number_corners,
 )
+
+from cccd.containers import Frame
+from cccd.tracing import trace_stack
 
 FRAME = Frame(np.eye(4), 2, (60, 60, 3))
 RINGS = [np.array([3, 7, 1, 9]), np.array([0, 2, 5])]

@@ -1,6 +1,6 @@
 """Whether more maps or a wider network would help: scores by maps seen and by parameters.
 
-    python tests/benchmarks/scaling.py [--maps N ...] [--widths N ...] [--table FILE]
+    python bench/scaling.py [--maps N ...] [--widths N ...] [--table FILE]
 
 The junction network is trained from scratch on fresh maps, in one cycle of the learning rate each time, and
 scored on 300 maps that no training sees. The table that is committed is docs/scaling.csv; it took some half

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pandas as pd
+from equal_points import CHAIN, choose_for_shares, measure_at_shares
 from support.known_curves import bean
 
 from cccd.containers import Frame, Structure
 from cccd.geometry.raster import rasterise
 from cccd.tracing import trace_mask
-from cccd_paper.comparisons.equal_points import CHAIN, choose_for_shares, measure_at_shares
 from cccd_paper.comparisons.samples import choose_slices
 
 
