@@ -84,6 +84,12 @@ __all__ = [
     "write_view",
 ]
 
+#: Columns of ragged containers, and what they are stored as.
+_BOUNDARIES = {"points": np.int32, "offsets": np.int64, "slice": np.int32}
+_CURVES = {"points": np.float64, "offsets": np.int64, "slice": np.int32, "hole": bool}
+_SPLINES = {"control_points": np.float64, "offsets": np.int64, "knots": np.float64, "knot_offsets": np.int64}
+_CONFORMING = {"vertices": np.float64, "triangles": np.int64, "regions": np.int64}
+
 #: Attributes of the error band, and how near in mm vertices are that were kept as single floats.
 _BAND_FACTS = (
     *("share", "volume_factor", "extrapolated", "length_mm"),
@@ -192,6 +198,17 @@ def _get(group: h5py.Group, name: str) -> npt.NDArray[Any]:
 
 def _get_if_there(group: h5py.Group, name: str) -> npt.NDArray[Any] | None:
     return _get(group, name) if name in group else None
+
+
+def _put_columns(group: h5py.Group, source: object, columns: Mapping[str, npt.DTypeLike]) -> None:
+    """Write attributes of an object as arrays of the same names."""
+    for name, dtype in columns.items():
+        _put(group, name, getattr(source, name), dtype)
+
+
+def _get_columns(group: h5py.Group, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
+    """Read arrays by their names."""
+    return {name: _get(group, name) for name in names}
 
 
 def _put_json(group: h5py.Group, name: str, value: object) -> None:
@@ -388,16 +405,13 @@ def write_boundaries(path: str | Path, boundaries: Boundaries) -> None:
     """Write ``boundaries.h5``."""
     with _create(path) as file:
         _put_frame(file, boundaries.frame)
-        _put(file, "pixels/points", boundaries.points, np.int32)
-        _put(file, "pixels/offsets", boundaries.offsets, np.int64)
-        _put(file, "pixels/slice", boundaries.slice, np.int32)
+        _put_columns(file.create_group("pixels"), boundaries, _BOUNDARIES)
 
 
 def read_boundaries(path: str | Path) -> Boundaries:
     """Read ``boundaries.h5``."""
     with _open(path) as file:
-        points, offsets, slices = (_get(file, f"pixels/{name}") for name in ("points", "offsets", "slice"))
-        return Boundaries(points, offsets, slices, _get_frame(file))
+        return Boundaries(**_get_columns(file["pixels"], _BOUNDARIES), frame=_get_frame(file))
 
 
 # contours.h5 and curves.h5 --------------------------------------------------------------------------
@@ -427,17 +441,14 @@ def read_contours(path: str | Path) -> Curves:
 
 
 def _put_curves(group: h5py.Group, curves: Curves) -> None:
-    _put(group, "points", curves.points, np.float64)
-    _put(group, "offsets", curves.offsets, np.int64)
-    _put(group, "slice", curves.slice, np.int32)
-    _put(group, "hole", curves.hole, bool)
+    _put_columns(group, curves, _CURVES)
     if curves.uncertainty is not None:
         _put(group, "uncertainty", curves.uncertainty, np.float64)
 
 
 def _get_curves(group: h5py.Group, frame: Frame) -> Curves:
-    points, offsets, slices, hole = (_get(group, name) for name in ("points", "offsets", "slice", "hole"))
-    return Curves(points, offsets, slices, hole, frame, _get_if_there(group, "uncertainty"))
+    uncertainty = _get_if_there(group, "uncertainty")
+    return Curves(**_get_columns(group, _CURVES), frame=frame, uncertainty=uncertainty)
 
 
 def write_curves(path: str | Path, fitted: FittedCurves) -> None:
@@ -450,12 +461,9 @@ def write_curves(path: str | Path, fitted: FittedCurves) -> None:
         _put(file, "chain_codes/offsets", fitted.curves.offsets, np.int64)
         _put(file, "corners/points", fitted.corners, np.float64)
         _put(file, "corners/offsets", fitted.corner_offsets, np.int64)
-        group, splines = file.create_group("splines"), fitted.splines
-        group.attrs["degree"] = splines.degree
-        _put(group, "control_points", splines.control_points, np.float64)
-        _put(group, "offsets", splines.offsets, np.int64)
-        _put(group, "knots", splines.knots, np.float64)
-        _put(group, "knot_offsets", splines.knot_offsets, np.int64)
+        group = file.create_group("splines")
+        group.attrs["degree"] = fitted.splines.degree
+        _put_columns(group, fitted.splines, _SPLINES)
 
 
 def read_curves(path: str | Path) -> Curves:
@@ -474,14 +482,10 @@ def read_splines(path: str | Path) -> Splines:
     """Read the closed splines of ``curves.h5``."""
     with _open(path) as file:
         return Splines(
-            _get(file, "splines/control_points"),
-            _get(file, "splines/offsets"),
-            _get(file, "splines/knots"),
-            _get(file, "splines/knot_offsets"),
-            _get(file, "ordered/slice"),
-            _get(file, "ordered/hole"),
-            int(file["splines"].attrs["degree"]),
-            _get_frame(file),
+            **_get_columns(file["splines"], _SPLINES),
+            **_get_columns(file["ordered"], ("slice", "hole")),
+            degree=int(file["splines"].attrs["degree"]),
+            frame=_get_frame(file),
         )
 
 
@@ -761,9 +765,7 @@ def read_surface_frame(path: str | Path) -> Frame:
 def write_conforming(path: str | Path, surface: ConformingSurface, report: Mapping[str, Any]) -> None:
     """Write the surfaces of a case's organs that share their walls, and what was measured on the way."""
     with _create(path) as file:
-        _put(file, "vertices", surface.vertices, np.float64)
-        _put(file, "triangles", surface.triangles, np.int64)
-        _put(file, "regions", surface.regions, np.int64)
+        _put_columns(file, surface, _CONFORMING)
         _put_json(file, "names", {str(label): name for label, name in surface.names.items()})
         _put_json(file, "report", report)
 
@@ -774,6 +776,4 @@ def read_conforming(path: str | Path) -> ConformingSurface:
 
     with _open(path) as file:
         names = {int(label): name for label, name in _get_json(file, "names").items()}
-        return ConformingSurface(
-            _get(file, "vertices"), _get(file, "triangles"), _get(file, "regions"), names
-        )
+        return ConformingSurface(**_get_columns(file, _CONFORMING), names=names)

@@ -8,13 +8,13 @@ from typing import Any
 
 import torch
 
-from cccd.devices import chosen_device
 from cccd.lookup import find
-from cccd.model_header import foreign, read_header
 from cccd.plugins import table
-from cccd.torch_files import save_content
 from cccd_junctions.inference import LoopPredictor
 from cccd_junctions.network import JunctionNetwork
+from cccd_networks.devices import chosen_device
+from cccd_networks.model_header import foreign, read_header
+from cccd_networks.torch_files import save_content
 
 __all__ = ["load_model", "read_model", "save_model"]
 
@@ -47,7 +47,7 @@ def read_model(path: str | Path) -> dict[str, Any]:
 
 
 def load_model(path: str | Path) -> JunctionNetwork | LoopPredictor:
-    """Read a trained network, ready for prediction, on the device that `cccd.devices` chooses.
+    """Read a trained network, ready for prediction, on the device that `cccd_networks.devices` chooses.
 
     Raises
     ------

@@ -95,11 +95,8 @@ def _surveyed(label: MapLabel, part: Volume | None, number: int) -> SurveyedLabe
     volume = None
     if part is not None:
         volume = float(np.count_nonzero(part.data) * abs(np.linalg.det(part.affine[:3, :3])) / 1000)
-    note = (
-        f"{label.left_out}: too small for a surface"
-        if part is not None and label.left_out
-        else label.left_out
-    )
+    small = part is not None and label.left_out
+    note = f"{label.left_out}: too small for a surface" if small else label.left_out
     return SurveyedLabel(label.label, label.name, volume, note, label.colour or colour_of(number))
 
 
@@ -146,11 +143,8 @@ def survey_labels(
     ranks = np.zeros(voxels_of(structure).shape, np.int32)
     for _, part, rank in sorted(there, key=lambda found: -(found[0].volume_ml or 0)):
         _paint(ranks, affine_of(structure), part, rank)
-    return (
-        structure,
-        told,
-        DrawnLabels(ranks, [label.colour for label in told], [label.caption for label in told]),
-    )
+    drawn = DrawnLabels(ranks, [label.colour for label in told], [label.caption for label in told])
+    return structure, told, drawn
 
 
 def _paint(ranks: AnyArray, affine: FloatArray, part: Volume, rank: int) -> None:

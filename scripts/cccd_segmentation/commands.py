@@ -10,10 +10,10 @@ from pathlib import Path
 
 import cccd
 from cccd.commands.outputs import check_files, check_outputs, describe_surface, plain_stem, print_surface
-from cccd.devices import DEVICE
 from cccd.errors import InputError
 from cccd.inputs.load import existing
 from cccd.inputs.row_files import read_image
+from cccd_networks.devices import DEVICE
 from cccd_segmentation.segment import find_segmenter, segment, write_labels
 
 __all__ = ["add_segment"]

@@ -8,9 +8,9 @@ from typing import Any
 import torch
 from torch import nn
 
-from cccd.devices import chosen_device
-from cccd.model_header import foreign_segmenter, read_segmenter_plan
-from cccd.torch_files import save_content
+from cccd_networks.devices import chosen_device
+from cccd_networks.model_header import foreign_segmenter, read_segmenter_plan
+from cccd_networks.torch_files import save_content
 from cccd_segmentation.networks import build
 from cccd_segmentation.plan import Plan
 
@@ -51,7 +51,7 @@ def _restored(stored: Any) -> torch.Tensor:
 
 
 def load_segmenter(path: str | Path) -> Segmenter:
-    """Read a trained network, ready for prediction, on the device that `cccd.devices` chooses.
+    """Read a trained network, ready for prediction, on the device that `cccd_networks.devices` chooses.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from cccd.settings.imports import ImportSettings, RegionSettings
 from cccd_segmentation.growing import grow_region
 from cccd_segmentation.seeds import parse_seeds
 
-__all__ = ["brain_of_stripped", "by_seed", "by_stripping", "by_threshold", "find_region"]
+__all__ = ["by_seed", "by_stripping", "by_threshold", "find_region"]
 
 #: A mask, and how it was found, for provenance.
 Found: TypeAlias = tuple[Volume, dict[str, Any]]
@@ -25,18 +25,10 @@ Found: TypeAlias = tuple[Volume, dict[str, Any]]
 def by_threshold(image: Volume, request: Request, settings: ImportSettings) -> Found:
     """Find the organ by its grey values, as the request's window and the settings' ``region`` say."""
     axis = slice_axis_of(image, settings)
-    found, bounds = find_region(
-        image.data, image.location, settings.region, slice_axis=axis, window=request.window
-    )
-    window = [None if np.isinf(bound) else bound for bound in bounds]
-    region = settings.region.as_config() | {"window": window}
+    found, bounds = find_region(image.data, image.location, settings.region, request.window, slice_axis=axis)
+    region = settings.region.as_config() | {"window": [None if np.isinf(one) else one for one in bounds]}
     note = f"{image.location}: no mask; the organ is found by a threshold: grey values {_range(*bounds)}"
     return Volume(found, image.affine, image.location, warnings=[note]), {"region": region}
-
-
-def by_stripping(image: Volume, request: Request, settings: ImportSettings) -> Found:
-    """Take the brain that skull stripping left."""
-    return brain_of_stripped(image), {}
 
 
 def by_seed(image: Volume, request: Request, settings: ImportSettings) -> Found:
@@ -44,7 +36,7 @@ def by_seed(image: Volume, request: Request, settings: ImportSettings) -> Found:
     seeds = [seed for text in request.seeds for seed in parse_seeds(text, image.location)]
     spacing = np.linalg.norm(image.affine[:3, :3], axis=0)
     grown = grow_region(image.data, spacing, seeds, slice_axis_of(image, settings), image.location)
-    tissue = [round(grown.low, 4), round(grown.high, 4)]
+    tissue = [round(end, 4) for end in (grown.low, grown.high)]
     note = (
         f"{image.location}: no mask; the organ is grown from seed {'; '.join(map(str, seeds))}: "
         f"grey values {_range(*tissue)} after smoothing"
@@ -69,9 +61,9 @@ def find_region(
     image: SingleArray,
     location: str,
     settings: RegionSettings,
+    window: tuple[float | None, float | None] | None = None,
     *,
     slice_axis: int,
-    window: tuple[float | None, float | None] | None = None,
 ) -> tuple[BoolArray, tuple[float, float]]:
     """Find an organ by its grey values.
 
@@ -84,10 +76,10 @@ def find_region(
     settings : RegionSettings
         Otsu's threshold is that of IEEE Trans. SMC 9:62, 1979; components are 6-connected. With
         ``drop_border``, an organ that is cut by the scan's first or last slice stays.
-    slice_axis : int
-        Axis along which slices run.
     window : (float or None, float or None), optional
         In place of the settings'.
+    slice_axis : int
+        Axis along which slices run.
 
     Returns
     -------
@@ -135,16 +127,13 @@ def _reaching_sides(labels: AnyArray, slice_axis: int) -> AnyArray:
     return np.unique(np.concatenate(sides))
 
 
-def brain_of_stripped(image: Volume) -> Volume:
+def by_stripping(image: Volume, request: Request, settings: ImportSettings) -> Found:
     """Find the brain in a skull-stripped scan: the largest component of what is not zero, cavities filled.
 
-    Returns
-    -------
-    Volume
-        Boolean, on the grid of ``image``; empty where the image is zero throughout.
+    The mask is empty where the image is zero throughout.
     """
     labels, count = ndimage.label(image.data != 0)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     sizes[0] = 0
     mask = ndimage.binary_fill_holes(labels == sizes.argmax()) if count else labels > 0
-    return Volume(mask, image.affine, image.location)
+    return Volume(mask, image.affine, image.location), {}

@@ -14,10 +14,10 @@ from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray, SingleArray
 from cccd.inputs.grid import Volume
 from cccd.inputs.nifti_export import write_nifti
-from cccd.model_header import read_segmenter_plan
 from cccd.project import PROJECT
 from cccd.settings.messages import choices
 from cccd.store import atomic_path, write_json
+from cccd_networks.model_header import read_segmenter_plan
 from cccd_segmentation.external import run_external
 from cccd_segmentation.settings import INSTALLED_SEGMENTERS, is_installed_segmenter
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 
-from cccd.torch_files import save_content
+from cccd_networks.torch_files import save_content
 
 __all__ = ["Checkpoints"]
 

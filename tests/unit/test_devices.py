@@ -5,9 +5,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from cccd.devices import DEVICE, chosen_device  # noqa: E402
 from cccd.errors import InputError  # noqa: E402
 from cccd.project import PROJECT  # noqa: E402
+from cccd_networks.devices import DEVICE, chosen_device  # noqa: E402
 
 GPU = torch.cuda.is_available()
 

@@ -9,7 +9,7 @@ SCRIPTS = ROOT / "scripts"
 PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
 
 #: Folders that a path in the docs may begin with; ``<name>`` in one stands for any name.
-FOLDERS = ("config", "docs", "envs", "scripts", "tests", "workflow")
+FOLDERS = ("bench", "config", "docs", "envs", "scripts", "tests", "workflow")
 
 
 #: Suffixes of files that may tell how to install something.

@@ -13,8 +13,8 @@ import pytest
 import torch
 
 from cccd.errors import InputError
-from cccd.model_header import read_header
 from cccd_junctions.checkpoint import load_model
+from cccd_networks.model_header import read_header
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "scripts").rglob("*.py"))
@@ -47,7 +47,7 @@ def calls(source: Path):
 #: Read what models and nnU-Net say of themselves, by unpicklers that know plain values only, or write a ZIP.
 UNPICKLERS = {
     ROOT / "scripts" / "cccd" / "torch_files.py": {"zipfile"},
-    ROOT / "scripts" / "cccd" / "model_header.py": {"pickle", "zipfile"},
+    ROOT / "scripts" / "cccd_networks" / "model_header.py": {"pickle", "zipfile"},
     ROOT / "scripts" / "cccd" / "inputs" / "nnunet.py": {"pickle"},
 }
 

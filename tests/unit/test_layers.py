@@ -16,18 +16,19 @@ SCRIPTS = ROOT / "scripts"
 #: Which packages each may import beside the core, without "cccd_". What they add to the core, they register.
 PACKAGES = {
     "cccd": "",
-    "cccd_segmentation": "",
+    "cccd_networks": "",
+    "cccd_segmentation": "networks",
     "cccd_datasets": "",
-    "cccd_junctions": "",
+    "cccd_junctions": "networks",
     "cccd_solids": "",
     "cccd_tetrahedra": "",
     "cccd_vessels": "tetrahedra",
     "cccd_dicom": "",
     "cccd_labels": "",
     "cccd_shapes": "labels",
-    "cccd_workflow": "labels segmentation tetrahedra",
+    "cccd_workflow": "labels networks segmentation tetrahedra",
     "cccd_calibration": "workflow",
-    "cccd_training": "calibration datasets junctions segmentation",
+    "cccd_training": "calibration datasets junctions networks segmentation",
     "cccd_paper": "datasets junctions segmentation training workflow",
 }
 
@@ -45,7 +46,7 @@ ONLY = {
         *(f"cccd_training.segmentation.{name}" for name in ("examples", "training", "scores")),
     },
     "torch": {
-        *("cccd.torch_files", "cccd.devices"),
+        *("cccd_networks.torch_files", "cccd_networks.devices"),
         *(f"cccd_segmentation.{name}" for name in ("networks", "plain_unet", "grids", "inference", "model")),
         *(f"cccd_junctions.{name}" for name in ("layers", "network", "graph_data", "energy", "checkpoint")),
         *("cccd_training", "cccd_paper.segmentation"),

@@ -8,21 +8,23 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 21267,
+    "scripts/cccd": 20821,
     "scripts/cccd_calibration": 737,
     "scripts/cccd_datasets": 1783,
     "scripts/cccd_dicom": 1325,
     "scripts/cccd_junctions": 3927,
-    "scripts/cccd_labels": 2744,
-    "scripts/cccd_paper": 9501,
-    "scripts/cccd_segmentation": 1718,
+    "scripts/cccd_labels": 2743,
+    "scripts/cccd_networks": 213,
+    "scripts/cccd_paper": 9248,
+    "scripts/cccd_segmentation": 1713,
     "scripts/cccd_shapes": 1388,
     "scripts/cccd_solids": 1982,
     "scripts/cccd_tetrahedra": 1534,
     "scripts/cccd_training": 3649,
     "scripts/cccd_vessels": 1914,
-    "scripts/cccd_workflow": 5976,
-    "tests": 29712,
+    "scripts/cccd_workflow": 5967,
+    "bench": 4772,
+    "tests": 25200,
 }
 
 

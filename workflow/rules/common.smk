@@ -20,7 +20,7 @@ if (ROOT / "scripts" / "cccd").is_dir():
 from snakemake.cli import parse_args
 
 from cccd.console import shorten
-from cccd.devices import DEVICE
+from cccd_networks.devices import DEVICE
 from cccd.errors import InputError
 from cccd_workflow.job import BATCH, take_placeholders_away
 from cccd_workflow.plan.checks import PlannedJob, check_jobs, check_slurm

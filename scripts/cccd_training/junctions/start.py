@@ -38,7 +38,7 @@ def fingerprint(graphs_path: str | Path, settings: NetworkSettings, seed: int) -
 def start_from(model: nn.Module, path: str | Path) -> None:
     """Put a file's weights into a network, in place.
 
-    Whether they fit says `cccd.model_header.check_start`.
+    Whether they fit says `cccd_networks.model_header.check_start`.
 
     What is new (features, messages, layers) hardly acts at first: its messages are scaled down.
     """

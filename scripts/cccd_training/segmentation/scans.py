@@ -71,10 +71,9 @@ def _classes(values: AnyArray, labels: Sequence[int], location: str) -> AnyArray
     """Numbers 1, 2, ... of the labels, 0 elsewhere."""
     values = np.rint(values).astype(np.int64)
     present = [int(value) for value in np.unique(values) if value > 0]
-    lacking = [label for label in labels if label not in present]
-    if lacking:
-        named = " and ".join(map(str, lacking))
-        raise InputError(location, f"the mask lacks label {named} of segmentation: labels", choices(present))
+    absent = " and ".join(str(label) for label in labels if label not in present)
+    if absent:
+        raise InputError(location, f"the mask lacks label {absent} of segmentation: labels", choices(present))
     classes = np.zeros(values.shape, np.uint8)
     for number, label in enumerate(labels, start=1):
         classes[values == label] = number

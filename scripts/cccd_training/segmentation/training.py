@@ -17,8 +17,8 @@ from monai.losses.dice import DiceCELoss
 from torch import Tensor, nn
 from tqdm import tqdm
 
-from cccd.devices import chosen_device
 from cccd.metrics import dice
+from cccd_networks.devices import chosen_device
 from cccd_segmentation.inference import device_of, labels_of, predict, probabilities
 from cccd_segmentation.model import load_segmenter
 from cccd_segmentation.networks import build, networks, parameters

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cccd.errors import InputError
-from cccd.model_header import check_model, check_start, read_segmenter_plan
 from cccd.plugins import table
 from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
+from cccd_networks.model_header import check_model, check_start, read_segmenter_plan
 from cccd_segmentation.networks import networks
 from cccd_segmentation.settings import INSTALLED_SEGMENTERS, is_installed_segmenter
 from cccd_workflow.plan.cohort import PlannedCohort, near
