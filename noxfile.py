@@ -6,7 +6,7 @@ import nox
 
 nox.options.default_venv_backend = "venv"
 nox.options.reuse_existing_virtualenvs = True
-nox.options.sessions = ["lint", "types", "tests"]
+nox.options.sessions = ["lint", "words", "types", "tests"]
 
 #: The versions of `.ci/run` and `.pre-commit-config.yaml`; a test compares them.
 LINTERS = ("ruff==0.17.5", "snakefmt==2.1.0", "codespell==2.4.1", "proselint==0.16.0")
@@ -30,6 +30,13 @@ def lint(session: nox.Session) -> None:
         "docs/joss",
     ]
     session.run("proselint", "check", *map(str, pages))
+
+
+@nox.session
+def words(session: nox.Session) -> None:
+    """Look for words of our own in pages, messages and public docstrings."""
+    session.install("-r", "envs/requirements.txt")
+    session.run("python", "docs/plain_words.py")
 
 
 @nox.session
