@@ -8,12 +8,12 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 20821,
+    "scripts/cccd": 20759,
     "scripts/cccd_calibration": 737,
     "scripts/cccd_datasets": 1783,
     "scripts/cccd_dicom": 1325,
     "scripts/cccd_junctions": 3927,
-    "scripts/cccd_labels": 2743,
+    "scripts/cccd_labels": 2744,
     "scripts/cccd_networks": 213,
     "scripts/cccd_paper": 9248,
     "scripts/cccd_segmentation": 1713,
@@ -24,7 +24,7 @@ MOST_LINES = {
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5967,
     "bench": 4772,
-    "tests": 25116,
+    "tests": 25120,
 }
 
 

@@ -99,11 +99,6 @@ def add_surface(command: argparse.ArgumentParser) -> None:
 
 
 def _surface(given: argparse.Namespace) -> int:
-    if not given.input.is_file():
-        from cccd.inputs.zarr_labels import is_zarr
-
-        if is_zarr(given.input):
-            return _surface_of_zarr(given)
     option = "--seed" if given.seed else "--threshold" if given.threshold is not None else None
     stem = plain_stem(given.input)
     if option:
@@ -181,31 +176,6 @@ def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
     files = [file for path in outputs for file in write_with_band(surface, path, settings, False)]
     made = describe_surface(surface, files, time.perf_counter() - began)
     print_surfaces(given, [made])
-    return 0
-
-
-def _surface_of_zarr(given: argparse.Namespace) -> int:
-    """Make a surface of a label in an OME-Zarr."""
-    import cccd
-    from cccd.inputs.zarr_labels import open_zarr
-
-    other = (
-        *(given.all_labels, given.boundary, given.threshold is not None, given.image, given.like),
-        *(given.seed, given.triangles, given.edge_mm, given.samples),
-    )
-    if any(other):
-        problem = "an OME-Zarr is read as a label map, one label at a time"
-        raise InputError(given.input.name, problem, "give --label, and leave --all-labels and its like out")
-    stem = given.input.absolute().name.removesuffix(".zarr").removesuffix(".ome") or "surface"
-    outputs = given.output or [Path(f"{stem}.ply")]
-    settings = settings_of(given)
-    check_outputs(outputs, [])
-    labels = open_zarr(given.input)
-    began = time.perf_counter()
-    surface = cccd.reconstruct(labels.whole(given.label), labels.affine, settings=settings)
-    files = [file for path in outputs for file in write_with_band(surface, path, settings, given.band)]
-    made = describe_surface(surface, files, time.perf_counter() - began)
-    print_surfaces(given, [made | {"organ": stem}])
     return 0
 
 

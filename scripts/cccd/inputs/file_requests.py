@@ -14,7 +14,7 @@ from cccd.errors import InputError
 from cccd.inputs.annotation import AUTO, NONEMPTY, RULES
 from cccd.inputs.grey_values import image_without_mask
 from cccd.inputs.load import existing
-from cccd.inputs.readers import SUFFIXES, without_suffix
+from cccd.inputs.readers import SUFFIXES, is_zarr, without_suffix
 from cccd.request import Request
 from cccd.settings.messages import nearest
 
@@ -114,7 +114,7 @@ def check_rule(annotated: str) -> str:
 
 def name_of(path: Path) -> str:
     """Return a file's name without the suffix of its format, a folder's as it is."""
-    if path.is_dir():
+    if path.is_dir() and not is_zarr(path):
         return path.name
     plain = without_suffix(path.name)
     return path.stem if plain is None else plain
@@ -133,6 +133,8 @@ def holds_series(folder: Path) -> bool:
 
 def _is_image(path: Path) -> bool:
     """Whether a path is a DICOM image or series without a mask."""
+    if is_zarr(path):
+        return False
     if not path.is_dir():
         return dicom_modality(path) not in (None, "", *_OBJECTS)
     files = [file for file in path.rglob("*") if file.is_file()]

@@ -33,6 +33,7 @@ __all__ = [
     "SUFFIXES",
     "dataset_names",
     "guarded",
+    "is_zarr",
     "itk_affine",
     "read_itk",
     "read_nifti",
@@ -46,9 +47,19 @@ _NIFTI = (".nii.gz", ".nii", ".hdr", ".img", ".mgz", ".mgh")
 SUFFIXES = (*_NIFTI, ".seg.nrrd", ".nrrd", ".nhdr", ".mha", ".mhd")
 
 
+#: Endings of folders that are one volume.
+_ZARR = (".ome.zarr", ".zarr")
+
+
+def is_zarr(path: Path) -> bool:
+    """Whether a path is that of a Zarr folder: by its name, or by what is in it."""
+    inside = ("zarr.json", ".zgroup", ".zarray")
+    return path.name.lower().endswith(_ZARR) or any((path / name).is_file() for name in inside)
+
+
 def without_suffix(name: str) -> str | None:
-    """Return a volume's file name without the suffix of its format; None for other files."""
-    suffix = next((suffix for suffix in SUFFIXES if name.lower().endswith(suffix)), None)
+    """Return a volume's name without the suffix of its format; None for other files."""
+    suffix = next((suffix for suffix in (*SUFFIXES, *_ZARR) if name.lower().endswith(suffix)), None)
     return None if suffix is None else name[: -len(suffix)]
 
 
@@ -109,8 +120,12 @@ def read_volume(path: Path, limits: Limits = LIMITS) -> Volume:
 
     See Also
     --------
-    read_nifti, read_itk
+    read_nifti, read_itk, cccd.inputs.zarr_labels.read_zarr
     """
+    if is_zarr(path):
+        from cccd.inputs.zarr_labels import read_zarr  # which imports this module
+
+        return read_zarr(path)
     if path.is_dir():
         raise InputError(path.name, "a folder, not a volume", "give one file")
     for suffix, (problem, hint) in _OTHERWISE.items():

@@ -19,7 +19,7 @@ from cccd.inputs.coarser_grid import CoarserGrid, find_coarser_grid
 from cccd.inputs.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilities, refuse_grey_values
 from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.labels import choose_labels, freesurfer_labels
-from cccd.inputs.readers import SUFFIXES, read_volume, without_suffix
+from cccd.inputs.readers import SUFFIXES, is_zarr, read_volume, without_suffix
 from cccd.lookup import find
 from cccd.plugins import table
 from cccd.request import Request
@@ -47,8 +47,12 @@ __all__ = [
 _Read = TypeVar("_Read")
 
 
+def _is_folder_of_masks(path: Path) -> bool:
+    return path.is_dir() and not is_zarr(path)
+
+
 def _is_dicom(path: Path) -> bool:
-    return not path.name.lower().endswith(SUFFIXES) and dicom_modality(path) is not None
+    return path.is_file() and not path.name.lower().endswith(SUFFIXES) and dicom_modality(path) is not None
 
 
 def read_image(path: Path, source: str, fill_gaps: bool, referenced: str = "") -> Volume:
@@ -149,7 +153,7 @@ def read_mask(path: Path, request: Request, image: Volume | None, files: RowFile
         Not readable, neither labels nor probabilities, no such label, or empty.
     """
     label, organ = request.label, request.organ
-    if path.is_dir():
+    if _is_folder_of_masks(path):
         return _read_mask_folder(path, label or organ)
     if _is_dicom(path):
         modality = dicom_modality(path)
@@ -175,7 +179,7 @@ def list_labels(path: Path) -> dict[str, str]:
     InputError
         Not readable, or no mask.
     """
-    if path.is_dir():
+    if _is_folder_of_masks(path):
         return {name: name for name, _ in read_masks(path)}
     if _is_dicom(path):
         kind = "RTSTRUCT" if dicom_modality(path) == "RTSTRUCT" else "SEG"
@@ -188,7 +192,7 @@ def list_labels(path: Path) -> dict[str, str]:
 
 def label_values(path: Path) -> Volume | None:
     """Read a label map's values, whole numbers, and their names; None where it is no one volume."""
-    return None if path.is_dir() or _is_nnunet(path) or _is_dicom(path) else _label_map(path)
+    return None if _is_folder_of_masks(path) or _is_nnunet(path) or _is_dicom(path) else _label_map(path)
 
 
 def _label_map(path: Path) -> Volume:

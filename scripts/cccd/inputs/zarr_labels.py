@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any, cast
@@ -12,10 +11,10 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray
-from cccd.inputs.grid import check_affine
+from cccd.inputs.grid import Volume, check_affine
 from cccd.inputs.readers import guarded
 
-__all__ = ["ZarrLabels", "is_zarr", "open_zarr"]
+__all__ = ["read_zarr"]
 
 #: mm per unit of length that OME-Zarr names; without a name, lengths are taken as mm.
 _MM = {"millimeter": 1.0, "micrometer": 1e-3, "nanometer": 1e-6, "centimeter": 10.0, "meter": 1e3, "": 1.0}
@@ -31,111 +30,20 @@ _AGAINST_RAS = {"right-to-left", "anterior-to-posterior", "superior-to-inferior"
 _CUT_SHARE, _CUT_VOXELS = 0.8, 16
 
 
-def is_zarr(path: Path) -> bool:
-    """Whether a path is that of a Zarr folder: by its name, or by what is in it."""
-    return path.name.lower().rstrip("/").endswith(".zarr") or any(
-        (path / name).is_file() for name in ("zarr.json", ".zgroup", ".zarray")
-    )
+def read_zarr(path: Path) -> Volume:
+    """Read the label map of highest resolution of an OME-Zarr folder (0.4 or 0.5), of one time and channel.
 
-
-@dataclass(eq=False)
-class ZarrLabels:
-    """The label map of highest resolution of an OME-Zarr folder.
-
-    Attributes
-    ----------
-    path : Path
-        The folder.
-    affine : (4, 4) float64
-        Index (z, y, x) to mm RAS.
-    shape : (3,) tuple of int
-        Slices, rows, columns.
-    """
-
-    path: Path
-    affine: FloatArray
-    shape: tuple[int, int, int]
-    _array: Any = field(repr=False)
-    _folder: Path = field(repr=False)
-
-    def whole(self, label: str) -> BoolArray:
-        """Read a label's voxels (Z, Y, X).
-
-        Parameters
-        ----------
-        label : str
-            Value or values, ``5`` or ``5,7``; empty for all but 0.
-
-        Raises
-        ------
-        InputError
-            There are too many voxels, no such label, a chunk is damaged or missing, or values are no labels.
-        """
-        name = self.path.name
-        if label and not label.replace(",", "").isdecimal():
-            raise InputError(name, f"label {label!r} is no number", "give its value: --label 5")
-        if np.prod(self.shape, dtype=float) > _MOST_VOXELS:
-            size = " x ".join(map(str, self.shape))
-            raise InputError(name, f"{size} voxels are too many", "crop it to the organ, or halve its voxels")
-        if self._array.dtype.kind not in "biu":
-            raise InputError(name, f"its values are no labels ({self._array.dtype})", "give a label map")
-        with guarded(name, "a chunk is damaged", "copy it again"):
-            data = np.asarray(self._array[:]).reshape(self.shape)
-        values = [int(value) for value in label.split(",") if value]
-        mask = np.isin(data, values) if values else data != 0
-        if not mask.any():
-            raise InputError(name, f"there is no label {label or 'at all'} in it", "check --label")
-        self._check_chunks(mask)
-        return mask
-
-    def _check_chunks(self, organ: BoolArray) -> None:
-        """Refuse an organ (Z, Y, X) that is cut off at a chunk whose file is not there.
-
-        A chunk without a file is empty by Zarr's rules, and one that was lost looks the same.
-        """
-        size = np.array((self._array.shards or self._array.chunks)[-3:])
-        lead = (0,) * (self._array.ndim - 3)
-        for number in product(*(range(-(-n // c)) for n, c in zip(self.shape, size.tolist(), strict=True))):
-            key = self._array.metadata.encode_chunk_key((*lead, *number))
-            start = size * number
-            if not (self._folder / key).exists() and _is_cut(
-                organ, start, np.minimum(start + size, self.shape)
-            ):
-                raise InputError(
-                    self.path.name,
-                    f"chunk {key} is missing, and the organ is cut off there",
-                    "copy the folder again, or write zeros if nothing is there",
-                )
-
-
-def _is_cut(organ: BoolArray, start: AnyArray, stop: AnyArray) -> bool:
-    """Whether an organ ends as if cut off at a face of a block without voxels of its own."""
-    block = [slice(a, b) for a, b in zip(start, stop, strict=True)]
-    for axis in range(3):
-        for at, inwards in ((int(start[axis]) - 1, -1), (int(stop[axis]), 1)):
-            if not 0 <= at < organ.shape[axis] or not 0 <= at + inwards < organ.shape[axis]:
-                continue
-            layers: list[int] = []
-            for layer in (at, at + inwards):
-                where = list(block)
-                where[axis] = slice(layer, layer + 1)
-                layers.append(int(np.count_nonzero(organ[tuple(where)])))
-            if layers[0] >= max(_CUT_VOXELS, _CUT_SHARE * layers[1]):
-                return True
-    return False
-
-
-def open_zarr(path: Path) -> ZarrLabels:
-    """Open an OME-Zarr folder (0.4 or 0.5), of one time and one channel; nothing of the array is read.
+    Returns
+    -------
+    Volume
+        Axes z, y, x.
 
     Raises
     ------
     InputError
-        It is not there, no OME-Zarr, or has several times or channels.
+        No OME-Zarr, several times or channels, too many voxels, or a chunk that is damaged or missing.
     """
     name = path.name
-    if not path.is_dir():
-        raise InputError(name, "there is no such folder", "correct the path")
     with needing(name, "zarr"):
         import zarr  # pyright: ignore[reportMissingImports]  # of the extra zarr
     with guarded(name, "not a readable OME-Zarr", "export it again"):
@@ -153,9 +61,48 @@ def open_zarr(path: Path) -> ZarrLabels:
     if kinds[-3:] != ["z", "y", "x"] or any(size != 1 for size in array.shape[:-3]):
         what = ", ".join(f"{kind} {size}" for kind, size in zip(kinds, array.shape, strict=True))
         raise InputError(name, f"its axes are {what}", "give z, y, x, of one time and one channel")
-    z, y, x = array.shape[-3:]
+    shape = array.shape[-3:]
+    if np.prod(shape, dtype=float) > _MOST_VOXELS:
+        size = " x ".join(map(str, shape))
+        raise InputError(name, f"{size} voxels are too many", "crop it to the organ, or halve its voxels")
     affine = check_affine(_affine(axes[-3:], dataset, name), name)
-    return ZarrLabels(path, affine, (z, y, x), array, path / folder)
+    with guarded(name, "a chunk is damaged", "copy it again"):
+        data = np.asarray(array[:]).reshape(shape)
+    _check_chunks(data != 0, array, path / folder, name)
+    return Volume(data, affine, name)
+
+
+def _check_chunks(labelled: BoolArray, array: Any, folder: Path, name: str) -> None:
+    """Refuse labels (Z, Y, X) that are cut off at a chunk whose file is not there.
+
+    A chunk without a file is empty by Zarr's rules, and one that was lost looks the same.
+    """
+    size = np.array((array.shards or array.chunks)[-3:])
+    lead = (0,) * (array.ndim - 3)
+    for number in product(*(range(-(-n // c)) for n, c in zip(labelled.shape, size.tolist(), strict=True))):
+        key = array.metadata.encode_chunk_key((*lead, *number))
+        start = size * number
+        missing = not (folder / key).exists()
+        if missing and _is_cut(labelled, start, np.minimum(start + size, labelled.shape)):
+            hint = "copy the folder again, or write zeros if nothing is there"
+            raise InputError(name, f"chunk {key} is missing, and the organ is cut off there", hint)
+
+
+def _is_cut(organ: BoolArray, start: AnyArray, stop: AnyArray) -> bool:
+    """Whether an organ ends as if cut off at a face of a block without voxels of its own."""
+    block = [slice(a, b) for a, b in zip(start, stop, strict=True)]
+    for axis in range(3):
+        for at, inwards in ((int(start[axis]) - 1, -1), (int(stop[axis]), 1)):
+            if not 0 <= at < organ.shape[axis] or not 0 <= at + inwards < organ.shape[axis]:
+                continue
+            layers: list[int] = []
+            for layer in (at, at + inwards):
+                where = list(block)
+                where[axis] = slice(layer, layer + 1)
+                layers.append(int(np.count_nonzero(organ[tuple(where)])))
+            if layers[0] >= max(_CUT_VOXELS, _CUT_SHARE * layers[1]):
+                return True
+    return False
 
 
 def _affine(axes: list[dict[str, Any]], dataset: dict[str, Any], name: str) -> FloatArray:

@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import cccd
 from cccd.cli import main
 from cccd.errors import InputError
 from cccd.geometry.ply import read_ply
 
 zarr = pytest.importorskip("zarr")
 
-from cccd.inputs.zarr_labels import is_zarr, open_zarr  # noqa: E402
+from cccd.inputs.readers import is_zarr, read_volume  # noqa: E402
 
 SCALE, SHIFT = (2.0, 0.8, 1.0), (5.0, -3.0, 40.0)
 
@@ -67,7 +68,7 @@ def test_a_surface_lies_where_the_axes_say(here, version):
 def test_units_and_orientations_are_followed(here):
     axes = [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"]
     axes[2]["orientation"] = {"type": "anatomical", "value": "right-to-left"}
-    found = open_zarr(
+    found = read_volume(
         write(here / "map.zarr", labels(), axes=axes, scale=(2000, 800, 1000), shift=(0, 0, 5000))
     )
     np.testing.assert_allclose(found.affine @ (1, 1, 1, 1), (-6, 0.8, 2, 1))
@@ -76,9 +77,9 @@ def test_units_and_orientations_are_followed(here):
 def test_a_time_and_a_channel_are_left_out(here):
     axes = [{"name": "t", "type": "time"}, {"name": "c", "type": "channel"}]
     axes += [{"name": name, "type": "space"} for name in "zyx"]
-    found = open_zarr(write(here / "map.zarr", labels(), axes=axes))
+    found = read_volume(write(here / "map.zarr", labels(), axes=axes))
     assert found.shape == (70, 48, 40)
-    np.testing.assert_array_equal(found.whole("7"), labels() == 7)
+    np.testing.assert_array_equal(found.data, labels())
 
 
 def test_what_ngff_zarr_writes_is_read(here):
@@ -88,8 +89,8 @@ def test_what_ngff_zarr_writes_is_read(here):
         translation=dict(zip("zyx", SHIFT, strict=True)),
     )  # fmt: skip
     ngff.to_ngff_zarr("map.ome.zarr", ngff.to_multiscales(image, scale_factors=[]), version="0.5")
-    found = open_zarr(here / "map.ome.zarr")
-    np.testing.assert_array_equal(found.whole("3,7"), labels() > 0)
+    found = read_volume(here / "map.ome.zarr")
+    np.testing.assert_array_equal(found.data, labels())
     np.testing.assert_allclose(found.affine @ (0, 0, 0, 1), (*SHIFT[::-1], 1))
     np.testing.assert_allclose(found.affine @ (1, 0, 0, 0), (0, 0, 2, 0))
 
@@ -98,13 +99,13 @@ def test_a_chunk_that_is_missing_is_named(here):
     path = write(here / "map.ome.zarr", labels())
     (path / "0" / "c" / "2" / "1" / "1").unlink()
     with pytest.raises(InputError, match="chunk c/2/1/1 is missing, and the organ is cut off there"):
-        open_zarr(path).whole("7")
+        read_volume(path)
 
 
 def test_chunks_that_are_empty_need_no_file(here):
     path = write(here / "map.ome.zarr", labels())
     assert not (path / "0" / "c" / "0" / "2" / "2").exists()  # Zarr writes none
-    np.testing.assert_array_equal(open_zarr(path).whole(""), labels() > 0)
+    np.testing.assert_array_equal(read_volume(path).data, labels())
 
 
 def test_a_damaged_chunk_is_one_line(here, capsys):
@@ -128,12 +129,11 @@ def test_what_cannot_work_ends_in_one_line(here, capsys):
     group = zarr.open_group(write(here / "vast.ome.zarr", labels()), mode="a")
     group.create_array("0", shape=(1000, 1000, 1000), chunks=(100, 100, 100), dtype="u1", overwrite=True)
     wrong = {
-        ("nowhere.ome.zarr",): "there is no such folder",
+        ("nowhere.ome.zarr",): "there is no nowhere.ome.zarr",
         ("plain.zarr",): "it has no OME multiscales",
         ("two.zarr",): "its axes are c 1, x 70, y 48, z 40",
-        ("map.ome.zarr", "--label", "9"): "there is no label 9 in it",
-        ("map.ome.zarr", "--label", "liver"): "label 'liver' is no number",
-        ("map.ome.zarr", "--all-labels"): "read as a label map, one label at a time",
+        ("map.ome.zarr", "--label", "9"): "it has no label '9'; choose one of 3, 7",
+        ("map.ome.zarr", "--label", "liver"): "it has no label 'liver'",
         ("vast.ome.zarr",): "1000 x 1000 x 1000 voxels are too many",
     }
     for arguments, words in wrong.items():
@@ -143,7 +143,11 @@ def test_what_cannot_work_ends_in_one_line(here, capsys):
         assert error.count("\n") == 1
 
 
-def test_an_image_of_fractions_is_no_label_map(here):
-    found = open_zarr(write(here / "map.zarr", labels().astype(np.float32)))
-    with pytest.raises(InputError, match="its values are no labels"):
-        found.whole("")
+def test_every_label_becomes_a_surface_and_python_reads_one(here):
+    write(here / "map.ome.zarr", labels())
+    assert main(["surface", "map.ome.zarr", "--all-labels", "--cores", "1"]) == 0
+    for label in (3, 7):
+        volume = read_ply(f"map_label_{label}.ply").volume
+        assert volume == pytest.approx((labels() == label).sum() * np.prod(SCALE), rel=0.03)
+    assert cccd.labels("map.ome.zarr") == {"3": "", "7": ""}
+    assert cccd.read("map.ome.zarr", 7).mask.sum() == (labels() == 7).sum()
