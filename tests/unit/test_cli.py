@@ -64,17 +64,8 @@ def test_a_mask_becomes_a_surface(here, capsys):
 
 
 def test_every_label_a_file_in_every_format_that_was_asked_for(here, capsys):
-    asked = [
-        "surface",
-        "labels.nii.gz",
-        "--all-labels",
-        "-o",
-        "out/organ.stl",
-        "-o",
-        "out/organ.nii.gz",
-        "--json",
-    ]
-    assert main(asked) == 0
+    asked = "surface labels.nii.gz --all-labels -o out/organ.stl -o out/organ.nii.gz --json"
+    assert main(asked.split()) == 0
     made = json.loads(capsys.readouterr().out)["surfaces"]
     kinds = ("stl", "nii.gz")
     assert files(here / "out") == {f"organ_label_{label}.{kind}" for label in (5, 7) for kind in kinds}

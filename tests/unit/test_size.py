@@ -24,7 +24,7 @@ MOST_LINES = {
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5967,
     "bench": 4772,
-    "tests": 25120,
+    "tests": 25116,
 }
 
 
