@@ -46,7 +46,7 @@ def calls(source: Path):
 
 #: Read what models and nnU-Net say of themselves, by unpicklers that know plain values only, or write a ZIP.
 UNPICKLERS = {
-    ROOT / "scripts" / "cccd" / "torch_files.py": {"zipfile"},
+    ROOT / "scripts" / "cccd_networks" / "torch_files.py": {"zipfile"},
     ROOT / "scripts" / "cccd_networks" / "model_header.py": {"pickle", "zipfile"},
     ROOT / "scripts" / "cccd" / "inputs" / "nnunet.py": {"pickle"},
 }
