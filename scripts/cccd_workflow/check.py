@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from nibabel.orientations import aff2axcodes
@@ -17,21 +17,15 @@ from nibabel.orientations import aff2axcodes
 from cccd.commands.arguments import add_input, read_given
 from cccd.commands.outputs import check_files
 from cccd.console import print_error
-from cccd.containers import BoundaryMaps, Curves, GreyImage
+from cccd.containers import BoundaryMaps, Curves, GreyImage, Structure
 from cccd.errors import InputError
 from cccd.inputs import load_structure
-from cccd.inputs.regions import draw_region
+from cccd.inputs.regions import DrawnLabels, draw_region
 from cccd.inputs.row_files import RowFiles
 from cccd.settings.root import Settings
 from cccd.store import atomic_path, check_writable
-from cccd_labels.label_survey import measure_labels, survey_labels
+from cccd_labels.label_survey import SurveyedLabel, measure_labels, survey_labels
 from cccd_workflow.cohort import read_cohort
-
-if TYPE_CHECKING:
-    from cccd.containers import Structure
-    from cccd.inputs.regions import DrawnLabels
-    from cccd.inputs.row_files import RowFiles
-    from cccd_labels.label_survey import SurveyedLabel
 
 __all__ = ["add_check"]
 
@@ -66,9 +60,8 @@ def _check(given: argparse.Namespace) -> int:
         return _check_sheet(given)
     if given.label or given.boundary or from_image or not given.input.exists():
         structure = read_given(given, Settings())
-        plain = given.boundary or from_image
-        listed = [] if plain else [label for label, _ in measure_labels(given.input)]
-        found = [_check_one(given, structure, listed)]
+        measured = [] if given.boundary or from_image else measure_labels(given.input)
+        found = [_check_one(given, structure, [label for label, _ in measured])]
     else:
         found = [_check_one(given, *survey_labels(given.input, given.image, given.annotated))]
     if given.json:

@@ -51,14 +51,8 @@ def test_a_type_checker_sees_types_and_a_wrong_word(tmp_path):
 def test_mypy_sees_the_same(tmp_path):
     pytest.importorskip("mypy", reason="envs/checks.txt")
     (tmp_path / "lines.py").write_text(LINES)
-    command = [
-        sys.executable,
-        "-m",
-        "mypy",
-        "--follow-imports=silent",
-        "--ignore-missing-imports",
-        "lines.py",
-    ]
+    options = ("--follow-imports=silent", "--ignore-missing-imports")
+    command = [sys.executable, "-m", "mypy", *options, "lines.py"]
     surroundings = os.environ | {"MYPYPATH": str(ROOT / "scripts")}
     run = subprocess.run(command, cwd=tmp_path, env=surroundings, capture_output=True, text=True, check=False)
     seen = [line.split('"')[1] for line in run.stdout.splitlines() if "Revealed type" in line]
