@@ -40,13 +40,10 @@ def add_check(command: argparse.ArgumentParser) -> None:
     """
     add_input(command)
     command.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="PNG",
+        "-o", "--output", type=Path, metavar="PNG",
         help="the picture; default: NAME_check.png in this folder, "
         "of a sheet's rows in the folder SHEET_check",
-    )
+    )  # fmt: skip
     command.set_defaults(run=_check)
 
 
