@@ -40,7 +40,7 @@ MARGIN = 3
 SLAB_NODES = 12_000_000
 #: Memory that the program takes without data, that a node takes, one that is being interpolated, and a
 #: wall's quadrilateral while it is smoothed: as measured.
-PROGRAM_BYTES, NODE_BYTES, SLAB_BYTES, WALL_BYTES = 250e6, 8, 32, 800
+PROGRAM_BYTES, NODE_BYTES, SLAB_BYTES, WALL_BYTES = 250e6, 8, 32, 1100
 #: What lies further than this many slices away changes nothing of a level.
 SLAB_MARGIN = 6
 #: Between labels, what no label holds goes to the nearest one up to so many pixels away.

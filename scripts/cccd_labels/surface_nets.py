@@ -29,24 +29,34 @@ Cut = Callable[[IntArray, IntArray, LabelArray, LabelArray], FloatArray]
 #: Rounds in which nodes go over to a neighbour's label.
 MOST_ROUNDS = 50
 
+#: What it costs more to take a node from a region that is one node thin there: it would have a hole.
+KEPT = 2.0
+
 _CORNERS = np.array(list(product((0, 1), repeat=3)))  # corner 4 x + 2 y + z of a cell
 #: The four corners of each of a cell's faces, around it, and the ends of its diagonals.
 _FACES = np.array([(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)])
 _DIAGONALS = np.array([(0, 7), (1, 6), (2, 5), (3, 4)])
 
 
-def mixed_cells(labels: LabelArray) -> IntArray:
-    """First corners (C, 3) of the cells of a grid of labels (A, B, C) whose corners differ."""
-    mixed = np.zeros(tuple(size - 1 for size in labels.shape), bool)
-    for axis in range(3):
-        differ = np.diff(labels, axis=axis) != 0
-        others = [other for other in range(3) if other != axis]
-        for a, b in product((0, 1), repeat=2):
-            cut = [slice(None)] * 3
-            for other, start in zip(others, (a, b), strict=True):
-                cut[other] = slice(start, labels.shape[other] - 1 + start)
-            mixed |= differ[tuple(cut)]
-    return np.argwhere(mixed)
+def _mixed(labels: LabelArray) -> BoolArray:
+    """Whether the corners of the cells (A - 1, B - 1, C - 1) of a grid of labels (A, B, C) differ."""
+    mixed = np.zeros(tuple(size - 1 for size in labels.shape), np.bool_)
+    for corner in _CORNERS[1:]:
+        mixed |= labels[_nodes_at(corner, mixed)] != labels[:-1, :-1, :-1]
+    return mixed
+
+
+def _thin(mixed: BoolArray) -> BoolArray:
+    """Whether nodes (A, B, C) are corners of mixed cells alone: their region is one node thin there."""
+    thin = np.ones(tuple(size + 1 for size in mixed.shape), np.bool_)
+    for corner in _CORNERS:
+        thin[_nodes_at(corner, mixed)] &= mixed
+    return thin
+
+
+def _nodes_at(corner: IntArray, cells: BoolArray) -> tuple[slice, ...]:
+    """Nodes that are a given corner (3,) of each cell."""
+    return tuple(slice(start, start + size) for start, size in zip(corner, cells.shape, strict=True))
 
 
 def _pinched(corner_labels: LabelArray) -> list[tuple[IntArray, IntArray]]:
@@ -91,12 +101,10 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
     At first no node changes twice. Where that leaves something, nodes go over to larger labels alone, as
     often as it takes: one of those that pinch always can.
     """
-    labels = labels.copy()
-    fixed = np.zeros(labels.shape, np.bool_)
-    for axis in range(3):
-        for end in (0, -1):
-            np.moveaxis(fixed, axis, 0)[end] = True
-    cells = mixed_cells(labels)
+    labels, fixed = labels.copy(), np.ones(labels.shape, np.bool_)
+    fixed[1:-1, 1:-1, 1:-1] = False
+    mixed = _mixed(labels)
+    cells, thin = np.argwhere(mixed), _thin(mixed)
     for rising in (False, True):
         changed = fixed.copy()
         for _ in range(MOST_ROUNDS):
@@ -105,7 +113,7 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
             if not pinched:
                 return labels, 0
             moves = [
-                _cheapest(cells[found, None] + _CORNERS, which, here[found], changed, cost, rising)
+                _cheapest(cells[found, None] + _CORNERS, which, here[found], changed, thin, cost, rising)
                 for found, which in pinched
             ]
             nodes, new = (np.concatenate(part) for part in zip(*moves, strict=True))
@@ -134,26 +142,24 @@ def _cheapest(
     which: IntArray,
     labels: LabelArray,
     changed: BoolArray,
+    thin: BoolArray,
     cost: NodeCost,
     rising: bool,
 ) -> tuple[IntArray, LabelArray]:
     """Of each pinched place (K,) the node and the label, of those there, that together cost least."""
     # corners (K, 8, 3) and labels (K, 8) are the cells', which (K, m) the corners that pinch.
-    rows = np.arange(len(which))[:, None]
+    rows, count = np.arange(len(which))[:, None], which.shape[1]
     nodes, old = corners[rows, which], labels[rows, which]
-    count = which.shape[1]
-    # every node against the label of every other
     node = np.repeat(nodes, count, axis=1).reshape(-1, 3)
     have = np.repeat(old, count, axis=1).ravel()
     want = np.tile(old, (1, count)).ravel()
     price = np.full(len(node), np.inf)
     may = (want > have if rising else want != have) & ~changed[tuple(node.T)]
-    price[may] = cost(node[may], want[may]) - cost(node[may], have[may])
+    price[may] = cost(node[may], want[may]) - cost(node[may], have[may]) + KEPT * thin[tuple(node[may].T)]
     price = price.reshape(len(which), -1)
-    best = price.argmin(axis=1)
-    able = np.isfinite(price[np.arange(len(price)), best])
-    node = node.reshape(len(which), -1, 3)[np.arange(len(price)), best][able]
-    want = want.reshape(len(which), -1)[np.arange(len(price)), best][able]
+    best = price.argmin(axis=1) + np.arange(len(price)) * price.shape[1]
+    best = best[np.isfinite(price.ravel()[best])]
+    node, want = node[best], want[best]
     once = np.unique(np.ravel_multi_index(tuple(node.T), changed.shape), return_index=True)[1]
     return node[once], want[once]
 
@@ -173,7 +179,7 @@ def surface_nets(labels: LabelArray, cut: Cut) -> ConformingSurface:
     ConformingSurface
         Every vertex is the mean of the cuts of its cell's edges. Normals leave the larger label.
     """
-    cells = mixed_cells(labels)
+    cells = np.argwhere(_mixed(labels))
     shape = tuple(size - 1 for size in labels.shape)
     keys = np.ravel_multi_index(tuple(cells.T), shape)  # ascending
     total, count = np.zeros((len(cells), 3)), np.zeros(len(cells))

@@ -153,7 +153,6 @@ def _joined(
             count += len(mesh.vertices)
         regions.append(np.repeat(surface.regions[faces[:1]], len(triangles[-1]), axis=0))
     points, faces = np.concatenate(vertices), np.concatenate(triangles)
-    used: BoolArray = np.zeros(len(points), np.bool_)
-    used[faces] = True
+    used: BoolArray = np.bincount(faces.ravel(), minlength=len(points)) > 0
     place = np.cumsum(used) - 1
     return replace(surface, vertices=points[used], triangles=place[faces], regions=np.concatenate(regions))

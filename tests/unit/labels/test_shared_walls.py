@@ -43,9 +43,9 @@ def nested():
 
 
 def shell():
-    """A shell of two voxels around a core: a cortex."""
+    """A shell of a voxel around a core: a cortex."""
     r = ball()[3]
-    return np.where(r < RADIUS - 2, 2, np.where(r < RADIUS, 1, 0))
+    return np.where(r < RADIUS - 1.2, 2, np.where(r < RADIUS, 1, 0))
 
 
 def organs_of(labels, affine=None, axis=2):
