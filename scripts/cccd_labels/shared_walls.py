@@ -56,7 +56,7 @@ GROUP_VOXELS = 1
 MOST_SMOOTHED = 0.5
 #: The filter does less where neighbours move the same way: by so much for each pixel, on the mean over some
 #: rounds. A wall that moves as a whole takes from one of its organs: one that is a voxel thin would close.
-LESS, SHIFT_ROUNDS = 6.0, 3
+LESS, SHIFT_ROUNDS = 6.0, 8
 #: mm: vertices so near to where the scan ends lie there.
 SAME_PLANE = 1e-9
 #: Triangles lie within so many pixels of the walls.
