@@ -1,11 +1,13 @@
 """One spline for a cohort against the least that it must beat: a template that is moved to nearest points.
 
-    python bench/shapes.py [--kept FOLDER] [--hippocampi N] [--bodies N] [--points N] [--table CSV]
+    python bench/shapes.py [--kept FOLDER] [--hippocampi N] [--bodies N] [--atria FOLDER]
+        [--points N] [--table CSV]
 
 Cohorts: mixtures of five smooth deformations of a body with two bumps and a hollow, whose correspondence is
-known, and the hippocampi of /work/shared/data, where they are. All methods move the same template, which
-rivals get from our last round. Each rival is shown at the better of its settings by the generalisation of
-surfaces.
+known; the hippocampi of /work/shared/data, where they are; and the four left atria of ShapeWorks
+(SCIInstitute/shapeworks-cloud, swcc/examples/left_atrium) with its particles. Other rivals move the same
+template, that of our last round. Each is shown at the better of its settings by the generalisation of
+surfaces. Rows of cohorts that are not asked for stay in the table as they are.
 """
 
 import argparse
@@ -20,13 +22,15 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(ROOT / "tests/un
 
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
+import pyvista as pv  # noqa: E402
 from scipy.interpolate import RBFInterpolator  # noqa: E402
 from scipy.sparse import csr_array, diags_array  # noqa: E402
-from test_cohort import body, deformed, on_body, subject  # noqa: E402
+from scipy.spatial.transform import Rotation  # noqa: E402
+from test_shapes import body, deformed, on_body, subject  # noqa: E402
 
 from cccd.geometry.distance import nearest_points  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
-from cccd_shapes.cohort import aligned, fit_cohort  # noqa: E402
+from cccd_shapes.cohort import fit_cohort  # noqa: E402
 from cccd_shapes.fit import similarity, surface_rms  # noqa: E402
 from cccd_shapes.statistics import ShapeModel, measure_model, principal_modes  # noqa: E402
 from cccd_shapes.subjects import Row, Subject, read_subject  # noqa: E402
@@ -40,7 +44,7 @@ EACH = 4
 #: Fields that bodies are mixed of, and their standard deviation by that of the tests.
 FIELDS, SIZE = 5, 0.6
 #: Modes at which generalisation and specificity are given.
-MODES = (5, 10, 20)
+MODES = {"bodies": 5, "hippocampi": 5, "atria": 2}
 
 
 def main() -> None:
@@ -50,17 +54,25 @@ def main() -> None:
     )
     parser.add_argument("--table", type=Path, default=ROOT / "docs/measured/shapes.csv")
     parser.add_argument("--kept", type=Path, default=Path("/tmp/cccd_shapes"))
-    parser.add_argument("--hippocampi", type=int, default=195)
-    parser.add_argument("--bodies", type=int, default=20)
+    parser.add_argument("--hippocampi", type=int, default=0)
+    parser.add_argument("--bodies", type=int, default=0)
+    parser.add_argument("--atria", type=Path)
     parser.add_argument("--points", type=int, default=800)
     given = parser.parse_args()
+    cohorts: dict[str, list[Subject]] = {}
+    if given.bodies:
+        cohorts["bodies"] = [subject(f"body_{n:03}", mixture(n)) for n in range(given.bodies)]
+    if given.hippocampi:
+        cohorts["hippocampi"] = list(hippocampi(given.hippocampi, given.kept))
+    if given.atria:
+        cohorts["atria"] = atria(given.atria, given.kept)
     rows: list[dict[str, Any]] = []
-    bodies = [subject(f"body_{n:03}", mixture(n)) for n in range(given.bodies)]
-    rows += measured("bodies", bodies, given.kept / "bodies", given.points)
-    if HIPPOCAMPI.is_dir() and given.hippocampi:
-        found = list(hippocampi(given.hippocampi, given.kept))
-        rows += measured("hippocampi", found, given.kept / "hippocampi", given.points)
-    table = pd.DataFrame(rows)
+    for name, subjects in cohorts.items():
+        rows += measured(name, subjects, given.kept / f"{name}_{given.points}", given.points)
+        if name == "atria":
+            rows.append(shapeworks(given.atria, subjects))
+    before = pd.read_csv(given.table)
+    table = pd.concat([before[~before["cohort"].isin(list(cohorts))], pd.DataFrame(rows)])
     print(table.round(3).to_string())
     table.to_csv(given.table, index=False, float_format="%.4g")
 
@@ -72,16 +84,37 @@ def mixture(n: int) -> Mesh:
     return Mesh(body().vertices + np.tensordot(scores, fields, 1), body().faces)
 
 
-def moved_with(places: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """Where places on the body are on a mixture: `on_body` the other way round."""
-    return on_body(places, body(), mesh)
-
-
 def hippocampi(count: int, kept: Path) -> Iterator[Subject]:
     """Both parts of each hippocampus as one."""
     for path in sorted(HIPPOCAMPI.glob("*.nii.gz"))[:count]:
         name = path.name.removesuffix(".nii.gz")
         yield read_subject(Row(name, name, path, "1,2", False, ""), kept / "surfaces")
+
+
+def atria(folder: Path, kept: Path) -> list[Subject]:
+    """The groomed atria, which ShapeWorks' particles lie on, where they were scanned."""
+    found = []
+    for path in sorted((folder / "groomed").glob("*.vtk")):
+        mesh = pv.read(path)
+        pv.PolyData(mesh.points, mesh.faces).save(to := kept / f"{path.stem}.ply")
+        found.append(read_subject(Row(path.stem, path.stem, to, None, False, ""), kept))
+    return found
+
+
+def shapeworks(folder: Path, subjects: list[Subject]) -> dict[str, Any]:
+    """ShapeWorks' model: the mesh of one subject (the best), warped to the particles of each (biharmonic).
+
+    Its example has no mesh of the mean: what is called so is the scan of the first atrium.
+    """
+    files = [folder / f"particles/{one.name}_local.particles" for one in subjects]
+    particles = [np.loadtxt(file) for file in files]
+    tried = []
+    for own, one in zip(particles, subjects, strict=True):
+        warps = [RBFInterpolator(own, to, kernel="linear", degree=1) for to in particles]
+        shapes = [warp(one.mesh.vertices) for warp in warps]
+        tried.append(figures("ShapeWorks, particles", shapes, subjects, one.mesh, "atria"))
+    best = min(tried, key=lambda row: row["surface_generalisation_mm"])
+    return {"cohort": "atria", "subjects": 4, "fit": 4, "control_points": len(particles[0])} | best
 
 
 def measured(name: str, subjects: list[Subject], folder: Path, points: int) -> list[dict[str, Any]]:
@@ -96,21 +129,21 @@ def measured(name: str, subjects: list[Subject], folder: Path, points: int) -> l
     ours = [cohort.fits[n].spline.vertices for n in cohort.used]
     facts = {"cohort": name, "subjects": len(cohort.subjects), "fit": len(subjects)}
     facts["control_points"] = len(template.masses)
-    sampler = template.spline.sampler(1)
-    found = [figures("CCCD", [sampler.matrix @ one for one in ours], subjects, template, name)]
+    sampler, mean = template.spline.sampler(1), template.spline.tessellate(1)
+    found = [figures("CCCD", [sampler.matrix @ one for one in ours], subjects, mean, name)]
     found[0]["cpu_seconds"] = seconds if fresh else np.nan  # kept fits take no time
     if name == "bodies":
         place = on_body(sampler.matrix @ ours[0], subjects[0].mesh)
-        truth = [moved_with(place, one.mesh) for one in subjects]
-        found.append(figures("known correspondence", truth, subjects, template, name))
+        truth = [on_body(place, body(), one.mesh) for one in subjects]
+        found.append(figures("known correspondence", truth, subjects, mean, name))
     for method, settings in (("ICP, nearest points", (None,)), ("ICP, thin plate splines", SMOOTHINGS)):
         tried: list[dict[str, Any]] = []
         for smoothing in settings:
             begin = time.process_time()
             moved = [rival(template, one, pose, smoothing) for one, pose in zip(subjects, poses, strict=True)]
             seconds = time.process_time() - begin + pose_seconds
-            tried.append(figures(method, moved, subjects, template, name) | {"cpu_seconds": seconds})
-        found.append(min(tried, key=lambda row: row[f"surface_generalisation_{MODES[0]}_mm"]))
+            tried.append(figures(method, moved, subjects, mean, name) | {"cpu_seconds": seconds})
+        found.append(min(tried, key=lambda row: row["surface_generalisation_mm"]))
     return [facts | row for row in found]
 
 
@@ -125,10 +158,9 @@ def rival(template: Template, one: Subject, pose: np.ndarray, smoothing: float |
 
 
 def figures(
-    method: str, shapes: list[np.ndarray], subjects: list[Subject], template: Template, name: str
+    method: str, shapes: list[np.ndarray], subjects: list[Subject], mean: Mesh, name: str
 ) -> dict[str, Any]:
     """Distances to the own surfaces, the model's measures, and errors where the truth is known."""
-    mean = template.spline.tessellate(1)
     found: dict[str, Any] = {"method": method}
     meshes = [Mesh(points, mean.faces) for points in shapes]
     off = [surface_rms(mesh, one.mesh) for mesh, one in zip(meshes, subjects, strict=True)]
@@ -139,19 +171,26 @@ def figures(
         places = np.array([on_body(points, mixture(n)) for points, n in zip(shapes, numbers, strict=True)])
         error = np.linalg.norm(places - places.mean(axis=0), axis=2)
         found["correspondence_median_mm"] = round(float(np.median(error)), 4)
-    points = _aligned(np.array(shapes), template)
-    weights = csr_array(diags_array(mean.vertex_areas / mean.area))
-    model = principal_modes(points, weights)
+    k, weights = MODES[name], mean.vertex_areas / mean.area
+    points = turned_together(np.array(shapes), mean.vertices, weights)
+    model = principal_modes(points, csr_array(diags_array(weights)))
     quality = measure_model(model)
-    made = [unseen(model, n, shapes[n], points[n], MODES[0]) for n in range(len(shapes))]
-    found[f"surface_generalisation_{MODES[0]}_mm"] = np.mean(
-        [surface_rms(Mesh(one, mean.faces), own.mesh) for one, own in zip(made, subjects, strict=True)]
-    )
-    for k in MODES:
-        if k <= len(quality.compactness):
-            found[f"generalisation_{k}_mm"] = quality.generalisation[k - 1]
-            found[f"specificity_{k}_mm"] = quality.specificity[k - 1]
-    return found
+    made = [unseen(model, n, shapes[n], points[n], k) for n in range(len(shapes))]
+    surface = [surface_rms(Mesh(one, mean.faces), own.mesh) for one, own in zip(made, subjects, strict=True)]
+    found |= {"modes": k, "surface_generalisation_mm": np.mean(surface)}
+    found["generalisation_mm"] = quality["generalisation_mm"][k - 1]
+    return found | {"specificity_mm": quality["specificity_mm"][k - 1]}
+
+
+def turned_together(shapes: np.ndarray, mean: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Shapes (N, P, 3), shifted and turned onto their mean."""
+    shapes = shapes - np.einsum("p,npc->nc", weights, shapes)[:, None]
+    mean = mean - weights @ mean
+    for _ in range(20):
+        turns = [Rotation.align_vectors(mean, one, weights)[0].as_matrix() for one in shapes]
+        turned = np.einsum("npc,ndc->npd", shapes, np.array(turns))
+        mean = turned.mean(axis=0)
+    return turned
 
 
 def unseen(model: ShapeModel, n: int, own: np.ndarray, turned: np.ndarray, k: int) -> np.ndarray:
@@ -164,28 +203,8 @@ def unseen(model: ShapeModel, n: int, own: np.ndarray, turned: np.ndarray, k: in
     middle = others.mean(axis=0)
     ways = np.linalg.svd(others - middle, full_matrices=False)[2][: min(k, len(others) - 1)]
     shape = model.mean + np.tensordot(middle + ways.T @ (ways @ (place[n] - middle)), model.modes, 1)
-    centre = turned.mean(axis=0)
-    turn = _rotation(turned - centre, own - own.mean(axis=0))
-    return (shape - centre) @ turn.T + own.mean(axis=0)
-
-
-def _rotation(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) from centred points to centred points."""
-    u, _, v = np.linalg.svd(after.T @ before)
-    return u @ np.diag([1, 1, np.sign(np.linalg.det(u @ v))]) @ v
-
-
-def _aligned(shapes: np.ndarray, template: Template) -> np.ndarray:
-    """Align points of the surfaces by rotation, by the limits of the control points, which come first."""
-    count = len(template.masses)
-    inverse = np.linalg.pinv(template.limits.toarray())
-    controls = np.array([inverse @ shape[:count] for shape in shapes])
-    turned = aligned(controls, template, scaled=False)
-    made = []
-    for shape, before, after in zip(shapes, controls, turned, strict=True):
-        turn = _rotation(before - before.mean(0), after - after.mean(0))
-        made.append((shape - before.mean(0)) @ turn.T + after.mean(0))
-    return np.array(made)
+    turn = Rotation.align_vectors(own - own.mean(axis=0), turned - turned.mean(axis=0))[0]
+    return turn.apply(shape - turned.mean(axis=0)) + own.mean(axis=0)
 
 
 if __name__ == "__main__":

@@ -23,15 +23,16 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.store import read_bodies, read_report, write_control_meshes
 from cccd_labels.processes import worker_processes
-from cccd_shapes.fit import Fit, fit_template
+from cccd_shapes.fit import Fit, centroid, fit_template
 from cccd_shapes.statistics import distances_to_others, principal_modes
 from cccd_shapes.subjects import FEWEST, Subject, fingerprint
 from cccd_shapes.template import Template, control_mesh_of
 
-__all__ = ["Cohort", "aligned", "fit_cohort", "medoid"]
+__all__ = ["Cohort", "aligned", "fit_cohort", "medoid", "problem_of"]
 
-#: Rounds: the template is the medoid in the first, the mean of those that fit in the others.
-ROUNDS = 2
+#: Rounds: the template is the medoid in the first, the mean of those that fit in the others. In the last ones
+#: all control points move by themselves from the mean on, so that none slides without need.
+ROUNDS, FROM_MEAN = 2, 3
 #: Points at which distances to surfaces are compared, within so many radii of the middle.
 PROBES, PROBED = 400, 1.5
 #: Triangles that are enough for that.
@@ -47,36 +48,29 @@ UNLIKE = 6.0
 #: ... each at least this share of the organ's radius.
 LIKE = 0.01
 #: Changes with what makes a fit: fits that another version kept are made again.
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Cohort:
-    """A cohort with one template on all subjects, in the order of their names.
-
-    Attributes
-    ----------
-    subjects : list of Subject
-    fits : list of Fit
-        In each subject's mm.
-    tolerances : (N,) float64
-        Largest distance (rms, mm) at which a fit is good.
-    template : Template
-        Of the last round.
-    problems : list of str
-        Why a subject does not fit; empty for those that do.
-    """
+    """A cohort with one template on all subjects, in the order of their names."""
 
     subjects: list[Subject]
-    fits: list[Fit]
-    tolerances: FloatArray
-    template: Template
-    problems: list[str]
+    fits: list[Fit]  # in each subject's mm
+    tolerances: FloatArray  # (N,) largest distance (rms, mm) at which a fit is good
+    template: Template  # of the last round
+    problems: list[str]  # why a subject does not fit; empty for those that do
 
     @property
     def used(self) -> IntArray:
         """Numbers of the subjects that fit: those that mean and modes are of."""
         return np.array([n for n, problem in enumerate(self.problems) if not problem], np.int64)
+
+    @property
+    def doubts(self) -> FloatArray:
+        """Standard deviations (U, V) in mm of the surfaces of those that fit, by their bands."""
+        places = [self.template.limits @ self.fits[n].spline.vertices for n in self.used]
+        return np.array([self.subjects[n].doubt(at) for n, at in zip(self.used, places, strict=True)])
 
 
 def fit_cohort(
@@ -112,12 +106,18 @@ def fit_cohort(
     template = Template(spline.moved(spline.vertices - spline.tessellate(0).vertices.mean(axis=0)))
     fits: list[Fit] = []
     problems: list[str] = []
-    for number in range(1, 1 + ROUNDS):
+    for number in range(1, 1 + ROUNDS + FROM_MEAN):
+        starts: Iterable[FloatArray | None] = repeat(None)
         if fits:
             used = [fit.spline.vertices for fit, problem in zip(fits, problems, strict=True) if not problem]
             template = Template(spline.moved(aligned(np.array(used), template, scaled=True).mean(axis=0)))
-        fits = _fit_all(template, ordered, folder / f"round_{number}", processes, f"round {number}")
-        problems = [_problem(fit, limit) for fit, limit in zip(fits, limits, strict=True)]
+            if number > ROUNDS:
+                starts = [_posed(template, fit.spline) for fit in fits]
+        before, fits = fits, _fit_all(template, starts, ordered, folder / f"round_{number}", processes)
+        if number > ROUNDS:  # who is too far from the mean keeps the last fit
+            both = zip(before, fits, limits, strict=True)
+            fits = [old if problem_of(new, limit) else new for old, new, limit in both]
+        problems = [problem_of(fit, limit) for fit, limit in zip(fits, limits, strict=True)]
         if problems.count("") >= FEWEST:
             problems = _unlike(fits, template, problems)
         if problems.count("") < FEWEST:
@@ -128,6 +128,16 @@ def fit_cohort(
                 "check that all are the same organ, or use more --points or a larger --tolerance",
             )
     return Cohort(ordered, fits, limits, template, problems)
+
+
+def _posed(template: Template, spline: ControlMesh) -> FloatArray:
+    """Control points (V, 3) of a template, moved by the similarity to a spline with its quads."""
+    weight = template.masses / template.masses.sum()
+    points, to = template.limits @ template.spline.vertices, template.limits @ spline.vertices
+    middle, there = weight @ points, weight @ to
+    turn = Rotation.align_vectors(to - there, points - middle, weight)[0]
+    size = np.sqrt((weight @ (to - there) ** 2).sum() / (weight @ (points - middle) ** 2).sum())
+    return np.asarray(size * turn.apply(template.spline.vertices - middle) + there, float)
 
 
 def medoid(subjects: Sequence[Subject]) -> Subject:
@@ -147,20 +157,13 @@ def medoid(subjects: Sequence[Subject]) -> Subject:
 
 
 def _normalised(mesh: Mesh) -> Mesh:
-    middle = np.average(mesh.vertices, axis=0, weights=mesh.vertex_areas)
-    return Mesh((mesh.vertices - middle) / np.sqrt(mesh.area / (4 * np.pi)), mesh.faces)
+    return Mesh((mesh.vertices - centroid(mesh)) / np.sqrt(mesh.area / (4 * np.pi)), mesh.faces)
 
 
 def aligned(shapes: FloatArray, template: Template, scaled: bool) -> FloatArray:
     """Align shapes (N, V, 3) of control points to their mean (generalised Procrustes analysis).
 
-    Parameters
-    ----------
-    shapes : (N, V, 3) float64
-    template : Template
-        Its areas weigh the points; its axes are those of the result.
-    scaled : bool
-        Whether sizes are made equal (to the mean size) too.
+    The template's areas weigh the points, its axes are those of the result; ``scaled`` makes sizes equal.
     """
     limits, weight = template.limits, template.masses / template.masses.sum()
     on_surface = np.array([limits @ shape for shape in shapes])
@@ -180,16 +183,14 @@ def aligned(shapes: FloatArray, template: Template, scaled: bool) -> FloatArray:
     return np.einsum("npc,ndc->npd", shapes, turns)
 
 
-def _problem(fit: Fit, tolerance: float) -> str:
+def problem_of(fit: Fit, tolerance: float) -> str:
     """Why a fit is none; empty for a good one."""
-    found: list[str] = []
-    if fit.rms > tolerance:
-        found.append(f"{fit.rms:.3g} mm (rms) from its own surface, more than {tolerance:.3g}")
-    if fit.crossings:
-        found.append(f"passes through itself at {fit.crossings} places")
-    if fit.distortion > DISTORTED:
-        found.append(f"its quads' areas change {2**fit.distortion:.2g}-fold (rms)")
-    return "; ".join(found)
+    found = {
+        f"{fit.rms:.3g} mm (rms) from its own surface, more than {tolerance:.3g}": fit.rms > tolerance,
+        f"passes through itself at {fit.crossings} places": fit.crossings,
+        f"its quads' areas change {2**fit.distortion:.2g}-fold (rms)": fit.distortion > DISTORTED,
+    }
+    return "; ".join(problem for problem, there in found.items() if there)
 
 
 def _unlike(fits: Sequence[Fit], template: Template, problems: list[str]) -> list[str]:
@@ -207,24 +208,28 @@ def _unlike(fits: Sequence[Fit], template: Template, problems: list[str]) -> lis
 
 
 def _fit_all(
-    template: Template, subjects: Sequence[Subject], folder: Path, processes: int, text: str
+    template: Template,
+    starts: Iterable[FloatArray | None],
+    subjects: Sequence[Subject],
+    folder: Path,
+    processes: int,
 ) -> list[Fit]:
     """Fit a template to subjects, several at once, with a line that shows how far it is."""
     with ExitStack() as stack:
         run: Callable[..., Iterable[Fit]] = map
         if processes > 1:
             run = stack.enter_context(worker_processes(min(processes, len(subjects)))).map
-        done = run(_fit_one, repeat(template.spline), subjects, repeat(folder))
-        return list(tqdm(done, text, len(subjects), leave=False, disable=None))
+        done = run(_fit_one, repeat(template.spline), starts, subjects, repeat(folder))
+        return list(tqdm(done, folder.name, len(subjects), leave=False, disable=None))
 
 
 _TEMPLATES: dict[str, Template] = {}
 
 
-def _fit_one(spline: ControlMesh, subject: Subject, folder: Path) -> Fit:
+def _fit_one(spline: ControlMesh, start: FloatArray | None, subject: Subject, folder: Path) -> Fit:
     """Fit a template to a subject, or read the fit that was kept."""
     key = fingerprint(VERSION, spline.vertices, spline.quads)
-    made_of = fingerprint(key, subject.mesh.vertices, subject.mesh.faces)
+    made_of = fingerprint(key, start, subject.mesh.vertices, subject.mesh.faces)
     path = folder / f"{subject.name}.h5"
     if path.is_file():
         report = read_report(path)
@@ -234,7 +239,7 @@ def _fit_one(spline: ControlMesh, subject: Subject, folder: Path) -> Fit:
     if key not in _TEMPLATES:  # its modes are computed once in each process
         _TEMPLATES.clear()
         _TEMPLATES[key] = Template(spline)
-    fit = fit_template(_TEMPLATES[key], subject.mesh)
+    fit = fit_template(_TEMPLATES[key], subject.mesh, start)
     report = {"made_of": made_of, "rms_mm": fit.rms, "crossings": fit.crossings, "distortion": fit.distortion}
     write_control_meshes(path, [fit.spline], subject.frame, report)
     return fit

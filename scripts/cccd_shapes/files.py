@@ -8,20 +8,23 @@ import h5py
 import numpy as np
 import pandas as pd
 
-from cccd.containers import Frame
+from cccd.containers import Frame, View
 from cccd.geometry._vtk import xml_of
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
+from cccd.project import PROJECT
 from cccd.store import atomic_path, write_table
 from cccd.surface.surface import LoftedSurface, write_files
 from cccd_shapes.cohort import Cohort
-from cccd_shapes.statistics import GroupTest, ModelQuality, ShapeModel
+from cccd_shapes.fit import DRAWN
+from cccd_shapes.series import Series
+from cccd_shapes.statistics import GroupTest, ShapeModel
+from cccd_workflow.report.page import shared_facts, write_page
+from cccd_workflow.report.viewer import packed, surface_figure
 
-__all__ = ["write_fits", "write_groups", "write_model", "write_scores", "write_subjects"]
+__all__ = ["write_fits", "write_groups", "write_model", "write_scores", "write_series", "write_subjects"]
 
-#: Subdivisions of the meshes.
-DRAWN = 2
 #: Modes that are drawn: those of this share of the variance, and at most so many.
 SHOWN_SHARE, SHOWN_MOST = 0.95, 10
 #: Standard deviations at which they are.
@@ -34,6 +37,7 @@ def write_subjects(path: Path, cohort: Cohort) -> None:
         {
             "name": subject.name,
             "group": subject.row.group,
+            "time": subject.row.time,
             "mirrored": "yes" if subject.row.mirrored else "no",
             "volume_ml": mesh.volume / 1000,
             "own_volume_ml": subject.mesh.volume / 1000,
@@ -56,12 +60,7 @@ def write_subjects(path: Path, cohort: Cohort) -> None:
 def write_fits(folder: Path, cohort: Cohort, aligned: FloatArray) -> None:
     """Write each subject's spline and mesh in its own mm RAS, and points for ShapeWorks.
 
-    Parameters
-    ----------
-    folder : Path
-    cohort : Cohort
-    aligned : (U, V, 3) float64
-        Control points of the subjects that fit, aligned: of the ``_world`` points.
+    Its ``_world`` points are of the aligned (U, V, 3) control points of the subjects that fit.
     """
     for subject, fit in zip(cohort.subjects, cohort.fits, strict=True):
         spline = fit.spline.transformed(subject.to_world)
@@ -85,7 +84,7 @@ def _write_particles(path: Path, spline: ControlMesh) -> None:
         np.savetxt(part, spline.tessellate(0).vertices, "%.6f")
 
 
-def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: ModelQuality) -> list[str]:
+def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: pd.DataFrame) -> list[str]:
     """Write mean, modes and how good they are; return a line for each drawn shape that crosses itself."""
     frame, spline = cohort.subjects[0].frame, cohort.template.spline
     with atomic_path(folder / "modes.h5") as part, h5py.File(part, "w", track_order=True) as file:
@@ -95,20 +94,11 @@ def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: ModelQ
         ):  # fmt: skip
             file.create_dataset(name, data=values, compression="gzip", track_times=False)
         file.attrs["names"] = [cohort.subjects[number].name for number in cohort.used]
-    count = len(quality.compactness)
-    table = {
-        "modes": np.arange(1, 1 + count),
-        "deviation_mm": model.deviations[:count],
-        "compactness": quality.compactness,
-        "generalisation_mm": quality.generalisation,
-        "generalisation_error_mm": quality.generalisation_error,
-        "specificity_mm": quality.specificity,
-        "specificity_error_mm": quality.specificity_error,
-    }
-    write_table(folder / "modes.csv", pd.DataFrame(table))
+    shown = min(SHOWN_MOST, 1 + int(np.searchsorted(model.compactness, SHOWN_SHARE)), len(model.deviations))
+    _write_page(folder / "modes.html", spline.moved(model.mean), model, shown)
+    write_table(folder / "modes.csv", quality)
     _write_spline(folder / "mean", spline.moved(model.mean), frame)
     warnings: list[str] = []
-    shown = min(SHOWN_MOST, 1 + int(np.searchsorted(model.compactness, SHOWN_SHARE)), len(model.deviations))
     for number in range(shown):
         for at in SHOWN_AT:
             name = f"mode_{number + 1}_{'plus' if at > 0 else 'minus'}_{abs(at)}"
@@ -119,12 +109,37 @@ def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: ModelQ
     return warnings
 
 
+def _write_page(path: Path, mean: ControlMesh, model: ShapeModel, count: int) -> None:
+    """Write a page with a slider for each of the first modes: it needs no server."""
+    matrix, mesh = mean.sampler(1).matrix, mean.tessellate(1)
+    moves = [
+        (matrix @ (size * mode)).T for size, mode in zip(model.deviations, model.modes[:count], strict=False)
+    ]
+    figure = surface_figure(View({"surface": mesh}, {}, len(mesh.faces), "", {}))
+    del figure["layout"]["updatemenus"]
+    data = {"mean": mesh.vertices.T.round(3).tolist(), "modes": np.round(moves, 3).tolist()}
+    shares = np.diff(model.compactness[:count], prepend=0)
+    context = {"title": "Mean and modes", "shares": shares, "figure": packed(figure), "moves": packed(data)}
+    write_page(path, PROJECT / "workflow" / "report", "modes.html.j2", context | shared_facts({}))
+
+
 def write_scores(path: Path, cohort: Cohort, model: ShapeModel) -> None:
     """Write the scores of the subjects, in standard deviations, a column for each mode."""
     subjects = [cohort.subjects[number] for number in cohort.used]
     table = pd.DataFrame({"name": [s.name for s in subjects], "group": [s.row.group for s in subjects]})
     columns = [f"mode_{number}" for number in range(1, 1 + model.scores.shape[1])]
     write_table(path, pd.concat([table, pd.DataFrame(model.scores, columns=columns)], axis=1))
+
+
+def write_series(folder: Path, series: Series) -> None:
+    """Write the series' splines in time (``series.h5``) and its volumes (``series.csv``)."""
+    with atomic_path(folder / "series.h5") as part, h5py.File(part, "w", track_order=True) as file:
+        for name in ("coefficients", "knots"):
+            file.create_dataset(name, data=getattr(series, name), compression="gzip", track_times=False)
+        file.create_dataset("quads", data=series.spline.quads, compression="gzip", track_times=False)
+        file.attrs["period"] = series.period or np.nan
+    columns = ["time", "volume_ml", "volume_low_ml", "volume_high_ml"]
+    write_table(folder / "series.csv", pd.DataFrame(series.volumes, columns=columns))
 
 
 def write_groups(path: Path, mean: Mesh, test: GroupTest) -> None:

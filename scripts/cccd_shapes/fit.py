@@ -7,6 +7,7 @@ less than a length costs much; the length falls from the organ's size to a quad'
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -24,7 +25,9 @@ from cccd.geometry.subdivision import ControlMesh, Sampler
 from cccd.surface.spline_fit import SplineFit, Target
 from cccd_shapes.template import Template
 
-__all__ = ["Fit", "Goal", "fit_template", "similarity"]
+__all__ = [
+    "DRAWN", "SAMPLED", "Fit", "Goal", "centroid", "fit_points", "fit_template", "measured_fit", "similarity",
+]  # fmt: skip
 
 #: The spline is sampled at so many subdivisions: 4 points for each quad.
 SAMPLED = 1
@@ -46,7 +49,7 @@ TURNED = 1.0
 FACING = 0.2
 #: Most rounds of the similarity, and the change, as a share of the radius, at which it ends.
 SIMILAR_ROUNDS, STILL = 40, 1e-4
-#: Subdivisions of the surface that is checked, as of what is written.
+#: Subdivisions of the surface that is checked and written.
 DRAWN = 2
 
 
@@ -111,21 +114,12 @@ def _pairs(points: FloatArray, triangles: IntArray, goal: Goal, turned: float) -
     )
 
 
-def similarity(template: Template, mesh: Mesh, scaled: bool = True) -> FloatArray:
-    """Find the similarity (4, 4) that moves a template onto a subject's mesh; its start is the image's axes.
-
-    Parameters
-    ----------
-    template : Template
-    mesh : Mesh
-        Closed, in mm.
-    scaled : bool
-        Whether the size may change.
-    """
+def similarity(template: Template, mesh: Mesh) -> FloatArray:
+    """Find the similarity (4, 4) from a template onto a closed mesh (mm); it starts along the same axes."""
     goal, sampler = Goal(mesh), template.spline.sampler(0)
     start = template.spline.tessellate(0)
-    scale = float(np.sqrt(goal.mesh.area / template.area)) if scaled else 1.0
-    middle, centre = _centroid(start), _centroid(goal.mesh)
+    scale = float(np.sqrt(goal.mesh.area / template.area))
+    middle, centre = centroid(start), centroid(goal.mesh)
     affine = np.eye(4)
     affine[:3, :3] *= scale
     affine[:3, 3] = centre - scale * middle
@@ -134,9 +128,8 @@ def similarity(template: Template, mesh: Mesh, scaled: bool = True) -> FloatArra
         points = start.vertices @ affine[:3, :3].T + affine[:3, 3]
         pairs = _pairs(points, sampler.triangles, goal, TURNED * radius)
         arm = points[pairs.sample] - centre
-        rows = [np.cross(arm, pairs.normal), pairs.normal]
-        rows += [np.einsum("pc,pc->p", arm, pairs.normal)[:, None]] if scaled else []
-        matrix = np.hstack(rows)
+        grown = np.einsum("pc,pc->p", arm, pairs.normal)[:, None]
+        matrix = np.hstack([np.cross(arm, pairs.normal), pairs.normal, grown])
         weighted = matrix * pairs.weight[:, None]
         # what the surface does not tell, as of a sphere's turning, stays as it is
         held = np.diag(1e-6 * np.trace(weighted.T @ matrix) / 7 * np.ones(matrix.shape[1]))
@@ -148,15 +141,15 @@ def similarity(template: Template, mesh: Mesh, scaled: bool = True) -> FloatArra
     return affine
 
 
-def _centroid(mesh: Mesh) -> FloatArray:
+def centroid(mesh: Mesh) -> FloatArray:
     """Mean of the surface (3,)."""
     return np.asarray(np.average(mesh.vertices, axis=0, weights=mesh.vertex_areas), float)
 
 
 def _small_similarity(move: FloatArray, centre: FloatArray) -> FloatArray:
-    """Similarity (4, 4) around a centre of a rotation vector, a shift and perhaps a growth (6 or 7,)."""
+    """Similarity (4, 4) around a centre of a rotation vector, a shift and a growth (7,)."""
     affine = np.eye(4)
-    growth = float(np.exp(np.clip(move[6], -0.2, 0.2))) if len(move) > 6 else 1.0
+    growth = float(np.exp(np.clip(move[6], -0.2, 0.2)))
     angle = float(np.linalg.norm(move[:3]))
     turn = move[:3] * min(1.0, 0.3 / max(angle, 1e-12))  # at most .3 radians a round
     affine[:3, :3] = growth * np.asarray(Rotation.from_rotvec(turn).as_matrix())
@@ -166,34 +159,19 @@ def _small_similarity(move: FloatArray, centre: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A template on a subject.
+    """A template on a subject."""
 
-    Attributes
-    ----------
-    spline : ControlMesh
-        The template's quads on the subject, in its mm.
-    rms : float
-        Root mean square distance in mm of both surfaces to each other.
-    crossings : int
-        Pairs of triangles of the fitted surface that pass through each other.
-    distortion : float
-        Root mean square of the logarithm (base 2) of how much quads' areas changed, but for the size.
-    """
-
-    spline: ControlMesh
-    rms: float
-    crossings: int
+    spline: ControlMesh  # the template's quads on the subject, in its mm
+    rms: float  # root mean square distance in mm of both surfaces to each other
+    crossings: int  # pairs of triangles of the fitted surface that pass through each other
+    # root mean square of the logarithm (base 2) of how much quads' areas changed, but for the size
     distortion: float
 
 
-def fit_template(template: Template, mesh: Mesh) -> Fit:
-    """Fit a template's spline to a subject's mesh.
+def fit_template(template: Template, mesh: Mesh, start: FloatArray | None = None) -> Fit:
+    """Fit a template's spline to a subject's mesh, which is closed and oriented outwards.
 
-    Parameters
-    ----------
-    template : Template
-    mesh : Mesh
-        Closed, oriented outwards.
+    It starts at control points (V, 3) near the subject; without them, similarity and smooth modes find such.
 
     Examples
     --------
@@ -206,15 +184,19 @@ def fit_template(template: Template, mesh: Mesh) -> Fit:
     >>> fit.rms < 0.05, fit.crossings
     (True, 0)
     """
-    affine = similarity(template, mesh)
+    affine = similarity(template, mesh) if start is None else np.eye(4)
     goal = Goal(mesh.transformed(np.asarray(np.linalg.inv(affine), float)))
     sampler = template.spline.sampler(SAMPLED)
-    smooth = _by_modes(template, goal, sampler)
-    points = _by_points(template, smooth, goal, sampler)
+    smooth = _by_modes(template, goal, sampler) if start is None else start
+    points = fit_points(template, smooth[None], [goal], np.ones((1, 1)), sampler)[0]
     fit = SplineFit(template.spline.moved(smooth), Target.of(goal.mesh))
     fit.points = points
     crossings = len(fit.untangle(DRAWN))
-    spline = fit.spline.transformed(affine)
+    return measured_fit(template, fit.spline.transformed(affine), mesh, crossings)
+
+
+def measured_fit(template: Template, spline: ControlMesh, mesh: Mesh, crossings: int) -> Fit:
+    """Measure how well a spline with the template's quads lies on a subject's mesh."""
     return Fit(spline, surface_rms(spline.tessellate(DRAWN), mesh), crossings, _distortion(template, spline))
 
 
@@ -252,29 +234,54 @@ def _by_modes(template: Template, goal: Goal, sampler: Sampler) -> FloatArray:
     return points + (amounts @ modes.T).T
 
 
-def _by_points(template: Template, smooth: FloatArray, goal: Goal, sampler: Sampler) -> FloatArray:
-    """Control points (V, 3), from smooth ones on, each moved by itself."""
-    points, count = smooth, len(smooth)
+def fit_points(
+    template: Template, smooth: FloatArray, goals: Sequence[Goal], basis: FloatArray, sampler: Sampler
+) -> FloatArray:
+    """Fit all control points, from smooth ones on, of one subject or of all frames of a series at once.
+
+    ``smooth`` (K, V, 3) are coefficients in time, ``basis`` (F, K) says how much each counts in each frame;
+    one subject has one frame, and its control points are the coefficients.
+    """
+    made, start = smooth, np.tensordot(basis, smooth, 1)
+    size = (3 * smooth.shape[0] * smooth.shape[1],) * 2
+    weigh = np.asarray(np.linalg.inv(basis.T @ basis), float)
     for length in np.repeat(POINT_LENGTHS, POINT_ROUNDS) * template.edge:
-        pairs = _pairs(sampler.matrix @ points, sampler.triangles, goal, length)
-        chosen = csr_array(sampler.matrix[pairs.sample])
-        rows = csr_array(hstack([diags_array(pairs.normal[:, axis]) @ chosen for axis in range(3)]))
-        turned = csr_array(rows.T @ diags_array(pairs.weight))
-        # bending is counted from the smooth fit: the large changes of shape are no distortion
+        frames: list[tuple[csr_array, csr_array]] = []
+        wanted: list[FloatArray] = []
+        for points, begin, goal in zip(np.tensordot(basis, made, 1), start, goals, strict=True):
+            pairs = _pairs(sampler.matrix @ points, sampler.triangles, goal, length)
+            chosen = csr_array(sampler.matrix[pairs.sample])
+            rows = csr_array(hstack([diags_array(pairs.normal[:, axis]) @ chosen for axis in range(3)]))
+            frames.append((rows, csr_array(rows.T @ diags_array(pairs.weight))))
+            # bending is counted from the smooth fit: the large changes of shape are no distortion
+            pull = (length**4 * template.bending @ (points - begin)).T.ravel()
+            wanted.append(frames[-1][1] @ pairs.off - pull)
         stiffness = csr_array(length**4 * template.bending + HELD * template.metric)
-        matrix = LinearOperator((3 * count,) * 2, partial(_system, stiffness, turned, rows), dtype=float)
-        before = LinearOperator((3 * count,) * 2, partial(_nearly, template.solver(length)), dtype=float)
-        pull = (length**4 * template.bending @ (points - smooth)).T.ravel()
-        move, _ = cg(matrix, turned @ pairs.off - pull, rtol=SOLVED, maxiter=MOST_STEPS, M=before)
-        points = points + move.reshape(3, count).T
-    return points
+        matrix = LinearOperator(size, partial(_system, stiffness, frames, basis), dtype=float)
+        before = LinearOperator(size, partial(_nearly, template.solver(length), weigh), dtype=float)
+        right = (basis.T @ np.array(wanted)).ravel()
+        move, _ = cg(matrix, right, rtol=SOLVED, maxiter=MOST_STEPS, M=before)
+        made = made + move.reshape(len(smooth), 3, -1).transpose(0, 2, 1)
+    return made
 
 
-def _system(stiffness: csr_array, turned: csr_array, rows: csr_array, move: FloatArray) -> FloatArray:
-    """Multiply a displacement (3 V,) by the matrix of the least squares."""
-    return np.asarray(turned @ (rows @ move) + (stiffness @ move.reshape(3, -1).T).T.ravel(), float)
+def _system(
+    stiffness: csr_array,
+    frames: Sequence[tuple[csr_array, csr_array]],
+    basis: FloatArray,
+    move: FloatArray,
+) -> FloatArray:
+    """Multiply displacements (K 3 V,) by the matrix of the least squares."""
+    at = basis @ move.reshape(basis.shape[1], -1)
+    found = [
+        turned @ (rows @ one) + (stiffness @ one.reshape(3, -1).T).T.ravel()
+        for (rows, turned), one in zip(frames, at, strict=True)
+    ]
+    return np.asarray((basis.T @ np.array(found)).ravel(), float)
 
 
-def _nearly(solver: SuperLU, move: FloatArray) -> FloatArray:
+def _nearly(solver: SuperLU, weigh: FloatArray, move: FloatArray) -> FloatArray:
     """Solve the same for displacements along each axis by themselves, as if normals had all directions."""
-    return np.asarray(solver.solve(np.ascontiguousarray(move.reshape(3, -1).T)).T.ravel(), float)
+    count = solver.shape[0]
+    solved = solver.solve(np.ascontiguousarray(move.reshape(-1, count).T)).T
+    return np.asarray((weigh @ solved.reshape(len(weigh), -1)).ravel(), float)

@@ -11,23 +11,21 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 from scipy.sparse import csr_array
 from scipy.spatial.distance import cdist
 
 from cccd.geometry.arrays import FloatArray, IntArray
 
 __all__ = [
-    "GroupTest",
-    "ModelQuality",
-    "ShapeModel",
-    "compare_groups",
-    "distances_to_others",
-    "measure_model",
+    "GroupTest", "ShapeModel", "compare_groups", "distances_to_others", "likely_shapes", "measure_model",
     "principal_modes",
-]
+]  # fmt: skip
 
 #: Modes whose variance is less than this share of the first one's are rounding.
 NOTHING = 1e-9
+#: Rounds of prediction, each with what the last one left to each subject alone.
+PREDICTIONS = 4
 #: Shapes that are drawn for the specificity.
 DRAWN = 500
 #: Modes that are measured at most.
@@ -38,24 +36,12 @@ TESTED_SHARE, TESTED_MOST = 0.9, 0.2
 
 @dataclass(frozen=True, eq=False)
 class ShapeModel:
-    """Mean and principal modes of a cohort.
+    """Mean and principal modes of a cohort."""
 
-    Attributes
-    ----------
-    mean : (V, 3) float64
-        Control points, mm.
-    modes : (K, V, 3) float64
-        Displacements of control points that move the surface by 1 mm (rms).
-    deviations : (K,) float64
-        Standard deviations in mm (rms over the surface), the largest first.
-    scores : (N, K) float64
-        Of the subjects, in standard deviations.
-    """
-
-    mean: FloatArray
-    modes: FloatArray
-    deviations: FloatArray
-    scores: FloatArray
+    mean: FloatArray  # (V, 3) control points, mm
+    modes: FloatArray  # (K, V, 3) displacements of control points that move the surface by 1 mm (rms)
+    deviations: FloatArray  # (K,) standard deviations in mm (rms over the surface), the largest first
+    scores: FloatArray  # (N, K) of the subjects, in standard deviations
 
     @cached_property
     def compactness(self) -> FloatArray:
@@ -69,14 +55,9 @@ class ShapeModel:
 
 
 def principal_modes(shapes: FloatArray, metric: csr_array) -> ShapeModel:
-    """Find the principal modes of aligned shapes.
+    """Find the principal modes of aligned control points (N, V, 3).
 
-    Parameters
-    ----------
-    shapes : (N, V, 3) float64
-        Control points.
-    metric : (V, V) sparse
-        Mean square over the surface, as `cccd_shapes.template.Template.metric`.
+    The metric (V, V) is that of the mean square over the surface, `cccd_shapes.template.Template.metric`.
 
     Examples
     --------
@@ -104,32 +85,53 @@ def principal_modes(shapes: FloatArray, metric: csr_array) -> ShapeModel:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class ModelQuality:
-    """How good a model with the first 1 to K modes is, as Davies (2002) and ShapeWorks measure it.
+def likely_shapes(shapes: FloatArray, doubts: FloatArray) -> FloatArray:
+    """Move what is a guess to where the other subjects make it likely (best linear prediction).
 
-    Attributes
-    ----------
-    compactness : (K,) float64
-        Share of the variance; the nearer to 1 the better.
-    generalisation, specificity : (K,) float64
-        In mm (rms over the surface); the smaller the better.
-    generalisation_error, specificity_error : (K,) float64
-        Their standard errors.
+    ``doubts`` (N, V) are standard deviations in mm of the errors of aligned control points (N, V, 3); what is
+    exact stays as it is.
+
+    Examples
+    --------
+    >>> way = np.random.default_rng(0).normal(size=(1, 9, 3))
+    >>> shapes = np.arange(8.0)[:, None, None] * way
+    >>> wrong, doubts = shapes.copy(), np.zeros((8, 9))
+    >>> wrong[3, 0] += 1.0
+    >>> doubts[3, 0] = 1.0
+    >>> bool(np.abs(likely_shapes(wrong, doubts) - shapes).max() < 0.1)
+    True
     """
+    if not doubts.any():
+        return shapes
+    error, seen = np.repeat(doubts**2, 3, axis=1), shapes.reshape(len(shapes), -1)
+    made, spread = seen, float(seen.var(axis=0).mean())
+    own = 0.1 * spread
+    for _ in range(PREDICTIONS):
+        told = np.array([_told_by_others(made, n, seen[n], own + error[n]) for n in range(len(seen))])
+        own = max(float(np.mean((seen - told) ** 2 - error)), 1e-6 * spread)
+        made = told + own / (own + error) * (seen - told)
+    return made.reshape(shapes.shape)
 
-    compactness: FloatArray
-    generalisation: FloatArray
-    generalisation_error: FloatArray
-    specificity: FloatArray
-    specificity_error: FloatArray
+
+def _told_by_others(made: FloatArray, n: int, seen: FloatArray, variance: FloatArray) -> FloatArray:
+    """Mixture (D,) of all subjects but one that is likeliest where it was seen (D,) with these errors."""
+    others = np.delete(made, n, axis=0)
+    middle = others.mean(axis=0)
+    ways = (others - middle) / np.sqrt(len(others) - 1)
+    certain = ways / variance
+    amounts = np.linalg.solve(np.eye(len(ways)) + certain @ ways.T, certain @ (seen - middle))
+    return middle + amounts @ ways
 
 
-def measure_model(model: ShapeModel, seed: int = 0) -> ModelQuality:
-    """Measure compactness, generalisation and specificity.
+def measure_model(model: ShapeModel, seed: int = 0) -> pd.DataFrame:
+    """Measure how good a model with the first 1 to K modes is, as Davies (2002) and ShapeWorks do.
 
-    Generalisation: how far each subject is from its nearest shape in a model of all the others.
-    Specificity: how far shapes that the model draws are from their nearest subject.
+    Returns
+    -------
+    table of K rows
+        ``compactness``: share of the variance. ``generalisation_mm``: how far (rms) each subject is from its
+        nearest shape in a model of all the others. ``specificity_mm``: how far shapes that the model draws
+        are from their nearest subject. The less the better; with standard errors.
     """
     place = model.scores * model.deviations
     most = min(MEASURED, len(model.deviations))
@@ -140,13 +142,15 @@ def measure_model(model: ShapeModel, seed: int = 0) -> ModelQuality:
         shape = np.zeros((DRAWN, place.shape[1]))
         shape[:, :k] = drawn[:, :k]
         nearest[:, k - 1] = cdist(shape, place).min(axis=1)
-    return ModelQuality(
-        model.compactness[:most],
-        left.mean(axis=0),
-        left.std(axis=0, ddof=1) / np.sqrt(len(left)),
-        nearest.mean(axis=0),
-        nearest.std(axis=0, ddof=1) / np.sqrt(DRAWN),
-    )
+    measured = {
+        "modes": np.arange(1, 1 + most),
+        "deviation_mm": model.deviations[:most],
+        "compactness": model.compactness[:most],
+    }
+    for name, found in (("generalisation", left), ("specificity", nearest)):
+        measured[f"{name}_mm"] = found.mean(axis=0)
+        measured[f"{name}_error_mm"] = found.std(axis=0, ddof=1) / np.sqrt(len(found))
+    return pd.DataFrame(measured)
 
 
 def distances_to_others(model: ShapeModel) -> FloatArray:
@@ -169,27 +173,14 @@ def _left_out(place: FloatArray, n: int, most: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class GroupTest:
-    """Whether groups differ, by permutations of who belongs to which.
+    """Whether groups differ, by permutations of who belongs to which."""
 
-    Attributes
-    ----------
-    p : float
-        Of all modes together (Hotelling's T^2 for two groups, Pillai's trace for more).
-    modes : int
-        How many modes that test has.
-    p_points : (P,) float64
-        At each point of the surface, corrected for all points by the maximum (Westfall and Young 1993).
-    p_points_alone : (P,) float64
-        Of each point by itself.
-    difference : (P, 3) float64
-        Mean of the last group minus that of the first, in mm.
-    """
-
-    p: float
-    modes: int
+    p: float  # of all modes together (Hotelling's T^2 for two groups, Pillai's trace for more)
+    modes: int  # how many modes that test has
+    # (P,) at each point of the surface, corrected for all points by the maximum (Westfall and Young 1993)
     p_points: FloatArray
-    p_points_alone: FloatArray
-    difference: FloatArray
+    p_points_alone: FloatArray  # (P,) of each point by itself
+    difference: FloatArray  # (P, 3) mean of the last group minus that of the first, in mm
 
 
 def compare_groups(
@@ -197,16 +188,8 @@ def compare_groups(
 ) -> GroupTest:
     """Test whether groups of subjects have the same mean shape.
 
-    Parameters
-    ----------
-    model : ShapeModel
-    points : (N, P, 3) float64
-        Of the aligned surfaces, the same on each.
-    groups : sequence of str
-        Of each subject; at least two different ones.
-    permutations : int
-        The least p value is one by this number plus one.
-    seed : int
+    ``points`` (N, P, 3) are the same places of the aligned surfaces, ``groups`` the name of each subject's
+    group. The least p value is one by the number of permutations plus one.
     """
     names, group = np.unique(list(groups), return_inverse=True)
     draw = np.random.default_rng(seed)

@@ -11,72 +11,52 @@ from pathlib import Path
 
 import numpy as np
 
+from cccd.bands import Band
 from cccd.closed_meshes import read_closed_mesh
 from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.files.read_meshes import is_mesh
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
-from cccd.store import read_report, read_surface_frame
+from cccd.store import read_band, read_report, read_surface_frame
 from cccd.surface.surface import read_surface, write_files
 
 __all__ = ["MIRROR", "Row", "Subject", "fingerprint", "read_sheet", "read_subject"]
 
 #: Columns that a sheet may have.
-COLUMNS = ("name", "surface", "mask", "label", "mirrored", "group")
+COLUMNS = ("name", "surface", "mask", "label", "mirrored", "group", "time")
 #: What is said in the column ``mirrored``.
 YES, NO = ("yes", "true", "1"), ("", "no", "false", "0")
 #: Reflects x: a left organ lies as a right one.
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
+#: Standard deviations to each side of the band's 90 %.
+DEVIATIONS = 1.645
 #: Fewest subjects that have a mean and a mode.
 FEWEST = 3
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the sheet.
+    """A row of the sheet."""
 
-    Attributes
-    ----------
-    where : str
-        File and row, for messages.
-    name : str
-    path : Path
-        Of a surface, or of a mask.
-    label : str or None
-        Of the mask; None for a surface.
-    mirrored : bool
-        Whether the subject is reflected in x before it is compared.
-    group : str
-    """
-
-    where: str
+    where: str  # file and row, for messages
     name: str
-    path: Path
-    label: str | None
-    mirrored: bool
+    path: Path  # of a surface, or of a mask
+    label: str | None  # of the mask; None for a surface
+    mirrored: bool  # whether the subject is reflected in x before it is compared
     group: str
+    time: float | None = None  # of a frame of a series
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A subject's surface.
-
-    Attributes
-    ----------
-    row : Row
-    mesh : Mesh
-        Closed, oriented outwards, in mm RAS, reflected if the row says so.
-    pixel : float
-        Edge of a pixel in mm: of the scan, or of a mesh without one the median edge.
-    notes : tuple of str
-        What was mended, one line each.
-    """
+    """A subject's surface."""
 
     row: Row
-    mesh: Mesh
-    pixel: float
-    notes: tuple[str, ...] = ()
+    mesh: Mesh  # closed, oriented outwards, in mm RAS, reflected if the row says so
+    pixel: float  # edge of a pixel in mm: of the scan, or of a mesh without one the median edge
+    notes: tuple[str, ...] = ()  # what was mended, one line each
+    band: Band | None = None  # how far ``mesh`` may be off, where that is known
 
     @property
     def name(self) -> str:
@@ -87,6 +67,19 @@ class Subject:
     def frame(self) -> Frame:
         """A grid of the scan's pixels."""
         return Frame(np.diag([self.pixel, self.pixel, self.pixel, 1.0]), 2, (1, 1, 1))
+
+    @property
+    def volume_doubt(self) -> float:
+        """Standard deviation of the volume in mm^3; 0 where it is unknown."""
+        interval = self.band.volume_interval(self.mesh) if self.band else (0.0, 0.0)
+        return (interval[1] - interval[0]) / 2 / DEVIATIONS
+
+    def doubt(self, points: FloatArray) -> FloatArray:
+        """Return the standard deviation (P,) in mm of the surface at points (P, 3); 0 where it is unknown."""
+        if self.band is None:
+            return np.zeros(len(points))
+        near = self.band.moved_to(self.mesh.vertices, points)
+        return (near.inner + near.outer) / 2 / DEVIATIONS
 
     @property
     def to_world(self) -> FloatArray:
@@ -101,7 +94,7 @@ def read_sheet(path: str | Path) -> list[Row]:
     ----------
     path : path
         Columns: ``name``, and ``surface`` or ``mask``; optionally ``label`` of the mask, ``mirrored`` (yes or
-        no) and ``group``. Paths are relative to the sheet.
+        no), ``group`` and ``time``. Paths are relative to the sheet.
 
     Raises
     ------
@@ -119,14 +112,15 @@ def read_sheet(path: str | Path) -> list[Row]:
         if column not in COLUMNS:
             raise InputError(path.name, f"unknown column {column!r}", f"columns are {', '.join(COLUMNS)}")
     if "name" not in columns or not {"surface", "mask"} & set(columns):
-        raise InputError(
-            path.name, "columns are missing", "give name, and surface or mask, separated by tabs"
-        )
+        raise InputError(path.name, "columns are missing", "give name, and surface or mask, between tabs")
     rows = [_row(path, number, line) for number, line in enumerate(lines, 2)]
     names = [row.name for row in rows]
     for row in rows:
         if names.count(row.name) > 1:
             raise InputError(row.where, f"the name {row.name!r} is there twice", "give each its own name")
+    timeless = [row.where for row in rows if row.time is None]
+    if 0 < len(timeless) < len(rows):
+        raise InputError(timeless[0], "it has no time, others have", "give all rows a time, or none")
     if len(rows) < FEWEST:
         raise InputError(path.name, f"it has {len(rows)} subjects", f"give at least {FEWEST}")
     return rows
@@ -148,7 +142,11 @@ def _row(sheet: Path, number: int, line: Mapping[str, str | None]) -> Row:
     if cells["mirrored"].lower() not in (*YES, *NO):
         raise InputError(where, f"mirrored is {cells['mirrored']!r}", "write yes or no")
     label = cells["label"] if cells["mask"] else None
-    return Row(where, cells["name"], path, label, cells["mirrored"].lower() in YES, cells["group"])
+    try:
+        time = float(cells["time"]) if cells["time"] else None
+    except ValueError:
+        raise InputError(where, f"time is {cells['time']!r}", "write a number") from None
+    return Row(where, cells["name"], path, label, cells["mirrored"].lower() in YES, cells["group"], time)
 
 
 def fingerprint(*parts: object) -> str:
@@ -175,28 +173,26 @@ def read_subject(row: Row, folder: Path) -> Subject:
     """
     try:
         if row.label is None:
-            mended = read_closed_mesh(row.path)
+            mended, path = read_closed_mesh(row.path), row.path
             mesh, notes = mended.mesh, mended.notes
-            pixel = (
-                float(min(read_surface_frame(row.path).spacing))
-                if row.path.suffix == ".h5"
-                else _median_edge(mesh)
-            )
         else:
-            mesh, pixel, notes = _surface_of_mask(row, folder)
+            path, mesh, notes = _surface_of_mask(row, folder)
     except InputError as error:
         raise error.at(row.where) from None
     mesh, left_out = _largest(mesh)
-    return Subject(row, mesh.transformed(MIRROR) if row.mirrored else mesh, pixel, (*notes, *left_out))
+    band, pixel = None, _median_edge(mesh)
+    if path.suffix == ".h5":
+        band, pixel = read_band(path, mesh.vertices), float(min(read_surface_frame(path).spacing))
+    mesh = mesh.transformed(MIRROR) if row.mirrored else mesh
+    return Subject(row, mesh, pixel, (*notes, *left_out), band)
 
 
 def _largest(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
     """Return the largest of a mesh's pieces, and a line where there are others."""
     pieces = sorted(mesh.pieces(), key=lambda piece: -piece.volume)
-    if len(pieces) < 2:
-        return mesh, ()
-    volume = sum(piece.volume for piece in pieces[1:]) / 1000
-    return pieces[0], (f"left out all but the largest of {len(pieces)} pieces ({volume:.3g} ml)",)
+    lost = sum(piece.volume for piece in pieces[1:]) / 1000
+    note = f"left out all but the largest of {len(pieces)} pieces ({lost:.3g} ml)"
+    return (pieces[0], (note,)) if len(pieces) > 1 else (mesh, ())
 
 
 def _median_edge(mesh: Mesh) -> float:
@@ -204,8 +200,8 @@ def _median_edge(mesh: Mesh) -> float:
     return float(np.median(np.linalg.norm(edges, axis=2)))
 
 
-def _surface_of_mask(row: Row, folder: Path) -> tuple[Mesh, float, tuple[str, ...]]:
-    """Surface, pixel and warnings of a mask, made as ``cccd surface`` does."""
+def _surface_of_mask(row: Row, folder: Path) -> tuple[Path, Mesh, tuple[str, ...]]:
+    """File, mesh and warnings of a mask's surface, made as ``cccd surface`` does."""
     import cccd
 
     path, mesh_path = folder / f"{row.name}.h5", folder / f"{row.name}.ply"
@@ -218,4 +214,4 @@ def _surface_of_mask(row: Row, folder: Path) -> tuple[Mesh, float, tuple[str, ..
         lofted.report |= {"made_of": made_of, "warnings": list(surface.warnings)}
         write_files(lofted, path, mesh_path)
     kept = read_surface(path, mesh_path)
-    return kept.mesh, float(min(kept.frame.spacing)), tuple(kept.report["warnings"])
+    return path, kept.mesh, tuple(kept.report["warnings"])

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import SuperLU, eigsh, splu
 
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import FloatArray
 from cccd.geometry.distance import igl
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
@@ -30,15 +30,7 @@ QUADS_OF_TRIANGLE = 2
 
 
 def control_mesh_of(mesh: Mesh, points: int) -> ControlMesh:
-    """Fit a closed spline with about so many control points to a closed mesh.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Closed, oriented outwards.
-    points : int
-        Control points; a few more or fewer are used.
-    """
+    """Fit a closed spline, with about so many control points, to a closed mesh that is oriented outwards."""
     nowhere = (-np.inf, np.inf)  # no plane cuts a subject's surface here: rims are part of its shape
     triangles = max(points // QUADS_OF_TRIANGLE, 20)
     start, _ = control_mesh(mesh.simplified(CHOSEN_AMONG * triangles), triangles, nowhere)
@@ -47,15 +39,9 @@ def control_mesh_of(mesh: Mesh, points: int) -> ControlMesh:
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """A closed spline that is moved onto subjects.
+    """A closed spline that is moved onto subjects."""
 
-    Attributes
-    ----------
-    spline : ControlMesh
-        Near its own centre; in mm.
-    """
-
-    spline: ControlMesh
+    spline: ControlMesh  # near its own centre; in mm
     _solvers: dict[float, SuperLU] = field(default_factory=dict[float, SuperLU], repr=False)
 
     @cached_property
@@ -118,12 +104,3 @@ class Template:
             matrix = csc_array(self.metric / 3 + length**4 * self.bending)
             self._solvers[length] = splu(matrix, permc_spec="MMD_AT_PLUS_A")
         return self._solvers[length]
-
-    def moved(self, points: FloatArray) -> Template:
-        """Return the template with the same quads and other control points (V, 3)."""
-        return Template(self.spline.moved(points))
-
-    @property
-    def quads(self) -> IntArray:
-        """Quads (Q, 4), the same on every subject."""
-        return self.spline.quads

@@ -25,7 +25,7 @@ PACKAGES = {
     "cccd_vessels": "tetrahedra",
     "cccd_dicom": "",
     "cccd_labels": "",
-    "cccd_shapes": "labels",
+    "cccd_shapes": "labels workflow",
     "cccd_workflow": "labels networks segmentation tetrahedra",
     "cccd_calibration": "workflow",
     "cccd_training": "calibration datasets junctions networks segmentation",

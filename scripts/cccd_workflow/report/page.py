@@ -47,7 +47,7 @@ from cccd_workflow.report.viewer import case_figure, deflate, packed, surface_fi
 
 __all__ = [
     "build_case_page", "build_comparison_page", "build_report", "build_report_of_finished",
-    "build_structure_page",
+    "build_structure_page", "shared_facts", "write_page",
 ]  # fmt: skip
 
 #: Widths in pixels of a picture in a structure's page and in the cohort's.
@@ -113,7 +113,7 @@ def build_report(
     for view in views:  # a page that a failed run did not come to leads nowhere
         view.link = view.link if (results / view.link).is_file() or cohort is None else ""
     cases = dict.fromkeys(case for case, _ in structures)
-    _write(
+    write_page(
         output,
         template_dir,
         "report.html.j2",
@@ -130,7 +130,7 @@ def build_report(
             "sources": source_table(views),
             **_training(found, config),
             **_times(benchmarks),
-            **_shared(config),
+            **shared_facts(config),
         },
     )
 
@@ -235,8 +235,8 @@ def build_structure_page(
     view, files = view_structure(found, case, organ, _PAGE_WIDTH), found.files(case, organ)
     view.figure, view.slices = _figure(files), draw_slices(files)
     back = _relative(index, output.parent) if index is not None else None
-    shown = {"title": f"{case} / {organ}", "structure": view, "back": back, **_shared(config)}
-    _write(output, template_dir, "structure.html.j2", shown)
+    shown = {"title": f"{case} / {organ}", "structure": view, "back": back, **shared_facts(config)}
+    write_page(output, template_dir, "structure.html.j2", shown)
 
 
 def _figure(files: StructureFiles) -> str | None:
@@ -271,7 +271,7 @@ def build_case_page(
     }
     title = f"{scene['case']}: all organs"
     figure = packed(case_figure(scene["organs"], small))
-    _write(output, template_dir, "case.html.j2", {"title": title, "figure": figure, **_shared({})})
+    write_page(output, template_dir, "case.html.j2", {"title": title, "figure": figure, **shared_facts({})})
 
 
 def build_comparison_page(
@@ -304,7 +304,7 @@ def build_comparison_page(
         if caption in views:
             view.figure = packed(surface_figure(views[caption], other=names[1], colour="distance"))
         shown.append(view)
-    _write(
+    write_page(
         output,
         template_dir,
         "comparison.html.j2",
@@ -315,7 +315,7 @@ def build_comparison_page(
             "notes": found["notes"],
             "rows": table("comparison", rows),
             "structures": shown,
-            **_shared({}),
+            **shared_facts({}),
         },
     )
 
@@ -323,7 +323,7 @@ def build_comparison_page(
 # The page as a whole ------------------------------------------------------------------------------------
 
 
-def _shared(config: Mapping[str, Any]) -> dict[str, Any]:
+def shared_facts(config: Mapping[str, Any]) -> dict[str, Any]:
     """Collect what all pages need."""
     return {
         "run": provenance(),
@@ -333,7 +333,8 @@ def _shared(config: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _write(output: Path, template_dir: Path, name: str, context: Mapping[str, Any]) -> None:
+def write_page(output: Path, template_dir: Path, name: str, context: Mapping[str, Any]) -> None:
+    """Write a page: ``name`` is its template, ``context`` what that shows."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(template_dir),
         autoescape=True,
@@ -344,9 +345,8 @@ def _write(output: Path, template_dir: Path, name: str, context: Mapping[str, An
     environment.filters |= {"number": number, "bound": _bound}
     environment.globals["asset"] = lambda file: Markup(_text(Path(template_dir) / file))
     environment.globals["deflated"] = lambda file: _deflated(Path(template_dir) / file)
-    text = environment.get_template(name).render(context)
     with atomic_path(output) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(environment.get_template(name).render(context), encoding="utf-8")
 
 
 def _text(file: Path) -> str:

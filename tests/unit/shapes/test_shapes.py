@@ -13,8 +13,9 @@ from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply, write_ply
 from cccd.store import read_bodies
-from cccd_shapes.cohort import aligned, fit_cohort
-from cccd_shapes.fit import fit_template, similarity
+from cccd_shapes.cohort import Cohort, aligned, fit_cohort
+from cccd_shapes.fit import Fit, fit_template, similarity
+from cccd_shapes.series import fit_series
 from cccd_shapes.subjects import MIRROR, Row, Subject, read_sheet
 from cccd_shapes.template import Template, control_mesh_of
 
@@ -52,8 +53,8 @@ def deformed(seed: int, size: float = 1.0) -> Mesh:
     return Mesh(vertices + size * move / 2, body().faces)
 
 
-def subject(name: str, mesh: Mesh, group: str = "", mirrored: bool = False) -> Subject:
-    return Subject(Row("sheet.tsv", name, None, None, mirrored, group), mesh, 1.0)
+def subject(name: str, mesh: Mesh, time: float | None = None) -> Subject:
+    return Subject(Row("sheet.tsv", name, None, None, False, "", time), mesh, 1.0)
 
 
 def on_body(points, mesh: Mesh, other: Mesh | None = None):
@@ -151,6 +152,39 @@ def test_modes_are_smooth_and_of_unit_size():
     assert bent[1] < bent[10] < bent[-1]
 
 
+# Series -----------------------------------------------------------------------------------------------
+
+PERIOD = 0.8
+
+
+def beating(time):
+    """Half axes in mm of an ellipsoid that beats."""
+    return np.array([10, 11, 14]) * (1 + np.array([0.12, 0.12, 0.06]) * np.cos(2 * np.pi * time / PERIOD))
+
+
+def test_a_series_has_the_period_and_the_volumes_of_a_beating_ellipsoid():
+    """Frames of two beats, each off by .2 mm (rms) all around."""
+    draw, ball = np.random.default_rng(0), sphere(1.0, subdivisions=3)
+    times = draw.uniform(0, 2 * PERIOD, 14)
+    unit = control_mesh_of(ball, 60)
+    axes = [beating(time) + draw.normal(0, 0.2) for time in times]
+    frames = [
+        subject(f"f{n}", Mesh(ball.vertices * by, ball.faces), time)
+        for n, (time, by) in enumerate(zip(times, axes, strict=True))
+    ]
+    fits = [Fit(unit.moved(unit.vertices * by), 0.0, 0, 0.0) for by in axes]
+    template = Template(unit.moved(unit.vertices * 11))
+    _, series = fit_series(Cohort(frames, fits, np.ones(14), template, [""] * 14), PERIOD)
+    assert series.at(0.3).vertices == pytest.approx(series.at(0.3 + PERIOD).vertices, abs=1e-9)
+    size = ball.volume / 1000
+    time, found, low, high = series.volumes.T
+    true = np.array([size * np.prod(beating(one)) for one in time])
+    off = [size * np.prod(by) - size * np.prod(beating(one)) for one, by in zip(times, axes, strict=True)]
+    assert np.sqrt(np.mean((found - true) ** 2)) < 0.75 * np.sqrt(np.mean(np.square(off)))
+    assert np.mean((low <= true) & (true <= high)) > 0.8
+    assert series.ejection[1] < 1 - true.min() / true.max() < series.ejection[2]
+
+
 # The command ------------------------------------------------------------------------------------------
 
 
@@ -180,6 +214,7 @@ def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path)
     assert points == pytest.approx(meshes[0].vertices[: len(points)], abs=1e-5)
     assert len(pd.read_csv(out / "scores.csv")) == 6
     assert (out / "groups.vtp").is_file()
+    assert "Mode 1 (" in (out / "modes.html").read_text()
 
 
 @pytest.mark.parametrize(
@@ -193,6 +228,8 @@ def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path)
         ("name\tmask\tmirrored\na\tsheet.tsv\tperhaps", "mirrored is 'perhaps'"),
         ("name\tmask\na\tsheet.tsv\na\tsheet.tsv", "the name 'a' is there twice"),
         ("name\tmask\na\tsheet.tsv", "it has 1 subjects"),
+        ("name\tmask\ttime\na\tsheet.tsv\tnow", "time is 'now'"),
+        ("name\tmask\ttime\na\tsheet.tsv\t1\nb\tsheet.tsv\t", "row 3: it has no time"),
     ],
 )
 def test_a_wrong_sheet_is_one_line(tmp_path, text, said):
