@@ -130,28 +130,20 @@ def test_a_touched_module_brings_back_nothing(tiny_copy):
 BEFORE_CURVES = {"train_gnn", "generate_graphs", "import_structure"}
 
 
-def test_another_k_neither_retrains_nor_imports_nor_orders_nor_lofts(tiny_copy):
+@pytest.mark.parametrize(
+    ("setting", "again", "kept"),
+    [
+        ("k: 5", {"fit_curves"}, {*BEFORE_CURVES, "evaluate_gnn", "loft_surface"}),
+        ("sweep: [3, 9]", {"compare_structure"}, {*BEFORE_CURVES, "fit_curves", "loft_surface"}),
+        ("ordering: gnn", {"import_structure", "fit_curves"}, {"train_gnn", "generate_graphs"}),
+    ],
+)
+def test_another_setting_of_curves_brings_back_only_what_follows(tiny_copy, setting, again, kept):
     with (tiny_copy.folder / "tiny.yaml").open("a") as configuration:
-        configuration.write("curves: {k: 5}\n")
+        configuration.write(f"curves: {{{setting}}}\n")
     planned = set(tiny_copy.planned())
-    assert "fit_curves" in planned
-    assert planned.isdisjoint({*BEFORE_CURVES, "evaluate_gnn", "loft_surface"})
-
-
-def test_another_sweep_fits_nothing_again(tiny_copy):
-    with (tiny_copy.folder / "tiny.yaml").open("a") as configuration:
-        configuration.write("curves: {sweep: [3, 9]}\n")
-    planned = set(tiny_copy.planned())
-    assert "compare_structure" in planned
-    assert planned.isdisjoint({*BEFORE_CURVES, "fit_curves", "loft_surface"})
-
-
-def test_another_ordering_does_not_retrain(tiny_copy):
-    with (tiny_copy.folder / "tiny.yaml").open("a") as configuration:
-        configuration.write("curves: {ordering: gnn}\n")
-    planned = set(tiny_copy.planned())
-    assert {"import_structure", "fit_curves"} <= planned
-    assert planned.isdisjoint({"train_gnn", "generate_graphs"})
+    assert again <= planned
+    assert planned.isdisjoint(kept)
 
 
 def test_a_moved_row_brings_back_nothing_of_its_structure(tiny_copy):

@@ -1,6 +1,5 @@
-"""Hostile files that run nothing, sources that call no shell, and pins without known holes."""
+"""Hostile files that run nothing, rules that call no shell, and pins without known holes."""
 
-import ast
 import json
 import os
 import pickle
@@ -17,7 +16,6 @@ from cccd_junctions.checkpoint import load_model
 from cccd_networks.model_header import read_header
 
 ROOT = Path(__file__).parents[2]
-SOURCES = sorted((ROOT / "scripts").rglob("*.py"))
 
 
 class Bomb:
@@ -38,20 +36,6 @@ def test_a_model_file_runs_nothing(write, tmp_path):
     assert not (tmp_path / "exploded").exists()
 
 
-def calls(source: Path):
-    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call):
-            yield ast.unparse(node.func), {word.arg: ast.unparse(word.value) for word in node.keywords}, node
-
-
-#: Read what models and nnU-Net say of themselves, by unpicklers that know plain values only, or write a ZIP.
-UNPICKLERS = {
-    ROOT / "scripts" / "cccd_networks" / "torch_files.py": {"zipfile"},
-    ROOT / "scripts" / "cccd_networks" / "model_header.py": {"pickle", "zipfile"},
-    ROOT / "scripts" / "cccd" / "inputs" / "nnunet.py": {"pickle"},
-}
-
-
 def test_a_model_is_not_run_when_the_run_is_planned(tmp_path):
     with zipfile.ZipFile(tmp_path / "model.pt", "w") as archive:
         archive.writestr(
@@ -60,27 +44,6 @@ def test_a_model_is_not_run_when_the_run_is_planned(tmp_path):
     with pytest.raises(InputError, match="not a junction model"):
         read_header(tmp_path / "model.pt")
     assert not (tmp_path / "exploded").exists()
-
-
-def test_nothing_is_unpickled_unpacked_or_given_to_a_shell():
-    forbidden = {"eval", "exec", "os.system", "os.popen", "yaml.load", "shutil.unpack_archive"}
-    for source in SOURCES:
-        for name, words, node in calls(source):
-            place = f"{source.relative_to(ROOT)}:{node.lineno} {name}"
-            assert name not in forbidden, place
-            assert words.get("shell", "False") == "False", place
-            assert words.get("allow_pickle", "False") == "False", place
-            if name == "torch.load":
-                assert words.get("weights_only") == "True", place
-        modules = {
-            alias.name.partition(".")[0]
-            for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
-            if isinstance(node, (ast.Import, ast.ImportFrom))
-            for alias in ([ast.alias(node.module or "")] if isinstance(node, ast.ImportFrom) else node.names)
-        }
-        assert (modules - UNPICKLERS.get(source, set())).isdisjoint(
-            {"pickle", "marshal", "shelve", "joblib", "zipfile", "tarfile"}
-        ), source
 
 
 def test_no_rule_builds_a_shell_command():
@@ -143,10 +106,3 @@ def test_the_audit_finds_a_planted_version_without_a_service(pin, found, tmp_pat
     assert "audit skipped" in run.stdout
     if found:
         assert found in run.stdout.splitlines()
-
-
-def test_what_is_pinned_has_no_hole_that_the_file_knows(silent_service):
-    command = [sys.executable, ROOT / ".ci" / "audit", silent_service]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stdout
-    assert "advisories.tsv: 0 known holes" in run.stdout

@@ -66,9 +66,8 @@ def test_one_bad_structure_keeps_no_other_from_its_surface(tiny_copy):
     assert "1 failed:" in run.stderr
     page = (tiny_copy.results / "report.html").read_text()
     assert "not_there.nii.gz" in page
-    # all else is finished now, and the run still is no good one
     again = tiny_copy.snakemake("surfaces", check=False)
-    assert again.returncode == 1
+    assert again.returncode == 1  # all else is finished, and it still is no good run
     assert "1 failed:" in again.stderr
     assert not (tiny_copy.results / "missing_rows").exists()
 

@@ -21,8 +21,6 @@ from cccd_shapes.template import Template, control_mesh_of
 
 #: Control points: enough for smooth bodies.
 POINTS = 110
-
-
 #: Directions of two bumps and a hollow, and how high they are.
 FEATURES = (((1, 0.2, 0.3), 0.5), ((-0.3, 1, -0.5), 0.4), ((0, -0.7, 0.8), -0.35))
 
@@ -239,9 +237,8 @@ def test_a_wrong_sheet_is_one_line(tmp_path, text, said):
 
 
 def test_the_wider_shape_is_reached_from_the_narrower_one():
-    """Fits go far: a third longer, and bent."""
     mesh = body()
-    far = mesh.vertices * (1, 1, 1.33)
+    far = mesh.vertices * (1, 1, 1.33)  # a third longer, and bent
     far[:, 0] += far[:, 2] ** 2 / 60
     fit = fit_template(Template(control_mesh_of(mesh, POINTS)), Mesh(far, mesh.faces))
     assert fit.rms < 0.15
