@@ -43,13 +43,19 @@ from cccd.settings.messages import nearest
 #: Snakemake ends well, and calls none of its handlers, where there is nothing to do.
 MISSING_ROWS = Path("results", "missing_rows")
 
+
+def take_stand_ins_away():
+    """Remove what stands in for missing rows and for outputs of failed jobs; say whether there were such jobs."""
+    MISSING_ROWS.unlink(missing_ok=True)
+    return take_placeholders_away()
+
+
 if workflow.remote_exec:
     # a job of a cluster: its structures fail one by one, and not all because of one
     os.environ[BATCH] = "1"
 elif not any(Path(".snakemake", "locks").glob("*")):
     # those of a run that was killed before it could take them away; of one that still goes on they stay
-    take_placeholders_away()
-    MISSING_ROWS.unlink(missing_ok=True)
+    take_stand_ins_away()
 
 try:
     plan = Plan.make(config, ROOT, leave_out_missing=True)
@@ -155,8 +161,7 @@ def shorten_console():
 
 def tell_where_results_are():
     """End a good run by saying where to look; one that left structures out is none."""
-    MISSING_ROWS.unlink(missing_ok=True)
-    if take_placeholders_away() or cohort.missing:
+    if take_stand_ins_away() or cohort.missing:
         report_failed_run(plan)
         sys.exit(1)
     report_good_run(plan)
@@ -164,8 +169,7 @@ def tell_where_results_are():
 
 def list_failures():
     """End a bad run: every failure in one line, and a report of the structures that are finished."""
-    MISSING_ROWS.unlink(missing_ok=True)
-    take_placeholders_away()
+    take_stand_ins_away()
     if interrupted.is_set():
         report_interrupted_run(plan)
     else:

@@ -71,9 +71,9 @@ def _any_of_three(flags: BoolArray) -> BoolArray:
 
 def _near(vertices: FloatArray, faces: IntArray, moved: BoolArray) -> BoolArray:
     """Triangles (F,) that may reach the box of a moved one; and some more."""
-    lower, upper = _corners_of_boxes(vertices, faces)
     if not moved.any():
         return moved
+    lower, upper = _corners_of_boxes(vertices, faces)
     side = (upper - lower).max(axis=1)
     usual = float(np.quantile(side, _USUAL))
     # what is no longer than usual reaches a box where its lower corner lies in it, or below it by so much
