@@ -20,11 +20,11 @@ MOST_LINES = {
     "scripts/cccd_shapes": 1499,
     "scripts/cccd_solids": 1982,
     "scripts/cccd_tetrahedra": 1534,
-    "scripts/cccd_training": 3649,
+    "scripts/cccd_training": 3664,
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5976,
     "bench": 4709,
-    "tests": 25116,
+    "tests": 25118,
 }
 
 

@@ -23,7 +23,7 @@ from cccd.surface.learned_distance import (
 )
 from cccd_datasets.implicit_solids import ImplicitFunction
 
-__all__ = ["Sample", "ball_with_bumps", "closed_body", "draw_sample", "packed", "unpacked"]
+__all__ = ["Sample", "ball_with_bumps", "closed_body", "draw_sample", "packed"]
 
 Array = np.ndarray[Any, np.dtype[Any]]
 #: A smooth function of places (N, 3), negative inside.
@@ -72,12 +72,6 @@ def packed(seen: Array) -> Array:
     """Store what is seen in a byte each, finer near the surface."""
     share = seen * (UNIT / RANGE)
     return np.rint(127 * np.sign(share) * np.sqrt(np.abs(share))).astype(np.int8)
-
-
-def unpacked(seen: Array) -> Array:
-    """Take back what `packed` stored, as float32."""
-    root = seen.astype(np.float32) / 127
-    return np.sign(root) * root * root * np.float32(RANGE / UNIT)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -11,25 +11,29 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from cccd.surface.learned_distance import OFFSETS, SLICES, condition_basis
-from cccd_training.distance.bodies import Sample, unpacked
+from cccd.surface.learned_distance import OFFSETS, RANGE, SLICES, UNIT, condition_basis
+from cccd_training.distance.bodies import Sample
 
-__all__ = ["DistanceModel", "save_weights", "train"]
+__all__ = ["DistanceModel", "save_weights", "train", "unpacked"]
 
 #: Sets of first-layer weights that conditions mix, and the layers' widths.
-BANKS, WIDTHS = 2, (192, 64, 32)
-#: Stacks of a step, and places of each and of each way up.
-STACKS, PLACES = 8, 320
+BANKS, WIDTHS = 2, (256, 128, 64)
+#: Stacks of a step, each either way up, and places of each.
+STACKS, PLACES = 192, 384
 #: Places count less beyond so many pixels of the surface: it is not found there.
 COUNTED, BEYOND = 1.2, 0.3
 #: Share of a step that the running mean of weights takes on.
-AVERAGED = 0.002
+AVERAGED = 0.0005
+#: Fewest places of a stack, one way up, that are trained with.
+FEWEST = 8
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
 
 class DistanceModel(nn.Module):
     """See `cccd.surface.learned_distance.DistanceNetwork`."""
+
+    slot: Tensor  # which slice (F,) each value that is seen is of
 
     def __init__(self) -> None:
         super().__init__()
@@ -43,21 +47,55 @@ class DistanceModel(nn.Module):
         self.layers = nn.ParameterList(
             [nn.Parameter(torch.randn(a, b) * (2 / a) ** 0.5) for a, b in itertools.pairwise(WIDTHS)]
         )
+        self.register_buffer("slot", torch.tensor(OFFSETS[:, 0] + SLICES), persistent=False)
         self.last = nn.Parameter(torch.zeros(WIDTHS[-1], 1))
         self.biases = nn.ParameterList([nn.Parameter(torch.zeros(conditions, n)) for n in (*WIDTHS, 1)])
 
-    @staticmethod
-    def slot() -> Tensor:
-        """Which slice (F,) each value that is seen is of."""
-        return torch.tensor(OFFSETS[:, 0] + SLICES)
-
     def forward(self, seen: Tensor, base: Tensor, basis: Tensor) -> Tensor:
         """Distances (C, N) of places (C, N, F) under conditions (C, B)."""
-        gain = torch.einsum("cb,bqsh->cqsh", basis, self.gain)[:, :, self.slot()]
+        gain = torch.einsum("cb,bqsh->cqsh", basis, self.gain)[:, :, self.slot]
         values = torch.bmm(seen, (self.first * gain).sum(dim=1))
         for matrix, bias in zip([*self.layers, self.last], self.biases[:-1], strict=True):
             values = torch.relu(values + (basis @ bias)[:, None]) @ matrix
         return values[..., 0] + basis @ self.biases[-1] + base
+
+
+def unpacked(seen: Tensor) -> Tensor:
+    """Take back what `cccd_training.distance.bodies.packed` stored, as float32."""
+    root = seen.float() / 127
+    return root * root.abs() * (RANGE / UNIT)
+
+
+class _Places:
+    """Places of all stacks on one device, sorted by stack and way up."""
+
+    def __init__(self, samples: Sequence[Sample], device: str) -> None:
+        groups = [
+            (sample, np.flatnonzero(sample.flipped == upside), -sample.height if upside else sample.height)
+            for sample in samples
+            for upside in (False, True)
+            if np.count_nonzero(sample.flipped == upside) >= FEWEST
+        ]
+        counts = np.array([len(rows) for _, rows, _ in groups])
+        basis = [condition_basis(s.ratio, np.full(1, height), s.exact)[0] for s, _, height in groups]
+
+        def joined(parts: Iterable[Array]) -> Tensor:
+            return torch.from_numpy(np.concatenate([*parts])).to(device)
+
+        self.seen = joined(sample.seen[rows] for sample, rows, _ in groups)
+        self.base = joined(sample.base[rows] for sample, rows, _ in groups)
+        self.truth = joined(sample.truth[rows] for sample, rows, _ in groups)
+        self.basis = torch.tensor(np.array(basis), dtype=torch.float32, device=device)
+        self.count = torch.tensor(counts, device=device)
+        self.begin = torch.cumsum(self.count, 0) - self.count
+
+    def draw(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Give places of some stacks: seen (C, N, F), base and truth (C, N), conditions (C, B)."""
+        device = self.base.device
+        group = torch.randint(len(self.count), (STACKS,), device=device)
+        share = torch.rand((STACKS, PLACES), device=device)
+        rows = self.begin[group, None] + (share * self.count[group, None]).long()
+        return unpacked(self.seen[rows]), self.base[rows], self.truth[rows], self.basis[group]
 
 
 def train(
@@ -65,33 +103,32 @@ def train(
     steps: int,
     rate: float,
     seed: int,
-    start: DistanceModel | None = None,
-    told: Callable[[int, float, DistanceModel], None] | None = None,
+    device: str = "cpu",
+    told: Callable[[int, float], None] | None = None,
 ) -> DistanceModel:
     """Train on samples; the learning rate falls to nothing, and the mean of the last weights is given.
 
     Parameters
     ----------
     samples : sequence of Sample
-        May grow while the training goes on.
     steps : int
     rate : float
         First learning rate.
     seed : int
-    start : DistanceModel, optional
+    device : str, default: "cpu"
+        Of PyTorch; holds all samples.
     told : callable, optional
-        Called after each step with its number, its loss and the mean model.
+        Called after each step with its number and its loss.
     """
     torch.manual_seed(seed)
-    rng = np.random.default_rng(seed)
-    model = start or DistanceModel()
+    places, model = _Places(samples, device), DistanceModel().to(device)
     mean = torch.optim.swa_utils.AveragedModel(
         model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(1 - AVERAGED)
     )
     optimiser = torch.optim.AdamW(model.parameters(), rate, weight_decay=1e-4)
     for step in range(steps):
-        optimiser.param_groups[0]["lr"] = rate * min(1.0, (step + 1) / 500) * max(0.005, 1 - step / steps)
-        seen, base, truth, basis = _batch([samples[n] for n in rng.integers(0, len(samples), STACKS)], rng)
+        optimiser.param_groups[0]["lr"] = rate * min(1.0, (step + 1) / 500) * max(0.003, 1 - step / steps)
+        seen, base, truth, basis = places.draw()
         weight = torch.where(truth.abs() < COUNTED, 1.0, BEYOND)
         loss = ((model(seen, base, basis) - truth).abs() * weight).sum() / weight.sum()
         optimiser.zero_grad()
@@ -100,27 +137,8 @@ def train(
         optimiser.step()
         mean.update_parameters(model)
         if told is not None:
-            told(step, float(loss.detach()), cast("DistanceModel", mean.module))
-    return cast("DistanceModel", mean.module)
-
-
-def _batch(samples: Sequence[Sample], rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Places of samples, either way up: seen (C, N, F), base and truth (C, N), conditions (C, B)."""
-    rows: list[tuple[Array, Array, Array]] = []
-    basis: list[Array] = []
-    for sample in samples:
-        for upside in (False, True):
-            own = np.flatnonzero(sample.flipped == upside)
-            if len(own) == 0:
-                continue
-            here = rng.choice(own, PLACES)
-            rows.append((unpacked(sample.seen[here]), sample.base[here], sample.truth[here]))
-            height = np.full(1, -sample.height if upside else sample.height)
-            basis.append(condition_basis(sample.ratio, height, sample.exact)[0])
-    seen, base, truth = (
-        torch.tensor(np.stack(part), dtype=torch.float32) for part in zip(*rows, strict=True)
-    )
-    return seen, base, truth, torch.tensor(np.stack(basis), dtype=torch.float32)
+            told(step, float(loss.detach()))
+    return cast("DistanceModel", mean.module).cpu()
 
 
 def save_weights(model: DistanceModel, path: Path) -> None:
