@@ -6,6 +6,7 @@ snakemake --cores 2 surfaces                     surfaces only, without measures
 snakemake --cores 2 evidence                     comparisons for a closer look; the next report shows them
 snakemake --cores 2 results/CASE/ORGAN/surface.ply
 snakemake --cores 2 segmenters                   segmentation networks, trained on the sheet's rows of role train
+snakemake --cores 2 shapes                       one spline for all cases of an organ: mean, modes, groups
 snakemake --cores 2 phantoms                     scans and true surfaces, as files for a benchmark
 
 The console shows a line for each finished job; --verbose shows all of Snakemake's own log.
@@ -36,6 +37,7 @@ include: "workflow/rules/comparisons.smk"
 include: "workflow/rules/cases.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/phantoms.smk"
+include: "workflow/rules/shapes.smk"
 
 
 rule missing_rows:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
+from scipy.stats import mode
 from tqdm import tqdm
 
 from cccd.errors import InputError
@@ -23,43 +24,54 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.store import read_bodies, read_report, write_control_meshes
 from cccd_labels.processes import worker_processes
+from cccd_shapes import FEWEST, FROM_MEAN, ROUNDS
 from cccd_shapes.fit import Fit, centroid, fit_template
 from cccd_shapes.statistics import distances_to_others, principal_modes
-from cccd_shapes.subjects import FEWEST, Subject, fingerprint
+from cccd_shapes.subjects import Subject, fingerprint
 from cccd_shapes.template import Template, control_mesh_of
 
-__all__ = ["Cohort", "aligned", "fit_cohort", "medoid", "problem_of"]
+__all__ = [
+    "Cohort", "aligned", "first_template", "fit_cohort", "fit_subject", "medoid", "problem_of", "read_fit",
+    "write_fit",
+]  # fmt: skip
 
-#: Rounds: the template is the medoid in the first, the mean of those that fit in the others. In the last ones
-#: all control points move by themselves from the mean on, so that none slides without need.
-ROUNDS, FROM_MEAN = 2, 3
 #: Points at which distances to surfaces are compared, within so many radii of the middle.
 PROBES, PROBED = 400, 1.5
 #: Triangles that are enough for that.
 ROUGH = 2000
 #: Rounds of generalised Procrustes alignment, and the change of the mean, by its size, at which it ends.
 ALIGNING_ROUNDS, STILL = 20, 1e-7
-#: Largest root mean square distance of a fitted surface to the subject's own, in pixels.
-TOLERANCE_PIXELS = 0.5
-#: Quads may change their areas by a factor of 2 to this power (rms), ...
-DISTORTED = 1.0
-#: ... and a subject may be so many usual deviations farther than the median from what others explain, ...
+#: A subject may be so many usual deviations farther than the median from what others explain, ...
 UNLIKE = 6.0
 #: ... each at least this share of the organ's radius.
 LIKE = 0.01
 #: Changes with what makes a fit: fits that another version kept are made again.
-VERSION = 2
+VERSION = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Cohort:
-    """A cohort with one template on all subjects, in the order of their names."""
+    """A template on all subjects of a cohort."""
 
-    subjects: list[Subject]
+    subjects: list[Subject]  # in the order of their names
     fits: list[Fit]  # in each subject's mm
-    tolerances: FloatArray  # (N,) largest distance (rms, mm) at which a fit is good
-    template: Template  # of the last round
+    template: Template
     problems: list[str]  # why a subject does not fit; empty for those that do
+
+    @classmethod
+    def judged(cls, subjects: list[Subject], fits: list[Fit], template: Template) -> Cohort:
+        """Find out which subjects, in the order of their names, do not fit; fewer than three are an error."""
+        problems = [problem_of(fit, one.tolerance) for fit, one in zip(fits, subjects, strict=True)]
+        if problems.count("") >= FEWEST:
+            problems = _unlike(fits, template, problems)
+        if problems.count("") < FEWEST:
+            one, problem = next((s.name, p) for s, p in zip(subjects, problems, strict=True) if p)
+            raise InputError(
+                one,
+                f"{problem}; only {problems.count('')} of {len(fits)} subjects fit",
+                "check that all are the same organ, or use more --points or a larger --tolerance",
+            )
+        return cls(subjects, fits, template, problems)
 
     @property
     def used(self) -> IntArray:
@@ -67,33 +79,33 @@ class Cohort:
         return np.array([n for n, problem in enumerate(self.problems) if not problem], np.int64)
 
     @property
-    def doubts(self) -> FloatArray:
-        """Standard deviations (U, V) in mm of the surfaces of those that fit, by their bands."""
-        places = [self.template.limits @ self.fits[n].spline.vertices for n in self.used]
-        return np.array([self.subjects[n].doubt(at) for n, at in zip(self.used, places, strict=True)])
+    def shapes(self) -> FloatArray:
+        """Control points (U, V, 3) of those that fit, in mm."""
+        return np.array([self.fits[n].spline.vertices for n in self.used])
+
+    def mean(self) -> Template:
+        """Template of the next round: the mean of those that fit, all of one size."""
+        mean = aligned(self.shapes, self.template, scaled=True).mean(axis=0)
+        return Template(self.template.spline.moved(mean))
 
 
 def fit_cohort(
-    subjects: Iterable[Subject],
-    folder: Path,
-    points: int,
-    tolerance: float | None = None,
-    processes: int = 1,
+    subjects: Iterable[Subject], folder: Path, points: int, processes: int = 1, rounds: int = ROUNDS
 ) -> Cohort:
-    """Fit one template to all subjects.
+    """Fit one template to all subjects, in several rounds.
 
     Parameters
     ----------
     subjects : iterable of Subject
         With different names.
-    folder : Path
+    folder : path
         Each subject's fit of each round is kept there, and used again where nothing has changed.
     points : int
         Control points of the template, about.
-    tolerance : float, optional
-        Largest distance (rms, mm) of a fit to the subject's own surface; default `TOLERANCE_PIXELS`.
     processes : int
         How many subjects are fitted at once.
+    rounds : int
+        Each has the mean of the last as its template.
 
     Raises
     ------
@@ -101,33 +113,32 @@ def fit_cohort(
         Fewer than three subjects fit.
     """
     ordered = sorted(subjects, key=lambda subject: subject.name)
-    limits = np.array([tolerance or TOLERANCE_PIXELS * subject.pixel for subject in ordered])
-    spline = control_mesh_of(medoid(ordered).mesh, points)
-    template = Template(spline.moved(spline.vertices - spline.tessellate(0).vertices.mean(axis=0)))
-    fits: list[Fit] = []
-    problems: list[str] = []
-    for number in range(1, 1 + ROUNDS + FROM_MEAN):
-        starts: Iterable[FloatArray | None] = repeat(None)
-        if fits:
-            used = [fit.spline.vertices for fit, problem in zip(fits, problems, strict=True) if not problem]
-            template = Template(spline.moved(aligned(np.array(used), template, scaled=True).mean(axis=0)))
-            if number > ROUNDS:
-                starts = [_posed(template, fit.spline) for fit in fits]
-        before, fits = fits, _fit_all(template, starts, ordered, folder / f"round_{number}", processes)
-        if number > ROUNDS:  # who is too far from the mean keeps the last fit
-            both = zip(before, fits, limits, strict=True)
-            fits = [old if problem_of(new, limit) else new for old, new, limit in both]
-        problems = [problem_of(fit, limit) for fit, limit in zip(fits, limits, strict=True)]
-        if problems.count("") >= FEWEST:
-            problems = _unlike(fits, template, problems)
-        if problems.count("") < FEWEST:
-            one, problem = next((s.name, p) for s, p in zip(ordered, problems, strict=True) if p)
-            raise InputError(
-                one,
-                f"{problem}; only {problems.count('')} of {len(fits)} subjects fit",
-                "check that all are the same organ, or use more --points or a larger --tolerance",
-            )
-    return Cohort(ordered, fits, limits, template, problems)
+    before: Iterable[Fit | None] = repeat(None)
+    if rounds == 1:
+        template = first_template(ordered, points)
+    else:
+        last = fit_cohort(ordered, folder, points, processes, rounds - 1)
+        template, before = last.mean(), last.fits if rounds >= FROM_MEAN else before
+    fits = _fit_all(template, before, ordered, folder / f"round_{rounds}", processes)
+    return Cohort.judged(ordered, fits, template)
+
+
+def first_template(subjects: Sequence[Subject], points: int) -> Template:
+    """Make the template of the first round: the spline, of so many control points, of the medoid."""
+    spline = control_mesh_of(medoid(subjects).mesh, points)
+    return Template(spline.moved(spline.vertices - spline.tessellate(0).vertices.mean(axis=0)))
+
+
+def fit_subject(template: Template, subject: Subject, before: Fit | None = None) -> Fit:
+    """Fit a template to a subject: the job of one round and one subject.
+
+    With a fit of the round before, all control points move by themselves, from the template in the place of
+    that fit; where this fails, as for a subject that is too far from the mean, that fit stays.
+    """
+    if before is None:
+        return fit_template(template, subject.mesh)
+    fit = fit_template(template, subject.mesh, _posed(template, before.spline))
+    return before if problem_of(fit, subject.tolerance) else fit
 
 
 def _posed(template: Template, spline: ControlMesh) -> FloatArray:
@@ -148,11 +159,9 @@ def medoid(subjects: Sequence[Subject]) -> Subject:
     draw = np.random.default_rng(0)
     way = draw.normal(size=(PROBES, 3))
     probes = PROBED * way / np.linalg.norm(way, axis=1, keepdims=True) * np.cbrt(draw.random((PROBES, 1)))
-    distances = np.array(
-        [to_mesh(probes, _normalised(subject.mesh.simplified(ROUGH))) for subject in subjects]
-    )
-    genus = [subject.mesh.genus for subject in subjects]
-    usual = np.array(genus) == max(sorted(set(genus)), key=genus.count)
+    distances = np.array([to_mesh(probes, _normalised(one.mesh.simplified(ROUGH))) for one in subjects])
+    genus = np.array([subject.mesh.genus for subject in subjects])
+    usual = genus == mode(genus).mode
     return subjects[int(np.argmin(np.where(usual, cdist(distances, distances).sum(axis=1), np.inf)))]
 
 
@@ -188,7 +197,6 @@ def problem_of(fit: Fit, tolerance: float) -> str:
     found = {
         f"{fit.rms:.3g} mm (rms) from its own surface, more than {tolerance:.3g}": fit.rms > tolerance,
         f"passes through itself at {fit.crossings} places": fit.crossings,
-        f"its quads' areas change {2**fit.distortion:.2g}-fold (rms)": fit.distortion > DISTORTED,
     }
     return "; ".join(problem for problem, there in found.items() if there)
 
@@ -209,7 +217,7 @@ def _unlike(fits: Sequence[Fit], template: Template, problems: list[str]) -> lis
 
 def _fit_all(
     template: Template,
-    starts: Iterable[FloatArray | None],
+    before: Iterable[Fit | None],
     subjects: Sequence[Subject],
     folder: Path,
     processes: int,
@@ -219,27 +227,36 @@ def _fit_all(
         run: Callable[..., Iterable[Fit]] = map
         if processes > 1:
             run = stack.enter_context(worker_processes(min(processes, len(subjects)))).map
-        done = run(_fit_one, repeat(template.spline), starts, subjects, repeat(folder))
+        done = run(_kept_fit, repeat(template.spline), before, subjects, repeat(folder))
         return list(tqdm(done, folder.name, len(subjects), leave=False, disable=None))
 
 
 _TEMPLATES: dict[str, Template] = {}
 
 
-def _fit_one(spline: ControlMesh, start: FloatArray | None, subject: Subject, folder: Path) -> Fit:
+def _kept_fit(spline: ControlMesh, before: Fit | None, subject: Subject, folder: Path) -> Fit:
     """Fit a template to a subject, or read the fit that was kept."""
+    start = (before.spline.vertices, subject.tolerance) if before else ()
+    mesh, path = subject.mesh, folder / f"{subject.name}.h5"
     key = fingerprint(VERSION, spline.vertices, spline.quads)
-    made_of = fingerprint(key, start, subject.mesh.vertices, subject.mesh.faces)
-    path = folder / f"{subject.name}.h5"
-    if path.is_file():
-        report = read_report(path)
-        if report.get("made_of") == made_of:
-            (kept,) = read_bodies(path)
-            return Fit(kept, report["rms_mm"], report["crossings"], report["distortion"])
+    made_of = fingerprint(key, *start, mesh.vertices, mesh.faces)
+    if path.is_file() and read_report(path).get("made_of") == made_of:
+        return read_fit(path)
     if key not in _TEMPLATES:  # its modes are computed once in each process
         _TEMPLATES.clear()
         _TEMPLATES[key] = Template(spline)
-    fit = fit_template(_TEMPLATES[key], subject.mesh, start)
-    report = {"made_of": made_of, "rms_mm": fit.rms, "crossings": fit.crossings, "distortion": fit.distortion}
-    write_control_meshes(path, [fit.spline], subject.frame, report)
+    fit = fit_subject(_TEMPLATES[key], subject, before)
+    write_fit(path, fit, subject, made_of)
     return fit
+
+
+def write_fit(path: str | Path, fit: Fit, subject: Subject, made_of: str = "") -> None:
+    """Write a fit as a spline, with how good it is and what it is made of."""
+    report = {"made_of": made_of, "rms_mm": fit.rms, "crossings": fit.crossings}
+    write_control_meshes(path, [fit.spline], subject.frame, report)
+
+
+def read_fit(path: str | Path) -> Fit:
+    """Read what `write_fit` wrote."""
+    report, (spline,) = read_report(path), read_bodies(path)
+    return Fit(spline, report["rms_mm"], report["crossings"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +14,14 @@ from tqdm import tqdm
 
 from cccd.errors import InputError
 from cccd.store import check_writable
-from cccd_shapes import files
-from cccd_shapes.cohort import Cohort, aligned, fit_cohort
-from cccd_shapes.series import fit_series
-from cccd_shapes.statistics import compare_groups, likely_shapes, measure_model, principal_modes
-from cccd_shapes.subjects import FEWEST, read_sheet, read_subject
+from cccd_shapes import POINTS
+from cccd_shapes.cohort import fit_cohort
+from cccd_shapes.model import PERMUTATIONS, describe
+from cccd_shapes.subjects import read_sheet, read_subject
 
 __all__ = ["add_shapes"]
 
-#: Control points of the template.
-POINTS = 800
 TOLERANCE = "largest distance (root mean square) of a fit to the subject's surface"
-#: Permutations of who is of which group: p values down to .0005.
-PERMUTATIONS = 1999
-#: Subdivisions of the surface at whose points groups are compared.
-COMPARED = 1
 
 
 def add_shapes(command: argparse.ArgumentParser) -> None:
@@ -57,60 +51,22 @@ def _shapes(given: argparse.Namespace) -> int:
     if given.period is not None and (rows[0].time is None or given.period <= 0):
         raise InputError("--period", "it is of a series", "give a positive number, and a column time")
     check_writable(folder / "subjects.csv")
-    subjects = [
-        read_subject(row, folder / "surfaces") for row in tqdm(rows, "surfaces", leave=False, disable=None)
-    ]
-    cohort = fit_cohort(subjects, folder, given.points, given.tolerance, given.processes)
-    made: dict[str, Any] = {"subjects": len(rows)}
-    if rows[0].time is not None:
-        cohort, series = fit_series(cohort, given.period)
-        files.write_series(folder, series)
-        made["ejection_fraction"], *made["ejection_fraction_interval"] = series.ejection.tolist()
-    files.write_subjects(folder / "subjects.csv", cohort)
-    used = [cohort.fits[number] for number in cohort.used]
-    shapes = aligned(np.array([fit.spline.vertices for fit in used]), cohort.template, given.without_size)
-    files.write_fits(folder, cohort, shapes)
-    likely = likely_shapes(shapes, cohort.doubts)
-    model = principal_modes(likely, cohort.template.metric)
-    crossing = files.write_model(folder, cohort, model, measure_model(model))
-    files.write_scores(folder / "scores.csv", cohort, model)
-    made |= {"fit": len(used), "control_points": len(model.mean)}
-    made["modes_of_90_percent"] = 1 + int((model.compactness < 0.9).sum())
-    made["warnings"] = [*_doubts(cohort), *crossing]
-    groups = [cohort.subjects[number].row.group for number in cohort.used]
-    if min(map(groups.count, set(groups))) >= FEWEST and len(set(groups)) > 1:
-        sampler = cohort.template.spline.sampler(COMPARED)
-        points = np.array([sampler.matrix @ shape for shape in likely])
-        test = compare_groups(model, points, groups, given.permutations)
-        mean = cohort.template.spline.moved(model.mean).tessellate(COMPARED)
-        files.write_groups(folder / "groups.vtp", mean, test)
-        made |= {"p": test.p, "modes_tested": test.modes, "p_points_least": float(test.p_points.min())}
-    elif len(set(groups)) > 1:
-        made["warnings"].append(f"groups are not compared: one has fewer than {FEWEST} subjects that fit")
-    _say(given, made)
+    told = tqdm(rows, "surfaces", leave=False, disable=None)
+    subjects = [read_subject(row, folder / "surfaces", given.tolerance) for row in told]
+    cohort = fit_cohort(subjects, folder, given.points, given.processes)
+    made = describe(cohort, folder, given.without_size, given.permutations, given.period)
+    if given.json:
+        print(json.dumps({"output": str(given.output), **made}, indent=2))
+    else:
+        _say(folder, made)
     return 0
 
 
-def _doubts(cohort: Cohort) -> list[str]:
-    """Return what was mended, and who does not fit."""
-    found = [f"{subject.name}: {note}" for subject in cohort.subjects for note in subject.notes]
-    told = zip(cohort.subjects, cohort.problems, strict=True)
-    return found + [f"{subject.name} does not fit: {problem}" for subject, problem in told if problem]
-
-
-def _say(given: argparse.Namespace, made: dict[str, Any]) -> None:
+def _say(folder: Path, made: Mapping[str, Any]) -> None:
     """Print what was made."""
-    if given.json:
-        print(json.dumps({"output": str(given.output), **made}, indent=2))
-        return
-    print(given.output)
-    print(f"  {made['fit']} of {made['subjects']} subjects fit, {made['control_points']} control points")
-    print(f"  {made['modes_of_90_percent']} modes have 90 % of the variance")
-    if "ejection_fraction" in made:
-        low, high = made["ejection_fraction_interval"]
-        print(f"  ejection fraction {made['ejection_fraction']:.3f} ({low:.3f} to {high:.3f})")
-    if "p" in made:
-        print(f"  groups: p = {made['p']:.4g} ({made['modes_tested']} modes), ", end="")
-        print(f"least p of a point, corrected for all: {made['p_points_least']:.4g}")
+    print(folder)
+    for name in [name for name in made if name != "warnings"]:
+        values = ", ".join(f"{value:.4g}" for value in np.atleast_1d(made[name]))
+        print(f"  {name.replace('_', ' ')}: {values}")
     for warning in made["warnings"]:
         print(f"warning: {warning}", file=sys.stderr)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -38,20 +40,16 @@ def write_subjects(path: Path, cohort: Cohort) -> None:
             "name": subject.name,
             "group": subject.row.group,
             "time": subject.row.time,
-            "mirrored": "yes" if subject.row.mirrored else "no",
             "volume_ml": mesh.volume / 1000,
             "own_volume_ml": subject.mesh.volume / 1000,
             "distance_rms_mm": fit.rms,
-            "tolerance_mm": tolerance,
+            "tolerance_mm": subject.tolerance,
             "crossings": fit.crossings,
             "closed": "yes" if mesh.is_closed_manifold else "no",
-            "distortion_log2": fit.distortion,
             "fits": "no" if problem else "yes",
             "problem": problem,
         }
-        for subject, fit, tolerance, problem in zip(
-            cohort.subjects, cohort.fits, cohort.tolerances, cohort.problems, strict=True
-        )
+        for subject, fit, problem in zip(cohort.subjects, cohort.fits, cohort.problems, strict=True)
         for mesh in [fit.spline.tessellate(DRAWN)]
     ]
     write_table(path, pd.DataFrame(rows))
@@ -60,7 +58,8 @@ def write_subjects(path: Path, cohort: Cohort) -> None:
 def write_fits(folder: Path, cohort: Cohort, aligned: FloatArray) -> None:
     """Write each subject's spline and mesh in its own mm RAS, and points for ShapeWorks.
 
-    Its ``_world`` points are of the aligned (U, V, 3) control points of the subjects that fit.
+    Its ``_world`` points are of the aligned (U, V, 3) control points of the subjects that fit. scikit-shapes
+    reads the meshes as they are.
     """
     for subject, fit in zip(cohort.subjects, cohort.fits, strict=True):
         spline = fit.spline.transformed(subject.to_world)
@@ -87,13 +86,10 @@ def _write_particles(path: Path, spline: ControlMesh) -> None:
 def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: pd.DataFrame) -> list[str]:
     """Write mean, modes and how good they are; return a line for each drawn shape that crosses itself."""
     frame, spline = cohort.subjects[0].frame, cohort.template.spline
-    with atomic_path(folder / "modes.h5") as part, h5py.File(part, "w", track_order=True) as file:
-        for name, values in (
-            ("mean", model.mean), ("modes", model.modes), ("deviations_mm", model.deviations),
-            ("quads", spline.quads), ("scores", model.scores),
-        ):  # fmt: skip
-            file.create_dataset(name, data=values, compression="gzip", track_times=False)
-        file.attrs["names"] = [cohort.subjects[number].name for number in cohort.used]
+    arrays = {"mean": model.mean, "modes": model.modes, "deviations_mm": model.deviations}
+    arrays |= {"quads": spline.quads, "scores": model.scores}
+    names = [cohort.subjects[number].name for number in cohort.used]
+    _write_arrays(folder / "modes.h5", arrays, {"names": names})
     shown = min(SHOWN_MOST, 1 + int(np.searchsorted(model.compactness, SHOWN_SHARE)), len(model.deviations))
     _write_page(folder / "modes.html", spline.moved(model.mean), model, shown)
     write_table(folder / "modes.csv", quality)
@@ -107,6 +103,14 @@ def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: pd.Dat
             if crossing := len(shape.tessellate(DRAWN).self_intersections()):
                 warnings.append(f"{name} passes through itself at {crossing} places")
     return warnings
+
+
+def _write_arrays(path: Path, arrays: Mapping[str, Any], attributes: Mapping[str, Any]) -> None:
+    with atomic_path(path) as part, h5py.File(part, "w", track_order=True) as file:
+        for name, values in arrays.items():
+            file.create_dataset(name, data=values, compression="gzip", track_times=False)
+        for name, value in attributes.items():
+            file.attrs[name] = value
 
 
 def _write_page(path: Path, mean: ControlMesh, model: ShapeModel, count: int) -> None:
@@ -133,11 +137,8 @@ def write_scores(path: Path, cohort: Cohort, model: ShapeModel) -> None:
 
 def write_series(folder: Path, series: Series) -> None:
     """Write the series' splines in time (``series.h5``) and its volumes (``series.csv``)."""
-    with atomic_path(folder / "series.h5") as part, h5py.File(part, "w", track_order=True) as file:
-        for name in ("coefficients", "knots"):
-            file.create_dataset(name, data=getattr(series, name), compression="gzip", track_times=False)
-        file.create_dataset("quads", data=series.spline.quads, compression="gzip", track_times=False)
-        file.attrs["period"] = series.period or np.nan
+    arrays = {"coefficients": series.coefficients, "knots": series.knots, "quads": series.spline.quads}
+    _write_arrays(folder / "series.h5", arrays, {"period": series.period or np.nan})
     columns = ["time", "volume_ml", "volume_low_ml", "volume_high_ml"]
     write_table(folder / "series.csv", pd.DataFrame(series.volumes, columns=columns))
 

@@ -26,7 +26,7 @@ from cccd.surface.spline_fit import SplineFit, Target
 from cccd_shapes.template import Template
 
 __all__ = [
-    "DRAWN", "SAMPLED", "Fit", "Goal", "centroid", "fit_points", "fit_template", "measured_fit", "similarity",
+    "DRAWN", "SAMPLED", "Fit", "Goal", "centroid", "fit_points", "fit_template", "similarity", "surface_rms",
 ]  # fmt: skip
 
 #: The spline is sampled at so many subdivisions: 4 points for each quad.
@@ -54,13 +54,7 @@ DRAWN = 2
 
 
 class Goal:
-    """A subject's surface as a template looks for it.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Closed, oriented outwards, in the template's mm.
-    """
+    """A subject's surface, closed and oriented outwards, as a template looks for it, in its mm."""
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh.simplified(MOST_TRIANGLES)
@@ -164,8 +158,6 @@ class Fit:
     spline: ControlMesh  # the template's quads on the subject, in its mm
     rms: float  # root mean square distance in mm of both surfaces to each other
     crossings: int  # pairs of triangles of the fitted surface that pass through each other
-    # root mean square of the logarithm (base 2) of how much quads' areas changed, but for the size
-    distortion: float
 
 
 def fit_template(template: Template, mesh: Mesh, start: FloatArray | None = None) -> Fit:
@@ -192,12 +184,8 @@ def fit_template(template: Template, mesh: Mesh, start: FloatArray | None = None
     fit = SplineFit(template.spline.moved(smooth), Target.of(goal.mesh))
     fit.points = points
     crossings = len(fit.untangle(DRAWN))
-    return measured_fit(template, fit.spline.transformed(affine), mesh, crossings)
-
-
-def measured_fit(template: Template, spline: ControlMesh, mesh: Mesh, crossings: int) -> Fit:
-    """Measure how well a spline with the template's quads lies on a subject's mesh."""
-    return Fit(spline, surface_rms(spline.tessellate(DRAWN), mesh), crossings, _distortion(template, spline))
+    spline = fit.spline.transformed(affine)
+    return Fit(spline, surface_rms(spline.tessellate(DRAWN), mesh), crossings)
 
 
 def surface_rms(first: Mesh, second: Mesh) -> float:
@@ -205,14 +193,6 @@ def surface_rms(first: Mesh, second: Mesh) -> float:
     there = np.average(unsigned_to_mesh(first.vertices, second) ** 2, weights=first.vertex_areas)
     back = np.average(unsigned_to_mesh(second.vertices, first) ** 2, weights=second.vertex_areas)
     return float(np.sqrt((there + back) / 2))
-
-
-def _distortion(template: Template, spline: ControlMesh) -> float:
-    """Root mean square of log2 of the quads' changes of area, but for their mean."""
-    areas = [np.sum(one.tessellate(0).face_areas.reshape(2, -1), axis=0) for one in (template.spline, spline)]
-    change = np.log2(np.maximum(areas[1], 1e-12) / np.maximum(areas[0], 1e-12))
-    weight = areas[0] / areas[0].sum()
-    return float(np.sqrt(weight @ (change - weight @ change) ** 2))
 
 
 def _by_modes(template: Template, goal: Goal, sampler: Sampler) -> FloatArray:

@@ -11,15 +11,14 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.subdivision import ControlMesh
 from cccd_shapes.cohort import Cohort, problem_of
-from cccd_shapes.fit import DRAWN, SAMPLED, Goal, fit_points, measured_fit
+from cccd_shapes.fit import DRAWN, SAMPLED, Fit, Goal, fit_points, surface_rms
 from cccd_shapes.template import Template
 
 __all__ = ["Series", "fit_series", "time_basis"]
 
-#: Degree in time; frames for each coefficient; fewest frames.
-DEGREE, FRAMES, FEWEST_FRAMES = 3, 2, 6
-#: Frames in larger gaps than this leave coefficients undetermined (condition number): fewer are taken.
-DETERMINED = 30.0
+#: Degree in time; frames for each coefficient; fewest frames; condition number above which there are fewer
+#: coefficients, as frames leave gaps.
+DEGREE, FRAMES, FEWEST_FRAMES, DETERMINED = 3, 2, 6, 30.0
 #: Times at which volumes are written; draws and percentiles of their interval.
 TIMES, DRAWS, PERCENTILES = 41, 4000, (5, 95)
 
@@ -89,18 +88,17 @@ def fit_series(cohort: Cohort, period: float | None, seed: int = 0) -> tuple[Coh
     subjects = [cohort.subjects[n] for n in used]
     times = np.array([subject.row.time for subject in subjects], float)
     knots, basis = time_basis(times, period)
-    points = np.array([cohort.fits[n].spline.vertices for n in used])
-    solved = np.linalg.lstsq(basis, points.reshape(len(used), -1))[0]
+    solved = np.linalg.lstsq(basis, cohort.shapes.reshape(len(used), -1))[0]
     start = np.asarray(solved.reshape(basis.shape[1], -1, 3), float)
     spline = cohort.template.spline.moved(start.mean(axis=0))
     goals = [Goal(subject.mesh) for subject in subjects]
     made = fit_points(Template(spline), start, goals, basis, spline.sampler(SAMPLED))
     fits, problems = list(cohort.fits), list(cohort.problems)
     for n, shape in zip(used, np.tensordot(basis, made, 1), strict=True):
-        moved = spline.moved(shape)
-        crossings = len(moved.tessellate(DRAWN).self_intersections())
-        fits[n] = measured_fit(cohort.template, moved, cohort.subjects[n].mesh, crossings)
-        problems[n] = problem_of(fits[n], float(cohort.tolerances[n]))
+        moved, subject = spline.moved(shape), cohort.subjects[n]
+        mesh = moved.tessellate(DRAWN)
+        fits[n] = Fit(moved, surface_rms(mesh, subject.mesh), len(mesh.self_intersections()))
+        problems[n] = problem_of(fits[n], subject.tolerance)
     ends = (0.0, period) if period else (times.min(), times.max())
     at = _weights(even := np.linspace(*ends, TIMES), knots, period)
     volumes = _volumes(spline, at, made)

@@ -18,14 +18,11 @@ from scipy.spatial.distance import cdist
 from cccd.geometry.arrays import FloatArray, IntArray
 
 __all__ = [
-    "GroupTest", "ShapeModel", "compare_groups", "distances_to_others", "likely_shapes", "measure_model",
-    "principal_modes",
+    "GroupTest", "ShapeModel", "compare_groups", "distances_to_others", "measure_model", "principal_modes",
 ]  # fmt: skip
 
 #: Modes whose variance is less than this share of the first one's are rounding.
 NOTHING = 1e-9
-#: Rounds of prediction, each with what the last one left to each subject alone.
-PREDICTIONS = 4
 #: Shapes that are drawn for the specificity.
 DRAWN = 500
 #: Modes that are measured at most.
@@ -83,44 +80,6 @@ def principal_modes(shapes: FloatArray, metric: csr_array) -> ShapeModel:
     return ShapeModel(
         mean, modes * sign[:, None, None], deviations, vectors * sign * np.sqrt(len(shapes) - 1)
     )
-
-
-def likely_shapes(shapes: FloatArray, doubts: FloatArray) -> FloatArray:
-    """Move what is a guess to where the other subjects make it likely (best linear prediction).
-
-    ``doubts`` (N, V) are standard deviations in mm of the errors of aligned control points (N, V, 3); what is
-    exact stays as it is.
-
-    Examples
-    --------
-    >>> way = np.random.default_rng(0).normal(size=(1, 9, 3))
-    >>> shapes = np.arange(8.0)[:, None, None] * way
-    >>> wrong, doubts = shapes.copy(), np.zeros((8, 9))
-    >>> wrong[3, 0] += 1.0
-    >>> doubts[3, 0] = 1.0
-    >>> bool(np.abs(likely_shapes(wrong, doubts) - shapes).max() < 0.1)
-    True
-    """
-    if not doubts.any():
-        return shapes
-    error, seen = np.repeat(doubts**2, 3, axis=1), shapes.reshape(len(shapes), -1)
-    made, spread = seen, float(seen.var(axis=0).mean())
-    own = 0.1 * spread
-    for _ in range(PREDICTIONS):
-        told = np.array([_told_by_others(made, n, seen[n], own + error[n]) for n in range(len(seen))])
-        own = max(float(np.mean((seen - told) ** 2 - error)), 1e-6 * spread)
-        made = told + own / (own + error) * (seen - told)
-    return made.reshape(shapes.shape)
-
-
-def _told_by_others(made: FloatArray, n: int, seen: FloatArray, variance: FloatArray) -> FloatArray:
-    """Mixture (D,) of all subjects but one that is likeliest where it was seen (D,) with these errors."""
-    others = np.delete(made, n, axis=0)
-    middle = others.mean(axis=0)
-    ways = (others - middle) / np.sqrt(len(others) - 1)
-    certain = ways / variance
-    amounts = np.linalg.solve(np.eye(len(ways)) + certain @ ways.T, certain @ (seen - middle))
-    return middle + amounts @ ways
 
 
 def measure_model(model: ShapeModel, seed: int = 0) -> pd.DataFrame:

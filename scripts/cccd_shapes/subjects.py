@@ -5,8 +5,9 @@ from __future__ import annotations
 import csv
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,9 @@ from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.store import read_band, read_report, read_surface_frame
 from cccd.surface.surface import read_surface, write_files
+from cccd_shapes import FEWEST
 
-__all__ = ["MIRROR", "Row", "Subject", "fingerprint", "read_sheet", "read_subject"]
+__all__ = ["MIRROR", "Row", "Subject", "fingerprint", "read_sheet", "read_subject", "read_surfaces"]
 
 #: Columns that a sheet may have.
 COLUMNS = ("name", "surface", "mask", "label", "mirrored", "group", "time")
@@ -31,8 +33,8 @@ YES, NO = ("yes", "true", "1"), ("", "no", "false", "0")
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
 #: Standard deviations to each side of the band's 90 %.
 DEVIATIONS = 1.645
-#: Fewest subjects that have a mean and a mode.
-FEWEST = 3
+#: Largest root mean square distance of a fitted surface to the subject's own, in pixels.
+TOLERANCE_PIXELS = 0.5
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,7 @@ class Subject:
     row: Row
     mesh: Mesh  # closed, oriented outwards, in mm RAS, reflected if the row says so
     pixel: float  # edge of a pixel in mm: of the scan, or of a mesh without one the median edge
+    tolerance: float  # largest distance in mm (rms) of a fit to ``mesh``
     notes: tuple[str, ...] = ()  # what was mended, one line each
     band: Band | None = None  # how far ``mesh`` may be off, where that is known
 
@@ -73,13 +76,6 @@ class Subject:
         """Standard deviation of the volume in mm^3; 0 where it is unknown."""
         interval = self.band.volume_interval(self.mesh) if self.band else (0.0, 0.0)
         return (interval[1] - interval[0]) / 2 / DEVIATIONS
-
-    def doubt(self, points: FloatArray) -> FloatArray:
-        """Return the standard deviation (P,) in mm of the surface at points (P, 3); 0 where it is unknown."""
-        if self.band is None:
-            return np.zeros(len(points))
-        near = self.band.moved_to(self.mesh.vertices, points)
-        return (near.inner + near.outer) / 2 / DEVIATIONS
 
     @property
     def to_world(self) -> FloatArray:
@@ -130,41 +126,49 @@ def _row(sheet: Path, number: int, line: Mapping[str, str | None]) -> Row:
     """Check one line of the sheet."""
     where = f"{sheet.name} row {number}"
     cells = {name: (line.get(name) or "").strip() for name in COLUMNS}
-    if not re.fullmatch(r"[A-Za-z0-9_-]+", cells["name"]):
-        raise InputError(where, f"name {cells['name']!r}", "use letters, digits, - and _")
-    if bool(cells["surface"]) == bool(cells["mask"]):
-        raise InputError(where, "it needs one of surface and mask", "fill one of the two columns")
-    path = sheet.parent / (cells["surface"] or cells["mask"])
-    if not path.exists():
-        raise InputError(where, f"{path}: there is no such file", "correct the path")
-    if cells["surface"] and not is_mesh(path):
-        raise InputError(where, f"{path.name} is not a surface", "put masks into the column mask")
-    if cells["mirrored"].lower() not in (*YES, *NO):
-        raise InputError(where, f"mirrored is {cells['mirrored']!r}", "write yes or no")
-    label = cells["label"] if cells["mask"] else None
+    name, surface, mask, time = (cells[column] for column in ("name", "surface", "mask", "time"))
+    path, mirrored = sheet.parent / (surface or mask), cells["mirrored"].lower()
     try:
-        time = float(cells["time"]) if cells["time"] else None
+        float(time or 0)
     except ValueError:
-        raise InputError(where, f"time is {cells['time']!r}", "write a number") from None
-    return Row(where, cells["name"], path, label, cells["mirrored"].lower() in YES, cells["group"], time)
+        raise InputError(where, f"time is {time!r}", "write a number") from None
+    for wrong, problem, hint in (
+        (not re.fullmatch(r"[A-Za-z0-9_-]+", name), f"name {name!r}", "use letters, digits, - and _"),
+        (bool(surface) == bool(mask), "it needs one of surface and mask", "fill one of the two columns"),
+        (not path.exists(), f"{path}: there is no such file", "correct the path"),
+        (surface and not is_mesh(path), f"{path.name} is not a surface", "put masks into the column mask"),
+        (mirrored not in (*YES, *NO), f"mirrored is {cells['mirrored']!r}", "write yes or no"),
+    ):
+        if wrong:
+            raise InputError(where, problem, hint)
+    label, at = cells["label"] if mask else None, float(time) if time else None
+    return Row(where, name, path, label, mirrored in YES, cells["group"], at)
 
 
 def fingerprint(*parts: object) -> str:
-    """Return a short text that changes with what it is made of.
-
-    Examples
-    --------
-    >>> fingerprint("a", np.zeros(3)) == fingerprint("a", np.zeros(3)) != fingerprint("a", np.ones(3))
-    True
-    """
+    """Return a short text that changes with what it is made of."""
     made = hashlib.sha256()
     for part in parts:
         made.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
     return made.hexdigest()[:20]
 
 
-def read_subject(row: Row, folder: Path) -> Subject:
-    """Read a subject's surface; that of a mask is made, and kept in a folder for the next time.
+def read_subject(row: Row, folder: Path, tolerance: float | None = None) -> Subject:
+    """Read a subject's surface.
+
+    Parameters
+    ----------
+    row : Row
+        Of the sheet.
+    folder : path
+        The surface of a mask is made, and kept there for the next time.
+    tolerance : float, optional
+        Largest distance of a fit to the surface, in mm (rms); default: half a pixel.
+
+    Returns
+    -------
+    Subject
+        Of several pieces the largest alone, with a note.
 
     Raises
     ------
@@ -180,11 +184,20 @@ def read_subject(row: Row, folder: Path) -> Subject:
     except InputError as error:
         raise error.at(row.where) from None
     mesh, left_out = _largest(mesh)
-    band, pixel = None, _median_edge(mesh)
+    band, pixel = None, float(np.median(mesh.to_trimesh().edges_unique_length))
     if path.suffix == ".h5":
         band, pixel = read_band(path, mesh.vertices), float(min(read_surface_frame(path).spacing))
     mesh = mesh.transformed(MIRROR) if row.mirrored else mesh
-    return Subject(row, mesh, pixel, (*notes, *left_out), band)
+    return Subject(row, mesh, pixel, tolerance or TOLERANCE_PIXELS * pixel, (*notes, *left_out), band)
+
+
+def read_surfaces(files: Sequence[str | Path], groups: Sequence[str] = ()) -> list[Subject]:
+    """Read the workflow's surfaces ``CASE/ORGAN/surface.h5``: a subject for each case, of such groups."""
+    rows = [
+        Row(str(file), Path(file).parent.parent.name, Path(file), None, False, group)
+        for file, group in zip_longest(files, groups, fillvalue="")
+    ]
+    return [read_subject(row, row.path.parent) for row in rows]
 
 
 def _largest(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
@@ -193,11 +206,6 @@ def _largest(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
     lost = sum(piece.volume for piece in pieces[1:]) / 1000
     note = f"left out all but the largest of {len(pieces)} pieces ({lost:.3g} ml)"
     return (pieces[0], (note,)) if len(pieces) > 1 else (mesh, ())
-
-
-def _median_edge(mesh: Mesh) -> float:
-    edges = np.diff(mesh.vertices[mesh.faces[:, [0, 1, 2, 0]]], axis=1)
-    return float(np.median(np.linalg.norm(edges, axis=2)))
 
 
 def _surface_of_mask(row: Row, folder: Path) -> tuple[Path, Mesh, tuple[str, ...]]:

@@ -28,10 +28,21 @@ def test_surfaces_alone_wait_for_no_comparison(fresh_project):
     assert plan == {**dict.fromkeys(on_the_way, 2), "surfaces": 1}
 
 
+def test_one_spline_for_all_cases_is_made_only_where_it_is_asked_for(fresh_project):
+    rows = ["case\torgan\tsource", *(f"{case}\tsphere\tphantom" for case in "abc")]
+    (fresh_project.folder / "shapes.tsv").write_text("\n".join(rows))
+    asked = ["--config", "cohort=shapes.tsv", "train=false", "compare=false"]
+    surfaces = dict.fromkeys(("import_structure", "loft_surface"), 3)
+    made = surfaces | {"make_template": 5, "fit_shape": 15, "describe_shapes": 1, "shapes": 1}
+    assert fresh_project.planned(*asked, "--", "shapes") == made
+    assert "fit_shape" not in fresh_project.planned(*asked)
+
+
 @pytest.mark.parametrize(
     ("target", "said"),
     [
         ("surfacess", "surfacess: nothing makes that; did you mean 'surfaces'?"),
+        ("shapes", "shapes: no organ is in 3 cases of the sheet; add cases"),
         ("results/tiny/sphere/surface.plyy", "results/tiny/sphere/surface.plyy: nothing makes that; "),
         ("results/tiny/spher/surface.ply", "no structure tiny/spher; did you mean 'tiny/sphere'?"),
     ],

@@ -105,6 +105,9 @@ def check_targets():
     try:
         for target in targets_asked_for():
             plan.check_target(target)
+            if target == "shapes" and not CASES:
+                problem = f"no organ is in {FEWEST} cases of the sheet"
+                raise InputError(target, problem, "add cases")
             made = any(rule.is_producer(target) for rule in workflow.rules)
             if not made and target not in known:
                 raise InputError(target, "nothing makes that", nearest(target, meant))

@@ -30,7 +30,7 @@ __all__ = ["OF_NO_CASE", "Plan", "files_of_comparison"]
 SCENE = ("scene.glb", "segmentation.seg.nrrd", "scene.json", "scene.html")
 
 #: Folders of results, and of logs, that are of no case.
-OF_NO_CASE = ("downloads", "gnn", "phantoms", "segmenters", "tables")
+OF_NO_CASE = ("downloads", "gnn", "phantoms", "segmenters", "shapes", "tables")
 
 
 @dataclass(frozen=True)
@@ -180,13 +180,13 @@ class Plan:
     def sheet_row(self, wildcards: OfStructure) -> dict[str, str]:
         """Return a structure's row, with the mask that a segmenter makes for it.
 
-        Its location in the sheet is left out: moving a row reruns nothing.
+        Its location in the sheet and its group are left out: moving a row reruns nothing.
         """
         row = self.cohort.row(wildcards)
         if self.is_segmented(row):
             made = os.path.relpath(self.segmentation_files(wildcards)[0], self.cohort.sheet.parent)
             row = row | {"mask": made, "label": self.segmenter.labels}
-        return {key: value for key, value in sorted(row.items()) if key != "location"}
+        return {key: value for key, value in sorted(row.items()) if key not in ("location", "group")}
 
     def segmentation_files(self, wildcards: OfStructure) -> list[str]:
         """Return the mask that a segmenter makes of a row's image, and its report; none for other rows."""

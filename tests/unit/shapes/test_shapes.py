@@ -1,10 +1,13 @@
 """One template lies on every subject, at the same places, in any order; what is no such organ is listed."""
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
+import pyvista
+from scipy.spatial.transform import Rotation
 from support.closed_shapes import sphere
 
 from cccd.cli import main
@@ -13,7 +16,8 @@ from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply, write_ply
 from cccd.store import read_bodies
-from cccd_shapes.cohort import Cohort, aligned, fit_cohort
+from cccd_shapes import FROM_MEAN
+from cccd_shapes.cohort import Cohort, aligned, first_template, fit_cohort, fit_subject, read_fit
 from cccd_shapes.fit import Fit, fit_template, similarity
 from cccd_shapes.series import fit_series
 from cccd_shapes.subjects import MIRROR, Row, Subject, read_sheet
@@ -52,7 +56,7 @@ def deformed(seed: int, size: float = 1.0) -> Mesh:
 
 
 def subject(name: str, mesh: Mesh, time: float | None = None) -> Subject:
-    return Subject(Row("sheet.tsv", name, None, None, False, "", time), mesh, 1.0)
+    return Subject(Row("sheet.tsv", name, None, None, False, "", time), mesh, 1.0, 0.5)
 
 
 def on_body(points, mesh: Mesh, other: Mesh | None = None):
@@ -115,23 +119,30 @@ def test_the_order_of_rows_changes_no_bit_and_fits_are_kept(cohort):
     assert before == {path: path.stat().st_mtime_ns for path in folder.rglob("*.h5")}
 
 
-def test_a_tolerance_that_none_keeps_is_an_error(cohort):
+def test_the_job_of_a_round_and_a_subject_makes_the_same(cohort):
+    (found, folder), fits = cohort, []
+    template = first_template(found.subjects, POINTS)
+    for number in range(1, FROM_MEAN):
+        fits = [read_fit(folder / f"round_{number}" / f"{one.name}.h5") for one in found.subjects]
+        template = Cohort.judged(found.subjects, fits, template).mean()
+    kept = read_fit(folder / f"round_{FROM_MEAN}" / "s0.h5")
+    made = fit_subject(template, found.subjects[0], fits[0])
+    assert np.array_equal(made.spline.vertices, kept.spline.vertices)
+    strict = [replace(one, tolerance=0.001) for one in found.subjects]
     with pytest.raises(InputError, match=r"s0: .* mm \(rms\) from its own surface, more than 0.001"):
-        fit_cohort(subjects(), cohort[1], POINTS, tolerance=0.001)
+        Cohort.judged(strict, fits, template)
 
 
 def test_a_similarity_is_found_exactly():
     template = Template(control_mesh_of(body(), 2 * POINTS))
-    angle = np.deg2rad(25)
     affine = np.eye(4)
-    affine[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    affine[:3, :3] *= 1.4
+    affine[:3, :3] = 1.4 * Rotation.from_euler("z", 25, degrees=True).as_matrix()
     affine[:3, 3] = 30, -20, 7
     moved = template.spline.tessellate(2).transformed(affine)
     assert similarity(template, moved) == pytest.approx(affine, abs=0.02)
 
 
-def test_alignment_undoes_rotations_and_sizes_only_where_asked():
+def test_alignment_undoes_rotations_and_sizes_only_where_asked_and_modes_are_smooth():
     template = Template(control_mesh_of(body(), POINTS))
     shape, turn = template.spline.vertices, np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     shapes = np.array([shape, 1.5 * shape @ turn.T + 9])
@@ -139,18 +150,12 @@ def test_alignment_undoes_rotations_and_sizes_only_where_asked():
     assert same[0] == pytest.approx(same[1], abs=1e-6)
     kept = aligned(shapes, template, scaled=False)
     assert 1.5 * kept[0] == pytest.approx(kept[1], abs=1e-6)
-
-
-def test_modes_are_smooth_and_of_unit_size():
-    template = Template(control_mesh_of(body(), POINTS))
-    modes = template.modes
+    modes = template.modes  # smooth ones, of unit size
     assert modes.T @ (template.metric @ modes) == pytest.approx(np.eye(modes.shape[1]), abs=1e-6)
     bent = np.einsum("vk,vk->k", modes, template.bending @ modes)
     assert bent[0] == pytest.approx(0, abs=1e-9)
     assert bent[1] < bent[10] < bent[-1]
 
-
-# Series -----------------------------------------------------------------------------------------------
 
 PERIOD = 0.8
 
@@ -170,9 +175,9 @@ def test_a_series_has_the_period_and_the_volumes_of_a_beating_ellipsoid():
         subject(f"f{n}", Mesh(ball.vertices * by, ball.faces), time)
         for n, (time, by) in enumerate(zip(times, axes, strict=True))
     ]
-    fits = [Fit(unit.moved(unit.vertices * by), 0.0, 0, 0.0) for by in axes]
+    fits = [Fit(unit.moved(unit.vertices * by), 0.0, 0) for by in axes]
     template = Template(unit.moved(unit.vertices * 11))
-    _, series = fit_series(Cohort(frames, fits, np.ones(14), template, [""] * 14), PERIOD)
+    _, series = fit_series(Cohort(frames, fits, template, [""] * 14), PERIOD)
     assert series.at(0.3).vertices == pytest.approx(series.at(0.3 + PERIOD).vertices, abs=1e-9)
     size = ball.volume / 1000
     time, found, low, high = series.volumes.T
@@ -181,9 +186,6 @@ def test_a_series_has_the_period_and_the_volumes_of_a_beating_ellipsoid():
     assert np.sqrt(np.mean((found - true) ** 2)) < 0.75 * np.sqrt(np.mean(np.square(off)))
     assert np.mean((low <= true) & (true <= high)) > 0.8
     assert series.ejection[1] < 1 - true.min() / true.max() < series.ejection[2]
-
-
-# The command ------------------------------------------------------------------------------------------
 
 
 def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path):
@@ -206,6 +208,9 @@ def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path)
         assert mesh.volume > 0
         own = deformed(n, 0.5).transformed(MIRROR) if n % 2 else deformed(n, 0.5)
         assert mesh.vertices.mean(axis=0) == pytest.approx(own.vertices.mean(axis=0), abs=2)
+    read = pyvista.read(out / "fitted" / "s0" / "surface.ply")  # as scikit-shapes does
+    assert read.is_all_triangles
+    assert read.clean().n_points == len(meshes[0].vertices)
     (spline,) = read_bodies(out / "modes" / "mode_1_plus_2" / "surface.h5")
     assert spline.tessellate(1).is_closed_manifold
     points = np.loadtxt(out / "particles" / "s0_local.particles")

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, eye_array
 
-from cccd_shapes.statistics import (
-    compare_groups,
-    distances_to_others,
-    likely_shapes,
-    measure_model,
-    principal_modes,
-)
+from cccd_shapes.statistics import compare_groups, distances_to_others, measure_model, principal_modes
 
 POINTS = 40
 METRIC = csr_array(eye_array(POINTS) / POINTS)
@@ -43,19 +37,6 @@ def test_measures_are_those_of_a_known_distribution():
     assert quality["generalisation_mm"].to_numpy() == pytest.approx([np.sqrt(2 / np.pi), 0], abs=0.08)
     assert np.all(np.diff(quality["specificity_mm"].to_numpy()) < 0.5)
     assert quality["specificity_mm"].to_numpy()[0] < 1
-
-
-def test_what_is_a_guess_counts_less():
-    """Noise of known size on half of the points: they go back, and what is exact stays."""
-    draw = np.random.default_rng(8)
-    shapes = shapes_of(draw.normal(size=(20, 2)) * (3.0, 1.0)) + 0.05 * draw.normal(size=(20, POINTS, 3))
-    doubts = np.where(draw.random((20, POINTS)) < 0.5, 0.5, 0.0)
-    seen = shapes + doubts[..., None] * draw.normal(size=shapes.shape)
-    made = likely_shapes(seen, doubts)
-    exact = doubts == 0
-    assert made[exact] == pytest.approx(shapes[exact], abs=1e-9)
-    assert np.std((made - shapes)[~exact]) < 0.3 * np.std((seen - shapes)[~exact])
-    assert np.std((made - shapes).mean(axis=0)) < 0.5 * np.std((seen - shapes).mean(axis=0))
 
 
 def test_what_no_mixture_makes_is_far_from_the_others():

@@ -1,0 +1,69 @@
+"""From fits to what is written: mean and modes, scores, and whether groups differ."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cccd.store import write_json
+from cccd_shapes import FEWEST, files
+from cccd_shapes.cohort import Cohort, aligned
+from cccd_shapes.series import fit_series
+from cccd_shapes.statistics import compare_groups, measure_model, principal_modes
+
+__all__ = ["PERMUTATIONS", "describe"]
+
+#: Permutations of who is of which group: p values down to .0005.
+PERMUTATIONS = 1999
+#: Subdivisions of the surface at whose points groups are compared.
+COMPARED = 1
+
+
+def describe(
+    cohort: Cohort,
+    folder: Path,
+    without_size: bool = False,
+    permutations: int = PERMUTATIONS,
+    period: float | None = None,
+) -> dict[str, Any]:
+    """Write a cohort's model (docs/gallery/shapes.md lists the files); return what ``summary.json`` has.
+
+    Subjects with times are frames of one series, which repeats after the ``period``. Groups are compared by
+    so many ``permutations``, where each has three subjects that fit.
+    """
+    made: dict[str, Any] = {"subjects": len(cohort.subjects)}
+    if cohort.subjects[0].row.time is not None:
+        cohort, series = fit_series(cohort, period)
+        files.write_series(folder, series)
+        made["ejection_fraction"], *made["ejection_fraction_interval"] = series.ejection.tolist()
+    files.write_subjects(folder / "subjects.csv", cohort)
+    shapes = aligned(cohort.shapes, cohort.template, without_size)
+    files.write_fits(folder, cohort, shapes)
+    model = principal_modes(shapes, cohort.template.metric)
+    crossing = files.write_model(folder, cohort, model, measure_model(model))
+    files.write_scores(folder / "scores.csv", cohort, model)
+    made |= {"fit": len(shapes), "control_points": len(model.mean)}
+    made["modes_of_90_percent"] = 1 + int((model.compactness < 0.9).sum())
+    made["warnings"] = [*_doubts(cohort), *crossing]
+    (folder / "groups.vtp").unlink(missing_ok=True)
+    groups = [cohort.subjects[number].row.group for number in cohort.used]
+    if min(map(groups.count, groups)) >= FEWEST and len(set(groups)) > 1:
+        sampler = cohort.template.spline.sampler(COMPARED)
+        points = np.array([sampler.matrix @ shape for shape in shapes])
+        test = compare_groups(model, points, groups, permutations)
+        mean = cohort.template.spline.moved(model.mean).tessellate(COMPARED)
+        files.write_groups(folder / "groups.vtp", mean, test)
+        made |= {"p": test.p, "modes_tested": test.modes, "p_points_least": float(test.p_points.min())}
+    elif len(set(groups)) > 1:
+        made["warnings"].append(f"groups are not compared: one has fewer than {FEWEST} subjects that fit")
+    write_json(folder / "summary.json", made)
+    return made
+
+
+def _doubts(cohort: Cohort) -> list[str]:
+    """Return what was mended, and who does not fit."""
+    found = [f"{subject.name}: {note}" for subject in cohort.subjects for note in subject.notes]
+    told = zip(cohort.subjects, cohort.problems, strict=True)
+    return found + [f"{subject.name} does not fit: {problem}" for subject, problem in told if problem]
