@@ -31,8 +31,7 @@ from cccd_shapes.subjects import Subject, fingerprint
 from cccd_shapes.template import Template, control_mesh_of
 
 __all__ = [
-    "Cohort", "aligned", "first_template", "fit_cohort", "fit_subject", "medoid", "problem_of", "read_fit",
-    "write_fit",
+    "Cohort", "aligned", "first_template", "fit_cohort", "fit_subject", "problem_of", "read_fit", "write_fit",
 ]  # fmt: skip
 
 #: Points at which distances to surfaces are compared, within so many radii of the middle.
@@ -125,7 +124,7 @@ def fit_cohort(
 
 def first_template(subjects: Sequence[Subject], points: int) -> Template:
     """Make the template of the first round: the spline, of so many control points, of the medoid."""
-    spline = control_mesh_of(medoid(subjects).mesh, points)
+    spline = control_mesh_of(_medoid(subjects).mesh, points)
     return Template(spline.moved(spline.vertices - spline.tessellate(0).vertices.mean(axis=0)))
 
 
@@ -151,7 +150,7 @@ def _posed(template: Template, spline: ControlMesh) -> FloatArray:
     return np.asarray(size * turn.apply(template.spline.vertices - middle) + there, float)
 
 
-def medoid(subjects: Sequence[Subject]) -> Subject:
+def _medoid(subjects: Sequence[Subject]) -> Subject:
     """Return the subject that is nearest to all others, once all have one middle and one area.
 
     It has as many handles as most have.

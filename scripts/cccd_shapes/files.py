@@ -27,10 +27,8 @@ from cccd_workflow.report.viewer import packed, surface_figure
 
 __all__ = ["write_fits", "write_groups", "write_model", "write_scores", "write_series", "write_subjects"]
 
-#: Modes that are drawn: those of this share of the variance, and at most so many.
-SHOWN_SHARE, SHOWN_MOST = 0.95, 10
-#: Standard deviations at which they are.
-SHOWN_AT = (-2, -1, 1, 2)
+#: Modes that are drawn: those of this share of the variance, at most so many; at which standard deviations.
+SHOWN_SHARE, SHOWN_MOST, SHOWN_AT = 0.95, 10, (-2, -1, 1, 2)
 
 
 def write_subjects(path: Path, cohort: Cohort) -> None:

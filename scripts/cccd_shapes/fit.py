@@ -246,10 +246,7 @@ def fit_points(
 
 
 def _system(
-    stiffness: csr_array,
-    frames: Sequence[tuple[csr_array, csr_array]],
-    basis: FloatArray,
-    move: FloatArray,
+    stiffness: csr_array, frames: Sequence[tuple[csr_array, csr_array]], basis: FloatArray, move: FloatArray
 ) -> FloatArray:
     """Multiply displacements (K 3 V,) by the matrix of the least squares."""
     at = basis @ move.reshape(basis.shape[1], -1)

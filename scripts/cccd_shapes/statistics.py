@@ -23,12 +23,11 @@ __all__ = [
 
 #: Modes whose variance is less than this share of the first one's are rounding.
 NOTHING = 1e-9
-#: Shapes that are drawn for the specificity.
-DRAWN = 500
-#: Modes that are measured at most.
-MEASURED = 50
+#: Shapes that are drawn for the specificity; modes that are measured at most.
+DRAWN, MEASURED = 500, 50
 #: The test on scores takes the first modes with this share of the variance, and at most so many by subjects.
-TESTED_SHARE, TESTED_MOST = 0.9, 0.2
+#: With .9 it had .74 to .81 of the power of the true parameters of 80 known bodies, with .99 .92 to 1.03.
+TESTED_SHARE, TESTED_MOST = 0.99, 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +51,14 @@ class ShapeModel:
 
 
 def principal_modes(shapes: FloatArray, metric: csr_array) -> ShapeModel:
-    """Find the principal modes of aligned control points (N, V, 3).
+    """Find the principal modes of shapes.
 
-    The metric (V, V) is that of the mean square over the surface, `cccd_shapes.template.Template.metric`.
+    Parameters
+    ----------
+    shapes : (N, V, 3) float64
+        Aligned control points, in mm.
+    metric : (V, V) sparse
+        Mean square over the surface of a displacement, `cccd_shapes.template.Template.metric`.
 
     Examples
     --------
@@ -147,8 +151,16 @@ def compare_groups(
 ) -> GroupTest:
     """Test whether groups of subjects have the same mean shape.
 
-    ``points`` (N, P, 3) are the same places of the aligned surfaces, ``groups`` the name of each subject's
-    group. The least p value is one by the number of permutations plus one.
+    Parameters
+    ----------
+    model : ShapeModel
+        Of the subjects.
+    points : (N, P, 3) float64
+        The same places of the aligned surfaces, in mm.
+    groups : sequence of str
+        The name of each subject's group, at least two different ones.
+    permutations : int
+        The least p value is one by this number plus one.
     """
     names, group = np.unique(list(groups), return_inverse=True)
     draw = np.random.default_rng(seed)

@@ -23,10 +23,8 @@ def test_known_modes_are_found_with_their_deviations():
     assert len(model.deviations) == 2
     assert model.deviations == pytest.approx([3, 1], rel=0.1)
     assert model.scores.std(axis=0, ddof=1) == pytest.approx(np.ones(2))
-    found = np.einsum("kvc,kvc->k", model.modes, model.modes) / POINTS
-    assert found == pytest.approx(np.ones(2))
-    shapes = shapes_of(scores)
-    assert model.shape(model.scores[7]) == pytest.approx(shapes[7])
+    assert np.einsum("kvc,kvc->k", model.modes, model.modes) / POINTS == pytest.approx(np.ones(2))
+    assert model.shape(model.scores[7]) == pytest.approx(shapes_of(scores)[7])
 
 
 def test_measures_are_those_of_a_known_distribution():
@@ -40,8 +38,7 @@ def test_measures_are_those_of_a_known_distribution():
 
 
 def test_what_no_mixture_makes_is_far_from_the_others():
-    scores = np.random.default_rng(3).normal(size=(20, 2))
-    shapes = shapes_of(scores)
+    shapes = shapes_of(np.random.default_rng(3).normal(size=(20, 2)))
     shapes[4] += np.random.default_rng(4).normal(size=(POINTS, 3))
     off = distances_to_others(principal_modes(shapes, METRIC))
     assert off.argmax() == 4
@@ -61,6 +58,13 @@ def test_a_group_effect_is_found_where_it_is():
     assert np.all(test.p_points >= test.p_points_alone - 1e-12)
 
 
+def test_an_effect_in_a_mode_of_a_fiftieth_of_the_variance_is_found():
+    scores = np.random.default_rng(9).normal(size=(40, 2)) * (3.0, 0.4)
+    scores[1::2, 1] += 0.5
+    shapes = shapes_of(scores)
+    assert compare_groups(principal_modes(shapes, METRIC), shapes, ["a", "b"] * 20, 199).p <= 0.01
+
+
 def test_without_an_effect_the_level_is_kept():
     """Of 100 cohorts without a difference few are called different: .05 times 100 is 5."""
     draw = np.random.default_rng(6)
@@ -75,8 +79,7 @@ def test_without_an_effect_the_level_is_kept():
 
 
 def test_three_groups_are_compared_too():
-    draw = np.random.default_rng(7)
-    shapes = draw.normal(size=(30, POINTS, 3))
+    shapes = np.random.default_rng(7).normal(size=(30, POINTS, 3))
     shapes[2::3] += 2
     test = compare_groups(principal_modes(shapes, METRIC), shapes, ["a", "b", "c"] * 10, 99)
     assert test.p == pytest.approx(0.01)
