@@ -92,8 +92,8 @@ def group_map(name: str, pixels: int = 360) -> str:
     plotter = pyvista.Plotter(off_screen=True, shape=(1, 2), window_size=(2 * pixels, pixels))
     most = float(abs(surface["difference_outwards_mm"]).max())
     shown = {
-        "difference_outwards_mm": ("difference, mm", "RdBu_r", (-most, most)),
-        "p": ("p", "YlOrRd_r", (0, 0.1)),
+        "difference_outwards_mm": ("difference, mm\n", "RdBu_r", (-most, most)),
+        "p": ("p value\n", "YlOrRd_r", (0, 0.1)),
     }
     for column, (scalars, (title, colours, limits)) in enumerate(shown.items()):
         plotter.subplot(0, column)
@@ -101,8 +101,24 @@ def group_map(name: str, pixels: int = 360) -> str:
         drawn = {"scalars": scalars, "cmap": colours, "clim": limits, "scalar_bar_args": bar}
         plotter.add_mesh(surface.copy(), **drawn, smooth_shading=True)
         plotter.view_xz()
-        plotter.camera.zoom(0.8)
+        plotter.camera.zoom(0.65)
     return _screenshot(plotter, "difference of the groups in mm, and p values, on the mean surface")
+
+
+def side_by_side(words: str, *names: str, pixels: int = 240) -> str:
+    """Draw meshes (PLY files) in one size, from the front."""
+    import pyvista
+
+    plotter = pyvista.Plotter(
+        off_screen=True, shape=(1, len(names)), window_size=(pixels * len(names), pixels)
+    )
+    for column, name in enumerate(names):
+        plotter.subplot(0, column)
+        plotter.add_mesh(pyvista.read(FOLDER / name), color="wheat", smooth_shading=True)
+        plotter.view_xz()
+    plotter.link_views()
+    plotter.camera.zoom(0.9)
+    return _screenshot(plotter, words)
 
 
 def band(name: str, pixels: int = 620) -> str:
