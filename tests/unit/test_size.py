@@ -11,7 +11,7 @@ MOST_LINES = {
     "scripts/cccd": 20762,
     "scripts/cccd_calibration": 737,
     "scripts/cccd_datasets": 1783,
-    "scripts/cccd_dicom": 1325,
+    "scripts/cccd_dicom": 1324,
     "scripts/cccd_junctions": 3927,
     "scripts/cccd_labels": 2744,
     "scripts/cccd_networks": 213,
