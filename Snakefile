@@ -82,6 +82,7 @@ check_targets()
 
 onstart:
     check_before_jobs()
+    look_for_jobs_when_one_ends()
     answer_signals()
     shorten_console()
 

@@ -112,6 +112,8 @@ def structure_of_planes(planes: Sequence[DrawnPlane], name: str) -> Structure:
     """
     if _directions(planes) > 1:
         return structure_of_mesh(Mended(surface_through(planes, name).outwards()), name)
+    if len(planes) < 2:
+        raise InputError(name, "its contours lie in one plane", "give two planes or more")
     contours = [ring for plane in planes for ring in plane.rings]
     pixel = float(np.ptp(np.concatenate(contours), axis=0).max()) / STEPS[1]
     frame, _, _ = contour_frame(contours, None, name, pixel)

@@ -60,6 +60,7 @@ _HEADER = [
     "ImagePositionPatient",
     "ImageOrientationPatient",
     "PixelSpacing",
+    "SliceThickness",
     "FrameOfReferenceUID",
 ]
 
@@ -288,7 +289,7 @@ def _stack_affine(location: str, stack: _Stack) -> tuple[FloatArray, float]:
         spacing = float(np.median(gaps))
         step = (positions[-1] - positions[0]) / (heights[-1] - heights[0]) * spacing
     else:
-        spacing = _lone_thickness(stack.files[0].path)
+        spacing = float(stack.files[0].header.get("SliceThickness") or 1.0)
         step = stack.normal * spacing
     affine = np.eye(4)
     affine[:3, :3] = np.column_stack([stack.plane, step])
@@ -321,12 +322,6 @@ def _interpolate_slices(
     low = np.clip(np.searchsorted(index, even, side="right") - 1, 0, len(index) - 2)
     share = np.clip((even - index[low]) / (index[low + 1] - index[low]), 0, 1).astype(np.float32)
     return data[..., low] * (1 - share) + data[..., low + 1] * share, f"{location}: {problem}; interpolated"
-
-
-def _lone_thickness(path: Path) -> float:
-    """Thickness of a single slice, mm."""
-    thickness = pydicom.dcmread(path, stop_before_pixels=True).get("SliceThickness")
-    return float(thickness or 1.0)
 
 
 def _read_multiframe(path: Path) -> Volume:
@@ -420,7 +415,9 @@ class Segments:
         data = np.asarray(volume.array)
         mask = np.any(data.reshape(*data.shape[:3], -1) >= 0.5, axis=-1).transpose(2, 1, 0)
         affine = volume.affine[:, [2, 1, 0, 3]]
-        if _count_instances(seg) > mask.shape[2]:  # the scan goes on where the SEG has no frames
+        made_on = seg.get("ReferencedSeriesSequence", [])
+        if sum(len(one.get("ReferencedInstanceSequence", [])) for one in made_on) > mask.shape[2]:
+            # the scan goes on where the SEG has no frames
             mask = np.pad(mask, ((0, 0), (0, 0), (1, 1)))
             affine[:3, 3] -= affine[:3, 2]
         affine = check_affine(LPS_TO_RAS @ affine, location)
@@ -548,12 +545,6 @@ def _region_names(dataset: pydicom.Dataset) -> dict[int, str]:
     return {int(item.ROINumber): str(item.get("ROIName", "")) for item in dataset.StructureSetROISequence}
 
 
-def _count_instances(seg: pydicom.Dataset) -> int:
-    """Count the images of the series that a SEG was made on, as far as it lists them."""
-    series = seg.get("ReferencedSeriesSequence", [])
-    return sum(len(one.get("ReferencedInstanceSequence", [])) for one in series)
-
-
 def _referenced(seg: pydicom.Dataset) -> set[str]:
     """SOP instance UIDs of the images whose pixels the frames mark."""
     return {
@@ -643,6 +634,14 @@ class Regions:
                 raise InputError(location, f"ROI {names[number]!r} has no contours", choices(filled))
             rois.append([contour for contour in contours if len(contour)])
         return rois
+
+    @cached_property
+    def first_points(self) -> FloatArray:
+        """First point (N, 3) of each contour of all ROIs in world mm (RAS)."""
+        with guarded(self.location, "its contours are damaged", "export the structure set again"):
+            items = [item for roi in self.items.values() for item in roi.get("ContourSequence", [])]
+            points = [[float(x) for x in _coordinates(item)[:3]] for item in items]
+            return np.array(points).reshape(-1, 3) @ LPS_TO_RAS[:3, :3]
 
     def _contours_of(self, number: int) -> list[FloatArray]:
         item = self.items.get(number)

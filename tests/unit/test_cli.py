@@ -263,7 +263,7 @@ def test_check_tells_probabilities_from_a_mask(here, capsys):
 
 WRONG = {
     "no file": ("surface livre.nii.gz", "did you mean 'liver.nii.gz'"),
-    "no file of a like name": ("surface spleen.nii.gz", "; correct the path"),
+    "no mesh to put on a scan": ("surface spleen.stl --like liver.nii.gz", "there is no spleen.stl"),
     "no folder": ("surface there/liver.nii.gz", "nor its folder"),
     "a folder of nothing": ("surface nothing", "no file in this folder"),
     "an empty mask": ("surface empty.nii.gz", "the mask is empty"),

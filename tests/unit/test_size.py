@@ -8,10 +8,10 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 20762,
+    "scripts/cccd": 20761,
     "scripts/cccd_calibration": 737,
     "scripts/cccd_datasets": 1783,
-    "scripts/cccd_dicom": 1325,
+    "scripts/cccd_dicom": 1324,
     "scripts/cccd_junctions": 3927,
     "scripts/cccd_labels": 2744,
     "scripts/cccd_networks": 213,

@@ -138,6 +138,16 @@ def check_before_jobs():
         sys.exit(f"Error: {error}")
 
 
+def look_for_jobs_when_one_ends():
+    """Let jobs here start as fast as they can.
+
+    Of Snakemake 9.27's limit of 100 a second each look for jobs brings another one a second later, for ever: after
+    a hundred jobs it looks a hundred times a second, which took a quarter of a core.
+    """
+    if workflow.local_exec:
+        workflow.scheduler.job_rate_limiter = None
+
+
 #: Set when the run was asked to end.
 interrupted = threading.Event()
 

@@ -81,9 +81,7 @@ def add_surface(command: argparse.ArgumentParser) -> None:
         "--smooth", type=float, metavar="MM",
         help="smooth away waves of this length and shorter; eight pixels by default",
     )  # fmt: skip
-    written.add_argument(
-        "--triangles", type=int, metavar="N", help="the mesh has N triangles of about one size"
-    )  # fmt: skip
+    written.add_argument("--triangles", type=int, metavar="N", help="as many triangles, of about one size")
     written.add_argument(
         "--edge-mm", type=float, metavar="MM", help="the mesh has triangles whose edges are about this long"
     )  # fmt: skip
@@ -109,9 +107,10 @@ def _surface(given: argparse.Namespace) -> int:
     if _is_shape(given.input, given.label):
         return _surface_of_mesh(given, given.output or [Path(f"{stem}_smooth.ply")])
     if given.like is not None:
-        raise InputError(
-            "--like", f"{given.input.name} is not a mesh", "leave it out; --image names the scan"
-        )
+        from cccd.inputs.load import existing
+
+        name = existing(given.input, given.input.name).name
+        raise InputError("--like", f"{name} is not a mesh", "leave it out; --image names the scan")
     if option and given.all_labels:
         raise InputError(option, "an image without a mask has no labels", "leave --all-labels out")
     if given.label and given.all_labels:

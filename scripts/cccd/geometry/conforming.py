@@ -18,10 +18,6 @@ __all__ = ["ConformingSurface", "low_passed"]
 WIDEST_BAND = 1.9
 
 
-def _no_names() -> dict[int, str]:
-    return {}
-
-
 @dataclass(frozen=True, eq=False)
 class ConformingSurface:
     """Triangles between regions, each of which has one region on either side.
@@ -52,7 +48,7 @@ class ConformingSurface:
     vertices: FloatArray
     triangles: IntArray
     regions: IntArray
-    names: Mapping[int, str] = field(default_factory=_no_names)
+    names: Mapping[int, str] = field(default_factory=dict[int, str])
 
     @property
     def labels(self) -> list[int]:

@@ -25,18 +25,6 @@ __all__ = ["SHARP", "ControlMesh", "Sampler", "SubdivisionStep", "quad_edges", "
 SHARP = 10.0
 
 
-def _no_creases() -> IntArray:
-    return np.zeros((0, 2), np.int64)
-
-
-def _no_samplers() -> dict[int, Sampler]:
-    return {}
-
-
-def _no_sharpness() -> FloatArray:
-    return np.zeros(0)
-
-
 @dataclass(frozen=True, eq=False)
 class ControlMesh:
     """Control points and quads of a Catmull-Clark spline surface.
@@ -67,9 +55,9 @@ class ControlMesh:
 
     vertices: FloatArray
     quads: IntArray
-    creases: IntArray = field(default_factory=_no_creases)
-    sharpness: FloatArray = field(default_factory=_no_sharpness)
-    _samplers: dict[int, Sampler] = field(default_factory=_no_samplers, repr=False)
+    creases: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    sharpness: FloatArray = field(default_factory=lambda: np.zeros(0))
+    _samplers: dict[int, Sampler] = field(default_factory=dict[int, "Sampler"], repr=False)
 
     def moved(self, vertices: FloatArray) -> ControlMesh:
         """Return the same quads and creases with other control points (V, 3)."""

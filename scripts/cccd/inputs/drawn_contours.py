@@ -22,8 +22,8 @@ from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SAME_POI
 __all__ = ["assemble_contours", "contour_frame"]
 
 
-#: Contours run along pixels when this share of their steps, of at least so many, lie along an axis and are
-#: whole numbers of pixels, each to this share of a pixel.
+#: Contours run along pixels when this share of their steps are along an axis and whole numbers of pixels, or
+#: cut corners at 45 degrees, each to this share of a pixel, and at least so many are along an axis.
 TRACED, LEAST_STEPS, ALONG_AXIS = 0.95, 40, 0.02
 
 # the grid of the contours ---------------------------------------------------------------------------
@@ -39,7 +39,11 @@ class _Planes(NamedTuple):
 
 
 def contour_frame(
-    contours: list[FloatArray], image: Volume | None, location: str, pixel_mm: float
+    contours: list[FloatArray],
+    image: Volume | None,
+    location: str,
+    pixel_mm: float,
+    others: FloatArray | None = None,
 ) -> tuple[Frame, slice | None, list[str]]:
     """Choose the grid whose slices are the planes of the contours.
 
@@ -53,6 +57,8 @@ def contour_frame(
         What messages name.
     pixel_mm : float
         Pixel size of the in-plane coordinates where there is no image.
+    others : (N, 3) float64, optional
+        A point of each contour in the file: its planes say how thick a slice is where there is no image.
 
     Returns
     -------
@@ -67,18 +73,23 @@ def contour_frame(
     Raises
     ------
     InputError
-        Planes that are not parallel, not the image's, or fewer than two; contours along a line.
+        Planes that are not parallel, or not the image's; contours along a line.
     """
     normal = _plane_normal(contours, location)
     axis = None if image is None else _slice_axis(image, normal, location)
-    thickness = None if image is None else abs(float(image.affine[:3, axis] @ normal))
-    planes = _planes(contours, normal, location, thickness)
-    heights = planes.heights
+    heights = _apart(np.array([float(np.mean(contour @ normal)) for contour in contours]))
+    spacing = pixel_mm if image is None else abs(float(image.affine[:3, axis] @ normal))
+    if others is not None and len(gaps := np.diff(_apart(others @ normal))):
+        spacing = float(np.median(gaps))
+    planes = _planes(heights, normal, spacing)
     if image is None or axis is None:
         frame, traced = _frame_without_image(contours, planes, pixel_mm)
         side = frame.spacing[frame.in_plane_axes[0]]
         why = "along whose edges its contours run" if traced else "assumed"
-        return frame, None, [f"{location}: no image given, pixels of {side:.3g} mm {why}"]
+        notes = [f"{location}: no image given, pixels of {side:.3g} mm {why}"]
+        if len(heights) == 1:
+            notes.append(f"{location}: its contours lie in one plane, taken as {spacing:.3g} mm thick")
+        return frame, None, notes
     index = (heights - image.affine[:3, 3] @ normal) / (image.affine[:3, axis] @ normal)
     whole = np.rint(index).astype(int)
     inside = whole.min() >= 0 and whole.max() < image.shape[axis]
@@ -106,20 +117,15 @@ def _plane_normal(contours: list[FloatArray], location: str) -> FloatArray:
     return normal
 
 
-def _planes(
-    contours: list[FloatArray], normal: FloatArray, location: str, thickness: float | None
-) -> _Planes:
-    """Find the planes across a normal that contours lie in; of uneven distances, on a finer grid.
+def _apart(heights: FloatArray) -> FloatArray:
+    """Heights (P,) in ascending order, of each plane one."""
+    heights = np.sort(heights)
+    return heights[np.r_[True, np.diff(heights) > SAME_PLANE_MM]]
 
-    ``thickness`` is that of the image's slices, which says how thick an organ in one plane is.
-    """
-    heights = np.sort([float(np.mean(contour @ normal)) for contour in contours])
-    heights = heights[np.r_[True, np.diff(heights) > SAME_PLANE_MM]]
-    if len(heights) < 2:
-        if thickness is None:
-            raise InputError(location, "its contours lie in one plane", "name the scan as image (--image)")
-        return _Planes(normal, heights, thickness, 1)
-    spacing, index = even_grid(heights)
+
+def _planes(heights: FloatArray, normal: FloatArray, thickness: float) -> _Planes:
+    """Planes at heights (P,) across a normal; of uneven distances, on a finer grid; of one, its thickness."""
+    spacing, index = even_grid(heights) if len(heights) > 1 else (thickness, np.arange(2))
     return _Planes(normal, heights, spacing, int(np.median(np.diff(index))))
 
 
@@ -142,35 +148,41 @@ def _frame_without_image(contours: list[FloatArray], planes: _Planes, pixel_mm: 
     """
     axis = int(np.abs(planes.normal).argmax())
     rotation = Rotation.align_vectors([planes.normal], [np.eye(3)[axis]])[0].as_matrix()
-    own = _traced_pixel([np.delete(contour @ rotation, axis, axis=1) for contour in contours])
-    pixel_mm = own or pixel_mm
+    traced = _traced_pixels([np.delete(contour @ rotation, axis, axis=1) for contour in contours])
+    begin = np.zeros(3)
+    if traced is not None:
+        pixel_mm, edges = traced
+        begin = np.insert(edges % 1 + 0.5, axis, 0)  # centres of pixels lie between their edges
     affine = np.eye(4)
     affine[:3, :3] = rotation * pixel_mm
     local = np.concatenate(contours) @ rotation / pixel_mm
-    begin = np.zeros(3)
-    if own is not None:  # corners of pixels, not their centres
-        begin = np.where(np.arange(3) == axis, 0, local[0] % 1 + 0.5)
     low = np.floor(local.min(axis=0) - begin) + begin
     high = np.ceil(local.max(axis=0) - begin) + begin
     affine[:3, 3] = affine[:3, :3] @ low
-    return _move_to_planes(affine, axis, np.rint(high - low).astype(int) + 1, planes), own is not None
+    return _move_to_planes(affine, axis, np.rint(high - low).astype(int) + 1, planes), traced is not None
 
 
-def _traced_pixel(contours: list[FloatArray]) -> float | None:
-    """Size in mm of the pixels along whose edges contours (n, 2) run; None where they run otherwise.
+def _traced_pixels(contours: list[FloatArray]) -> tuple[float, FloatArray] | None:
+    """Size in mm of the pixels along whose edges contours (n, 2) run, and where edges lie (2,) in pixels.
 
-    Along edges, each step is along an axis, and as long as a whole number of pixels.
+    None where contours run otherwise. Along edges each step is as long as a whole number of pixels. Marching
+    squares cut the corners between them at 45 degrees.
     """
-    steps = np.concatenate([np.abs(np.diff(contour, axis=0, append=contour[:1])) for contour in contours])
-    steps = steps[steps.max(axis=1) > SAME_POINT_VOXELS]
-    if not len(steps):
+    points = np.concatenate(contours)
+    steps = np.concatenate([np.diff(contour, axis=0, append=contour[:1]) for contour in contours])
+    moved = np.abs(steps).max(axis=1) > SAME_POINT_VOXELS
+    points, steps = points[moved], np.abs(steps[moved])
+    aside, long = np.sort(steps, axis=1).T
+    straight = aside < ALONG_AXIS * long
+    if straight.sum() < LEAST_STEPS:
         return None
-    long, aside = steps.max(axis=1), steps.min(axis=1)
-    pixel = float(np.percentile(long, 5))
-    straight = aside < ALONG_AXIS * pixel
+    pixel = round(float(np.percentile(long[straight], 5)), 4)
     whole = np.abs(long / pixel - np.rint(long / pixel)) < ALONG_AXIS * np.rint(long / pixel)
-    enough = len(steps) >= LEAST_STEPS and np.mean(straight & whole) >= TRACED
-    return round(pixel, 4) if enough else None
+    along = straight & whole & (aside < ALONG_AXIS * pixel)
+    if np.mean(along | (long - aside < ALONG_AXIS * pixel)) < TRACED:
+        return None
+    edges = [points[along & (steps[:, side] < steps[:, 1 - side])][0, side] / pixel for side in (0, 1)]
+    return pixel, np.array(edges)
 
 
 def _frame_of_slices(image: Volume, axis: int, keep: slice) -> Frame:

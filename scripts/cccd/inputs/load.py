@@ -263,7 +263,8 @@ def _scan_of_contours(regions: Any, request: Request, image: Volume | None, sett
     drawn = [contour for roi in rois for contour in roi]
     if not drawn:
         raise InputError(location, "its ROI holds points only", "choose another ROI")
-    frame, keep, warnings = contour_frame(drawn, image, location, settings.contour_pixel_mm)
+    others = None if image is not None else regions.first_points
+    frame, keep, warnings = contour_frame(drawn, image, location, settings.contour_pixel_mm, others)
     if settings.slice_axis not in ("auto", frame.slice_axis):
         raise InputError(
             location,
@@ -390,7 +391,8 @@ def existing(path: Path, column: str) -> Path:
     folder = path.parent
     if not folder.is_dir():
         raise InputError(column, f"{path.name} is not there, nor its folder {folder}", "correct the path")
-    names = sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith("."))
+    entries = (entry for entry in folder.iterdir() if not entry.name.startswith("."))
+    names = sorted(entry.name for entry in entries if entry.suffix or not path.suffix)  # no folder for a file
     hint = nearest(path.name, names, lambda name: without_suffix(name) or name, "correct the path")
     raise InputError(column, f"there is no {path.name} in {folder}", hint)
 

@@ -65,6 +65,15 @@ class StructureView:
         """Take a measure by its column in ``tables/structures.csv``; None where it was not measured."""
         return next(measure for measure in MEASURES if measure.name == name).look_up(self.metrics)
 
+    @property
+    def volume_interval(self) -> str | None:
+        """Interval that holds the volume nine times of ten, ml; None where there is none."""
+        low, high = (self.look_up(f"volume_{side}_ml") for side in ("low", "high"))
+        if low is None or high is None:
+            return None
+        decimals = 1 if high >= 1000 and high - low < 10 else None  # four digits would hide so narrow a one
+        return f"{number(low, decimals)} to {number(high, decimals)}"
+
 
 def view_structure(results: Results, case: str, organ: str, width: int | None) -> StructureView:
     """Collect one structure, its picture at most ``width`` pixels wide; without a width there is none."""
@@ -120,7 +129,7 @@ def overview(views: Sequence[StructureView]) -> Table | None:
             "case": view.case,
             "organ": view.organ,
             "volume_ml": view.look_up("volume_ml"),
-            "interval of the volume_ml": _interval(view),
+            "interval of the volume_ml": view.volume_interval,
             "surface_area_cm2": _scaled(view.look_up("surface_area_mm2"), 0.01),
             "size_mm": _size(view),
             "dice with the mask": view.look_up("dice_3d"),
@@ -131,17 +140,8 @@ def overview(views: Sequence[StructureView]) -> Table | None:
         for view in views
         if view.metrics
     ]
-    return (
-        table("overview", pd.DataFrame(rows), [view.link for view in views if view.metrics]) if rows else None
-    )
-
-
-def _interval(view: StructureView) -> str | None:
-    low, high = (view.look_up(f"volume_{side}_ml") for side in ("low", "high"))
-    if low is None or high is None:
-        return None
-    decimals = 1 if high >= 1000 and high - low < 10 else None  # four digits would hide so narrow a one
-    return f"{number(low, decimals)} to {number(high, decimals)}"
+    links = [view.link for view in views if view.metrics]
+    return table("overview", pd.DataFrame(rows), links) if rows else None
 
 
 def _size(view: StructureView) -> str | None:

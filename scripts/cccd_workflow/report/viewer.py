@@ -37,7 +37,7 @@ _TITLES = {
     "curvature": "Mean curvature (1/mm)",
 }
 
-_LIGHT = {"ambient": 0.45, "diffuse": 0.7, "specular": 0.15, "roughness": 0.6, "fresnel": 0.1}
+_LIGHT = {"ambient": 0.3, "diffuse": 0.6, "specular": 0.15, "roughness": 0.6, "fresnel": 0.1}
 _LAMP = {"x": -60_000, "y": -80_000, "z": -60_000}
 _COLOUR, _OTHER, _GREY = "#d4b399", "#9eadbd", "#808080"
 _NET, _CURVES = "#008f6b", "#1a5c9e"

@@ -3,6 +3,7 @@
 import numpy as np
 import pydicom
 import pytest
+import shapely
 from pydicom.dataset import Dataset
 from support import scans
 
@@ -127,31 +128,35 @@ def test_an_organ_on_one_or_two_slices_is_a_surface_with_a_warning(tmp_path, cou
     surface = cccd.reconstruct(mask, affine)
     voxels = mask.sum() * 3
     assert surface.volume == pytest.approx(voxels, rel=0.15)
-    noun = "slice" if count == 1 else "slices"
-    said = f"mask lies on {count} {noun} along axis 2: where it ends above and below is a guess"
-    assert said in surface.warnings
+    lies = f"mask lies on {count} {'slice' if count == 1 else 'slices'} along axis 2"
+    assert f"{lies}: where it ends above and below is a guess" in surface.warnings
     series = scans.write_series(tmp_path, scans.grey(mask > 0), affine)
     write_contours(tmp_path / "rt.dcm", mask, series, affine)
     drawn = cccd.reconstruct(cccd.read(tmp_path))
     assert drawn.volume == pytest.approx(voxels, rel=0.15)
+    masks = {"organ": mask, "couch": np.pad(mask[..., 5:6], ((0, 0), (0, 0), (2, 2)), "edge")}
+    path = tmp_path.with_suffix(".dcm")  # away from its series; the couch says how thick a slice is
+    scans.write_structure_set(path, {name: scans.outlines(of, affine) for name, of in masks.items()})
+    alone = cccd.read(path, "organ")
+    assert cccd.reconstruct(alone).volume == pytest.approx(voxels, rel=0.15)
+    assert (count == 1) == any("one plane, taken as 3 mm thick" in note for note in alone.warnings)
 
 
-def test_contours_along_pixels_get_the_size_of_these(tmp_path):
-    """Of a ball of 20 mm that was traced along pixels of 3 mm, as Slicer's and other exports do."""
-    import shapely
-
+@pytest.mark.parametrize("corners", ["kept", "cut"])
+def test_contours_along_pixels_get_the_size_of_these(tmp_path, corners):
+    """Of a ball of 20 mm that was traced along pixels of 3 mm, or by marching squares, as exports do."""
     size, contours = 3.0, []
     for z in np.arange(-18.0, 18.1, 3.0):
         at = np.arange(-9, 9) * size
         inside = [(x, y) for x in at for y in at if (x + 1.5) ** 2 + (y + 1.5) ** 2 + z**2 <= 400]
         outline = shapely.union_all([shapely.box(x, y, x + size, y + size) for x, y in inside])
-        ring = shapely.get_coordinates(outline.exterior)[:-1]
+        ring = shapely.get_coordinates(outline.segmentize(size).exterior)[:-1]
+        ring = (ring + np.roll(ring, int(corners == "cut"), axis=0)) / 2
         contours.append(np.column_stack([ring, np.full(len(ring), z)]))
     scans.write_structure_set(tmp_path / "rt.dcm", {"ball": contours})
     structure = cccd.read(tmp_path / "rt.dcm")
     assert structure.frame.spacing == pytest.approx((3, 3, 3))
-    (note,) = [note for note in structure.warnings if "no image" in note]
-    assert note == "rt.dcm: no image given, pixels of 3 mm along whose edges its contours run"
+    assert "rt.dcm: no image given, pixels of 3 mm along whose edges its contours run" in structure.warnings
     surface = cccd.reconstruct(structure)
     assert surface.mesh.euler_number == 2
     away = np.linalg.norm(surface.vertices, axis=1) - 20

@@ -398,23 +398,16 @@ def test_open_contours(tmp_path):
     drawn(tmp_path, [circle(z) for z in range(5)], "open contour", kind="OPEN_PLANAR")
 
 
-def test_self_crossing_contour(tmp_path):
-    eight = np.array([(0, 0), (10, 10), (10, 0), (0, 10)], float)
-    contours = [circle(z) for z in range(5)] + [np.column_stack([eight, np.full(4, 5.0)])]
-    drawn(tmp_path, contours, "crosses itself")
-
-
-def test_contours_crossing_each_other(tmp_path):
-    contours = [circle(z) for z in range(5)] + [circle(3, centre=(12.0, 0.0))]
-    drawn(tmp_path, contours, "cross each other")
-
-
-def test_contours_in_one_plane(tmp_path):
-    drawn(tmp_path, [circle(3), circle(3, centre=(50, 0))], "lie in one plane")
-
-
-def test_contours_in_many_directions(tmp_path):
-    drawn(tmp_path, [circle(0), circle(2), circle(4)[:, [2, 0, 1]]], "parallel planes")
+@pytest.mark.parametrize(
+    ("further", "problem"),
+    [
+        (np.array([(0, 0, 5), (10, 10, 5), (10, 0, 5), (0, 10, 5)], float), "crosses itself"),
+        (circle(3, centre=(12.0, 0.0)), "cross each other"),
+        (circle(4)[:, [2, 0, 1]], "parallel planes"),
+    ],
+)
+def test_contours_that_do_not_fit_together(tmp_path, further, problem):
+    drawn(tmp_path, [*map(circle, range(5)), further], problem)
 
 
 def test_contours_across_the_slices(ward):

@@ -30,11 +30,12 @@ def test_two_affines_that_disagree_are_said(tmp_path, apart, said):
     ("asked", "there", "hint"),
     [
         ("zero.nii.gz", "one.nii.gz", "there is no zero.nii.gz in .*; correct the path"),
-        ("livre.nii.gz", "liver.nii.gz", "did you mean"),
+        ("mask.nii.gz", "one.nii.gz", "there is no mask.nii.gz in .*; correct the path"),
     ],
 )
 def test_a_name_is_near_by_itself_and_not_by_its_suffix(tmp_path, asked, there, hint):
     (tmp_path / there).write_bytes(b"")
+    (tmp_path / "masks").mkdir()
     with pytest.raises(InputError, match=hint):
         existing(tmp_path / asked, "mask")
 
