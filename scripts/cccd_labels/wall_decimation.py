@@ -8,73 +8,62 @@ from typing import Any, cast
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, IntArray
 from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.distance import nearest_points
 from cccd.geometry.mesh import Mesh
 
 __all__ = ["simplified"]
 
-#: Walls are parted into patches of so many edges across, so that what goes wrong stays small ...
-ACROSS = 40.0
-#: ... twice, by grids that are shifted by this share of it: what was a border is none the second time.
-SHIFTS = (0.0, 0.5)
 #: Vertices further than this from all former ones, in edges, are looked at: they lie on the wall.
 NEAR = 0.75
 #: Patches of fewer triangles keep them.
 FEWEST = 64
-#: Edges become at most so many times as long as they are: flat walls keep some triangles.
-LONGEST = 12.0
+#: Of so many triangles of a flat wall one is left.
+FLAT = 150
 #: An equilateral triangle's area by its squared edge.
 EQUILATERAL = 3**0.5 / 4
+#: fast_simplification's quadric errors end at some .1: a length of 1 is the tolerance over the first, which
+#: leaves 97 % of the points of walls within it. The second is how fast they rise to it.
+UNIT, RISE = 0.04, 4.0
 
 
 def simplified(surface: ConformingSurface, tolerance: float) -> ConformingSurface:
-    r"""Collapse edges within walls by quadric error (Garland and Heckbert 1997); lines between walls stay.
+    """Collapse edges within walls by quadric error (Garland and Heckbert 1997); lines between walls stay.
 
     Parameters
     ----------
     surface : ConformingSurface
     tolerance : float
-        How far a triangle may lie off a wall: where the curvature is :math:`c`, an edge of length :math:`l`
-        lies :math:`c l^2 / 8` off.
+        How far triangles may lie off the walls.
 
     Returns
     -------
     ConformingSurface
-        Of the same topology. A patch that would change its own is as it was.
+        Of the same topology. A wall that would change its own is halved until its parts do not.
     """
     if len(surface.triangles) == 0:
         return surface
-    area = float(Mesh(surface.vertices, surface.triangles).face_areas.mean())
-    edge, density = (area / EQUILATERAL) ** 0.5, None
-    for shift in SHIFTS:
-        patch = _patches(surface, ACROSS * edge, shift)
-        surface, density = _with_fewer(surface, patch, density, edge, tolerance)
-    return surface
-
-
-def _with_fewer(
-    surface: ConformingSurface, patch: IntArray, density: FloatArray | None, edge: float, tolerance: float
-) -> tuple[ConformingSurface, FloatArray]:
-    """Collapse edges of patches, of which each triangle (T,) has a number, to as many by area as are needed.
-
-    Returns the walls, and how many each triangle's patch needs: ``density`` (T,), or what curvature says.
-    """
-    order = np.argsort(patch, kind="stable")
-    members = np.split(order, np.flatnonzero(np.diff(patch[order])) + 1)
-    border = _of_several(surface, patch)
-    fewer: list[Mesh | None] = []
-    needed: list[FloatArray] = []
-    for faces in members:
+    near = NEAR * (float(Mesh(surface.vertices, surface.triangles).face_areas.mean()) / EQUILATERAL) ** 0.5
+    low, high = surface.regions.min(axis=1), surface.regions.max(axis=1)
+    wall = low * (high.max() + 1) + high
+    order = np.argsort(wall, kind="stable")
+    waiting = np.split(order, np.flatnonzero(np.diff(wall[order])) + 1)
+    members, fewer = list[IntArray](), list[Mesh | None]()
+    patch = np.zeros(len(wall), np.int64)
+    while waiting:
+        faces = waiting.pop()
         part = Mesh(surface.vertices, surface.triangles[faces]).compact()
-        area = part.face_areas
-        dense = _needed(part, tolerance, edge) if density is None else density[faces]
-        kept = border[surface.triangles[faces]].any(axis=1)
-        target = int(np.where(kept, 1.0, area * dense).sum())
-        fewer.append(_collapsed(part, target, NEAR * edge, tolerance))
-        needed.append(np.full(len((fewer[-1] or part).faces), (area @ dense) / max(float(area.sum()), 1e-12)))
-    return _joined(surface, members, fewer, np.flatnonzero(border)), np.concatenate(needed)
+        mesh = _collapsed(part, near, tolerance) if len(faces) >= FEWEST else None
+        if mesh is None and len(faces) >= FEWEST:
+            middle = part.vertices[part.faces].mean(axis=1)
+            order = np.argsort(middle[:, np.argmax(np.ptp(middle, axis=0))], kind="stable")
+            waiting += np.array_split(faces[order], 2)
+            continue
+        patch[faces] = len(members)
+        members.append(faces)
+        fewer.append(mesh)
+    return _joined(surface, members, fewer, np.flatnonzero(_of_several(surface, patch)))
 
 
 def _of_several(surface: ConformingSurface, patch: IntArray) -> BoolArray:
@@ -86,34 +75,19 @@ def _of_several(surface: ConformingSurface, patch: IntArray) -> BoolArray:
     return low < high
 
 
-def _patches(surface: ConformingSurface, width: float, shift: float) -> IntArray:
-    """Give each triangle (T,) the number of its patch: of one wall, in one cell of a grid."""
-    cell = np.floor(surface.vertices[surface.triangles[:, 0]] / width + shift).astype(np.int64)
-    groups = np.column_stack([np.sort(surface.regions, axis=1), cell - cell.min(axis=0)])
-    keys = np.ravel_multi_index(tuple(groups.T), tuple(groups.max(axis=0) + 1))
-    return np.asarray(np.unique(keys, return_inverse=True)[1], np.int64)
-
-
-def _needed(patch: Mesh, tolerance: float, edge: float) -> FloatArray:
-    """Triangles (T,) by area that a patch of a wall needs, none smaller than of an edge."""
-    bends, count = patch.dihedrals, len(patch.faces)
-    curvature = 1.5 * bends.lengths * bends.angles / np.maximum(bends.areas, 1e-12)
-    square = np.bincount(bends.faces.ravel(), np.repeat(curvature**2, 2), count)
-    curvature = np.sqrt(square / np.maximum(np.bincount(bends.faces.ravel(), minlength=count), 1))
-    length = np.sqrt(8 * tolerance / np.maximum(curvature, 1e-9))
-    return 1 / (EQUILATERAL * np.clip(length, edge, LONGEST * edge) ** 2)
-
-
-def _collapsed(before: Mesh, target: int, near: float, tolerance: float) -> Mesh | None:
+def _collapsed(before: Mesh, near: float, tolerance: float) -> Mesh | None:
     """Collapse a patch's edges but for those that touch its border; None where that changes the topology."""
-    if len(before.faces) < FEWEST or target >= len(before.faces):
-        return None
     import fast_simplification  # pyright: ignore[reportMissingTypeStubs]
 
+    unit = tolerance / UNIT
     vertices, faces = cast(Any, fast_simplification).simplify(
-        before.vertices, before.faces, target_count=target, preserve_border=True
+        before.vertices / unit,
+        before.faces,
+        target_count=len(before.faces) // FLAT,
+        agg=RISE,
+        preserve_border=True,
     )
-    after = Mesh(np.asarray(vertices, float), np.asarray(faces, np.int64)).compact()
+    after = Mesh(np.asarray(vertices, float) * unit, np.asarray(faces, np.int64)).compact()
     if _outline(after) != _outline(before):
         return None
     # where a wall is flat the point of least quadric error is hardly defined, and may be far away
@@ -145,9 +119,9 @@ def _joined(
             triangles.append(surface.triangles[faces])
         else:
             place = count + np.arange(len(mesh.vertices))
-            if known is not None:  # these have not moved at all
+            if known is not None:  # these have not moved but by rounding
                 away, nearest = known.query(mesh.vertices, distance_upper_bound=1e-9)
-                place = np.where(away == 0, lines[np.minimum(nearest, len(lines) - 1)], place)
+                place = np.where(np.isfinite(away), lines[np.minimum(nearest, len(lines) - 1)], place)
             vertices.append(mesh.vertices)
             triangles.append(place[mesh.faces])
             count += len(mesh.vertices)

@@ -13,7 +13,7 @@ MOST_LINES = {
     "scripts/cccd_datasets": 1783,
     "scripts/cccd_dicom": 1324,
     "scripts/cccd_junctions": 3927,
-    "scripts/cccd_labels": 2744,
+    "scripts/cccd_labels": 2718,
     "scripts/cccd_networks": 213,
     "scripts/cccd_paper": 9248,
     "scripts/cccd_segmentation": 1713,
