@@ -267,14 +267,14 @@ def test_pairs_of_masks_make_a_file_that_is_used(tmp_path, capsys):
     affine, rows = np.eye(4), ["first\tsecond"]
     away = np.linalg.norm(np.indices((26, 26, 26)) - 12.5, axis=0)
     for number in range(10):
-        for reader, radius in (("a", 9.0), ("b", 9.6)):
+        for reader, radius in (("a", 8.0), ("b", 10.0)):
             save(tmp_path / f"{reader}{number}.nii.gz", away <= radius + number / 10, affine)
         rows.append(f"a{number}.nii.gz\tb{number}.nii.gz")
     table.write_text("\n".join(rows) + "\n")
     given = ["calibrate", "--readers", str(table), "-o", str(out)]
     assert main(given) == 0
     assert "10 pairs of readers, 10 organs" in capsys.readouterr().out
-    assert Reader.of(str(out)).at(0.9)[0] == pytest.approx(0.6, abs=0.15)
+    assert 1.9 < Reader.of(str(out)).at(0.9)[0] < 2.3  # ten organs alone tell it with room to spare
     save(tmp_path / "b0.nii.gz", away <= 9, np.diag([1, 1, 2, 1.0]))
     assert main(given) == 1
     assert "not on the same grid" in capsys.readouterr().err

@@ -47,8 +47,8 @@ def test_thick_slices_of_a_ball():
     surface = lofted(mask, (1.0, 1.0, 5.0))
     assert_sound(surface)
     radius = np.linalg.norm(surface.vertices - 30, axis=1)
-    assert np.abs(radius - 20).mean() < 0.15
-    assert np.abs(radius - 20).max() < 1.1  # at the poles, between slices that are 5 mm apart
+    assert np.abs(radius - 20).mean() < 0.12
+    assert np.abs(radius - 20).max() < 1.5  # at the poles, between slices that are 5 mm apart
 
 
 def test_a_cylinder_that_the_scan_cuts_has_flat_caps_with_a_sharp_rim():
