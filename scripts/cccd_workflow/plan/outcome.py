@@ -78,8 +78,5 @@ def report_failed_run(plan: Plan) -> None:
             benchmarks=Path("benchmarks"),
         )
         print(f"\nReport of the finished structures: {_REPORT.resolve()}", file=sys.stderr)
-    hint = (
-        "Fix the input and run the same command again: finished files are kept "
-        "(add --keep-going to finish the other structures first)."
-    )
-    print(f"\n{hint}", file=sys.stderr)
+    hint = "Fix the input and run the same command again: finished files are kept"
+    print(f"\n{hint} (add --keep-going to finish the other structures first).", file=sys.stderr)
