@@ -89,7 +89,7 @@ class Compared:
         return " ".join(part for part in (self.label, self.name) if part) or "surface"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """Two inputs, row by row."""
 
@@ -112,7 +112,7 @@ class Comparison:
             "notes": self.notes,
         }
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         """Write a table, and below it the notes."""
         headings = ["", *_HEADINGS.values()]
         shown = [["-" if v is None else f"{v:.4g}" for v in row.figures.values()] for row in self.rows]
@@ -192,6 +192,8 @@ def _read(given: str | Path | Surface, label: str, notes: list[str]) -> list[_Sh
     """Read every label of an input, or the one that is asked for."""
     if isinstance(given, Surface):
         return [_Shape.of_mesh(given.lofted.mesh)]
+    if not isinstance(given, (str, Path)):
+        raise InputError("compare", f"{type(given).__name__} is no path or Surface", "give one of them")
     path = existing(Path(given).absolute(), Path(given).name)
     if path.is_file() and is_mesh(path):
         found = read_mesh(path)

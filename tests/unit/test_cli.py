@@ -310,7 +310,7 @@ WRONG = {
     "no sheet": ("run sheet.tsv", "no such cohort sheet"),
     "no level": ("run nothing", "participant"),
     "no masks in BIDS": ("run nothing out participant", "no sub-*_mask.nii.gz"),
-    "no finished structure": ("export nothing -o a.stl", "surface.h5"),
+    "no finished structure": ("export absent -o a.stl", "absent/surface.h5"),
     "no configuration": ("surface liver.nii.gz --configfile mine.yaml", "mine.yaml: not there"),
     "a table as configuration": ("surface liver.nii.gz --configfile table.tsv", "no YAML"),
     "a configuration of bytes": ("surface liver.nii.gz --configfile liver.nii.gz", "no YAML"),

@@ -177,7 +177,8 @@ def tell_where_results_are():
     if take_stand_ins_away() or cohort.missing:
         report_failed_run(plan)
         sys.exit(1)
-    report_good_run(plan)
+    asked = "shapes" in targets_asked_for()
+    report_good_run(plan, expand(f"{SHAPES}/modes.html", organ=CASES) if asked else ())
 
 
 def list_failures():

@@ -28,7 +28,7 @@ def add_export(command: argparse.ArgumentParser) -> None:
 
 
 def _export(given: argparse.Namespace) -> int:
-    folder = given.input if given.input.is_dir() else given.input.parent  # a file of it will do
+    folder = given.input.parent if given.input.is_file() else given.input  # a file of it will do
     splines, mesh = folder / "surface.h5", folder / "surface.ply"
     for path in (splines, mesh):
         if not path.is_file():

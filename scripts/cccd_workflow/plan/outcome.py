@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 from cccd_workflow.job import INTERRUPTED
@@ -38,9 +39,9 @@ def _is_of(file: Path, plan: Plan) -> bool:
             return True
 
 
-def report_good_run(plan: Plan) -> None:
-    """Print where the results are."""
-    for file in (_REPORT, *map(Path, plan.files("surface.ply"))):
+def report_good_run(plan: Plan, models: Iterable[str] = ()) -> None:
+    """Print where the results are: report, surfaces, and last the pages of shape models, if asked for."""
+    for file in map(Path, (_REPORT, *plan.files("surface.ply"), *models)):
         if file.exists():
             print(file.resolve())
 
@@ -65,9 +66,7 @@ def report_failed_run(plan: Plan) -> None:
     lines = failures(plan)
     _print_failures(lines)
     if any(Path(file).exists() for file in plan.files("metrics.json")):
-        from cccd_workflow.report.page import (
-            build_report_of_finished,  # slow to import, and most runs need none
-        )
+        from cccd_workflow.report.page import build_report_of_finished  # slow, and most runs need none
 
         build_report_of_finished(
             _REPORT.parent,
@@ -79,8 +78,5 @@ def report_failed_run(plan: Plan) -> None:
             benchmarks=Path("benchmarks"),
         )
         print(f"\nReport of the finished structures: {_REPORT.resolve()}", file=sys.stderr)
-    hint = (
-        "Fix the input and run the same command again: finished files are kept "
-        "(add --keep-going to finish the other structures first)."
-    )
-    print(f"\n{hint}", file=sys.stderr)
+    hint = "Fix the input and run the same command again: finished files are kept"
+    print(f"\n{hint} (add --keep-going to finish the other structures first).", file=sys.stderr)

@@ -313,8 +313,8 @@ def test_the_end_of_a_run_names_every_failure_once_and_every_surface(capsys):
     surface = Path("results/a/ball/surface.ply")
     surface.parent.mkdir(parents=True)
     surface.write_text("")
-    report_good_run(plan)
-    assert capsys.readouterr().out == f"{surface.resolve()}\n"
+    report_good_run(plan, [str(surface)])  # and where a shape model is
+    assert capsys.readouterr().out == f"{surface.resolve()}\n" * 2
 
 
 def test_what_failed_of_a_row_that_was_removed_is_not_a_failure_any_more():

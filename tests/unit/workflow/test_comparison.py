@@ -124,14 +124,14 @@ def test_label_maps_have_a_row_for_each_label(here):
 
 def test_a_mask_with_another_value_is_still_the_one_organ(here):
     save("other.nii.gz", 9 * ball(7))
-    (row,) = compare("seven.nii.gz", "other.nii.gz").rows
+    (row,) = (found := compare("seven.nii.gz", "other.nii.gz")).rows
     assert row.figures["dice"] == 1
+    assert repr(found) == str(found)
 
 
 def test_an_open_mesh_has_distances_alone(here):
     mesh = sphere(10)
-    Mesh_ = trimesh.Trimesh(mesh.vertices, mesh.faces[:-1000], process=False)
-    Mesh_.export("open.ply")
+    trimesh.Trimesh(mesh.vertices, mesh.faces[:-1000], process=False).export("open.ply")
     (row,) = compare("open.ply", "ten.ply").rows
     assert row.figures["dice"] is None
     assert row.figures["volume_a_ml"] is None
@@ -220,3 +220,5 @@ def test_label_maps_with_nothing_in_common_are_refused(here):
     save("far.nii.gz", 8 * ball(5) + 1 * ball(2))
     with pytest.raises(InputError, match="no label in common"):
         compare("labels.nii.gz", "far.nii.gz")
+    with pytest.raises(InputError, match="Nifti1Image is no path or Surface"):
+        compare(nibabel.load("labels.nii.gz"), "far.nii.gz")
