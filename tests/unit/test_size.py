@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 20761,
+    "scripts/cccd": 20727,
     "scripts/cccd_calibration": 737,
     "scripts/cccd_datasets": 1783,
     "scripts/cccd_dicom": 1324,
@@ -24,7 +24,7 @@ MOST_LINES = {
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5976,
     "bench": 4709,
-    "tests": 25118,
+    "tests": 25113,
 }
 
 
