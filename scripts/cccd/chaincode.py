@@ -23,7 +23,6 @@ __all__ = [
     "broken_links",
     "chain_codes",
     "changed_pixels",
-    "decode",
     "isolated_corners",
     "junction_pixels",
     "on_pixel_chain",
@@ -77,17 +76,6 @@ def chain_codes(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
         raise ValueError(f"curve {curve} has a link that is not a step to a neighbouring pixel")
     step = step.astype(np.int64)
     return _CODE_OF_STEP[step[:, 0] + 1, step[:, 1] + 1]
-
-
-def decode(starts: np.ndarray, codes: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """Points (P, 2) of chain codes (P,) with the first point (C, 2) of each curve: undoes `chain_codes`."""
-    steps = DIRECTIONS[codes]
-    walked = np.concatenate([np.zeros((1, 2), steps.dtype), np.cumsum(steps, axis=0)])[:-1]
-    sizes = np.diff(offsets)
-    begin = np.minimum(offsets[:-1], max(len(codes) - 1, 0))
-    if len(codes) == 0:
-        return np.zeros((0, 2))
-    return np.asarray(starts, float).repeat(sizes, axis=0) + walked - walked[begin].repeat(sizes, axis=0)
 
 
 # Junctions and isolated corners -----------------------------------------------------------------------

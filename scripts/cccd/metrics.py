@@ -23,7 +23,6 @@ __all__ = [
     "Gaps",
     "confusion",
     "dice",
-    "jaccard",
     "normal_angles",
     "solid_dice",
     "surface_distances",
@@ -136,11 +135,6 @@ def confusion(
 def dice(truth: np.ndarray, predicted: np.ndarray, axis: int | tuple[int, ...] | None = None) -> Rates:
     """Dice score, eq. (20); two empty regions agree (1)."""
     return confusion(truth, predicted, axis).printed["DSC"]
-
-
-def jaccard(truth: np.ndarray, predicted: np.ndarray, axis: int | tuple[int, ...] | None = None) -> Rates:
-    """Jaccard index, eq. (21); two empty regions agree (1)."""
-    return confusion(truth, predicted, axis).printed["JI"]
 
 
 class Gaps(NamedTuple):

@@ -90,6 +90,9 @@ SAME_POINT_VOXELS = 1e-6
 #: A surface whose volume differs from its organ's by more than this share gets a warning.
 VOLUME_BIAS = 0.05
 
+#: A surface that is moved until it holds a volume holds it but for this share.
+HELD_VOLUME = 1e-4
+
 #: A solid whose volume differs from its mesh's by more than this share gets a warning.
 SOLID_VOLUME = 0.005
 

@@ -463,7 +463,7 @@ def make_phantom(
     spacing_mm: tuple[float, float, float],
     *,
     seed: int,
-    margin_voxels: int | tuple[int, int, int],
+    margin_voxels: int | AnyArray,
     location: str,
     blur_mm: float = BLUR_MM,
     noise_hu: float = NOISE_HU,

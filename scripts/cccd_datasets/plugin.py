@@ -3,7 +3,7 @@
 SOURCES = {
     "phantom": "cccd_datasets.scans.make_row_phantom",
     "damaged_phantom": "cccd_datasets.scans.make_row_phantom",
-    "phantom_scan": "cccd_datasets.scans.scan_phantom",
+    "phantom_scan": "cccd_datasets.scans.scan_row_phantom",
     "mni152": "cccd_datasets.scans.read_packaged",
     "mni152_scan": "cccd_datasets.scans.scan_brain",
     "mni152_head": "cccd_datasets.scans.scan_brain",

@@ -15,7 +15,7 @@ from cccd_datasets.degraded import BIAS, EVERY, NOISE, damage_maps, rescan
 from cccd_datasets.heads import draw_head
 from cccd_datasets.phantoms import make_phantom
 
-__all__ = ["make_row_phantom", "read_packaged", "scan_brain", "scan_phantom"]
+__all__ = ["make_row_phantom", "read_packaged", "scan_brain", "scan_row_phantom"]
 
 # What is scanned around a phantom's organ, mm, and by how much its voxels are larger than a mask's phantom's:
 # a quick scan, and seconds to order.
@@ -66,7 +66,7 @@ def scan_brain(request: Request, settings: ImportSettings, seed: int) -> Scan:
     return Scan(frame, image.data, mask.data, region=region.data, provenance=provenance)
 
 
-def scan_phantom(request: Request, settings: ImportSettings, seed: int) -> Scan:
+def scan_row_phantom(request: Request, settings: ImportSettings, seed: int) -> Scan:
     """Scan a phantom with what is around its organ, and find that in the image alone; the rest is truth."""
     i, j, k = (float(size) for size in np.multiply(settings.phantom.spacing_mm, _COARSER))
     most = np.ceil(np.divide(_AROUND_PHANTOM_MM, (i, j, k))).astype(int)
@@ -75,7 +75,7 @@ def scan_phantom(request: Request, settings: ImportSettings, seed: int) -> Scan:
         request.organ,
         (i, j, k),
         seed=seed,
-        margin_voxels=(int(most[0]), int(most[1]), int(most[2])),
+        margin_voxels=most,
         location=request.location,
         contrast=False,
     )

@@ -43,14 +43,8 @@ def scan_phantom(case: str, organ: str, settings: ImportSettings, seed: int) -> 
     """
     spacing = settings.phantom.spacing_mm
     most = np.ceil(np.divide(_PHANTOM_MARGIN_MM, spacing)).astype(int)
-    phantom = make_phantom(
-        case,
-        organ,
-        spacing,
-        seed=seed,
-        margin_voxels=(int(most[0]), int(most[1]), int(most[2])),
-        location=f"{case}/{organ}",
-    )
+    location = f"{case}/{organ}"
+    phantom = make_phantom(case, organ, spacing, seed=seed, margin_voxels=most, location=location)
     image, mask = phantom.image, phantom.mask
     assert image is not None
     assert mask is not None
@@ -60,4 +54,4 @@ def scan_phantom(case: str, organ: str, settings: ImportSettings, seed: int) -> 
     inside = tuple(slice(a, n - b) for a, b, n in zip(low, high, image.shape, strict=True))
     affine = phantom.frame.affine.copy()
     affine[:3, 3] += affine[:3, :3] @ (phantom.origin + low)
-    return Volume(np.ascontiguousarray(image[inside]), affine, f"{case}/{organ}"), mask[inside]
+    return Volume(np.ascontiguousarray(image[inside]), affine, location), mask[inside]

@@ -81,7 +81,7 @@ def measure_labels(path: Path, table: Path | None = None) -> list[tuple[Surveyed
 
 def _read_one_by_one(path: Path, table: Path | None) -> Iterator[tuple[MapLabel, Volume | None]]:
     """Read what DICOM objects and nnU-Net's probabilities hold; what cannot be read says why."""
-    files, settings = RowFiles.shared(), Settings()
+    files, settings = RowFiles(shared=True), Settings()
     for label in list_map(path, table):
         try:
             organ = read_request(request_for(path, label.label), settings.import_, settings.seed, files)

@@ -90,7 +90,7 @@ class WholeMap:
         source = existing(Path(path).absolute(), "mask")
         refuse_image(source)
         whole = cls(dict(enumerate(list_map(source, table), 1)), {}, settings, source)
-        files = RowFiles.shared()
+        files = RowFiles(shared=True)
         for number, label in whole.labels.items():
             if label.left_out:
                 why = f"{label.left_out}: too small for a surface; it is left out"

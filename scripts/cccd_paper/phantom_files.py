@@ -13,19 +13,8 @@ from cccd.containers import Structure
 from cccd.geometry.ply import write_ply
 from cccd.inputs.nifti_export import write_nifti
 from cccd.store import atomic_path, read_table
-from cccd_datasets.phantoms import make_phantom
 
-__all__ = ["describe_scan", "gather_tables", "scan_phantom", "write_scan", "write_truth"]
-
-
-def scan_phantom(organ: str, distance_mm: float, pixel_mm: tuple[float, float], seed: int) -> Structure:
-    """Scan a phantom with slices ``distance_mm`` apart, of pixels of this size.
-
-    It is the same individual whatever the distance: that of case ``phantom`` in a cohort of the same seed.
-    """
-    return make_phantom(
-        "phantom", organ, (*pixel_mm, distance_mm), seed=seed, margin_voxels=3, location=organ
-    )
+__all__ = ["describe_scan", "gather_tables", "write_scan", "write_truth"]
 
 
 def write_scan(image: str | Path, mask: str | Path, structure: Structure) -> None:

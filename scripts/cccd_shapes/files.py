@@ -19,7 +19,6 @@ from cccd.project import PROJECT
 from cccd.store import atomic_path, write_table
 from cccd.surface.surface import LoftedSurface, write_files
 from cccd_shapes.cohort import Cohort
-from cccd_shapes.fit import DRAWN
 from cccd_shapes.series import Series
 from cccd_shapes.statistics import GroupTest, ShapeModel
 from cccd_workflow.report.page import shared_facts, write_page
@@ -48,7 +47,7 @@ def write_subjects(path: Path, cohort: Cohort) -> None:
             "problem": problem,
         }
         for subject, fit, problem in zip(cohort.subjects, cohort.fits, cohort.problems, strict=True)
-        for mesh in [fit.spline.tessellate(DRAWN)]
+        for mesh in [fit.spline.tessellate()]
     ]
     write_table(path, pd.DataFrame(rows))
 
@@ -71,7 +70,7 @@ def write_fits(folder: Path, cohort: Cohort, aligned: FloatArray) -> None:
 def _write_spline(folder: Path, spline: ControlMesh, frame: Frame) -> None:
     """Write ``surface.h5`` and ``surface.ply`` of a spline, as ``cccd export`` reads them."""
     report = {"control_points": len(spline.vertices), "warnings": []}
-    surface = LoftedSurface([spline], spline.tessellate(DRAWN), frame, report)
+    surface = LoftedSurface([spline], spline.tessellate(), frame, report)
     write_files(surface, folder / "surface.h5", folder / "surface.ply")
 
 
@@ -98,7 +97,7 @@ def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: pd.Dat
             name = f"mode_{number + 1}_{'plus' if at > 0 else 'minus'}_{abs(at)}"
             shape = spline.moved(model.shape([0.0] * number + [float(at)]))
             _write_spline(folder / "modes" / name, shape, frame)
-            if crossing := len(shape.tessellate(DRAWN).self_intersections()):
+            if crossing := len(shape.tessellate().self_intersections()):
                 warnings.append(f"{name} passes through itself at {crossing} places")
     return warnings
 

@@ -26,7 +26,7 @@ from cccd.surface.spline_fit import SplineFit, Target
 from cccd_shapes.template import Template
 
 __all__ = [
-    "DRAWN", "SAMPLED", "Fit", "Goal", "centroid", "fit_points", "fit_template", "similarity", "surface_rms",
+    "SAMPLED", "Fit", "Goal", "centroid", "fit_points", "fit_template", "similarity", "surface_rms",
 ]  # fmt: skip
 
 #: The spline is sampled at so many subdivisions: 4 points for each quad.
@@ -49,8 +49,6 @@ TURNED = 1.0
 FACING = 0.2
 #: Most rounds of the similarity, and the change, as a share of the radius, at which it ends.
 SIMILAR_ROUNDS, STILL = 40, 1e-4
-#: Subdivisions of the surface that is checked and written.
-DRAWN = 2
 
 
 class Goal:
@@ -183,9 +181,9 @@ def fit_template(template: Template, mesh: Mesh, start: FloatArray | None = None
     points = fit_points(template, smooth[None], [goal], np.ones((1, 1)), sampler)[0]
     fit = SplineFit(template.spline.moved(smooth), Target.of(goal.mesh))
     fit.points = points
-    crossings = len(fit.untangle(DRAWN))
+    crossings = len(fit.untangle())
     spline = fit.spline.transformed(affine)
-    return Fit(spline, surface_rms(spline.tessellate(DRAWN), mesh), crossings)
+    return Fit(spline, surface_rms(spline.tessellate(), mesh), crossings)
 
 
 def surface_rms(first: Mesh, second: Mesh) -> float:

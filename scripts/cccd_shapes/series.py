@@ -11,7 +11,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.subdivision import ControlMesh
 from cccd_shapes.cohort import Cohort, problem_of
-from cccd_shapes.fit import DRAWN, SAMPLED, Fit, Goal, fit_points, surface_rms
+from cccd_shapes.fit import SAMPLED, Fit, Goal, fit_points, surface_rms
 from cccd_shapes.template import Template
 
 __all__ = ["Series", "fit_series", "time_basis"]
@@ -96,7 +96,7 @@ def fit_series(cohort: Cohort, period: float | None, seed: int = 0) -> tuple[Coh
     fits, problems = list(cohort.fits), list(cohort.problems)
     for n, shape in zip(used, np.tensordot(basis, made, 1), strict=True):
         moved, subject = spline.moved(shape), cohort.subjects[n]
-        mesh = moved.tessellate(DRAWN)
+        mesh = moved.tessellate()
         fits[n] = Fit(moved, surface_rms(mesh, subject.mesh), len(mesh.self_intersections()))
         problems[n] = problem_of(fits[n], subject.tolerance)
     ends = (0.0, period) if period else (times.min(), times.max())
@@ -114,7 +114,7 @@ def fit_series(cohort: Cohort, period: float | None, seed: int = 0) -> tuple[Coh
 def _volumes(spline: ControlMesh, weights: FloatArray, coefficients: FloatArray) -> FloatArray:
     """Volumes (T,) in ml at times by their weights (T, K)."""
     shapes = np.tensordot(weights, coefficients, 1)
-    return np.array([spline.moved(shape).tessellate(DRAWN).volume for shape in shapes]) / 1000
+    return np.array([spline.moved(shape).tessellate().volume for shape in shapes]) / 1000
 
 
 def _errors(basis: FloatArray, at: FloatArray, off: FloatArray, widths: FloatArray, seed: int) -> FloatArray:

@@ -19,8 +19,6 @@ EDGE_TOLERANCES, SPLIT_TO = 2.0, 50_000
 COARSE = 2_000
 #: The first spline is made of so many triangles, each next one of twice as many.
 FEWEST = 100
-#: Subdivisions at which a spline is held against the mesh.
-DRAWN = 2
 #: A mesh in space has no planes in which the scan ends.
 NO_ENDS = (-np.inf, np.inf)
 
@@ -55,8 +53,8 @@ def fit_within(mesh: Mesh, tolerance: float, most: int) -> ControlMesh | None:
     triangles = FEWEST
     while triangles <= min(most / 2, len(fine.faces)):
         fit = fit_spline(control_mesh(fine, triangles, NO_ENDS)[0], target)
-        fit.hold(mesh.volume, DRAWN)
-        if not len(fit.untangle(DRAWN)) and follows(fit.spline.tessellate(DRAWN), mesh, tolerance):
+        fit.hold(mesh.volume)
+        if not len(fit.untangle()) and follows(fit.spline.tessellate(), mesh, tolerance):
             return fit.spline
         triangles *= 2
     return None

@@ -75,7 +75,7 @@ def _check_sheet(given: argparse.Namespace) -> int:
     found: list[dict[str, Any]] = []
     failed = False
     for _, alike in groupby(rows, key=itemgetter("image", "mask")):
-        files = RowFiles.shared()
+        files = RowFiles(shared=True)
         for row in alike:
             try:
                 found.append(_check_one(given, *_survey_row(row, sheet.parent, files)))

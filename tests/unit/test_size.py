@@ -8,23 +8,23 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 20761,
+    "scripts/cccd": 20719,
     "scripts/cccd_calibration": 737,
-    "scripts/cccd_datasets": 1783,
+    "scripts/cccd_datasets": 1777,
     "scripts/cccd_dicom": 1324,
     "scripts/cccd_junctions": 3927,
     "scripts/cccd_labels": 2718,
     "scripts/cccd_networks": 213,
-    "scripts/cccd_paper": 9248,
+    "scripts/cccd_paper": 9237,
     "scripts/cccd_segmentation": 1713,
-    "scripts/cccd_shapes": 1499,
-    "scripts/cccd_solids": 1982,
+    "scripts/cccd_shapes": 1496,
+    "scripts/cccd_solids": 1980,
     "scripts/cccd_tetrahedra": 1534,
     "scripts/cccd_training": 3664,
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5974,
     "bench": 4709,
-    "tests": 25118,
+    "tests": 25113,
 }
 
 

@@ -22,9 +22,6 @@ __all__ = ["write_gii", "write_obj", "write_ply", "write_stl", "write_vtp"]
 #: NIfTI's code of the scanner's space.
 _SCANNER = 1
 
-#: Bodies are subdivided so often where vertices look for the nearest.
-_SUBDIVIDED = 2
-
 
 def write_ply(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write binary PLY in mm RAS, with float64 vertices: nothing of the mesh's soundness is rounded away."""
@@ -62,7 +59,7 @@ def write_vtp(path: Path, surface: LoftedSurface, options: ExportOptions) -> Non
 
 def _body_numbers(surface: LoftedSurface) -> IntArray:
     """Which body (V,) is the nearest, by its samples, to each vertex."""
-    samples = [body.tessellate(_SUBDIVIDED).vertices for body in surface.bodies]
+    samples = [body.tessellate().vertices for body in surface.bodies]
     owner = np.repeat(np.arange(len(samples)), [len(part) for part in samples])
     _, nearest = cKDTree(np.concatenate(samples)).query(surface.vertices)
     return owner[nearest]

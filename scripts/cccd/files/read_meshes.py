@@ -35,9 +35,6 @@ _MOST_METRES = 10.0
 #: Text formats and headers say within so many bytes in which space they are.
 _HEAD = 4096
 
-#: Halvings of a control mesh's quads, as for ``surface.ply``.
-_HALVED = 2
-
 
 class MeshFile(NamedTuple):
     """A surface as it was read.
@@ -170,7 +167,7 @@ def _splines(path: Path) -> MeshFile:
     beside = path.with_suffix(".ply")
     if beside.is_file():
         return MeshFile(read_ply(beside))
-    return MeshFile(Mesh.joined([body.tessellate(_HALVED) for body in read_bodies(path)]))
+    return MeshFile(Mesh.joined([body.tessellate() for body in read_bodies(path)]))
 
 
 def _solid(path: Path) -> MeshFile:

@@ -10,12 +10,9 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array
 
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.geometry.mesh import Mesh
+from cccd.geometry.mesh import WIDEST_BAND, Mesh
 
 __all__ = ["ConformingSurface", "low_passed"]
-
-#: The filter's band for the shortest waves that a mesh has.
-WIDEST_BAND = 1.9
 
 
 @dataclass(frozen=True, eq=False)

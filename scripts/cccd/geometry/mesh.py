@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     import pyvista
     import trimesh
 
-__all__ = ["Dihedrals", "Mesh"]
+__all__ = ["WIDEST_BAND", "Dihedrals", "Mesh"]
+
+#: A low-pass filter's band for the shortest waves that a mesh has.
+WIDEST_BAND = 1.9
 
 
 class Dihedrals(NamedTuple):

@@ -27,7 +27,7 @@ from cccd.geometry.arrays import (
     sum_per_part,
 )
 
-__all__ = ["RaggedPolygons", "resample"]
+__all__ = ["RaggedPolygons"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,14 +152,3 @@ class RaggedPolygons:
         wanted += ranks_of(counts) * np.repeat((end - begin) / np.maximum(counts, 1), counts)
         columns = [np.interp(wanted, position, ring[:, axis]) for axis in (0, 1)]
         return RaggedPolygons(np.column_stack(columns), offsets_of(counts))
-
-
-def resample(points: FloatArray, count: int) -> FloatArray:
-    """``count`` points at equal steps of arc length along one closed polygon (n, 2); the first one stays.
-
-    Examples
-    --------
-    >>> resample(np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]]), 8)[:4].tolist()
-    [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 1.0]]
-    """
-    return RaggedPolygons.of([points]).resample(np.array([count])).points

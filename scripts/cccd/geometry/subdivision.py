@@ -21,6 +21,10 @@ from cccd.geometry.mesh import Mesh
 
 __all__ = ["SHARP", "ControlMesh", "Sampler", "SubdivisionStep", "quad_edges", "subdivide"]
 
+#: The mesh that is written has this many subdivisions: 32 triangles for each quad ...
+DRAWN = 2
+#: ... and one less (8 for each) where there are more quads than this, which would give 2 million triangles.
+LARGE = 62_500
 #: An edge as sharp as this stays sharp however often it is subdivided (as in OpenSubdiv and USD).
 SHARP = 10.0
 
@@ -63,8 +67,13 @@ class ControlMesh:
         """Return the same quads and creases with other control points (V, 3)."""
         return ControlMesh(vertices, self.quads, self.creases, self.sharpness, self._samplers)
 
-    def sampler(self, times: int) -> Sampler:
-        """Return the matrix from control points to the limit surface's points after some subdivisions."""
+    def sampler(self, times: int | None = None) -> Sampler:
+        """Return the matrix from control points to the limit surface's points after some subdivisions.
+
+        Without a number these are as many as the mesh that is written has.
+        """
+        if times is None:
+            times = DRAWN - 1 if len(self.quads) > LARGE else DRAWN
         if times not in self._samplers:
             self._samplers[times] = Sampler.of(self, times)
         return self._samplers[times]
@@ -91,10 +100,10 @@ class ControlMesh:
             mesh = ControlMesh(step.matrix @ mesh.vertices, step.quads, step.creases, step.sharpness)
         return mesh
 
-    def tessellate(self, times: int = 2) -> Mesh:
+    def tessellate(self, times: int | None = None) -> Mesh:
         """Return triangles whose vertices lie on the limit surface, ``2 * 4**times`` for each quad.
 
-        The first vertices are the limits of the control points.
+        The first vertices are the limits of the control points. Without a number: the mesh that is written.
         """
         sampler = self.sampler(times)
         return Mesh(sampler.matrix @ self.vertices, sampler.triangles)

@@ -134,7 +134,7 @@ def read_request(
     seed : int
         Determines everything random in a phantom, a scan and its damage.
     files : RowFiles
-        Requests of the same files share what was read of them by ``RowFiles.shared()``.
+        Requests of the same files share what was read of them by ``RowFiles(shared=True)``.
 
     Returns
     -------

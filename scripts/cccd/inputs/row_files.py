@@ -361,11 +361,6 @@ class RowFiles:
     def __init__(self, shared: bool = False) -> None:
         self._found: dict[tuple[Any, ...], Any] | None = {} if shared else None
 
-    @classmethod
-    def shared(cls) -> RowFiles:
-        """Read every file once."""
-        return cls(shared=True)
-
     def read(self, reader: Callable[..., _Read], *given: object) -> _Read:
         """Return what a reader returns of its arguments."""
         if self._found is None:

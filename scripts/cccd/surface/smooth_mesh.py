@@ -12,11 +12,11 @@ from scipy.spatial import cKDTree
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.booleans import between_planes
 from cccd.geometry.collisions import MovingTriangles
-from cccd.geometry.mesh import Mesh
+from cccd.geometry.mesh import WIDEST_BAND, Mesh
 from cccd.surface.checks import lost_voxels, pixels_within
 from cccd.surface.sampled import SampledDistance
 from cccd.surface.stack import SliceStack
-from cccd.tolerances import SHRUNK_PART
+from cccd.tolerances import HELD_VOLUME, SHRUNK_PART
 
 __all__ = [
     "MOST_OFFSET",
@@ -35,12 +35,10 @@ WAVE_PIXELS, WAVE_SLICES = 8.0, 2.5
 ROUNDS = 30
 #: Edges of an isosurface are this long, in pixels, on the mean.
 EDGE_PIXELS = 0.75
-#: The filter's band for the shortest waves that a mesh has.
-WIDEST_BAND = 1.9
 #: The surface is moved at most by so many pixels to hold the slices' volume.
 MOST_OFFSET = 0.5
-#: It holds it but for this share after a few moves: threads need the most.
-HELD_WITHIN, VOLUME_ROUNDS = 1e-4, 6
+#: It holds it after a few moves: threads need the most.
+VOLUME_ROUNDS = 6
 #: Vertices within this share of a level's height of where the scan ends are moved there before it cuts.
 NEXT_TO_CUT = 0.2
 #: Rounds in which lost voxels are given back, and how far around them in pixels the filter does less.
@@ -95,7 +93,7 @@ def _of_volume(mesh: Mesh, volume: float, distance: SampledDistance) -> Mesh:
     there = mesh
     for _ in range(VOLUME_ROUNDS):
         missing = volume - volume_between(there, distance.ends)
-        if abs(missing) <= HELD_WITHIN * volume:
+        if abs(missing) <= HELD_VOLUME * volume:
             break
         moved = float(np.clip(moved + missing / max(_area_between(there, distance.ends), 1e-9), -most, most))
         there = Mesh(mesh.vertices + moved * mesh.vertex_normals, mesh.faces)

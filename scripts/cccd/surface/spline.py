@@ -65,10 +65,6 @@ AMISS_FINER = 2
 BESIDE_LOST, LOST_DEARER = 3.0, 256.0
 #: Area of a triangle whose edges are 1.
 EQUILATERAL = np.sqrt(3) / 4
-#: The mesh that is written has this many subdivisions: 32 triangles for each quad ...
-DRAWN = 2
-#: ... and one less (8 for each) where there are more quads than this, which would give 2 million triangles.
-LARGE = 62_500
 #: Control points are rounded so many times finer where that keeps the surface from crossing itself.
 FINER = 64
 
@@ -123,11 +119,11 @@ def _rounded(spline: ControlMesh, tolerance: float) -> tuple[ControlMesh, Mesh, 
     Returns the tessellation too, and the pairs (K, 2) of its triangles that still do.
     """
     rounded = spline.rounded(tolerance)
-    mesh = rounded.tessellate(_drawn(rounded))
+    mesh = rounded.tessellate()
     pairs = mesh.self_intersections()
     if len(pairs):
         finer = spline.rounded(tolerance / FINER)
-        fine = finer.tessellate(_drawn(finer))
+        fine = finer.tessellate()
         fewer = fine.self_intersections()
         if len(fewer) < len(pairs):
             return finer, fine, fewer
@@ -155,12 +151,7 @@ def loft_spline(stack: SliceStack, wave: float | None = None) -> SplineSolid:
     target, cut = Target.of(mesh), cut_at_ends(mesh, stack.distance)
     caps = _cap_triangles(cut, ends, density, target)
     spline = _fit_and_refine(cut, target, (caps + most, caps + finest), stack)
-    return SplineSolid(spline, spline.tessellate(_drawn(spline)), stack)
-
-
-def _drawn(spline: ControlMesh) -> int:
-    """How many subdivisions the mesh of a spline has."""
-    return DRAWN - 1 if len(spline.quads) > LARGE else DRAWN
+    return SplineSolid(spline, spline.tessellate(), stack)
 
 
 def _curvature(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
@@ -200,8 +191,8 @@ def _fit_and_refine(cut: Mesh, target: Target, triangles: tuple[int, int], stack
         fit.hold(volume, 1)
         places = lost = _lost(fit.spline, stack) if attempt < REFINEMENTS else np.zeros((0, 3))
         if not len(places):
-            fit.hold(volume, _drawn(start))
-            places = fit.untangle(_drawn(start))
+            fit.hold(volume)
+            places = fit.untangle()
             if best is None or len(places) < best[0]:
                 best = len(places), fit.spline
             if not len(places) or most >= AMISS_FINER * finest:

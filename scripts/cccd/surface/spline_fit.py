@@ -18,6 +18,7 @@ from cccd.geometry.collisions import MovingTriangles
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh, Sampler, quad_edges
 from cccd.surface.control_mesh import open_edges
+from cccd.tolerances import HELD_VOLUME
 
 __all__ = ["SplineFit", "Target", "fit_spline"]
 
@@ -38,8 +39,8 @@ LEAST_AREA = 0.1
 #: Rounds in which what crosses moves half way back to where it began, and then rounds in which it and what is
 #: beside it evens out: these are over when so many have not made it cross less.
 UNTANGLING_ROUNDS, EVENING_ROUNDS, PATIENCE = 6, 40, 8
-#: Share of the volume that it may hold more or less, and moves to that.
-HELD_WITHIN, HOLDING_ROUNDS = 1e-4, 3
+#: Moves by which it comes to hold a volume, at most.
+HOLDING_ROUNDS = 3
 #: Residual of the linear systems, and most steps to it.
 SOLVED, MOST_STEPS = 1e-3, 100
 
@@ -123,8 +124,8 @@ class SplineFit:
         """Move the surface outwards by so many mm; rims stay in their planes."""
         self.points = self.points + by * self._normals(self.sampling @ self.points)[: len(self.points)]
 
-    def hold(self, volume: float, times: int) -> None:
-        """Move the surface until it holds so many mm^3 at some subdivisions, but for a share `HELD_WITHIN`.
+    def hold(self, volume: float, times: int | None = None) -> None:
+        """Move the surface until it holds so many mm^3 at some subdivisions, or as it is written.
 
         By the divergence theorem, of a field along the planes where the scan cuts: none flows through them.
         """
@@ -133,26 +134,22 @@ class SplineFit:
             drawn = Mesh(sampler.matrix @ self.points, sampler.triangles)
             middle = drawn.vertices[drawn.faces, :2].mean(axis=1)
             held = float(np.einsum("fc,fc->", middle, drawn.face_normals[:, :2])) / 4
-            if abs(volume - held) <= HELD_WITHIN * volume:
+            if abs(volume - held) <= HELD_VOLUME * volume:
                 break
             self.move((volume - held) / drawn.area)
 
-    def untangle(self, times: int) -> FloatArray:
+    def untangle(self) -> FloatArray:
         """Move control points where the surface passes through itself; the best of some rounds stays.
 
-        They go back to where they began and, where it crosses there too, towards their neighbours' means.
-
-        Parameters
-        ----------
-        times : int
-            Subdivisions at which it is looked at: as many as the mesh that is written has.
+        They go back to where they began and, where it crosses there too, towards their neighbours' means. It
+        is looked at as it is written.
 
         Returns
         -------
         (P, 3) float64
             Places where it still passes through itself.
         """
-        sampler = self.wall.sampler(times)
+        sampler = self.wall.sampler()
         triangles = MovingTriangles(sampler.triangles)
         fewest, best, places = np.inf, self.points, np.zeros((0, 3))
         for back, rounds in ((True, UNTANGLING_ROUNDS), (False, EVENING_ROUNDS)):

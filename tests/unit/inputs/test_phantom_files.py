@@ -7,14 +7,16 @@ from support.scans import row, settings
 from cccd.geometry.ply import read_ply
 from cccd.inputs import load_structure
 from cccd.settings.imports import PHANTOM_ORGANS
-from cccd_datasets.phantoms import ORGANS
-from cccd_paper.phantom_files import describe_scan, scan_phantom, write_scan, write_truth
+from cccd_datasets.phantoms import ORGANS, make_phantom
+from cccd_paper.phantom_files import describe_scan, write_scan, write_truth
 
-PIXEL_MM = (1.5, 1.5)
+
+def scan_torus(distance):
+    return make_phantom("phantom", "torus", (1.5, 1.5, distance), seed=1, margin_voxels=3, location="")
 
 
 def write(folder, distance):
-    structure = scan_phantom("torus", distance, PIXEL_MM, seed=1)
+    structure = scan_torus(distance)
     folder.mkdir()
     write_scan(folder / "image.nii.gz", folder / "mask.nii.gz", structure)
     write_truth(folder / "truth.ply", structure)
@@ -44,9 +46,7 @@ def test_files_hold_the_scan_where_it_lies_and_are_the_same_every_time(tmp_path)
 
 
 def test_the_truth_is_the_same_at_every_slice_distance_and_the_table_says_what_it_is():
-    thin, thick = (
-        describe_scan(scan_phantom("torus", distance, PIXEL_MM, seed=1)).iloc[0] for distance in (2, 8)
-    )
+    thin, thick = (describe_scan(scan_torus(distance)).iloc[0] for distance in (2, 8))
     same = ("organ", "volume_ml", "area_cm2", "bodies", "genus", "triangles", "pixel_i_mm")
     assert [thin[key] for key in same] == [thick[key] for key in same]
     assert thick["slice_distance_mm"] == 8
