@@ -56,9 +56,8 @@ def test_numpy_and_torch_run_the_same_network(tmp_path, samples):
     torch.nn.init.normal_(model.last)
     save_weights(model, tmp_path / "weights.npz")
     network = DistanceNetwork.load(tmp_path / "weights.npz")
-    seen = unpacked(torch.from_numpy(samples[0].seen[:50]))
-    base, upright = samples[0].base[:50], np.zeros(50, bool)
-    around = Surroundings(seen.numpy(), base, np.ones(50, np.float32), upright)
+    seen, base = unpacked(torch.from_numpy(samples[0].seen[:50])), samples[0].base[:50]
+    around = Surroundings(seen.numpy(), base, np.ones(50, np.float32), np.zeros(50, bool))
     basis = torch.tensor(condition_basis(2.2, np.full(1, 0.25), True), dtype=torch.float32)
     with torch.no_grad():
         expected = model(seen[None], torch.tensor(base)[None], basis)[0].numpy()
@@ -89,8 +88,7 @@ def test_turned_and_mirrored_stacks_are_seen_alike(turn, height, seed):
 def test_what_is_seen_is_kept_in_a_byte():
     seen = np.linspace(-2, 2, 4001).astype(np.float32)
     wrong = np.abs(unpacked(torch.from_numpy(packed(seen))).numpy() - seen)
-    assert wrong.max() < 0.02
-    assert wrong[np.abs(seen) < 0.15].max() < 0.005
+    assert max(wrong.max() / 4, wrong[np.abs(seen) < 0.15].max()) < 0.005
 
 
 @pytest.mark.parametrize(("ratio", "most"), [(1.0, 0.07), (3.0, 0.09), (5.0, 0.12)])
