@@ -22,6 +22,7 @@ from snakemake.cli import parse_args
 from cccd.console import shorten
 from cccd_networks.devices import DEVICE
 from cccd.errors import InputError
+from cccd_shapes import FEWEST
 from cccd_workflow.job import BATCH, take_placeholders_away
 from cccd_workflow.plan.checks import PlannedJob, check_jobs, check_slurm
 from cccd_workflow.plan.cohort import near
@@ -188,3 +189,30 @@ def list_failures():
         report_interrupted_run(plan)
     else:
         report_failed_run(plan)
+
+
+#: What `snakemake shapes` makes of an organ.
+SHAPES = "results/shapes/{organ}"
+#: The cases of each organ that enough of them have, in the order of their names.
+CASES = {}
+for name in sorted(cohort.reconstructed):
+    CASES.setdefault(name.organ, []).append(name.case)
+CASES = {organ: cases for organ, cases in CASES.items() if len(cases) >= FEWEST}
+
+
+def surfaces_of_organ(wildcards):
+    """Return the surfaces of all cases of an organ."""
+    cases = CASES[wildcards.organ]
+    return [f"results/{case}/{wildcards.organ}/surface.h5" for case in cases]
+
+
+def fits_of_round(wildcards, number):
+    """Return the fits of a round to all cases of an organ; before the first round there are none."""
+    folder = f"results/shapes/{wildcards.organ}/round_{number}"
+    return [f"{folder}/{case}.h5" for case in CASES[wildcards.organ] if number]
+
+
+def groups_of_organ(wildcards):
+    """Return the groups of all cases of an organ."""
+    names = [(case, wildcards.organ) for case in CASES[wildcards.organ]]
+    return [cohort.rows[name]["group"] for name in names]

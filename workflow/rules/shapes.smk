@@ -1,31 +1,6 @@
 """One spline for all cases of an organ: `snakemake shapes`. Nothing else reads it."""
 
-from cccd_shapes import FEWEST, FROM_MEAN, POINTS, ROUNDS
-
-SHAPES = "results/shapes/{organ}"
-#: The cases of each organ that enough of them have, in the order of their names.
-CASES = {}
-for name in sorted(cohort.reconstructed):
-    CASES.setdefault(name.organ, []).append(name.case)
-CASES = {organ: cases for organ, cases in CASES.items() if len(cases) >= FEWEST}
-
-
-def surfaces_of_organ(wildcards):
-    """Return the surfaces of all cases of an organ."""
-    cases = CASES[wildcards.organ]
-    return [f"results/{case}/{wildcards.organ}/surface.h5" for case in cases]
-
-
-def fits_of_round(wildcards, number):
-    """Return the fits of a round to all cases of an organ; before the first round there are none."""
-    folder = f"results/shapes/{wildcards.organ}/round_{number}"
-    return [f"{folder}/{case}.h5" for case in CASES[wildcards.organ] if number]
-
-
-def groups_of_organ(wildcards):
-    """Return the groups of all cases of an organ."""
-    names = [(case, wildcards.organ) for case in CASES[wildcards.organ]]
-    return [cohort.rows[name]["group"] for name in names]
+from cccd_shapes import FROM_MEAN, POINTS, ROUNDS
 
 
 rule shapes:
