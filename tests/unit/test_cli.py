@@ -18,6 +18,7 @@ from support import scans
 
 import cccd
 from cccd.cli import main
+from cccd.commands.outputs import print_surface
 from cccd.extras import EXTRAS
 from cccd.interruption import interruptible
 from cccd_labels.label_maps import colour_of
@@ -650,6 +651,8 @@ def test_triangles_of_one_size_are_counted_and_measured(here, capsys):
     (made,) = json.loads(capsys.readouterr().out)["surfaces"]
     assert made["triangles"] == pytest.approx(1500, rel=0.02)
     assert 0 < made["chord_error_mm"] < 0.3
+    print_surface(made)
+    assert f"  {made['spline_ml']:.3f} ml (" in capsys.readouterr().out  # the interval is the spline's
     assert main(["surface", "labels.nii.gz", "--all-labels", "--edge-mm", "2", "-o", "all.stl"]) == 1
     assert "--edge-mm: neighbours that share a wall" in capsys.readouterr().err
     assert files(here) == {"liver.nii.gz", "labels.nii.gz", "empty.nii.gz", "liver.stl"}
@@ -661,17 +664,14 @@ def test_materials_come_from_the_scan(here, capsys):
     grey = np.broadcast_to(10 * (np.arange(24) - 12)[:, None, None], ball().shape).astype(np.int16)
     nibabel.save(nibabel.Nifti1Image(grey, AFFINE), here / "ct.nii.gz")
     (here / "tissue.csv").write_text("hu_from,hu_to,density,young_mpa,poisson\n,0,0.9,1,0.4\n0,,1.0,5,0.45\n")
-    (here / "coarse.yaml").write_text(
-        "surface: {tetrahedra: {elements: tet10, edge_mm: 6, tolerance_mm: 0.5}}\n"
-    )
-    asked = ["surface", "liver.nii.gz", "--materials", "tissue.csv", "--configfile", "coarse.yaml"]
+    (here / "fe.yaml").write_text("surface: {tetrahedra: {elements: tet10, edge_mm: 6, tolerance_mm: .5}}\n")
+    asked = ["surface", "liver.nii.gz", "--materials", "tissue.csv", "--configfile", "fe.yaml"]
     assert main([*asked, "--image", "ct.nii.gz", "-o", "liver.vtu"]) == 0
     solid = pyvista.read("liver.vtu").extract_cells_by_type(pyvista.CellType.QUADRATIC_TETRA)
     expected = 10 * (solid.cell_centers().points[:, 0] - 12)  # a ramp's mean is its value at the centroid
     assert solid["grey"] == pytest.approx(expected, abs=3)
     assert solid["young"][expected > 30] == pytest.approx(5)
     assert solid["young"][expected < -30] == pytest.approx(1)
-    capsys.readouterr()
     assert main([*asked, "-o", "liver.feb"]) == 1
     assert "liver: materials need the grey values of its scan" in capsys.readouterr().err
     assert main([*asked, "-o", "liver.ply"]) == 1

@@ -142,7 +142,7 @@ def print_surface(made: dict[str, Any]) -> None:
     """Say what was made in some lines."""
     size = " x ".join(f"{length:.1f}" for length in made["size_mm"])
     print(*(made["files"] or [made["organ"]]), sep="\n")
-    volume = millilitres(made["volume_ml"])
+    volume = millilitres(made.get("spline_ml", made["volume_ml"]))  # of what the interval is of
     if "band" in made:
         low, high = (millilitres(made[f"volume_{end}_ml"]).removesuffix(" ml") for end in ("low", "high"))
         volume += f" ({low} to {high}, {made['band']:.0%} interval)"
@@ -150,7 +150,7 @@ def print_surface(made: dict[str, Any]) -> None:
     print(f"  {volume}, {size} mm{pieces}, {made['triangles']} triangles, {made['seconds']:.1f} s")
     if "chord_error_mm" in made:
         least, mean, most = made["edge_mm"]
-        off = f"within {made['chord_error_mm']:.2g} mm of the spline of {millilitres(made['spline_ml'])}"
+        off = f"{millilitres(made['volume_ml'])} within {made['chord_error_mm']:.2g} mm of the spline"
         print(f"  edges of {mean:.3g} mm ({least:.3g} to {most:.3g}), {off}")
     for name, (low, high) in made.get("intervals", {}).items():
         what, _, unit = name.rpartition("_")
