@@ -20,7 +20,6 @@ from tqdm import tqdm
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.distance import to_mesh
-from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.store import read_bodies, read_report, write_control_meshes
 from cccd_labels.processes import worker_processes
@@ -158,20 +157,27 @@ def _medoid(subjects: Sequence[Subject]) -> Subject:
     draw = np.random.default_rng(0)
     way = draw.normal(size=(PROBES, 3))
     probes = PROBED * way / np.linalg.norm(way, axis=1, keepdims=True) * np.cbrt(draw.random((PROBES, 1)))
-    distances = np.array([to_mesh(probes, _normalised(one.mesh.simplified(ROUGH))) for one in subjects])
+    rough = [subject.mesh.simplified(ROUGH) for subject in subjects]
+    sizes = [np.sqrt(mesh.area / (4 * np.pi)) for mesh in rough]
+    distances = np.array(
+        [to_mesh(probes * a + centroid(one), one) / a for one, a in zip(rough, sizes, strict=True)]
+    )
     genus = np.array([subject.mesh.genus for subject in subjects])
     usual = genus == mode(genus).mode
     return subjects[int(np.argmin(np.where(usual, cdist(distances, distances).sum(axis=1), np.inf)))]
 
 
-def _normalised(mesh: Mesh) -> Mesh:
-    return Mesh((mesh.vertices - centroid(mesh)) / np.sqrt(mesh.area / (4 * np.pi)), mesh.faces)
-
-
 def aligned(shapes: FloatArray, template: Template, scaled: bool) -> FloatArray:
-    """Align shapes (N, V, 3) of control points to their mean (generalised Procrustes analysis).
+    """Align shapes to their mean: generalised Procrustes analysis (Gower 1975).
 
-    The template's areas weigh the points, its axes are those of the result; ``scaled`` makes sizes equal.
+    Parameters
+    ----------
+    shapes : (N, V, 3) float64
+        Control points, in mm.
+    template : Template
+        Its areas weigh the points; the aligned shapes, around 0, have its axes.
+    scaled : bool
+        Make all sizes equal as well.
     """
     limits, weight = template.limits, template.masses / template.masses.sum()
     on_surface = np.array([limits @ shape for shape in shapes])
@@ -222,29 +228,23 @@ def _fit_all(
     processes: int,
 ) -> list[Fit]:
     """Fit a template to subjects, several at once, with a line that shows how far it is."""
+    _ = template.modes  # once, and not in each process
     with ExitStack() as stack:
         run: Callable[..., Iterable[Fit]] = map
         if processes > 1:
             run = stack.enter_context(worker_processes(min(processes, len(subjects)))).map
-        done = run(_kept_fit, repeat(template.spline), before, subjects, repeat(folder))
+        done = run(_kept_fit, repeat(template), before, subjects, repeat(folder))
         return list(tqdm(done, folder.name, len(subjects), leave=False, disable=None))
 
 
-_TEMPLATES: dict[str, Template] = {}
-
-
-def _kept_fit(spline: ControlMesh, before: Fit | None, subject: Subject, folder: Path) -> Fit:
+def _kept_fit(template: Template, before: Fit | None, subject: Subject, folder: Path) -> Fit:
     """Fit a template to a subject, or read the fit that was kept."""
     start = (before.spline.vertices, subject.tolerance) if before else ()
-    mesh, path = subject.mesh, folder / f"{subject.name}.h5"
-    key = fingerprint(VERSION, spline.vertices, spline.quads)
-    made_of = fingerprint(key, *start, mesh.vertices, mesh.faces)
+    mesh, path, spline = subject.mesh, folder / f"{subject.name}.h5", template.spline
+    made_of = fingerprint(VERSION, spline.vertices, spline.quads, *start, mesh.vertices, mesh.faces)
     if path.is_file() and read_report(path).get("made_of") == made_of:
         return read_fit(path)
-    if key not in _TEMPLATES:  # its modes are computed once in each process
-        _TEMPLATES.clear()
-        _TEMPLATES[key] = Template(spline)
-    fit = fit_subject(_TEMPLATES[key], subject, before)
+    fit = fit_subject(template, subject, before)
     write_fit(path, fit, subject, made_of)
     return fit
 

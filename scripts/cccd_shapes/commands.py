@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -21,8 +19,6 @@ from cccd_shapes.subjects import read_sheet, read_subject
 
 __all__ = ["add_shapes"]
 
-TOLERANCE = "largest distance (root mean square) of a fit to the subject's surface"
-
 
 def add_shapes(command: argparse.ArgumentParser) -> None:
     """Fit one spline with the same quads to every subject of a cohort, and describe how shapes vary.
@@ -34,7 +30,7 @@ def add_shapes(command: argparse.ArgumentParser) -> None:
     add("sheet", type=Path, help="a row for each subject (.tsv)")
     add("-o", "--output", type=Path, required=True, metavar="FOLDER", help="of everything that is written")
     add("--points", type=int, default=POINTS, help="control points, about; default: %(default)s")
-    add("--tolerance", type=float, metavar="MM", help=f"{TOLERANCE}; default: half a pixel")
+    add("--tolerance", type=float, metavar="MM", help="largest rms distance of a fit; default: half a pixel")
     add("--without-size", action="store_true", help="make all subjects the same size before comparing them")
     add("--permutations", type=int, default=PERMUTATIONS, help="of the groups; default: %(default)s")
     add("--period", type=float, metavar="TIME", help="after which a series repeats; default: it does not")
@@ -56,17 +52,12 @@ def _shapes(given: argparse.Namespace) -> int:
     cohort = fit_cohort(subjects, folder, given.points, given.processes)
     made = describe(cohort, folder, given.without_size, given.permutations, given.period)
     if given.json:
-        print(json.dumps({"output": str(given.output), **made}, indent=2))
-    else:
-        _say(folder, made)
-    return 0
-
-
-def _say(folder: Path, made: Mapping[str, Any]) -> None:
-    """Print what was made."""
+        print(json.dumps({"output": str(folder), **made}, indent=2))
+        return 0
     print(folder)
     for name in [name for name in made if name != "warnings"]:
         values = ", ".join(f"{value:.4g}" for value in np.atleast_1d(made[name]))
         print(f"  {name.replace('_', ' ')}: {values}")
     for warning in made["warnings"]:
         print(f"warning: {warning}", file=sys.stderr)
+    return 0

@@ -159,9 +159,15 @@ class Fit:
 
 
 def fit_template(template: Template, mesh: Mesh, start: FloatArray | None = None) -> Fit:
-    """Fit a template's spline to a subject's mesh, which is closed and oriented outwards.
+    """Fit a template's spline to a subject.
 
-    It starts at control points (V, 3) near the subject; without them, similarity and smooth modes find such.
+    Parameters
+    ----------
+    template : Template
+    mesh : Mesh
+        Of the subject, closed and oriented outwards, in mm.
+    start : (V, 3) float64, optional
+        Control points near the subject; by default, similarity and smooth modes find some.
 
     Examples
     --------
@@ -220,10 +226,12 @@ def fit_points(
     ``smooth`` (K, V, 3) are coefficients in time, ``basis`` (F, K) says how much each counts in each frame;
     one subject has one frame, and its control points are the coefficients.
     """
+    solvers = {length: template.solver(length * template.edge) for length in POINT_LENGTHS}
     made, start = smooth, np.tensordot(basis, smooth, 1)
     size = (3 * smooth.shape[0] * smooth.shape[1],) * 2
     weigh = np.asarray(np.linalg.inv(basis.T @ basis), float)
-    for length in np.repeat(POINT_LENGTHS, POINT_ROUNDS) * template.edge:
+    for edges in np.repeat(POINT_LENGTHS, POINT_ROUNDS):
+        length = edges * template.edge
         frames: list[tuple[csr_array, csr_array]] = []
         wanted: list[FloatArray] = []
         for points, begin, goal in zip(np.tensordot(basis, made, 1), start, goals, strict=True):
@@ -236,7 +244,7 @@ def fit_points(
             wanted.append(frames[-1][1] @ pairs.off - pull)
         stiffness = csr_array(length**4 * template.bending + HELD * template.metric)
         matrix = LinearOperator(size, partial(_system, stiffness, frames, basis), dtype=float)
-        before = LinearOperator(size, partial(_nearly, template.solver(length), weigh), dtype=float)
+        before = LinearOperator(size, partial(_nearly, solvers[edges], weigh), dtype=float)
         right = (basis.T @ np.array(wanted)).ravel()
         move, _ = cg(matrix, right, rtol=SOLVED, maxiter=MOST_STEPS, M=before)
         made = made + move.reshape(len(smooth), 3, -1).transpose(0, 2, 1)

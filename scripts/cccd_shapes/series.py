@@ -77,10 +77,27 @@ def _weights(times: FloatArray, knots: FloatArray, period: float | None) -> Floa
 
 
 def fit_series(cohort: Cohort, period: float | None, seed: int = 0) -> tuple[Cohort, Series]:
-    """Fit one spline in space and time to all frames (subjects with times) that fit by themselves.
+    """Fit one spline in space and time to all frames that fit by themselves.
 
-    After the period, in the sheet's unit, the organ is as it was; None: it does not repeat. The cohort comes
-    back with the series' surfaces in place of the frames' own.
+    Parameters
+    ----------
+    cohort : Cohort
+        Its subjects are frames, with times.
+    period : float or None
+        Time after which the organ is as it was, in the sheet's unit; None: it does not repeat.
+    seed : int
+        Of the draws that intervals come from.
+
+    Returns
+    -------
+    Cohort
+        With the series' surfaces in place of the frames' own.
+    Series
+
+    Raises
+    ------
+    InputError
+        Fewer than six frames fit, or they leave parts of the time open.
     """
     used = cohort.used
     if len(used) < FEWEST_FRAMES:

@@ -100,11 +100,9 @@ def measure_model(model: ShapeModel, seed: int = 0) -> pd.DataFrame:
     most = min(MEASURED, len(model.deviations))
     left = np.array([_left_out(place, n, most) for n in range(len(place))])
     drawn = np.random.default_rng(seed).normal(size=(DRAWN, most)) * model.deviations[:most]
-    nearest = np.empty((DRAWN, most))
-    for k in range(1, most + 1):
-        shape = np.zeros((DRAWN, place.shape[1]))
-        shape[:, :k] = drawn[:, :k]
-        nearest[:, k - 1] = cdist(shape, place).min(axis=1)
+    shapes = np.pad(drawn, ((0, 0), (0, place.shape[1] - most)))
+    modes = np.arange(place.shape[1])
+    nearest = np.array([cdist(shapes * (modes < k), place).min(axis=1) for k in range(1, most + 1)]).T
     measured = {
         "modes": np.arange(1, 1 + most),
         "deviation_mm": model.deviations[:most],
@@ -169,20 +167,11 @@ def compare_groups(
     modes = max(1, min(enough, round(TESTED_MOST * len(group)), len(model.deviations)))
     scores = _between(model.scores[:, None, :modes], orders, len(names))[:, 0]
     at_points = _between(points, orders, len(names))
-    most = at_points.max(axis=1)
-    ends = [points[group == n].mean(axis=0) for n in (0, len(names) - 1)]
-    return GroupTest(
-        float(_share(scores[:, None])[0]),
-        modes,
-        np.mean(most[:, None] >= at_points[0] * (1 - 1e-12), axis=0),
-        _share(at_points),
-        ends[1] - ends[0],
-    )
-
-
-def _share(values: FloatArray) -> FloatArray:
-    """Share (P,) of permutations (R, P) that have as much as the first one; itself is one of them."""
-    return np.mean(values >= values[0] * (1 - 1e-12), axis=0)
+    # each p value is the share of orders, of which the first is the groups', that separate as much
+    p, alone = (np.mean(each >= each[0] * (1 - 1e-12), axis=0) for each in (scores, at_points))
+    p_points = np.mean(at_points.max(axis=1)[:, None] >= at_points[0] * (1 - 1e-12), axis=0)
+    first, last = (points[group == n].mean(axis=0) for n in (0, len(names) - 1))
+    return GroupTest(float(p), modes, p_points, alone, last - first)
 
 
 def _between(values: FloatArray, orders: IntArray, count: int) -> FloatArray:

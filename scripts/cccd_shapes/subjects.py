@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
@@ -11,6 +10,7 @@ from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from cccd.bands import Band
 from cccd.closed_meshes import read_closed_mesh
@@ -99,17 +99,14 @@ def read_sheet(path: str | Path) -> list[Row]:
     """
     path = Path(path)
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file, delimiter="\t")
-            lines, columns = list(reader), list(reader.fieldnames or [])
-    except (OSError, UnicodeDecodeError) as error:
+        table = pd.read_csv(path, sep="\t", dtype=str, keep_default_na=False, encoding="utf-8-sig")
+    except (OSError, ValueError) as error:
         raise InputError(path.name, f"not a readable sheet: {error}", "give a tab-separated file") from None
-    for column in columns:
-        if column not in COLUMNS:
-            raise InputError(path.name, f"unknown column {column!r}", f"columns are {', '.join(COLUMNS)}")
-    if "name" not in columns or not {"surface", "mask"} & set(columns):
+    for column in set(table) - set(COLUMNS):
+        raise InputError(path.name, f"unknown column {column!r}", f"columns are {', '.join(COLUMNS)}")
+    if "name" not in table or not {"surface", "mask"} & set(table):
         raise InputError(path.name, "columns are missing", "give name, and surface or mask, between tabs")
-    rows = [_row(path, number, line) for number, line in enumerate(lines, 2)]
+    rows = [_row(path, number, line) for number, line in enumerate(table.to_dict("records"), 2)]
     names = [row.name for row in rows]
     for row in rows:
         if names.count(row.name) > 1:
@@ -122,10 +119,10 @@ def read_sheet(path: str | Path) -> list[Row]:
     return rows
 
 
-def _row(sheet: Path, number: int, line: Mapping[str, str | None]) -> Row:
+def _row(sheet: Path, number: int, line: Mapping[str, str]) -> Row:
     """Check one line of the sheet."""
     where = f"{sheet.name} row {number}"
-    cells = {name: (line.get(name) or "").strip() for name in COLUMNS}
+    cells = {name: line.get(name, "").strip() for name in COLUMNS}
     name, surface, mask, time = (cells[column] for column in ("name", "surface", "mask", "time"))
     path, mirrored = sheet.parent / (surface or mask), cells["mirrored"].lower()
     try:

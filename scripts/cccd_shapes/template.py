@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
 
@@ -42,7 +42,6 @@ class Template:
     """A closed spline that is moved onto subjects."""
 
     spline: ControlMesh  # near its own centre; in mm
-    _solvers: dict[float, SuperLU] = field(default_factory=dict[float, SuperLU], repr=False)
 
     @cached_property
     def area(self) -> float:
@@ -99,8 +98,5 @@ class Template:
         return np.asarray(found[1][:, np.argsort(found[0])], float)
 
     def solver(self, length: float) -> SuperLU:
-        """Solver (V, V) of a third of the mean square plus bending over so many mm, factorised once."""
-        if length not in self._solvers:
-            matrix = csc_array(self.metric / 3 + length**4 * self.bending)
-            self._solvers[length] = splu(matrix, permc_spec="MMD_AT_PLUS_A")
-        return self._solvers[length]
+        """Factorise a third of the mean square plus bending over so many mm (V, V)."""
+        return splu(csc_array(self.metric / 3 + length**4 * self.bending), permc_spec="MMD_AT_PLUS_A")
