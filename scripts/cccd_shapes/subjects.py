@@ -104,7 +104,8 @@ def read_sheet(path: str | Path) -> list[Row]:
         raise InputError(path.name, f"not a readable sheet: {error}", "give a tab-separated file") from None
     for column in set(table) - set(COLUMNS):
         raise InputError(path.name, f"unknown column {column!r}", f"columns are {', '.join(COLUMNS)}")
-    if "name" not in table or not {"surface", "mask"} & set(table):
+    unnamed = not isinstance(table.index, pd.RangeIndex)  # rows have more cells than the header
+    if unnamed or "name" not in table or not {"surface", "mask"} & set(table):
         raise InputError(path.name, "columns are missing", "give name, and surface or mask, between tabs")
     rows = [_row(path, number, line) for number, line in enumerate(table.to_dict("records"), 2)]
     names = [row.name for row in rows]

@@ -202,8 +202,7 @@ def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path)
     assert table.volume_ml.to_numpy() == pytest.approx(table.own_volume_ml.to_numpy(), rel=0.01)
     meshes = [read_ply(out / "fitted" / f"s{n}" / "surface.ply") for n in range(6)]
     for n, mesh in enumerate(meshes):
-        faces = mesh.faces if n % 2 == 0 else mesh.faces[:, ::-1]
-        assert np.array_equal(faces, meshes[0].faces)
+        assert np.array_equal(mesh.faces[:, :: -1 if n % 2 else 1], meshes[0].faces)
         assert mesh.volume > 0
         own = deformed(n, 0.5).transformed(MIRROR) if n % 2 else deformed(n, 0.5)
         assert mesh.vertices.mean(axis=0) == pytest.approx(own.vertices.mean(axis=0), abs=2)
@@ -224,6 +223,7 @@ def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path)
     [
         ("name\tsurfaces\na\tb.ply", "unknown column 'surfaces'"),
         ("name\nb", "columns are missing"),
+        ("name\tmask\na\tb.nii.gz\tx\ty", "columns are missing"),
         ("name\tsurface\na\tb.ply", "sheet.tsv row 2: .*there is no such file"),
         ("name\tsurface\na b\tsheet.tsv", "row 2: name 'a b'"),
         ("name\tsurface\na\tsheet.tsv", "sheet.tsv is not a surface"),
