@@ -26,8 +26,8 @@ from cccd.surface.learned_distance import (
 __all__ = ["levels_of_slices"]
 
 #: Between slices further apart than it has seen it is asked on every n-th pixel; its share falls from all to
-#: none between these ratios of slice distance to pixel: up to 14 all of ten exact truths are 1 to 11 % farther
-#: off, up to 18 and more small handles appear.
+#: none between these ratios of slice distance to pixel. Up to 14, all of ten exact truths are 1 to 11 %
+#: farther off; up to 18, small handles appear.
 ASKED_RATIOS = (7.0, 16.0)
 #: Where the network sees a pixel of a slice on the other side, this share of the slice's own distance holds:
 #: holes of one pixel stay holes; to exact truth it is as near as with a tenth of that.
