@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from typing import Any, cast
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy
 
-os.environ.setdefault("IGL_NUM_THREADS", "1")  # jobs share a machine; read once, by its first function
-
-import igl as _igl  # pyright: ignore[reportMissingTypeStubs]
-
+from cccd.geometry._igl import igl
 from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.grid import ScalarGrid
@@ -20,10 +16,8 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.opencv import distance_to_zero
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import voxelise
-from cccd.geometry.triangles import corners_of, point_of, squared_distance
 
 __all__ = [
-    "NearTriangles",
     "grid_to_mesh",
     "nearest_faces",
     "nearest_points",
@@ -33,15 +27,12 @@ __all__ = [
     "unsigned_to_mesh",
 ]
 
-#: Its types are looser than what it returns.
-igl = cast(Any, _igl)
-
 #: Boxes around the triangles of a mesh, kept while it is: they take longer to make than to ask.
 _TREES: WeakKeyDictionary[Mesh, Any] = WeakKeyDictionary()
 #: Distances to polygons are exact within this many pixels of them.
 NEAR_PIXELS = 2.0
-#: A squared distance is known up to this share of itself.
-_ROUNDING = 1e-6
+#: Nodes of a grid are looked at in cubes of so many along each side: only those near a mesh.
+_BLOCK = 3
 
 # Of the plane -----------------------------------------------------------------------------------------
 
@@ -188,47 +179,6 @@ def _nearest(points: FloatArray, mesh: Mesh) -> tuple[FloatArray, IntArray, Floa
     return tree.squared_distance(mesh.vertices, mesh.faces, np.asarray(points, float))
 
 
-class NearTriangles:
-    """Distances to a mesh of small triangles by those whose centres are near, found once.
-
-    They hold for any mesh with the same faces whose vertices have moved little. A triangle much larger than
-    those around it may be missed: to choose among meshes, not to measure one.
-    """
-
-    #: Triangles that are tried for each point.
-    COUNT = 16
-
-    def __init__(self, mesh: Mesh) -> None:
-        self.mesh = mesh
-        centres = mesh.vertices[mesh.faces].mean(axis=1)
-        self._tree = scipy.spatial.cKDTree(centres, balanced_tree=False, compact_nodes=False)
-
-    def nearest(self, points: FloatArray) -> IntArray:
-        """Faces (P, K) whose centres are nearest to points (P, 3)."""
-        count = min(self.COUNT, len(self.mesh.faces))
-        return np.asarray(self._tree.query(points, k=range(1, count + 1))[1], np.int64)
-
-    def to(self, points: FloatArray) -> FloatArray:
-        """Distance (P,) of points (P, 3)."""
-        return self.distances(points, self.mesh, self.nearest(points))
-
-    @staticmethod
-    def distances(points: FloatArray, mesh: Mesh, faces: IntArray) -> FloatArray:
-        """Distance (P,) of points (P, 3) to the nearest of their faces (P, K)."""
-        return _to_faces(np.ascontiguousarray(points), np.ascontiguousarray(mesh.vertices), mesh.faces, faces)
-
-
-@jit
-def _to_faces(points: FloatArray, vertices: FloatArray, faces: IntArray, tried: IntArray) -> FloatArray:
-    distance = np.full(len(points), np.inf)
-    for n in range(len(points)):
-        point = point_of(points, n)
-        for f in tried[n]:
-            squared = squared_distance(point, *corners_of(vertices, faces, f))
-            distance[n] = min(distance[n], np.sqrt(squared))
-    return distance
-
-
 def to_mesh(points: FloatArray, mesh: Mesh) -> FloatArray:
     """Signed distance (P,) of points (P, 3) to a closed mesh, positive outside.
 
@@ -258,39 +208,14 @@ def grid_to_mesh(
         float32, in the unit of the mesh.
     """
     grid = ScalarGrid.uniform(np.full(shape, band * spacing, np.float32), origin, spacing)
-    inside = voxelise(mesh, grid.affine, shape)
-    values = _nearest_triangle(
-        np.ascontiguousarray((mesh.vertices - origin) / spacing), mesh.faces, shape, band, spacing
-    )
-    np.negative(values, out=values, where=inside)
-    return ScalarGrid(values, grid.affine)
-
-
-@jit
-def _nearest_triangle(
-    vertices: FloatArray, faces: IntArray, shape: tuple[int, int, int], band: float, spacing: float
-) -> SingleArray:
-    """Distance (A, B, C) from each node to the nearest triangle, at most ``band`` nodes."""
-    field = np.full(shape, np.float32(band * spacing))
-    first, last = np.empty(3, np.int64), np.empty(3, np.int64)
-    low, high = np.empty(3), np.empty(3)
-    unit = (1 - _ROUNDING) * spacing * spacing
-    for f in range(len(faces)):
-        a, b, c = corners_of(vertices, faces, f)
-        for axis in range(3):
-            low[axis], high[axis] = min(a[axis], b[axis], c[axis]), max(a[axis], b[axis], c[axis])
-            first[axis] = max(0, int(np.ceil(low[axis] - band)))
-            last[axis] = min(field.shape[axis] - 1, int(high[axis] + band))
-        for i in range(first[0], last[0] + 1):
-            x = max(low[0] - i, i - high[0], 0.0)
-            for j in range(first[1], last[1] + 1):
-                y = max(low[1] - j, j - high[1], 0.0)
-                for k in range(first[2], last[2] + 1):
-                    z = max(low[2] - k, k - high[2], 0.0)
-                    if unit * (x * x + y * y + z * z) >= field[i, j, k] ** 2:
-                        continue  # even the triangle's box is no nearer than what was found
-                    point = (float(i), float(j), float(k))
-                    distance = spacing * np.sqrt(squared_distance(point, a, b, c))
-                    if distance < field[i, j, k]:
-                        field[i, j, k] = distance
-    return field
+    blocks = np.argwhere(np.ones([-(-n // _BLOCK) for n in shape], np.bool_)) * _BLOCK
+    middle = unsigned_to_mesh(origin + spacing * (blocks + (_BLOCK - 1) / 2), mesh)
+    blocks = blocks[middle < spacing * (band + _BLOCK * 3**0.5 / 2)]
+    for step in np.ndindex(_BLOCK, _BLOCK, _BLOCK):
+        nodes = blocks + step
+        nodes = nodes[np.all(nodes < shape, axis=1)]
+        grid.values[tuple(nodes.T)] = np.minimum(
+            unsigned_to_mesh(origin + spacing * nodes, mesh), band * spacing
+        )
+    np.negative(grid.values, out=grid.values, where=voxelise(mesh, grid.affine, shape))
+    return grid

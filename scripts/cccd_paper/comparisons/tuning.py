@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cccd.containers import Structure
-from cccd.geometry.distance import NearTriangles
+from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.surface.measure import Reference, measure_mesh
 from cccd_paper.comparisons.baselines.surfaces import Family, Program
@@ -25,12 +25,11 @@ _EDGES = 50_000
 
 
 class Truth:
-    """The surface that candidates are held against, with what finds its nearest triangles, made once."""
+    """The surface that candidates are held against, and points on it."""
 
     def __init__(self, reference: Reference, seed: int = 0) -> None:
         self.reference = reference
         self.points = reference.mesh.sample(FEW_SAMPLES, np.random.default_rng(seed))
-        self.triangles = NearTriangles(reference.mesh)
 
 
 class _Candidate(NamedTuple):
@@ -48,7 +47,6 @@ class _Scorer:
     def __init__(self, mesh: Mesh, truth: Truth) -> None:
         rng = np.random.default_rng(0)
         self.mesh, self.truth = mesh, truth
-        self.near = NearTriangles(mesh).nearest(truth.points)
         pairs = Mesh(mesh.vertices, mesh.faces).dihedrals  # of a copy, which does not keep them
         self.edges = len(pairs.edges)
         taken = rng.integers(self.edges, size=_EDGES)
@@ -59,9 +57,9 @@ class _Scorer:
 
     def score(self, vertices: np.ndarray) -> tuple[float, float]:
         moved = Mesh(vertices, self.mesh.faces)
-        there = NearTriangles.distances(self.truth.points, moved, self.near)
+        there = unsigned_to_mesh(self.truth.points, moved)
         points = np.einsum("pc,pcx->px", self.weights, vertices[moved.faces[self.sampled]])
-        back = self.truth.triangles.to(points)
+        back = unsigned_to_mesh(points, self.truth.reference.mesh)
         return float(there.mean() + back.mean()) / 2, self._bending(moved)
 
     def _bending(self, moved: Mesh) -> float:

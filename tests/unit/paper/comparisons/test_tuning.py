@@ -3,7 +3,6 @@ import pandas as pd
 import pytest
 
 from cccd.containers import Frame, Structure
-from cccd.geometry.distance import NearTriangles, unsigned_to_mesh
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.surface.measure import Reference
@@ -31,19 +30,6 @@ def structure():
     place = np.einsum("xy,y...->x...", affine[:3, :3], index) - 16
     mask = np.linalg.norm(place, axis=0) <= RADIUS
     return Structure("case", "ball", Frame(affine, 2, mask.shape), np.zeros(3, int), mask=mask, truth=ball())
-
-
-def test_near_triangles_measure_as_all_do():
-    sphere, points = ball(), np.random.default_rng(0).normal(0, 8, (500, 3))
-    assert NearTriangles(sphere).to(points) == pytest.approx(unsigned_to_mesh(points, sphere), abs=0.02)
-
-
-def test_near_triangles_follow_vertices_that_move():
-    sphere = ball()
-    grown = Mesh(1.02 * sphere.vertices, sphere.faces)
-    points = sphere.sample(500, np.random.default_rng(0))
-    there = NearTriangles.distances(points, grown, NearTriangles(sphere).nearest(points))
-    assert there == pytest.approx(0.02 * RADIUS, abs=0.02)
 
 
 @pytest.mark.parametrize("name", FAMILIES)
