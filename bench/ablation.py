@@ -65,7 +65,7 @@ WITHOUT: dict[str, tuple[str, Callable[..., Any]] | None] = {
     "learned distance": ("cccd.surface.learned_distance.DistanceNetwork.estimate", _uncorrected),
     "three stacks of cubes": ("cccd.surface.levels._of_cubes", _first),
     "one change of sign between slices": ("cccd.surface.levels._change_sign_once", _nothing),
-    "branches that are followed": ("cccd.surface.stack._with_branches", _second),
+    "branches that are followed": ("cccd.surface.stack.move_branches", _second),
     "low-pass filter": ("cccd.surface.smooth_mesh.default_wave", _no_wave),
     "volume of the slices": ("cccd.surface.smooth_mesh._of_volume", _first),
     "less filter where it shrinks": ("cccd.surface.smooth_mesh._kept_where_shrunk", _first),

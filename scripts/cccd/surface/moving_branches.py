@@ -15,12 +15,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from cccd.bands.signs import Slices
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
-from cccd.surface.fields import LevelField, distance_to_part, sampled
+from cccd.surface.sampled import distance_to_part, sampled
 
-__all__ = ["Displacement", "SliceGap", "SliceParts", "follow_branches", "move_branches"]
+__all__ = [
+    "SAME_HEIGHT",
+    "Displacement",
+    "SliceGap",
+    "SliceParts",
+    "follow_branches",
+    "levels_between",
+    "move_branches",
+]
 
+#: mm: levels so near to a slice are the slice's own.
+SAME_HEIGHT = 1e-6
 #: A section's way may differ from what its ellipse tells by this share of its length, and by so many pixels;
 #: and of two sections that follow each other one is no more than so many times as wide, but for a pixel.
 _OFF_COURSE, _OFF_PIXELS, _WIDER = 0.5, 2.0, 2.0
@@ -154,39 +165,48 @@ class Displacement:
     share: float
 
 
-def move_branches(fields: Sequence[LevelField], spacing: FloatArray) -> list[LevelField]:
+def levels_between(z: FloatArray, heights: FloatArray) -> list[IntArray]:
+    """Numbers of the levels at heights (L,) between each two neighbours of slices at heights (S,)."""
+    return [
+        np.flatnonzero((z > low + SAME_HEIGHT) & (z < high - SAME_HEIGHT))
+        for low, high in itertools.pairwise(heights)
+    ]
+
+
+def move_branches(z: FloatArray, values: SingleArray, slices: Slices) -> SingleArray:
     """Let thin branches, and thin cavities, run on between the slices.
 
     Parameters
     ----------
-    fields : sequence of LevelField
-        Of slices, and interpolated between them.
-    spacing : (2,) float64
-        mm per pixel.
+    z : (L,) float64
+        Heights of levels in mm, ascending.
+    values : (L, I, J) float32
+        Distances in mm on them.
+    slices : Slices
+        As they were drawn.
 
     Returns
     -------
-    list of LevelField
-        Those of slices are as they were; so are all where no thin branch has moved by more than its width.
+    (L, I, J) float32
+        Levels between the slices are moved where a thin branch moves by more than its width.
     """
-    moved = list(fields)
-    slices = [n for n, field in enumerate(fields) if field.source_slice is not None]
-    if len(slices) == len(fields):
-        return moved
+    gaps = levels_between(z, slices.z)
+    if not any(map(len, gaps)):
+        return values
+    moved, spacing = values.copy(), slices.spacing
     for sign in (1, -1):
         sections = [
-            SliceParts.of(np.float32(sign) * fields[n].distance, spacing, fields[n].z) for n in slices
+            SliceParts.of(np.float32(sign) * plane, spacing, float(height))
+            for plane, height in zip(slices.distance, slices.z, strict=True)
         ]
         ways = follow_branches(sections, spacing, into_larger=sign > 0)
         slopes = _slopes(sections, ways)
-        for gap, (low, high) in enumerate(itertools.pairwise(slices)):
+        for gap, between in enumerate(gaps):
             for way in ways[gap]:
                 branch = _Branch.between(sections[gap], sections[gap + 1], way, slopes[gap], spacing)
-                here = branch.window.slices
-                for n in range(low + 1, high):
-                    distance = moved[n].distance.copy()
-                    distance[here] = sign * branch.united(sign * distance[here], moved[n].z)
-                    moved[n] = replace(moved[n], distance=distance)
+                for n in between:
+                    here = moved[n][branch.window.slices]
+                    here[:] = sign * branch.united(sign * here, float(z[n]))
     return moved
 
 

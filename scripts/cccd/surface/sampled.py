@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from cccd.geometry.arrays import FloatArray, SingleArray
+from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
+from cccd.geometry.distance import to_mask
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["SampledDistance"]
+__all__ = ["SampledDistance", "distance_to_part", "sampled"]
 
 #: The surface does not run through the grid's nodes, but at least this share of a pixel beside them.
 NODE_MARGIN = 1e-2
@@ -78,3 +79,28 @@ class SampledDistance:
         vertices[:, :2] = mesh.vertices[:, 1:] * self.spacing
         vertices[:, 2] = np.interp(mesh.vertices[:, 0], levels, heights)
         return Mesh(vertices, mesh.faces).outwards()
+
+
+def distance_to_part(distance: SingleArray, parts: IntArray, number: int, spacing: FloatArray) -> SingleArray:
+    """Signed distances (I, J) in mm to one of a plane's connected parts.
+
+    Parameters
+    ----------
+    distance : (I, J) float32
+        To all parts, negative inside.
+    parts : (I, J) int64
+        Their numbers, 0 outside.
+    number : int
+    spacing : (2,) float64
+        mm per pixel.
+    """
+    others = (parts > 0) & (parts != number)
+    if not others.any():
+        return distance
+    own = to_mask(parts == number, spacing)
+    return np.where(own <= to_mask(others, spacing), distance, own)
+
+
+def sampled(plane: SingleArray, places: FloatArray) -> SingleArray:
+    """Values (N,) of a plane (I, J) at places (N, 2) in pixels; beyond it, of its border."""
+    return np.asarray(ndimage.map_coordinates(plane, places.T, np.float32, order=1, mode="nearest"))

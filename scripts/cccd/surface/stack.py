@@ -13,9 +13,8 @@ from cccd.containers import Annotation, Frame, Sections
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray, SingleArray
 from cccd.settings.surface import LoftSettings
 from cccd.surface.borders import Borders, find_borders
-from cccd.surface.fields import LevelField
 from cccd.surface.levels import levels_of_slices
-from cccd.surface.moving_branches import move_branches
+from cccd.surface.moving_branches import SAME_HEIGHT, move_branches
 from cccd.surface.sampled import SampledDistance
 from cccd.surface.undrawn import ends_by_guides, guide_lines, guides_reach, shape_undrawn
 
@@ -25,8 +24,6 @@ __all__ = ["SliceStack", "interpolate_slices", "label_parts"]
 CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
 #: What the scan cuts runs on for so many pixels, as far as meshes are smoothed; a plane cuts it then.
 RUN_ON_PIXELS = 12.0
-#: mm: levels so near to a slice are the slice's own.
-SAME_HEIGHT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,31 +247,8 @@ def _all_levels(
         own = Slices(slices.z[here], slices.distance[here], slices.spacing)
         z, values = levels_of_slices(own.distance, own.z, step, own.spacing, cut, borders.exact)
         heights.append(z)
-        planes.append(_with_branches(z, values, own))
+        planes.append(move_branches(z, values, own))
     return np.concatenate(heights), planes[0] if len(planes) == 1 else np.concatenate(planes)
-
-
-def _with_branches(z: FloatArray, values: SingleArray, slices: Slices) -> SingleArray:
-    """Let thin branches run on between slices on which their sections lie apart."""
-    fields, inner = _fields(z, values, slices)
-    for number, field in zip(inner, move_branches(fields, slices.spacing), strict=True):
-        if field.source_slice is None:
-            values[number] = field.distance
-    return values
-
-
-def _fields(z: FloatArray, values: SingleArray, slices: Slices) -> tuple[list[LevelField], IntArray]:
-    """Levels from the first to the last slice, slices as they were drawn, and their numbers."""
-    inner = np.flatnonzero((z >= slices.z[0] - SAME_HEIGHT) & (z <= slices.z[-1] + SAME_HEIGHT))
-    at = np.searchsorted(slices.z, z[inner] - SAME_HEIGHT)
-    of_slice = np.abs(slices.z[at] - z[inner]) < SAME_HEIGHT
-    fields = [
-        LevelField(float(slices.z[k]), slices.distance[k], int(k))
-        if own
-        else LevelField(float(h), plane, None)
-        for k, own, h, plane in zip(at, of_slice, z[inner], values[inner], strict=True)
-    ]
-    return fields, inner
 
 
 def _shaped(
@@ -286,20 +260,13 @@ def _shaped(
     origin: IntArray,
 ) -> tuple[FloatArray, SingleArray, list[str]]:
     """Shape levels between slices of which only some were drawn: ends of parts, and planes across."""
-    fields, inner = _fields(z, values, slices)
-    below, above = (
-        [LevelField(float(h), plane, None) for h, plane in zip(z[beyond], values[beyond], strict=True)]
-        for beyond in (slice(inner[0]), slice(inner[-1] + 1, None))
-    )
     guides = guide_lines(annotation, values.shape[1:], frame, origin)
-    shaped, warnings = shape_undrawn(fields, guides, frame)
-    levels = [*ends_by_guides(below, fields[0], guides), *shaped, *ends_by_guides(above, fields[-1], guides)]
-    estimated = {float(z[n]): values[n] for n in inner}
-    planes = [
-        estimated.get(level.z, level.distance) if level.source_slice is not None else level.distance
-        for level in levels
-    ]
-    return np.array([level.z for level in levels]), np.stack(planes), warnings
+    values, warnings = shape_undrawn(z, values, slices, guides, frame)
+    heights = z.copy()
+    for n, beyond in ((0, z < slices.z[0] - SAME_HEIGHT), (-1, z > slices.z[-1] + SAME_HEIGHT)):
+        end, last = float(slices.z[n]), slices.distance[n]
+        heights[beyond] = ends_by_guides(z[beyond], values[beyond], end, last, guides)
+    return heights, values, warnings
 
 
 def _running_on(

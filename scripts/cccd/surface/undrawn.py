@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import label, map_coordinates
 
+from cccd.bands.signs import Slices
 from cccd.containers import Annotation, Frame, Guide
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
-from cccd.surface.fields import LevelField, distance_to_part
-from cccd.surface.moving_branches import SliceGap, SliceParts, follow_branches
+from cccd.surface.moving_branches import SliceGap, SliceParts, follow_branches, levels_between
+from cccd.surface.sampled import distance_to_part
 
 __all__ = ["GuideLine", "ends_by_guides", "guide_lines", "guides_reach", "shape_undrawn"]
 
@@ -46,14 +47,18 @@ def _extent(guide: Guide) -> IntArray:
 
 
 def shape_undrawn(
-    fields: Sequence[LevelField], guides: Sequence[GuideLine], frame: Frame
-) -> tuple[list[LevelField], list[str]]:
+    z: FloatArray, values: SingleArray, slices: Slices, guides: Sequence[GuideLine], frame: Frame
+) -> tuple[SingleArray, list[str]]:
     """Shape the levels between drawn slices.
 
     Parameters
     ----------
-    fields : sequence of LevelField
-        Of the drawn slices, and interpolated between them.
+    z : (L,) float64
+        Heights of levels in mm, ascending.
+    values : (L, I, J) float32
+        Distances in mm on them.
+    slices : Slices
+        As they were drawn.
     guides : sequence of GuideLine
         The planes across the slices.
     frame : Frame
@@ -61,23 +66,17 @@ def shape_undrawn(
 
     Returns
     -------
-    fields : list of LevelField
-        Those of the drawn slices are as they were.
+    values : (L, I, J) float32
     warnings : list of str
         How many parts end.
     """
-    spacing = frame.pixel_spacing
-    drawn = [n for n, field in enumerate(fields) if field.source_slice is not None]
-    ending = _endings([fields[n] for n in drawn], spacing)
-    shaped = list(fields)
-    for (low, high), parts in zip(itertools.pairwise(drawn), ending, strict=True):
-        gap = fields[high].z - fields[low].z
-        for n in range(low + 1, high):
-            distance = fields[n].distance
+    shaped, ending = values.copy(), _endings(slices)
+    gaps = levels_between(z, slices.z)
+    for (low, high), between, parts in zip(itertools.pairwise(slices.z), gaps, ending, strict=True):
+        for n in between:
             for part in parts:
-                distance = np.minimum(distance, part.at((fields[n].z - fields[low].z) / gap))
-            distance = _guided(distance, guides, fields[n].z / frame.slice_spacing, REACH * gap)
-            shaped[n] = replace(fields[n], distance=distance)
+                shaped[n] = np.minimum(shaped[n], part.at((z[n] - low) / (high - low)))
+            shaped[n] = _guided(shaped[n], guides, float(z[n]) / frame.slice_spacing, REACH * (high - low))
     count = sum(map(len, ending))
     if not count:
         return shaped, []
@@ -85,22 +84,30 @@ def shape_undrawn(
 
 
 def ends_by_guides(
-    beyond: Sequence[LevelField], last: LevelField, guides: Sequence[GuideLine]
-) -> list[LevelField]:
-    """Move levels beyond the first or the last slice to where planes across show that the organ ends."""
-    rises = [
-        (guide, guide.rise(last.distance < 0, last.z, beyond[0].z > last.z)) for guide in guides if beyond
-    ]
+    z: FloatArray, values: SingleArray, end: float, last: SingleArray, guides: Sequence[GuideLine]
+) -> FloatArray:
+    """Heights (B,) of levels beyond the first or the last slice where planes across show the organ's end.
+
+    Parameters
+    ----------
+    z, values : (B,) float64, (B, I, J) float32
+        The levels.
+    end, last : float, (I, J) float32
+        The slice.
+    guides : sequence of GuideLine
+    """
+    rises = [(guide, guide.rise(last < 0, end, bool(z[0] > end))) for guide in guides if len(z)]
     known = [(rise, guide) for guide, rise in rises if rise is not None]
     if not known:
-        return list(beyond)
+        return z
     rise, guide = max(known, key=lambda one: one[0])
-    order = sorted([*beyond, last], key=lambda level: abs(level.z - last.z))
-    nearest = np.array([level.distance.take(guide.row, guide.axis).min() for level in order])
-    away = np.array([abs(level.z - last.z) for level in order])
+    away = np.abs(z - end)
+    order = np.argsort(away, kind="stable")
+    nearest = np.array([plane.take(guide.row, guide.axis).min() for plane in (last, *values[order])])
+    away = np.append(0.0, away[order])
     first = int(np.argmax(nearest >= 0))
     ends = float(np.interp(0.0, nearest[first - 1 : first + 1], away[first - 1 : first + 1]))
-    return [replace(level, z=last.z + (level.z - last.z) * rise / ends) for level in beyond]
+    return end + (z - end) * rise / ends
 
 
 # parts that end ---------------------------------------------------------------------------------------
@@ -120,12 +127,16 @@ class _Ending:
         return self.distance - depth * self.distance.min()
 
 
-def _endings(drawn: Sequence[LevelField], spacing: FloatArray) -> list[list[_Ending]]:
+def _endings(slices: Slices) -> list[list[_Ending]]:
     """Parts that overlap nothing on the next slice and lead nowhere, gap by gap."""
-    slices = [SliceParts.of(field.distance, spacing, field.z) for field in drawn]
+    spacing = slices.spacing
+    sections = [
+        SliceParts.of(plane, spacing, float(height))
+        for plane, height in zip(slices.distance, slices.z, strict=True)
+    ]
     found: list[list[_Ending]] = []
     for (below, above), ways in zip(
-        itertools.pairwise(slices), follow_branches(slices, spacing), strict=True
+        itertools.pairwise(sections), follow_branches(sections, spacing), strict=True
     ):
         gap = SliceGap.between(below, above)
         followed = {way.low for way in ways}, {way.high for way in ways}

@@ -1,16 +1,15 @@
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import interp1d
 from scipy.spatial import cKDTree
 from support.shapes import curves_of
 
+from cccd.bands.signs import Slices
 from cccd.containers import Sections
 from cccd.settings.surface import LoftSettings
 from cccd.surface import loft_surface
-from cccd.surface.fields import LevelField
 from cccd.surface.moving_branches import SliceParts, follow_branches, move_branches
 
 PIXEL, GAP = np.ones(2), 5.0
@@ -38,18 +37,11 @@ def section(centre, half_width=2.0, lean=(0.0, 0.0), size=40):
     return np.float32(np.sqrt(inner) - half_width)
 
 
-def stack(*slices, parts=4):
-    """Slices and levels between them, interpolated as they lie."""
-    fields = [LevelField(0.0, slices[0], 0)]
-    for n, (below, above) in enumerate(itertools.pairwise(slices)):
-        fields += [
-            LevelField(
-                GAP * (n + t / parts), np.float32(1 - t / parts) * below + np.float32(t / parts) * above, None
-            )
-            for t in range(1, parts)
-        ]
-        fields.append(LevelField(GAP * (n + 1), above, n + 1))
-    return fields
+def stack(*planes, parts=4):
+    """Heights, slices interpolated as they lie, and the slices."""
+    z, between = np.arange((len(planes) - 1) * parts + 1) / parts, np.array(planes)
+    values = interp1d(np.arange(len(planes)), between, axis=0)(z).astype(np.float32)
+    return GAP * z, values, Slices(GAP * np.arange(len(planes)), between, PIXEL)
 
 
 @pytest.mark.parametrize(
@@ -125,13 +117,12 @@ def test_slices_stay_and_so_does_what_overlaps_itself_stands_upright_or_lies_whe
         across,
         (section((8, 20), lean=(2, 0)), section((32, 20), lean=(2, 0))),  # too far
     ):
-        fields = stack(below, above)
-        assert move_branches(fields, PIXEL) == fields
-    fields = stack(section((12, 20), lean=(2, 0)), section((22, 20), lean=(2, 0)))
-    moved = move_branches(fields, PIXEL)
-    assert moved[0] is fields[0]
-    assert moved[-1] is fields[-1]
-    assert fields[2].distance[17, 20] > 0 > moved[2].distance[17, 20]
+        z, values, slices = stack(below, above)
+        assert np.array_equal(move_branches(z, values, slices), values)
+    z, values, slices = stack(section((12, 20), lean=(2, 0)), section((22, 20), lean=(2, 0)))
+    moved = move_branches(z, values, slices)
+    assert np.array_equal(moved[[0, -1]], values[[0, -1]])
+    assert values[2, 17, 20] > 0 > moved[2, 17, 20]
 
 
 def test_ways_are_the_same_upside_down_and_mirrored():
