@@ -14,9 +14,10 @@ import json
 import os
 import tempfile
 from collections.abc import Generator, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from types import UnionType
+from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import h5py
 import numpy as np
@@ -29,8 +30,6 @@ from cccd.containers import (
     FittedCurves,
     Frame,
     Grid,
-    Guide,
-    Panel,
     Sections,
     SliceFigure,
     Splines,
@@ -84,12 +83,10 @@ __all__ = [
     "write_view",
 ]
 
-#: Columns of ragged containers, and what they are stored as.
-_BOUNDARIES = {"points": np.int32, "offsets": np.int64, "slice": np.int32}
-_CURVES = {"points": np.float64, "offsets": np.int64, "slice": np.int32, "hole": bool}
-_SPLINES = {"control_points": np.float64, "offsets": np.int64, "knots": np.float64, "knot_offsets": np.int64}
-_CONFORMING = {"vertices": np.float64, "triangles": np.int64, "regions": np.int64}
+_T = TypeVar("_T")
 
+#: Arrays of organs that share their walls.
+_CONFORMING = ("vertices", "triangles", "regions")
 #: Attributes of the error band, and how near in mm vertices are that were kept as single floats.
 _BAND_FACTS = (
     *("share", "volume_factor", "extrapolated", "length_mm"),
@@ -196,21 +193,6 @@ def _get(group: h5py.Group, name: str) -> npt.NDArray[Any]:
     return group[name][:]
 
 
-def _get_if_there(group: h5py.Group, name: str) -> npt.NDArray[Any] | None:
-    return _get(group, name) if name in group else None
-
-
-def _put_columns(group: h5py.Group, source: object, columns: Mapping[str, npt.DTypeLike]) -> None:
-    """Write attributes of an object as arrays of the same names."""
-    for name, dtype in columns.items():
-        _put(group, name, getattr(source, name), dtype)
-
-
-def _get_columns(group: h5py.Group, names: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
-    """Read arrays by their names."""
-    return {name: _get(group, name) for name in names}
-
-
 def _put_json(group: h5py.Group, name: str, value: object) -> None:
     group.attrs[name] = json.dumps(value, sort_keys=True)
 
@@ -223,6 +205,62 @@ def _numbered(group: h5py.Group, name: str) -> list[h5py.Group]:
     """Return the groups 0, 1, 2 ... below the group ``name``."""
     parent: h5py.Group = group[name]
     return [parent[key] for key in sorted(parent, key=int)]
+
+
+def _put_fields(group: h5py.Group, value: object) -> None:
+    """Write a dataclass by its fields' types: arrays, numbers, text, other dataclasses, lists and mappings.
+
+    What is None is left out; what has parts of any type, or of text, is JSON; the frame is the file's.
+    """
+    for name, kind in get_type_hints(type(value)).items():
+        _put_value(group, name, getattr(value, name), kind)
+
+
+def _put_value(group: h5py.Group, name: str, value: Any, kind: Any) -> None:
+    if isinstance(value, Frame):
+        _put_frame(group.file, value)
+    elif isinstance(value, np.ndarray):
+        _put(group, name, cast("npt.NDArray[Any]", value))
+    elif _is_json(kind):
+        _put_json(group, name, value)
+    elif is_dataclass(value):
+        _put_fields(group.create_group(name), value)
+    elif isinstance(value, (dict, list, tuple)):
+        within = group.create_group(name)
+        parts = cast(Any, value.items() if isinstance(value, dict) else enumerate(cast(Any, value)))
+        for key, part in parts:
+            _put_value(within, str(key), part, None)
+    elif value is not None:
+        group.attrs[name] = value
+
+
+def _is_json(kind: Any) -> bool:
+    return get_origin(kind) in (dict, list) and get_args(kind)[-1] in (Any, str)
+
+
+def _get_fields(group: h5py.Group, kind: type[_T]) -> _T:
+    """Read a dataclass that `_put_fields` wrote."""
+    hints = get_type_hints(kind)
+    return kind(**{name: _get_value(group, name, inner) for name, inner in hints.items()})
+
+
+def _get_value(group: h5py.Group, name: str, kind: Any) -> Any:
+    if isinstance(kind, UnionType):  # with None
+        return _get_value(group, name, get_args(kind)[0]) if name in group else None
+    if kind is Frame:
+        return _get_frame(group.file)
+    if np.ndarray in (kind, get_origin(kind)):
+        return _get(group, name)
+    if _is_json(kind):
+        return _get_json(group, name)
+    if is_dataclass(kind):
+        return _get_fields(group[name], cast(Any, kind))
+    if (origin := get_origin(kind)) is dict:
+        return {key: _get_value(group[name], key, get_args(kind)[1]) for key in group[name]}
+    if origin in (list, tuple):
+        parts = (_get_value(group[name], key, get_args(kind)[0]) for key in sorted(group[name], key=int))
+        return cast(Any, origin)(parts)
+    return kind(group.attrs[name])
 
 
 def _put_frame(group: h5py.Group, frame: Frame) -> None:
@@ -300,55 +338,19 @@ def read_table(path: str | Path) -> pd.DataFrame | None:
 def write_structure(path: str | Path, structure: Structure) -> None:
     """Write ``structure.h5``."""
     with _create(path) as file:
-        _put_frame(file, structure.frame)
-        file.attrs["case"] = structure.case
-        file.attrs["organ"] = structure.organ
-        file.attrs["origin"] = np.asarray(structure.origin, np.int64)
-        _put_json(file, "provenance", structure.provenance)
-        _put_json(file, "warnings", structure.warnings)
-        if structure.image is not None:
-            _put(file, "image", structure.image, np.float32)
-        if structure.probability is not None:
-            _put(file, "probability", structure.probability, np.float32)
-        for name in ("mask", "region", "boundary"):
-            if getattr(structure, name) is not None:
-                _put(file, name, getattr(structure, name), np.uint8)
-        if structure.contours is not None:
-            _put_curves(file.create_group("contours"), structure.contours)
-        if structure.annotation is not None:
-            _put_annotation(file.create_group("annotation"), structure.annotation)
-        if structure.truth is not None:
-            _put(file, "truth/points", structure.truth.vertices, float)
-            _put(file, "truth/faces", structure.truth.faces, np.int64)
+        _put_fields(file, structure)
 
 
 def read_structure(path: str | Path) -> Structure:
     """Read ``structure.h5``."""
     with _open(path) as file:
-        frame = _get_frame(file)
-        truth = Mesh(_get(file, "truth/points"), _get(file, "truth/faces")) if "truth" in file else None
-        return Structure(
-            case=str(file.attrs["case"]),
-            organ=str(file.attrs["organ"]),
-            frame=frame,
-            origin=np.array(file.attrs["origin"]),
-            image=_get_if_there(file, "image"),
-            mask=_get(file, "mask").astype(bool) if "mask" in file else None,
-            probability=_get_if_there(file, "probability"),
-            region=_get(file, "region").astype(bool) if "region" in file else None,
-            boundary=_get(file, "boundary").astype(bool) if "boundary" in file else None,
-            contours=_get_curves(file["contours"], frame) if "contours" in file else None,
-            annotation=_get_annotation(file["annotation"]) if "annotation" in file else None,
-            truth=truth,
-            provenance=_get_json(file, "provenance"),
-            warnings=_get_json(file, "warnings"),
-        )
+        return _get_fields(file, Structure)
 
 
 def read_annotation(path: str | Path) -> Annotation | None:
     """Read which slices ``structure.h5`` knows, where that is not all of them."""
     with _open(path) as file:
-        return _get_annotation(file["annotation"]) if "annotation" in file else None
+        return _get_value(file, "annotation", Annotation | None)
 
 
 def read_sections(contours: str | Path, structure: str | Path) -> Sections:
@@ -369,29 +371,6 @@ def read_compared(path: str | Path) -> Structure:
     return structure
 
 
-def _put_annotation(group: h5py.Group, annotation: Annotation) -> None:
-    _put(group, "slices", annotation.slices, np.int64)
-    guides = group.create_group("guides")
-    for number, guide in enumerate(annotation.guides):
-        plane = guides.create_group(str(number))
-        plane.attrs["axis"], plane.attrs["index"] = guide.axis, guide.index
-        plane.attrs["origin"] = np.asarray(guide.origin, np.int64)
-        _put(plane, "inside", guide.inside, np.uint8)
-
-
-def _get_annotation(group: h5py.Group) -> Annotation:
-    guides = tuple(
-        Guide(
-            int(plane.attrs["axis"]),
-            int(plane.attrs["index"]),
-            _get(plane, "inside").astype(bool),
-            np.array(plane.attrs["origin"]),
-        )
-        for plane in _numbered(group, "guides")
-    )
-    return Annotation(_get(group, "slices"), guides)
-
-
 def read_structure_facts(path: str | Path) -> tuple[Frame, dict[str, Any], list[str]]:
     """Read the frame, the provenance and the warnings of ``structure.h5``, and none of its arrays."""
     with _open(path) as file:
@@ -404,14 +383,13 @@ def read_structure_facts(path: str | Path) -> tuple[Frame, dict[str, Any], list[
 def write_boundaries(path: str | Path, boundaries: Boundaries) -> None:
     """Write ``boundaries.h5``."""
     with _create(path) as file:
-        _put_frame(file, boundaries.frame)
-        _put_columns(file.create_group("pixels"), boundaries, _BOUNDARIES)
+        _put_fields(file.create_group("pixels"), boundaries)
 
 
 def read_boundaries(path: str | Path) -> Boundaries:
     """Read ``boundaries.h5``."""
     with _open(path) as file:
-        return Boundaries(**_get_columns(file["pixels"], _BOUNDARIES), frame=_get_frame(file))
+        return _get_fields(file["pixels"], Boundaries)
 
 
 # contours.h5 and curves.h5 --------------------------------------------------------------------------
@@ -430,9 +408,8 @@ def write_contours(path: str | Path, curves: Curves, report: Mapping[str, Any]) 
         Plain JSON: ``method``, and what that way counted.
     """
     with _create(path) as file:
-        _put_frame(file, curves.frame)
         _put_json(file, "report", report)
-        _put_curves(file.create_group("ordered"), curves)
+        _put_fields(file.create_group("ordered"), curves)
 
 
 def read_contours(path: str | Path) -> Curves:
@@ -440,36 +417,22 @@ def read_contours(path: str | Path) -> Curves:
     return read_curves(path)
 
 
-def _put_curves(group: h5py.Group, curves: Curves) -> None:
-    _put_columns(group, curves, _CURVES)
-    if curves.uncertainty is not None:
-        _put(group, "uncertainty", curves.uncertainty, np.float64)
-
-
-def _get_curves(group: h5py.Group, frame: Frame) -> Curves:
-    uncertainty = _get_if_there(group, "uncertainty")
-    return Curves(**_get_columns(group, _CURVES), frame=frame, uncertainty=uncertainty)
-
-
 def write_curves(path: str | Path, fitted: FittedCurves) -> None:
     """Write ``curves.h5``: the ordered curves again, and what describes them beside them."""
     with _create(path) as file:
-        _put_frame(file, fitted.curves.frame)
         _put_json(file, "report", fitted.report)
-        _put_curves(file.create_group("ordered"), fitted.curves)
+        _put_fields(file.create_group("ordered"), fitted.curves)
         _put(file, "chain_codes/codes", fitted.codes, np.uint8)
         _put(file, "chain_codes/offsets", fitted.curves.offsets, np.int64)
         _put(file, "corners/points", fitted.corners, np.float64)
         _put(file, "corners/offsets", fitted.corner_offsets, np.int64)
-        group = file.create_group("splines")
-        group.attrs["degree"] = fitted.splines.degree
-        _put_columns(group, fitted.splines, _SPLINES)
+        _put_fields(file.create_group("splines"), fitted.splines)
 
 
 def read_curves(path: str | Path) -> Curves:
     """Read the ordered curves of ``curves.h5``."""
     with _open(path) as file:
-        return _get_curves(file["ordered"], _get_frame(file))
+        return _get_fields(file["ordered"], Curves)
 
 
 def read_corners(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
@@ -481,12 +444,7 @@ def read_corners(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray
 def read_splines(path: str | Path) -> Splines:
     """Read the closed splines of ``curves.h5``."""
     with _open(path) as file:
-        return Splines(
-            **_get_columns(file["splines"], _SPLINES),
-            **_get_columns(file["ordered"], ("slice", "hole")),
-            degree=int(file["splines"].attrs["degree"]),
-            frame=_get_frame(file),
-        )
+        return _get_fields(file["splines"], Splines)
 
 
 # graphs.h5 ------------------------------------------------------------------------------------------
@@ -538,25 +496,7 @@ class GraphSplit:
 
 
 # Version of ``graphs.h5``: to be raised when its columns mean something else.
-_GRAPHS_VERSION = 2
-
-# Where the columns of a `GraphSplit` stand in the split's group.
-_GRAPH_PATHS = {
-    "pixels": "pixels/points",
-    "pixel_offsets": "pixels/offsets",
-    "links": "links/nodes",
-    "link_labels": "links/label",
-    "link_offsets": "links/offsets",
-    "inside_shares": "triangles/inside",
-    "triangle_offsets": "triangles/offsets",
-    "contours": "contours/points",
-    "contour_offsets": "contours/offsets",
-    "contour_graph": "contours/graph",
-    "image_values": "images/values",
-    "image_offsets": "images/offsets",
-    "shape": "shape",
-    "kind": "kind",
-}
+_GRAPHS_VERSION = 3
 
 
 def write_graphs(
@@ -568,9 +508,7 @@ def write_graphs(
         for name, value in attributes.items():
             file.attrs[name] = value
         for split, columns in splits.items():
-            group = file.create_group(split)
-            for name, place in _GRAPH_PATHS.items():
-                _put(group, place, getattr(columns, name))
+            _put_fields(file.create_group(split), columns)
 
 
 def read_graphs(path: str | Path, split: str) -> GraphSplit:
@@ -580,7 +518,7 @@ def read_graphs(path: str | Path, split: str) -> GraphSplit:
         if found != _GRAPHS_VERSION:
             problem = f"graphs of version {found}, and this program reads {_GRAPHS_VERSION}"
             raise InputError(str(path), problem, "delete it and run snakemake again")
-        return GraphSplit(**{name: _get(file, f"{split}/{path}") for name, path in _GRAPH_PATHS.items()})
+        return _get_fields(file[split], GraphSplit)
 
 
 def read_graph_facts(path: str | Path) -> tuple[dict[str, int], dict[str, Any]]:
@@ -597,37 +535,13 @@ def write_figures(path: str | Path, figures: Mapping[str, SliceFigure]) -> None:
     """Write what the report draws of one structure: one group per figure, in it one per panel."""
     with _create(path) as file:
         for name, figure in figures.items():
-            group = file.create_group(name)
-            group.attrs["columns"] = figure.columns
-            for key in ("window", "image"):
-                if getattr(figure, key) is not None:
-                    _put(group, key, getattr(figure, key))
-            for number, panel in enumerate(figure.panels):
-                part = group.create_group(f"panels/{number}")
-                for key in ("title", "detail", "row"):
-                    part.attrs[key] = getattr(panel, key)
-                part.create_group("layers")  # there also where nothing is drawn over the picture
-                for layer, points in panel.layers.items():
-                    _put(part, f"layers/{layer}", points, np.float64)
+            _put_fields(file.create_group(name), figure)
 
 
 def read_figure(path: str | Path, name: str) -> SliceFigure | None:
     """Read one figure of `write_figures`; None when the structure has nothing to draw for it."""
     with _open(path) as file:
-        if name not in file:
-            return None
-        group: h5py.Group = file[name]
-        panels = [
-            Panel(
-                part.attrs["title"],
-                {layer: _get(part["layers"], layer) for layer in part["layers"]},
-                part.attrs["detail"],
-                part.attrs["row"],
-            )
-            for part in _numbered(group, "panels")
-        ]
-        window, image = _get_if_there(group, "window"), _get_if_there(group, "image")
-        return SliceFigure(panels, int(group.attrs["columns"]), window, image)
+        return _get_value(file, name, SliceFigure | None)
 
 
 # view.h5 --------------------------------------------------------------------------------------------
@@ -636,35 +550,23 @@ def read_figure(path: str | Path, name: str) -> SliceFigure | None:
 def write_view(path: str | Path, view: View) -> None:
     """Write ``view.h5``: small meshes, values at their vertices, flags of pixels, lines of the band."""
     with _create(path) as file:
-        file.attrs["triangles"] = view.triangles
-        file.attrs["reference"] = view.reference
-        for name, mesh in view.meshes.items():
-            _put(file, f"meshes/{name}/vertices", mesh.vertices, np.float32)
-            _put(file, f"meshes/{name}/faces", mesh.faces, np.int32)
-        for name, values in view.values.items():
-            _put(file, f"values/{name}", values, np.float32)
-        for name, flags in view.flags.items():
-            _put(file, f"flags/{name}", flags, bool)
-        for name, lines in view.band.items():
-            _put_frame(file, lines.frame)
-            _put_curves(file.create_group(f"band/{name}"), lines)
+        meshes = {
+            name: Mesh(mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
+            for name, mesh in view.meshes.items()
+        }
+        values = {name: column.astype(np.float32) for name, column in view.values.items()}
+        _put_fields(file, replace(view, meshes=meshes, values=values))
 
 
 def read_view(path: str | Path) -> View:
     """Read ``view.h5``."""
     with _open(path) as file:
-        meshes = {
-            name: Mesh(
-                _get(file, f"meshes/{name}/vertices").astype(float),
-                _get(file, f"meshes/{name}/faces").astype(np.int64),
-            )
-            for name in file["meshes"]
-        }
-        values = {name: _get(file["values"], name).astype(float) for name in file["values"]}
-        flags = {name: _get(file["flags"], name) for name in file["flags"]} if "flags" in file else {}
-        sides = list(file["band"]) if "band" in file else []
-        band = {name: _get_curves(file[f"band/{name}"], _get_frame(file)) for name in sides}
-        return View(meshes, values, int(file.attrs["triangles"]), str(file.attrs["reference"]), flags, band)
+        view = _get_fields(file, View)
+    meshes = {
+        name: Mesh(mesh.vertices.astype(float), mesh.faces.astype(np.int64))
+        for name, mesh in view.meshes.items()
+    }
+    return replace(view, meshes=meshes, values={name: of.astype(float) for name, of in view.values.items()})
 
 
 # surface.h5 -----------------------------------------------------------------------------------------
@@ -765,7 +667,8 @@ def read_surface_frame(path: str | Path) -> Frame:
 def write_conforming(path: str | Path, surface: ConformingSurface, report: Mapping[str, Any]) -> None:
     """Write the surfaces of a case's organs that share their walls, and what was measured on the way."""
     with _create(path) as file:
-        _put_columns(file, surface, _CONFORMING)
+        for name in _CONFORMING:
+            _put(file, name, getattr(surface, name))
         _put_json(file, "names", {str(label): name for label, name in surface.names.items()})
         _put_json(file, "report", report)
 
@@ -776,4 +679,4 @@ def read_conforming(path: str | Path) -> ConformingSurface:
 
     with _open(path) as file:
         names = {int(label): name for label, name in _get_json(file, "names").items()}
-        return ConformingSurface(**_get_columns(file, _CONFORMING), names=names)
+        return ConformingSurface(*(_get(file, name) for name in _CONFORMING), names=names)
