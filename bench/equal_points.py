@@ -13,10 +13,10 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Frame
-from cccd.curves.corners import DETECTORS
-from cccd.curves.measures import measure_corners
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
+from cccd_paper.comparisons.chain_corners import DETECTORS
 from cccd_paper.comparisons.corner_comparison import fuse
+from cccd_paper.comparisons.corner_measures import measure_corners
 from cccd_paper.comparisons.k_sweep import one_a_slice
 from cccd_paper.comparisons.parameters import LARGEST_SHARE
 from cccd_paper.comparisons.samples import SliceSample

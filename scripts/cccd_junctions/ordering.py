@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cccd.chaincode import changed_pixels, isolated_corners, junction_pixels
+from cccd.chaincode import changed_pixels
 from cccd.containers import Boundaries, Curves, Structure
 from cccd.contours import check_closed
 from cccd.errors import InputError
@@ -24,6 +24,7 @@ from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.junctions import InferenceSettings
 from cccd_junctions.boundary import extract_boundaries
 from cccd_junctions.decoding import closed_chains
+from cccd_junctions.greedy_chains import isolated_corners, junction_pixels
 from cccd_junctions.inference import LoopPredictor, Predictor, predict_slices
 from cccd_junctions.uncertainty import CALIBRATED_WEIGHTS, listed_from
 

@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from cccd.errors import InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.geometry.bsplines import DEGREE
+from cccd.geometry.closed_splines import DEGREE
 from cccd.geometry.mesh import Mesh
 from cccd.settings.formats import COLOUR
 from cccd_solids.step_points import share_points

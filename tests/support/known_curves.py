@@ -19,3 +19,12 @@ def ring_links(count: int) -> np.ndarray:
     """Links of points that were given in order."""
     pairs = np.sort(np.column_stack([np.arange(count), (np.arange(count) + 1) % count]), axis=1)
     return pairs[np.lexsort(pairs.T[::-1])]
+
+
+def rectangle(height, width, i=0, j=0):
+    """Pixel chain round a filled rectangle, corners at known indices."""
+    top = [(i, j + n) for n in range(width)]
+    right = [(i + n, j + width) for n in range(height)]
+    bottom = [(i + height, j + width - n) for n in range(width)]
+    left = [(i + height - n, j) for n in range(height)]
+    return np.array(top + right + bottom + left, float), [0, width, width + height, 2 * width + height]

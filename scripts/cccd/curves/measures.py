@@ -2,40 +2,31 @@
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Sequence
-from dataclasses import replace
-
+import cv2
 import numpy as np
 import scipy
 import shapely
 
 from cccd.containers import Curves, Splines
-from cccd.curves.fitting import FEWEST, corner_splines, sample_splines
-from cccd.geometry.arrays import owners_of, sum_per_part
+from cccd.curves.fitting import sample_splines
+from cccd.geometry.arrays import owners_of
 from cccd.geometry.raster import rasterise
-from cccd.metrics import confusion
-from cccd.settings.curves import CurveSettings
+from cccd.metrics import dice
 from cccd.tolerances import TINY
 
 __all__ = [
-    "SWEEP",
     "area_scores",
     "bytes_per_slice",
     "distances",
-    "measure_corners",
     "measure_curves",
+    "window_of",
 ]
-
-#: The k of the paper's figures 10-13.
-SWEEP = CurveSettings().sweep
 
 #: Parts the curves in the search for nearest points: far more than any distance between them.
 _APART = 1e6
 
-#: A PNG file has so many bytes without its pixels; these in parts of the next, with as many bytes more as the
-#: third. Each row begins with the number of its filter: the next.
-_PNG_EMPTY, _PNG_PART, _PNG_CHUNK, _PNG_DIFFERENCES = 45, 8192, 12, 1
+#: A pixel is a bit of the file.
+_ONE_BIT = [cv2.IMWRITE_PNG_BILEVEL, 1]
 
 
 # Agreement --------------------------------------------------------------------------------------------
@@ -110,27 +101,14 @@ def bytes_per_slice(curves: Curves, splines: Splines) -> dict[str, np.ndarray]:
         "spline_16_bit": per_slice(4 + 2 * (3 * controls + 1)),
         "chain_code": per_slice(8 + np.ceil(3 * links / 8)),
         "raw": per_slice(4 + 4 * links),
-        "png": _png_bytes(curves, slices),
+        "png": np.array(_png_bytes(curves, slices), np.int64),
     }
 
 
-def _png_bytes(curves: Curves, slices: np.ndarray) -> np.ndarray:
+def _png_bytes(curves: Curves, slices: np.ndarray) -> list[int]:
     rows, columns = (curves.frame.shape[axis] for axis in curves.frame.in_plane_axes)
-    sizes = np.empty(len(slices), np.int64)
-    for n, k in enumerate(slices):
-        chosen = curves.slice == k
-        filled = rasterise(curves.polygons.take(chosen), (0, 0), (rows, columns))
-        sizes[n] = _png_size(filled)
-    return sizes
-
-
-def _png_size(image: np.ndarray) -> int:
-    """Bytes of a 1-bit PNG file of an image (I, J), as OpenCV writes it: rows of differences, runs coded."""
-    rows = np.diff(np.packbits(image, axis=1), axis=1, prepend=np.uint8(0))
-    coder = zlib.compressobj(1, strategy=zlib.Z_RLE)
-    coded = coder.compress(np.pad(rows, ((0, 0), (1, 0)), constant_values=_PNG_DIFFERENCES).tobytes())
-    size = len(coded) + len(coder.flush())
-    return _PNG_EMPTY + size + _PNG_CHUNK * -(-size // _PNG_PART)
+    filled = (rasterise(curves.polygons.take(curves.slice == k), (0, 0), (rows, columns)) for k in slices)
+    return [len(cv2.imencode(".png", 255 * image.astype(np.uint8), _ONE_BIT)[1]) for image in filled]
 
 
 # Tables -----------------------------------------------------------------------------------------------
@@ -150,9 +128,9 @@ def measure_curves(curves: Curves, splines: Splines) -> dict:
         return {"slices": 0, "curves": 0, "boundary_points": 0, "control_points": 0}
     drawn = sample_splines(splines, per_pixel=2.0)
     scores, kept = area_scores(curves, drawn)
-    origin, shape = _window(curves)
-    raster = confusion(curves.rasterise(origin, shape), drawn.rasterise(origin, shape), (1, 2))
-    raster_dice = np.asarray(raster.printed["DSC"])[np.unique(curves.slice) - origin[0]]
+    origin, shape = window_of(curves)
+    raster = dice(curves.rasterise(origin, shape), drawn.rasterise(origin, shape), (1, 2))
+    raster_dice = np.asarray(raster)[np.unique(curves.slice) - origin[0]]
     away = distances(curves.points, curves.offsets, drawn)
     total = drawn.polygons.signed_areas.sum() / curves.polygons.signed_areas.sum()
     sizes = bytes_per_slice(curves, splines)
@@ -175,63 +153,10 @@ def measure_curves(curves: Curves, splines: Splines) -> dict:
     }
 
 
-def _window(curves: Curves) -> tuple[np.ndarray, tuple[int, int, int]]:
+def window_of(curves: Curves) -> tuple[np.ndarray, tuple[int, int, int]]:
     """Origin (k, i, j) and shape of the smallest stack that holds the curves, with a margin."""
     low = np.floor(curves.points.min(axis=0)).astype(int) - 2
     high = np.ceil(curves.points.max(axis=0)).astype(int) + 3
     first, last = int(curves.slice.min()), int(curves.slice.max())
     rows, columns = (int(n) for n in high - low)
     return np.array([first, *low]), (last - first + 1, rows, columns)
-
-
-def measure_corners(
-    curves: Curves,
-    corner: np.ndarray,
-    truth: np.ndarray | None = None,
-    origin: Sequence[int] | np.ndarray = (0, 0, 0),
-) -> dict[str, float]:
-    """Measure the splines whose control points are some of the curves' points (Definition 4).
-
-    Parameters
-    ----------
-    curves : Curves
-    corner : (P,) bool array
-        Which points are control points.
-    truth : (S, I, J) bool array, optional
-        Ground truth; the filled curves themselves by default.
-    origin : (3,) int, optional
-        Source index (k, i, j) of the truth's first pixel.
-
-    Returns
-    -------
-    dict
-        ``corners`` and their ``share`` of the boundary pixels; ``too_few``, the share of curves with fewer
-        corners than a closed cubic needs, which get evenly spaced points instead; ``corners_per_slice`` and
-        ``bytes_per_slice`` (two 32-bit numbers per corner, as the paper counts), both medians; equations
-        12-21 under their printed names as medians over slices and, with ``(whole)``, over all pixels of the
-        slices with organ; the standard definitions likewise. Rates are shares of the source volume's
-        whole slices.
-    """
-    if truth is None:
-        origin, shape = _window(curves)
-        truth = curves.rasterise(origin, shape)
-    slices, owner = np.unique(curves.slice, return_inverse=True)
-    rows, columns = (curves.frame.shape[axis] for axis in curves.frame.in_plane_axes)
-    beyond = rows * columns - truth.shape[1] * truth.shape[2]  # background outside the window
-    per_curve = sum_per_part(corner, curves.offsets)
-    per_slice = np.bincount(owner, per_curve, len(slices))
-    drawn = sample_splines(corner_splines(curves, corner))
-    counts = confusion(truth, drawn.rasterise(origin, truth.shape), axis=(1, 2))
-    inside = counts.take(slices - int(origin[0]))
-    each = replace(inside, tn=inside.tn + beyond)
-    whole = each.together()
-    row = {
-        "corners": int(corner.sum()),
-        "share": corner.sum() / len(corner),
-        "too_few": float(np.mean(per_curve < FEWEST)),
-        "corners_per_slice": float(np.median(per_slice)),
-        "bytes_per_slice": 8 * float(np.median(per_slice)),
-    }
-    row |= {name: float(np.nanmedian(values)) for name, values in (each.printed | each.standard).items()}
-    row |= {f"{name} (whole)": float(value) for name, value in (whole.printed | whole.standard).items()}
-    return row

@@ -13,14 +13,14 @@ from cccd.chaincode import chain_codes, on_pixel_chain
 from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
 from cccd.curves import corner_splines, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
-from cccd.curves.measures import SWEEP
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
-from cccd.metrics import confusion
 from cccd.settings.curves import CurveSettings
 from cccd_paper.comparisons.active_contour import seed_circle
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd_paper.comparisons.baselines.reconstructions import reconstruct
+from cccd_paper.comparisons.confusion import confusion
+from cccd_paper.comparisons.corner_measures import SWEEP
 from cccd_paper.comparisons.fuse import (
     ORDERS,
     closed_spline,

@@ -11,12 +11,13 @@ import pandas as pd
 
 from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
 from cccd.curves import corner_splines, sample_splines
-from cccd.curves.corners import CRITERIA, DETECTORS, k_cosine_corners
-from cccd.curves.measures import measure_corners
+from cccd.curves.corners import CRITERIA, k_cosine_corners
 from cccd.geometry.arrays import split_ragged
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
+from cccd_paper.comparisons.chain_corners import DETECTORS
+from cccd_paper.comparisons.corner_measures import measure_corners
 from cccd_paper.comparisons.paper_k import OUTLINES
 from cccd_paper.comparisons.parameters import (
     BEST_OF_GRID,
@@ -60,7 +61,7 @@ def compare_k(
     DataFrame
         One row per detector, for the k-cosine per criterion and k, for the others per set of ``parameters``
         (its defaults, and the best of a grid on training phantoms): ``detector``, ``criterion``, ``k``,
-        ``parameters`` and their ``values``, what `cccd.curves.measures.measure_corners` says, ``ms`` of
+        ``parameters`` and their ``values``, what `measure_corners` says, ``ms`` of
         processor time for the corners of all curves, and how often corners are found again under
         ``rotation``, ``scale`` and ``noise``, 0 to 1 (`cccd_paper.comparisons.repeatability.repeatability`,
         means over their amounts).

@@ -14,9 +14,9 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 from cccd.containers import Curves, Frame
-from cccd.curves.corners import DETECTORS
 from cccd.geometry.raster import rasterise
 from cccd.tracing import trace_stack
+from cccd_paper.comparisons.chain_corners import DETECTORS
 
 __all__ = ["CHANGES", "Detector", "repeatability"]
 

@@ -12,7 +12,7 @@ from cccd.containers import Curves, Splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines, sample_splines
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.geometry.bsplines import DEGREE, closed_knots, open_knots
+from cccd.geometry.closed_splines import DEGREE
 from cccd.geometry.mesh import Mesh
 from cccd.surface.flat_caps import fill_rim
 
@@ -143,8 +143,8 @@ def _around(net: FloatArray) -> FloatArray:
     """Points (S, P, 2) of closed cubic splines with control points (S, P, 2)."""
     count = net.shape[1]
     control = np.concatenate([net, net[:, :DEGREE]], axis=1).transpose(1, 0, 2)
-    at = np.arange(count) / count
-    return BSpline(closed_knots(count), control, DEGREE)(at).transpose(1, 0, 2)
+    knots = np.arange(-DEGREE, count + DEGREE + 1)
+    return BSpline(knots, control, DEGREE)(np.arange(count)).transpose(1, 0, 2)
 
 
 def _along(sections: FloatArray, slices: FloatArray) -> FloatArray:
@@ -152,8 +152,9 @@ def _along(sections: FloatArray, slices: FloatArray) -> FloatArray:
     degree = min(DEGREE, len(slices) - 1)
     heights = np.broadcast_to(slices[:, None, None], (*sections.shape[:2], 1))
     control = np.concatenate([sections, heights], axis=2)
-    at = np.linspace(0, 1, ALONG_SAMPLES * len(slices))
-    return np.asarray(BSpline(open_knots(len(slices), 1.0, degree), control, degree)(at))
+    inner = np.linspace(0, 1, len(slices) - degree + 1)
+    knots = np.concatenate([np.zeros(degree), inner, np.ones(degree)])
+    return np.asarray(BSpline(knots, control, degree)(np.linspace(0, 1, ALONG_SAMPLES * len(slices))))
 
 
 def _closed(sheet: FloatArray, ends: FloatArray) -> Mesh:

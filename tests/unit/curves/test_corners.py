@@ -1,20 +1,11 @@
 import numpy as np
 import pytest
+from support.known_curves import rectangle
 
 from cccd.containers import Curves
-from cccd.curves import corners
-from cccd.curves.corners import DETECTORS, k_cosine, k_cosine_corners, sharp_corners
+from cccd.curves.corners import k_cosine, k_cosine_corners, sharp_corners
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.tracing import trace_stack
-
-
-def rectangle(height, width, i=0, j=0):
-    """Pixel chain round a filled rectangle, corners at known indices."""
-    top = [(i, j + n) for n in range(width)]
-    right = [(i + n, j + width) for n in range(height)]
-    bottom = [(i + height, j + width - n) for n in range(width)]
-    left = [(i + height - n, j) for n in range(height)]
-    return np.array(top + right + bottom + left, float), [0, width, width + height, 2 * width + height]
 
 
 def circle(radius, frame):
@@ -79,41 +70,6 @@ def test_corners_thin_out_as_k_grows(blob):
     counts = [k_cosine_corners(curves.points, curves.offsets, k).sum() for k in (3, 5, 7, 12, 20)]
     assert all(np.diff(counts) < 0)
     assert counts[0] < len(curves.points) / 2
-
-
-@pytest.mark.parametrize("name", DETECTORS)
-def test_detectors_find_a_rectangle_s_corners_wherever_it_starts(name):
-    points, vertices = rectangle(40, 60)
-    for shift in (0, 17, 60):
-        moved = np.roll(points, -shift, axis=0)
-        found = DETECTORS[name](moved, np.array([0, len(points)]))
-        for vertex in points[vertices]:
-            assert np.linalg.norm(moved[found] - vertex, axis=1).min() == 0
-
-
-@pytest.mark.parametrize("name", [name for name in DETECTORS if name != "k-cosine"])
-def test_detectors_leave_straight_sides_alone(name):
-    points, vertices = rectangle(40, 60)
-    found = DETECTORS[name](points, np.array([0, len(points)]))
-    away = np.linalg.norm(points[found][:, None] - points[vertices][None], axis=2).min(axis=1)
-    assert away.max() == 0
-
-
-@pytest.mark.parametrize("name", DETECTORS)
-def test_detectors_treat_each_curve_alone(name, blob):
-    curves = blob(5, slices=3)[1]
-    together = DETECTORS[name](curves.points, curves.offsets)
-    alone = [DETECTORS[name](points, np.array([0, len(points)])) for points in curves]
-    assert np.array_equal(together, np.concatenate(alone))
-
-
-def test_cheng_hsu_and_weighted_curvature_of_a_right_angle():
-    points, vertices = rectangle(20, 20)
-    ring = corners.Ring(np.array([0, len(points)]))
-    turn = corners._turning(points, np.array([0, len(points)]))
-    assert np.abs(turn[vertices]).tolist() == [2, 2, 2, 2]  # 90 degrees
-    assert np.abs(turn).sum() == 8  # a closed curve turns once round
-    assert ring.at(-1)[0] == len(points) - 1
 
 
 def test_sharp_corners_are_corners_of_the_shape_not_of_the_grid(frame):

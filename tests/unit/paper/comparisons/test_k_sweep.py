@@ -6,10 +6,10 @@ import pytest
 from support.known_curves import bean
 
 from cccd.containers import Curves, Frame, Structure
-from cccd.curves.corners import DETECTORS
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
 from cccd.tracing import trace_mask
+from cccd_paper.comparisons.chain_corners import DETECTORS
 from cccd_paper.comparisons.k_sweep import OWN, _outline, compare_k, search_chain
 from cccd_paper.comparisons.parameters import (
     BEST_OF_GRID,

@@ -1,0 +1,74 @@
+"""What splines are worth whose control points are corners of their curves (Definition 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cccd.containers import Curves
+from cccd.curves import corner_splines, sample_splines
+from cccd.curves.knots import FEWEST
+from cccd.curves.measures import window_of
+from cccd.geometry.arrays import sum_per_part
+from cccd.settings.curves import CurveSettings
+from cccd_paper.comparisons.confusion import confusion
+
+__all__ = ["SWEEP", "measure_corners"]
+
+#: The k of the paper's figures 10-13.
+SWEEP = CurveSettings().sweep
+
+
+def measure_corners(
+    curves: Curves,
+    corner: np.ndarray,
+    truth: np.ndarray | None = None,
+    origin: Sequence[int] | np.ndarray = (0, 0, 0),
+) -> dict[str, float]:
+    """Measure the splines whose control points are some of the curves' points (Definition 4).
+
+    Parameters
+    ----------
+    curves : Curves
+    corner : (P,) bool array
+        Which points are control points.
+    truth : (S, I, J) bool array, optional
+        Ground truth; the filled curves themselves by default.
+    origin : (3,) int, optional
+        Source index (k, i, j) of the truth's first pixel.
+
+    Returns
+    -------
+    dict
+        ``corners`` and their ``share`` of the boundary pixels; ``too_few``, the share of curves with fewer
+        corners than a closed cubic needs, which get evenly spaced points instead; ``corners_per_slice`` and
+        ``bytes_per_slice`` (two 32-bit numbers per corner, as the paper counts), both medians; equations
+        12-21 under their printed names as medians over slices and, with ``(whole)``, over all pixels of the
+        slices with organ; the standard definitions likewise. Rates are shares of the source volume's
+        whole slices.
+    """
+    if truth is None:
+        origin, shape = window_of(curves)
+        truth = curves.rasterise(origin, shape)
+    slices, owner = np.unique(curves.slice, return_inverse=True)
+    rows, columns = (curves.frame.shape[axis] for axis in curves.frame.in_plane_axes)
+    beyond = rows * columns - truth.shape[1] * truth.shape[2]  # background outside the window
+    per_curve = sum_per_part(corner, curves.offsets)
+    per_slice = np.bincount(owner, per_curve, len(slices))
+    drawn = sample_splines(corner_splines(curves, corner))
+    counts = confusion(truth, drawn.rasterise(origin, truth.shape), axis=(1, 2))
+    inside = counts.take(slices - int(origin[0]))
+    each = replace(inside, tn=inside.tn + beyond)
+    whole = each.together()
+    row = {
+        "corners": int(corner.sum()),
+        "share": corner.sum() / len(corner),
+        "too_few": float(np.mean(per_curve < FEWEST)),
+        "corners_per_slice": float(np.median(per_slice)),
+        "bytes_per_slice": 8 * float(np.median(per_slice)),
+    }
+    row |= {name: float(np.nanmedian(values)) for name, values in (each.printed | each.standard).items()}
+    row |= {f"{name} (whole)": float(value) for name, value in (whole.printed | whole.standard).items()}
+    return row

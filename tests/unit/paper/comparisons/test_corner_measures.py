@@ -1,0 +1,79 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from cccd.curves import corner_splines, sample_splines
+from cccd.curves.corners import k_cosine_corners
+from cccd.metrics import dice
+from cccd_paper.comparisons.corner_measures import measure_corners
+from cccd_paper.comparisons.repeatability import repeatability
+
+
+def sweep(curves, ks, *truth):
+    """Measure the splines of each criterion and k (Tables 2 and 3)."""
+    return pd.DataFrame(
+        {"criterion": criterion, "k": k}
+        | measure_corners(curves, k_cosine_corners(curves.points, curves.offsets, k, criterion), *truth)
+        for criterion in ("max", "min")
+        for k in ks
+    )
+
+
+def test_sweep_has_the_paper_s_shape(blob):
+    mask, curves = blob(6, slices=3, waves=0.2)
+    table = sweep(curves, (3, 5, 7, 12, 20), mask, (0, 0, 0)).set_index(["criterion", "k"])
+    assert len(table) == 10
+    sharpest, straightest = table.loc["max"], table.loc["min"]
+    for score in ("DSC", "JI", "ACC"):
+        assert sharpest[score].loc[[3, 5, 7]].min() > sharpest[score][12] > sharpest[score][20]
+        assert straightest[score][20] < sharpest[score][20]  # the minimum collapses earlier
+    assert sharpest["corners"].is_monotonic_decreasing
+    assert (table["ACC (whole)"] + table["MC (whole)"]).to_numpy() == pytest.approx(1)
+    assert (table["PRE"] == table["recall"]).all()
+
+    row = table.loc[("max", 5)]
+    corner = k_cosine_corners(curves.points, curves.offsets, 5)
+    filled = sample_splines(corner_splines(curves, corner)).rasterise((0, 0, 0), mask.shape)
+    assert row["DSC (whole)"] == pytest.approx(dice(mask, filled))
+    assert row["DSC"] == pytest.approx(np.median(dice(mask, filled, axis=(1, 2))))
+    slices_pixels = 3 * 420 * 420  # rates are shares of the source's whole slices
+    assert row["TP rate (whole)"] == pytest.approx(np.count_nonzero(mask & filled) / slices_pixels)
+
+
+def test_sweep_without_a_mask_takes_the_filled_curves(blob):
+    mask, curves = blob(6)
+    given = sweep(curves, (5,), mask, (0, 0, 0))
+    filled = sweep(curves, (5,))
+    assert filled["DSC (whole)"].to_numpy() == pytest.approx(given["DSC (whole)"].to_numpy())
+    assert filled["ACC (whole)"].to_numpy() == pytest.approx(given["ACC (whole)"].to_numpy())
+
+
+@pytest.fixture
+def star(curves_of):
+    """Outline with ten unmistakable corners."""
+    angle = np.linspace(0, 2 * np.pi, 10, endpoint=False) + 0.1
+    radius = np.where(np.arange(10) % 2, 90, 55)
+    return curves_of(150 + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+def test_repeatability_is_perfect_without_change_and_falls_with_noise(star):
+    table = repeatability(star, np.random.default_rng(0), rotations=(0,), scales=(), noises=(0, 2.0))
+    table = table.set_index(["detector", "change", "amount"])["repeatability"].unstack(["change", "amount"])
+    assert table["rotation", 0].to_numpy() == pytest.approx(1)
+    assert table["noise", 0].to_numpy() == pytest.approx(1)
+    assert (table["noise", 2.0] < 1).all()
+
+
+def test_repeatability_is_seeded(star):
+    tables = [
+        repeatability(star, np.random.default_rng(5), rotations=(30,), scales=(1.5,), noises=(0.3,))
+        for _ in range(2)
+    ]
+    assert tables[0].equals(tables[1])
+    assert tables[0]["repeatability"].between(0, 1).all()
+
+
+def test_corners_that_are_nowhere_are_not_counted_as_found_again(star):
+    nowhere = {"none": lambda points, offsets: np.zeros(len(points), bool)}
+    table = repeatability(star, np.random.default_rng(0), nowhere, rotations=(30,), scales=(), noises=())
+    assert table["repeatability"].isna().all()
