@@ -8,7 +8,7 @@ WRITERS = {
     ),
     "gii": Format("mesh (GIfTI)", "cccd.files.meshes.write_gii"),
     "glb": Format("mesh in metres, y up (binary glTF)", "cccd.files.gltf.write"),
-    "nii.gz": Format("label map on the scan's grid", "cccd.files.label_map.write"),
+    "nii.gz": Format("label map on the scan's grid", "cccd.files.meshes.write_label_map"),
     "obj": Format("mesh", "cccd.files.meshes.write_obj"),
     "ply": Format("mesh; every later step reads it", "cccd.files.meshes.write_ply"),
     "stl": Format("mesh", "cccd.files.meshes.write_stl"),

@@ -19,8 +19,7 @@ from cccd.containers import Curves, Frame, Sections, Structure
 from cccd.contours import trace_contours
 from cccd.geometry.arrays import FloatArray, IntArray, LabelArray
 from cccd.settings.surface import LoftSettings
-from cccd.surface.counts import warnings_of
-from cccd.surface.stack import interpolate_slices
+from cccd.surface.stack import interpolate_slices, warnings_of
 
 __all__ = [
     "LabelFields",

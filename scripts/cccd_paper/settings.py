@@ -6,8 +6,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, Field
 
-from cccd.settings.section import Section, setting
-from cccd.settings.validators import without_repeats
+from cccd.settings.section import Section, setting, without_repeats
 
 __all__ = [
     "ComparisonSettings",

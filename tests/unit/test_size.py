@@ -8,14 +8,14 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 19861,
+    "scripts/cccd": 19812,
     "scripts/cccd_calibration": 737,
     "scripts/cccd_datasets": 1777,
     "scripts/cccd_dicom": 1324,
     "scripts/cccd_junctions": 4002,
-    "scripts/cccd_labels": 2718,
+    "scripts/cccd_labels": 2717,
     "scripts/cccd_networks": 213,
-    "scripts/cccd_paper": 9593,
+    "scripts/cccd_paper": 9592,
     "scripts/cccd_segmentation": 1713,
     "scripts/cccd_shapes": 1495,
     "scripts/cccd_solids": 1980,

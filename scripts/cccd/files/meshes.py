@@ -1,7 +1,8 @@
-"""Triangle meshes in the formats of viewers and printers."""
+"""Triangle meshes in the formats of viewers and printers, and the label map of what they hold."""
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any, cast
 
@@ -10,14 +11,17 @@ from nibabel.gifti.gifti import GiftiCoordSystem, GiftiDataArray, GiftiImage, Gi
 from scipy.spatial import cKDTree
 
 from cccd.files.options import ExportOptions
-from cccd.files.stl import binary_stl
 from cccd.geometry._vtk import xml_of
 from cccd.geometry.arrays import IntArray
+from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import write_ply as write_mesh
+from cccd.geometry.raster import voxelise
+from cccd.inputs.annotation import fill_mask
+from cccd.inputs.nifti_export import write_nifti
 from cccd.settings.formats import NOTE
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["write_gii", "write_obj", "write_ply", "write_stl", "write_vtp"]
+__all__ = ["binary_stl", "write_gii", "write_label_map", "write_obj", "write_ply", "write_stl", "write_vtp"]
 
 #: NIfTI's code of the scanner's space.
 _SCANNER = 1
@@ -84,3 +88,26 @@ def write_gii(path: Path, surface: LoftedSurface, options: ExportOptions) -> Non
     about = GiftiMetaData({"Name": options.organ, "Description": NOTE})
     image = cast(Any, GiftiImage(meta=about, darrays=[points, triangles]))
     path.write_bytes(image.to_xml())
+
+
+def binary_stl(mesh: Mesh, note: str) -> bytes:
+    """Write a mesh as binary STL, in its own unit and frame, of which a note of at most 80 letters tells.
+
+    A binary STL must not begin with "solid": readers would take it for text.
+    """
+    corners = mesh.vertices[mesh.faces]
+    table = np.zeros(len(corners), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    table["normal"] = mesh.unit_normals
+    table["corners"] = corners
+    head = note.encode("ascii", "replace").removeprefix(b"solid")[:80].ljust(80)
+    return head + struct.pack("<I", len(corners)) + table.tobytes()
+
+
+def write_label_map(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
+    """Write the voxels inside as 1; slices that were drawn, where only some were, as they were drawn."""
+    frame = surface.frame.of_file
+    if options.drawn is None:
+        mask = voxelise(surface.mesh, frame.affine, frame.shape)
+    else:
+        mask = fill_mask(options.drawn, surface.mesh, whole=True)
+    write_nifti(path, mask.astype(np.uint8), frame.affine)

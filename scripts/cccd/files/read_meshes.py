@@ -72,7 +72,7 @@ def read_mesh(path: str | Path) -> MeshFile:
     Examples
     --------
     >>> import tempfile
-    >>> from cccd.files.stl import binary_stl
+    >>> from cccd.files.meshes import binary_stl
     >>> corner = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
     >>> tetrahedron = Mesh(corner, np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]))
     >>> path = Path(tempfile.mkdtemp()) / "solid.stl"

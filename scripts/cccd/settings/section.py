@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-__all__ = ["Section", "setting"]
+__all__ = ["Section", "setting", "without_repeats"]
 
 _T = TypeVar("_T")
 
@@ -131,3 +131,11 @@ def _read_text(text: str) -> Any:
         except ValueError:
             continue
     return text
+
+
+def without_repeats(values: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names; refuse any that comes twice."""
+    repeated = sorted({name for name in values if values.count(name) > 1})
+    if repeated:
+        raise ValueError(f"{', '.join(repeated)} stands there twice")
+    return values

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import AfterValidator
 
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS
-from cccd.settings.section import Section, setting
-from cccd.settings.validators import without_repeats
+from cccd.settings.section import Section, setting, without_repeats
 
 __all__ = ["LoftSettings", "TetrahedraSettings"]
 

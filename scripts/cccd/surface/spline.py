@@ -23,10 +23,9 @@ from cccd.surface.control_mesh import (
     open_edges,
     with_caps,
 )
-from cccd.surface.counts import counts, warnings_of
 from cccd.surface.smooth_mesh import cut_at_ends, moved_to_ends, smooth_mesh, volume_between
 from cccd.surface.spline_fit import Target, fit_spline
-from cccd.surface.stack import CONTROL_BYTES, SliceStack
+from cccd.surface.stack import CONTROL_BYTES, SliceStack, counts, warnings_of
 from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import CONTROL_POINT_PIXELS
 

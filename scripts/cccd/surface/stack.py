@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
@@ -11,6 +13,7 @@ from scipy import ndimage
 from cccd.bands.signs import Slices
 from cccd.containers import Annotation, Frame, Sections
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray, SingleArray
+from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
 from cccd.surface.borders import Borders, find_borders
 from cccd.surface.levels import levels_of_slices
@@ -18,7 +21,7 @@ from cccd.surface.moving_branches import SAME_HEIGHT, move_branches
 from cccd.surface.sampled import SampledDistance
 from cccd.surface.undrawn import ends_by_guides, guide_lines, guides_reach, shape_undrawn
 
-__all__ = ["SliceStack", "interpolate_slices", "label_parts"]
+__all__ = ["SliceStack", "counts", "interpolate_slices", "label_parts", "warnings_of"]
 
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
 CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
@@ -302,3 +305,35 @@ def _voxel_faces(mask: BoolArray) -> IntArray:
     """Faces (3,) between voxels inside and outside, by axis: the vertices of marching cubes on the stack."""
     padded = np.pad(mask, 1)
     return np.array([np.count_nonzero(np.diff(padded, axis=axis)) for axis in range(3)])
+
+
+def counts(mesh: Mesh, stack: SliceStack) -> dict[str, Any]:
+    """Count what a closed mesh has, as plain JSON."""
+    volumes = mesh.piece_volumes
+    return {
+        "vertices": len(mesh.vertices),
+        "triangles": len(mesh.faces),
+        "bodies": int(np.count_nonzero(volumes > 0)),
+        "cavities": int(np.count_nonzero(volumes < 0)),
+        "cut_ends": int(np.isfinite(stack.distance.ends).sum()),
+    }
+
+
+def warnings_of(stack: SliceStack) -> list[str]:
+    """Say what of the slices is not in the surface: parts and cavities smaller than a number of voxels."""
+    lines = [
+        _gone(verb, one, many, stack.left_out[one], stack.smallest_voxels)
+        for verb, one, many in (("dropped", "fragment", "fragments"), ("filled", "cavity", "cavities"))
+        if stack.left_out[one]
+    ]
+    return [*lines, *stack.warnings]
+
+
+def _gone(verb: str, one: str, many: str, volumes: Sequence[float], smallest_voxels: float) -> str:
+    """Report what of some mm^3 each went as smaller than a number of voxels."""
+    total = np.format_float_positional(sum(volumes), 3, fractional=False, trim="-")
+    count, volume = len(volumes), f"{total} mm³" + (" in total" if len(volumes) > 1 else "")
+    return (
+        f"{verb} {count} {one if count == 1 else many} smaller than {smallest_voxels:g} voxels ({volume}); "
+        "lower surface.smallest_part_voxels to keep them"
+    )

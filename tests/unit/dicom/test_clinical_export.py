@@ -9,7 +9,7 @@ from support.scans import affine_of, dicom_affine, full, grey, inside, row, sett
 
 from cccd.containers import Frame
 from cccd.errors import InputError
-from cccd.files import label_map
+from cccd.files.meshes import write_label_map
 from cccd.files.options import ExportOptions
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
@@ -81,13 +81,13 @@ def test_label_map_is_read_back(tmp_path):
     frame = frame_around(CENTRE)
     mesh = ball_mesh(CENTRE)
     name = "out.nii.gz"
-    label_map.write(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
+    write_label_map(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
     image = nib.load(tmp_path / name)
     np.testing.assert_allclose(image.affine, frame.affine, atol=1e-5)
     structure = load_structure(row(mask=name, label="1"), tmp_path, settings())
     np.testing.assert_array_equal(full(structure), whole_grid(mesh, frame))
     first = (tmp_path / name).read_bytes()
-    label_map.write(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
+    write_label_map(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
     assert (tmp_path / name).read_bytes() == first
 
 
