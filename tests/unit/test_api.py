@@ -61,18 +61,6 @@ def test_no_configuration_is_the_default_one(surface):
     assert given.vertices.tobytes() == surface.vertices.tobytes()
 
 
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="there is no /proc")
-def test_where_nothing_can_be_written_one_line_says_so(surface):
-    with pytest.raises(cccd.InputError, match=r"/proc/a\.ply: the folder /proc is not writable; give"):
-        surface.write("/proc/a.ply")
-
-
-def test_a_folder_in_a_file_s_place_is_refused(surface, tmp_path):
-    (tmp_path / "a.ply").mkdir()
-    with pytest.raises(cccd.InputError, match=r"a\.ply: that is a folder"):
-        surface.write(tmp_path / "a.ply")
-
-
 def test_any_number_of_threads_gives_the_same_bits():
     """OpenBLAS's kernels for AVX2 share a product among threads at places that depend on their number."""
     code = """

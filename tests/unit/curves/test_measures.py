@@ -70,12 +70,6 @@ def test_describing_curves_gives_all_parts(blob, method):
         assert np.array_equal(fitted.splines.control_points, fitted.corners)
 
 
-def test_a_budget_in_the_settings_is_kept(blob):
-    curves = blob(2)[1]
-    splines = describe_curves(curves, CurveSettings(max_control_points=15)).splines
-    assert np.diff(splines.offsets).tolist() == [15, 15]
-
-
 def test_drawn_contours_have_splines_but_no_chain_codes(frame):
     angle = np.linspace(0, 2 * np.pi, 80, endpoint=False)
     ellipse = 100 + np.column_stack([50 * np.cos(angle), 30 * np.sin(angle)])

@@ -68,18 +68,13 @@ def test_glb_is_in_metres_with_y_up(surface, tmp_path):
     assert scene.bounds == pytest.approx(expected, abs=1e-6)
 
 
-def test_vtp_says_its_frame(surface, tmp_path):
+def test_vtp_says_its_frame_and_has_curvature_and_the_body_at_its_vertices(surface, tmp_path):
     pyvista = pytest.importorskip("pyvista")
     write_surface(tmp_path / "surface.vtp", surface)
     mesh = pyvista.read(tmp_path / "surface.vtp")
     assert mesh.n_points == len(surface.vertices)
     assert list(mesh.field_data["Space"]) == ["RAS"]
-
-
-def test_vtp_has_curvature_and_the_body_at_its_vertices(surface, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
-    write_surface(tmp_path / "surface.vtp", surface)
-    values = pyvista.read(tmp_path / "surface.vtp").point_data
+    values = mesh.point_data
     assert set(np.unique(values["body"])) == set(range(len(surface.bodies)))
     assert np.median(values["curvature"]) > 0
 

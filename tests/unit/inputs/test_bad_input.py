@@ -53,62 +53,30 @@ def refused(folder, *parts, columns=None, **changes):
 # volumes --------------------------------------------------------------------------------------------
 
 
-def nothing_there(folder):
-    write_nifti(folder / "msak.nii", MASK, affine_of())
+def nifti(values, affine=None, name="mask.nii"):
+    """Writes a volume of these values."""
+    return lambda folder: write_nifti(folder / name, values, affine_of() if affine is None else affine)
 
 
-def no_folder(folder):
-    folder.rmdir()
+def content(name, data):
+    """Writes a file of these bytes."""
+    return lambda folder: (folder / name).write_bytes(data)
 
 
-def truncated_gz(folder):
-    write_nifti(folder / "full.nii.gz", MASK, affine_of())
-    content = (folder / "full.nii.gz").read_bytes()
-    (folder / "mask.nii.gz").write_bytes(content[: len(content) // 2])
+def cut(name, keep):
+    """Writes the first bytes of a whole volume: so many, or a share."""
 
+    def write(folder):
+        whole = write_nifti(folder / f"full.{name}", MASK, affine_of()).read_bytes()
+        (folder / name).write_bytes(whole[: keep if keep > 1 else int(keep * len(whole))])
 
-def truncated(folder):
-    write_nifti(folder / "full.nii", MASK, affine_of())
-    (folder / "mask.nii").write_bytes((folder / "full.nii").read_bytes()[:5000])
-
-
-def text_called_nii(folder):
-    (folder / "mask.nii").write_text("this is not a scan")
-
-
-def text_called_gz(folder):
-    (folder / "mask.nii.gz").write_text("this is not a scan")
-
-
-def empty_file(folder):
-    (folder / "mask.nii").write_bytes(b"")
-
-
-def not_an_image(folder):
-    (folder / "mask.nrrd").write_text("NRRD0004\ntype: banana\n")
+    return write
 
 
 def a_picture(folder):
     import matplotlib.image
 
     matplotlib.image.imsave(folder / "mask.png", np.random.default_rng(0).random((9, 9, 3)))
-
-
-def a_spreadsheet(folder):
-    (folder / "mask.xlsx").write_bytes(b"PK\x03\x04 not a scan")
-
-
-def four_dimensions(folder):
-    write_nifti(folder / "mask.nii", np.stack([MASK, MASK], axis=-1), affine_of())
-
-
-def two_dimensions(folder):
-    write_nifti(folder / "mask.nii", MASK[:, :, 5], affine_of())
-
-
-def colours(folder):
-    pixels = np.zeros(MASK.shape, [("R", "u1"), ("G", "u1"), ("B", "u1")])
-    write_nifti(folder / "mask.nii", pixels, affine_of())
 
 
 def zero_spacing(folder):
@@ -119,96 +87,88 @@ def zero_spacing(folder):
     (folder / "mask.nii").write_bytes(bytes(header))
 
 
-def not_a_number_in_the_affine(folder):
-    affine = affine_of()
-    affine[0, 3] = np.nan
-    write_nifti(folder / "mask.nii", MASK, affine)
-
-
-def sheared(folder):
-    affine = affine_of()
-    affine[0, 1] += 0.5
-    affine[1, 2] += 1.0
-    affine[2, 0] += 0.5
-    write_nifti(folder / "mask.nii", MASK, affine)
-
-
-def empty_mask(folder):
-    write_nifti(folder / "mask.nii", MASK * 0, affine_of())
-
-
-def not_a_number_in_the_mask(folder):
-    values = MASK.astype(np.float32)
-    values[3, 3, 3] = np.nan
-    write_nifti(folder / "mask.nii", values, affine_of())
-
-
-def a_scan_as_mask(folder):
-    write_nifti(folder / "mask.nii", grey(MASK > 0).astype(np.float32) + np.float32(0.25), affine_of())
-
-
-def negative_only(folder):
-    write_nifti(folder / "mask.nii", -MASK.astype(np.int16), affine_of())
-
-
 def a_folder_without_masks(folder):
     (folder / "mask").mkdir()
     (folder / "mask" / "readme.txt").write_text("nothing")
 
 
-def percent(folder):
-    write_nifti(folder / "mask.nii", MASK * np.linspace(1, 99.5, 14).astype(np.float32), affine_of())
+def changed(array, at, value):
+    array = array.astype(float)
+    array[at] = value
+    return array
 
 
-def in_micrometres(folder):
-    write_nifti(folder / "mask.nii", MASK, affine_of(spacing=(1500.0, 1200.0, 4000.0)))
-
-
-def a_surface(folder):
-    (folder / "mask.stl").write_text("solid a\nendsolid a\n")
-
-
-def a_table(folder):
-    (folder / "mask.tsv").write_text("case\torgan\tmask\n")
-
-
-def properties_of_a_scan(folder):
-    (folder / "mask.pkl").write_bytes(b"")
-
-
+PERCENT = MASK * np.linspace(1, 99.5, 14).astype(np.float32)
+SHEAR = np.array([[0, 0.5, 0, 0], [0, 0, 1.0, 0], [0.5, 0, 0, 0], [0, 0, 0, 0]])
+COLOURS = np.zeros(MASK.shape, [("R", "u1"), ("G", "u1"), ("B", "u1")])
+HOLE = changed(MASK, (3, 3, 3), np.nan).astype(np.float32)
+SCAN = grey(MASK > 0).astype(np.float32) + np.float32(0.25)
+TEXT = b"this is not a scan"
+#: What is written, as what the row names it, and what the line says.
 VOLUMES = {
-    percent: ("mask.nii", ["0 to ", "are neither labels nor probabilities", "from 0 to 1"]),
-    in_micrometres: ("mask.nii", ["voxels 1500 x 1200 x 4000 mm", "give millimetres in the header"]),
-    a_surface: ("mask.stl", ["a surface, not a volume", "give the mask from which it was made"]),
-    a_table: ("mask.tsv", ["a table, not a volume", "cohort sheet"]),
-    properties_of_a_scan: ("mask.pkl", ["give the .npz next to it"]),
-    nothing_there: ("mask.nii", ["there is no mask.nii", "did you mean 'msak.nii'?"]),
-    no_folder: ("mask.nii", ["nor its folder"]),
-    truncated_gz: ("mask.nii.gz", ["damaged or truncated"]),
-    truncated: ("mask.nii", ["mask.nii: "]),
-    text_called_nii: ("mask.nii", ["not a readable NIfTI"]),
-    text_called_gz: ("mask.nii.gz", ["mask.nii.gz: "]),
-    empty_file: ("mask.nii", ["mask.nii: "]),
-    not_an_image: ("mask.nrrd", ["not a readable volume"]),
-    a_picture: ("mask.png", ["colour"]),
-    a_spreadsheet: ("mask.xlsx", ["not a readable volume"]),
-    four_dimensions: ("mask.nii", ["not a 3-D volume (44 x 38 x 14 x 2)"]),
-    two_dimensions: ("mask.nii", ["not a 3-D volume (44 x 38)"]),
-    colours: ("mask.nii", ["colour"]),
-    zero_spacing: ("mask.nii", ["no extent (1.5 x 1.2 x 0 mm)"]),
-    not_a_number_in_the_affine: ("mask.nii", ["affine is not finite"]),
-    sheared: ("mask.nii", ["at right angles"]),
-    empty_mask: ("mask.nii", ["the mask is empty"]),
-    not_a_number_in_the_mask: ("mask.nii", ["not finite"]),
-    a_scan_as_mask: ("mask.nii", ["neither labels nor probabilities"]),
-    negative_only: ("mask.nii", ["the mask is empty but for negative values (down to -1)"]),
-    a_folder_without_masks: ("mask", ["no masks in this folder"]),
+    "percent": (nifti(PERCENT), "mask.nii", ["0 to ", "are neither labels nor probabilities", "from 0 to 1"]),
+    "in micrometres": (
+        nifti(MASK, affine_of(spacing=(1500.0, 1200.0, 4000.0))),
+        "mask.nii",
+        ["voxels 1500 x 1200 x 4000 mm", "give millimetres in the header"],
+    ),
+    "a surface": (
+        content("mask.stl", b"solid a\nendsolid a\n"),
+        "mask.stl",
+        ["a surface, not a volume", "give the mask from which it was made"],
+    ),
+    "a table": (
+        content("mask.tsv", b"case\torgan\tmask\n"),
+        "mask.tsv",
+        ["a table, not a volume", "cohort sheet"],
+    ),
+    "properties of a scan": (content("mask.pkl", b""), "mask.pkl", ["give the .npz next to it"]),
+    "nothing there": (
+        nifti(MASK, name="msak.nii"),
+        "mask.nii",
+        ["there is no mask.nii", "did you mean 'msak.nii'?"],
+    ),
+    "no folder": (lambda folder: folder.rmdir(), "mask.nii", ["nor its folder"]),
+    "truncated gz": (cut("mask.nii.gz", 0.5), "mask.nii.gz", ["damaged or truncated"]),
+    "truncated": (cut("mask.nii", 5000), "mask.nii", ["mask.nii: "]),
+    "text called nii": (content("mask.nii", TEXT), "mask.nii", ["not a readable NIfTI"]),
+    "text called gz": (content("mask.nii.gz", TEXT), "mask.nii.gz", ["mask.nii.gz: "]),
+    "empty file": (content("mask.nii", b""), "mask.nii", ["mask.nii: "]),
+    "not an image": (
+        content("mask.nrrd", b"NRRD0004\ntype: banana\n"),
+        "mask.nrrd",
+        ["not a readable volume"],
+    ),
+    "a picture": (a_picture, "mask.png", ["colour"]),
+    "a spreadsheet": (content("mask.xlsx", b"PK\x03\x04 " + TEXT), "mask.xlsx", ["not a readable volume"]),
+    "four dimensions": (
+        nifti(np.stack([MASK, MASK], axis=-1)),
+        "mask.nii",
+        ["not a 3-D volume (44 x 38 x 14 x 2)"],
+    ),
+    "two dimensions": (nifti(MASK[:, :, 5]), "mask.nii", ["not a 3-D volume (44 x 38)"]),
+    "colours": (nifti(COLOURS), "mask.nii", ["colour"]),
+    "zero spacing": (zero_spacing, "mask.nii", ["no extent (1.5 x 1.2 x 0 mm)"]),
+    "an affine that is not finite": (
+        nifti(MASK, changed(affine_of(), (0, 3), np.nan)),
+        "mask.nii",
+        ["affine is not finite"],
+    ),
+    "sheared": (nifti(MASK, affine_of() + SHEAR), "mask.nii", ["at right angles"]),
+    "empty mask": (nifti(MASK * 0), "mask.nii", ["the mask is empty"]),
+    "a mask that is not finite": (nifti(HOLE), "mask.nii", ["not finite"]),
+    "a scan as mask": (nifti(SCAN), "mask.nii", ["neither labels nor probabilities"]),
+    "negative only": (
+        nifti(-MASK.astype(np.int16)),
+        "mask.nii",
+        ["the mask is empty but for negative values (down to -1)"],
+    ),
+    "a folder without masks": (a_folder_without_masks, "mask", ["no masks in this folder"]),
 }
 
 
-@pytest.mark.parametrize("make", VOLUMES, ids=lambda make: make.__name__)
-def test_bad_mask(tmp_path, make):
-    name, parts = VOLUMES[make]
+@pytest.mark.parametrize(("make", "name", "parts"), VOLUMES.values(), ids=VOLUMES)
+def test_bad_mask(tmp_path, make, name, parts):
     folder = tmp_path / "scans"
     folder.mkdir()
     make(folder)
@@ -416,16 +376,16 @@ def test_contours_across_the_slices(ward):
     drawn(ward, contours, "not parallel to the image's slices", image="dicom")
 
 
-def test_contours_without_area(tmp_path):
-    drawn(tmp_path, [circle(z)[:2] for z in range(5)], "encloses an area")
-
-
-def test_contours_without_area_in_many_directions(tmp_path):
-    drawn(tmp_path, [circle(z)[[z, z + 10]] for z in range(5)], "encloses an area")
-
-
-def test_one_contour_of_two_points(tmp_path):
-    drawn(tmp_path, [circle(0)[:2]], "encloses an area")
+@pytest.mark.parametrize(
+    "contours",
+    [
+        [circle(z)[:2] for z in range(5)],
+        [circle(z)[[z, z + 10]] for z in range(5)],  # in many directions
+        [circle(0)[:2]],
+    ],
+)
+def test_contours_without_area(tmp_path, contours):
+    drawn(tmp_path, contours, "encloses an area")
 
 
 def test_points_only(tmp_path):

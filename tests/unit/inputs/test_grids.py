@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from support.scans import affine_of, full, row, settings, write_itk, write_nifti
+from support.scans import affine_of, row, settings, write_itk, write_nifti
 
 from cccd.errors import InputError
 from cccd.inputs import load_structure
@@ -155,10 +155,3 @@ def test_crop_is_padding_and_cutting(first, size):
 def test_unusable_affines(affine):
     with pytest.raises(InputError, match=r"^scan\.nii: "):
         check_affine(affine, "scan.nii")
-
-
-def test_full_puts_the_crop_back(tmp_path):
-    mask = np.zeros((9, 9, 9), np.uint8)
-    mask[2:7, 3:8, 4:9] = 1
-    write_nifti(tmp_path / "mask.nii", mask, np.eye(4))
-    np.testing.assert_array_equal(full(load_structure(row(mask="mask.nii"), tmp_path, settings())), mask > 0)

@@ -84,11 +84,7 @@ def test_a_dent_is_found(stack):
 def test_a_missing_part_and_one_too_many_are_found(stack):
     one = sphere(stack)
     beside = sphere(stack, 3.0, (30.0, 30.0, 56.0))
-    both = Mesh(
-        np.concatenate([one.vertices, beside.vertices]),
-        np.concatenate([one.faces, beside.faces + len(one.vertices)]),
-    )
-    assert "has 2 parts, the slices imply 1" in problems(both, stack)
+    assert "has 2 parts, the slices imply 1" in problems(Mesh.joined([one, beside]), stack)
     two = stack_of(ball() | ball(centre=(8, 8, 52), radius=5.0))
     assert "has 1 part, the slices imply 2" in problems(sphere(two), two)
 
@@ -100,11 +96,7 @@ def test_another_volume_is_found(stack):
 def test_passing_through_itself_and_being_open_are_found(stack):
     one = sphere(stack)
     moved = Mesh(one.vertices + np.array([3.1, 0.7, 0.3]), one.faces)
-    both = Mesh(
-        np.concatenate([one.vertices, moved.vertices]),
-        np.concatenate([one.faces, moved.faces + len(one.vertices)]),
-    )
-    assert "intersects itself" in problems(both, stack)
+    assert "intersects itself" in problems(Mesh.joined([one, moved]), stack)
     assert "not closed" in problems(Mesh(one.vertices, one.faces[1:]), stack)
 
 
