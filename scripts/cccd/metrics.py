@@ -20,6 +20,9 @@ __all__ = [
     "surface_distances",
 ]
 
+#: Points at which normals are compared.
+ANGLES = 10_000
+
 
 def dice(
     truth: np.ndarray, predicted: np.ndarray, axis: int | tuple[int, ...] | None = None
@@ -101,17 +104,15 @@ def solid_dice(first: Mesh, second: Mesh) -> float | None:
     return None if shared is None else min(1.0, 2 * shared / (first.volume + second.volume))
 
 
-def normal_angles(
-    mesh: Mesh, truth: Mesh, rng: np.random.Generator, count: int = 10_000, *, is_smooth: bool = True
-) -> np.ndarray:
-    """Angles (count,) in degrees between a mesh's normals and the true surface's at the nearest points.
+def normal_angles(mesh: Mesh, truth: Mesh, rng: np.random.Generator, *, is_smooth: bool = True) -> np.ndarray:
+    """Angles (N,) in degrees between a mesh's normals and the true surface's at the nearest points.
 
     Points are uniform by area of the truth. A mesh's normal is that of the face nearest to the point; the
     true surface's is between those of its vertices, because its own faces are coarser than its shape. Where
     it is not ``is_smooth``, but a mesh like the other, its normal is its face's: equal meshes agree.
     """
-    face = rng.choice(len(truth.faces), count, p=truth.face_areas / truth.area)
-    weights = rng.dirichlet(np.ones(3), count)
+    face = rng.choice(len(truth.faces), ANGLES, p=truth.face_areas / truth.area)
+    weights = rng.dirichlet(np.ones(3), ANGLES)
     points = np.einsum("pc,pcx->px", weights, truth.vertices[truth.faces[face]])
     at_corners = truth.vertex_normals[truth.faces[face]] if is_smooth else truth.unit_normals[face][:, None]
     true = (weights[..., None] * at_corners).sum(axis=1)

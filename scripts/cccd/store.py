@@ -57,7 +57,6 @@ __all__ = [
     "read_boundaries",
     "read_compared",
     "read_conforming",
-    "read_contours",
     "read_curves",
     "read_drawn",
     "read_figure",
@@ -355,7 +354,7 @@ def read_annotation(path: str | Path) -> Annotation | None:
 
 def read_sections(contours: str | Path, structure: str | Path) -> Sections:
     """Read what a surface is lofted from: ``contours.h5``, and what ``structure.h5`` knows of its slices."""
-    return read_structure(structure).sections(read_contours(contours))
+    return read_structure(structure).sections(read_curves(contours))
 
 
 def read_drawn(path: str | Path) -> Structure | None:
@@ -412,11 +411,6 @@ def write_contours(path: str | Path, curves: Curves, report: Mapping[str, Any]) 
         _put_fields(file.create_group("ordered"), curves)
 
 
-def read_contours(path: str | Path) -> Curves:
-    """Read the ordered curves of ``contours.h5``."""
-    return read_curves(path)
-
-
 def write_curves(path: str | Path, fitted: FittedCurves) -> None:
     """Write ``curves.h5``: the ordered curves again, and what describes them beside them."""
     with _create(path) as file:
@@ -430,7 +424,7 @@ def write_curves(path: str | Path, fitted: FittedCurves) -> None:
 
 
 def read_curves(path: str | Path) -> Curves:
-    """Read the ordered curves of ``curves.h5``."""
+    """Read the ordered curves of ``contours.h5`` or ``curves.h5``."""
     with _open(path) as file:
         return _get_fields(file["ordered"], Curves)
 

@@ -36,7 +36,7 @@ UNREAD = (
 INPUTS = {
     "structure": Input(("structure.h5",), "cccd.store.read_compared"),
     "boundaries": Input(("boundaries.h5",), "cccd.store.read_boundaries"),
-    "contours": Input(("contours.h5",), "cccd.store.read_contours"),
+    "contours": Input(("contours.h5",), "cccd.store.read_curves"),
     "curves": Input(("curves.h5",), "cccd.store.read_curves"),
     "surface": Input(("surface.h5", "surface.ply"), "cccd.surface.surface.read_surface"),
     "model": Input(("gnn/model.pt",), "cccd_junctions.checkpoint.load_model", shared=True),

@@ -69,7 +69,7 @@ if re.search(r"[.]snakemake/scripts/tmp[^/]*[.]py$", " ".join(sys.orig_argv)):
 WRITERS = {
     "structure.h5": "store.write_structure(path, store.read_structure(done / 'structure.h5'))",
     "boundaries.h5": "store.write_boundaries(path, store.read_boundaries(done / 'boundaries.h5'))",
-    "contours.h5": "store.write_contours(path, store.read_contours(done / 'contours.h5'), {})",
+    "contours.h5": "store.write_contours(path, store.read_curves(done / 'contours.h5'), {})",
     "curves.h5": (
         "curves = store.read_curves(done / 'curves.h5'); from cccd.containers import FittedCurves; "
         "from cccd.chaincode import chain_codes; "
@@ -288,7 +288,7 @@ def test_a_full_disk_in_a_run(fresh_project, small_disk):
     [
         ("structure.h5", store.read_structure),
         ("boundaries.h5", store.read_boundaries),
-        ("contours.h5", store.read_contours),
+        ("contours.h5", store.read_curves),
         ("curves.h5", store.read_curves),
         ("curves.h5", store.read_splines),
         ("surface.h5", store.read_bodies),

@@ -54,44 +54,43 @@ def describe_curves(curves: Curves, settings: CurveSettings) -> FittedCurves:
 
 def _crossings(splines: Splines, wrong: np.ndarray) -> list[str]:
     """Say in one line which splines (C,) bool cross, and where."""
-    count = int(wrong.sum())
-    if not count:
-        return []
-    chosen = np.flatnonzero(wrong)[:_MOST_PLACES]
+    chosen = np.flatnonzero(wrong)
     at = [
         crossing_place(
             splines.control_points[slice(*splines.offsets[number : number + 2])],
             splines.knots[slice(*splines.knot_offsets[number : number + 2])],
         )
-        for number in chosen
+        for number in chosen[:_MOST_PLACES]
     ]
-    what = "1 curve crosses itself or another" if count == 1 else f"{count} curves cross themselves or others"
-    places = _places(splines.frame, splines.slice[chosen], np.array(at))
-    return [f"{what}, and so do the splines: {places}{' and so on' if count > _MOST_PLACES else ''}"]
+    one, many = "1 curve crosses itself or another", "curves cross themselves or others"
+    return _said(splines.frame, splines.slice[chosen], np.array(at), one, many, ", and so do the splines")
 
 
 def crossed_warnings(curves: Curves) -> list[str]:
     """Say in one line which given curves cross each other, and where."""
-    slices, at = crossed_curves(curves)
-    count = len(slices)
-    if not count:
-        return []
-    what = "2 curves cross each other" if count == 1 else f"{count} pairs of curves cross each other"
-    places = _places(curves.frame, slices[:_MOST_PLACES], at[:_MOST_PLACES])
-    return [f"{what}, and so do the splines: {places}{' and so on' if count > _MOST_PLACES else ''}"]
+    one, many = "2 curves cross each other", "pairs of curves cross each other"
+    return _said(curves.frame, *crossed_curves(curves), one, many, ", and so do the splines")
 
 
 def self_crossed_warnings(curves: Curves) -> list[str]:
     """Say in one line which given curves cross themselves, and where."""
     rings = [LinearRing(ring) for ring in curves.polygons]
     wrong = [number for number, ring in enumerate(rings) if not ring.is_simple]
-    if not wrong:
-        return []
-    what = "1 curve crosses itself" if len(wrong) == 1 else f"{len(wrong)} curves cross themselves"
     found = [explain_validity(Polygon(rings[number])) for number in wrong[:_MOST_PLACES]]
     at = np.array([[float(word) for word in line[line.index("[") + 1 : -1].split()] for line in found])
-    places = _places(curves.frame, curves.slice[wrong[:_MOST_PLACES]], at)
-    return [f"{what}: {places}{' and so on' if len(wrong) > _MOST_PLACES else ''}"]
+    return _said(curves.frame, curves.slice[wrong], at, "1 curve crosses itself", "curves cross themselves")
+
+
+def _said(
+    frame: Frame, slices: np.ndarray, points: np.ndarray, one: str, many: str, also: str = ""
+) -> list[str]:
+    """Write a line on what is wrong on slices (N,), with the places (N, 2) of the first."""
+    count = len(slices)
+    if not count:
+        return []
+    places = _places(frame, slices[:_MOST_PLACES], points[:_MOST_PLACES])
+    what = one if count == 1 else f"{count} {many}"
+    return [f"{what}{also}: {places}{' and so on' if count > _MOST_PLACES else ''}"]
 
 
 def _places(frame: Frame, slices: np.ndarray, points: np.ndarray) -> str:

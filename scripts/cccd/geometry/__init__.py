@@ -16,10 +16,8 @@ module             holds
 ``opencv``         OpenCV's operations on images, typed
 ``sections``       the loops in which a mesh meets parallel planes
 ``distance``       signed distances of masks, polygons and meshes
-``triangles``      single triangles, compiled: how far points are
 ``thickness``      `Lines` that meet a mesh, and how thick its walls are
 ``grid``           `ScalarGrid`: values on a grid and their isosurface
-``bsplines``       knots of B-splines
 ``closed_splines`` closed cubic curves, compiled: basis, pieces, values and derivatives
 =================  =================================================================================
 """

@@ -59,18 +59,16 @@ def check_count(count: int, limits: Limits, name: str, location: str) -> None:
         )
 
 
-def check_size(shape: Sequence[int], limits: Limits, location: str, slice_axis: int = -1) -> None:
+def check_size(shape: Sequence[int], limits: Limits, location: str) -> None:
     """Refuse a volume with more slices, larger slices or more voxels than the limits allow.
 
     Parameters
     ----------
     shape : sequence of int
-        Voxels along each axis, as a header says; axes of colours or times included.
+        Voxels along each axis, as a header says, the last across slices; axes of colours or times included.
     limits : Limits
     location : str
         What messages name.
-    slice_axis : int
-        The axis along which slices run.
 
     Raises
     ------
@@ -78,7 +76,7 @@ def check_size(shape: Sequence[int], limits: Limits, location: str, slice_axis: 
         Names the limit.
     """
     sizes = [int(size) for size in shape]
-    voxels, slices = math.prod(sizes), sizes[slice_axis] if sizes else 1
+    voxels, slices = math.prod(sizes), sizes[-1] if sizes else 1
     check_count(slices, limits, "slices", location)
     check_count(voxels // max(slices, 1), limits, "pixels", location)
     check_count(voxels, limits, "voxels", location)

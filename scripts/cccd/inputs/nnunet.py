@@ -21,7 +21,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.inputs.labels import choose_labels
-from cccd.inputs.limits import LIMITS, Limits, check_size
+from cccd.inputs.limits import LIMITS, check_size
 from cccd.inputs.readers import dataset_names, guarded
 
 __all__ = ["Classes", "read_classes"]
@@ -119,15 +119,13 @@ class Classes:
         return _BestTwo(label, best, second)
 
 
-def read_classes(path: Path, limits: Limits = LIMITS) -> Classes:
+def read_classes(path: Path) -> Classes:
     """Read nnU-Net's probabilities.
 
     Parameters
     ----------
     path : path
         The ``.npz``. Its ``.pkl`` lies beside it, ``dataset.json`` beside or above it.
-    limits : Limits
-        What the file may ask for.
 
     Raises
     ------
@@ -139,7 +137,7 @@ def read_classes(path: Path, limits: Limits = LIMITS) -> Classes:
         key = next((key for key in ("probabilities", "softmax") if key in held), None)
         if key is None:
             raise InputError(location, f"it contains {', '.join(held) or 'nothing'}, no probabilities", _HINT)
-        check_size(_promised_shape(held, key)[-3:], limits, location)
+        check_size(_promised_shape(held, key)[-3:], LIMITS, location)
         channels = held[key]
     if channels.ndim != 4 or not np.issubdtype(channels.dtype, np.floating):
         size = " x ".join(map(str, channels.shape))

@@ -161,10 +161,10 @@ def _relaxed(points: FloatArray, quads: IntArray, moving: BoolArray) -> FloatArr
     return points
 
 
-def on_caps(mesh: Mesh, ends: tuple[float, float], within: float = 0.0) -> BoolArray:
-    """Which triangles (F,) lie on one of two planes across z, all corners within so many mm of it."""
+def on_caps(mesh: Mesh, ends: tuple[float, float]) -> BoolArray:
+    """Which triangles (F,) lie on one of two planes across z."""
     height = mesh.vertices[mesh.faces, 2]
-    flat = [np.all(np.abs(height - end) <= within, axis=1) for end in ends]
+    flat = [np.all(height == end, axis=1) for end in ends]
     return np.asarray(np.any(flat, axis=0), np.bool_)
 
 

@@ -20,7 +20,6 @@ from cccd.tolerances import VOLUME_BIAS
 __all__ = [
     "SAMPLES",
     "Reference",
-    "control_bytes",
     "mask_surface",
     "measure_agreement",
     "measure_band",
@@ -166,7 +165,7 @@ def measure_surface(surface: LoftedSurface, structure: Structure) -> dict[str, A
     """Everything for ``metrics.json``: the mesh's figures, what the lofting reported, the bytes kept."""
     reported = {key: value for key, value in surface.report.items() if key not in _UNMEASURED}
     reference = Reference.of(structure) if _is_known(structure) else None
-    kept = control_bytes(surface)
+    kept = bodies_bytes(surface.bodies)
     compactness = {"compactness": reported["marching_cubes_bytes"] / kept} if kept else {}
     compared = {"reference": "mask" if structure.truth is None else "true surface"} if reference else {}
     return {
@@ -206,11 +205,6 @@ def measure_band(surface: LoftedSurface) -> dict[str, Any]:
         "outer_mean_mm": float(area @ band.outer / area.sum()),
         "band_extrapolated": band.extrapolated,
     }
-
-
-def control_bytes(surface: LoftedSurface) -> int:
-    """Bytes of what a surface is read off: its splines as stored; none where its walls are shared."""
-    return bodies_bytes(surface.bodies)
 
 
 def _normals(mesh: Mesh, structure: Structure) -> dict[str, float]:

@@ -15,8 +15,9 @@ from cccd.curves.corners import k_cosine_corners
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.metrics import dice
 from cccd.settings.surface import LoftSettings
+from cccd.store import bodies_bytes
 from cccd.surface import loft_surface
-from cccd.surface.measure import Reference, control_bytes, measure_agreement
+from cccd.surface.measure import Reference, measure_agreement
 from cccd.tracing import trace_mask
 from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import AUTOMATIC, TABLE_3
@@ -138,7 +139,7 @@ def _surface_of(
         **{name: figures.get(name, np.nan) for name in ("dice_3d", "assd_mm", "volume_bias")},
         "stack_bytes": STACK * (POINT_BYTES * points + PIXEL_COUNT_BYTES * len(curves)) / slices,
         "image_bytes": GREY_BYTES * STACK * rows * columns,
-        "net_bytes": control_bytes(surface),
+        "net_bytes": bodies_bytes(surface.bodies),
         "order_s": order_s,
         "curve_s": middle - begin,
         "surface_s": end - middle,

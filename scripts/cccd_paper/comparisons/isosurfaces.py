@@ -12,8 +12,9 @@ from cccd.containers import Curves, Structure
 from cccd.geometry.mesh import Mesh
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
+from cccd.store import bodies_bytes
 from cccd.surface import LoftedSurface
-from cccd.surface.measure import Reference, control_bytes, measure_mesh
+from cccd.surface.measure import Reference, measure_mesh
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES, Truth, tuned_rows
@@ -76,5 +77,5 @@ def _own_row(
 ) -> dict[str, Any]:
     """Measure our mesh in the bytes of the splines that it is read off."""
     figures = measure(surface.mesh)
-    size = {"bytes": control_bytes(surface), "mesh_bytes": figures["bytes"]}
+    size = {"bytes": bodies_bytes(surface.bodies), "mesh_bytes": figures["bytes"]}
     return {"method": "CCCD", "chosen": None, "setting": None, **figures, "seconds": seconds, **size}

@@ -12,7 +12,8 @@ import pandas as pd
 from cccd.containers import Frame, Structure
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
-from cccd.surface.measure import Reference, control_bytes, measure_mesh
+from cccd.store import bodies_bytes
+from cccd.surface.measure import Reference, measure_mesh
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES, Truth, tuned_rows
@@ -79,7 +80,7 @@ def _reconstructions(
     """Reconstruct thick slices by our way and by the baselines, each measured at full resolution."""
     surface, seconds = timed(reconstruct_mask, thick, lofting)
     ours = measure_mesh(surface.mesh, structure, reference=truth.reference, samples=SAMPLES)
-    sizes = {"seconds": seconds, "control_bytes": control_bytes(surface)}
+    sizes = {"seconds": seconds, "control_bytes": bodies_bytes(surface.bodies)}
     yield {"method": "CCCD", "chosen": None, "setting": None, **ours, **sizes}
     for family in FAMILIES.values():
         if family.available():

@@ -10,9 +10,8 @@ def closed(faces):
     return Mesh(np.zeros((int(faces.max()) + 1, 3)), faces).is_closed_manifold
 
 
-def together(first, second):
-    faces = np.vstack([first.faces, second.faces + len(first.vertices)])
-    return Mesh(np.vstack([first.vertices, second.vertices]), faces)
+def together(*parts):
+    return Mesh.joined(parts)
 
 
 def test_volume_area_and_bending_of_a_sphere():

@@ -160,84 +160,61 @@ class Trap:
         return print, ("ran",)
 
 
-def no_properties(folder):
-    (folder / "case.pkl").unlink()
+def properties(held):
+    """Writes other properties of the scan."""
+    return lambda folder: (folder / "case.pkl").write_bytes(pickle.dumps(held))
 
 
-def code_in_the_properties(folder):
-    (folder / "case.pkl").write_bytes(pickle.dumps({"sitk_stuff": Trap()}))
+def archive(**arrays):
+    """Writes other arrays in the probabilities' place."""
+    return lambda folder: np.savez(folder / "case.npz", **arrays)
 
 
-def properties_of_nothing(folder):
-    (folder / "case.pkl").write_bytes(pickle.dumps({"spacing": (1, 1, 1)}))
+def content(name, data):
+    return lambda folder: (folder / name).write_bytes(data)
 
 
-def properties_of_another_scan(folder):
-    with (folder / "case.pkl").open("rb") as file:
-        facts = pickle.load(file)
-    (folder / "case.pkl").write_bytes(pickle.dumps(facts | {"shape_before_cropping": (3, 4, 5)}))
-
-
-def not_a_number(folder):
-    with np.load(folder / "case.npz") as held:
-        values = held["probabilities"].copy()
-    values[0, 0, 0, 0] = np.nan
-    np.savez(folder / "case.npz", probabilities=values)
-
-
-def properties_are_text(folder):
-    (folder / "case.pkl").write_text("hello")
-
-
-def an_empty_archive(folder):
-    zipfile.ZipFile(folder / "case.npz", "w").close()
-
-
-def objects(folder):
-    np.savez(folder / "case.npz", probabilities=np.array([{}], object))
-
-
-def no_archive(folder):
-    (folder / "case.npz").write_bytes(b"not a zip")
-
-
-def logits(folder):
-    np.savez(folder / "case.npz", probabilities=np.full((2, 3, 4, 5), 7.5, np.float32))
-
-
-def another_array(folder):
-    np.savez(folder / "case.npz", data=np.zeros((2, 3)))
-
-
-def one_channel_of_numbers(folder):
-    np.savez(folder / "case.npz", probabilities=np.zeros((3, 4, 5), np.float32))
-
-
-def labels_are_no_json(folder):
-    (folder / "dataset.json").write_text("labels")
-
-
+with np.load(NNUNET / "case.npz") as whole:
+    HOLE = whole["probabilities"].copy()
+HOLE[0, 0, 0, 0] = np.nan
+ANOTHER = pickle.loads((NNUNET / "case.pkl").read_bytes()) | {"shape_before_cropping": (3, 4, 5)}
+NO_ARCHIVE = "no probabilities of nnU-Net"
 BAD = {
-    properties_of_another_scan: "voxels are not those of its .pkl",
-    not_a_number: "no probabilities between 0 and 1",
-    properties_are_text: "not nnU-Net's properties of a scan",
-    an_empty_archive: "it contains nothing, no probabilities",
-    objects: "no probabilities of nnU-Net",
-    no_properties: "case.pkl, which says where it lies, is not next to it",
-    code_in_the_properties: "it asks for builtins.print",
-    properties_of_nothing: "lacks the position of the probabilities",
-    no_archive: "no probabilities of nnU-Net",
-    logits: "no probabilities between 0 and 1",
-    another_array: "it contains data, no probabilities",
-    one_channel_of_numbers: "its probabilities are float32 of 3 x 4 x 5",
-    labels_are_no_json: "not nnU-Net's dataset.json",
+    "properties of another scan": (properties(ANOTHER), "voxels are not those of its .pkl"),
+    "not a number": (archive(probabilities=HOLE), "no probabilities between 0 and 1"),
+    "properties are text": (content("case.pkl", b"hello"), "not nnU-Net's properties of a scan"),
+    "an empty archive": (
+        lambda folder: zipfile.ZipFile(folder / "case.npz", "w").close(),
+        "it contains nothing, no probabilities",
+    ),
+    "objects": (archive(probabilities=np.array([{}], object)), NO_ARCHIVE),
+    "no properties": (
+        lambda folder: (folder / "case.pkl").unlink(),
+        "case.pkl, which says where it lies, is not next to it",
+    ),
+    "code in the properties": (properties({"sitk_stuff": Trap()}), "it asks for builtins.print"),
+    "properties of nothing": (
+        properties({"spacing": (1, 1, 1)}),
+        "lacks the position of the probabilities",
+    ),
+    "no archive": (content("case.npz", b"not a zip"), NO_ARCHIVE),
+    "logits": (
+        archive(probabilities=np.full((2, 3, 4, 5), 7.5, np.float32)),
+        "no probabilities between 0 and 1",
+    ),
+    "another array": (archive(data=np.zeros((2, 3))), "it contains data, no probabilities"),
+    "one channel of numbers": (
+        archive(probabilities=np.zeros((3, 4, 5), np.float32)),
+        "its probabilities are float32 of 3 x 4 x 5",
+    ),
+    "labels are no JSON": (content("dataset.json", b"labels"), "not nnU-Net's dataset.json"),
 }
 
 
-@pytest.mark.parametrize("spoil", BAD, ids=lambda spoil: spoil.__name__)
-def test_bad_nnunet_files_end_in_one_line(tmp_path, spoil, capsys):
+@pytest.mark.parametrize(("spoil", "said"), BAD.values(), ids=BAD)
+def test_bad_nnunet_files_end_in_one_line(tmp_path, spoil, said, capsys):
     spoil(copied(tmp_path))
-    with pytest.raises(InputError, match=BAD[spoil]) as caught:
+    with pytest.raises(InputError, match=said) as caught:
         load_structure(row(mask="case.npz", label="1"), tmp_path, settings())
     assert "\n" not in str(caught.value)
     assert "ran" not in capsys.readouterr().out

@@ -135,7 +135,7 @@ def test_doubtful_slices_are_listed_and_their_uncertainty_is_stored(tmp_path):
         curves.slice, curves.hole, 3, FRAME,
     )  # fmt: skip
     store.write_contours(tmp_path / "contours.h5", curves, report)
-    read = store.read_contours(tmp_path / "contours.h5")
+    read = store.read_curves(tmp_path / "contours.h5")
     codes = np.zeros(len(read.points), np.uint8)
     store.write_curves(
         tmp_path / "curves.h5", FittedCurves(read, codes, read.points, read.offsets, splines, {})
@@ -164,5 +164,5 @@ def test_traced_curves_have_no_uncertainty_and_the_decoder_alone_none_either(tmp
     assert curves.uncertainty is None
     assert doubtful_slices(report) == []
     store.write_contours(tmp_path / "contours.h5", curves, report)
-    assert isinstance(back := store.read_contours(tmp_path / "contours.h5"), Curves)
+    assert isinstance(back := store.read_curves(tmp_path / "contours.h5"), Curves)
     assert back.uncertainty is None
