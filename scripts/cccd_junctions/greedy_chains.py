@@ -7,12 +7,12 @@ import numpy as np
 from cccd.chaincode import DIRECTIONS
 from cccd.containers import Boundaries
 from cccd.geometry._jit import jit
-from cccd.geometry.arrays import owners_of
+from cccd.geometry.arrays import BoolArray, IntArray, owners_of
 
 __all__ = ["isolated_corners", "junction_pixels"]
 
 
-def _neighbours(boundaries: Boundaries) -> np.ndarray:
+def _neighbours(boundaries: Boundaries) -> IntArray:
     """Index (P, 8) of each boundary pixel's neighbours by Freeman code; -1 where there is none."""
     points = boundaries.points.astype(np.int64)
     if len(points) == 0:
@@ -27,7 +27,7 @@ def _neighbours(boundaries: Boundaries) -> np.ndarray:
     return np.where(key[order[found]] == wanted, order[found], -1)
 
 
-def junction_pixels(boundaries: Boundaries) -> np.ndarray:
+def junction_pixels(boundaries: Boundaries) -> BoolArray:
     """Boundary pixels (P,) bool with more than two neighbours (section 4.2).
 
     There the next link of a chain is not determined. A corner of a 4-connected staircase is a junction
@@ -36,7 +36,7 @@ def junction_pixels(boundaries: Boundaries) -> np.ndarray:
     return np.count_nonzero(_neighbours(boundaries) >= 0, axis=1) > 2
 
 
-def isolated_corners(boundaries: Boundaries) -> np.ndarray:
+def isolated_corners(boundaries: Boundaries) -> BoolArray:
     """Boundary pixels (P,) bool where a greedy chain code gets stuck (section 4.1, Figure 4).
 
     The walk starts at the first pixel of a slice in raster order, goes on to the neighbour of lowest
@@ -48,7 +48,7 @@ def isolated_corners(boundaries: Boundaries) -> np.ndarray:
 
 
 @jit
-def _greedy_dead_ends(neighbours):  # a walk is sequential by nature
+def _greedy_dead_ends(neighbours: IntArray) -> BoolArray:  # a walk is sequential by nature
     count = len(neighbours)
     visited = np.zeros(count, np.bool_)
     stuck = np.zeros(count, np.bool_)
