@@ -402,18 +402,24 @@ def test_a_threshold_is_called_one(image_alone, capsys, name, window):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["scan.nii.gz", "--threshold", "--label", "liver"], "a threshold does not find organs"),
-        (["scan.nii.gz", "--threshold", "--image", "liver.nii.gz"], "give only the image"),
-        (["scan.nii.gz", "--threshold", "--all-labels"], "has no labels"),
-        (["scan", "--all-labels"], "an image without a mask"),
-        (["scan.nii.gz", "--threshold", "150"], "'150' is not a range; give LOW:HIGH"),
-        (["scan.nii.gz", "--threshold", ":"], "is not a range"),
-        (["scan.nii.gz", "--threshold", "200:100"], "is not a range"),
-        (["scan.nii.gz", "--threshold", "3000:"], "no region between 3000"),
+        ("scan.nii.gz --threshold --label liver", "a threshold does not find organs"),
+        ("scan.nii.gz --threshold --image liver.nii.gz", "give only the image"),
+        ("scan.nii.gz --threshold --all-labels", "has no labels"),
+        ("scan --all-labels", "an image without a mask"),
+        ("scan.nii.gz --threshold 150", "'150' is not a range; give LOW:HIGH"),
+        ("scan.nii.gz --threshold :", "is not a range"),
+        ("scan.nii.gz --threshold 200:100", "is not a range"),
+        ("scan.nii.gz --threshold 3000:", "no region between 3000"),
+        ("scan.nii.gz --seed 1,2", "scan.nii.gz: seed '1,2' is not known; give a voxel 120,88,40 or a box"),
+        ("scan.nii.gz --seed 0,0,0", "lies in the background"),
+        ("scan.nii.gz --seed 99,0,0", "seed 99,0,0 lies outside the scan"),
+        ("scan.nii.gz --seed 3,3,3 --label liver", "a seed cannot be combined with a label"),
+        ("scan.nii.gz --seed 3,3,3 --threshold", "a seed cannot be combined with a threshold"),
+        ("scan.nii.gz --seed 3,3,3 --all-labels", "--seed: an image without a mask has no labels"),
     ],
 )
-def test_thresholds_that_cannot_be_meant(image_alone, capsys, arguments, words):
-    assert main(["surface", *arguments]) == 1
+def test_thresholds_and_seeds_that_cannot_be_meant(image_alone, capsys, arguments, words):
+    assert main(["surface", *arguments.split()]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
 
@@ -427,23 +433,6 @@ def test_a_seed_says_where_the_organ_is(image_alone, capsys, name):
     assert (made["organ"], made["files"]) == ("seeded", ["scan_seeded.ply"])
     assert made["volume_ml"] == pytest.approx(2.145, rel=0.06)
     assert any(f"no mask; the organ is grown from seed {middle}" in warning for warning in made["warnings"])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--seed", "1,2"], "scan.nii.gz: seed '1,2' is not known; give a voxel 120,88,40 or a box"),
-        (["--seed", "0,0,0"], "lies in the background"),
-        (["--seed", "99,0,0"], "seed 99,0,0 lies outside the scan"),
-        (["--seed", "3,3,3", "--label", "liver"], "a seed cannot be combined with a label"),
-        (["--seed", "3,3,3", "--threshold"], "a seed cannot be combined with a threshold"),
-        (["--seed", "3,3,3", "--all-labels"], "--seed: an image without a mask has no labels"),
-    ],
-)
-def test_seeds_that_cannot_be_meant(image_alone, capsys, arguments, words):
-    assert main(["surface", "scan.nii.gz", *arguments]) == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert words in line
 
 
 def test_what_cannot_be_referred_to_is_said_before_the_work(image_alone, capsys, monkeypatch):
