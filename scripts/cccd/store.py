@@ -217,7 +217,7 @@ def _put_fields(group: h5py.Group, value: object) -> None:
 
 def _put_value(group: h5py.Group, name: str, value: Any, kind: Any) -> None:
     if isinstance(value, Frame):
-        _put_frame(group.file, value)
+        _put_frame(cast(Any, group).file, value)
     elif isinstance(value, np.ndarray):
         _put(group, name, cast("npt.NDArray[Any]", value))
     elif _is_json(kind):
@@ -247,7 +247,7 @@ def _get_value(group: h5py.Group, name: str, kind: Any) -> Any:
     if isinstance(kind, UnionType):  # with None
         return _get_value(group, name, get_args(kind)[0]) if name in group else None
     if kind is Frame:
-        return _get_frame(group.file)
+        return _get_frame(cast(Any, group).file)
     if np.ndarray in (kind, get_origin(kind)):
         return _get(group, name)
     if _is_json(kind):
@@ -545,7 +545,7 @@ def write_view(path: str | Path, view: View) -> None:
     """Write ``view.h5``: small meshes, values at their vertices, flags of pixels, lines of the band."""
     with _create(path) as file:
         meshes = {
-            name: Mesh(mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
+            name: Mesh(cast(Any, mesh.vertices.astype(np.float32)), cast(Any, mesh.faces.astype(np.int32)))
             for name, mesh in view.meshes.items()
         }
         values = {name: column.astype(np.float32) for name, column in view.values.items()}

@@ -23,7 +23,8 @@ def _neighbours(boundaries: Boundaries) -> IntArray:
     key = (layer * height + points[:, 0]) * width + points[:, 1]
     order = np.argsort(key, kind="stable")
     wanted = key[:, None] + DIRECTIONS @ (width, 1)
-    found = np.minimum(np.searchsorted(key, wanted, sorter=order), len(key) - 1)
+    at: IntArray = np.searchsorted(key, wanted, sorter=order)
+    found = np.minimum(at, len(key) - 1)
     return np.where(key[order[found]] == wanted, order[found], -1)
 
 
