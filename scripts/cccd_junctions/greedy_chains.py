@@ -20,11 +20,10 @@ def _neighbours(boundaries: Boundaries) -> IntArray:
     points = points - points.min(axis=0) + 1
     height, width = points.max(axis=0) + 2
     layer = owners_of(boundaries.offsets)
-    key = (layer * height + points[:, 0]) * width + points[:, 1]
+    key: IntArray = (layer * height + points[:, 0]) * width + points[:, 1]
     order = np.argsort(key, kind="stable")
-    wanted = key[:, None] + DIRECTIONS @ (width, 1)
-    at: IntArray = np.searchsorted(key, wanted, sorter=order)
-    found = np.minimum(at, len(key) - 1)
+    wanted: IntArray = key[:, None] + DIRECTIONS @ (width, 1)
+    found = np.minimum(np.searchsorted(key, wanted, sorter=order), len(key) - 1)
     return np.where(key[order[found]] == wanted, order[found], -1)
 
 

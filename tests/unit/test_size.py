@@ -8,11 +8,11 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 19794,
+    "scripts/cccd": 19795,
     "scripts/cccd_calibration": 737,
     "scripts/cccd_datasets": 1777,
     "scripts/cccd_dicom": 1324,
-    "scripts/cccd_junctions": 4003,
+    "scripts/cccd_junctions": 4002,
     "scripts/cccd_labels": 2717,
     "scripts/cccd_networks": 213,
     "scripts/cccd_paper": 9595,
