@@ -22,7 +22,7 @@ def _neighbours(boundaries: Boundaries) -> IntArray:
     layer = owners_of(boundaries.offsets)
     key: IntArray = (layer * height + points[:, 0]) * width + points[:, 1]
     order = np.argsort(key, kind="stable")
-    wanted: IntArray = key[:, None] + DIRECTIONS @ (width, 1)
+    wanted = np.asarray(key[:, None] + DIRECTIONS @ (width, 1), np.int64)
     found = np.minimum(np.searchsorted(key, wanted, sorter=order), len(key) - 1)
     return np.where(key[order[found]] == wanted, order[found], -1)
 
