@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from cccd.containers import Frame
@@ -39,15 +40,15 @@ def fill_and_measure(
         Plain JSON: ``edge_mm`` and ``tolerance_mm`` as asked for, ``seconds``, what
         `measure_tetrahedra` and `assign_materials` find, ``warnings``.
     """
-    if settings.materials:
-        check_materials(settings.materials, organs, scans or {})
+    scans = scans or {}
+    rows = check_materials(settings.materials, organs, scans) if settings.materials else None
     began = time.perf_counter()
     filled = fill_organs(organs, settings, frames)
-    seconds = time.perf_counter() - began
+    seconds = round(time.perf_counter() - began, 1)
     edge, tolerance = sizes_in_mm(organs, settings)
-    report: dict[str, Any] = {"edge_mm": edge, "tolerance_mm": tolerance}
-    report["seconds"] = round(seconds, 1)
+    report: dict[str, Any] = {"edge_mm": edge, "tolerance_mm": tolerance, "seconds": seconds}
     report |= measure_tetrahedra(filled, organs)
-    filled, found = assign_materials(filled, scans or {}, settings.materials)
-    report |= found
+    if scans.keys() >= organs.keys():
+        filled, found = assign_materials(filled, scans, rows, Path(settings.materials or "").name)
+        report |= found
     return filled, {**report, "warnings": warnings_of(report)}

@@ -67,7 +67,7 @@ def unspoiled(vertices: FloatArray, moved: FloatArray, tetrahedra: IntArray) -> 
     before = radius_ratios(vertices[tetrahedra])
     kept = moved.copy()
     while True:
-        after = np.where(signed_volumes(kept, tetrahedra) > 0, radius_ratios(kept[tetrahedra]), 0.0)
+        after = np.where(signed_volumes(kept[tetrahedra]) > 0, radius_ratios(kept[tetrahedra]), 0.0)
         corners = np.unique(tetrahedra[after < LEAST_SHARE * before])
         if np.array_equal(kept[corners], vertices[corners]):
             return kept

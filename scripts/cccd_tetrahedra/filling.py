@@ -20,6 +20,7 @@ from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import TetrahedraSettings
 from cccd_tetrahedra.chords import balance_chords
+from cccd_tetrahedra.own_process import call
 from cccd_tetrahedra.quadratic import FACE_EDGES, curve_edges, quadratic_volumes
 from cccd_tetrahedra.shapes import FACES, signed_volumes
 
@@ -86,8 +87,8 @@ class TetrahedralMesh:
         Which of ``group_names`` a face is of.
     group_names : tuple of str
         ``wall``, ``cut``, with several organs ``wall_A``, ``cut_A``, and ``interface_A_B``.
-    enclosed : (R,) float64
-        Volume of the tetrahedra within each organ's surface, those of organs in it included.
+    inside : (N, R) bool
+        Which organs' surfaces hold a tetrahedron: several where one organ lies in another.
     middles : (N, 6) int64 or None
         Of quadratic tetrahedra the nodes in the middle of their edges (`cccd_tetrahedra.quadratic.EDGES`).
     boundary_edges, straight_edges : int
@@ -105,7 +106,7 @@ class TetrahedralMesh:
     sides: IntArray
     groups: IntArray
     group_names: tuple[str, ...]
-    enclosed: FloatArray
+    inside: BoolArray
     middles: IntArray | None = None
     boundary_edges: int = 0
     straight_edges: int = 0
@@ -133,7 +134,8 @@ class TetrahedralMesh:
     @cached_property
     def volumes(self) -> FloatArray:
         """Volume (N,) of each tetrahedron."""
-        return _volumes(self.vertices, self.tetrahedra, self.middles)
+        corners = self.vertices[self.nodes]
+        return signed_volumes(corners) if self.middles is None else quadratic_volumes(corners)
 
     def group(self, name: str) -> IntArray:
         """Return the faces (K, 3) of a group."""
@@ -190,7 +192,7 @@ def fill_organs(
             raise InputError(name, "the mesh is not closed: it encloses no volume", "export another format")
     _refuse_too_many(organs, *sizes_in_mm(organs, settings), settings.most)
     vertices, tetrahedra = _fill_box(organs, settings)
-    turned = signed_volumes(vertices, tetrahedra) < 0
+    turned = signed_volumes(vertices[tetrahedra]) < 0
     tetrahedra[turned] = tetrahedra[turned][:, (0, 2, 1, 3)]
     inside = _inside(vertices[tetrahedra].mean(axis=1), organs)
     regions = _least(inside, organs)
@@ -241,7 +243,7 @@ def _bounded(
     cut = np.zeros(len(sides), bool)
     for n, frame in ((n, frames[name]) for n, name in enumerate(names) if name in frames):
         own = (owners == n) & (beyond < 0)
-        cut[own] = _at_the_end_of(frame, vertices[triangles[own]])
+        cut[own] = _at_the_end_of(frame, Mesh(vertices, triangles[own]))
     keys = zip(owners.tolist(), beyond.tolist(), cut.tolist(), strict=True)
     group_names, groups = np.unique([_group(*key, names) for key in keys], return_inverse=True)
     if quadratic:
@@ -251,17 +253,9 @@ def _bounded(
         fixed = np.unique(triangles[cut])
         vertices = _balanced(vertices, tetrahedra, inside, organs, fixed)
         middles, counts = None, (0, 0)
-    enclosed = inside.T @ _volumes(vertices, tetrahedra, middles)
     named = tuple(group_names.tolist())
-    return TetrahedralMesh(
-        vertices, tetrahedra, regions, names, sides, groups, named, enclosed, middles, *counts
-    )
-
-
-def _volumes(vertices: FloatArray, tetrahedra: IntArray, middles: IntArray | None) -> FloatArray:
-    if middles is None:
-        return signed_volumes(vertices, tetrahedra)
-    return quadratic_volumes(vertices, tetrahedra, middles)
+    numbered = (regions, names, sides, groups, named)
+    return TetrahedralMesh(vertices, tetrahedra, *numbered, inside, middles, *counts)
 
 
 def _balanced(
@@ -287,14 +281,13 @@ def _fill_box(organs: Mapping[str, Mesh], settings: TetrahedraSettings) -> tuple
     import pytetwild  # an extra
 
     edge, tolerance = sizes_in_mm(organs, settings)
-    counts = np.cumsum([0, *(len(mesh.vertices) for mesh in organs.values())])
-    vertices = np.concatenate([mesh.vertices for mesh in organs.values()])
-    faces = np.concatenate([mesh.faces + n for mesh, n in zip(organs.values(), counts, strict=False)])
-    vertices, faces = _once(vertices, faces)
+    joined = Mesh.joined(list(organs.values()))
+    vertices, faces = _once(joined.vertices, joined.faces)
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    points, tetrahedra = cast(Any, pytetwild).tetrahedralize(
-        vertices,
-        faces.astype(np.int32),
+    points, tetrahedra = call(
+        cast(Any, pytetwild).tetrahedralize,
+        vertices=vertices,
+        faces=faces.astype(np.int32),
         edge_length_abs=edge,
         epsilon=tolerance / diagonal,
         stop_energy=ENERGY,
@@ -347,14 +340,13 @@ def _bounding_sides(tetrahedra: IntArray, regions: IntArray) -> tuple[IntArray, 
     return np.column_stack([kept // 4, kept % 4]), beyond[kept]
 
 
-def _at_the_end_of(frame: Frame, corners: FloatArray) -> BoolArray:
-    """Whether triangles (T, 3, 3) lie on a side of the scan's box, and face its way."""
+def _at_the_end_of(frame: Frame, faces: Mesh) -> BoolArray:
+    """Whether triangles (T,) lie on a side of the scan's box, and face its way."""
     frame = frame.of_file
     inverse = np.linalg.inv(frame.affine)
-    index = corners @ inverse[:3, :3].T + inverse[:3, 3]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
-    found = np.zeros(len(corners), bool)
+    index = (faces.vertices @ inverse[:3, :3].T + inverse[:3, 3])[faces.faces]
+    normal = faces.unit_normals
+    found = np.zeros(len(normal), bool)
     for axis, count in enumerate(frame.shape):
         along = normal @ (inverse[axis, :3] / np.linalg.norm(inverse[axis, :3]))
         for side, way in ((-0.5, -1), (count - 0.5, 1)):

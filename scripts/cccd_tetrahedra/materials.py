@@ -273,7 +273,7 @@ def check_materials(table: str, names: Iterable[str], scans: Mapping[str, Volume
 
 
 def assign_materials(
-    filled: TetrahedralMesh, scans: Mapping[str, Volume], table: str | None
+    filled: TetrahedralMesh, scans: Mapping[str, Volume], rows: Sequence[Row] | None, table: str = ""
 ) -> tuple[TetrahedralMesh, dict[str, Any]]:
     """Give tetrahedra the grey values of their organ's scan, and materials where there is a table.
 
@@ -282,8 +282,10 @@ def assign_materials(
     filled : TetrahedralMesh
     scans : mapping of str to Volume
         Each organ's scan.
-    table : str or None
-        File with the table of materials, see `read_table`.
+    rows : sequence of Row or None
+        See `read_table`.
+    table : str
+        The table's name, for messages.
 
     Returns
     -------
@@ -296,11 +298,8 @@ def assign_materials(
     Raises
     ------
     InputError
-        See `check_materials`, `mean_grey_values`, `bin_materials`.
+        See `mean_grey_values`, `bin_materials`.
     """
-    rows = check_materials(table, filled.names, scans) if table else None
-    if not all(name in scans for name in filled.names):
-        return filled, {}
     corners = filled.vertices[filled.tetrahedra]
     grey = np.empty(len(corners))
     report: dict[str, Any] = {"grey": {}}
@@ -309,9 +308,9 @@ def assign_materials(
         grey[own] = mean_grey_values(corners[own], scans[name])
         mean = float(np.average(grey[own], weights=filled.volumes[own]))
         report["grey"][name] = [float(grey[own].min()), mean, float(grey[own].max())]
-    if rows is None or table is None:
+    if rows is None:
         return replace(filled, grey=grey), report
-    materials, off = bin_materials(grey, filled.volumes, rows, MOST_MATERIALS, Path(table).name)
+    materials, off = bin_materials(grey, filled.volumes, rows, MOST_MATERIALS, table)
     young = [float(materials.young.min()), float(materials.young.max())]
     report |= {"materials": len(materials.young), "young_mpa": young, "young_error": off}
     return replace(filled, grey=grey, materials=materials), report

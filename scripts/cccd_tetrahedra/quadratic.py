@@ -14,6 +14,7 @@ from cccd.geometry.distance import nearest_points
 from cccd.geometry.mesh import Mesh
 from cccd.tolerances import TINY
 from cccd_tetrahedra.chords import unspoiled
+from cccd_tetrahedra.shapes import signed_volumes
 
 __all__ = ["EDGES", "FACE_EDGES", "Curved", "curve_edges", "jacobian_bounds", "quadratic_volumes"]
 
@@ -245,14 +246,12 @@ def jacobian_bounds(nodes: FloatArray) -> FloatArray:
     >>> bool(jacobian_bounds(nodes)[0, 0] < 0)
     True
     """
-    a, b, c, d = (nodes[:, n] for n in range(4))
-    straight = np.abs(np.einsum("nc,nc->n", b - a, np.cross(c - a, d - a)))
+    straight = 6 * np.abs(signed_volumes(nodes[:, :4]))
     found = _determinants(nodes)
     ends = np.column_stack([found.min(axis=1), found.max(axis=1)])
     return ends / np.maximum(straight, TINY)[:, None]
 
 
-def quadratic_volumes(vertices: FloatArray, corners: IntArray, middles: IntArray) -> FloatArray:
-    """Volume (N,) of quadratic tetrahedra, exactly: the mean of Bernstein's coefficients."""
-    nodes = np.concatenate([vertices[corners], vertices[middles]], axis=1)
+def quadratic_volumes(nodes: FloatArray) -> FloatArray:
+    """Volume (N,) of quadratic tetrahedra (N, 10, 3), exactly: the mean of Bernstein's coefficients."""
     return _determinants(nodes).mean(axis=1) / 6

@@ -48,9 +48,7 @@ def measure_tetrahedra(filled: TetrahedralMesh, organs: Mapping[str, Mesh]) -> d
         "tetrahedra": len(filled.tetrahedra),
         "vertices": len(filled.vertices),
         **curved,
-        "groups": {
-            name: int(np.count_nonzero(filled.groups == n)) for n, name in enumerate(filled.group_names)
-        },
+        "groups": dict(zip(filled.group_names, np.bincount(filled.groups).tolist(), strict=True)),
         "organs": {name: _measure_organ(filled, n, organs[name]) for n, name in enumerate(filled.names)},
     }
 
@@ -67,7 +65,7 @@ def _measure_organ(filled: TetrahedralMesh, region: int, surface: Mesh) -> dict[
     return {
         "tetrahedra": int(own.sum()),
         "volume_ml": volume / 1000,
-        "volume_ratio": float(filled.enclosed[region]) / surface.volume,
+        "volume_ratio": float(filled.volumes[filled.inside[:, region]].sum()) / surface.volume,
         "least_dihedral_deg": _low_end(dihedral_angles(corners).min(axis=1)),
         "radius_ratio": _low_end(radius_ratios(corners)),
         "scaled_jacobian": _low_end(scaled_jacobians(corners)),

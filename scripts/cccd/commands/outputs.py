@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cccd.console import millilitres
+from cccd.console import clock, millilitres
 from cccd.errors import EarlyWarning, InputError
 from cccd.store import check_writable
 
@@ -91,12 +91,13 @@ def write_with_band(
         files |= {with_name(path, side): moved for side, moved in surface.sides.items()}
     files |= {with_name(path, str(n)): sample for n, sample in enumerate(samples, 1)}
     for file, one in files.items():
-        one.write(
-            file,
-            contour_spacing_mm=settings.surface.contour_spacing_mm,
-            keep_patient=settings.surface.keep_patient,
-            settings=settings,
-        )
+        with clock(f"writing {file.name}"):
+            one.write(
+                file,
+                contour_spacing_mm=settings.surface.contour_spacing_mm,
+                keep_patient=settings.surface.keep_patient,
+                settings=settings,
+            )
     return list(files)
 
 
