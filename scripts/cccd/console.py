@@ -91,14 +91,12 @@ def clock(text: str) -> Iterator[None]:
     ended = threading.Event()
     with tqdm(desc=text, disable=None, leave=False, bar_format="{desc} {elapsed}") as line:
         ticking = threading.Thread(target=lambda: [line.refresh() for _ in iter(lambda: ended.wait(1), True)])
-        if not line.disable:
-            ticking.start()
+        ticking.start()
         try:
             yield
         finally:
             ended.set()
-            if not line.disable:
-                ticking.join()
+            ticking.join()
 
 
 def duration(seconds: float) -> str:

@@ -28,9 +28,6 @@ __all__ = [
     "write_with_band",
 ]
 
-#: What is said of triangles of one size.
-_UNIFORM = ("edge_mm", "chord_error_mm", "spline_ml")
-
 
 def plain_stem(path: Path) -> str:
     """Return a file's or folder's name without the suffix of its format."""
@@ -113,11 +110,7 @@ def describe_surface(surface: Surface, files: Sequence[Path], seconds: float) ->
         "size_mm": [round(length, 2) for length in surface.size],
         "pieces": surface.pieces,
         "triangles": len(surface.faces),
-        **{
-            name: surface.lofted.report["uniform"][name]
-            for name in _UNIFORM
-            if "uniform" in surface.lofted.report
-        },
+        **surface.lofted.report.get("uniform", {}),
         "control_points": surface.lofted.report["control_points"],
         "tetrahedra": surface.tetrahedra,
         "warnings": [*surface.warnings, *(line for one in surface.tetrahedra for line in one["warnings"])],

@@ -373,7 +373,7 @@ def _describe(volume: Volume) -> str:
 
 
 def existing(path: Path, column: str) -> Path:
-    """Refuse a path that does not exist, naming what its folder holds.
+    """Refuse a path that cannot be read, or does not exist, naming what its folder holds.
 
     Parameters
     ----------
@@ -384,9 +384,11 @@ def existing(path: Path, column: str) -> Path:
     Raises
     ------
     InputError
-        The path does not exist.
+        The path does not exist, or must not be read.
     """
     if path.exists():
+        if not os.access(path, os.R_OK):
+            raise InputError(column, f"you may not read {path.name}", "change its rights, or copy it")
         return path
     folder = path.parent
     if not folder.is_dir():

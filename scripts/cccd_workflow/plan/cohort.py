@@ -273,11 +273,11 @@ class PlannedCohort:
 def _missing(
     rows: list[dict[str, str]], folder: Path, remote: dict[str, RemoteFile]
 ) -> dict[StructureName, InputError]:
-    """Name the rows whose files are not there, and which were not imported before."""
+    """Name the rows whose files are not there or must not be read, and which were not imported before."""
     found: dict[StructureName, InputError] = {}
     for row in rows:
         named = [(column, folder / row[column]) for column in ("image", "mask", "boundary") if row[column]]
-        absent = [(column, path) for column, path in named if not path.exists() and near(path) not in remote]
+        absent = [one for one in named if near(one[1]) not in remote and not os.access(one[1], os.R_OK)]
         imported = Path("results", row["case"]).glob(f"{row['organ']}/structure.h5")
         if not absent or row["role"] == "train" or any(imported):
             continue

@@ -86,9 +86,8 @@ def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420
 
     stamp = PngInfo()
     with atomic_path(png_path) as temporary:
-        drawn = _render_with_vtk(Path(ply_path), temporary, pixels)
-        renderer: Renderer = "vtk" if drawn else "matplotlib"
-        if drawn:
+        renderer: Renderer = "vtk" if _render_with_vtk(Path(ply_path), temporary, pixels) else "matplotlib"
+        if renderer == "vtk":
             with Image.open(temporary) as opened:
                 picture = opened.convert("RGBA").reduce(_OVERSAMPLED)
         else:
@@ -151,7 +150,8 @@ def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
     window.size = len(VIEWS) * pixels, pixels
     window.AddRenderer(renderer)
     picture = vtk.vtkWindowToImageFilter(input=window, read_front_buffer=False, input_buffer_type=4)  # RGBA
-    vtkIOImage.vtkPNGWriter(file_name=png_path, input_connection=picture.output_port).Write()
+    fast = {"file_name": png_path, "compression_level": 0}  # it is read again, and written smaller
+    vtkIOImage.vtkPNGWriter(input_connection=picture.output_port, **fast).Write()
 
 
 # matplotlib, when VTK cannot -------------------------------------------------------------------------
