@@ -253,8 +253,7 @@ def _bounded(
         fixed = np.unique(triangles[cut])
         vertices = _balanced(vertices, tetrahedra, inside, organs, fixed)
         middles, counts = None, (0, 0)
-    named = tuple(group_names.tolist())
-    numbered = (regions, names, sides, groups, named)
+    numbered = (regions, names, sides, groups, tuple(group_names.tolist()))
     return TetrahedralMesh(vertices, tetrahedra, *numbered, inside, middles, *counts)
 
 

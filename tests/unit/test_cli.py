@@ -8,9 +8,11 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from threading import Thread
 
 import nibabel
 import numpy as np
+import psutil
 import pytest
 import trimesh
 from matplotlib.image import imread
@@ -19,7 +21,6 @@ from support import scans
 import cccd
 from cccd.cli import main
 from cccd.commands.outputs import print_surface
-from cccd.extras import EXTRAS
 from cccd.interruption import interruptible
 from cccd_labels.label_maps import colour_of
 from cccd_workflow.doctor import _extra
@@ -496,37 +497,28 @@ def test_a_folder_without_rights_is_refused(here, capsys):
     assert f"the folder {here} is not writable" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("suffix", "module", "extra"),
-    [("step", "OCP", "cad"), ("msh", "pytetwild", "fe"), ("dcm", "pydicom", "dicom")],
-)
-def test_a_format_whose_extra_is_missing_is_refused_before_anything_is_read(
-    here, capsys, monkeypatch, suffix, module, extra
-):
-    monkeypatch.setitem(sys.modules, module, None)
-    assert main(["surface", "nowhere.nii.gz", "-o", f"liver.{suffix}"]) != 0
-    said = capsys.readouterr().err.strip()
-    assert said.splitlines() == [said]
-    assert f"pip install '.[{extra}]'" in said
-
-
 def test_a_signal_is_heard_where_c_calls_back_as_compilers_do():
     callback = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGTERM))
     with pytest.raises(KeyboardInterrupt), interruptible():
         (callback(), time.sleep(5))
 
 
-def test_interrupting_leaves_nothing_half_written(here, capsys, monkeypatch):
-    def interrupted(self, path, **_):
-        from cccd.store import atomic_path
+def test_interrupting_ends_tetrahedra_at_once_and_leaves_nothing(here, capsys):
+    pytest.importorskip("pytetwild", reason="the extra fe is not installed")
+    (here / "fine.yaml").write_text(
+        "surface: {tetrahedra: {edge_mm: 1, tolerance_mm: .01, most: 10000000}}\n"
+    )
+    before, asked = files(here), []
 
-        with atomic_path(path) as temporary:
-            temporary.write_text("half")
-            raise KeyboardInterrupt
+    def interrupt():
+        while not psutil.Process().children():
+            time.sleep(0.2)
+        asked.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGTERM)
 
-    monkeypatch.setattr(cccd.Surface, "write", interrupted)
-    before = files(here)
-    assert main(["surface", "liver.nii.gz", "-o", "new/liver.ply"]) == 130
+    Thread(target=interrupt, daemon=True).start()
+    assert main(["surface", "liver.nii.gz", "-o", "new/liver.msh", "--configfile", "fine.yaml"]) == 143
+    assert time.monotonic() - asked[0] < 10
     assert capsys.readouterr().err.splitlines()[-1].startswith("Error: interrupted")
     assert files(here) == before
 
@@ -576,12 +568,6 @@ def test_options_of_a_surface_stand_in_groups(capsys):
     said = capsys.readouterr().out.splitlines()
     groups = ["what is read:", "what is written:", "all labels:", "the surface:"]
     assert [line for line in said if line in groups] == groups
-
-
-def test_a_seed_without_the_network_is_refused_before_anything_is_read(here, capsys, monkeypatch):
-    monkeypatch.setitem(EXTRAS, "gnn", ("no_such_module",))
-    assert main(["surface", "nowhere.nii.gz", "--seed", "1,2,3"]) == 1
-    assert capsys.readouterr().err.startswith("Error: --seed: no_such_module is not installed")
 
 
 def test_pieces_are_counted(here, capsys):

@@ -45,6 +45,7 @@ for one in asked:
 
 ORDERING = (
     "cccd surface maps.nii.gz --boundary",
+    "cccd surface nowhere.nii.gz --seed 1,2,3",
     "cccd.order(maps)",
     "cccd.reconstruct(cccd.read('maps.nii.gz', boundary=True))",
 )
