@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     import pyvista
     import SimpleITK as sitk  # noqa: N813
     import trimesh
-    from nibabel.spatialimages import SpatialImage
+    from nibabel.filebasedimages import FileBasedImage
 
 __all__ = [
     "ControlMesh",
@@ -457,7 +457,7 @@ def _warned(structure: Structure, level: int) -> Structure:
 @needing("cccd.reconstruct")
 @_one_thread
 def reconstruct(
-    organ: Structure | Curves | np.ndarray | SpatialImage | sitk.Image,
+    organ: Structure | Curves | np.ndarray | FileBasedImage | sitk.Image,
     affine: np.ndarray | None = None,
     *,
     spacing: Sequence[float] | None = None,

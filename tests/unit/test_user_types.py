@@ -16,12 +16,12 @@ from cccd.inputs.in_memory import array_of
 
 ROOT = Path(__file__).parents[2]
 LINES = """
+import nibabel
 import numpy as np
 
 import cccd
 
-structure = cccd.read("labels.nii.gz", 5)
-surface = cccd.reconstruct(structure)
+surface = cccd.reconstruct(nibabel.load("labels.nii.gz"))
 even = surface.uniform(triangles=500)
 reveal_type(surface)
 reveal_type(even.volume)
@@ -45,7 +45,7 @@ def test_a_type_checker_sees_types_and_a_wrong_word(tmp_path):
     assert 'Type of "even.volume" is "float"' in said
     assert 'is "Path"' in said
     assert 'Type of "surfaces[0].area" is "float"' in said
-    assert 'No parameter named "affin"' in said
+    assert re.search(r'No parameter named "affin".*\n1 error', said)
 
 
 def test_mypy_sees_the_same(tmp_path):
