@@ -4,17 +4,14 @@ import logging
 from pathlib import Path
 
 from cccd.contours import doubtful_slices
-from cccd.curves import describe_curves, measure_curves
-from cccd.settings.curves import CurveSettings
+from cccd.curves import measure_curves
 from cccd.store import (
     read_boundaries,
-    read_contours,
     read_curves,
     read_json,
     read_report,
     read_splines,
     read_structure,
-    write_curves,
     write_json,
     write_view,
 )
@@ -32,15 +29,9 @@ NAMED = 5
 name = "{case}/{organ}".format(**snakemake.wildcards)
 with job(snakemake.log[0], name, snakemake.input, snakemake.output):
     structure = read_structure(snakemake.input.structure)
-    described = snakemake.output.get("curves")
-    if described is None:
-        described = snakemake.input.curves
-    else:
-        settings = CurveSettings(**snakemake.params.config["curves"])
-        write_curves(described, describe_curves(read_contours(snakemake.input.contours), settings))
-    curves, splines = read_curves(described), read_splines(described)
+    curves, splines = read_curves(snakemake.input.curves), read_splines(snakemake.input.curves)
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
-    ordering, fitting = read_report(snakemake.input.contours), read_report(described)
+    ordering, fitting = read_report(snakemake.input.contours), read_report(snakemake.input.curves)
     solids = {report["format"]: report for report in map(read_json, snakemake.input.solids)}
     volumes = [*map(read_json, snakemake.input.volume)]
     figures = measure_surface(surface, structure)

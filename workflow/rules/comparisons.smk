@@ -42,16 +42,15 @@ for number, (together, structures) in enumerate(plan.comparison_jobs()):
 rule measure_structure:
     """Everything measured on one structure, in one JSON, a picture, and its page."""
     input:
-        **(CURVES if CURVES_ALONE else {}),
         structure="results/{case}/{organ}/structure.h5",
         boundaries="results/{case}/{organ}/boundaries.h5",
         contours="results/{case}/{organ}/contours.h5",
+        curves="results/{case}/{organ}/curves.h5",
         surface="results/{case}/{organ}/surface.h5",
         mesh="results/{case}/{organ}/surface.ply",
         solids=plan.solid_reports,
         volume=plan.case_reports,
     output:
-        **({} if CURVES_ALONE else CURVES),
         metrics="results/{case}/{organ}/metrics.json",
         view="results/{case}/{organ}/view.h5",
         picture=report(
