@@ -9,7 +9,7 @@ volume of its voxels.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import prod
 from pathlib import Path
@@ -268,14 +268,15 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     at_end = _at_end(rough, fields)
     wave = default_wave(pixel, frame.slice_spacing) if settings.smoothing is None else settings.smoothing
     smooth = _held(rough, low_passed(rough, wave, ROUNDS), at_end, pixel)
-    moved, known = smooth - rough.vertices, cKDTree(smooth)
+    moved = smooth - rough.vertices
     walls = _of_organs(split_again(replace(rough, vertices=smooth)), fields.beyond)
-    del rough, smooth, at_end
+    del rough, at_end
     walls = _with_ends(simplified(walls, TOLERANCE * pixel), fields.beyond, frame.ends)
-    before = walls.vertices - moved[known.query(walls.vertices)[1]]
-    del moved, known
     vertices = _with_volumes(walls, fields.volumes, frame.ends, MOST_OFFSET * pixel)
-    vertices, passing = _unfolded(replace(walls, vertices=vertices), before)
+    vertices, passing = _unfolded(
+        replace(walls, vertices=vertices),
+        lambda: walls.vertices - moved[cKDTree(smooth).query(walls.vertices)[1]],
+    )
     regions = np.array([0, *labels])[walls.regions]
     alone = np.setdiff1d(regions, [0, *np.unique(regions[regions.min(axis=1) > 0])])
     kept = ~np.isin(regions, alone).any(axis=1)
@@ -469,14 +470,16 @@ def _with_volumes(
     return vertices
 
 
-def _unfolded(surface: ConformingSurface, before: FloatArray) -> tuple[FloatArray, int]:
-    """Vertices (V, 3) that go back towards where they were wherever triangles pass through each other.
+def _unfolded(surface: ConformingSurface, where: Callable[[], FloatArray]) -> tuple[FloatArray, int]:
+    """Vertices (V, 3) that go back to ``where`` they were wherever triangles pass through each other.
 
     Returns them and how many pairs of triangles still do.
     """
     vertices = surface.vertices.copy()
     pairs = _passing(vertices, surface.triangles)
-    size = np.linalg.norm(np.ptp(vertices[surface.triangles], axis=1), axis=1).mean() if len(pairs) else 0.0
+    if len(pairs) == 0:
+        return vertices, 0
+    size, before = np.linalg.norm(np.ptp(vertices[surface.triangles], axis=1), axis=1).mean(), where()
     for _ in range(UNFOLDING_ROUNDS):
         if len(pairs) == 0:
             break
