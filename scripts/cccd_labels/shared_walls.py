@@ -8,7 +8,6 @@ volume of its voxels.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import prod
@@ -25,7 +24,7 @@ from cccd.bands.signs import Slices
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, offsets_of
-from cccd.geometry.collisions import passing_pairs
+from cccd.geometry.collisions import MovingTriangles
 from cccd.geometry.conforming import ConformingSurface, low_passed
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import with_undrawn_filled
@@ -69,10 +68,6 @@ VOLUME_ROUNDS = 4
 VOLUME = 0.01
 #: Times that vertices of triangles that pass through each other go halfway back.
 UNFOLDING_ROUNDS = 10
-#: What lies within so many edges of them is looked at again; vertices move by less.
-UNFOLDING_REACH = 4.0
-#: Triangles are compared with each other in slabs of so many: each takes some 200 bytes meanwhile.
-SLAB_TRIANGLES = 500_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -475,33 +470,16 @@ def _unfolded(surface: ConformingSurface, where: Callable[[], FloatArray]) -> tu
 
     Returns them and how many pairs of triangles still do.
     """
-    vertices = surface.vertices.copy()
-    pairs = _passing(vertices, surface.triangles)
-    if len(pairs) == 0:
-        return vertices, 0
-    size, before = np.linalg.norm(np.ptp(vertices[surface.triangles], axis=1), axis=1).mean(), where()
+    vertices, triangles = surface.vertices.copy(), MovingTriangles(surface.triangles)
+    pairs = triangles.passing_pairs(vertices)
+    before = where() if len(pairs) else vertices
     for _ in range(UNFOLDING_ROUNDS):
         if len(pairs) == 0:
             break
-        centres = vertices[surface.triangles[pairs.ravel()]].mean(axis=1)
-        away = cKDTree(centres).query(vertices, distance_upper_bound=UNFOLDING_REACH * size)[0]
-        near: BoolArray = np.asarray(np.isfinite(away), np.bool_)
-        around = np.flatnonzero(near[surface.triangles].any(axis=1))
-        folded = np.zeros(len(vertices), np.bool_)
-        folded[surface.triangles[pairs.ravel()]] = True
-        folded[surface.triangles[around[folded[surface.triangles[around]].any(axis=1)]]] = True
+        passing = np.zeros(len(surface.triangles), np.bool_)
+        passing[pairs] = True
+        beside = Mesh(vertices, surface.triangles).with_neighbours(passing)
+        folded = np.unique(surface.triangles[beside])
         vertices[folded] = (vertices[folded] + before[folded]) / 2
-        pairs = around[passing_pairs(vertices, surface.triangles[around])]
+        pairs = triangles.passing_pairs(vertices)
     return vertices, len(pairs)
-
-
-def _passing(vertices: FloatArray, triangles: IntArray) -> IntArray:
-    """Find the pairs (K, 2) of triangles that pass through each other, slab by slab: all take much memory."""
-    height = vertices[triangles, 2]
-    low, high = height.min(axis=1), height.max(axis=1)
-    edges = np.quantile(low, np.linspace(0, 1, len(triangles) // SLAB_TRIANGLES + 2)) if len(low) else low
-    found: list[IntArray] = [np.zeros((0, 2), np.int64)]
-    for begin, end in itertools.pairwise(edges):
-        members = np.flatnonzero((low <= end) & (high >= begin))
-        found.append(members[passing_pairs(vertices, triangles[members])])
-    return np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
