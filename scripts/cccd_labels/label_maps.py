@@ -89,14 +89,8 @@ def list_map(path: Path, table: Path | None = None) -> list[MapLabel]:
         Not readable, empty, or no label map.
     """
     path = object_in(path)
-    parts = _parts(path)
-    if parts is None:
-        return _named(path, list_labels(path), {}, table)
-    found: dict[str, str] = {}
-    why: dict[str, str] = {}
-    for label, name, part in parts:
-        found[label], why[label] = name, _too_little(part.data)
-    return _named(path, found, why, table)
+    parts = read_parts(path, table)
+    return _named(path, list_labels(path), {}, table) if parts is None else [label for label, _ in parts]
 
 
 def read_parts(path: Path, table: Path | None = None) -> list[tuple[MapLabel, Volume]] | None:
@@ -123,12 +117,10 @@ def read_parts(path: Path, table: Path | None = None) -> list[tuple[MapLabel, Vo
     parts = _parts(path)
     if parts is None:
         return None
-    volumes: dict[str, Volume] = {}
-    found: dict[str, str] = {}
-    for label, name, part in parts:
-        found[label], volumes[label] = name, part
-    why = {label: _too_little(part.data) for label, part in volumes.items()}
-    return [(label, volumes[label.label]) for label in _named(path, found, why, table)]
+    found = {label: (name, part) for label, name, part in parts}
+    why = {label: _too_little(part.data) for label, (_, part) in found.items()}
+    named = _named(path, {label: name for label, (name, _) in found.items()}, why, table)
+    return [(label, found[label.label][1]) for label in named]
 
 
 def _named(

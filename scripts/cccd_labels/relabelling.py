@@ -16,9 +16,10 @@ from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import Volume
 from cccd.inputs.row_files import label_values
 from cccd_labels.label_maps import MapLabel
+from cccd_labels.scene import block_of, voxels_within
 from cccd_labels.whole_map import LabelSurface, WholeMap
 
-__all__ = ["block_of", "finer_grid", "name_of_soft", "relabelled", "share_of_voxels"]
+__all__ = ["finer_grid", "name_of_soft", "relabelled", "share_of_voxels"]
 
 #: A voxel's share is counted at so many points along each of its edges.
 POINTS = 4
@@ -72,7 +73,11 @@ def relabelled(
     made: set[int] = set()
     for one in whole.surfaces(n_jobs, tell):
         made.add(one.number)
-        yield _value(one.label, one.number), one, _claimed(_voxels(one.surface.lofted.mesh, grid), taken)
+        yield (
+            _value(one.label, one.number),
+            one,
+            _claimed(voxels_within(one.surface.lofted.mesh, grid), taken),
+        )
     left = {number: label for number, label in whole.labels.items() if number not in made}
     volume = label_values(whole.path) if left else None
     if volume is not None:
@@ -92,26 +97,6 @@ def _claimed(voxels: IntArray, taken: np.ndarray[tuple[int], np.dtype[np.bool_]]
     free = voxels[~taken[voxels]]
     taken[free] = True
     return free
-
-
-def block_of(mesh: Mesh, grid: Grid) -> tuple[IntArray, tuple[int, int, int]]:
-    """First voxel (3,) and shape of the block of a grid that a mesh reaches."""
-    to_index = np.linalg.inv(grid.affine)
-    index = mesh.vertices @ to_index[:3, :3].T + to_index[:3, 3]
-    limit = np.array(grid.shape)
-    low = np.clip(np.floor(index.min(axis=0)).astype(np.int64), 0, limit)
-    high = np.clip(np.ceil(index.max(axis=0)).astype(np.int64) + 1, low, limit)
-    a, b, c = (int(size) for size in high - low)
-    return low, (a, b, c)
-
-
-def _voxels(mesh: Mesh, grid: Grid) -> IntArray:
-    """Flat indices (N,) of the voxels whose centres a mesh holds."""
-    low, shape = block_of(mesh, grid)
-    if 0 in shape:
-        return np.zeros(0, np.int64)
-    inside = np.argwhere(voxelise(mesh, grid.affine, shape, low)) + low
-    return np.asarray(np.ravel_multi_index(tuple(inside.T), grid.shape), np.int64)
 
 
 def share_of_voxels(mesh: Mesh, grid: Grid) -> tuple[IntArray, SingleArray]:

@@ -8,15 +8,24 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from cccd.containers import Frame
+from cccd.containers import Frame, Grid
 from cccd.files.gltf import TO_GLTF, gltf_material
+from cccd.geometry.arrays import IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.settings.formats import NOTE
 from cccd_labels.label_maps import colour_of
 
-__all__ = ["SceneOrgan", "describe_scene", "name_organs", "write_scene", "write_segmentation"]
+__all__ = [
+    "SceneOrgan",
+    "block_of",
+    "describe_scene",
+    "name_organs",
+    "voxels_within",
+    "write_scene",
+    "write_segmentation",
+]
 
 _CONTEXT = "Segmentation category and type - 3D Slicer General Anatomy list"
 
@@ -101,7 +110,7 @@ def write_segmentation(path: Path, organs: Sequence[SceneOrgan], frame: Frame) -
     largest = max(organ.label for organ in organs)
     voxels = np.zeros(frame.shape, np.uint8 if largest < 256 else np.uint16 if largest < 65536 else np.uint32)
     for organ in organs:
-        _fill(voxels, organ, frame)
+        voxels.reshape(-1)[voxels_within(organ.mesh, frame)] = organ.label
     image = sitk.GetImageFromArray(np.ascontiguousarray(voxels.T))
     affine = LPS_TO_RAS @ frame.affine  # its own inverse
     image.SetOrigin(affine[:3, 3].tolist())
@@ -139,14 +148,21 @@ def _terminology(organ: SceneOrgan) -> str:
     return f"{_CONTEXT}~{category}~{entry}~^^~Anatomic codes - DICOM master list~^^~^^"
 
 
-def _fill(voxels: np.ndarray, organ: SceneOrgan, frame: Frame) -> None:
-    """Give the voxels (a, b, c) whose centres lie in an organ its label."""
-    index = (organ.mesh.vertices - frame.affine[:3, 3]) @ np.linalg.inv(frame.affine[:3, :3]).T
-    first = np.maximum(np.floor(index.min(axis=0)).astype(np.int64), 0)
-    stop = np.minimum(np.ceil(index.max(axis=0)).astype(np.int64) + 1, frame.shape)
-    a, b, c = (int(size) for size in np.maximum(stop - first, 0))
-    if min(a, b, c) == 0:
-        return
-    inside = voxelise(organ.mesh, frame.affine, (a, b, c), first)
-    block = tuple(slice(start, end) for start, end in zip(first, stop, strict=True))
-    voxels[block][inside] = organ.label
+def block_of(mesh: Mesh, grid: Grid | Frame) -> tuple[IntArray, tuple[int, int, int]]:
+    """First voxel (3,) and shape of the block of a grid that a mesh reaches."""
+    to_index = np.linalg.inv(grid.affine)
+    index = mesh.vertices @ to_index[:3, :3].T + to_index[:3, 3]
+    limit = np.array(grid.shape)
+    low = np.clip(np.floor(index.min(axis=0)).astype(np.int64), 0, limit)
+    high = np.clip(np.ceil(index.max(axis=0)).astype(np.int64) + 1, low, limit)
+    a, b, c = (int(size) for size in high - low)
+    return low, (a, b, c)
+
+
+def voxels_within(mesh: Mesh, grid: Grid | Frame) -> IntArray:
+    """Flat indices (N,) of the voxels whose centres a mesh holds."""
+    low, shape = block_of(mesh, grid)
+    if 0 in shape:
+        return np.zeros(0, np.int64)
+    inside = np.argwhere(voxelise(mesh, grid.affine, shape, low)) + low
+    return np.asarray(np.ravel_multi_index(tuple(inside.T), grid.shape), np.int64)

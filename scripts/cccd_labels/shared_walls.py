@@ -8,8 +8,7 @@ volume of its voxels.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import prod
 from pathlib import Path
@@ -25,7 +24,7 @@ from cccd.bands.signs import Slices
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, offsets_of
-from cccd.geometry.collisions import passing_pairs
+from cccd.geometry.collisions import MovingTriangles
 from cccd.geometry.conforming import ConformingSurface, low_passed
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import with_undrawn_filled
@@ -69,10 +68,6 @@ VOLUME_ROUNDS = 4
 VOLUME = 0.01
 #: Times that vertices of triangles that pass through each other go halfway back.
 UNFOLDING_ROUNDS = 10
-#: What lies within so many edges of them is looked at again; vertices move by less.
-UNFOLDING_REACH = 4.0
-#: Triangles are compared with each other in slabs of so many: each takes some 200 bytes meanwhile.
-SLAB_TRIANGLES = 500_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,14 +263,15 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     at_end = _at_end(rough, fields)
     wave = default_wave(pixel, frame.slice_spacing) if settings.smoothing is None else settings.smoothing
     smooth = _held(rough, low_passed(rough, wave, ROUNDS), at_end, pixel)
-    moved, known = smooth - rough.vertices, cKDTree(smooth)
+    moved = smooth - rough.vertices
     walls = _of_organs(split_again(replace(rough, vertices=smooth)), fields.beyond)
-    del rough, smooth, at_end
+    del rough, at_end
     walls = _with_ends(simplified(walls, TOLERANCE * pixel), fields.beyond, frame.ends)
-    before = walls.vertices - moved[known.query(walls.vertices)[1]]
-    del moved, known
     vertices = _with_volumes(walls, fields.volumes, frame.ends, MOST_OFFSET * pixel)
-    vertices, passing = _unfolded(replace(walls, vertices=vertices), before)
+    vertices, passing = _unfolded(
+        replace(walls, vertices=vertices),
+        lambda: walls.vertices - moved[cKDTree(smooth).query(walls.vertices)[1]],
+    )
     regions = np.array([0, *labels])[walls.regions]
     alone = np.setdiff1d(regions, [0, *np.unique(regions[regions.min(axis=1) > 0])])
     kept = ~np.isin(regions, alone).any(axis=1)
@@ -469,36 +465,21 @@ def _with_volumes(
     return vertices
 
 
-def _unfolded(surface: ConformingSurface, before: FloatArray) -> tuple[FloatArray, int]:
-    """Vertices (V, 3) that go back towards where they were wherever triangles pass through each other.
+def _unfolded(surface: ConformingSurface, where: Callable[[], FloatArray]) -> tuple[FloatArray, int]:
+    """Vertices (V, 3) that go back to ``where`` they were wherever triangles pass through each other.
 
     Returns them and how many pairs of triangles still do.
     """
-    vertices = surface.vertices.copy()
-    pairs = _passing(vertices, surface.triangles)
-    size = np.linalg.norm(np.ptp(vertices[surface.triangles], axis=1), axis=1).mean() if len(pairs) else 0.0
+    vertices, triangles = surface.vertices.copy(), MovingTriangles(surface.triangles)
+    pairs = triangles.passing_pairs(vertices)
+    before = where() if len(pairs) else vertices
     for _ in range(UNFOLDING_ROUNDS):
         if len(pairs) == 0:
             break
-        centres = vertices[surface.triangles[pairs.ravel()]].mean(axis=1)
-        away = cKDTree(centres).query(vertices, distance_upper_bound=UNFOLDING_REACH * size)[0]
-        near: BoolArray = np.asarray(np.isfinite(away), np.bool_)
-        around = np.flatnonzero(near[surface.triangles].any(axis=1))
-        folded = np.zeros(len(vertices), np.bool_)
-        folded[surface.triangles[pairs.ravel()]] = True
-        folded[surface.triangles[around[folded[surface.triangles[around]].any(axis=1)]]] = True
+        passing = np.zeros(len(surface.triangles), np.bool_)
+        passing[pairs] = True
+        beside = Mesh(vertices, surface.triangles).with_neighbours(passing)
+        folded = np.unique(surface.triangles[beside])
         vertices[folded] = (vertices[folded] + before[folded]) / 2
-        pairs = around[passing_pairs(vertices, surface.triangles[around])]
+        pairs = triangles.passing_pairs(vertices)
     return vertices, len(pairs)
-
-
-def _passing(vertices: FloatArray, triangles: IntArray) -> IntArray:
-    """Find the pairs (K, 2) of triangles that pass through each other, slab by slab: all take much memory."""
-    height = vertices[triangles, 2]
-    low, high = height.min(axis=1), height.max(axis=1)
-    edges = np.quantile(low, np.linspace(0, 1, len(triangles) // SLAB_TRIANGLES + 2)) if len(low) else low
-    found: list[IntArray] = [np.zeros((0, 2), np.int64)]
-    for begin, end in itertools.pairwise(edges):
-        members = np.flatnonzero((low <= end) & (high >= begin))
-        found.append(members[passing_pairs(vertices, triangles[members])])
-    return np.unique(np.sort(np.concatenate(found), axis=1), axis=0)

@@ -28,7 +28,8 @@ Cut = Callable[[IntArray, IntArray, LabelArray, LabelArray], FloatArray]
 
 #: Rounds in which nodes go over to a neighbour's label.
 MOST_ROUNDS = 50
-
+#: Quadrilaterals are split so many at once: each takes some 600 bytes meanwhile.
+SLAB_QUADS = 100_000
 #: What it costs more to take a node from a region that is one node thin there: it would have a hole.
 KEPT = 2.0
 
@@ -231,12 +232,19 @@ def split_again(surface: ConformingSurface) -> ConformingSurface:
         np.column_stack([pairs[:, 0], pairs[:, 1, 2]]),
         np.column_stack([pairs[:, 0, 0], pairs[:, 1]]),
     )
+    slabs = np.array_split(quads, len(quads) // SLAB_QUADS + 1)
+    return replace(
+        surface, triangles=np.concatenate([_turned_less(surface.vertices, slab) for slab in slabs])
+    )
+
+
+def _turned_less(vertices: FloatArray, quads: IntArray) -> IntArray:
+    """Triangles (2 Q, 3) of quadrilaterals (Q, 4), split along the diagonals at which they turn less."""
     cosines: list[FloatArray] = []
     for choice in (True, False):
-        halves = _halves(quads, np.full(len(quads), choice))
-        normals = Mesh(surface.vertices, halves).unit_normals.reshape(-1, 2, 3)
+        normals = Mesh(vertices, _halves(quads, np.full(len(quads), choice))).unit_normals.reshape(-1, 2, 3)
         cosines.append((normals[:, 0] * normals[:, 1]).sum(axis=1))
-    return replace(surface, triangles=_halves(quads, cosines[0] >= cosines[1]))
+    return _halves(quads, cosines[0] >= cosines[1])
 
 
 def _halves(quads: IntArray, at_first: BoolArray) -> IntArray:

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cccd.geometry.arrays import BoolArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.distance import nearest_points
 from cccd.geometry.mesh import Mesh
@@ -40,7 +40,7 @@ def simplified(surface: ConformingSurface, tolerance: float) -> ConformingSurfac
     Returns
     -------
     ConformingSurface
-        Of the same topology. A wall that would change its own is halved until its parts do not.
+        Of the same topology. Where a wall would change its own, what is around is collapsed apart from it.
     """
     if len(surface.triangles) == 0:
         return surface
@@ -53,13 +53,14 @@ def simplified(surface: ConformingSurface, tolerance: float) -> ConformingSurfac
     patch = np.zeros(len(wall), np.int64)
     while waiting:
         faces = waiting.pop()
-        part = Mesh(surface.vertices, surface.triangles[faces]).compact()
-        mesh = _collapsed(part, near, tolerance) if len(faces) >= FEWEST else None
-        if mesh is None and len(faces) >= FEWEST:
-            middle = part.vertices[part.faces].mean(axis=1)
-            order = np.argsort(middle[:, np.argmax(np.ptp(middle, axis=0))], kind="stable")
-            waiting += np.array_split(faces[order], 2)
-            continue
+        mesh = None
+        if len(faces) >= FEWEST:
+            part = Mesh(surface.vertices, surface.triangles[faces]).compact()
+            mesh, torn = _collapsed(part, near, tolerance)
+            if torn is not None:
+                aside = _beside(part, mesh.vertices[torn], near)
+                waiting += [faces[aside], faces[~aside]]
+                continue
         patch[faces] = len(members)
         members.append(faces)
         fewer.append(mesh)
@@ -75,8 +76,11 @@ def _of_several(surface: ConformingSurface, patch: IntArray) -> BoolArray:
     return low < high
 
 
-def _collapsed(before: Mesh, near: float, tolerance: float) -> Mesh | None:
-    """Collapse a patch's edges but for those that touch its border; None where that changes the topology."""
+def _collapsed(before: Mesh, near: float, tolerance: float) -> tuple[Mesh, IntArray | None]:
+    """Collapse a patch's edges but for those that touch its border.
+
+    Where that changes the topology, the edges (K, 2) come with it that have more than two triangles then.
+    """
     import fast_simplification  # pyright: ignore[reportMissingTypeStubs]
 
     unit = tolerance / UNIT
@@ -88,23 +92,37 @@ def _collapsed(before: Mesh, near: float, tolerance: float) -> Mesh | None:
         preserve_border=True,
     )
     after = Mesh(np.asarray(vertices, float) * unit, np.asarray(faces, np.int64)).compact()
-    if _outline(after) != _outline(before):
-        return None
+    (outline, _), (now, torn) = _outline(before), _outline(after)
+    if now != outline:
+        return after, torn
     # where a wall is flat the point of least quadric error is hardly defined, and may be far away
     far = np.flatnonzero(cKDTree(before.vertices).query(after.vertices)[0] > near)
     if len(far):
         on_wall = nearest_points(after.vertices[far], before)
         off = np.linalg.norm(on_wall - after.vertices[far], axis=1) > tolerance
         after.vertices[far[off]] = on_wall[off]
-    return after
+    return after, None
 
 
-def _outline(mesh: Mesh) -> tuple[int, int, bool]:
-    """Euler number, edges of the border, and whether no edge has more than two triangles."""
+def _beside(part: Mesh, torn: FloatArray, near: float) -> BoolArray:
+    """Triangles (F,) as near to edges (K, 2, 3) as these are long, or half of all where those are not few."""
+    middle = part.vertices[part.faces].mean(axis=1)
+    if len(torn):
+        reach = max(near, float(np.linalg.norm(torn[:, 0] - torn[:, 1], axis=1).max()))
+        aside: BoolArray = cKDTree(torn.reshape(-1, 3)).query(middle)[0] < reach
+        if 0 < np.count_nonzero(aside) < len(aside) / 2:
+            return aside
+    order = np.argsort(middle[:, np.argmax(np.ptp(middle, axis=0))], kind="stable")
+    return order.argsort() < len(order) // 2
+
+
+def _outline(mesh: Mesh) -> tuple[tuple[int, int, int], IntArray]:
+    """Euler number, edges of the border and those (K, 2) with more than two triangles; and their number."""
     sides = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    uses = np.unique(sides[:, 0] * len(mesh.vertices) + sides[:, 1], return_counts=True)[1]
+    key, uses = np.unique(sides[:, 0] * len(mesh.vertices) + sides[:, 1], return_counts=True)
     euler = len(mesh.vertices) - len(uses) + len(mesh.faces)
-    return euler, int((uses == 1).sum()), bool(uses.max() <= 2)
+    torn = np.column_stack(np.divmod(key[uses > 2], len(mesh.vertices)))
+    return (euler, int((uses == 1).sum()), len(torn)), torn
 
 
 def _joined(

@@ -72,9 +72,9 @@ class ConformingSurface:
     @cached_property
     def edges(self) -> tuple[IntArray, IntArray]:
         """Edges (E, 2), the smaller vertex first, and how many triangles (E,) meet along each."""
-        triangles = self.triangles
-        sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-        key, count = np.unique(sides[:, 0] * len(self.vertices) + sides[:, 1], return_counts=True)
+        start, end = self.triangles.ravel(), np.roll(self.triangles, -1, axis=1).ravel()
+        key = np.minimum(start, end) * len(self.vertices) + np.maximum(start, end)
+        key, count = np.unique(key, return_counts=True)
         return np.column_stack(np.divmod(key, len(self.vertices))), count
 
     @property
@@ -143,7 +143,7 @@ def _sinc_weights(band: float, degree: int) -> FloatArray:
 def _means_along(surface: ConformingSurface) -> csr_array:
     """Matrix (V, V) of means of neighbours: in walls of all, on lines of those along it and of the vertex."""
     count = len(surface.vertices)
-    edges, lines = surface.edges[0], surface.junctions
+    edges, lines = (pairs.astype(np.int32) for pairs in (surface.edges[0], surface.junctions))
     on_line = np.bincount(lines.ravel(), minlength=count)
     within = np.concatenate([edges, edges[:, ::-1]])
     along = np.concatenate([lines, lines[:, ::-1]])
