@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -120,7 +121,7 @@ def read_sheet(path: str | Path) -> list[Row]:
     return rows
 
 
-def _row(sheet: Path, number: int, line: Mapping[str, str]) -> Row:
+def _row(sheet: Path, number: int, line: Mapping[Any, str]) -> Row:
     """Check one line of the sheet."""
     where = f"{sheet.name} row {number}"
     cells = {name: line.get(name, "").strip() for name in COLUMNS}
