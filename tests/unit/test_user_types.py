@@ -28,7 +28,7 @@ reveal_type(even.volume)
 reveal_type(surface.write("liver.stl"))
 surfaces, failures = cccd.reconstruct_labels("labels.nii.gz")
 reveal_type(surfaces[0].area)
-cccd.reconstruct(np.zeros((3, 3, 3)), affin=np.eye(4))
+cccd.reconstruct(cccd.read("labels.nii.gz", 5), affin=np.eye(4))
 """
 
 
