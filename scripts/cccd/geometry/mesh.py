@@ -12,7 +12,6 @@ import scipy
 
 from cccd.geometry._vtk import triangles_of, vtk
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
-from cccd.geometry.averaging import averaged
 
 if TYPE_CHECKING:
     import pyvista
@@ -305,8 +304,10 @@ class Mesh:
         return np.median(values[nearest.reshape(len(at), -1)], axis=1)
 
     def averaged(self, values: FloatArray, rounds: int) -> FloatArray:
-        """Average values (V,) of a closed mesh's vertices; see `cccd.geometry.averaging.averaged`."""
-        return averaged(self._means, values, rounds)
+        """Average values (V,) of a closed mesh's vertices with their neighbours' mean, so many times."""
+        for _ in range(rounds):
+            values = (values + self._means @ values) / 2
+        return values
 
     @cached_property
     def _means(self) -> scipy.sparse.csr_array:

@@ -41,6 +41,10 @@ TIP = 0.2
 #: Triangles that meet at more than this angle have a ridge between them, where the scan cuts an organ.
 SHARP_DEG = 40.0
 
+#: Triangles lower than the first share of their longest edge are slivers; lower than the second they are but
+#: this edge. What bends less than so many degrees lies in a plane.
+SLIVER, NEEDLE, FLAT_DEG = 0.15, 0.05, 5.0
+
 #: Triangles of one size are this much longer, on the average, than equilateral ones of their mean area.
 UNEVEN = 1.015
 
@@ -101,14 +105,12 @@ def with_uniform_triangles(
         [body.tessellate(int(np.clip(times, FEWEST_TIMES, MOST_TIMES))) for body in surface.bodies]
     )
     mesh = uniform_mesh(fine, count)
-    if abs(len(mesh.faces) / count - 1) > EXACT:
-        hint = "raise --triangles" if edge_mm is None else "give a shorter --edge-mm"
-        if len(mesh.faces) < count:
-            hint = f"ask for {len(mesh.faces)} at most"
-        raise InputError(option, f"the surface would have {len(mesh.faces)} triangles, not {count}", hint)
+    made, hint = len(mesh.faces), "raise --triangles" if edge_mm is None else "give a shorter --edge-mm"
+    if abs(made / count - 1) > EXACT:
+        hint = f"ask for {made} at most" if made < count else hint
+        raise InputError(option, f"the surface would have {made} triangles, not {count}", hint)
     if len(mesh.self_intersections()):
-        hint = "raise --triangles" if edge_mm is None else "give a shorter --edge-mm"
-        raise InputError(option, f"{len(mesh.faces)} triangles would pass through each other", hint)
+        raise InputError(option, f"{made} triangles would pass through each other", hint)
     band = surface.band and surface.band.moved_to(surface.vertices, mesh.vertices)
     whole = surface.whole or surface
     uniform = _measured(mesh, fine) | {"spline_ml": whole.mesh.volume / 1000}
@@ -166,7 +168,36 @@ def _relaxed(coarse: Mesh, fine: Mesh, parts: IntArray) -> Mesh:
         step = np.where(tips[:, None], 0, step - inwards[:, None] * normal)  # else tips would be lost
         moved = nearest_points(mesh.vertices + step, fine)
         mesh = Mesh(np.where(fixed[:, None], mesh.vertices, moved), coarse.faces)
-    return mesh
+    return _without_slivers(mesh)
+
+
+def _without_slivers(mesh: Mesh) -> Mesh:
+    """Turn the longest edge of slivers that lie in a plane with what is beside them, or on that edge."""
+    faces, bends = mesh.faces.copy(), mesh.dihedrals
+    known, done = set(map(tuple, bends.edges.tolist())), set[int]()
+    height, longest = _heights(mesh.vertices[faces]), np.zeros(len(faces))
+    np.maximum.at(longest, bends.faces, bends.lengths[:, None])
+    least = np.where(np.degrees(bends.angles) < FLAT_DEG, SLIVER, NEEDLE)[:, None]
+    turned = (height[bends.faces] < least) & (bends.lengths[:, None] == longest[bends.faces])
+    for n in np.flatnonzero(turned.any(axis=1)):
+        pair = bends.faces[n]
+        one, other = (int(np.setdiff1d(faces[face], bends.edges[n])[0]) for face in pair)
+        first = np.roll(faces[pair[0]], -int(np.flatnonzero(faces[pair[0]] == one)[0]))
+        made = np.array([[one, first[1], other], [one, other, first[2]]])
+        new = (min(one, other), max(one, other))
+        better = _heights(mesh.vertices[made]).min() > _heights(mesh.vertices[faces[pair]]).min()
+        if better and new not in known and done.isdisjoint(pair.tolist()):
+            faces[pair] = made
+            known.add(new)
+            done.update(pair.tolist())
+    return Mesh(mesh.vertices, faces)
+
+
+def _heights(corners: FloatArray) -> FloatArray:
+    """Heights (F,) of triangles (F, 3, 3) above their longest edges, by these."""
+    sides = corners - np.roll(corners, 1, axis=1)
+    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    return area / np.maximum(np.einsum("fkc,fkc->fk", sides, sides).max(axis=1), TINY)
 
 
 def _on_ridges(coarse: Mesh, fine: Mesh, parts: IntArray) -> BoolArray:
@@ -190,10 +221,8 @@ def _middles(mesh: Mesh) -> FloatArray:
 
 
 def _measured(mesh: Mesh, fine: Mesh) -> dict[str, Any]:
-    edges = mesh.dihedrals.edges
-    ends = mesh.vertices[edges]
-    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    tried = np.concatenate([mesh.vertices[mesh.faces].mean(axis=1), ends.mean(axis=1)])
+    edges, _, lengths, *_ = mesh.dihedrals
+    tried = np.concatenate([mesh.vertices[some].mean(axis=1) for some in (mesh.faces, edges)])
     return {
         "triangles": len(mesh.faces),
         "edge_mm": [float(lengths.min()), float(lengths.mean()), float(lengths.max())],
