@@ -109,7 +109,7 @@ def _beside(part: Mesh, torn: FloatArray, near: float) -> BoolArray:
     middle = part.vertices[part.faces].mean(axis=1)
     if len(torn):
         reach = max(near, float(np.linalg.norm(torn[:, 0] - torn[:, 1], axis=1).max()))
-        aside: BoolArray = cKDTree(torn.reshape(-1, 3)).query(middle)[0] < reach
+        aside: BoolArray = np.asarray(cKDTree(torn.reshape(-1, 3)).query(middle)[0]) < reach
         if 0 < np.count_nonzero(aside) < len(aside) / 2:
             return aside
     order = np.argsort(middle[:, np.argmax(np.ptp(middle, axis=0))], kind="stable")

@@ -174,7 +174,7 @@ def _relaxed(coarse: Mesh, fine: Mesh, parts: IntArray) -> Mesh:
 def _without_slivers(mesh: Mesh) -> Mesh:
     """Turn the longest edge of slivers that lie in a plane with what is beside them, or on that edge."""
     faces, bends = mesh.faces.copy(), mesh.dihedrals
-    known, done = set(map(tuple, bends.edges.tolist())), set[int]()
+    known, done = {(int(a), int(b)) for a, b in bends.edges}, set[int]()
     height, longest = _heights(mesh.vertices[faces]), np.zeros(len(faces))
     np.maximum.at(longest, bends.faces, bends.lengths[:, None])
     least = np.where(np.degrees(bends.angles) < FLAT_DEG, SLIVER, NEEDLE)[:, None]
