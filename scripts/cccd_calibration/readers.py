@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from cccd.bands import Calibration, Reader, estimate_band
 from cccd.bands.calibration import SHARES
@@ -69,14 +69,11 @@ def read_pairs(path: Path) -> list[PairRow]:
         Names file and row.
     """
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file, delimiter="\t"))
-    except OSError as error:
-        raise InputError(
-            str(path), f"the table cannot be read ({error.strerror})", "name a .tsv file"
-        ) from None
+        table = pd.read_csv(path, sep="\t", dtype=str, keep_default_na=False, encoding="utf-8-sig")
+    except (OSError, ValueError) as error:
+        raise InputError(str(path), f"the table cannot be read ({error})", "name a .tsv file") from None
     found: list[PairRow] = []
-    for number, row in enumerate(rows, 2):
+    for number, row in enumerate(table.to_dict("records"), 2):
         first, second = row.get("first"), row.get("second")
         for name in (first, second):
             if not name or not (path.parent / name).exists():

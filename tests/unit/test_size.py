@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
     "scripts/cccd": 19756,
-    "scripts/cccd_calibration": 737,
+    "scripts/cccd_calibration": 734,
     "scripts/cccd_datasets": 1777,
     "scripts/cccd_dicom": 1324,
     "scripts/cccd_junctions": 4002,
@@ -24,7 +24,7 @@ MOST_LINES = {
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5974,
     "bench": 4709,
-    "tests": 24898,
+    "tests": 24897,
 }
 
 

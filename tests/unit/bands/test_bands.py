@@ -281,6 +281,9 @@ def test_pairs_of_masks_make_a_file_that_is_used(tmp_path, capsys):
     (tmp_path / "b0.nii.gz").unlink()
     assert main(given) == 1
     assert "pairs.tsv row 2: there is no mask b0.nii.gz" in capsys.readouterr().err
+    table.write_bytes(b"first\tsecond\n\xff\xfe")
+    assert main(given) == 1
+    assert "pairs.tsv: the table cannot be read" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("given", ["0", "-1", "nan", "gone.json", "1000", "pixels.json"])
@@ -318,12 +321,8 @@ def test_the_command_writes_samples_into_a_folder(tmp_path, capsys):
     given = ["surface", str(path), "-o", f"{tmp_path}/out/", "--json", "--samples"]
     assert main([*given, "3"]) == 0
     (made,) = json.loads(capsys.readouterr().out)["surfaces"]
-    assert sorted(file.stem for file in (tmp_path / "out").iterdir()) == [
-        "ball",
-        "ball_1",
-        "ball_2",
-        "ball_3",
-    ]
+    names = sorted(file.stem for file in (tmp_path / "out").iterdir())
+    assert names == ["ball", "ball_1", "ball_2", "ball_3"]
     assert set(made["intervals"]) == {"volume_ml", "area_mm2", "diameter_mm"}
     assert main([*given, "0"]) == 1
     assert "0 surfaces cannot be drawn" in capsys.readouterr().err
