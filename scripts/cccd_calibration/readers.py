@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from cccd.bands import Calibration, Reader, estimate_band
 from cccd.bands.calibration import SHARES
@@ -22,6 +21,7 @@ from cccd.surface.loft import loft_in_plane
 from cccd.surface.spline import SplineSolid
 from cccd_calibration.conformal import coverage_curve, factor_of_organs, fewest_organs
 from cccd_calibration.thinning import sample_offsets
+from cccd_workflow.sheet import read_rows
 
 __all__ = ["Pair", "PairRow", "calibrate_readers", "compare_readers", "read_pairs"]
 
@@ -68,18 +68,14 @@ def read_pairs(path: Path) -> list[PairRow]:
     InputError
         Names file and row.
     """
-    try:
-        table = pd.read_csv(path, sep="\t", dtype=str, keep_default_na=False, encoding="utf-8-sig")
-    except (OSError, ValueError) as error:
-        raise InputError(str(path), f"the table cannot be read ({error})", "name a .tsv file") from None
     found: list[PairRow] = []
-    for number, row in enumerate(table.to_dict("records"), 2):
+    for where, row in read_rows(path, "table of pairs", "name a .tsv file")[2]:
         first, second = row.get("first"), row.get("second")
         for name in (first, second):
             if not name or not (path.parent / name).exists():
                 problem = f"there is no mask {name}" if name else "a pair needs two masks"
                 hint = "give columns first and second: two masks of one organ, relative to the table"
-                raise InputError(f"{path.name} row {number}", problem, hint)
+                raise InputError(where, problem, hint)
         found.append(PairRow(row.get("organ") or str(first), str(first), str(second), row.get("label") or ""))
     if not found:
         raise InputError(path.name, "the table has no rows", "give columns first and second")

@@ -8,10 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from cccd.bands import Band
 from cccd.closed_meshes import read_closed_mesh
@@ -23,6 +21,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.store import read_band, read_report, read_surface_frame
 from cccd.surface.surface import read_surface, write_files
 from cccd_shapes import FEWEST
+from cccd_workflow.sheet import read_rows
 
 __all__ = ["MIRROR", "Row", "Subject", "fingerprint", "read_sheet", "read_subject", "read_surfaces"]
 
@@ -99,16 +98,13 @@ def read_sheet(path: str | Path) -> list[Row]:
         A column is unknown, or a row does not name one file that is there.
     """
     path = Path(path)
-    try:
-        table = pd.read_csv(path, sep="\t", dtype=str, keep_default_na=False, encoding="utf-8-sig")
-    except (OSError, ValueError) as error:
-        raise InputError(path.name, f"not a readable sheet: {error}", "give a tab-separated file") from None
-    for column in set(table) - set(COLUMNS):
-        raise InputError(path.name, f"unknown column {column!r}", f"columns are {', '.join(COLUMNS)}")
-    unnamed = not isinstance(table.index, pd.RangeIndex)  # rows have more cells than the header
-    if unnamed or "name" not in table or not {"surface", "mask"} & set(table):
+    _, header, lines = read_rows(path, "sheet", "give a tab-separated file")
+    for column in header:
+        if column not in COLUMNS:
+            raise InputError(path.name, f"unknown column {column!r}", f"columns are {', '.join(COLUMNS)}")
+    if "name" not in header or not {"surface", "mask"} & set(header):
         raise InputError(path.name, "columns are missing", "give name, and surface or mask, between tabs")
-    rows = [_row(path, number, line) for number, line in enumerate(table.to_dict("records"), 2)]
+    rows = [_row(path.parent, where, line) for where, line in lines]
     names = [row.name for row in rows]
     for row in rows:
         if names.count(row.name) > 1:
@@ -121,12 +117,11 @@ def read_sheet(path: str | Path) -> list[Row]:
     return rows
 
 
-def _row(sheet: Path, number: int, line: Mapping[Any, str]) -> Row:
+def _row(folder: Path, where: str, line: Mapping[str, str]) -> Row:
     """Check one line of the sheet."""
-    where = f"{sheet.name} row {number}"
-    cells = {name: line.get(name, "").strip() for name in COLUMNS}
+    cells = {name: line.get(name, "") for name in COLUMNS}
     name, surface, mask, time = (cells[column] for column in ("name", "surface", "mask", "time"))
-    path, mirrored = sheet.parent / (surface or mask), cells["mirrored"].lower()
+    path, mirrored = folder / (surface or mask), cells["mirrored"].lower()
     try:
         float(time or 0)
     except ValueError:

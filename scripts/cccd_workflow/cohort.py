@@ -7,7 +7,6 @@ point at is checked by the job that reads it, and one bad scan does not keep the
 from __future__ import annotations
 
 import contextlib
-import csv
 import functools
 import re
 from collections.abc import Iterator, Mapping
@@ -21,6 +20,7 @@ from cccd.layouts import IMAGES_ALONE
 from cccd.project import PROJECT
 from cccd.settings.messages import choices, nearest
 from cccd_segmentation.seeds import parse_seeds
+from cccd_workflow.sheet import read_rows
 
 __all__ = ["SCHEMA", "brings_maps", "naming_row", "read_cohort"]
 
@@ -45,46 +45,10 @@ def _columns() -> dict[str, dict[str, Any]]:
     return schema["properties"]
 
 
-def _read_records(path: Path) -> list[tuple[int, list[str]]]:
-    """Return the sheet's non-blank lines as (line number from 1, stripped fields)."""
-    location = path.name
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file, delimiter="\t", strict=True)
-            records = [(reader.line_num, [field.strip() for field in record]) for record in reader]
-    except FileNotFoundError:
-        raise InputError(
-            str(path), "no such cohort sheet", "set the config key cohort to your sheet"
-        ) from None
-    except OSError as error:
-        raise InputError(
-            str(path),
-            f"the cohort sheet cannot be read ({error.strerror})",
-            "set the config key cohort to a file",
-        ) from None
-    except UnicodeDecodeError:
-        raise InputError(
-            location, "not UTF-8 text", "save the sheet as tab-separated UTF-8 text (.tsv)"
-        ) from None
-    except csv.Error as error:
-        row = reader.line_num
-        raise InputError(
-            f"{location} row {row}", f"malformed line ({error})", "check its quotes and tabs"
-        ) from None
-    for row, record in records:
-        if any(character in field for field in record for character in "\n\r\0"):
-            raise InputError(
-                f"{location} row {row}", "a field contains a line break or NUL", "check its quotes"
-            )
-    return [(row, record) for row, record in records if any(record)]
-
-
 def _check_header(location: str, header: list[str]) -> None:
     columns = _columns()
     if len(header) == 1 and re.search("[,;]", header[0]):
-        raise InputError(
-            location, "the columns are not separated by tabs", "save the sheet as tab-separated text"
-        )
+        raise InputError(location, "the columns are not separated by tabs", "save it as tab-separated text")
     for name in header:
         if name not in columns:
             raise InputError(location, f"unknown column {name!r}", nearest(name, columns))
@@ -92,9 +56,8 @@ def _check_header(location: str, header: list[str]) -> None:
             raise InputError(location, f"column {name!r} is there twice", "keep one")
     for name in ("case", "organ"):
         if name not in header:
-            raise InputError(
-                location, f"column {name!r} is missing", "begin the sheet with a line naming the columns"
-            )
+            hint = "begin the sheet with a line naming the columns"
+            raise InputError(location, f"column {name!r} is missing", hint)
 
 
 def _check_row(row: dict[str, str]) -> None:
@@ -180,31 +143,18 @@ def read_cohort(path: str | Path) -> list[dict[str, str]]:
         Names file and row, with a hint.
     """
     path = Path(path)
-    records = _read_records(path)
-    if not records:
-        raise InputError(
-            path.name, "the sheet is empty", "begin it with a line naming the columns: case, organ, ..."
-        )
-    line, header = records[0]
-    while header and not header[-1]:  # spreadsheets leave tabs behind
-        header.pop()
-    _check_header(f"{path.name} row {line}", header)
-    if len(records) == 1:
-        raise InputError(path.name, "the sheet has no rows", "add one row per structure")
+    where, header, lines = read_rows(path, "cohort sheet", "set the config key cohort to your sheet")
+    _check_header(where, header)
     rows: list[dict[str, str]] = []
     seen: dict[str, tuple[str, str]] = {}
-    for line, record in records[1:]:
-        location = f"{path.name} row {line}"
-        if any(record[len(header) :]):
-            raise InputError(location, f"{len(record)} fields under {len(header)} columns", "check its tabs")
-        given = {name: value for name, value in zip(header, record, strict=False) if value}
-        row: dict[str, str] = {
-            name: given.get(name) or rules.get("default", "") for name, rules in _columns().items()
-        }
+    for location, given in lines:
+        row = {name: given.get(name) or rules.get("default", "") for name, rules in _columns().items()}
         row["location"] = location
         _check_row(row)
         _check_name(row, seen)
         rows.append(row)
+    if not rows:
+        raise InputError(path.name, "the sheet has no rows", "add one row per structure")
     return rows
 
 

@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
     "scripts/cccd": 19756,
-    "scripts/cccd_calibration": 734,
+    "scripts/cccd_calibration": 730,
     "scripts/cccd_datasets": 1777,
     "scripts/cccd_dicom": 1324,
     "scripts/cccd_junctions": 4002,
@@ -17,7 +17,7 @@ MOST_LINES = {
     "scripts/cccd_networks": 213,
     "scripts/cccd_paper": 9595,
     "scripts/cccd_segmentation": 1713,
-    "scripts/cccd_shapes": 1496,
+    "scripts/cccd_shapes": 1491,
     "scripts/cccd_solids": 1980,
     "scripts/cccd_tetrahedra": 1534,
     "scripts/cccd_training": 3664,

@@ -283,7 +283,7 @@ def test_pairs_of_masks_make_a_file_that_is_used(tmp_path, capsys):
     assert "pairs.tsv row 2: there is no mask b0.nii.gz" in capsys.readouterr().err
     table.write_bytes(b"first\tsecond\n\xff\xfe")
     assert main(given) == 1
-    assert "pairs.tsv: the table cannot be read" in capsys.readouterr().err
+    assert "pairs.tsv: not UTF-8 text" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("given", ["0", "-1", "nan", "gone.json", "1000", "pixels.json"])

@@ -223,7 +223,7 @@ def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path)
     [
         ("name\tsurfaces\na\tb.ply", "unknown column 'surfaces'"),
         ("name\nb", "columns are missing"),
-        ("name\tmask\na\tb.nii.gz\tx\ty", "columns are missing"),
+        ("name\tmask\na\tb.nii.gz\tx\ty", "row 2: 4 fields under 2 columns"),
         ("name\tsurface\na\tb.ply", "sheet.tsv row 2: .*there is no such file"),
         ("name\tsurface\na b\tsheet.tsv", "row 2: name 'a b'"),
         ("name\tsurface\na\tsheet.tsv", "sheet.tsv is not a surface"),
